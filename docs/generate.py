@@ -323,6 +323,7 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     **{name: ("explanation/stability.md", study_part("stability", name)) for name in STABILITY},
     "loop machine": ("explanation/latency.md", study_machine("loop")),
     **{f"loop-{name}": ("explanation/latency.md", study_part("loop", name)) for name in LOOP},
+    "soak machine": ("explanation/latency.md", study_machine("soak")),
     **{f"soak-{name}": ("explanation/latency.md", study_part("soak", name)) for name in SOAK},
     "participant parameters": ("explanation/participants.md", participant_parameters),
     "device models": ("explanation/participants.md", device_models),

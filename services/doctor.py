@@ -20,7 +20,7 @@ def doctor(
     quick: Annotated[bool, typer.Option("--quick", help="Take seconds instead of half a minute.")] = False,
     json: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Also write the report there.")] = None,
 ) -> None:
-    """Check whether this computer is fit for a session, and say how to fix what is not."""
+    """Check whether this computer is fit for a session, and say how to fix each problem."""
     settings = load(config, overrides)
     from rich.console import Console
 

@@ -125,7 +125,7 @@ def test_broken_list_refuses_everybody_until_repaired(ring: keys.KeyRing, folder
 @pytest.mark.parametrize(
     ("old", "new", "problem"),
     [
-        ('role = "logger"', 'role = "agent"', "logger: role agent and side '' do not go together"),
+        ('role = "logger"', 'role = "agent"', "logger: role agent and side '' are not a valid combination"),
         ('role = "logger"', 'role = "king"', "role"),
         ('side = "left"', 'side = "middle"', "side"),
         ("created = 2", "created = ", "not valid TOML"),

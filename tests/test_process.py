@@ -141,8 +141,8 @@ def test_refused_settings_are_logged_in_one_line_each_and_not_fatal(
         came = prepare(Realtime(), Priority.AGENT, "1")
     assert set(came) == set(ASKED)
     assert not {OK, OFF} & set(came.values())
-    assert "real time: scheduling refused (Operation not permitted); going on without it" in caplog.messages
-    assert "real time: core_sleep refused (No such file or directory); going on without it" in caplog.messages
+    assert "real time: scheduling refused (Operation not permitted); continuing without it" in caplog.messages
+    assert "real time: core_sleep refused (No such file or directory); continuing without it" in caplog.messages
     assert len([line for line in caplog.messages if "refused" in line]) == len(ASKED)
     assert io_priority(came, Priority.AGENT) is None
 

@@ -23,7 +23,7 @@ def participants(
     ] = None,
     workers: Workers = None,
 ) -> None:
-    """Which of the paper's results the simulated participants reproduce, and without which part they do not."""
+    """Compare the simulated participants, and variants that lack one part, with the paper's results."""
     from netboard.benchmarks.harness.running import run_named
     from netboard.benchmarks.participants.bench import study
 

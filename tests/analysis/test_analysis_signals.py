@@ -98,7 +98,7 @@ def test_padding_equals_that_of_scipy(padding: str, length: int) -> None:
 
 
 def test_invalid_filter_parameters_are_refused() -> None:
-    with pytest.raises(ValueError, match="order 9"):
+    with pytest.raises(ValueError, match="odd order, found 9"):
         LowPass(5.0, order=9)
     with pytest.raises(ValueError, match="positive"):
         LowPass(-5.0)
@@ -184,7 +184,7 @@ def test_by_number_fills_missing_samples_with_nan() -> None:
     whole = by_number(np.array([7, 8, 11]), np.array([1.0, 2.0, 3.0]))
     np.testing.assert_array_equal(whole, [1, 2, np.nan, np.nan, 3])
     assert by_number(np.empty(0, np.int64), np.empty(0)).size == 0
-    with pytest.raises(ValueError, match="rise"):
+    with pytest.raises(ValueError, match="increase"):
         by_number(np.array([1, 1]), np.zeros(2))
 
 
@@ -222,7 +222,7 @@ def test_resampling_preserves_slow_waves(new_rate: float) -> None:
 
 @pytest.mark.evidence("disturbance", resample, of="holes")
 def test_resampling_refuses_holes_and_odd_ratios() -> None:
-    with pytest.raises(ValueError, match="holes"):
+    with pytest.raises(ValueError, match="missing samples"):
         resample(np.array([1.0, np.nan]), RATE, 500.0)
     with pytest.raises(ValueError, match="ratio"):
         resample(TIMES, RATE, 1000 * np.pi)
@@ -237,5 +237,5 @@ def test_evenly_interpolates_uneven_samples(kind: str, tolerance: float) -> None
     wanted = times[0] + np.arange(found.size) / 500.0
     assert times[-1] - 1 / 500.0 < wanted[-1] <= times[-1] + 1e-9
     np.testing.assert_allclose(found, np.sin(2 * np.pi * wanted), atol=tolerance)
-    with pytest.raises(ValueError, match="rising"):
+    with pytest.raises(ValueError, match="increasing times"):
         evenly(np.array([0.0, 0.0]), np.zeros(2), 500.0)

@@ -70,4 +70,4 @@ def test_condition_with_trials_of_zero_duration_reports_why_it_has_no_shares() -
     found = classes(made_study([*BLOCKS, Block("D01", "D01", "dyadic", "none", rows_of_seconds((0.0, 0.0, 0.0, 0.0)))]))
     nothing = [one for one in found.results if one.group == "dyadic, haptics off"]
     assert len(nothing) == 4
-    assert all(np.isnan(one.value) and (one.n, one.note) == (0, "no dyad has it") for one in nothing)
+    assert all(np.isnan(one.value) and (one.n, one.note) == (0, "no dyad has a value") for one in nothing)

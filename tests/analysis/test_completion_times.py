@@ -99,7 +99,7 @@ def test_aborted_attempt_is_listed_with_its_reason(tmp_path: Path) -> None:
     one = imported(tmp_path, 300, None, "abort")
     study = study_of([one], Readings())
     assert (int(study.blocks["attempts"][0]), len(study.trials)) == (1, 0)
-    assert list(study.exclusions["why"]) == ["ended before success, fall or end of its time: abort"]
+    assert list(study.exclusions["why"]) == ["ended without success, fall or timeout: abort"]
 
 
 def test_success_without_a_completion_time_is_excluded() -> None:

@@ -85,7 +85,7 @@ def test_fewer_than_two_units_give_no_test(n: int) -> None:
     assert found.n == n
     ends = [found.difference.low, found.bootstrap.high, found.t.p, found.permutation.p, found.effect.value]
     assert np.isnan(ends).all()
-    assert ["no interval" in note for note in found.notes] == [True]
+    assert ["no confidence interval" in note for note in found.notes] == [True]
 
 
 def test_constant_differences_have_no_effect_size() -> None:

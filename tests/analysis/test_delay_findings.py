@@ -117,7 +117,7 @@ def test_condition_without_cooperative_movements_reports_why_it_has_no_delay() -
     found = delay(made_study([block("D01", "D01", [])]))
     one = result(found, "delay at 10 %", "dyadic, haptics on")
     assert np.isnan(one.value)
-    assert (one.n, one.note) == (0, "absolute; no dyad has it")
+    assert (one.n, one.note) == (0, "absolute; no dyad has a value")
 
 
 def test_study_without_successes_has_no_delays() -> None:

@@ -52,7 +52,7 @@ def test_interval_counts_only_dyads_with_a_value() -> None:
 
 @pytest.mark.parametrize(
     ("values", "interval", "note"),
-    [([], "", "no dyad has it"), ([1.0], "", "no interval from one dyad"), ([1, 2], "95 % t", "")],
+    [([], "", "no dyad has a value"), ([1.0], "", "no interval from one dyad"), ([1, 2], "95 % t", "")],
 )
 def test_result_notes_why_it_has_no_interval(values: list[float], interval: str, note: str) -> None:
     found = estimated("topic", "quantity", "group", estimate(pd.Series(values, dtype=float)), "s")

@@ -116,13 +116,13 @@ def test_influence_is_nan_when_it_cannot_be_estimated() -> None:
 
 
 def test_invalid_arguments_are_refused() -> None:
-    with pytest.raises(ValueError, match="one length"):
+    with pytest.raises(ValueError, match="same length"):
         granger([np.ones(3)], [np.ones(4)])
-    with pytest.raises(ValueError, match="numbers"):
+    with pytest.raises(ValueError, match="number of trials"):
         granger([np.ones(3)], [])
-    with pytest.raises(ValueError, match="at least one"):
+    with pytest.raises(ValueError, match="1 or more"):
         Past(step=0)
-    with pytest.raises(ValueError, match="two dyads"):
+    with pytest.raises(ValueError, match="two or more dyads"):
         chance_level([[np.ones(9)]], [[np.ones(9)]], lambda a, b: 0.0, np.random.default_rng(0))
 
 

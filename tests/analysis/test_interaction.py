@@ -113,7 +113,7 @@ def test_force_share_equals_hand_computed_values() -> None:
     assert force_share([1.0, -1.0], [3.0, 3.0]) == 0.75
     assert force_share([1.0, -1.0], [3.0, 3.0], kind="squared") == 0.9
     assert np.isnan(force_share([0.0], [0.0]))
-    with pytest.raises(ValueError, match="one length"):
+    with pytest.raises(ValueError, match="same length"):
         force_share([1.0, 2.0], [1.0])
 
 

@@ -88,7 +88,7 @@ def test_leadership_counts_who_moves_first() -> None:
 
 
 def test_invalid_arguments_are_refused() -> None:
-    with pytest.raises(ValueError, match="one length"):
+    with pytest.raises(ValueError, match="same length"):
         lag_of(np.ones(3), np.ones(4), RATE)
     with pytest.raises(ValueError, match="samples"):
         lag_of(np.ones(100), np.ones(100), RATE)

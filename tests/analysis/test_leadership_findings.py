@@ -23,7 +23,7 @@ def test_signed_delays_and_leadership_index_equal_hand_computed_values() -> None
     block = Block("D01", "D01", "dyadic", "full", trials, moves(0.1, 0.3, 0.2, -0.2))
     found = leaders(made_study([block]))
     assert lead_of(found, "signed delay at 20 %", "dyadic, full").values == pytest.approx([0.2])
-    assert lead_of(found, "signed delay at 20 % of the own peak", "dyadic, full").values == pytest.approx([0.1])
+    assert lead_of(found, "signed delay at 20 % of each side's own peak", "dyadic, full").values == pytest.approx([0.1])
     assert lead_of(found, "leadership index", "dyadic, full").values == pytest.approx([0.5])
     assert lead_of(found, "signed lag", "dyadic, full").values == pytest.approx([0.1])
     assert lead_of(found, "signed lag", "dyadic, full").rows == 1

@@ -124,7 +124,7 @@ def test_abandoned_partial_files_are_removed_after_a_day(tmp_path: Path) -> None
 
 def test_cache_folder_that_cannot_be_created_is_reported(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(RecordingError, match=r"file/cache: results cannot be kept there: .*; --no-cache keeps none"):
+    with pytest.raises(RecordingError, match=r"file/cache: results cannot be cached there: .*; --no-cache keeps none"):
         Cache(tmp_path / "file" / "cache")
 
 

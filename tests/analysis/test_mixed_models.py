@@ -136,7 +136,7 @@ def test_estimates_for_balanced_dyads_equal_anova() -> None:
     assert (estimate.value, estimate.low, estimate.high) == pytest.approx(
         (alone.value, alone.low, alone.high), rel=1e-5
     )
-    assert any(note.startswith("performer: no source") for note in found.notes)
+    assert any(note.startswith("performer: no random effect") for note in found.notes)
     assert any(note.startswith("haptics: left out") for note in found.notes)
 
 
@@ -358,7 +358,7 @@ def test_over_dispersion_is_estimated_and_used() -> None:
     steady = np.round(mean)
     fallen_back = count_model(steady, **given(labels), family="negative_binomial")
     assert fallen_back.name == "Poisson GEE"
-    assert any("no more than Poisson's" in note for note in fallen_back.notes)
+    assert any("not overdispersed" in note for note in fallen_back.notes)
 
 
 @pytest.mark.slow
@@ -474,7 +474,7 @@ def test_missing_configuration_is_noted(model: Any, sample: Any) -> None:
     for name in ("configuration", "haptics x configuration", "haptics, dyadic"):
         assert np.isnan([found.effect(name).estimate.value, found.effect(name).error, found.effect(name).p]).all()
     assert np.isfinite(found.effect("haptics").p)
-    assert sum("these trials cannot tell it" in note for note in found.notes) >= 2
+    assert sum("these trials cannot identify it" in note for note in found.notes) >= 2
     assert [cell.label for cell in found.cells] == [f"haptics {felt}, configuration bimanual" for felt in ("off", "on")]
 
 
@@ -503,7 +503,7 @@ def test_times_without_residual_variance_are_not_fitted() -> None:
     for times in (np.full(len(labels["order"]), 2.5), np.exp(columns(labels) @ Truth().effects)):
         found = log_time_model(times, **given(labels))
         assert not found.fitted
-        assert any("do not vary" in note for note in found.notes)
+        assert any("no variation" in note for note in found.notes)
 
 
 @pytest.mark.parametrize(
@@ -537,7 +537,7 @@ def test_outcomes_without_any_event_are_not_fitted(model: Any) -> None:
     found = model(np.zeros(len(labels["order"])), **given(labels))
     assert not found.fitted
     assert np.isnan(numbers(found)).all()
-    assert any("in any condition, so there is nothing to compare" in note for note in found.notes)
+    assert any("in any condition, so conditions cannot be compared" in note for note in found.notes)
 
 
 @pytest.mark.slow
@@ -574,7 +574,7 @@ def test_single_trials_give_no_random_effect_of_performers() -> None:
     labels = kept(labels, labels["haptics"])
     found = log_time_model(times_of(labels, Truth(), 16), **given(labels))
     assert list(variances(found)) == ["dyad", "residual"]
-    assert sum("no source of chance of its own" in note for note in found.notes) == 1
+    assert sum("no random effect" in note for note in found.notes) == 1
 
 
 def test_warnings_are_reported_as_notes() -> None:
@@ -609,19 +609,19 @@ def test_times_constant_within_performers_are_not_fitted() -> None:
     labels = plan(4, 6)
     found = log_time_model(np.exp(explained(labels, Truth(), 3)), **given(labels))
     assert not found.fitted
-    assert "not fitted: the times do not vary beyond effects, dyads and performers" in found.notes
+    assert "not fitted: there is no variation of times beyond effects, dyads and performers" in found.notes
 
 
 def test_effect_seen_in_a_single_dyad_has_no_interval() -> None:
     full = plan(3, 8)
     labels = kept(full, (full["dyads"] == "D00") | ~full["dyadic"])
     found = count_model(counts_of(labels, Truth(), 18), **given(labels))
-    assert {"configuration: a single dyad tells it"} < set(found.notes)
+    assert {"configuration: identified by a single dyad"} < set(found.notes)
     assert any(note.startswith("no intervals") for note in found.notes)
     assert np.isfinite(found.effect("configuration").estimate.value)
     assert np.isnan([effect.error for effect in found.effects]).all()
     mixed = log_time_model(times_of(labels, Truth(), 18), **given(labels))
-    assert "configuration: a single dyad tells it" in mixed.notes
+    assert "configuration: identified by a single dyad" in mixed.notes
     assert np.isfinite(mixed.effect("configuration").error)
 
 

@@ -202,7 +202,7 @@ def test_models_of_one_condition_are_not_drawn() -> None:
     dyadic = [block for block in modern_blocks(dyads=2, trials=4, forces=("full",)) if block.configuration == "dyadic"]
     picture = models.picture(modern_study(dyadic))
     assert picture.figure is None
-    assert picture.caption.startswith("No model has conditions to tell apart. Completion time: haptics: left out")
+    assert picture.caption.startswith("No model has more than one condition. Completion time: haptics: left out")
 
 
 def test_leadership_figure_is_signed_and_centred_on_zero(study: Study, drawn: dict[str, Picture]) -> None:
@@ -234,7 +234,7 @@ def test_passive_figure_shows_effect_and_passive_partner(study: Study, drawn: di
         np.testing.assert_allclose(points(axes, f"dyadic, full, {dyad}")[:, 1], 100 * np.array(expected))
     assert points(axes, "dyadic, full, 0")[0, 1] == pytest.approx(100 * found[0].mean_effect.value)
     shown_shares = [f"{one.stiffness} N/m: {100 * one.share.value:.0f} %" for one in found if one.has_effect]
-    assert all(part in picture.caption for part in shown_shares or ["cannot be told"])
+    assert all(part in picture.caption for part in shown_shares or ["cannot be estimated"])
     assert ("95 % bootstrap intervals" in picture.caption) == bool(shown_shares)
 
 

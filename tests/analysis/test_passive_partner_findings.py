@@ -60,7 +60,7 @@ def test_unknown_device_gives_only_the_frictionless_result() -> None:
 
     study = modern_study(modern_blocks(change=unknown))
     assert not any(one.with_device for one in controls(study).controls)
-    assert "whose friction is not known" in picture(study).caption
+    assert "because its friction is unknown" in picture(study).caption
 
 
 def test_device_without_friction_is_reported_as_a_device() -> None:
@@ -91,7 +91,7 @@ def test_uncertain_effect_has_no_passive_share() -> None:
     results = table_of(found.results)
     shown_shares = results[results["quantity"].str.startswith("passive share of the effect")]
     assert shown_shares["value"].isna().all()
-    assert shown_shares["note"].str.contains("interval has 0").all()
+    assert shown_shares["note"].str.contains("interval includes 0").all()
     assert results.loc[results["quantity"].str.startswith("passive effect"), "value"].notna().all()
 
 

@@ -188,12 +188,12 @@ def test_page_lists_block_orders_and_participants(whole: Element) -> None:
 def test_dyads_shared_by_several_studies_are_noted(tmp_path: Path, whole: Element) -> None:
     assert "more than one study" not in section(whole, "design").text
     study = study_of([block("a"), block("b", study="another", block=2), block("c", study="", dyad="D02")], Readings())
-    note = "1 dyad of the same pseudonym in more than one study (another, made up): taken for the same people"
+    note = "1 dyad of the same pseudonym in more than one study (another, made up): treated as the same people"
     assert note in section(written(tmp_path, study), "design").text
 
 
 def test_excluded_attempts_are_listed_with_all_reasons(whole: Element) -> None:
-    (table,) = [one for one in section(whole, "quality").all("table") if "with every reason" in one.text]
+    (table,) = [one for one in section(whole, "quality").all("table") if "with all reasons" in one.text]
     listed = {tuple(cell.text for cell in row.children if isinstance(cell, Element)) for row in table.all("tr")[1:]}
     warm_up = "one of the first 1 trials of the block"
     twice = f"{warm_up}; excluded by the experimenter: a noise"
@@ -287,7 +287,7 @@ def test_large_figure_is_a_png_with_alternative_text(tmp_path: Path) -> None:
     assert image["alt"] == "The learning. What learning is; n = 4 dyads."
 
 
-@pytest.mark.parametrize(("simulated", "warning"), [(1, "Nothing here is evidence about people."), (0, "")])
+@pytest.mark.parametrize(("simulated", "warning"), [(1, "These results are no evidence about people."), (0, "")])
 def test_simulated_participants_are_announced(tmp_path: Path, simulated: int, warning: str) -> None:
     page = written(tmp_path, study_of([block("only", simulated=simulated)], Readings()))
     warnings = " ".join(one.text for one in page.all("p") if one.attributes.get("class") == "warning")
@@ -310,8 +310,8 @@ def test_page_states_the_quality_of_recordings(tmp_path: Path) -> None:
     blocks[1].blocks["trials"][0] = 3
     text = section(written(tmp_path, study_of(blocks, Readings())), "quality").text
     assert "3 recordings: 2 of 3 blocks complete; 600 of 180,000 ticks missing (0.333 %); 1 recording repaired" in text
-    assert "8 attempts: 6 success, 2 fell; 5 with marks of quality; 4 excluded." in text
-    assert "late ticks 4 4 yes too many ticks" in text
+    assert "8 attempts: 6 success, 2 fell; 5 with quality flags; 4 excluded." in text
+    assert "late ticks 4 4 yes too many deadline misses" in text
     assert "too long 1 0 no the completion time is too long" in text
 
 

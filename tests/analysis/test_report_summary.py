@@ -97,7 +97,7 @@ def test_ratio_is_compared_with_one() -> None:
 
 def test_single_dyad_has_no_interval() -> None:
     (found,) = summary_of(row(0.9, n=1)).sentences
-    assert found.endswith("haptics off (1 dyad): there is no interval, so nothing is known of how sure it is.")
+    assert found.endswith("haptics off (1 dyad): there is no confidence interval, so its uncertainty is unknown.")
 
 
 def test_robot_partner_is_named() -> None:

@@ -82,7 +82,11 @@ def test_excluded_trials_do_not_count_and_are_listed(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "rules", "why"),
     [
-        ({"flags": ["", "clipped too_long", ""]}, Exclusions(), ["a force was at its limit for too much of the time"]),
+        (
+            {"flags": ["", "clipped too_long", ""]},
+            Exclusions(),
+            ["a force was at its limit for too large a share of the time"],
+        ),
         ({"flags": ["too_long", "", ""]}, Exclusions(), []),
         (
             {"flags": ["stuck_left", "", ""]},

@@ -77,7 +77,7 @@ def test_loop_is_compared_with_baselines_by_the_median_of_rounds() -> None:
     assert largest[0] == pytest.approx(2.0, rel=1e-4)
     assert medians[3:] == (0.0, pytest.approx(1.5), pytest.approx(1.2))
     assert verdicts(part) == [True, True, True, True, False, True]
-    assert [name.partition(",")[0] for name in names[:3]] == ["stylus to force / echo"] * 3
+    assert [name.partition(",")[0] for name in names[:3]] == ["sample to force / echo"] * 3
     late = ratios_part(measured(290_000, late_ns=TICK_NS + 1))
     assert late.rows[3][1] == pytest.approx(100_000)
     assert verdicts(late) == [False, True, False, False, False, False]
@@ -88,7 +88,7 @@ def test_loop_must_take_less_than_a_tick_in_real_time() -> None:
     assert verdicts(latency_part(measured(1_400_000), real_time=True)) == [False]
     part = latency_part(measured(300_000), real_time=False)
     assert part.verdicts == []
-    assert part.rows[0][:3] == ("stylus to force", 2 * COUNT, pytest.approx(0.3, rel=1e-4))
+    assert part.rows[0][:3] == ("sample to force", 2 * COUNT, pytest.approx(0.3, rel=1e-4))
     assert all(len(row) == len(part.columns) for row in part.rows)
 
 
@@ -139,7 +139,7 @@ def test_scaling_verdict_requires_linear_cost_and_held_dyads() -> None:
 
 
 def test_waiting_dyads_should_cost_little() -> None:
-    found = {"agents, loggers, no trial": served(0.4), "nobody": served(0.02)}
+    found = {"agents, loggers, no trial": served(0.4), "no peers": served(0.02)}
     assert verdicts(waiting_part(8, found)) == [True]
     assert verdicts(waiting_part(2, found)) == [False]
 

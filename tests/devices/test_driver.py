@@ -48,7 +48,7 @@ def test_no_force_is_rendered_before_arming_is_complete() -> None:
     [
         (AT_REST._replace(ready=False), "outside of the workspace"),
         (AT_REST._replace(vz=2.0), r"moved at 2\.00 m/s, the limit is 1 m/s"),
-        (AT_REST._replace(vz=nan), "no numbers"),
+        (AT_REST._replace(vz=nan), "not finite"),
     ],
 )
 def test_unsafe_reading_ends_the_drive_with_zero_force(reading: Reading, why: str) -> None:

@@ -285,7 +285,7 @@ def test_two_writes_within_a_millisecond_keep_responses_in_step(opened: Device, 
 
 def test_silent_falcon_raises_device_timeout(opened: Device, falcon: Falcon) -> None:
     falcon.corrupt = lambda answer: b""
-    with pytest.raises(DeviceTimeout, match="does not answer any more: is its power supply plugged in"):
+    with pytest.raises(DeviceTimeout, match="no longer answers: is its power supply plugged in"):
         opened.read(MS)
 
 
@@ -301,7 +301,7 @@ def test_unplugged_falcon_raises_device_lost(opened: Device, falcon: Falcon) -> 
     falcon.unplug()
     with pytest.raises(DeviceLost, match="was its USB plug pulled out"):
         opened.write(0.0, 0.0, 0.0)
-    with pytest.raises(DeviceLost, match="the Falcon is gone"):
+    with pytest.raises(DeviceLost, match="the Falcon was disconnected"):
         opened.read(MS)
 
 
@@ -433,7 +433,7 @@ def test_loading_fails_after_ten_attempts(plug: Callable[..., Bus], firmware_fil
     falcon = Falcon(loaded=False)
     falcon.wrong_echoes = 10
     plug(falcon)
-    with pytest.raises(DeviceNotFound, match=r"in 10 attempts: .*something else than was sent, at byte 186 of 775"):
+    with pytest.raises(DeviceNotFound, match=r"in 10 attempts: .*other data than was sent, at byte 186 of 775"):
         backend.Falcon("left", configured(firmware=str(firmware_file))).open()
     assert not falcon.claimed
 
@@ -441,7 +441,7 @@ def test_loading_fails_after_ten_attempts(plug: Callable[..., Bus], firmware_fil
 def test_unloaded_falcon_without_firmware_option_is_reported(plug: Callable[..., Bus]) -> None:
     falcon = Falcon(loaded=False)
     plug(falcon)
-    with pytest.raises(DeviceNotFound, match=r"no program in it: give the file .* as the option firmware"):
+    with pytest.raises(DeviceNotFound, match=r"has no firmware: name the file .* in the option firmware"):
         backend.Falcon("left", configured()).open()
     assert not falcon.claimed
     assert falcon.has_driver

@@ -220,7 +220,7 @@ def test_missing_device_error_lists_connected_devices(fake: Fake) -> None:
     assert "no haptic device with serial number 12345" in message
     assert f'"Default Device" (Touch, serial {FIRST})' in message
     assert f'"Right Device" (Touch X, serial {SECOND})' in message
-    assert 'not there: "Default PHANToM", "Left Device"' in message
+    assert 'not found: "Default PHANToM", "Left Device"' in message
     assert message.count("HD_DEVICE_FAULT (0x0300, internal -28") == 1
     assert "docs/how-to/touch.md" in message
     assert not fake.is_open(FIRST)

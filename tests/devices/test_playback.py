@@ -190,7 +190,7 @@ def test_playback_device_renders_no_force(tmp_path: Path) -> None:
 def test_missing_or_unsuitable_file_is_rejected(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"\[agents\.right\.options\] file: found none"):
         Playback("right", Config())
-    with pytest.raises(DeviceNotFound, match=r"nowhere\.csv: there is no such file"):
+    with pytest.raises(DeviceNotFound, match=r"nowhere\.csv: no such file"):
         playback(tmp_path / "nowhere.csv")
     (tmp_path / "a.txt").write_text("time,x,y,z\n")
     with pytest.raises(ConfigError, match=r"a\.txt: expected a recording"):
@@ -211,7 +211,7 @@ WRONG = {
     "time,x,y,z\n0,0,0,0\n\n1,0,,0\n": r"line 4, column y: found nothing",
     "time,x,y,z\n0,0,0,0\n1,0,0,nan\n": r'line 3, column z: found "nan", expected a finite number \[m\]',
     "time,x,y,z\n0,0,0,0\n0,0,0,1\n": r"line 3, column time: found 0 after 0, expected times that increase",
-    "time,x,y,z\n0,0,0,20.5\n1,0,0,0\n": r"line 2, column z: found 20.5, expected at most 1 m either way: are these mm",
+    "time,x,y,z\n0,0,0,20.5\n1,0,0,0\n": r"line 2, column z: found 20.5, expected at most 1 m in each direction",
     "time,x,y,z,buttons\n0,0,0,0,1.5\n1,0,0,0,0\n": r"line 2, column buttons: found 1.5, expected a bit mask",
 }
 

@@ -29,7 +29,7 @@ def test_loop_benchmark_measures_the_loop_and_its_baselines(tmp_path: Path) -> N
     assert set(parts) == {"ratios", "latency", "lateness", "costs", "histogram"}
     assert len(parts["ratios"]["rows"]) == 6
     samples = {row[0]: row[1] for row in parts["latency"]["rows"]}
-    assert samples["stylus to force"] > 0
+    assert samples["sample to force"] > 0
     assert samples["echo of the same bytes"] == 2 * 1000
     ticks = {row[0]: row[1] for row in parts["lateness"]["rows"]}
     assert ticks["server's ticks"] > 0

@@ -195,7 +195,7 @@ def test_display_shows_a_replay_and_agent_is_refused(rig: Rig) -> None:
     rig.start_agent("left")
     assert rig.wait("left display") == 0
     assert picture.stat().st_size > 1000
-    status = rig.until(lambda status: "it exerts no force, and takes no agent" in rig.said("left agent"))
+    status = rig.until(lambda status: "it has no forces, so no agent can connect" in rig.said("left agent"))
     assert not status.armed
     assert "agent.left" not in status.peers
     assert rig.stop("left agent") == 0

@@ -89,9 +89,9 @@ def test_acknowledgements_and_requests_of_a_listener_are_refused(rig: Rig) -> No
 
 def test_peer_cannot_be_both_listener_and_logger(rig: Rig) -> None:
     join_listener(rig, E)
-    assert rig.pump(E, hello("logger")) == [Refusal("it has come as another than a logger")]
+    assert rig.pump(E, hello("logger")) == [Refusal("it joined as another peer than a logger")]
     rig.join(L)
-    assert rig.pump(L, hello("listener")) == [Refusal("it has come as another than a listener")]
+    assert rig.pump(L, hello("listener")) == [Refusal("it joined as another peer than a listener")]
     assert (rig.port.loggers, len(rig.port.subscribers)) == (1, 1)
 
 

@@ -64,7 +64,7 @@ def test_records_evicted_before_the_first_logger_are_counted(tmp_path: Path) -> 
     (batch,) = rig.pump(L, LogRequest(0))
     assert isinstance(batch, LogBatch)
     assert (batch.first, batch.lost, len(batch.records)) == (15, 15, 10)
-    assert ("log_lost", {"first": "0", "count": "15", "cause": "no logger was there yet"}) in rig.port.news
+    assert ("log_lost", {"first": "0", "count": "15", "cause": "no logger was connected yet"}) in rig.port.news
     rig.pump(L, LogRequest(0))
     assert rig.names().count("log_lost") == 1
     assert rig.port.links(rig.clock())[0][-1] == 15
@@ -132,7 +132,7 @@ def test_departed_logger_is_reported_and_its_backlog_kept(rig: Rig) -> None:
 
 def test_unauthorised_peers_and_messages_are_refused(rig: Rig) -> None:
     assert rig.pump(L, LogRequest(0)) == [Refusal("say hello first")]
-    assert rig.pump(L, hello("agent", "left")) == [Refusal("this is the log channel, not one for a agent")]
+    assert rig.pump(L, hello("agent", "left")) == [Refusal("this is the log channel, not the channel of a agent")]
     assert isinstance(rig.pump(L, hello("logger", "left"))[0], Refusal)
     rig.pump(L, hello("logger"))
     assert rig.pump(L, StatusRequest()) == [Refusal("a logger does not send StatusRequest")]
@@ -209,7 +209,7 @@ def test_trial_is_paused_before_any_loss_without_a_spill(tmp_path: Path) -> None
     assert rig.port.trouble == "the logger is too far behind"
     assert "log_losing" not in rig.names()
     close_rig(rig)
-    assert rig.port.store.shortfall == "81 records are not known to be on disk: no logger took them"
+    assert rig.port.store.shortfall == "81 records may not be on disk: no logger confirmed them"
 
 
 def test_failed_spill_is_reported_and_lost_records_are_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -249,7 +249,7 @@ def test_records_unread_at_the_end_are_in_the_spill(rig: Rig) -> None:
     close_rig(rig)
     assert rig.router.closed
     assert rig.port.store.shortfall == (
-        f"3000 records are not known to be on disk: no logger took them; 3000 records are in {rig.spill.path}: "
+        f"3000 records may not be on disk: no logger confirmed them; 3000 records are in {rig.spill.path}: "
         "netboard recover makes a recording of it"
     )
     _, _, *batches = [message for _, _, message in read_spill(rig.spill.path.read_bytes())]

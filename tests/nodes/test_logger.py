@@ -487,7 +487,7 @@ def test_moved_folder_ends_the_recording_without_loss(tmp_path: Path, caplog: py
         logger.step()
     (tmp_path / "disk").rename(tmp_path / "moved")
     assert logger.run(never) == 1
-    assert "the file is complete, wherever it is now" in caplog.text
+    assert "the file itself is complete at its new place" in caplog.text
     second = rig.logger()
     assert second.run(never) == 0
     (moved,) = (tmp_path / "moved").iterdir()

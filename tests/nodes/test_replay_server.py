@@ -184,9 +184,9 @@ def test_replay_commands_seek_step_play_and_end(rig: Rig) -> None:
 
 def test_agents_and_loggers_are_refused(rig: Rig) -> None:
     agent = rig.exchange(rig.agent, Hello("agent", "left", PROTOCOL_VERSION, "lab:1", "1", {}))
-    assert agent == Refusal("this is a replay of made.mcap: it exerts no force, and takes no agent")
+    assert agent == Refusal("this is a replay of made.mcap: it has no forces, so no agent can connect")
     logger = rig.exchange(rig.logger, Hello("logger", "", PROTOCOL_VERSION, "lab:1", "1", {}), LogRequest(-1))
-    assert logger == Refusal("this is a replay of made.mcap: there is nothing to record")
+    assert logger == Refusal("this is a replay of made.mcap: it has no records for a logger")
 
 
 def test_display_receives_the_recorded_configuration_and_goodbye(rig: Rig) -> None:

@@ -206,7 +206,7 @@ def test_same_name_for_both_participants_is_refused(refused: Any, tmp_path: Path
 
 
 def test_recording_without_ticks_is_refused(refused: Any, tmp_path: Path) -> None:
-    refused([dyad(tmp_path / "a.mcap", rows=np.empty(0, TICK))], "has no ticks")
+    refused([dyad(tmp_path / "a.mcap", rows=np.empty(0, TICK))], "contains no ticks")
 
 
 def test_robot_partner_has_no_files(tmp_path: Path) -> None:

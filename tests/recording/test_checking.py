@@ -178,7 +178,7 @@ def test_force_that_contradicts_the_condition_is_damage(tmp_path: Path) -> None:
     for changes in ({"force": "none"}, {"catch": (1,)}):
         settings = replace(config, block=replace(config.block, **changes))
         path = proofs.write(tmp_path / f"{next(iter(changes))}.mcap", proofs.rows(), settings)
-        assert "ticks have a force where there is none" in findings_text(check(path))
+        assert "ticks have a force where none is allowed" in findings_text(check(path))
 
 
 @pytest.mark.parametrize("field", ["theta", "left_force", "right_used_z"])
@@ -216,7 +216,7 @@ def _loosened(probes: list[ClockRecord]) -> None:
 
 @pytest.mark.parametrize(
     ("change", "words"),
-    [(_stamped_back, "not possible"), (_tightened, "refuted by their own probe"), (_loosened, "refuted")],
+    [(_stamped_back, "impossible"), (_tightened, "contradict their own probe"), (_loosened, "contradict")],
 )
 def test_inconsistent_clock_probe_is_damage(tmp_path: Path, change: Change, words: str) -> None:
     clocks = proofs.probes(30)

@@ -105,11 +105,11 @@ REFUSED = {
     ),
     "millimetres": (
         HEADER + "0,0,0,0,0\n1e-3,0,0,-12.5,0\n",
-        "line 3, column z_right: found -12.5, expected at most 1 m either way: are these mm?",
+        "line 3, column z_right: found -12.5, expected at most 1 m in each direction: are these mm?",
     ),
     "millimetres per second": (
         HEADER + "0,0,120,0,0\n1e-3,0,0,0,0\n",
-        "line 2, column v_left: found 120, expected at most 50 m/s either way: are these mm/s?",
+        "line 2, column v_left: found 120, expected at most 50 m/s in each direction: are these mm/s?",
     ),
     "milliseconds": (
         HEADER + "0,0,0,0,0\n1,0,0,0,0\n2,0,0,0,0\n",

@@ -208,7 +208,7 @@ HEAD = "time,left_z,right_z,p\n"
         (HEAD + "0,0,0,0\n0.1,0,0\n", "line 3: found 3 columns, expected 4"),
         (HEAD + "0,0,0,0\n", "rows: found 1, expected at least 2"),
         (HEAD + "0,0,0,0\n5,0,0,0\n", r"no two rows are within 0\.1 s .*--unit time=ms"),
-        (HEAD[:-3] + "\n0,0,0\n0.1,0,0\n", "has hands only, .*--simulate"),
+        (HEAD[:-3] + "\n0,0,0\n0.1,0,0\n", "contains hands only, .*--simulate"),
         ("", "line 1: found nothing"),
         ("time,left_z,right_z,trial\n0,0,0,1.5\n", 'column trial: found "1.5", expected a whole number'),
         ("time,left_z,right_z,phase\n0,0,0,up\n0.1,0,0,up\n", 'column phase: found "up", expected one of idle, '),
@@ -275,7 +275,7 @@ def test_import_command_summarises_the_import(tmp_path: Path) -> None:
     (path,) = (tmp_path / "made").iterdir()
     assert path.name.startswith("S01_D77_block01_")
     printed = " ".join(result.output.split())
-    assert "3996 ticks, measured 800 samples, 200 a second columns left out: mood not there, and NaN" in printed
+    assert "3996 ticks, measured 800 samples, 200 a second columns left out: mood missing columns, NaN" in printed
     assert "left_force" in printed
     result = CliRunner().invoke(app, ["info", str(path)])
     assert result.exit_code == 0, result.output

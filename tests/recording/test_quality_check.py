@@ -101,5 +101,5 @@ def test_info_lists_flagged_attempts(path: Path, monkeypatch: pytest.MonkeyPatch
     monkeypatch.setenv("COLUMNS", "200")
     result = CliRunner().invoke(app, ["info", str(path)])
     assert result.exit_code == 0, result.exception
-    assert "a force was at its limit for too much of the time" in result.output
+    assert "a force was at its limit for too large a share of the time" in result.output
     assert "Flagged attempts: 1 of 2" in result.output

@@ -284,7 +284,7 @@ def test_moved_file_is_noticed_and_finished_in_its_new_place(tmp_path: Path) -> 
     (tmp_path / "a.mcap.part").write_bytes(b"another")
     with pytest.raises(RecordingError, match="was moved away"):
         writer.flush(now)
-    with pytest.raises(RecordingError, match="is complete, wherever it is now"):
+    with pytest.raises(RecordingError, match="is complete at its new place"):
         writer.finish(now)
     with Reader(tmp_path / "b.mcap") as reader:
         assert reader.ticks().tobytes() == ROWS[:20].tobytes()

@@ -59,7 +59,7 @@ def test_repeated_analysis_is_restored_from_the_cache_bit_for_bit(study: Path, m
     with monkeypatch.context() as patch:
         patch.setattr("netboard.analysis.report.folder.write_analysis", fail_if_called)
         again = analyse(study, "-o", "again")
-    assert "; all from the cache" in again
+    assert "; all were cached" in again
     assert again.splitlines()[1:-1] == first.splitlines()[1:-1]
     assert contents("again") == contents("first")
     result = CliRunner().invoke(app, ["analyse", str(study), "-o", "anew", "--workers", "1", "--no-cache"])

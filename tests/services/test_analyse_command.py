@@ -146,7 +146,7 @@ def test_output_is_bitwise_identical_with_the_cache_and_its_use_is_reported(stud
     for name, words in runs.items():
         result = analyse(study, "-o", name, "--workers", "1", *words)
         assert result.exit_code == 0
-        assert ("; all from the cache" in result.output) == (name == "kept")
+        assert ("; all were cached" in result.output) == (name == "kept")
         assert ("; 4 from the cache" in result.output) == (name == "measured")
         assert count_identical_files(Path(name), default_output) > 10
     for cache in (Path("user/netboard/measures"), default_output.with_name("other")):
@@ -177,7 +177,7 @@ def test_recordings_without_attempts_are_reported(tmp_path: Path) -> None:
     empty = recorded(tmp_path, two_trials()[:900])
     result = analyse(empty, "-o", "out", "--workers", "1", "--no-cache")
     assert result.exit_code == 0, result.output
-    assert f"no attempt at a trial: 1 of these, the first is {empty.stem}" in result.output
+    assert f"without an attempt: 1 of these, the first is {empty.stem}" in result.output
 
 
 @pytest.mark.usefixtures("without_figures")

@@ -232,7 +232,7 @@ def test_playing_without_a_screen_is_refused(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(sys, "platform", "linux")
     result = runner.invoke(app, ["demo", "--play", "left"])
     assert result.exit_code == 1
-    assert "a player needs a window, but there is no screen" in result.stderr
+    assert "playing needs a window, but there is no screen" in result.stderr
     assert result.stderr.count("\n") == 1
 
 

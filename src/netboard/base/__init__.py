@@ -6,4 +6,9 @@ Open `config` first: one TOML text becomes frozen dataclasses (`tables`), read a
 declares the columns of a tick, `compiled` how numba kernels are compiled and cached. `clock`, `process` and
 `terminal` are the only modules here that touch the machine; the pure wings (`physics`, `task`, `stage`,
 `participants`) may import all others. This wing contains no physics, trials or network.
+
+Parameters
+----------
+config : Config
+    The whole configuration.
 """

@@ -163,7 +163,7 @@ def _once_for_all_processes(compiled: Any) -> Any:
     def compile_once(signature: Any) -> Any:
         if signature in compiled.overloads:
             return compile_now(signature)
-        # A thread that waits for another process keeps Numba's lock: one without it could wait for this thread.
+        # Take Numba's lock first, so that no thread that holds it can wait for this thread's file lock.
         with global_compiler_lock, _locked(name):
             return compile_now(signature)
 

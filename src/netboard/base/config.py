@@ -95,11 +95,6 @@ def parse(text: str, source: str = "netboard.toml", overrides: Sequence[str] = (
 def resolve(config: Config) -> str:
     """Write a configuration in full.
 
-    Parameters
-    ----------
-    config : Config
-        The configuration.
-
     Returns
     -------
     str
@@ -122,11 +117,6 @@ def template() -> str:
 def played_sides(config: Config) -> tuple[Side, ...]:
     """Return the sides that are played in their display's window.
 
-    Parameters
-    ----------
-    config : Config
-        The configuration.
-
     Returns
     -------
     tuple of {"left", "right"}
@@ -139,11 +129,6 @@ def played_sides(config: Config) -> tuple[Side, ...]:
 def digest(config: Config) -> str:
     """Return the hash of a configuration; equal configurations have equal hashes.
 
-    Parameters
-    ----------
-    config : Config
-        The configuration.
-
     Returns
     -------
     str
@@ -154,11 +139,6 @@ def digest(config: Config) -> str:
 
 def contradictions(config: Config) -> Iterator[str]:
     """Find keys that are valid by themselves and contradict each other.
-
-    Parameters
-    ----------
-    config : Config
-        The configuration.
 
     Yields
     ------

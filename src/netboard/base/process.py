@@ -254,7 +254,7 @@ def _tried(what: str, ask: Callable[[], None]) -> str:
     try:
         ask()
     except OSError as error:
-        log.info("real time: %s refused (%s); going on without it", what, error.strerror)
+        log.info("real time: %s refused (%s); continuing without it", what, error.strerror)
         return str(error.strerror)
     return OK
 
@@ -299,7 +299,7 @@ def _lock_memory() -> None:
     _only_on("linux")
     limit, _ = resource.getrlimit(resource.RLIMIT_MEMLOCK)
     if limit != resource.RLIM_INFINITY and os.geteuid() != 0:
-        # It might be enough for now; but beyond it, asking for more memory would fail in the middle of a session.
+        # A limit might suffice now, but an allocation beyond it would fail in the middle of a session.
         raise OSError(errno.ENOMEM, f"the limit is {limit / 1e6:.0f} MB, expected none")
     _libc(lambda libc: libc.mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT))
 

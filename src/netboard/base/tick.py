@@ -26,7 +26,7 @@ HEARTBEAT_TICKS = 4
 """Ticks between two heartbeats of the server while no forces are sent, so that no force becomes stale [1]."""
 
 KNOWN_NS = 3 * TICK_NS
-"""Largest distance between a tick and the sample that tells its rendered force [ns]."""
+"""Largest time between a tick and the sample that reports its rendered force [ns]."""
 
 _BOTH = ("left", "right")
 

@@ -108,8 +108,8 @@ class SpaceMouse(Device):
             device.open_path(found["path"])
         except OSError as error:
             raise DeviceNotFound(
-                f"the {name} at {_path_of(found)} cannot be opened ({error}): another program has it, or permission is "
-                "missing; install deploy/udev/70-netboard.rules, see docs/how-to/spacemouse.md"
+                f"the {name} at {_path_of(found)} cannot be opened ({error}): another program uses it, or permission "
+                "is missing; install deploy/udev/70-netboard.rules, see docs/how-to/spacemouse.md"
             ) from error
         device.set_nonblocking(1)
         self._hid = device
@@ -142,14 +142,16 @@ class SpaceMouse(Device):
         if names:
             which = " and ".join(f"{key} {word!r}" for key in ("serial", "path") if (word := getattr(wanted, key)))
             raise DeviceNotFound(f"there is no SpaceMouse with {which}; there are: {names}")
-        raise DeviceNotFound("no SpaceMouse is plugged in, or none may be seen: see docs/how-to/spacemouse.md")
+        raise DeviceNotFound(
+            "no SpaceMouse is plugged in, or access to it is not permitted: see docs/how-to/spacemouse.md"
+        )
 
     def _read(self, now_ns: int) -> Reading:
         for _ in range(MAX_REPORTS):
             try:
                 report = self._hid.read(MAX_REPORT)
             except OSError as error:
-                raise DeviceLost(f"the SpaceMouse is gone ({error}): was its plug pulled out?") from error
+                raise DeviceLost(f"the SpaceMouse was disconnected ({error}): was it unplugged?") from error
             if not report:
                 break
             self._take(bytes(report), now_ns)
@@ -218,9 +220,7 @@ def _hidapi() -> Any:
     except ImportError as error:
         raise DeviceNotFound(f"hidapi is not installed ({error}): pip install 'netboard[devices]'") from error
     if not hasattr(hid, "device"):
-        raise DeviceNotFound(
-            "the package hid is installed, which is another one: pip uninstall hid; pip install hidapi"
-        )
+        raise DeviceNotFound("the package hid is installed, which is not hidapi: pip uninstall hid; pip install hidapi")
     return hid
 
 

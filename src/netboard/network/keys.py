@@ -131,7 +131,7 @@ def credentials(folder: Path, peer: str) -> authenticator.Credentials:
     """Read a peer's keys."""
     path = key_path(folder, peer)
     role, _, side = peer.partition(".")
-    hint = f"make it at the server with: netboard keys add {role} {side}".rstrip() + ", and bring it here"
+    hint = f"create it on the server's machine with: netboard keys add {role} {side}".rstrip() + ", and bring it here"
     file = _read_key(path, hint)
     if file.server is None:
         raise ConfigError(f"{path}: not a peer's key file: it has no key of the server")
@@ -247,9 +247,11 @@ def read_list(folder: Path) -> tuple[Peer, ...]:
     peers = _parse(path, _read(path, "make it with: netboard keys init"), _LIST_ADAPTER).peer
     for peer in peers:
         if (peer.role in AT_A_STATION) != (peer.side in SIDES):
-            raise ConfigError(f"{path}: {peer.name}: role {peer.role} and side {peer.side!r} do not go together")
+            raise ConfigError(
+                f"{path}: {peer.name}: role {peer.role} and side {peer.side!r} are not a valid combination"
+            )
     if len({peer.public for peer in peers}) < len(peers):
-        raise ConfigError(f"{path}: the same key is there twice")
+        raise ConfigError(f"{path}: the same key is listed twice")
     return peers
 
 

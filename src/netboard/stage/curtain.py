@@ -32,7 +32,7 @@ PHASE_NAMES = {int(phase): phase.name.lower() for phase in Phase}
 
 @dataclass(frozen=True, slots=True)
 class Curtain:
-    """What there is to see in a block, and who may see which hand.
+    """Visible parts of the scene in a block, and which station may see which hand.
 
     Attributes
     ----------

@@ -1,8 +1,8 @@
 """A rehearsed block as input of the measures, in memory and without a recording.
 
-The ticks are read as they come. Only the columns that the measures need are kept. Attempts, their quality
-flags and all measures are those that the analysis of a recording of the same block gives, computed by the same
-functions. The settings are the defaults, those of the paper.
+The ticks are processed while the block is simulated, and only the columns that the measures need are kept. Attempts,
+quality flags and measures are computed by the functions that analyse a recording, with the default settings (those of
+the paper), so they equal those of a recording of the same block.
 """
 
 from collections.abc import Iterator, Mapping

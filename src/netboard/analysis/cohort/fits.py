@@ -1,8 +1,8 @@
 """Power of the models of all trials: each is fitted to the first dyads of every virtual study, as to a real study.
 
 A model takes seconds, so only one study of each size is taken from a virtual study. The false-positive rate is the
-share of studies whose confidence interval misses the mean estimate of the whole cohort: there, a test of the true value
-would reject. A model that cannot be fitted rejects nothing.
+share of studies whose confidence interval misses the mean estimate of the whole cohort: in those, a test of the true
+value would reject. A model that cannot be fitted rejects nothing.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

@@ -19,7 +19,7 @@ from netboard.task.studies.study import Study, resolve_study
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What is to be found out.
+    """The request: study, numbers of dyads and trials, and contrasts.
 
     - `dyads`, `trials`: numbers of dyads; first trials of each condition, 0 for all [1].
     - `contrasts`: texts in ``measure: contrast``; empty for all contrasts.
@@ -106,7 +106,9 @@ def _chosen(found: Sequence[Differences], texts: Sequence[str]) -> list[Differen
     """Return the contrasts with one of the texts; all without a text."""
     names = [f"{one.measure}: {one.contrast}" for one in found]
     if not names:
-        raise ConfigError("--contrast: no dyad has both conditions of a contrast, so there is nothing to compare")
+        raise ConfigError(
+            "--contrast: no dyad of this study has both conditions of a contrast; expected a study with such conditions"
+        )
     for text in texts:
         if not any(text.casefold() in name.casefold() for name in names):
             raise ConfigError(f"--contrast: found {text!r}, expected a part of one of {'; '.join(names)}")

@@ -1,4 +1,4 @@
-"""Power of a study as tables, figure and sentences, each with the assumptions that it rests on."""
+"""Power of a study as tables, a figure and sentences, with its assumptions."""
 
 import csv
 import json
@@ -75,7 +75,7 @@ COLUMNS = (
 
 @dataclass(frozen=True, slots=True)
 class Assumptions:
-    """What the numbers rest on.
+    """Assumptions of the power analysis.
 
     - `studies`, `dyads`: virtual studies of the cohort, and dyads in each [1].
     - `parameters`: parameter, unit, median and limits of the central 95 % of the simulated participants [their units].

@@ -31,10 +31,10 @@ STUDIES = (
     count("seed", "seed of its plans and participants, as for netboard session rehearse"),
     count("dyads", "dyads in it"),
     count("blocks", "blocks of all dyads"),
-    count("given_up", "blocks that were stopped because their participants could not do them"),
+    count("given_up", "number of blocks that were aborted because their participants could not complete them"),
     count("trials", "successful trials that count"),
-    count("attempts", "attempts that ended with a success, a fall or the end of their time"),
-    count("excluded", "attempts that do not count by a rule of exclusion"),
+    count("attempts", "number of attempts that ended with a success, a fall or a timeout"),
+    count("excluded", "number of attempts that are excluded by a rule"),
     number("duration", "simulated time", "s"),
 )
 """Columns of the table of virtual studies."""
@@ -48,22 +48,28 @@ GROUPS = (
     *(_LABELLED[name] for name in ("dyad", "performer", "condition", *_LABELS)),
     count("group", f"number of the group of {SIZE} trials in the condition, from 1"),
     count("trials", "successful trials that count"),
-    count("attempts", "attempts at them that ended with a success or a fall"),
-    count("falls", "of these: with a fall"),
+    count("attempts", "number of attempts at these trials that ended with a success or a fall"),
+    count("falls", "number of these attempts that ended with a fall"),
     number("completion", "mean completion time", "s"),
     number("completion_sd", "standard deviation of the completion times", "s"),
     number("log_completion", "mean natural logarithm of the completion time in s", "1"),
     number("peaks", "mean number of velocity peaks (NP) of the ball", "1"),
-    number("peaks_sd", "standard deviation of these numbers", "1"),
+    number("peaks_sd", "standard deviation of the number of velocity peaks (NP)", "1"),
     *(
         number(name, f"mean share of {name} movement" if name != "still" else "mean share without movement", "1")
         for name in CLASSES
     ),
     count("brakings", "trials with a first braking movement"),
     number("braking_distance", "mean distance to the target at the first braking movement", "m"),
-    number("braking_distance_sd", "standard deviation of these distances", "m"),
+    number(
+        "braking_distance_sd", "standard deviation of the distance to the target at the first braking movement", "m"
+    ),
     number("braking_velocity", "mean velocity towards the target at the first braking movement", "m/s"),
-    number("braking_velocity_sd", "standard deviation of these velocities", "m/s"),
+    number(
+        "braking_velocity_sd",
+        "standard deviation of the velocity towards the target at the first braking movement",
+        "m/s",
+    ),
     count("movements", "cooperative movements with a delay at 20 %"),
     *(number(f"delay_{q}", f"mean absolute delay at {q} % of the slower side's peak", "s") for q in PERCENT),
     number("signed_delay_20", "mean delay at 20 %, left minus right: + = right first", "s"),
@@ -73,7 +79,7 @@ GROUPS = (
 ATTEMPTS = (
     STUDY,
     *(field for field in (*PLACE_IN_STUDY, *TRIALS) if field.name != "recording"),
-    count("excluded", "1: it does not count by a rule of exclusion"),
+    count("excluded", "1: excluded by a rule"),
     number("delay_20", "mean absolute delay at 20 % over its cooperative movements", "s"),
 )
 """Columns of the table of attempts."""

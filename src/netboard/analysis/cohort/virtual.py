@@ -36,7 +36,7 @@ LAST_SEED = (2**31 - 1) // SPACING - 1
 
 @dataclass(frozen=True, slots=True)
 class Design:
-    """What is simulated: plan, participants, and number of dyads in each virtual study.
+    """The simulated design: plan, participants, and number of dyads in each virtual study.
 
     - `config`: rig, scene and participants.
     - `keep_trials`: whether the tables have a row for each attempt, too.

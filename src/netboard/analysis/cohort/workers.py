@@ -1,7 +1,8 @@
 """Run one task for each number: in this process, in processes of this machine, or on a Dask cluster.
 
-A process has one task at a time. If it ends too early, for want of memory or by a signal, only its task is lost:
-another process tries it once more. If that fails too, the running tasks are finished, and then there is an error.
+A process has one task at a time. If it ends too early, because memory ran out or a signal killed it, only its
+task is lost: another process tries it once more. If that fails too, the running tasks are finished, and then there is
+an error.
 """
 
 import multiprocessing

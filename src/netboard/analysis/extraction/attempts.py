@@ -94,29 +94,34 @@ PAPER = (
     Group(
         (
             number("completion", "completion time: from the release to the beginning of the hold", "s"),
-            words("completion_source", "samples, or recording where these show no hold; empty without a time"),
-            number(
-                "recorded_completion", "completion time in the recording; live, one tick more: that of the entry", "s"
+            words(
+                "completion_source",
+                "where completion comes from: samples, or recording if the samples show no hold; empty without a time",
             ),
-            number("entries", "how often the ball came into the target", "1"),
+            number(
+                "recorded_completion",
+                "completion time in the recording; live, it is one tick longer, as it includes the tick of the entry",
+                "s",
+            ),
+            number("entries", "number of entries of the ball into the target", "1"),
         ),
         _completion,
     ),
     Group(
         (
             number("peaks", "number of velocity peaks (NP) of the ball", "1"),
-            number("peaks_whole", "the same with the hold", "1"),
+            number("peaks_whole", "number of velocity peaks (NP), including the hold", "1"),
         ),
         _peaks,
     ),
     Group(
         (
             number("cooperative", "time in which the sides moved in opposite directions", "s"),
-            number("competitive", "time in which they moved in the same direction", "s"),
-            number("single", "time in which one side moved", "s"),
-            number("still", "time in which none moved", "s"),
-            number("left_only", "of the single movement: the left side's", "s"),
-            number("right_only", "of the single movement: the right side's", "s"),
+            number("competitive", "time in which the sides moved in the same direction", "s"),
+            number("single", "time in which only one side moved", "s"),
+            number("still", "time in which neither side moved", "s"),
+            number("left_only", "time of single movement in which the left side moved", "s"),
+            number("right_only", "time of single movement in which the right side moved", "s"),
             number("unknown", "time without velocities", "s"),
         ),
         _movements,
@@ -124,13 +129,25 @@ PAPER = (
     Group(
         (
             number("braking_distance", "ball to target's midpoint at the onset of the first braking movement", "m"),
-            number("braking_velocity", "of the ball towards the target at that onset", "m/s"),
-            number("braking_onset", "when that was, from the release on", "s"),
-            number("turning_back_distance", "the same distance where turning back at all counts as braking", "m"),
-            number("turning_back_velocity", "the same velocity there", "m/s"),
-            number("turning_back_onset", "when that was, from the release on", "s"),
-            number("initial_onset", "when the initial movement towards the target began", "s"),
-            number("wrong_way", "movements of the board before it, in the wrong direction", "1"),
+            number(
+                "braking_velocity",
+                "velocity of the ball towards the target at the onset of the first braking movement",
+                "m/s",
+            ),
+            number("braking_onset", "onset of the first braking movement, from the release", "s"),
+            number(
+                "turning_back_distance", "distance to the target's midpoint at the first reversal of the board", "m"
+            ),
+            number(
+                "turning_back_velocity",
+                "velocity of the ball towards the target at the first reversal of the board",
+                "m/s",
+            ),
+            number("turning_back_onset", "first reversal of the board, from the release", "s"),
+            number("initial_onset", "onset of the initial movement towards the target, from the release", "s"),
+            number(
+                "wrong_way", "number of movements of the board in the wrong direction before the initial movement", "1"
+            ),
         ),
         _strategy,
     ),
@@ -274,8 +291,12 @@ MODERN = (
             field
             for side in SIDES
             for field in (
-                number(f"{side}_reaction", f"when the {side} stylus began to move, from the release on", "s"),
-                number(f"{side}_anticipated", "1: it moved at the release, or sooner than anybody reacts", "1"),
+                number(f"{side}_reaction", f"onset of the {side} stylus' movement, from the release", "s"),
+                number(
+                    f"{side}_anticipated",
+                    "1: anticipation; the {side} stylus moved before any possible reaction to the release",
+                    "1",
+                ),
             )
         ),
         _reactions,
@@ -283,8 +304,8 @@ MODERN = (
     Group(
         (
             number("in_target", "time of the ball in the target before the hold", "s"),
-            number("overshoots", "how often the ball went past the target", "1"),
-            number("overshoot", "how far at most", "m"),
+            number("overshoots", "number of times the ball passed the target", "1"),
+            number("overshoot", "largest distance by which the ball passed the target", "m"),
         ),
         _stays,
     ),
@@ -294,16 +315,16 @@ MODERN = (
                 field
                 for side in SIDES
                 for field in (
-                    number(f"{side}_given", f"work of the {side} hand on the coupling where it gave", "J"),
-                    number(f"{side}_received", f"work of the coupling on the {side} hand where that received", "J"),
+                    number(f"{side}_given", f"positive work of the {side} hand on the virtual coupling", "J"),
+                    number(f"{side}_received", f"positive work of the virtual coupling on the {side} hand", "J"),
                     number(f"{side}_effort", f"integral of the squared force of the {side} hand", "N2 s"),
                     number(f"{side}_power", f"mean power of the {side} hand", "W"),
                 )
             ),
-            number("to_right", "energy that passed from the left hand to the right one", "J"),
-            number("to_left", "energy that passed from the right hand to the left one", "J"),
+            number("to_right", "energy transferred from the left hand to the right hand", "J"),
+            number("to_left", "energy transferred from the right hand to the left hand", "J"),
             number("interaction", "mean magnitude of the forces that cancel in the tilt", "N"),
-            number("force_share", "share of the right hand in the forces of both, without what they must bear", "1"),
+            number("force_share", "share of the right hand in the forces of both, without static support", "1"),
         ),
         _forces,
     ),
@@ -314,7 +335,11 @@ MODERN = (
                 for k in STIFFNESSES
                 for field in (
                     number(f"passive_{k}", f"cooperative share with a passive partner of {k} N/m, no friction", "1"),
-                    number(f"passive_{k}_device", f"the same with the device's mass and friction, {k} N/m", "1"),
+                    number(
+                        f"passive_{k}_device",
+                        f"cooperative share with a passive partner of {k} N/m and the device's mass and friction",
+                        "1",
+                    ),
                 )
             ),
             number("passive_friction", "Coulomb friction of the passive partner's device", "N"),

@@ -24,34 +24,38 @@ PERCENT = tuple(round(100 * portion) for portion in PORTIONS)
 MOVEMENTS = (
     *PLACE,
     count("movement", "number of the movement of the board in the attempt, from 1"),
-    number("onset", "when it began, from the release on", "s"),
-    number("duration", "how long it took", "s"),
-    number("angle", "how far it went, + = right end up", "rad"),
-    count("cut", "1: it may have begun earlier or gone on longer than is known"),
-    number("left_moved", "how far the left stylus went in it, + = up", "m"),
-    number("right_moved", "how far the right one went", "m"),
-    count("cooperative", "1: opposite directions, and neither more than nine times as far as the other"),
+    number("onset", "onset of the movement, from the release", "s"),
+    number("duration", "duration of the movement", "s"),
+    number("angle", "change of the tilt in the movement, + = right end up", "rad"),
+    count("cut", "1: truncated; the movement may have begun earlier or ended later"),
+    number("left_moved", "displacement of the left stylus in the movement, + = up", "m"),
+    number("right_moved", "displacement of the right stylus in the movement, + = up", "m"),
+    count(
+        "cooperative", "1: cooperative; opposite directions, and neither displacement more than nine times the other"
+    ),
     number("left_peak", "peak velocity of the left stylus in its own direction", "m/s"),
-    number("right_peak", "peak velocity of the right one", "m/s"),
+    number("right_peak", "peak velocity of the right stylus in its own direction", "m/s"),
     *(
-        number(f"delay_{q}", f"delay at {q} % of the peak that is set, left minus right: + = right first", "s")
+        number(
+            f"delay_{q}", f"delay at {q} % of the peak chosen in the settings, left minus right: + = right first", "s"
+        )
         for q in PERCENT
     ),
-    *(count(f"truncated_{q}", f"1: a side was above {q} % already where the search ended") for q in PERCENT),
+    *(count(f"truncated_{q}", f"1: a side was already above {q} % where the search ended") for q in PERCENT),
     *(number(f"own_delay_{q}", f"delay at {q} % of each side's own peak, left minus right", "s") for q in PERCENT),
 )
 """Columns of the table of movements."""
 
 PATHS = (
     *PLACE,
-    number("time", "from the release on", "s"),
+    number("time", "time from the release", "s"),
     number("left_z", "height of the left stylus, filtered", "m"),
     number("right_z", "height of the right stylus, filtered", "m"),
-    number("left_vz", "its rate, of the left one", "m/s"),
-    number("right_vz", "its rate, of the right one", "m/s"),
+    number("left_vz", "velocity of the left stylus", "m/s"),
+    number("right_vz", "velocity of the right stylus", "m/s"),
     number("theta", "tilt of the board, + = right end up, filtered", "rad"),
     number("p", "ball along the board, + = right, filtered", "m"),
-    number("speed", "absolute velocity of the ball, filtered at the low cutoff too", "m/s"),
+    number("speed", "absolute velocity of the ball, also filtered at the low cutoff", "m/s"),
 )
 """Columns of the table of paths."""
 

@@ -15,10 +15,10 @@ from netboard.analysis.extraction.tables import PLACE, words
 from netboard.base.errors import ConfigError
 from netboard.task.trials.quality import WORDS
 
-EXCLUSIONS = (*PLACE, words("why", "why the attempt does not count"))
+EXCLUSIONS = (*PLACE, words("why", "why the attempt is excluded"))
 """Columns of the table of exclusions: one row for each reason, so an attempt may have several rows."""
 
-NO_COMPLETION = "no completion time: by the readings of this analysis, its samples do not show when the hold began"
+NO_COMPLETION = "no completion time: with the settings of this analysis, its samples do not show when the hold began"
 """Reason for the exclusion of a success without a completion time."""
 
 _STUCK = ("stuck_left", "stuck_right")
@@ -66,7 +66,7 @@ def _ended_otherwise(told: str) -> Iterator[tuple[int, int, str]]:
     for word in filter(None, told.split("; ")):
         place, _, outcome = word.partition(" ")
         trial, _, attempt = place.partition(".")
-        yield int(trial), int(attempt), f"ended before success, fall or end of its time: {outcome}"
+        yield int(trial), int(attempt), f"ended without success, fall or timeout: {outcome}"
 
 
 def _reasons(

@@ -92,7 +92,7 @@ def extract(
     if cache is not None:
         cache.trim()
     if not taken.tables:
-        raise RecordingError("no recording is left that can be measured")
+        raise RecordingError("no recording can be measured")
     sources = tuple(Source(run, digests[run.path], run.path in kept) for run in runs if run.path in taken.tables)
     left_out.sort(key=lambda one: one.file)
     tables = tuple(taken.tables[source.run.path] for source in sources)
@@ -170,5 +170,5 @@ def _answers(
 def _measured(run: Run, readings: Readings, sha256: str) -> tuple[Measured, float]:
     """Extract one recording, possibly in another process or machine; return tables and peak memory in bytes [1]."""
     if sha256_of(run.path) != sha256:
-        raise RecordingError(f"{run.path}: is not the file that it was, or another one where it is measured")
+        raise RecordingError(f"{run.path}: has changed since the start, or is another file on the worker")
     return measure(run, readings), peak_memory()

@@ -63,7 +63,7 @@ class Store:
 
     def _refused(self, error: OSError) -> RecordingError:
         reason = error.strerror or str(error)
-        return RecordingError(f"{self._folder}: results cannot be kept there: {reason}; {self._advice}")
+        return RecordingError(f"{self._folder}: results cannot be cached there: {reason}; {self._advice}")
 
     def get(self, name: str) -> memoryview | None:
         """Return the content of an entry; None if it is missing or damaged."""

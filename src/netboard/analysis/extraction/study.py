@@ -27,16 +27,23 @@ from netboard.recording.format.channels import Field
 
 PLACE_IN_STUDY = (
     words("dyad", "pseudonym of the dyad"),
-    words("performer", "who performed: the pseudonym of the participant, or of the dyad for both"),
+    words("performer", "performer: pseudonym of the participant, or of the dyad if both performed"),
     words("configuration", "dyadic or bimanual"),
-    words("force", "what the hands felt"),
-    count("haptics", "1: they felt something"),
-    words("partner", "who the partner was if none of the two people: robot partner or still partner; else empty"),
+    words("force", "haptic feedback: the force condition"),
+    count("haptics", "1: with haptic feedback"),
+    words("partner", "robot partner or still partner; empty if the partner is a participant or there is none"),
     words("kind", "kind of block, as in the study; empty: none"),
-    words("condition", "configuration, force, partner, the levels that these do not tell, and a role that is not test"),
-    count("block", "number of the block in the dyad's plan, from 1; counted through if two have the same"),
+    words(
+        "condition", "configuration, force, partner, levels that these do not determine, and the role if it is not test"
+    ),
+    count(
+        "block", "number of the block in the dyad's plan, from 1; renumbered consecutively if two blocks have the same"
+    ),
     count("counts", "1: a successful trial that is not excluded"),
-    count("order", "its number among the performer's that count in the condition, from 1; 0 if it does not count"),
+    count(
+        "order",
+        "number of the trial among the performer's included trials in the condition, from 1; 0 if it is not included",
+    ),
 )
 """Columns of a study's tables of trials and movements beside those of a recording."""
 

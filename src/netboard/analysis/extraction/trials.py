@@ -88,9 +88,9 @@ class Block:
     ) -> "Block":
         """Return an open recording, read here and not needed afterwards; columns already read are not copied."""
         if not recording.counts["/ticks"]:
-            raise RecordingError(f"{recording.path}: has no ticks, so there is nothing to analyse; leave it out")
+            raise RecordingError(f"{recording.path}: contains no ticks and cannot be analysed; leave it out")
         if config.physics.balls == 0:
-            raise RecordingError(f"{recording.path}: its scene has no ball, so it has no trials; leave it out")
+            raise RecordingError(f"{recording.path}: its scene has no ball, so it contains no trials; leave it out")
         columns = recording.columns(*columns_for(readings)) if columns is None else columns
         return cls(config, readings, columns, recording.attempts(), mechanics_of(config, recording))
 

@@ -44,7 +44,7 @@ def processes(workers: int) -> WorkerPool:
             yield pool
         except BrokenExecutor as error:
             raise NetboardError(
-                f"a process that measures has ended, perhaps for want of memory; try fewer than --workers {count}"
+                f"a worker process ended, perhaps because memory ran out; try fewer than --workers {count}"
             ) from error
         finally:
             pool.shutdown(cancel_futures=True)
@@ -96,15 +96,15 @@ def _check(client: Any, address: str, recordings: Sequence[Path], root: str) -> 
     for worker, account in client.run(_account, list(recordings), root, on_error="return").items():
         who = f"--dask {address}: its worker {worker}"
         if isinstance(account, Exception):
-            raise ConfigError(f"{who} has not this netboard ({account}); install the same there")
+            raise ConfigError(f"{who} has no netboard of this version ({account}); install the same version there")
         installed, code, unseen = account
         if code != fingerprint(root):
             raise ConfigError(
                 f"{who} has netboard {installed} with other code or other numpy, scipy or numba than here "
-                f"({version('netboard')}); install the same there"
+                f"({version('netboard')}); install the same version there"
             )
         if unseen:
-            raise ConfigError(f"{who} does not see {unseen[0]}; recordings must lie where all machines see them")
+            raise ConfigError(f"{who} cannot read {unseen[0]}; all machines must see the recordings at the same path")
 
 
 def _account(recordings: Sequence[Path], root: str) -> tuple[str, str, list[Path]]:

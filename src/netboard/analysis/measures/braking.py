@@ -69,8 +69,6 @@ def first_braking(
         Ball position along the board, + = right [m].
     vp : ndarray, shape (n,)
         Ball velocity [m/s].
-    rate : float
-        Sampling rate [Hz].
     trial : Trial
         Position of the trial in these arrays.
     braking : {"tilt", "rotation"}

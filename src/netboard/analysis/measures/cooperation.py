@@ -142,8 +142,6 @@ def delays(
         Contribution of each side, from `contributions`.
     left_vz, right_vz : ndarray, shape (n,)
         Vertical velocities of the styluses, including samples before the movements [m/s].
-    rate : float
-        Sampling rate [Hz].
     portions : sequence of float
         Fractions of the peak, q of them [1].
     threshold : {"slower_side", "own_peak"}

@@ -49,7 +49,7 @@ class Past:
 
     def __post_init__(self) -> None:
         if min(self.step, self.own, self.other, self.delay) < 1:
-            raise ValueError(f"a past has at least one sample of each, in steps of at least one; found {self}")
+            raise ValueError(f"orders and step must be 1 or more, found {self}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -257,7 +257,7 @@ def chance_level(
     """
     n = len(sources)
     if n < 2 or len(targets) != n:
-        raise ValueError(f"partners of at least two dyads are expected, found {n} and {len(targets)}")
+        raise ValueError(f"expected two or more dyads, found {n} and {len(targets)}")
     own = np.arange(n)
     exchanges = _exchanges(n, rng, most)
     values = np.full((n, n), np.nan)
@@ -278,7 +278,7 @@ def _embedded(
 ) -> _Embedded:
     """Align the predicted samples with their past, trial by trial."""
     if len({len(sources), len(targets), *map(len, given)}) > 1:
-        raise ValueError("sources, targets and what is given have the same trials; found different numbers of them")
+        raise ValueError("sources, targets and conditioning signals must have the same number of trials")
     parts = [
         _embedded_trial(*(np.asarray(signal, dtype=float) for signal in signals), past=past)
         for signals in zip(sources, targets, *given, strict=True)
@@ -293,7 +293,7 @@ def _embedded_trial(
 ) -> _Embedded:
     """Align one trial; rows are `past.step` samples apart, because samples in between are redundant."""
     if any(signal.shape != target.shape or signal.ndim != 1 for signal in (source, *given)):
-        raise ValueError(f"signals of a trial have one length; found {source.shape} and {target.shape}")
+        raise ValueError(f"the signals of a trial must have the same length; found {source.shape} and {target.shape}")
     first = max(past.own * past.step, past.delay + (past.other - 1) * past.step)
     now = np.arange(first, len(target), past.step)
     own = now[:, None] - past.step * np.arange(1, past.own + 1)

@@ -160,8 +160,6 @@ def work(force: ArrayLike, velocity: ArrayLike, rate: float) -> Work:
         Force of the hand on the board, + = up [N].
     velocity : array_like, shape (n,)
         Velocity of the stylus or of the control point, + = up [m/s].
-    rate : float
-        Sampling rate [Hz].
 
     Returns
     -------
@@ -188,8 +186,6 @@ def exchanged(left_power: ArrayLike, right_power: ArrayLike, rate: float) -> tup
     ----------
     left_power, right_power : array_like, shape (n,)
         Force times velocity of each, + = into the board [W].
-    rate : float
-        Sampling rate [Hz].
 
     Returns
     -------
@@ -214,8 +210,6 @@ def effort(force: ArrayLike, rate: float, *, kind: Effort = "squared") -> float:
     ----------
     force : array_like, shape (n,)
         Force of the hand, with or without static support (`supports`) [N].
-    rate : float
-        Sampling rate [Hz].
     kind : {"squared", "absolute", "rms"}
         Integral of the squared force, as in optimal control; integral of the absolute force; or root mean square, which
         does not grow with time.

@@ -94,8 +94,6 @@ def lag_of(
     ----------
     left, right : array_like, shape (n,)
         Velocities of both sides, or another signal of each [any].
-    rate : float
-        Sampling rate [Hz].
     longest : float
         Largest delay in the search [s].
     relation : {"mirrored", "alike"}
@@ -144,8 +142,6 @@ def windowed_lags(
     ----------
     left, right : array_like, shape (n,)
         Velocities of both sides, or another signal of each [any].
-    rate : float
-        Sampling rate [Hz].
     window : float
         Window length [s].
     step : float
@@ -183,8 +179,6 @@ def peak_delay(left: ArrayLike, right: ArrayLike, rate: float) -> float:
     ----------
     left, right : array_like, shape (n,)
         Velocities of both sides in one movement [m/s].
-    rate : float
-        Sampling rate [Hz].
 
     Raises
     ------

@@ -80,8 +80,6 @@ def placements(p: NDArray[np.float64], rate: float, fastest: float = FASTEST) ->
     ----------
     p : ndarray, shape (n,)
         Ball position along the board, as recorded [m].
-    rate : float
-        Sampling rate [Hz].
     fastest : float
         Speed between two samples above which the ball was repositioned [m/s].
 
@@ -107,8 +105,6 @@ def ball_speed(
     ----------
     vp : ndarray, shape (n,)
         Velocity of the ball [m/s].
-    rate : float
-        Sampling rate [Hz].
     order : {"absolute_first", "filter_first"}
         Whether the absolute value is filtered, as the paper words it, or taken of the filtered velocity.
     low_pass : LowPass
@@ -146,8 +142,6 @@ def motion(
 
     Parameters
     ----------
-    rate : float
-        Sampling rate [Hz].
     left_z, right_z : ndarray, shape (n,)
         Heights of the styluses [m].
     theta : ndarray, shape (n,)
@@ -265,8 +259,6 @@ def find_completion(
     ----------
     p : ndarray, shape (n,)
         Ball position along the board from the release, as recorded [m].
-    rate : float
-        Sampling rate [Hz].
     target : float
         Centre of the target [m].
     inside : {"centre", "whole_ball"}

@@ -111,8 +111,6 @@ def movement_times(classes: NDArray[np.int8], rate: float) -> MovementTimes:
     ----------
     classes : ndarray of int8, shape (n,)
         Classes from `classify`, of the analysed samples of one trial [1].
-    rate : float
-        Sampling rate [Hz].
     """
     counts = np.bincount(classes.astype(np.int64) + 1, minlength=len(Movement)) / rate
     if counts[0] and not counts[1:].any():

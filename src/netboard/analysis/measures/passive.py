@@ -55,7 +55,7 @@ class PassiveHand:
 
     def __post_init__(self) -> None:
         if not (self.mass > 0.0 and min(self.damping, self.stiffness, self.friction) >= 0.0):
-            raise ValueError(f"a hand has a mass, and no negative damping, stiffness or friction; found {self}")
+            raise ValueError(f"expected a mass above 0, and damping, stiffness and friction of 0 or more; found {self}")
 
     def holding(self, mass: float, damping: float, friction: float) -> "PassiveHand":
         """Return the same arm holding a device.
@@ -140,8 +140,6 @@ def driven(force: ArrayLike, rate: float, hand: PassiveHand) -> NDArray[np.float
     ----------
     force : array_like, shape (n,)
         Force on the hand, + = up; linear between samples [N].
-    rate : float
-        Sampling rate [Hz].
     hand : PassiveHand
         The hand, at rest at the first sample.
 
@@ -215,8 +213,6 @@ def passive_partner(
         Height of the partner's stylus [m].
     p : array_like, shape (n,)
         Ball position along the board [m].
-    rate : float
-        Sampling rate [Hz].
     hand : PassiveHand
         The hand, at rest at the first sample.
     gains : Gains
@@ -236,8 +232,6 @@ def linear_partner(rate: float, hand: PassiveHand, left: Gains, right: Gains) ->
 
     Parameters
     ----------
-    rate : float
-        Sampling rate [Hz].
     hand : PassiveHand
     left, right : Gains
         Gains of both sides.
@@ -282,7 +276,9 @@ def passive_control(
         If the numbers of dyads with and without haptic feedback differ, or a dyad lacks trials of either kind.
     """
     if len(with_forces) != len(without) or not all(map(len, [*with_forces, *without])):
-        raise ValueError("each dyad has trials with and without forces; found some that have not")
+        raise ValueError(
+            "expected trials with and without haptic feedback in each dyad; found dyads that lack one of them"
+        )
     live = np.array([[_mean_of(trials, measure) for trials in kind] for kind in (with_forces, without)])
     effect = live[0] - live[1]
     passive = np.array([np.mean([_passive(trial, respond, measure) for trial in trials]) for trials in with_forces])

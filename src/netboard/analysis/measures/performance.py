@@ -82,7 +82,7 @@ def running_number(*labels: NDArray[Any]) -> NDArray[np.int64]:
         If there are no labels, or their lengths differ.
     """
     if len({label.shape for label in labels}) != 1:
-        raise ValueError("every trial needs one of each label")
+        raise ValueError("expected one of each label for every trial")
     codes = np.stack([np.unique(label, return_inverse=True)[1] for label in labels])
     groups = np.unique(codes, axis=1, return_inverse=True)[1].ravel()
     order = np.argsort(groups, kind="stable")

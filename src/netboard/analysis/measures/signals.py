@@ -71,7 +71,7 @@ class LowPass:
         if not self.cutoff > 0:
             raise ValueError(f"the cutoff of a low-pass filter is positive, not {self.cutoff} Hz")
         if self.order < 1 or (self.order_of == "both_passes" and self.order % 2):
-            raise ValueError(f"two equal passes cannot have the order {self.order} together")
+            raise ValueError(f"two equal passes cannot have an odd order, found {self.order} together")
         if self.pad < 0:
             raise ValueError(f"a signal cannot be continued for {self.pad} s")
 
@@ -82,11 +82,6 @@ class LowPass:
 
     def pass_cutoff(self, rate: float) -> float:
         """Return the cutoff frequency of each pass [Hz].
-
-        Parameters
-        ----------
-        rate : float
-            Sampling rate [Hz].
 
         Raises
         ------
@@ -108,8 +103,6 @@ class LowPass:
         ----------
         values : ndarray, shape (n,)
             Signal [any].
-        rate : float
-            Sampling rate [Hz].
         breaks : sequence of int
             First samples after a jump [1].
 
@@ -188,8 +181,6 @@ def ticks_of(seconds: float, rate: float) -> int:
     ----------
     seconds : float
         Duration [s].
-    rate : float
-        Sampling rate [Hz].
     """
     return round(seconds * rate)
 
@@ -201,8 +192,6 @@ def lasts(first: ArrayLike, stop: ArrayLike, rate: float) -> NDArray[np.float64]
     ----------
     first, stop : array_like, shape (k,)
         First sample of each run, and the sample after its last, as from `runs` [1].
-    rate : float
-        Sampling rate [Hz].
 
     Returns
     -------
@@ -225,8 +214,6 @@ def lasting(mask: NDArray[np.bool_], seconds: float, rate: float) -> NDArray[np.
         Whether the condition is true [1].
     seconds : float
         Minimum duration; a single sample lasts 0 s [s].
-    rate : float
-        Sampling rate [Hz].
 
     Returns
     -------
@@ -257,7 +244,7 @@ def paired(left: ArrayLike, right: ArrayLike) -> tuple[NDArray[np.float64], NDAr
     """
     a, b = np.asarray(left, dtype=float), np.asarray(right, dtype=float)
     if a.ndim != 1 or a.shape != b.shape:
-        raise ValueError(f"two signals of one length are expected, found shapes {a.shape} and {b.shape}")
+        raise ValueError(f"expected two signals of the same length, found shapes {a.shape} and {b.shape}")
     return a, b
 
 
@@ -296,8 +283,6 @@ def derivative(values: NDArray[np.float64], rate: float, breaks: Breaks = ()) ->
     ----------
     values : ndarray, shape (n,)
         Signal [any].
-    rate : float
-        Sampling rate [Hz].
     breaks : sequence of int
         First samples after a jump [1].
 
@@ -336,7 +321,7 @@ def by_number(numbers: NDArray[np.int64], values: NDArray[np.float64]) -> NDArra
         If the numbers are not increasing.
     """
     if np.any(np.diff(numbers) <= 0):
-        raise ValueError("the numbers of samples must rise")
+        raise ValueError("the sample numbers must increase")
     if numbers.size == 0:
         return np.empty(0)
     whole = np.full(int(numbers[-1] - numbers[0]) + 1, np.nan)
@@ -351,8 +336,6 @@ def bridge(values: NDArray[np.float64], rate: float, longest: float = 0.02) -> N
     ----------
     values : ndarray, shape (n,)
         Signal, NaN for missing samples [any].
-    rate : float
-        Sampling rate [Hz].
     longest : float
         Longest gap to fill: its missing samples times their spacing. Gaps at the ends remain [s].
 
@@ -394,9 +377,11 @@ def resample(values: NDArray[np.float64], rate: float, new_rate: float) -> NDArr
     """
     ratio = Fraction(new_rate / rate).limit_denominator(FINEST_RATIO)
     if ratio <= 0 or ratio.numerator > FINEST_RATIO or not np.isclose(float(ratio), new_rate / rate, rtol=1e-12):
-        raise ValueError(f"{new_rate} Hz and {rate} Hz are in no ratio of integers up to {FINEST_RATIO}")
+        raise ValueError(f"{new_rate} Hz and {rate} Hz do not have a ratio of integers up to {FINEST_RATIO}")
     if not np.all(np.isfinite(values)):
-        raise ValueError("a signal with holes cannot be resampled; bridge them or cut it there")
+        raise ValueError(
+            "a signal with missing samples cannot be resampled; bridge the gaps, or cut the signal at them"
+        )
     # The filter's phases differ in gain by about 1e-4; subtracting the mean keeps a constant exact.
     middle = values.mean() if values.size else 0.0
     return np.asarray(middle + resample_poly(values - middle, ratio.numerator, ratio.denominator, padtype="line"))
@@ -432,7 +417,7 @@ def evenly(
         If there are fewer than two samples, or their times are not increasing.
     """
     if times.size < 2 or not np.all(np.diff(times) > 0):
-        raise ValueError("to sample evenly takes two samples or more, with rising times")
+        raise ValueError("even sampling needs two or more samples with increasing times")
     count = int(np.floor((times[-1] - times[0]) * rate * (1 + 1e-12) + 1e-9)) + 1
     wanted = times[0] + np.arange(count) / rate
     if kind == "linear":

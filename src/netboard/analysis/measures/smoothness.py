@@ -46,8 +46,6 @@ def spectral_arc_length(
     ----------
     speed : array_like, shape (n,)
         Speed of the movement [m/s].
-    rate : float
-        Sampling rate [Hz].
     cutoff : {"adaptive", "fixed"}
         The curve ends at the last frequency up to `highest` at which the magnitude is above the threshold (SPARC,
         2015), or at `highest` (SAL, 2012).
@@ -96,8 +94,6 @@ def dimensionless_jerk(speed: ArrayLike, rate: float, *, scale: Scale = "peak_sp
     ----------
     speed : array_like, shape (n,)
         Speed of the movement, from rest to rest; its duration is n samples [m/s].
-    rate : float
-        Sampling rate [Hz].
     scale : {"peak_speed", "mean_speed"}
         Speed v: the largest (Balasubramanian et al. 2012), or distance over duration, which makes the factor T^5 /
         distance^2 (both in Hogan and Sternad, J. Mot. Behav. 41:529, 2009).
@@ -126,8 +122,6 @@ def log_dimensionless_jerk(speed: ArrayLike, rate: float, *, scale: Scale = "pea
     ----------
     speed : array_like, shape (n,)
         Speed of the movement, from rest to rest; its duration is n samples [m/s].
-    rate : float
-        Sampling rate [Hz].
     scale : {"peak_speed", "mean_speed"}
         As in `dimensionless_jerk`.
 
@@ -149,5 +143,5 @@ def _checked(speed: ArrayLike, least: int = 2) -> NDArray[np.float64]:
     """Return a speed as a float array; check its shape and length."""
     v = np.asarray(speed, dtype=float)
     if v.ndim != 1 or len(v) < least:
-        raise ValueError(f"a speed has one value for each of at least {least} samples, found shape {v.shape}")
+        raise ValueError(f"expected a speed with one value for each of at least {least} samples, found shape {v.shape}")
     return v

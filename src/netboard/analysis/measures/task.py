@@ -111,8 +111,6 @@ def time_in_target(p: ArrayLike, rate: float, *, centre: float, half_width: floa
     ----------
     p : array_like, shape (n,)
         Ball position along the board [m].
-    rate : float
-        Sampling rate [Hz].
     centre : float
         Centre of the target [m].
     half_width : float
@@ -144,8 +142,6 @@ def overshoots(
     ----------
     p : array_like, shape (n,)
         Ball position along the board from the release; at least one sample [m].
-    rate : float
-        Sampling rate [Hz].
     centre : float
         Centre of the target [m].
     half_width : float
@@ -160,7 +156,7 @@ def overshoots(
     """
     ball = np.asarray(p, dtype=float)
     if not len(ball):
-        raise ValueError("where the ball came from is not known without a sample")
+        raise ValueError("at least one sample is needed to know on which side the ball started")
     if np.isnan(ball).any():
         return Overshoots(np.nan, np.nan, np.nan)
     way = np.sign(centre - ball[0]) or np.sign(centre)
@@ -178,8 +174,6 @@ def fall_time(p: ArrayLike, rate: float, *, edge: float = 0.35) -> float:
     ----------
     p : array_like, shape (n,)
         Ball position along the board [m].
-    rate : float
-        Sampling rate [Hz].
     edge : float
         Distance from the board's middle to its end [m].
     """
@@ -218,8 +212,6 @@ def reaction(
     ----------
     velocity : array_like, shape (n,)
         Velocity of the stylus; the first sample is the release [m/s].
-    rate : float
-        Sampling rate [Hz].
     onset : {"sustained", "before_peak"}
         Definition of the onset. "sustained": the speed reaches the threshold and stays above it for `hold`.
         "before_peak": in such a movement, the speed's last rise through a fraction of its first peak, which does not

@@ -82,11 +82,11 @@ def analyse(
     recordings = find_recordings(named)
     store = Store(chosen.cache or default_folder()) if chosen.keep else None
     with telling() as tell, new_folder(folder) as part:
-        tell("looking in the cache", 0, 1)
+        tell("reading the cache", 0, 1)
         options = (*asked.overrides, f"skip={chosen.skip}", f"paper={chosen.beside_the_paper}")
         key = key_of_analysis(recordings, asked.text, options) if store else ""
         words = take(store, key, part) if store else None
-        before, peak = "all from the cache", 0.0
+        before, peak = "all were cached", 0.0
         if words is None:
             words, kept, peak = _analysed(recordings, part, read(), chosen, store, tell)
             before = f"{kept} from the cache" if kept else ""
@@ -143,7 +143,7 @@ def _in_words(study: "Study", found: "Extraction") -> Iterator[str]:
         yield f"  left out: {one.file}: {one.why}"
     silent = study.blocks.loc[~study.blocks["recording"].isin(study.trials["recording"]), "recording"]
     if len(silent):
-        yield f"  no attempt at a trial: {len(silent)} of these, the first is {silent.iloc[0]}"
+        yield f"  without an attempt: {len(silent)} of these, the first is {silent.iloc[0]}"
     from netboard.analysis.extraction.study import notes
 
     left_out = study.exclusions

@@ -69,11 +69,11 @@ def _factors(study: Study) -> Grid:
     for one in study.factors:
         if one.of.levels:
             levels = ", ".join(level_text(one.of, level) for level in one.of.levels)
-            told = "" if one.told else "; told by the others"
+            told = "" if one.told else "; determined by the others"
             rows.append((one.label, where[one.scope], f"{one.of.type}{told}", levels))
     columns = [name("Factor"), Column("It varies"), Column("Type"), Column("Levels")]
     return grid(
-        "What varied by plan. Where a factor follows from the others, conditions do not name it.", columns, rows
+        "Factors of the plan. A factor that the others determine is not part of the names of conditions.", columns, rows
     )
 
 
@@ -93,7 +93,7 @@ def _sentences(blocks: pd.DataFrame) -> list[str]:
     had = counted(least, "bimanual block") if least == most else f"{least} to {most} bimanual blocks"
     return [
         f"Before its first block together, every dyad had {had}. So a comparison of dyads with their own participants "
-        "has practice in it."
+        "is confounded with practice."
     ]
 
 
@@ -105,8 +105,8 @@ def _studies(blocks: pd.DataFrame) -> list[str]:
         return []
     every = ", ".join(sorted({name or "one without a name" for own in several for name in own}))
     return [
-        f"{counted(len(several), 'dyad')} of the same pseudonym in more than one study ({every}): taken for the same "
-        "people, with trials numbered through. If they are not, analyse each study by itself."
+        f"{counted(len(several), 'dyad')} of the same pseudonym in more than one study ({every}): treated as the "
+        "same people, with consecutive trial numbers. If they are different people, analyse each study separately."
     ]
 
 
@@ -132,9 +132,9 @@ def _conditions(study: Study, blocks: pd.DataFrame) -> Grid:
         number("Performers"),
         number("Trials done"),
         number("Trials counted"),
-        number("Mean place in the order"),
+        number("Mean position in the order"),
     ]
-    caption = "How much of each condition there is. A performer is a participant, or a dyad where both performed."
+    caption = "Amount of data in each condition. A performer is a participant, or a dyad if both performed."
     return grid(caption, columns, rows)
 
 

@@ -37,7 +37,7 @@ SOFTWARE = ("netboard", "numpy", "scipy", "numba", "pandas", "pyarrow", "matplot
 KINDS = ("svg", "pdf", "png")
 """File formats of each figure."""
 
-LEFT_OUT = (words("file", "name of the recording's file"), words("why", "why it could not be measured"))
+LEFT_OUT = (words("file", "file name of the recording"), words("why", "why it could not be measured"))
 """Columns of the table of recordings that were left out."""
 
 PORTION = 20_000
@@ -59,13 +59,15 @@ TABLES = (
     Kind("movements", "one movement of the board that begins in an attempt", FIELDS_IN_STUDY["movements"]),
     Kind("paths", "one sample of the path of an attempt, each 20 ms", FIELDS_IN_STUDY["paths"]),
     Kind("people", "one performer in one condition: a participant, or a dyad", PEOPLE),
-    Kind("exclusions", "one reason why an attempt does not count", EXCLUSIONS),
+    Kind("exclusions", "one reason why an attempt is excluded", EXCLUSIONS),
     Kind("left_out", "one recording that could not be measured", LEFT_OUT),
-    Kind("results", "one number that is reported", RESULTS),
+    Kind("results", "one reported number", RESULTS),
 )
 """Tables of every analysis."""
 
-BESIDE_THE_PAPER = Kind("comparison", "one statement of the paper, and the same of the study", COMPARISON)
+BESIDE_THE_PAPER = Kind(
+    "comparison", "one statement of the paper, and the corresponding result of the study", COMPARISON
+)
 """Optional table that compares the study with the paper."""
 
 PLACES = "NAME.parquet and NAME.csv: a table, of all recordings; paths, which are long, as Parquet only"

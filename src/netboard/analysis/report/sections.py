@@ -46,11 +46,11 @@ def _warnings(blocks: pd.DataFrame) -> list[str]:
     """Return warnings of simulated participants and pilot recordings."""
     said = []
     if blocks["simulated"].all():
-        said.append("Simulated participants: nobody held a device. Nothing here is evidence about people.")
+        said.append("Simulated participants: no person held a device. These results are no evidence about people.")
     elif blocks["simulated"].any():
         said.append(
             f"Simulated participants in {int(blocks['simulated'].sum())} of {counted(len(blocks), 'recording')}: "
-            "what they contribute is no evidence about people."
+            "their data are no evidence about people."
         )
     if blocks["pilot"].any():
         said.append(f"{int(blocks['pilot'].sum())} of {counted(len(blocks), 'recording')} are marked as pilots.")

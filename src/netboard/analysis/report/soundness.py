@@ -39,7 +39,7 @@ class DataQuality:
 def soundness(study: Study, left_out: Sequence[Mapping[str, str]]) -> DataQuality:
     """Return the quality section of a study."""
     table = grid(
-        "Files that were found and are not part of this study",
+        "Files that are left out of this study",
         [code("File"), Column("Why")],
         [(str(one["file"]), str(one["why"])) for one in left_out],
     )
@@ -69,7 +69,7 @@ def _sentences(study: Study, left_out: int) -> list[str]:
         f"{counted(len(planned), 'block')} complete; {amount(missing)} of {counted(missing + there, 'tick')} "
         f"missing{share}; {told}{counted(int(blocks['repaired'].sum()), 'recording')} repaired; "
         f"{counted(left_out, 'file')} left out.",
-        f"{counted(len(trials), 'attempt')}: {', '.join(ends)}; {amount(marked)} with marks of quality; "
+        f"{counted(len(trials), 'attempt')}: {', '.join(ends)}; {amount(marked)} with quality flags; "
         f"{amount(len(reasons(study)))} excluded.",
     ]
 
@@ -118,7 +118,7 @@ def _recordings(study: Study) -> Grid:
         Column("Marks of quality"),
         number("Excluded"),
     ]
-    return grid("Each recording: what is in it, and what is not", columns, rows)
+    return grid("Content of each recording, and what it lacks", columns, rows)
 
 
 def _flags(study: Study) -> Grid:
@@ -135,7 +135,7 @@ def _flags(study: Study) -> Grid:
             excludes = "yes" if word in study.readings.exclusions.flags else "no"
             rows.append((flag_words(word), n, gone, excludes, meaning))
     columns = [Column("Mark"), number("Attempts"), number("Of these excluded"), Column("Excludes"), Column("Meaning")]
-    caption = "Marks of quality. Where nobody held a device, “stuck” excludes nothing: a simulated hand may be still."
+    caption = "Quality flags. “stuck” excludes no attempt of a simulated participant, whose hand may be still."
     return grid(caption, columns, rows)
 
 
@@ -143,7 +143,7 @@ def _causes(study: Study) -> Grid:
     """Return the counts of reasons for exclusion."""
     counts = study.exclusions["why"].value_counts()
     columns = [name("Why"), number("Attempts")]
-    return grid("Why attempts do not count; one may have several reasons", columns, [*counts.items()])
+    return grid("Reasons for exclusion; an attempt may have several", columns, [*counts.items()])
 
 
 def _excluded(study: Study) -> Grid:
@@ -154,7 +154,7 @@ def _excluded(study: Study) -> Grid:
         for key, why in sorted(reasons(study).items())
     ]
     columns = [name("Recording"), number("Trial"), number("Attempt"), name("Why")]
-    return grid("Every attempt that does not count, with every reason", columns, rows)
+    return grid("All excluded attempts, with all reasons", columns, rows)
 
 
 def _unusual(study: Study) -> Grid:
@@ -177,4 +177,4 @@ def _unusual(study: Study) -> Grid:
         number("Attempt"),
         Column("Counts"),
     ]
-    return grid("The most unusual successful attempts: worth a look before anything is concluded", columns, rows)
+    return grid("The most unusual successful attempts: inspect them before you draw conclusions", columns, rows)

@@ -258,7 +258,7 @@ def _clause(pattern: SentencePattern, row: Mapping[str, Any], words: Mapping[str
 def _sure(pattern: SentencePattern, row: Mapping[str, Any]) -> str:
     """Return a phrase on the position of the confidence interval."""
     if not (isfinite(row["low"]) and isfinite(row["high"])):
-        return "there is no interval, so nothing is known of how sure it is"
+        return "there is no confidence interval, so its uncertainty is unknown"
     if row["low"] <= pattern.without <= row["high"]:
         return f"the interval includes {amount(pattern.without)} ({pattern.none})"
     return f"the whole interval is {'above' if row['low'] > pattern.without else 'below'} {amount(pattern.without)}"
@@ -323,5 +323,5 @@ def few(dyads: int) -> str:
         f"An exact two-sided test of a difference within dyads has no p below {amount(least)} here"
     )
     if least > 0.05:
-        return f"{said}, so none can be significant at 5 %; six dyads are the least of which one can."
+        return f"{said}, so none can be significant at 5 %; that takes six dyads or more."
     return f"{said}."

@@ -200,12 +200,12 @@ def _notes(differences: NDArray[np.float64], unit: str) -> tuple[str, ...]:
     """Return cautions for a small number of units."""
     n = len(differences)
     if n < 2:
-        return (f"{'one' if n else 'no'} {unit} with both conditions: no interval and no test of a mean",)
+        return (f"{'one' if n else 'no'} {unit} with both conditions: no confidence interval and no test",)
     notes = []
     if n < 6:
         notes.append(f"{n} {unit}s: exact two-sided tests cannot have a p below {2.0 / 2**n:.3g}")
     if n <= TOO_SHORT:
-        notes.append(f"{n} {unit}s: the bootstrap's interval is too short")
+        notes.append(f"{n} {unit}s: the bootstrap confidence interval is too short")
     if _equal(differences):
-        notes.append("all differences are equal: no size of the effect and no t")
+        notes.append("all differences are equal: no effect size and no t test")
     return tuple(notes)

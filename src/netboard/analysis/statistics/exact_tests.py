@@ -147,7 +147,7 @@ def permutation_p(
     if exact:  # an arrangement and its mirror image have the same magnitude, so one of both is enough
         signs = 1.0 - 2.0 * (np.arange(2 ** max(n - 1, 0))[:, None] >> np.arange(n) & 1)
     elif rng is None:
-        raise ValueError(f"{2**n} arrangements are too many to look at all of them: give a random generator")
+        raise ValueError(f"{2**n} arrangements are too many to evaluate: give a random generator")
     else:
         signs = rng.choice([-1.0, 1.0], (resamples, n))
     p = np.full(len(differences), np.nan)
@@ -220,7 +220,7 @@ def _permuted(
     """Return the p value from all arrangements, or from a random sample of them."""
     exact = arrangements <= MAX_EXACT
     if not exact and rng is None:
-        raise ValueError(f"{arrangements} arrangements are too many to look at all of them: give a random generator")
+        raise ValueError(f"{arrangements} arrangements are too many to evaluate: give a random generator")
     found = stats.permutation_test(
         data,
         statistic,

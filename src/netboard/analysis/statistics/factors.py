@@ -260,8 +260,8 @@ def design_of(
     asked = _asked(kept, np.log(number))
     names = _told_apart(asked)
     lonely = _lonely(asked, names, pair)
-    notes = [f"{name}: left out, these trials cannot tell it" for name in asked if name not in names]
-    notes += [f"{name}: a single dyad tells it" for name in lonely]
+    notes = [f"{name}: left out, because these trials cannot identify it" for name in asked if name not in names]
+    notes += [f"{name}: identified by a single dyad" for name in lonely]
     columns = np.column_stack([asked[name] for name in names]) if names else np.empty((len(number), 0))
     between = sum(name != INTERCEPT and not _varies(asked[name], pair) for name in names)
     return Design(

@@ -29,7 +29,7 @@ from netboard.analysis.statistics.firth import Family, Penalised, firth_fit, pro
 from netboard.analysis.statistics.specification import Specification, noting
 
 _PENALISED = (
-    "Trials are independent given dyad and condition, but for the dispersion, which is one for all effects.",
+    "Trials are independent given dyad and condition, except for a dispersion that is common to all effects.",
     "Effects multiply the {what}; practice is a power law with one exponent for all conditions and performers.",
 )
 
@@ -51,14 +51,14 @@ def marginal_model(fit: Specification, design: Design, family: Any) -> Model:
     k = len(design.names)
     if design.n_dyads <= k:
         notes += (
-            f"{design.n_dyads} dyads for {k} effects: each effect has an interval, all of them together have none",
+            f"{design.n_dyads} dyads for {k} effects: there is an interval for each effect, but no joint test of all",
         )
     counted = not isinstance(family, families.Binomial)
     covariance = np.asarray(found.cov_params())
     if design.lonely:
         # The correction divides by 1 minus the leverage of a dyad, which is 1 here.
         covariance = np.full((k, k), np.nan)
-        notes += ("no intervals: dyads cannot show the error of what one of them alone tells",)
+        notes += ("no intervals: an effect rests on one dyad alone, so its error between dyads is unknown",)
     return fit.model(
         design,
         np.asarray(found.params),
@@ -88,7 +88,7 @@ def over_dispersed_model(fit: Specification, design: Design, poisson: Model) -> 
     mean = np.exp(design.columns @ coefficients)
     alpha = float(((design.values - mean) ** 2 - mean).sum() / (mean**2).sum())
     if alpha <= 0.0:
-        return replace(poisson, notes=(*poisson.notes, "counts vary no more than Poisson's: its variance is used"))
+        return replace(poisson, notes=(*poisson.notes, "counts are not overdispersed: the Poisson variance is used"))
     named = replace(fit, name="negative binomial GEE")
     return replace(marginal_model(named, design, families.NegativeBinomial(alpha=alpha)), alpha=alpha)
 
@@ -130,7 +130,7 @@ def penalised_model(fit: Specification, design: Design, family: Family, why: str
         Description of the condition with no events or only events.
     """
     if "any condition" in why:
-        return fit.without(design, f"not fitted: {why}, so there is nothing to compare")
+        return fit.without(design, f"not fitted: {why}, so conditions cannot be compared")
     best = firth_fit(design.values, design.columns, family)
     spread = _dispersion_of_dyads(design, best, family)
     counts = family == "poisson"

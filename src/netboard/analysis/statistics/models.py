@@ -38,17 +38,17 @@ COUNTS = "log(mean count) = {fixed}"
 SHARES = "log(odds) = {fixed}"
 
 _MIXED = (
-    "Dyads are a random sample of one population, and performers of a dyad of another: any two could change places.",
+    "Dyads are a random sample of one population, and performers of a dyad of another: both are exchangeable.",
     "Deviations of dyads, of performers and of trials are normal on the log scale, and independent of each other.",
     "The spread of trials is the same in all conditions and for all performers, on the log scale.",
-    "Trials of a performer depend on each other through performer and trial number only; no streaks, no tiredness.",
+    "Trials of a performer depend on each other through performer and trial number only; no streaks, no fatigue.",
     "Practice is a power law with one exponent for all conditions and performers.",
-    "Trials without a time are missing by chance.",
+    "Trials without a time are missing at random.",
 )
 _MARGINAL = (
     "Dyads are independent of each other; within a dyad, trials may depend on each other in any way.",
     "Effects multiply the {what}; practice is a power law with one exponent for all conditions and performers.",
-    "The effects are those on the average of the population, not on one performer.",
+    "The effects are population averages, not those of one performer.",
     "There are many dyads; with few, the covariance is that of Mancl and DeRouen, and t has as few degrees of freedom.",
 )
 
@@ -90,7 +90,7 @@ def log_time_model(
     if lack:
         return fit.without(design, lack)
     if not residual_deviation(design) > 1e-9 * max(1.0, float(np.abs(design.values).max())):
-        return fit.without(design, "not fitted: the times do not vary beyond the effects")
+        return fit.without(design, "not fitted: there is no variation of times beyond the effects")
     if design.n_dyads < 2:
         return fit.alone(design, families.Gaussian())
     return mixed_model(fit, design, slopes)

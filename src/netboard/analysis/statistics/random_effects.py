@@ -18,8 +18,8 @@ from netboard.analysis.statistics.specification import Specification
 Slopes = Literal["none", "dyad", "performer"]
 
 AT_ZERO = (
-    "Satterthwaite takes a variance that is estimated as 0 for known, and so has too many degrees of freedom; "
-    "Kenward-Roger keeps it among the uncertain ones"
+    "Satterthwaite's method treats a variance that is estimated as 0 as known, and so has too many degrees of freedom; "
+    "Kenward-Roger treats it as uncertain"
 )
 """Note for a variance that is estimated as 0."""
 
@@ -64,7 +64,7 @@ def random_effects(design: Design, slopes: Slopes) -> tuple[dict[str, NDArray[np
             kept[name] = matrix
             free.append(left)
         else:
-            notes.append(f"{name}: no source of chance of its own, these trials cannot tell it")
+            notes.append(f"{name}: no random effect, because these trials cannot identify it")
     return kept, tuple(notes)
 
 
@@ -100,17 +100,17 @@ def mixed_model(fit: Specification, design: Design, slopes: Slopes) -> Model:
     """
     parts, notes = random_effects(design, slopes)
     if not parts:
-        return fit.without(design, "not fitted: no source of chance beside the residual can be told")
+        return fit.without(design, "not fitted: no random effect can be identified")
     found = restricted_fit(design.values, design.columns, list(parts.values()), design.dyads)
     if found is None:
-        return fit.without(design, "not fitted: the times do not vary beyond effects, dyads and performers")
+        return fit.without(design, "not fitted: there is no variation of times beyond effects, dyads and performers")
     variances = dict(zip(parts, found.variances, strict=True))
     nothing = 1e-6 * found.residual
     notes += tuple(f"{name}: its variance is estimated as 0" for name, s in variances.items() if s < nothing)
     if 0.0 in found.variances:
         notes += (AT_ZERO,)
     if not found.converged:
-        notes += ("the search for the variances did not end",)
+        notes += ("the search for the variances did not converge",)
     components = [Component(name, s, sqrt(s), int(parts[name].any(axis=0).sum())) for name, s in variances.items()]
     return fit.model(
         design,

@@ -119,11 +119,11 @@ class Specification:
     def _few(self, design: Design) -> tuple[str, ...]:
         n = design.n_dyads
         if n < 2:
-            return ("one dyad: nothing is known about others, and there are no intervals",)
+            return ("one dyad: the variation between dyads is unknown, so there are no confidence intervals",)
         if n >= FEW:
             return ()
         what = (
-            "z intervals are too short for so few"
+            "z intervals are too short for this few"
             if self.interval == "z"
             else f"t has {careful_freedom(design):.0f} degrees of freedom"
         )

@@ -135,7 +135,7 @@ def picture(study: Study) -> Picture:
     """
     found = [one for one in classes(study).shares if len(one.dyads)]
     if not found:
-        return Picture("classes", TITLE, "No trial that counts has a movement, so there are no shares.", None)
+        return Picture("classes", TITLE, "No included trial has a movement, so there are no shares.", None)
     many_of = _crowded(found)
     dots = (
         [[name for name in pair for _ in range(2)] for pair in (CLASSES[:2], CLASSES[2:])]

@@ -215,7 +215,7 @@ def picture(study: Study) -> Picture:
     found = delay(study)
     shown = [one for one in found.conditions if any(np.isfinite(mean.value) for mean in one.as_set.means)]
     if not shown:
-        return Picture("delay", TITLE, "No trial that counts has a cooperative movement, so there are no delays.", None)
+        return Picture("delay", TITLE, "No included trial has a cooperative movement, so there are no delays.", None)
     few = len(shown) <= _FEW
     layout = [["set", "set"], ["own", "signed"]] if few else [["set"], ["own"], ["signed"]]
     figure, axes = new_mosaic(5.0 if few else 7.2, layout, height_ratios=[1.25, 1] if few else None)

@@ -128,7 +128,7 @@ def bounded(study: Study) -> tuple[Study, str]:
     if not over:
         return study, ""
     each = "; ".join(f"{one.name} ({', '.join(level_text(one.of, level) for level in one.of.levels)})" for one in over)
-    return fewer, f"Pooled over {each}: the study has {cells} conditions, which tables and models tell apart."
+    return fewer, f"Pooled over {each}: the study has {cells} conditions, which tables and models distinguish."
 
 
 def block_labels(study: Study) -> dict[str, str]:
@@ -300,7 +300,7 @@ def estimate(values: pd.Series, of: str = "dyad") -> Estimate:
 
 def estimated(topic: str, quantity: str, group: str, found: Estimate, unit: str, note: str = "") -> Result:
     """Return an estimate, with its confidence interval and its number of units, as a result."""
-    few = {0: f"no {found.unit} has it", 1: f"no interval from one {found.unit}"}.get(found.n, "")
+    few = {0: f"no {found.unit} has a value", 1: f"no interval from one {found.unit}"}.get(found.n, "")
     interval = f"{100 * found.level:.0f} % {found.method}" if found.n > 1 else ""
     said = "; ".join(word for word in (note, few) if word)
     return Result(topic, quantity, group, found.value, found.low, found.high, unit, interval, found.n, found.unit, said)

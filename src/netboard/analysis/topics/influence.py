@@ -80,7 +80,7 @@ def _rows(one: Influence) -> list[Result]:
     group = f"{one.condition.label}, {one.direction}"
     note = f"{one.trials} of {one.of} trials of each dyad; given the ball"
     if chance is None:
-        few = "one dyad" if n == 1 else "no dyad has it"
+        few = "one dyad" if n == 1 else "no dyad has both signals"
         numbers = [("Granger strength", mean(one.values), "nat", f"{note}; {few}: no surrogates")]
     else:
         numbers = [
@@ -172,7 +172,7 @@ def picture(study: Study) -> Picture:
     """Draw the influence between partners."""
     found = [one for one in influences(study).influences if len(one.values)]
     if not found:
-        why = "No condition has two people and paths of their trials, so there is no influence to look for."
+        why = "No condition has two people and paths of their trials, so their influence cannot be estimated."
         return Picture("influence", TITLE, why, None)
     figure, axes = new_mosaic(3.2, [["all"]])
     for place, one in enumerate(found):

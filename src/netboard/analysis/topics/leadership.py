@@ -31,7 +31,7 @@ def _index(delays: pd.Series) -> float:
 
 QUESTIONS = (
     Measure("signed delay at 20 %", "s", "coordination", "movement", column("delay_20"), compared=False),
-    Measure("signed delay at 20 % of the own peak", "s", "coordination", "movement", _OWN, compared=False),
+    Measure("signed delay at 20 % of each side's own peak", "s", "coordination", "movement", _OWN, compared=False),
     Measure("signed lag", "s", "coordination", "trial", column("lag"), compared=False),
     Measure("leadership index", "1", "coordination", "movement", _OWN, level=_index, compared=False),
 )
@@ -82,7 +82,7 @@ def picture(study: Study) -> Picture:
     """Draw the leadership measures."""
     found = leaders(study)
     if not found.leads:
-        return Picture("leadership", TITLE, "No trial that counts has a delay.", None)
+        return Picture("leadership", TITLE, "No included trial has a delay.", None)
     names = [question.name for question in QUESTIONS if any(one.measure == question for one in found.leads)]
     figure, axes = new_mosaic(5.0, [names[:2], names[2:]] if len(names) == 4 else [names])
     shown = tuple(dict.fromkeys(one.condition for one in found.leads))

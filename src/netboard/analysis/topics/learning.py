@@ -227,7 +227,7 @@ def picture(study: Study) -> Picture:
     """
     found = learning(study)
     if not found.teams:
-        return Picture("learning", TITLE, "No trial counts, so there is no learning to show.", None)
+        return Picture("learning", TITLE, "No trial is included, so learning cannot be shown.", None)
     teams = found.teams
     rows = [[f"{kind} {one.team}" for one in teams] for kind in ("time", "peaks")]
     figure, axes = new_mosaic(4.6, rows, height_ratios=[1.35, 1])

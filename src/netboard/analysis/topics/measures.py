@@ -118,7 +118,7 @@ MEASURES = (
         "performance",
         "trial",
         _reaction,
-        note="of the hand that is first, sooner of two people by chance; trials with an anticipation have none",
+        note="of the hand that moves first (with two people earlier by chance); none in trials with anticipation",
     ),
     Measure("time in target", "s", "performance", "trial", column("in_target"), note="before the hold"),
     Measure("overshoots", "1", "performance", "trial", column("overshoots")),
@@ -137,7 +137,7 @@ MEASURES = (
         "forces",
         "trial",
         column("interaction"),
-        note="mean magnitude of what cancels in the tilt: on a light board half the spring's pull",
+        note="mean magnitude of the forces that cancel in the tilt: on a light board half the spring force",
     ),
     Measure("exchanged energy", "J", "forces", "trial", lambda rows: rows["to_left"] + rows["to_right"]),
     Measure("work given", "J", "forces", "trial", _both("given"), compared=False, note="of both hands on the coupling"),
@@ -175,7 +175,7 @@ MEASURES = (
         "trial",
         column("force_share"),
         compared=False,
-        note="of the right hand, without what each must bear: on a light board a half, whatever people do",
+        note="of the right hand, without static support: on a light board always one half",
     ),
 )
 """All measures."""
@@ -311,7 +311,7 @@ def picture(study: Study) -> Picture:
     """Draw all measures."""
     found = overview(study).levels
     if not found:
-        return Picture("measures", TITLE, "No trial counts, so there is nothing to measure.", None)
+        return Picture("measures", TITLE, "No trial is included, so there are no measures.", None)
     names = [measure.name for measure in MEASURES if any(one.measure.name == measure.name for one in found)]
     shown = tuple(dict.fromkeys(one.condition for one in found))
     figure, axes = grid(names, 1.35)

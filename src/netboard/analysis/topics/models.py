@@ -156,7 +156,7 @@ def factors_of(rows: pd.DataFrame, others: Sequence[StudyFactor] = ()) -> tuple[
     if len([force for force in felt if force != "none"]) > 1:
         found[0] = _named("force", rows["force"], felt)
     own = [_own(rows, one) for one in others if one.told]
-    if own:  # with only the paper's factors, notes tell what the study lacks
+    if own:  # with only the paper's factors, notes state what the study lacks
         found = [one for one in found if len(set(one.values)) > 1]
     return (*found, *own)
 
@@ -210,7 +210,7 @@ def picture(study: Study) -> Picture:
     shown = [one for one in found.fits if one.model.fitted]
     if not any(effects_shown(one) for one in shown):
         why = "; ".join(f"{one.measure}: {', '.join(one.model.notes)}" for one in found.fits)
-        none = "No model has conditions to tell apart" if shown else "No model could be fitted"
+        none = "No model has more than one condition" if shown else "No model could be fitted"
         return Picture("models", TITLE, f"{none}. {why[:1].upper()}{why[1:]}.", None)
     checked = [one for one in shown if one.model.diagnostics is not None]
     figure, axes = new_mosaic(

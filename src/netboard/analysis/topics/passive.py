@@ -77,10 +77,10 @@ class Controls:
                 felt.append(group)
                 rows.append(_row("haptic effect on cooperative share", group, one.mean_effect, ""))
             rows.append(_row(f"passive effect on cooperative share, {one.arm}", group, one.mean_passive, _held(one)))
-            share, note = one.share, f"1 = all is mechanics; intervals of few dyads are too short; {_held(one)}"
+            share, note = one.share, f"1 = entirely mechanical; intervals of few dyads are too short; {_held(one)}"
             if not one.has_effect:
                 share = replace(share, value=np.nan, low=np.nan, high=np.nan)
-                note = "no share of an effect that may be 0: its interval has 0 in it, or there is none"
+                note = "no share, because the effect may be 0: its confidence interval includes 0, or there is none"
             rows.append(_row(f"passive share of the effect, {one.arm}", group, share, note))
         return tuple(rows)
 
@@ -145,9 +145,9 @@ def _control(condition: Condition, stiffness: int, friction: float, table: pd.Da
     )
 
 
-_NONE = "What part of the effect is mechanics cannot be told: the effect may be 0."
+_NONE = "The mechanical part of the effect cannot be estimated, because the effect may be 0."
 
-TITLE = "How much of it a passive partner would show"
+TITLE = "The part that a passive partner would show"
 
 
 @styled
@@ -209,7 +209,7 @@ def _caption(found: tuple[Control, ...]) -> str:
 def _device(found: tuple[Control, ...]) -> str:
     frictions = [one.friction for one in found if one.with_device]
     if not frictions:
-        return "not with the device, whose friction is not known"
+        return "not with the device, because its friction is unknown"
     return f"with the device that it held, friction {np.mean(frictions):.2f} N"
 
 

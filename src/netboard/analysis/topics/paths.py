@@ -158,7 +158,7 @@ def picture(study: Study) -> Picture:
 
     found = courses(study).courses
     if not found:
-        return Picture("paths", TITLE, "No trial that counts has a path.", None)
+        return Picture("paths", TITLE, "No included trial has a path.", None)
     shown = list(dict.fromkeys(one.condition for one in found))
     lines = [shown[k : k + COLUMNS] for k in range(0, len(shown), COLUMNS)]
     figure, axes = new_mosaic(0.4 + 3.9 * len(lines), _layout(lines))

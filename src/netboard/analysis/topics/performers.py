@@ -23,15 +23,17 @@ _MEANS = {
 
 PEOPLE = (
     words("dyad", "pseudonym of the dyad"),
-    words("performer", "the participant, or the dyad"),
+    words("performer", "participant, or the dyad"),
     words("partner", "the other participant of the dyad; empty if the dyad performed together"),
     words("configuration", "dyadic or bimanual"),
-    words("force", "what the hands felt"),
-    words("condition", "configuration, force, partner, the levels that these do not tell, and a role that is not test"),
-    words("role", "what the trials were for: practice, familiarisation, baseline, test, or catch"),
-    count("trials", "successful trials that count"),
-    count("attempts", "attempts that ended with a success, a fall or the end of their time"),
-    count("falls", "of these: with a fall"),
+    words("force", "haptic feedback: the force condition"),
+    words(
+        "condition", "configuration, force, partner, levels that these do not determine, and the role if it is not test"
+    ),
+    words("role", "purpose of the trials: practice, familiarisation, baseline, test, or catch"),
+    count("trials", "number of successful trials that are included"),
+    count("attempts", "number of attempts that ended with a success, a fall or a timeout"),
+    count("falls", "number of these attempts that ended with a fall"),
     *(number(name, text, unit) for name, (text, unit) in _MEANS.items()),
     number("log_completion", "mean natural logarithm of the completion time in s", "1"),
     number("completion_median", "median completion time", "s"),
@@ -40,8 +42,10 @@ PEOPLE = (
         number(name, f"mean share of {name} movement" if name != "still" else "mean share without movement", "1")
         for name in CLASSES
     ),
-    number("delay_20", "mean absolute delay at 20 % of the peak that is set, over cooperative movements", "s"),
-    number("signed_delay_20", "mean delay there, left minus right: + = right first", "s"),
+    number(
+        "delay_20", "mean absolute delay at 20 % of the peak chosen in the settings, over cooperative movements", "s"
+    ),
+    number("signed_delay_20", "mean signed delay at 20 % of that peak, left minus right: + = right first", "s"),
 )
 """Columns of the table of performers."""
 

@@ -61,7 +61,7 @@ class Quality:
             rows.append(_count("missing ticks", condition, own["missing"].sum(), dyads))
         everybody = self.blocks["dyad"].nunique()
         rows += [_count("attempts excluded", why, number, everybody) for why, number in self.reasons.items()]
-        note = "ratio of times of successive blocks; practice and tiredness too"
+        note = "ratio of times of successive blocks; includes practice and fatigue"
         return (*rows, estimated("quality", "drift of completion time", "all", self.drift, "1", note))
 
 
@@ -204,7 +204,7 @@ def _caption(found: Quality, dyads: int) -> str:
 def _drift(found: Quality) -> str:
     """Return a sentence on the drift of times from block to block."""
     if not np.isfinite(found.drift.value):
-        return "No drift can be told from conditions."
+        return "A drift cannot be separated from the conditions."
     ends = f" [{_percent(found.drift.low)}, {_percent(found.drift.high)}]" if np.isfinite(found.drift.low) else ""
     interval = f", 95 % t interval over {found.drift.n} dyads" if ends else ""
     return (

@@ -44,17 +44,17 @@ def plain(topic: str, quantity: str, group: str, value: float, unit: str, n: int
 
 
 RESULTS = (
-    words("topic", "what it belongs to: the name of a picture"),
+    words("topic", "topic: the name of its figure"),
     words("quantity", "what it is"),
-    words("group", "of whom and when"),
+    words("group", "condition or group to which it refers"),
     number("value", "the number", "in column unit"),
     number("low", "lower end of its interval", "in column unit"),
     number("high", "upper end of its interval", "in column unit"),
-    words("unit", "SI unit of the three"),
-    words("interval", "what the interval is; empty without one"),
-    count("n", "of how many it is made"),
-    words("of", "of what: the unit of replication"),
-    words("note", "what must be known to read it"),
+    words("unit", "SI unit of value and interval"),
+    words("interval", "kind of the interval; empty without one"),
+    count("n", "number of units of replication"),
+    words("of", "unit of replication"),
+    words("note", "note on the interpretation"),
 )
 """Columns of the table of results."""
 

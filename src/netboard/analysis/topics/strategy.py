@@ -143,12 +143,12 @@ def _spread(spreads: pd.DataFrame, name: str, unit: str) -> Spread:
 def _results(found: TeamStrategy, windows: str) -> Iterator[Result]:
     groups = [f"{found.team}, {trials(*pair)}" for pair in zip(found.first, found.last, strict=True)]
     for group, one in zip(groups, found.ellipses, strict=True):
-        note = "of everybody's trials together" if one.count >= FEWEST else f"fewer than {FEWEST} trials"
+        note = "of all performers' trials pooled" if one.count >= FEWEST else f"fewer than {FEWEST} trials"
         yield plain(TOPIC, "area of the ellipse", group, one.area, "m2/s", one.count, "trial", note)
     ends = f"{found.team}, last group vs first"
     if len(found.ellipses) > 1:
         first, last = found.ellipses[0], found.ellipses[-1]
-        change, count, note = last.area - first.area, first.count + last.count, "of everybody's trials together"
+        change, count, note = last.area - first.area, first.count + last.count, "of all performers' trials pooled"
         yield plain(TOPIC, "change of the area of the ellipse", ends, change, "m2/s", count, "trial", note)
     for spread in found.spreads:
         for group, mean in zip(groups, spread.means, strict=True):

@@ -51,7 +51,7 @@ class Block:
         Literal["dyadic", "bimanual"], about("two participants with one hand each, or one participant with both hands")
     ] = "dyadic"
     performer: Annotated[Literal["A", "B"], about("the participant who performs a bimanual block")] = "A"
-    station: Annotated[Literal["left", "right"], about("the seat whose display a bimanual block is shown at")] = "left"
+    station: Annotated[Literal["left", "right"], about("the station whose display shows a bimanual block")] = "left"
     force: Annotated[
         Force,
         about("force condition: which forces the haptic feedback contains"),
@@ -69,15 +69,17 @@ class Block:
     unrelated: Annotated[str, about('recording whose forces are rendered with force = "unrelated"')] = ""
     left: Annotated[
         Literal["person", "still", "robot"],
-        about("who moves the left hand: a person, nobody (it is held still at height 0), or a simulated partner"),
+        about("mover of the left hand: a person, none (held still at height 0), or a simulated partner"),
     ] = "person"
-    right: Annotated[Literal["person", "still", "robot"], about("who moves the right hand, likewise")] = "person"
+    right: Annotated[Literal["person", "still", "robot"], about("mover of the right hand, likewise")] = "person"
     trials: Annotated[int, about("successful trials in the block", "1", ge=1, le=MAX_TRIALS)] = 60
     duration: Annotated[float, about("no trial begins after this time; 0: no time limit", "s", ge=0, le=36_000)] = 0.0
     first_target: Annotated[Literal["left", "right", "random"], about("side of the first target")] = "random"
     rest: Annotated[float, about("rest before the block", "s", ge=0, le=3600)] = 0.0
-    instructions: Annotated[str, about("what the participants read before the block; empty: the standard text")] = ""
-    questionnaires: Annotated[str, about("what the operator asks after the block; empty: nothing")] = ""
+    instructions: Annotated[
+        str, about("instructions for the participants before the block; empty: the standard text")
+    ] = ""
+    questionnaires: Annotated[str, about("questionnaire after the block, for the operator; empty: none")] = ""
     seed: Annotated[int, about("seed of everything random in the session", "1", ge=0, lt=2**31)] = 1
 
     @property
@@ -138,8 +140,12 @@ class Quality:
     stuck: Annotated[
         float, about("longest time for which the height of a stylus may not change at all", "s", gt=0, le=60)
     ] = 2.0
-    shortest: Annotated[float, about("a completion time below this is too short", "s", ge=0, le=60)] = 0.3
-    longest: Annotated[float, about("a completion time above this is too long", "s", gt=0, le=3600)] = 60.0
+    shortest: Annotated[
+        float, about("completion time below which an attempt is flagged as too short", "s", ge=0, le=60)
+    ] = 0.3
+    longest: Annotated[
+        float, about("completion time above which an attempt is flagged as too long", "s", gt=0, le=3600)
+    ] = 60.0
     frozen_ms: Annotated[
         float, about("longest time between two frames of a display while the board moves", "ms", gt=0, le=60_000)
     ] = 250.0

@@ -27,7 +27,7 @@ class ForceCondition:
     feels : str
         What the hand feels, for the documentation.
     partner : str
-        What the force tells about the partner, for the documentation.
+        Information about the partner in the force, for the documentation.
     label : str
         Its name in figures and tables.
     force : callable

@@ -19,7 +19,7 @@ class Network:
     """Where the server listens, and how peers are watched."""
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
-    host: Annotated[str, about("address of the physics server as the peers see it", min_length=1)] = "127.0.0.1"
+    host: Annotated[str, about("address of the physics server for its peers", min_length=1)] = "127.0.0.1"
     bind: Annotated[str, about("address the server binds to", min_length=1)] = "127.0.0.1"
     port: Annotated[int, about("first of the six TCP ports in use", "1", ge=1024, le=65_000)] = 5550
     transport: Annotated[
@@ -40,11 +40,18 @@ class Network:
         about("action if the delay exceeds half of the largest stable one: warn, reduce the force, pause the trial"),
     ] = "warn"
     view_rate_hz: Annotated[float, about("highest rate of views sent to a display", "Hz", gt=0, le=1000)] = 120.0
-    log_ring_s: Annotated[float, about("seconds of records the server keeps for a late logger", "s", ge=1, le=3600)] = (
-        120.0
-    )
+    log_ring_s: Annotated[
+        float,
+        about("duration of records that the server keeps in memory for a logger that joins late", "s", ge=1, le=3600),
+    ] = 120.0
     log_spill_mb: Annotated[
-        float, about("records that leave the ring unwritten go to a file of at most this size", "MB", ge=0, le=1e6)
+        float,
+        about(
+            "size limit of the spill file, for records that leave the ring buffer before a logger has written them",
+            "MB",
+            ge=0,
+            le=1e6,
+        ),
     ] = 4000.0
     require_logger: Annotated[StrictBool, about("true: a block starts only while a logger records")] = True
 
@@ -72,13 +79,13 @@ class Safety:
     max_force: Annotated[float, about("largest force at the stylus (norm)", "N", gt=0, le=40)] = 3.0
     mean_force: Annotated[
         float,
-        about("largest mean force over about 10 s; a device's own rating counts where it is less", "N", gt=0, le=40),
+        about("largest mean force over about 10 s; a device's own rating applies if it is smaller", "N", gt=0, le=40),
     ] = 0.88
     max_slew: Annotated[float, about("largest change of force", "N/s", gt=0, le=10_000)] = 500.0
     max_speed: Annotated[float, about("stylus speed above which the force is cut", "m/s", gt=0, le=10)] = 1.0
-    stale_after_ms: Annotated[float, about("age of the last force at which it begins to fade", "ms", gt=0, le=1000)] = (
-        9.0
-    )
+    stale_after_ms: Annotated[
+        float, about("age of the last commanded force at which it begins to fade", "ms", gt=0, le=1000)
+    ] = 9.0
     fade_ms: Annotated[float, about("time a stale force takes to fade to zero", "ms", gt=0, le=1000)] = 50.0
     disarm_after_ms: Annotated[
         float, about("age of the last force at which the device is disarmed", "ms", gt=0, le=10_000)
@@ -86,7 +93,9 @@ class Safety:
     hold_damping: Annotated[float, about("damping while a stale force fades", "N s/m", ge=0, le=5)] = 1.0
     arm_time: Annotated[float, about("ramp from no force to full force after arming", "s", gt=0, le=10)] = 1.0
     arm_gate: Annotated[float, about("arming waits until the commanded force is below this", "N", gt=0, le=5)] = 0.2
-    passivity: Annotated[StrictBool, about("true: passivity control: delayed forces generate no energy")] = False
+    passivity: Annotated[StrictBool, about("true: passivity control, so that delayed forces generate no energy")] = (
+        False
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +150,7 @@ class Display:
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
     width: Annotated[int, about("window width in pixels", "1", ge=200, le=20_000)] = 1200
     height: Annotated[int, about("window height in pixels", "1", ge=150, le=20_000)] = 700
-    fullscreen: Annotated[StrictBool, about("true: the whole screen, no frame")] = False
+    fullscreen: Annotated[StrictBool, about("true: full screen, without a frame")] = False
     screen: Annotated[int, about("number of the screen the window opens on; 0: the main one", "1", ge=0, le=15)] = 0
     mm_per_pixel: Annotated[
         float, about("size of a pixel, so that the board has its true size; 0: it fills the window", "mm", ge=0, le=10)

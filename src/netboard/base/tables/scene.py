@@ -38,16 +38,14 @@ class Physics:
     ] = "paper"
     board: Annotated[
         Literal["free", "hinged", "level"],
-        about("free: it heaves and tilts; hinged: it tilts about its fixed centre; level: it heaves and cannot tilt"),
+        about("degrees of freedom. free: heave and tilt; hinged: tilt about its fixed centre; level: heave only"),
     ] = "free"
-    coupling: Annotated[Literal["both", "left", "right", "none"], about("which hands are coupled to the board")] = (
-        "both"
-    )
+    coupling: Annotated[Literal["both", "left", "right", "none"], about("hands that are coupled to the board")] = "both"
     coupling_at: Annotated[
         Literal["server", "both"],
-        about("where a hand's force is computed: on the server, or, for long delays, in both server and agent"),
+        about("where the coupling force is computed: on the server, or, for long delays, in both server and agent"),
     ] = "server"
-    balls: Annotated[int, about("how many balls, each of mass m; they pass each other", ge=0, le=4)] = 1
+    balls: Annotated[int, about("number of balls, each of mass m; they do not collide", ge=0, le=4)] = 1
     ball_inertia: Annotated[
         float,
         about("moment of inertia of a ball over m r2: 0 slides, 0.4 rolls (solid sphere), 0.667 (hollow)", ge=0, le=1),
@@ -63,8 +61,8 @@ class Physics:
     rolling_resistance: Annotated[
         float, ROLLING, about("coefficient of rolling resistance of a ball: force over normal load", "1", ge=0, le=1)
     ] = 0.0
-    b_z: Annotated[float, about("damping of the board's heave", "N s/m", ge=0, le=100)] = 0.0
-    b_theta: Annotated[float, about("damping of the board's tilt", "N m s/rad", ge=0, le=100)] = 0.0
+    b_z: Annotated[float, about("viscous damping of the board's heave", "N s/m", ge=0, le=100)] = 0.0
+    b_theta: Annotated[float, about("viscous damping of the board's tilt", "N m s/rad", ge=0, le=100)] = 0.0
     hold: Annotated[
         Extrapolation,
         about("extrapolation of a stylus after its newest sample: zero-order hold, constant velocity or acceleration"),

@@ -63,21 +63,29 @@ class Participant:
     muscle_lag: Annotated[float, about("each of the two muscle lags", "s", gt=0, le=1)] = 0.040
     force_noise: Annotated[float, about("standard deviation of the arm's force noise", "N", ge=0, le=1)] = 0.02
     friction_skill: Annotated[
-        float, about("share of the device's friction that the arm compensates while its aim moves", "1", ge=0, le=1)
+        float,
+        about(
+            "share of the device's friction that the arm compensates while its equilibrium point moves", "1", ge=0, le=1
+        ),
     ] = 0.8
-    rest_skill: Annotated[float, about("share of that compensation that acts at rest, too", "1", ge=0, le=1)] = 1.0
+    rest_skill: Annotated[float, about("share of that compensation that also acts at rest", "1", ge=0, le=1)] = 1.0
     load_skill: Annotated[float, about("share of an expected force that the arm compensates", "1", ge=0, le=1)] = 1.0
     reflex_gain: Annotated[
-        float, about("how far the arm yields to an unexpected force, over its yielding by stiffness", "1", ge=0, le=5)
+        float,
+        about("yielding of the arm to an unexpected force, relative to its yielding by stiffness", "1", ge=0, le=5),
     ] = 0.0
     reflex_delay: Annotated[float, about("delay of the responses to a force", "s", ge=0, le=0.1)] = 0.060
     reflex_time: Annotated[float, about("time after which a force is expected", "s", gt=0, le=10)] = 0.3
     impedance_gain: Annotated[
         float,
-        about("how fast the arm stiffens with the hand's distance from its aim; 0: never", "N/m/(m s)", ge=0, le=1e6),
+        about(
+            "rate of stiffening per distance of the hand from its equilibrium point; 0: none", "N/m/(m s)", ge=0, le=1e6
+        ),
     ] = 0.0
-    impedance_decay: Annotated[float, about("how fast that stiffness falls again", "N/m/s", ge=0, le=10_000)] = 20.0
-    impedance_limit: Annotated[float, about("largest stiffness, over that of the relaxed arm", "1", ge=1, le=10)] = 3.0
+    impedance_decay: Annotated[
+        float, about("rate at which the stiffness returns to that of the relaxed arm", "N/m/s", ge=0, le=10_000)
+    ] = 20.0
+    impedance_limit: Annotated[float, about("largest stiffness, relative to the relaxed arm", "1", ge=1, le=10)] = 3.0
     kp: Annotated[float, about("proportional gain: ball acceleration per distance", "1/s2", ge=0, le=100)] = 2.17
     kd: Annotated[float, about("derivative gain: ball acceleration per velocity", "1/s", ge=0, le=100)] = 2.50
     max_tilt_deg: Annotated[float, about("largest desired tilt", "deg", gt=0, le=45)] = 2.97
@@ -97,15 +105,18 @@ class Participant:
     partner_noise: Annotated[float, about("uncertainty about the partner's movement", "1", ge=0, le=5)] = 0.5
     partner_prediction: Annotated[
         Literal["rate", "goal"],
-        about("how a movement of the partner that is felt is carried on: at its rate, or to its estimated goal"),
+        about("extrapolation of the partner's movement inferred from the force: at its rate, or to its estimated goal"),
     ] = "rate"
     mirror: Annotated[
-        float, about("share of one's own tilting that one expects of the partner at first", "1", ge=0, le=1)
+        float,
+        about("initial share of its own tilting that a participant expects the partner to mirror", "1", ge=0, le=1),
     ] = 0.65
     mirror_rate: Annotated[
-        float, about("how much of its error that share learns from each movement; 0: it stays", "1", ge=0, le=1)
+        float, about("learning rate of that share, per movement; 0: no learning", "1", ge=0, le=1)
     ] = 0.01
-    centring: Annotated[float, about("pull of the hand's height towards the neutral height", "1", ge=0, le=2)] = 0.46
+    centring: Annotated[float, about("correction of the hand's height towards the neutral height", "1", ge=0, le=2)] = (
+        0.46
+    )
     haptic_gain: (
         Annotated[float, about("weight of the partner's height inferred from one's own force", "1", ge=0, le=1)]
         | OfNoise
@@ -119,16 +130,23 @@ class Participant:
     ] = 0.2
     novice: Annotated[
         float,
-        about("noise, thresholds and reaction time of a novice, over the trained; 1: no learning", "1", ge=1, le=100),
+        about(
+            "noise, thresholds and reaction time of a novice, relative to a trained participant; 1: no learning",
+            "1",
+            ge=1,
+            le=100,
+        ),
     ] = 1.29
-    learning_trials: Annotated[float, about("trials until 1/e of the difference is left", "1", gt=0, le=10_000)] = 200.0
-    practice: Annotated[float, about("trials done before the block", "1", ge=0, le=100_000)] | OfPlan = "plan"
+    learning_trials: Annotated[
+        float, about("trials after which 1/e of the difference remains", "1", gt=0, le=10_000)
+    ] = 200.0
+    practice: Annotated[float, about("trials practised before the block", "1", ge=0, le=100_000)] | OfPlan = "plan"
 
 
 _ARM = "assumed; published arms in posture have 0.5 to 1.5 kg, 5 to 30 N s/m, 100 to 500 N/m"
 _FITTED = "fitted to bimanual trials with haptic feedback off"
 _SEARCHED = "an earlier random search on all of the paper's figures"
-_BY_HAND = "chosen by hand after trials with haptic feedback and dyads had been seen"
+_BY_HAND = "chosen by hand after inspecting trials with haptic feedback and of dyads"
 _ASSUMED = "assumed"
 
 PARTICIPANT_SOURCES = {
@@ -147,7 +165,7 @@ PARTICIPANT_SOURCES = {
         ("partner_prediction",): "assumed; the goal is estimated as in Takagi et al. 2017",
         ("haptic_gain",): "computed from the noise: Ernst and Banks 2002",
         ("force_noise", "friction_skill", "reflex_time", "reaction_time", "haptic_noise", "learning_trials"): _ASSUMED,
-        ("practice",): "the trials of the plan",
+        ("practice",): "number of trials in the plan",
     }.items()
     for name in names
 }

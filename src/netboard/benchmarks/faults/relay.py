@@ -233,7 +233,7 @@ class Relay:
         try:
             server = net.create_connection(target, CONNECT_SECONDS)
             double = net.create_connection(target, CONNECT_SECONDS) if self._doubling else None
-        except OSError:  # no server there: the peer is to see as much
+        except OSError:  # there is no server: refuse the peer's connection too
             _reset(peer)
             return
         self._made += 1
@@ -256,9 +256,9 @@ class Relay:
                 flow.give(now_ns())
                 over |= flow.over
             if connection.up.double is not None:
-                with suppress(BlockingIOError):  # what the server answers to the double is for nobody
+                with suppress(BlockingIOError):  # discard the server's answers to the duplicate connection
                     connection.up.double.recv(CHUNK_BYTES)
-        except OSError:  # one end has gone
+        except OSError:  # one end has closed
             over = True
         if over:
             self._drop(net.socket.close, connection)

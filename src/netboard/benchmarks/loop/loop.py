@@ -160,7 +160,7 @@ MAX_MISSED = 5.0
 MAX_CPU = 1.4
 """Largest ratio of the CPU time of server and agent to that of the echo and its peer [1]."""
 
-LOOP_NAME, ECHO_NAME = "stylus to force", "echo"
+LOOP_NAME, ECHO_NAME = "sample to force", "echo"
 
 
 def loop_series(found: Measured) -> list[dict[str, Times]]:
@@ -185,8 +185,8 @@ def ratios_part(found: Measured) -> Part:
         median = float(np.median(values))
         rows.append((name, median, min(values), max(values), most))
         verdicts.append(Verdict(f"{name}: at most {most:g}", median <= most, f"{median:.2f}"))
-    about = f"netboard beside its baselines, of {len(found.rounds)} rounds"
-    return Part("ratios", about, ("", "median", "least", "largest", "wanted at most"), rows, verdicts)
+    about = f"netboard compared with its baselines, over {len(found.rounds)} rounds"
+    return Part("ratios", about, ("", "median", "least", "largest", "limit"), rows, verdicts)
 
 
 def _ratios(one: Round, ours: Played) -> dict[str, float]:
@@ -195,8 +195,8 @@ def _ratios(one: Round, ours: Played) -> dict[str, float]:
     spent = {name: total(cost.spent.values()).seconds / cost.seconds for name, cost in one.costs.items()}
     agents, peers = (sum(spent[f"{side} agent"] for side in SIDES), sum(spent[f"peer {side}"] for side in SIDES))
     return {
-        **{f"stylus to force / echo, {at} [1]": float(ratio) for at, ratio in zip(MAX_RATIOS, ratios, strict=False)},
-        f"missed of {MANY}, more than the timer [1]": ours.ticks.missed_of(MANY) - one.timer.missed_of(MANY),
+        **{f"sample to force / echo, {at} [1]": float(ratio) for at, ratio in zip(MAX_RATIOS, ratios, strict=False)},
+        f"missed of {MANY}, beyond those of the timer [1]": ours.ticks.missed_of(MANY) - one.timer.missed_of(MANY),
         "CPU of the server / echo [1]": spent["server"] / spent["echo"],
         "CPU of the agents / peers [1]": agents / peers,
     }
@@ -218,7 +218,7 @@ def latency_part(found: Measured, *, real_time: bool) -> Part:
     verdicts = [Verdict("99.9 % take less than a tick", p999 < TICK_SECONDS, f"{p999 * 1e3:.3f} ms")]
     return Part(
         "latency",
-        f"Stylus read to force at the device, beside an echo; {found.played.answered:.2%} of the ticks closed a loop",
+        f"Sample-to-force latency and that of an echo; {found.played.answered:.2%} of the ticks have a latency",
         ("", "samples [1]", *HEADS),
         rows,
         verdicts if real_time else [],
@@ -236,7 +236,7 @@ def lateness_part(found: Measured) -> Part:
     ]
     return Part(
         "lateness",
-        f"How late ticks begin; late: by more than {TICK_NS / 2e6:g} ms; missed: by more than a tick, or never",
+        f"Start of ticks after their deadline; late: by over {TICK_NS / 2e6:g} ms; missed: by over a tick, or never",
         ("", "ticks [1]", *HEADS, "late [1]", "missed [1]", f"missed of {MANY} [1]"),
         rows,
     )
@@ -259,14 +259,14 @@ def costs_part(costs: Costs) -> Part:
         )
     return Part(
         "costs",
-        "What every process uses of a core, and how often in a tick it goes to sleep or is put aside for another",
+        "CPU time of each process as a share of one core, and its context switches per tick: sleeps, and preemptions",
         (
             "",
             *(f"{kind} [%]" for kind in KINDS),
             "all [%]",
-            "waits for a core [%]",
+            "waiting for a core [%]",
             *(f"{kind} sleeps [1]" for kind in (LOOP, TRANSPORT)),
-            "put aside [1]",
+            "preempted [1]",
         ),
         rows,
     )

@@ -15,7 +15,7 @@ from netboard.base.tick import LATE_NS, TICK_NS
 from netboard.benchmarks.loop.spreads import Times
 from netboard.recording.timing.stamps import UNKNOWN, Mask, SideStamps, Stamps
 
-UP, WAIT, REST = "stylus read to its arrival at the server", "its wait for the tick", "tick, way back and rendering"
+UP, WAIT, REST = "stylus read to arrival at the server", "wait for the tick", "tick, return and rendering"
 """Parts of a sample-to-force latency."""
 
 

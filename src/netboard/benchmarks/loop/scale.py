@@ -94,7 +94,7 @@ class Crowd(Workers):
             cost.add(before, read_usage(process))
             seen = self._watchers.answer()
             felt = self._agents.answer() if company.agents else {"counts": {}, "late_ns": []}
-            os.kill(process, signal.SIGKILL)  # what it has not recorded was never meant to be
+            os.kill(process, signal.SIGKILL)  # its recording is not needed
         return Served(
             cost,
             {name: count / seconds for name, count in (seen["counts"] | felt["counts"]).items()},
@@ -169,7 +169,7 @@ def scale_part(found: Mapping[int, Served]) -> Part:
         )
     return Part(
         "scale",
-        "Dyads in trials at one server process on one core; its ticks: how late they begin",
+        "Dyads in trials, served by one process on one core; start of its ticks after their deadline",
         (
             "dyads",
             f"{LOOP} [%]",
@@ -208,31 +208,31 @@ def _verdicts(found: Mapping[int, Served]) -> list[Verdict]:
 
 WAITING = {
     "agents, loggers, no trial": Company(trial=False),
-    "nobody": Company(agents=False, loggers=False, trial=False),
+    "no peers": Company(agents=False, loggers=False, trial=False),
 }
-"""Kinds of waiting dyads, by the peers that are present."""
+"""Kinds of idle dyads, by the peers that are connected."""
 
 
 def measure_waiting(config: Config, crowd: Crowd, dyads: int, seconds: float, tell: Tell) -> dict[str, Served]:
-    """Measure dyads that wait."""
+    """Measure idle dyads."""
     found = {}
     for step, (name, company) in enumerate(WAITING.items()):
-        tell(f"dyads that wait: {name}", step / len(WAITING))
+        tell(f"idle dyads: {name}", step / len(WAITING))
         found[name] = crowd.serve(on_cores(config), dyads, company, seconds)
     return found
 
 
 def waiting_part(dyads: int, found: Mapping[str, Served]) -> Part:
-    """Tabulate the cost of waiting dyads."""
+    """Tabulate the cost of idle dyads."""
     rows: list[tuple[Value, ...]] = [
         (name, 100 * core_share(served), 100 * core_share(served) / dyads) for name, served in found.items()
     ]
-    idle = core_share(found["nobody"]) / dyads
-    claim = f"a dyad with nobody costs less than {MAX_IDLE:.1%} of a core"
+    idle = core_share(found["no peers"]) / dyads
+    claim = f"a dyad without peers costs less than {MAX_IDLE:.1%} of a core"
     return Part(
         "waiting",
-        f"{dyads} dyads that wait, at one server process",
-        ("who is there", "all [%]", "each dyad [%]"),
+        f"{dyads} idle dyads, served by one process",
+        ("peers", "all [%]", "each dyad [%]"),
         rows,
         [Verdict(claim, idle < MAX_IDLE, f"{idle:.2%}")],
     )

@@ -34,7 +34,7 @@ class Case:
         )
 
 
-FULL, WAITING, AT_REST, NOBODY = "everything, in a trial", "no trial", "no trial, hands at rest", "nobody"
+FULL, WAITING, AT_REST, NOBODY = "everything, in a trial", "no trial", "no trial, hands at rest", "no peers"
 NO_FORCES = "no forces"
 CASES = {
     FULL: Case(Company(displays=True)),
@@ -77,13 +77,13 @@ def skips_part(found: dict[str, Served]) -> Part:
         )
     return Part(
         "skips",
-        "What a server of one dyad does, with and without",
+        "Work of a server of one dyad: with everything, and with parts left out",
         (
             "",
-            *(f"{what} [Hz]" for what in SENT),
+            *(f"{'heartbeats' if what == 'beats' else what} [Hz]" for what in SENT),
             *(f"{kind} wakes [Hz]" for kind in (LOOP, TRANSPORT)),
-            *(f"{kind}, of a tick [us]" for kind in (LOOP, TRANSPORT)),
-            "of a core [%]",
+            *(f"{kind}, per tick [us]" for kind in (LOOP, TRANSPORT)),
+            "CPU [%]",
         ),
         rows,
         _verdicts(found),
@@ -96,13 +96,17 @@ def _verdicts(found: dict[str, Served]) -> list[Verdict]:
     views, fewer = (found[name].counts.get("views", 0.0) for name in (WAITING, AT_REST))
     busy, idle = core_share(found[FULL]), core_share(found[NOBODY])
     return [
-        Verdict("no force is sent where none is felt", forces == 0, f"{forces:.0f} Hz, and beats with {beats:.0f} Hz"),
         Verdict(
-            "a view is sent only if it is new, or now and then",
+            "no force is sent without haptic feedback",
+            forces == 0,
+            f"{forces:.0f} Hz, and heartbeats at {beats:.0f} Hz",
+        ),
+        Verdict(
+            "an unchanged view is sent only occasionally",
             fewer < views / 2,
             f"{fewer:.0f} Hz at rest, {views:.0f} Hz in motion",
         ),
-        Verdict("a server that has nobody sleeps", idle < busy / 10, f"{idle:.2%} of a core instead of {busy:.1%}"),
+        Verdict("a server without peers sleeps", idle < busy / 10, f"{idle:.2%} of a core instead of {busy:.1%}"),
     ]
 
 
@@ -129,8 +133,8 @@ def tick_part(config: Config) -> Part:
     whole = costs["the ball rolls"]
     return Part(
         "stage",
-        "The stage's part of a tick",
-        ("", "a tick [ns]", "of the whole [1]"),
+        "Cost of the stage in a tick",
+        ("", "a tick [ns]", "relative [1]"),
         [(name, cost * 1e9, cost / whole) for name, cost in costs.items()],
     )
 

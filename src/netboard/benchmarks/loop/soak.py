@@ -141,10 +141,16 @@ def records_part(kept: Sequence[Kept]) -> Part:
     whole = sum(one.whole for one in kept)
     return Part(
         "records",
-        "What was recorded",
+        "Recorded ticks and losses",
         ("dyad", "ticks [1]", "missing numbers [1]", "records lost [1]", "faults [1]", "verified", "size [MB]"),
         rows,
-        [Verdict("nothing is lost", whole == len(kept), f"{whole} of {len(kept)} recordings whole, to the bit")],
+        [
+            Verdict(
+                "nothing is lost",
+                whole == len(kept),
+                f"{whole} of {len(kept)} recordings complete and verified bit for bit",
+            )
+        ],
     )
 
 
@@ -161,8 +167,8 @@ def memory_part(samples: Sequence[dict[str, Usage]]) -> Part:
         verdicts.append(_flat(name, slope, seconds))
     return Part(
         "memory",
-        "Memory of every process",
-        ("", "at first [MB]", "at last [MB]", "most [MB]", "growth, once warm [MB/h]"),
+        "Memory of each process",
+        ("", "start [MB]", "end [MB]", "peak [MB]", "growth after warm-up [MB/h]"),
         rows,
         verdicts,
     )
@@ -201,7 +207,7 @@ def minutes_part(kept: Sequence[Kept]) -> Part:
     heads = ("from [min]", *(f"tick late, {head}" for head in HEADS), "late [1]", *(f"loop, {head}" for head in HEADS))
     return Part(
         "minutes",
-        "As time went by",
+        "Tick jitter and latency over the run",
         heads,
         rows,
         [
@@ -220,5 +226,5 @@ def steady(what: str, p99: Sequence[float]) -> Verdict:
     """Compare percentiles of the last third of the run with those of the first."""
     third = max(len(p99) // 3, 1)
     first, last = float(np.median(p99[:third])), float(np.median(p99[-third:]))
-    claim = f"in the end {what} as promptly as in the beginning, at 99 %"
-    return Verdict(claim, last <= max(MAX_SLOWER * first, first + 0.1), f"{last:.3f} ms, at first {first:.3f} ms")
+    claim = f"at the end {what} as promptly as at the start, at 99 %"
+    return Verdict(claim, last <= max(MAX_SLOWER * first, first + 0.1), f"{last:.3f} ms, at the start {first:.3f} ms")

@@ -97,7 +97,7 @@ def try_one(whole: Specimen, harm: Harm, folder: Path) -> Found:
     try:
         report, seconds = _recovered(source, output, faults)
     except RecordingError:
-        # Only where the first bytes do not say any more what kind of file it is, or of which version.
+        # Allowed only if the damage hides the type or the version of the file, which its first bytes state.
         known = harm.start >= whole.pieces[0].start
         wrong = ("a recording was refused whose beginning is sound",) if known else ()
         return Found(wrong, len(whole.rows), True, time.perf_counter() - began)

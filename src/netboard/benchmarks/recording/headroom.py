@@ -77,7 +77,7 @@ def headroom_part(folder: Path, log: list[list[bytes]], rates: Sequence[int], se
     for rate in rates:
         tell(f"a logger at {rate} times the live rate", 0.4)
         load = measure_load(folder, log, rate, seconds)
-        # A machine that stood still for a moment, which happens, says nothing about the rate: once more.
+        # A stall of the machine is no evidence about the rate: measure again.
         loads.append(load if load.sustained else measure_load(folder, log, rate, seconds))
         if not loads[-1].sustained:
             break

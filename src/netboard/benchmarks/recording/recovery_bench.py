@@ -51,7 +51,7 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
 
     - `folder`: folder of the killed loggers, on the disk under test.
     """
-    # What is in a damaged file does not depend on where it is: thousands of them need not wait for a disk.
+    # The damaged files are in memory, because thousands of them on a disk would take too long.
     with TemporaryDirectory(dir=_MEMORY if _MEMORY.exists() else None) as scratch:
         yield damage_part(Path(scratch), tell, quick=quick)
     yield kills_part(folder.path / "killed", tell, QUICK_KILLS if quick else KILLS)

@@ -40,7 +40,7 @@ RANGE = 0.075
 MAX_ACCELERATION = 50.0
 """As in the live tick [m/s2]."""
 
-# What a hand is made of: a wave and a tremor round a place, and how it is sampled and held.
+# Parameters of a hand: a wave and a tremor about a position, and its sampling and extrapolation.
 PLACE, SIZE, RATE, COS, SIN, TURN_COS, TURN_SIN, TREMOR, SHAKE_COS, SHAKE_SIN = range(10)
 QUANTUM, FROZEN, GOES_ON, BENDS, LAST_Z, LAST_VZ = range(10, 16)
 HAND = 16

@@ -59,7 +59,7 @@ class DeviceInfo:
     """Properties of a device."""
 
     model: str  # manufacturer's name of the model
-    serial: str  # serial number, which tells the two devices of a rig apart
+    serial: str  # serial number, which distinguishes the two devices of a rig
     max_force: float  # peak force of the motors; 0 for a device without haptic feedback [N]
     continuous_force: float  # force that the motors can deliver continuously [N]
     resolution: float  # smallest measurable change of position; 0 if unknown [m]

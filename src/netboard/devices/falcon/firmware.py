@@ -41,8 +41,8 @@ READY = b"\x41"
 """Byte sent before the firmware, and echoed."""
 
 NO_FIRMWARE = (
-    "the Falcon has no program in it: give the file with Novint's firmware as the option firmware; "
-    "see docs/how-to/falcon.md. If it had one a moment ago, is its power supply plugged in?"
+    "the Falcon has no firmware: name the file with Novint's firmware in the option firmware; "
+    "see docs/how-to/falcon.md. If it had firmware a moment ago, is its power supply plugged in?"
 )
 
 
@@ -71,7 +71,7 @@ def ensure(chip: ftdi.Chip, link: Link, name: str) -> str:
         link.begin()
         if not failure and link.is_answered():
             return f"{Path(name).name}, attempt {attempt}"
-    why = failure or f"it took the file, but does not run: is {name} really the Falcon's firmware?"
+    why = failure or f"it accepted the file, but does not run: is {name} really the Falcon's firmware?"
     raise DeviceNotFound(f"the Falcon's firmware could not be loaded in {ATTEMPTS} attempts: {why}")
 
 
@@ -86,9 +86,7 @@ def _load(chip: ftdi.Chip, image: bytes) -> str:
             return "the Falcon replies, but is not ready to load: unplug its power supply for a moment"
         for at in range(0, len(image), ftdi.PAYLOAD):
             if not _echoes(chip, image[at : at + ftdi.PAYLOAD]):
-                return (
-                    f"the Falcon received something else than was sent, at byte {at} of {len(image)}: try another cable"
-                )
+                return f"the Falcon received other data than was sent, at byte {at} of {len(image)}: try another cable"
     except DeviceTimeout as error:
         return str(error)
     return ""

@@ -115,7 +115,7 @@ class Chip:
         if error.errno == errno.EACCES:
             return f"no permission to open the {self._what}: {RULES}"
         if error.errno == errno.EBUSY:
-            return f"the {self._what} is used by another program: end that one first"
+            return f"the {self._what} is used by another program: close that program first"
         return f"the {self._what} cannot be opened: {error}"
 
     @contextlib.contextmanager
@@ -124,9 +124,9 @@ class Chip:
         try:
             yield
         except self._usb.core.USBTimeoutError as error:
-            raise DeviceTimeout(f"the {self._what} takes nothing: is its power supply plugged in?") from error
+            raise DeviceTimeout(f"the {self._what} accepts no data: is its power supply plugged in?") from error
         except self._usb.core.USBError as error:
-            raise DeviceLost(f"the {self._what} is gone: {error}; was its USB plug pulled out?") from error
+            raise DeviceLost(f"the {self._what} was disconnected: {error}; was its USB plug pulled out?") from error
 
     def request(self, request: int, value: int) -> None:
         """Set a parameter of the chip."""

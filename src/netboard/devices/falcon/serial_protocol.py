@@ -113,7 +113,7 @@ class Link:
             if found is not None:
                 return found
             self._forget()
-        raise DeviceTimeout("the Falcon does not answer any more: is its power supply plugged in?")
+        raise DeviceTimeout("the Falcon no longer answers: is its power supply plugged in?")
 
     def is_answered(self) -> bool:
         """Return True if the firmware answers a frame with zero force."""

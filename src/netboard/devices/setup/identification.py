@@ -242,7 +242,7 @@ def _first_guess(motion: Motion, held: bool) -> Floats:
     cut = starts[:, None] + np.arange(size)
     moving = np.mean(np.abs(speed[cut]) > SLOW, axis=1) > 0.8
     if moving.sum() < 2 * len(NAMES):
-        raise NetboardError("the stylus hardly moved: ask for more force, or see whether something holds it")
+        raise NetboardError("the stylus hardly moved: use more force, or check whether something holds it")
     cut = cut[moving]
     columns = [place[cut] @ weights[2], -place[cut] @ weights[1], np.sign(speed[cut]) @ weights[0]]
     columns.append(np.full(len(cut), -weights[0].sum()))

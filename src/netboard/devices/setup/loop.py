@@ -173,11 +173,11 @@ class Driver:
         """Explain why there is no force."""
         if not reading.ready:
             return (
-                "the device takes no force: its stylus is outside of the workspace, or the device is not calibrated; "
+                "the device accepts no force: its stylus is outside of the workspace, or the device is not calibrated; "
                 "bring the stylus to the middle of its workspace and try again"
             )
         if self._safety.guard is Guard.FAULT:
-            return "the force was cut: the device gave readings that are no numbers"
+            return "the force was cut: the device returned readings that are not finite"
         speed = float(np.linalg.norm((reading.vx, reading.vy, reading.vz)))
         return (
             f"the force was cut: the stylus moved at {speed:.2f} m/s, the limit is {self._limits.max_speed:g} m/s; "

@@ -65,7 +65,7 @@ def by_pyusb() -> tuple[Plugged, ...]:
     except core.NoBackendError:
         raise DeviceNotFound("pyusb finds no libusb; install libusb 1.0") from None
     except core.USBError as error:
-        raise DeviceNotFound(f"pyusb cannot look at the USB: {error}") from error
+        raise DeviceNotFound(f"pyusb cannot access the USB: {error}") from error
     return tuple(
         Plugged(f"{each.idVendor:04x}", f"{each.idProduct:04x}", "", f"bus {each.bus} address {each.address}")
         for each in devices
@@ -103,7 +103,7 @@ def devices(root: Path = ROOT) -> Finding:
     if shut := [node for each in there for node in each.shut]:
         return Finding(name, "red", f"{found}; no permission for {', '.join(shut)}", ADVICE)
     if open_to_all := [str(node) for each in there for node in each.nodes if node.stat().st_mode & 0o002]:
-        return Finding(name, "yellow", f"{found}; everybody may open {', '.join(open_to_all)}", ADVICE)
+        return Finding(name, "yellow", f"{found}; all users may open {', '.join(open_to_all)}", ADVICE)
     return Finding(name, "green", found or "no USB haptic device found")
 
 

@@ -155,7 +155,7 @@ def _between(share: float, span: float, x: float, then: float, v: float, rate: f
 def read_track(path: Path, side: Side, trial: int) -> Track:
     """Read a trajectory; the file suffix determines the format. ``trial``: of a recording; 0 for all."""
     if not path.is_file():
-        raise DeviceNotFound(f"{path}: there is no such file to play back")
+        raise DeviceNotFound(f"{path}: no such file")
     match path.suffix.lower():
         case ".mcap":
             return read_recording(path, side, trial)
@@ -263,7 +263,7 @@ def _number(where: str, name: str, word: str) -> float:
         raise ConfigError(f"{where}, column {name}: found {found}, expected a finite number [{UNITS[name]}]")
     if UNITS[name] == "m" and abs(value) > FARTHEST:
         raise ConfigError(
-            f"{where}, column {name}: found {value:g}, expected at most {FARTHEST:g} m either way: are these mm?"
+            f"{where}, column {name}: found {value:g}, expected at most {FARTHEST:g} m in each direction: are these mm?"
         )
     if name == "buttons" and not (value >= 0.0 and value.is_integer() and value < 2**31):
         raise ConfigError(

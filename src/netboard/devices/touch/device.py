@@ -67,7 +67,8 @@ class Options:
     servo: Annotated[
         Literal["python", "c"],
         about(
-            "what runs in the servo thread: python works everywhere, c needs a compiler and heeds no busy interpreter"
+            "what runs in the servo thread: python works everywhere; c needs a compiler and does not wait for the "
+            "interpreter"
         ),
     ] = "python"
     force_timeout_ms: Annotated[float, about("age at which the servo loop zeroes a force", "ms", ge=2, le=200)] = 20.0
@@ -127,7 +128,9 @@ class OpenHaptics(Device):
         running = wait_ticks(servo, 2, FIRST_TICK_NS)
         self._judge(rig.faults(opened), monotonic_ns())
         if not running:
-            raise DeviceTimeout("the servo loop of the haptic device does not run; is another program in its way?")
+            raise DeviceTimeout(
+                "the servo loop of the haptic device does not run; does another program use the device?"
+            )
 
     def _read(self, now_ns: int) -> Reading:
         assert self._rig is not None
@@ -163,7 +166,7 @@ class OpenHaptics(Device):
     def _close(self) -> None:
         lost = self._lost
         if not self._release() and not lost:
-            raise DeviceLost("the haptic device was not seen to take the zero force before it was released")
+            raise DeviceLost("the haptic device did not confirm the zero force before it was released")
 
     def _release(self) -> bool:
         """Release the device, if there is one; return whether it is known to have taken a zero force."""

@@ -114,8 +114,8 @@ def find(rig: Rig, serial: str, name: str) -> OpenDevice:
     wanted = f"with serial number {serial}" if serial else f'named "{name}"' if name else "at all"
     why = f" ({'; '.join(dict.fromkeys(tried.values()))})" if tried else ""
     raise DeviceNotFound(
-        f"there is no haptic device {wanted}; there is: {', '.join(there.values()) or 'none'};"
-        f" not there: {', '.join(tried) or 'none'}{why}. Is it plugged in and powered, does the vendor's set-up tool"
+        f"there is no haptic device {wanted}; found: {', '.join(there.values()) or 'none'};"
+        f" not found: {', '.join(tried) or 'none'}{why}. Is it plugged in and powered, does the vendor's set-up tool"
         " see it, and does no other program use it? See docs/how-to/touch.md"
     )
 
@@ -174,7 +174,7 @@ def _required(library: Library, what: Parameter, read: Callable[[Parameter], T])
     value = read(what)
     faults = library.drain()
     if faults or value == "":
-        raise DeviceError(f"the device does not tell its HD_{what.name}: {_listed(faults) or 'an empty text'}")
+        raise DeviceError(f"the device does not report its HD_{what.name}: {_listed(faults) or 'an empty text'}")
     return value
 
 
@@ -204,7 +204,7 @@ def calibrate(rig: Rig, opened: OpenDevice, pause: Callable[[float], None] = tim
     """Make sure that a device is calibrated, while its servo runs without force."""
     hd = rig.library.ticks
     state = _state(rig, opened)
-    styles = Style(rig.ask(opened, "asking how it is calibrated", lambda: _style(rig.library)))
+    styles = Style(rig.ask(opened, "querying its kind of calibration", lambda: _style(rig.library)))
     best = next((style for style in (Style.CALIBRATION_AUTO, Style.CALIBRATION_INKWELL) if style in styles), None)
     if state == Calibration.CALIBRATION_NEEDS_UPDATE and best is not None:
         rig.ask(opened, "calibrating", lambda: hd.hdUpdateCalibration(best) or 0)
@@ -221,7 +221,7 @@ def calibrate(rig: Rig, opened: OpenDevice, pause: Callable[[float], None] = tim
 
 def _state(rig: Rig, opened: OpenDevice) -> int:
     """Return the calibration state."""
-    return rig.ask(opened, "asking whether it is calibrated", rig.library.ticks.hdCheckCalibration)
+    return rig.ask(opened, "querying its calibration", rig.library.ticks.hdCheckCalibration)
 
 
 def _style(library: Library) -> int:

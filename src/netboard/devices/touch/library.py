@@ -94,7 +94,7 @@ class Rig:
                 hd.drain()
             raise DeviceNotFound("; ".join(map(str, faults)))
         if handle == INVALID_HANDLE or handle in self._devices:
-            raise DeviceNotFound("the library gives no device, and no error")
+            raise DeviceNotFound("the library returned no device and no error")
         opened = self._devices[handle] = OpenDevice(name, handle)
         hd.calls.hdMakeCurrentDevice(handle)
         return opened

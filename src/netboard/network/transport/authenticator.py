@@ -260,5 +260,5 @@ class Context(zmq.Context["zmq.Socket[bytes]"]):
             for thread in self.threads:
                 os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(priority))
         except OSError as error:
-            log.warning("the network's thread stays at its priority (%s)", error.strerror)
+            log.warning("ZeroMQ's thread keeps its priority (%s)", error.strerror)
             self.threads = ()

@@ -93,8 +93,8 @@ def _own_folder() -> Path:
     """
     if not hasattr(os, "getuid"):
         raise ConfigError(
-            'this system has no sockets in its file system, which [network] transport = "ipc" needs, and '
-            'device = "mouse"; expected "tcp", and another device'
+            'this system has no Unix domain sockets, which [network] transport = "ipc" and device = "mouse" need; '
+            'expected "tcp", and another device'
         )
     folder = Path(f"/tmp/netboard-{os.getuid()}")
     folder.mkdir(mode=0o700, exist_ok=True)

@@ -118,7 +118,7 @@ def open_context(
 
 
 def _started(context: Context) -> tuple[int, ...]:
-    """Start the threads of a context and return those that exchange frames; empty if the system does not tell."""
+    """Start the threads of a context and return those that exchange frames; empty if the system lists none."""
     tasks = Path("/proc/self/task")
     if not tasks.exists():
         return ()
@@ -166,7 +166,7 @@ def _granted(what: str, ask: Callable[[], None]) -> bool:
     thread.start()
     thread.join()
     for error in refused:
-        log.info("%s for the network's thread refused (%s); going on without it", what, error)
+        log.info("%s for ZeroMQ's thread refused (%s); continuing without it", what, error)
     return not refused
 
 

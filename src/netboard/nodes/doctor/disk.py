@@ -60,7 +60,7 @@ def speed(settings: Recording, chunks: int, progress: Callable[[float], None]) -
     if most <= GOOD_MS:
         return Finding(name, "green", found, figures=figures)
     colour: Colour = "yellow" if most <= BEARABLE_MS else "red"
-    return Finding(name, colour, found, "record to a local disk that nothing else keeps busy", figures)
+    return Finding(name, colour, found, "record to a local disk that no other program uses", figures)
 
 
 def sync_times(folder: Path, chunk_bytes: int, chunks: int, progress: Callable[[float], None]) -> list[float]:

@@ -88,7 +88,7 @@ def _heard(waiter: poller.Waiter, receive: Callable[[], T | None]) -> T:
     """Wait for the next result of `receive`, and return it."""
     heard = receive() if waiter.wait(POLL_TIMEOUT_NS * 1e-9) else None
     if heard is None:
-        raise NetboardError(f"a frame did not come through loopback within {POLL_TIMEOUT_NS * 1e-9:g} s")
+        raise NetboardError(f"a frame did not arrive over loopback within {POLL_TIMEOUT_NS * 1e-9:g} s")
     return heard
 
 
@@ -106,7 +106,9 @@ def ports(network: Network) -> Finding:
                 probe.bind((network.bind, number))
         except OSError as error:
             if error.errno == errno.EADDRNOTAVAIL:
-                return Finding(name, "green", f"{network.bind} is another machine's address: no server listens here")
+                return Finding(
+                    name, "green", f"{network.bind} is the address of another machine, so no server listens here"
+                )
             advice = "is a server running? else choose another [network] port"
             return Finding(name, "yellow", f"{network.bind}:{number}: {error.strerror}", advice)
     return Finding(name, "green", f"{found} are free")
@@ -123,7 +125,7 @@ def secrets(network: Network) -> Finding:
     try:
         found = [file for file, _, _ in keys.key_files(folder)]
     except ConfigError as error:
-        return Finding(name, "red", str(error), "keys are for their owner's eyes only")
+        return Finding(name, "red", str(error), "only the owner may read the keys")
     if not found:
         advice = "at the server: netboard keys init; at a station: bring the files that netboard keys add made for it"
         return Finding(name, "red", f"none in {folder}", advice)

@@ -1,9 +1,10 @@
-"""Predicts the loop that this machine will hold, from a probe of some seconds, and says what limits it.
+"""Predicts the latency of the loop on this machine from a probe of some seconds, and names what limits it.
 
-The exchange over loopback (`netboard.nodes.doctor.exchange`) gives wake-ups and ways; each measured millisecond becomes
-a loop by the rules of a session: a tick begins when both samples are there, and at its deadline otherwise. The work
-that the exchange leaves out is added as a constant (`WORK_US`), measured on one machine and scaled by the CPU time of
-an exchange. Deadline misses are those of the timer. Pure: measurements in, findings out.
+The exchange over loopback (`netboard.nodes.doctor.exchange`) gives wake-up latencies and transit times. From each
+measured millisecond a loop is computed by the rules of a session: its tick begins when both samples have arrived, and
+at the latest at its deadline. The work that the exchange leaves out is added as a constant (`WORK_US`), measured on one
+machine and scaled by the CPU time of an exchange. Deadline misses are those of the timer. Pure: measurements in,
+findings out.
 """
 
 from collections.abc import Sequence
@@ -91,5 +92,7 @@ def with_limits(findings: Sequence[Finding]) -> list[Finding]:
     """Return findings in which a prediction that is not green names what limits the loop."""
     flagged = {one.name for one in findings if one.colour != "green"}
     limits = [name for name in LIMITS if name in flagged]
-    advice = f"limited by {', '.join(limits)}" if limits else "nothing here limits it: find what else runs"
+    advice = (
+        f"limited by {', '.join(limits)}" if limits else "no known limit applies: check what else runs on this machine"
+    )
     return [replace(one, advice=advice) if one.name == LOOP and one.colour != "green" else one for one in findings]

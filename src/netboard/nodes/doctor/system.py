@@ -48,7 +48,7 @@ def throttle(root: Path = ROOT) -> Finding:
     found = f"{runtime} of {period} us"
     if int(runtime) < 0:
         return Finding(
-            name, "yellow", "off", "a hung loop can freeze the machine: sysctl kernel.sched_rt_runtime_us=950000"
+            name, "yellow", "off", "a loop that hangs can freeze the machine: sysctl kernel.sched_rt_runtime_us=950000"
         )
     if int(runtime) < MIN_RUNTIME * int(period):
         return Finding(name, "red", found, "too little for a loop: sysctl kernel.sched_rt_runtime_us=950000")
@@ -60,7 +60,7 @@ def governor(root: Path = ROOT) -> Finding:
     name = "CPU governor"
     found = {text_of(file) for file in (root / "sys/devices/system/cpu").glob("cpu[0-9]*/cpufreq/scaling_governor")}
     if not found:
-        return Finding(name, "green", "the clock rate is fixed, or the host's business")
+        return Finding(name, "green", "the clock rate is fixed, or the host controls it")
     if found == {"performance"}:
         return Finding(name, "green", "performance")
     return Finding(name, "yellow", ", ".join(sorted(found)), "cpupower frequency-set --governor performance")
@@ -110,7 +110,7 @@ def isolation(server: str, have: Collection[int], root: Path = ROOT) -> Finding:
     isolated = text_of(root / "sys/devices/system/cpu/isolated")
     if not isolated:
         if len(have) <= len(PLACES):
-            return Finding(name, "green", "none; there are too few to spare any")
+            return Finding(name, "green", "none; there are too few cores to isolate one")
         return Finding(name, "yellow", "none", "boot with isolcpus=, and name these cores in [realtime] server_cpus")
     if server and cpu_set(server) <= cpu_set(isolated):
         return Finding(name, "green", f"{isolated}; the server is on {server}")
@@ -139,7 +139,12 @@ def clock_source(root: Path = ROOT) -> Finding:
         return Finding(name, "green", NOT_OFFERED)
     if found in STEADY_CLOCKS:
         return Finding(name, "green", found)
-    return Finding(name, "yellow", found, "slow to read; boot with clocksource=tsc if the processor's is reliable")
+    return Finding(
+        name,
+        "yellow",
+        found,
+        "slow to read; boot with clocksource=tsc if the processor's time stamp counter is reliable",
+    )
 
 
 def scheduling(came: str) -> Finding:
@@ -186,7 +191,7 @@ def qt(opening: str = OPEN_A_WINDOW) -> Finding:
             [sys.executable, "-c", opening], capture_output=True, text=True, check=False, timeout=QT_SECONDS
         )
     except subprocess.TimeoutExpired:
-        return Finding(name, "yellow", f"no answer within {QT_SECONDS:.0f} s", "look after the screen's server")
+        return Finding(name, "yellow", f"no answer within {QT_SECONDS:.0f} s", "check the display server")
     if tried.returncode:
         why = (tried.stderr.strip().splitlines() or [f"exit code {tried.returncode}"])[-1]
         return Finding(name, "yellow", f"no display can run here: {why}", "at a station: deploy/setup.sh run")

@@ -73,7 +73,7 @@ def verdict(wake_ups: WakeUps) -> Finding:
 
 def comparison(wake_ups: WakeUps) -> Finding:
     """Report a loop that asked for no settings."""
-    return Finding(f"{TIMER}, nothing asked for", "green", latency_text(wake_ups), figures=figures_of(wake_ups))
+    return Finding(f"{TIMER}, no settings", "green", latency_text(wake_ups), figures=figures_of(wake_ups))
 
 
 def latency_text(wake_ups: WakeUps) -> str:

@@ -83,7 +83,7 @@ class Outlets:
             "source": "the server's monotonic clock, by way of this machine's",
             "layer_minus_machine_ns": str(self._layer_ns),
             "layer_bound_ns": str(self._layer_bound_ns),
-            "machine_minus_server": f"told by {name}.events as lsl_clock: offset_ns and bound_ns",
+            "machine_minus_server": f"in {name}.events as lsl_clock: offset_ns and bound_ns",
         }
         self._outlets = {
             stream.name: self._open(stream, name, f"{platform.node()}:{port}", {"clock": clock}) for stream in STREAMS
@@ -92,7 +92,7 @@ class Outlets:
         self._exact = False
         self._waiting: list[tuple[NDArray[Any], list[EventRecord]]] = []
         log.info(
-            "streams %s; the layer's clock is this machine's %s",
+            "streams %s; LSL's clock is this machine's %s",
             ", ".join(f"{name}.{stream.name}" for stream in STREAMS),
             f"plus {self._layer_ns} ns, to {self._layer_bound_ns} ns" if self._layer_ns else "",
         )
@@ -117,14 +117,14 @@ class Outlets:
         if known:
             return
         found = "is this machine's" if self._exact else f"is {-offset_ns * 1e-9:+.6f} s from this machine's"
-        log.info("the server's clock %s (known to %.3f ms)", found, bound_ns * 1e-6)
+        log.info("the server's clock %s (within %.3f ms)", found, bound_ns * 1e-6)
         held, self._waiting = self._waiting, []
         for ticks, events in held:
             self._send(self._shift_ns, ticks, events)
 
     def report_lost(self, first: int, count: int) -> None:
         """Report records that did not arrive."""
-        log.warning("%d records from number %d on did not come: the streams have a hole", count, first)
+        log.warning("%d records from number %d on were not received: the streams have a gap", count, first)
         self._remark("lsl_lost", {"first": str(first), "count": str(count)})
 
     def take(self, ticks: NDArray[Any], events: list[EventRecord]) -> None:
@@ -135,7 +135,7 @@ class Outlets:
         self._waiting.append((ticks, events))
         waiting = sum(len(held) for held, _ in self._waiting)
         if waiting > MAX_WAITING:
-            log.warning("%d ticks are not sent: the server's clock is not known", waiting)
+            log.warning("%d ticks were not sent: the offset of the server's clock is unknown", waiting)
             self._remark("lsl_unsent", {"ticks": str(waiting)})
             self._waiting.clear()
 

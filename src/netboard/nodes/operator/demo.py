@@ -49,7 +49,7 @@ class End(Enum):
     """How the supervision of a block ends."""
 
     FINISHED = "all trials are done"
-    LEFT = "a player has left"
+    LEFT = "a player closed the window"
     FAILED = "interrupted, or a process has failed"
 
 
@@ -60,7 +60,7 @@ def run(config: Config, *, displays: bool = True, study: Sequence[str] = ()) -> 
     before the end; that is no failure.
     """
     if played_sides(config) and (trouble := why_no_windows(screen=True)):
-        raise NetboardError(f"a player needs a window, but {trouble}; without players: netboard demo")
+        raise NetboardError(f"playing needs a window, but {trouble}; without players: netboard demo")
     began = time.monotonic()
     directory = Path(config.recording.directory).resolve()
     with Stopping() as stopping:

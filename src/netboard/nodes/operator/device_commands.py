@@ -26,7 +26,7 @@ from netboard.devices.setup.loop import Driver, LoopClock, RealTime, watch
 
 console = Console(highlight=False)
 
-CONSENT = "the motors may push"
+CONSENT = "the motors may move the stylus"
 """Confirmation that an operator types before a device is moved."""
 
 WARM_UP = 0.1
@@ -103,7 +103,7 @@ def identify(
 ) -> int:
     """Identify a device's mechanics, and write them to its profile unless a hand held it."""
     chirp = chirp or excitation.Chirp()
-    what = "held loosely" if held else "held by nobody, in the middle of its workspace"
+    what = "held loosely" if held else "with no hand on it, in the middle of its workspace"
     ask_consent(
         f"the stylus, {what}, up and down for {chirp.seconds:g} s with at most {chirp.max_force:g} N", yes, input
     )

@@ -48,8 +48,8 @@ class Gaps:
     def _end(self, known: int, seq: int) -> None:
         """End an interruption that began after the sample `known` with the sample `seq`.
 
-        The number of ticks alone does not tell which samples are missing: when a line that held back samples opens,
-        some of them can pass for new ones before the clock is known again. A restarted agent counts from 0.
+        The number of ticks alone does not determine which samples are missing: when a line that held back samples
+        opens, some of them can pass for new ones before the clock is known again. A restarted agent counts from 0.
         """
         first = seq - self._ticks - MARGIN - self._ticks // MARGIN
         first = max(0, min(first, known) if known < seq else first)

@@ -71,7 +71,7 @@ class LogPort:
         spill: Spill,
         clock: Callable[[], int] = now_ns,
     ) -> None:
-        self.trouble = ""  # why a trial that must be recorded cannot go on, or empty; set by `pump`
+        self.trouble = ""  # why a trial that must be recorded cannot continue, or empty; set by `pump`
         self.free_bytes = 0
         self.news: News = []
         self.store = RecordStore(capacity, spill, welcome, self.news)
@@ -237,7 +237,7 @@ class LogPort:
         if reason := self._router.forbids(hello.role, hello.side):
             raise WireError(reason)
         if name in (self.subscribers if hello.role == "logger" else self._loggers):
-            raise WireError(f"it has come as another than a {hello.role}")
+            raise WireError(f"it joined as another peer than a {hello.role}")
         if hello.role == "listener":
             self.subscribers.greet(name, hello, self.store.welcome_of(self.ring.next), now_ns)
             return

@@ -22,7 +22,8 @@ MARGIN = 4096
 """Records are spilled this many before the ring drops them, at most a quarter of the ring [1]."""
 
 FULL_SHARE = 0.8
-"""Share of the ring held by nobody else at which a trial stops, if the spill takes nothing [1]."""
+"""Share of the ring, filled with records that are stored nowhere else, at which a trial stops if the spill accepts none
+[1]."""
 
 
 class RecordStore:
@@ -62,7 +63,7 @@ class RecordStore:
         """Records not known to be on a logger's disk, and where they are; empty if none. Valid once `closed`."""
         if self.backlog == 0:
             return ""
-        said = f"{self.backlog} records are not known to be on disk: no logger took them"
+        said = f"{self.backlog} records may not be on disk: no logger confirmed them"
         held = self._spill.held
         if not held:
             return said + (f"; {self._spill.trouble}" if self._spill.trouble else "")
@@ -115,7 +116,7 @@ class RecordStore:
     def report_lost(self, first: int, count: int) -> None:
         """Report records that a logger cannot be given, with the cause."""
         acknowledged = first + count <= self.ring.acknowledged
-        cause = "another logger has them on disk" if acknowledged else self._cause or self._spill.trouble
+        cause = "another logger has written them to disk" if acknowledged else self._cause or self._spill.trouble
         self._news.append(("log_lost", {"first": str(first), "count": str(count), "cause": cause}))
 
     def close(self) -> None:
@@ -130,7 +131,7 @@ class RecordStore:
     @property
     def _refusal(self) -> str:
         """Why the spill takes nothing now; empty if it does."""
-        return self._spill.refusal if self.needed else "no logger was there yet"
+        return self._spill.refusal if self.needed else "no logger was connected yet"
 
     def _watch_losses(self) -> None:
         """Report why the ring drops records that are nowhere else."""

@@ -200,8 +200,8 @@ class Delays:
         """Return the notice for an operator."""
         late = self._late[SIDES.index(side)]
         return (
-            f"the {side} hand's loop takes {_ms(late)}, more than the {_ms(self._allowed)} that are safe with what is "
-            f"coupled here: use a shorter or quieter network{self._hint}"
+            f"the {side} hand's loop takes {_ms(late)}, more than the {_ms(self._allowed)} that are stable with "
+            f"this virtual coupling: use a shorter or quieter network{self._hint}"
         )
 
 

@@ -1,9 +1,9 @@
 """A simulated participant behind the curtain: sees its station's views, feels its own hand, and decides.
 
 Rule 1: `netboard.stage.curtain.glimpse` says what it sees, at the server's view rate and one tick late. Rule 2: it
-infers the partner's height from the force only where the force tells it: where the hands feel the full board. Any other
-force pushes the hand, but carries no information. Rule 3: time is that of the ticks; randomness comes from the given
-generator.
+infers the partner's height from the force only where the force determines that height: with the full force of the
+board. Any other force pushes the hand, but carries no information. Rule 3: time is that of the ticks; randomness comes
+from the given generator.
 """
 
 from dataclasses import replace
@@ -30,14 +30,14 @@ _TICK, _TIME, _PHASE, _TRIAL = (_AT[name] for name in ("tick", "time_ns", "phase
 
 
 class SimulatedParticipant:
-    """One participant's eyes, sense of force and controller."""
+    """Perception and controller of one participant."""
 
     def __init__(
         self, config: Config, person: Participant, station: Side, sides: tuple[Side, ...], rng: np.random.Generator
     ) -> None:
         block = config.block
         controller = Controller(person, config.physics, config.task, sides, rng)
-        seen = replace(block, left="person", right="person")  # whoever moves a hand is shown the board, a robot too
+        seen = replace(block, left="person", right="person")  # a robot also sees the board
         curtain = pack_curtain(make_curtain(replace(config, block=seen)), station)
         view_ticks = ceil(1.0 / (TICK_SECONDS * config.network.view_rate_hz))
         timing = np.array([view_ticks, view_ticks // 2 if station == "right" else 0])
@@ -70,7 +70,7 @@ class SimulatedParticipant:
     def decide(self, words: NDArray[np.int64], force: float) -> NDArray[Any]:
         """Decide, at a multiple of `DECISION_TICKS`; return the new movements, an array of `MOVE`.
 
-        ``force``: vertical force that acts on the own hand from now on [N].
+        ``force``: vertical force that acts on this participant's hand from now on [N].
         """
         moves: NDArray[Any] = self.parts[-1]
         return moves[: self._decide(self.parts, words, force)]
@@ -99,7 +99,7 @@ def decide_in_tick(parts: Any, words: Any, force: float) -> int:
 
 @kernel
 def scale_in(parts: Any, words: Any) -> float:
-    """Return the factor by which to multiply the force on the hand; 0 where it tells nothing [1]."""
+    """Return the factor of the force on the hand; 0 if the force carries no information on the partner [1]."""
     scales, catch, trial = parts[6], parts[7], words[_TRIAL]
     if len(scales) == 0 or not is_active(words[_PHASE]):
         return 0.0

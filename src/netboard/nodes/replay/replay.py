@@ -16,7 +16,7 @@ def print_events(path: Path, speed: float, stopping: Callable[[], bool], say: Ca
     with Recording(path) as recording:
         events = recording.events()
     if not events:
-        say("nothing happened in this recording")
+        say("this recording contains no events")
         return
     first_ns, begin_ns = events[0].time_ns, now_ns()
     for event in events:

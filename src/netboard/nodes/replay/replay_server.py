@@ -100,8 +100,8 @@ class ReplayServer:
         motion = sockets.motion_server(context, where.listen(channels.MOTION))
         records = sockets.log_server(context, where.listen(channels.LOG))
         self._closed = (
-            ClosedPort(motion, f"{what}: it exerts no force, and takes no agent"),
-            ClosedPort(records, f"{what}: there is nothing to record"),
+            ClosedPort(motion, f"{what}: it has no forces, so no agent can connect"),
+            ClosedPort(records, f"{what}: it has no records for a logger"),
         )
         self._waiter = poller.Waiter([control.socket])
 
@@ -155,7 +155,7 @@ class ReplayServer:
         """Carry out an order; return whether it succeeded, and what to say."""
         now, state = now_ns() * 1e-9, self.state
         if order.name == "take":
-            return True, "everybody may command a replay"
+            return True, "every operator may command a replay"
         try:
             state.playback = run_command(state.playback, state.reel, now, order)
         except NetboardError as error:

@@ -100,7 +100,7 @@ class SessionAnswers:
 
 
 def plan_of(config: Config) -> dict[str, Any]:
-    """Return the fields of a `Status` that tell which session and block this is."""
+    """Return the fields of a `Status` that identify session and block."""
     session, block = config.session, config.block
     return {
         **{name: getattr(session, name) for name in ("name", "dyad", "study", "pilot", "consent")},

@@ -230,7 +230,7 @@ class Attempts:
             why_not = self._repeats.why_not_ask(trial, present)
         else:
             trial = int(argument or self._repeats.newest(present))
-            why_not = self._repeats.why_not_veto(trial, present) if trial else "no repeat is to come in this block"
+            why_not = self._repeats.why_not_veto(trial, present) if trial else "no repeat is pending in this block"
         if why_not:
             raise NetboardError(why_not)
         if command == "repeat":

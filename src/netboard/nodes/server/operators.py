@@ -126,7 +126,7 @@ class Operators:
             case "next" if now.last:
                 return Decision(False, "cannot continue to the next block: this is the last one")
             case "next" if now.phase in (*_UNDER_WAY, Phase.SUCCEEDED, Phase.FAILED):
-                return Decision(False, "cannot give up the block in a trial: pause first")
+                return Decision(False, "cannot abandon the block in a trial: pause first")
         return Decision(True)
 
     def _pause_after(self, now: Situation) -> Decision:
@@ -159,7 +159,7 @@ def form_of(text: str, known: Session) -> Session:
     """
     form = check(Session, asdict(known) | _object(text, "the form"), ("session",))
     if not form.ready:
-        raise ConfigError("both participants have to give their consent, or the session has to be a pilot run")
+        raise ConfigError("without the consent of both participants, only a pilot run is possible")
     return form
 
 

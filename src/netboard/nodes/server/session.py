@@ -78,7 +78,7 @@ class Session:
         self._blocks = BlockChanges(state)
         self._requests = OperatorRequests(state, self._blocks)
         self._answers = SessionAnswers(state)
-        self.records = RecordKeeping(state)  # tells whether the session is ending, is over, and has everything on disk
+        self.records = RecordKeeping(state)  # knows whether the session is ending, is over, and has everything on disk
         self._motion, self._control, self._log = state.ports.motion, state.ports.control, state.ports.log
         self._clock = state.clock
         self.files = state.ports.files
@@ -261,7 +261,7 @@ class Session:
 
     @property
     def _can_run_in_one_call(self) -> bool:
-        """Whether the next tick can be run in one call if nothing is the matter with its samples.
+        """Whether the next tick can be run in one call if its samples are in order.
 
         While no forces are sent, every `HEARTBEAT_TICKS` the supervisor is asked, and heartbeats are sent.
         """
@@ -323,7 +323,7 @@ class Session:
         words[places, _TIME] = due_ns + (numbers - first) * TICK_NS
 
     def _advance_idle(self, first: int, count: int) -> None:
-        """Compute and log some ticks; without an event there is nothing else to do."""
+        """Compute and log some ticks; only an event requires more work."""
         state = self._state
         state.block.stage.advance(state.stage, state.rows, first, count)
         words = state.words[np.arange(first, first + count) % RING_ROWS]

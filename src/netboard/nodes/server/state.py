@@ -144,7 +144,7 @@ class SessionState:
         return self.ports.log.trouble if self.block.config.network.require_logger else ""
 
     def update_arming(self, events: list[Event]) -> None:
-        """Record the events of an emergency stop; the next heartbeat tells the devices."""
+        """Record the events of an emergency stop; the next heartbeat carries it to the devices."""
         self.ports.motion.may_arm = self.operators.armed and not self.emergency_stop.halted
         for name, details in events:
             self.note(name, details)

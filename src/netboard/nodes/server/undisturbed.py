@@ -1,9 +1,9 @@
 """Undisturbed ticks, in one compiled call from waiting for samples to the sent forces.
 
 A force waits for whatever the loop does first, and in a loop that sleeps most of the time a few lines of Python take 10
-us. While nothing is the matter, several ticks in a row need no Python. It follows when something else is due: records
-for the loggers, views, heartbeats, a message other than a sample. Anything out of the ordinary (in a trial: a missing
-sample, a device that is not armed; an operator's command, a robot partner) is handled by
+us. While a block runs undisturbed, several ticks in a row need no Python. Python takes over when other work is due:
+records for the loggers, views, heartbeats, a message other than a sample. Disturbed ticks (in a trial: a missing
+sample, a device that is not armed; an operator's command, a robot partner) are handled by
 `netboard.nodes.server.session`, which does the same steps one by one.
 """
 
@@ -24,7 +24,7 @@ from netboard.nodes.server.tick_clock import CATCH_UP_TICKS, EARLIEST_NS
 from netboard.stage.stage import Stage
 
 ALL_FINE = 3 * (samples.LIVE | samples.ARMED)
-"""What `netboard.nodes.ports.samples.fill` finds while nothing is the matter."""
+"""Result of `netboard.nodes.ports.samples.fill` for samples that are in order."""
 
 IN_TRIAL = (3 * (samples.LIVE | samples.ARMED | samples.STOPPED | samples.TRIPPED), ALL_FINE)
 WAITING = (3 * (samples.STOPPED | samples.TRIPPED), 0)
@@ -47,7 +47,7 @@ RUN = np.dtype(
         ("wake_ns", "<i8"),  # when it can begin, if no sample arrives first [ns]
         ("late_ns", "<i8"),  # how long after its deadline the newest tick began [ns]
         ("late_ticks", "<i8"),  # deadline misses
-        ("found", "<i8"),  # what the samples of the newest tick tell (`netboard.nodes.ports.samples.fill`)
+        ("found", "<i8"),  # result of `netboard.nodes.ports.samples.fill` for the newest tick
     ]
 )
 """A run of undisturbed ticks."""
@@ -79,7 +79,7 @@ def _wake(agents: Any, due_ns: int) -> int:
 
 
 def _run(motion: Any, stage: Any, run: Any, delay: int, timeout_ns: int) -> int:
-    """Run ticks while nothing is the matter with their samples, and send both forces of each.
+    """Run ticks while their samples are in order, and send both forces of each.
 
     ``motion``, ``stage``: as in `run_of`. Returns why it returns.
     """

@@ -1,1 +1,7 @@
-"""Arithmetic for kernels: strict sine and cosine, states as tuples, SIMD lanes."""
+"""Arithmetic for kernels: strict sine and cosine, states as tuples, SIMD lanes.
+
+Parameters
+----------
+lanes, one, other : lanes
+    A vector register of floats, in any unit.
+"""

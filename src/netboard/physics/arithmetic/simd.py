@@ -120,24 +120,12 @@ def _intrinsic(name: str) -> Callable[..., Any]:
 
 
 def larger(one: Any, other: Any) -> Any:
-    """Return the larger of two in each lane, as ``max(one, other)`` does.
-
-    Parameters
-    ----------
-    one, other : lanes
-        Some numbers.
-    """
+    """Return the larger of two in each lane, as ``max(one, other)`` does."""
     return np.where(other > one, other, one)
 
 
 def smaller(one: Any, other: Any) -> Any:
-    """Return the smaller of two in each lane, as ``min(one, other)`` does.
-
-    Parameters
-    ----------
-    one, other : lanes
-        Some numbers.
-    """
+    """Return the smaller of two in each lane, as ``min(one, other)`` does."""
     return np.where(other < one, other, one)
 
 
@@ -148,8 +136,6 @@ def where_within(lanes: Any, low: Any, high: Any, inside: Any, outside: Any) -> 
 
     Parameters
     ----------
-    lanes : lanes
-        Some numbers.
     low, high : lanes
         The bounds of each, which are inside, in the unit of the lanes.
     inside, outside : lanes
@@ -338,8 +324,6 @@ def lane(lanes: Any, i: int) -> float:
 
     Parameters
     ----------
-    lanes : lanes
-        Some numbers.
     i : int
         Which; a compile-time constant [1].
     """
@@ -351,8 +335,6 @@ def spread(lanes: Any, i: int) -> Any:
 
     Parameters
     ----------
-    lanes : lanes
-        Some numbers.
     i : int
         Which; a compile-time constant [1].
     """
@@ -377,8 +359,6 @@ def within(lanes: Any, bound: float) -> bool:
 
     Parameters
     ----------
-    lanes : lanes
-        Some numbers.
     bound : float
         The largest magnitude, in the unit of the lanes [1].
     """

@@ -1,9 +1,9 @@
 """Sine and cosine that give the same bits everywhere.
 
 The C library's own differ between libraries, versions and processors, and a recording must verify to the bit on any
-machine. These use nothing but IEEE additions, multiplications and comparisons, in one fixed order, and are good to
-1 ulp up to `MAX_ANGLE`. Beyond it an angle has too few digits left to reduce exactly, and the result is NaN, as it
-is for what is not finite; nothing here raises.
+machine. These use nothing but IEEE additions, multiplications and comparisons, in one fixed order, and are good to 1
+ulp up to `MAX_ANGLE`. Beyond it an angle has too few digits left to reduce exactly, and the result is NaN, as it is for
+infinite and NaN angles; nothing here raises.
 
 The polynomials and the reduction are those of fdlibm (``k_sin.c``, ``k_cos.c``, ``e_rem_pio2.c``, in the order of
 FreeBSD's msun, whose chains of operations are shorter):

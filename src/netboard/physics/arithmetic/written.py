@@ -68,4 +68,4 @@ def listed(terms: Sequence[str]) -> str:
 
 
 _OPERATIONS = {f.__name__: f for f in (lanes_at, lane, spread, gathered, within, applied)}
-"""What such a text may use."""
+"""Names that such a text may use."""

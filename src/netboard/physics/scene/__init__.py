@@ -1,1 +1,1 @@
-"""What is simulated: parameters, equations of motion, force conditions, energy, closed forms."""
+"""The simulated scene: parameters, equations of motion, force conditions, energy, closed forms."""

@@ -47,34 +47,34 @@ README = f"""\
 
 BIDS has no rule for two people at once. Here:
 
-- each is a subject of their own, `sub-<pseudonym>`, or `sub-<dyad><A or B>` where none was given;
-- both have the same session label, `ses-<dyad><session>`, which nobody else has;
-- a run is one recording, which is one block or a part of it, and runs are counted over both people: files of two
-  subjects with equal session and run are the same moments, row by row, on one clock (the server's), with equal
-  `acq_time` and equal `latency`;
-- each has the own stylus and its forces, as each saw the own stylus only, and the board and the ball, which both saw.
-  The partner's are in the partner's file;
-- who belongs together is in each `*_sessions.tsv`, and for the whole dataset in `docs/dyads.tsv`.
+- each participant is a subject, `sub-<pseudonym>`, or `sub-<dyad><A or B>` if no pseudonym was given;
+- both have the same session label, `ses-<dyad><session>`, which no other subject has;
+- a run is one recording: a block, or a part of one. Runs are counted over both participants. Files of two subjects with
+  equal session and run cover the same time, row by row, on one clock (the server's), with equal `acq_time` and equal
+  `latency`;
+- each file contains the subject's own stylus with its forces, and the board and the ball: what this participant held
+  and saw. The partner's stylus is in the partner's file;
+- each `*_sessions.tsv` names the partner, and `docs/dyads.tsv` lists all dyads.
 
-A run of one person only is a block that this person did with both hands, or with a robot or a still hand at the other
-end; `*_scans.tsv` says which, and has the condition of each run.
+A run of one person alone is a block performed with both hands, or with a robot or a still hand at the other end;
+`*_scans.tsv` says which, and has the condition of each run.
 
 ## The data
 
-1000 rows a second, one for each tick of the server. A position is that of the newest sample when the tick began, so
-it may be a millisecond or two older than its row, and repeated if none came (`*_sample` has its number, `*_fresh`
-whether it counted). Forces have no type of their own in BIDS; they are MISC channels in N, as are the virtual board
-and ball. `*_force_rendered` is n/a where nobody knows what the device rendered: before its program had joined, and
-where that could not be heard and did not tell later. `RenderedForceUnknownRows` in the sidecar counts the latter.
-Positions: {FRAME_TEXT}.
+There are 1000 rows a second, one for each tick of the server. A position is that of the newest sample when the tick
+began. It may be a millisecond or two older than its row, and is repeated if no new sample arrived (`*_sample` is the
+number of the sample, `*_fresh` whether it is valid). BIDS has no channel type for forces: they are MISC channels in N,
+as are the virtual board and ball. `*_force_rendered` is n/a where the rendered force is unknown: before the device's
+agent had joined, and where the agent was disconnected and did not report it later. `RenderedForceUnknownRows` in the
+sidecar counts the rows of the second kind. Positions: {FRAME_TEXT}.
 
-Where ticks are missing, rows are missing: `latency` tells. Numbers have as many digits as float64 needs to read back
-the same. `sourcedata` has the configuration of each recording: every size, mass, stiffness and rule.
+Where ticks are missing, rows are missing (see `latency`). Numbers have the fewest digits that read back as the same
+float64. `sourcedata` has the configuration of each recording: every size, mass, stiffness and rule.
 
 ## To be filled in
 
-What netboard does not know: `Authors` and `License` in `dataset_description.json`, ages and sexes in
-`participants.tsv`, the institution in the motion sidecar at the top.
+netboard does not know `Authors` and `License` in `dataset_description.json`, ages and sexes in `participants.tsv`, and
+the institution in the motion sidecar at the top level.
 """
 
 _MOTION = {
@@ -109,8 +109,8 @@ _UNITS = {"completion_time": "s", "force_delay_ms": "ms"}
 _EVENTS = {
     "trial_type": {
         "Description": (
-            "Two kinds last: levelling and attempt cover exactly the rows of their phases. The others are at the row "
-            "that decided them, the last of the phase before"
+            "Events of the types levelling and attempt have a duration: they cover the rows of their phase. All "
+            "others are instants, at the row that caused them, the last of the previous phase"
         ),
         "Levels": {
             "levelling": "the ball is fixed opposite the target, until the board is level",
@@ -127,21 +127,21 @@ _EVENTS = {
 
 _SCAN_TEXTS = {
     "block": "number of the block in the plan, from 1",
-    "part": "number of the file within its block, from 1: a restarted logger begins another",
-    "label": "what people called the block",
+    "part": "number of the file within its block, from 1; a restarted logger begins a new file",
+    "label": "label of the block",
     "kind": "kind of block, as in the study",
-    "role": "what its trials are for: practice, familiarisation, baseline or test",
+    "role": "purpose of its trials: practice, familiarisation, baseline or test",
     "configuration": "dyadic: two people with one hand each; bimanual: one person with both hands",
-    "stylus": "whose stylus, left or right, or both, the subject moved",
+    "stylus": "stylus that the subject moved: left, right, or both",
     "force": f"force condition: {FORCE_WORDS}",
     "force_scale": "factor of the haptic feedback",
     "force_delay_ms": "delay of the haptic feedback",
     "catch_trials": "numbers of the trials without haptic feedback",
     "other_hand": "who moves the other end of the board: a subject, own (the other hand), still, or robot",
     "device": "netboard's name for the kind of device",
-    "simulated": "true: the movements are those of a simulated person",
+    "simulated": "true: the movements are those of a simulated participant",
     "pilot": "true: a pilot run",
-    "ended": "how the recording ended: complete if as planned",
+    "ended": "how the recording ended: complete, if as planned",
     "recording": "file that it was exported from",
 }
 
@@ -149,22 +149,22 @@ _PERSON_TEXTS = {
     "age": {"Description": "age of the participant; not known to netboard", "Units": "year"},
     "sex": {"Description": "sex of the participant; not known to netboard"},
     "handedness": {"Description": "dominant hand, as entered in the session's form"},
-    "simulated": {"Description": "true: no person; all movements are those of a simulated one"},
+    "simulated": {"Description": "true: a simulated participant, not a person"},
 }
 
 _DYAD_TEXTS = {
     "dyad": "pseudonym of the dyad",
-    "session_id": "label of the session, which both participants have",
-    "session_name": "what the session was called",
+    "session_id": "label of the session, shared by both participants",
+    "session_name": "name of the session",
     "study": "name of the study",
     "participant_a": "participant A; n/a if A was in no run",
     "participant_b": "participant B; n/a if B was in no run",
-    "runs": "number of runs, of one or both",
+    "runs": "number of runs of either or both participants",
 }
 
 _SESSION_TEXTS = {
     "dyad": "pseudonym of the dyad",
-    "session_name": "what the session was called",
+    "session_name": "name of the session",
     "partner": "the other participant, who has a session of the same label; n/a if in no run",
 }
 

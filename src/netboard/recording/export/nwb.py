@@ -46,7 +46,7 @@ _UNKNOWN_AGE = "P0D/"
 """Age range for archives that require an age: netboard does not record it, so any age from birth."""
 
 _COLUMNS = {
-    "levelling_time": "when the levelling before it began [s]",
+    "levelling_time": "start of the levelling before the attempt [s]",
     **ATTEMPT_TEXTS,
     "condition": "configuration of the block, and its force condition",
     "force_scale": "factor of the haptic feedback [1]",
@@ -54,7 +54,7 @@ _COLUMNS = {
 }
 """Columns of the trials table, besides start (the release of the ball) and stop."""
 
-_EVENTS = "What changed the phase of a trial, at the tick that decided it. " + "; ".join(
+_EVENTS = "Changes of the phase of a trial, at the tick that caused them. " + "; ".join(
     f"{name}: {text}" for name, text in HAPPENED_TEXTS.items()
 )
 """Description of the events table."""
@@ -141,7 +141,7 @@ class Layout:
         model = self.file.create_device_model(
             name=f"{device.side} {device.model or device.backend}",
             manufacturer=device.maker or "unknown",
-            description=f"Haptic device that netboard talks to with its backend {device.backend}",
+            description=f"Haptic device, driven by netboard's backend {device.backend}",
         )
         self.file.create_device(
             name=f"{device.side} stylus",

@@ -77,7 +77,7 @@ _RECORDING = Field("recording", "string", "name of the recording", "")
 _TIME = Field("time", "number", "server time since the first tick of the recording", "s")
 _NUMBER = "number of the attempt in the recording, from 1, as in trials"
 
-MISSING = "a number that does not exist is NaN; a text that does not exist is empty"
+MISSING = "a missing number is NaN; a missing text is empty"
 """Representation of missing values in all tables."""
 
 
@@ -121,7 +121,7 @@ TICKS = Table(
     (
         _RECORDING,
         _TIME,
-        Field("number", "integer", f"{_NUMBER}, levelling included; 0 between attempts", "1"),
+        Field("number", "integer", f"{_NUMBER}, including levelling; 0 between attempts", "1"),
         Field("since_release", "number", "time since the ball was released; NaN unless it is free", "s"),
         *CHANNELS[0].columns,
     ),
@@ -301,12 +301,12 @@ RECORDINGS = Table(
     "one recording",
     (
         _RECORDING,
-        Field("file", "string", "name of its file", ""),
+        Field("file", "string", "file name of the recording", ""),
         Field("sha256", "string", "SHA-256 of that file", ""),
         *(Field(name, "string", text, "") for name, text in _SAID.items()),
-        Field("ended", "string", "how it ended, complete if as planned; empty if it was recovered", ""),
+        Field("ended", "string", "how the recording ended: complete, if as planned; empty if it was recovered", ""),
         Field("origin_ns", "integer", "server time of its first tick, the zero of time", "ns"),
-        Field("metadata", "string", "all of its metadata, as a JSON object", ""),
+        Field("metadata", "string", "all metadata of the recording, as a JSON object", ""),
     ),
     _recordings,
 )

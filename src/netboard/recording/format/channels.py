@@ -112,7 +112,7 @@ _SAFEGUARDS = f"sum of {_numbered(Safeguard)}"
 _TICK_TEXTS: dict[str, tuple[str, str]] = {
     "tick": ("number of the tick, from 0", "1"),
     "time_ns": ("nominal server time of the tick", "ns"),
-    "command": ("an operator's command or a fault, coded as event is", "1"),
+    "command": ("an operator's command or a fault, coded like event", "1"),
     "z": ("height of the board's centre at the start of the tick", "m"),
     "vz": ("rate of z", "m/s"),
     "theta": ("tilt of the board, + = right end up", "rad"),
@@ -132,7 +132,10 @@ _TICK_TEXTS: dict[str, tuple[str, str]] = {
     "extra": ("trials that operators have added to the block", "1"),
     "block_ticks": ("ticks that the block has taken, without pauses", "1"),
     "event": (f"what changed the phase at this tick: {_numbered(Cause)}", "1"),
-    "late_ns": ("how late the tick began; negative: before its deadline, all samples being there", "ns"),
+    "late_ns": (
+        "start of the tick after its deadline; negative: before the deadline, because all samples had arrived",
+        "ns",
+    ),
 }
 
 _SIDE_TEXTS: dict[str, tuple[str, str]] = {
@@ -141,23 +144,26 @@ _SIDE_TEXTS: dict[str, tuple[str, str]] = {
     "stamp_ns": ("when that sample was read, server time", "ns"),
     "sent_z": ("height of the {} stylus as sent", "m"),
     "sent_vz": ("rate of sent_z", "m/s"),
-    "other": ("force on a {} hand in another session, which is felt where unrelated forces are; else 0", "N"),
+    "other": ("force on the {} hand in another session, commanded in the condition unrelated; else 0", "N"),
     "z": ("height of the {} stylus as last used, part of the state", "m"),
     "seen_ns": ("when the newest {} sample was read, 0 before the first, part of the state", "ns"),
     "seen_vz": ("rate of the {} stylus in it, part of the state", "m/s"),
-    "az": ("its change since the sample before, over the time between; 0 if they are far apart", "m/s2"),
+    "az": ("change of that rate since the previous sample over the time between them; 0 if they are far apart", "m/s2"),
     "used_z": ("height of the {} stylus used: extrapolated to the tick and clipped", "m"),
     "used_vz": ("rate used with it", "m/s"),
-    "used_az": ("acceleration used with it, kept through the tick", "m/s2"),
+    "used_az": ("acceleration used with it, constant during the tick", "m/s2"),
     "coupling": ("force of the {} coupling on the board, + = up", "N"),
-    "force": ("force to be felt by the {} hand, + = up; told [block] force_delay_ms later; 0 where nothing is", "N"),
+    "force": (
+        "commanded force on the {} hand, + = up, before the delay [block] force_delay_ms; 0 if none is commanded",
+        "N",
+    ),
     "x": ("{} stylus, out of the screen, as sent", "m"),
     "y": ("{} stylus, to the right, as sent", "m"),
-    "rendered": ("vertical force the {} agent last handed to its device, + = up; NaN where that is not known", "N"),
-    "safeguards": (f"what the {{}} agent's safety chain did: {_SAFEGUARDS}", "1"),
+    "rendered": ("vertical force that the {} agent last wrote to its device, + = up; NaN where it is unknown", "N"),
+    "safeguards": (f"actions of the {{}} agent's safety chain: {_SAFEGUARDS}", "1"),
     "buttons": ("bit mask of the pressed buttons of the {} stylus", "1"),
-    "loop_ns": ("{} stylus read to rendering of the answer to it, 0 for none yet", "ns"),
-    "lead_ns": ("how long before the deadline of a tick the {} sample arrived", "ns"),
+    "loop_ns": ("time from reading the {} stylus to rendering the force computed from it; 0: none yet", "ns"),
+    "lead_ns": ("time from the arrival of the {} sample to the deadline of a tick", "ns"),
 }
 
 
@@ -195,7 +201,7 @@ _EVENT_FIELDS = (
     Field("tick", "integer", "tick at which it took effect, -1 for none", "1"),
     Field("time_ns", "integer", "server time (on /logger: log time)", "ns"),
     Field("name", "string", "what happened, in snake case", ""),
-    Field("details", "texts", "anything worth knowing", ""),
+    Field("details", "texts", "details of the event, by name", ""),
 )
 
 TICK_FIELDS = tuple(_tick_field(name) for name in TICK.names or ())
@@ -216,18 +222,18 @@ CHANNELS = (
     Channel(
         "/ticks",
         "netboard.Ticks",
-        "ticks, each with all that went into it, the state it found, what came out and what the server noted beside it",
-        "number of the first tick in it",
+        "ticks, each with its inputs, the state before it, its outputs, and service data of the server",
+        "number of the first tick in the batch",
         "nominal server time of that tick",
         (
-            Field("first", "integer", "number of the first tick in it", "1"),
+            Field("first", "integer", "number of the first tick in the batch", "1"),
             Field("time_ns", "integer", "nominal server time of that tick", "ns"),
-            Field("count", "integer", "ticks in it", "1"),
-            Field("constants", "numbers", "numbers of the block for the predictions, in the schema's order", ""),
+            Field("count", "integer", "number of ticks in the batch", "1"),
+            Field("constants", "numbers", "constants of the block that the predictions use, in the schema's order", ""),
             Field(
                 "columns",
                 "bytes",
-                "their columns, one after the other, predicted, differenced, folded, each as eight planes of bytes",
+                "columns of the ticks in order: predicted, differenced, folded, each as eight byte planes",
                 "",
             ),
         ),
@@ -236,7 +242,7 @@ CHANNELS = (
     Channel(
         "/event",
         "netboard.Event",
-        "something happened",
+        "an event of the session",
         "number of the event",
         "server time of the event",
         _EVENT_FIELDS,
@@ -249,7 +255,7 @@ CHANNELS = (
         "t3_ns",
         (
             Field("seq", "integer", "number of the probe, from 0", "1"),
-            Field("peer", "string", "agent.left and so on; of the second connection of such a peer agent.left#2", ""),
+            Field("peer", "string", "name of the peer, such as agent.left; agent.left#2 for its second connection", ""),
             Field("t0_ns", "integer", "sent by the server, server time", "ns"),
             Field("t1_ns", "integer", "received by the peer, its own time", "ns"),
             Field("t2_ns", "integer", "sent by the peer, its own time", "ns"),
@@ -262,7 +268,7 @@ CHANNELS = (
     Channel(
         "/frame",
         "netboard.Frame",
-        "one frame that a display has shown",
+        "one frame that a display has painted",
         "number of the frame at its station",
         "painted_ns",
         (
@@ -277,7 +283,7 @@ CHANNELS = (
     Channel(
         "/logger",
         "netboard.Remark",
-        "what the logger itself has to say, above all about records it never got",
+        "log messages of the logger itself, above all on records that it did not receive",
         "number of the remark, from 0",
         "log time",
         _EVENT_FIELDS,
@@ -285,7 +291,7 @@ CHANNELS = (
     Channel(
         "/plot",
         "netboard.Plot",
-        f"one tick in {PLOTTED_EVERY}, for viewers, in single precision: nothing that is not in /ticks too",
+        f"one tick in {PLOTTED_EVERY}, for viewers, in single precision; /ticks contains all of it",
         "number of the tick",
         "nominal server time of the tick",
         PLOTTED,
@@ -293,7 +299,7 @@ CHANNELS = (
     Channel(
         "/backfill",
         "netboard.Backfill",
-        "what an agent rendered while its samples did not arrive, as it told after the interruption",
+        "forces that an agent rendered while its samples did not arrive, as reported after the interruption",
         "number of the record",
         "stamp of its first row, server time",
         (

@@ -197,7 +197,7 @@ class PartFile:
         self._file.close()
         if astray == _MOVED:
             raise RecordingError(
-                f"{self.part}: {astray} while it was being written; the file is complete, wherever it is now"
+                f"{self.part}: {astray} while it was being written; the file itself is complete at its new place"
             )
         with _disk(self.part):
             publish(self.part, self.path)

@@ -1,4 +1,4 @@
-"""Predictions of columns by other columns of the same batch; a batch stores by how much they are wrong.
+"""Predictions of columns by other columns of the same batch; a batch stores the prediction errors.
 
 Much of a tick follows from the rest of it: the extrapolated stylus from its sample, the coupling force from stylus and
 board, velocities from neighbouring positions, the state before a tick from the tick before. `PREDICTIONS` states how,

@@ -130,7 +130,7 @@ def _check(table: NDArray[np.float64], path: Path) -> None:
             row, name = int(far[0]), HAND_COLUMNS[column]
             raise ConfigError(
                 f"{_at(path, row, column)}: found {table[row, column]:g}, expected at most {limit:g} "
-                f"{UNITS[name]} either way: are these {unit}?"
+                f"{UNITS[name]} in each direction: are these {unit}?"
             )
 
 

@@ -82,8 +82,8 @@ def import_table(
     samples = read_samples(path, options.names, options.units, options.rate)
     if not options.simulate and not set(TASK) & samples.columns.keys():
         raise ConfigError(
-            f"{path}: has hands only, and nothing of a task ({', '.join(TASK)}): --simulate computes the board, the "
-            "ball and the trials from them"
+            f"{path}: contains hands only, and no column of the task ({', '.join(TASK)}): --simulate computes the "
+            "board, the ball and the trials from them"
         )
     try:
         ticks, columns, notes = _at_ticks(samples, options)
@@ -116,13 +116,13 @@ def _at_ticks(samples: Samples, options: ImportOptions) -> tuple[NDArray[np.int6
     if len(found) > 1:
         notes.append(f"{len(found) - 1} gaps of more than {options.gap:g} s, in which there is no sample")
     if alone := samples.time.size - sum(segment.stop - segment.first for segment in found):
-        notes.append(f"{alone} samples between gaps, too few to say how the hands moved, are left out")
+        notes.append(f"{alone} samples between gaps are left out, because they are too few to interpolate")
     if samples.left_out:
         notes.append(f"columns left out: {', '.join(samples.left_out)}")
     absent = [name for name, column in COLUMNS.items() if column.kind == "number" and name not in columns]
     absent = [name for name in absent if name not in ("time", "completion")]
     if absent and not options.simulate:
-        notes.append(f"not there, and NaN in the recording: {', '.join(absent)}")
+        notes.append(f"missing columns, NaN in the recording: {', '.join(absent)}")
     return ticks, columns, notes
 
 

@@ -254,8 +254,8 @@ def _check(portion: Portion, columns: Mapping[str, NDArray[Any]], newest: float)
     if back.size:
         before = time[back[0] - 1] if back[0] else newest
         raise ConfigError(
-            f"{portion.at(back[0])}, column time: found {time[back[0]]:.12g} s after {before:.12g} s, expected times "
-            "that increase: one line of time over all trials"
+            f"{portion.at(back[0])}, column time: found {time[back[0]]:.12g} s after {before:.12g} s, expected "
+            "increasing times: one time axis over all trials"
         )
     for name, values in columns.items():
         largest, meant = FARTHEST.get(COLUMNS[name].unit, (np.inf, ""))
@@ -263,7 +263,7 @@ def _check(portion: Portion, columns: Mapping[str, NDArray[Any]], newest: float)
         if far.size:
             raise ConfigError(
                 f"{portion.at(far[0])}, column {name}: found {values[far[0]]:g} {COLUMNS[name].unit}, expected at most "
-                f"{largest:g} either way; is it in another unit? (--unit {name}={meant})"
+                f"{largest:g} in either direction; is it in another unit? (--unit {name}={meant})"
             )
     return float(time[-1])
 

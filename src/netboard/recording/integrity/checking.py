@@ -2,8 +2,8 @@
 
 `complete`: the bytes are as written, no number is missing, times and clocks are plausible, the trials are as planned.
 `complete with listed losses`: data are missing, and the file itself lists them. `damaged`: the file has changed, was
-not finished, or contradicts itself. To tell what can be saved of a damaged file, it is recovered into a temporary
-folder. Nothing is written beside a recording.
+not finished, or contradicts itself. A damaged file is recovered into a temporary folder, to report what can be saved.
+Nothing is written beside a recording.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -181,7 +181,7 @@ def _replay(evidence: Evidence) -> Iterator[Finding]:
         text = f"tick {result.tick}, {result.field}: recorded {result.recorded!r}, computed {result.computed!r}"
         yield Finding(Severity.DAMAGE, f"not identical: {text}")
     elif not result.checked:
-        yield Finding(Severity.LOSS, "has no tick to compute again")
+        yield Finding(Severity.LOSS, "contains no ticks to recompute")
     else:
         times = result.checked * 1e-3 / evidence.seen.computing
         text = f"all {result.checked} ticks are identical to the bit, computed {times:.0f} times as fast as real time"
@@ -201,9 +201,9 @@ def _journal(evidence: Evidence) -> Iterable[Finding]:
 CHECKS = (
     Check(
         "numbers",
-        "Ticks, events, clock probes and log messages are in order, and every missing one is noted. There are as many "
-        "as the file says, and the numbers of the log channel add up from the first record to the end. Missing frames "
-        "are a loss: displays report them on a path that may lose messages.",
+        "Ticks, events, clock probes and log messages are in order, and every missing one is noted. Their counts are "
+        "those that the file states, and the numbers of the log channel are complete from the first record to the "
+        "last. Missing frames are a loss: displays report them on a channel that may lose messages.",
         check_numbers,
     ),
     Check(

@@ -86,11 +86,11 @@ def check_connection(
     """Check the clock of a peer by the probes of one connection."""
     impossible = sum(not is_possible(probe) for probe in probes)
     if impossible:
-        yield Finding(Severity.DAMAGE, f"{peer}: {impossible} probes have time stamps that are not possible")
+        yield Finding(Severity.DAMAGE, f"{peer}: {impossible} probes have impossible time stamps")
         return
     refuted = sum(contradicts(probe) for probe in probes)
     if refuted:
-        yield Finding(Severity.DAMAGE, f"{peer}: {refuted} of {len(probes)} estimates are refuted by their own probe")
+        yield Finding(Severity.DAMAGE, f"{peer}: {refuted} of {len(probes)} estimates contradict their own probe")
     back = sum(later.t3_ns < before.t3_ns for before, later in pairwise(probes))
     if back:
         yield Finding(Severity.DAMAGE, f"{peer}: {back} probes are earlier than the one before")
@@ -107,7 +107,7 @@ def _fitted(peer: str, probes: Sequence[ClockRecord]) -> Finding:
     widest = max(probe.bound_ns for probe in probes) * 1e-6
     words = f"{peer}: {len(probes)} probes, bound at most {widest:.2f} ms"
     if steps := stepped(probes):
-        text = f"{words}; {steps} of them contradict every plausible drift: its clock was stepped or set"
+        text = f"{words}; {steps} of them contradict every plausible drift: the clock was stepped or set"
         return Finding(Severity.LOSS, text)
     fits = [
         fit

@@ -33,7 +33,7 @@ def check_numbers(evidence: Evidence) -> Iterator[Finding]:
     yield from (Finding(Severity.DAMAGE, problem) for problem in problems)
     if not problems:
         words = ", ".join(f"{count} on {topic}" for topic, count in recording.counts.items() if count)
-        yield Finding(Severity.SOUND, f"in order: {words or 'no record at all'}")
+        yield Finding(Severity.SOUND, f"in order: {words or 'no records'}")
     yield from chain(_missing_frames(recording.frames()), _noted_losses(evidence))
 
 
@@ -41,7 +41,7 @@ def _wrong_totals(evidence: Evidence) -> Iterator[str]:
     """Compare the totals read with those in the file and with the log-channel numbers; yield the differences."""
     recording, read = evidence.recording, evidence.seen.count
     if read != recording.counts[TICKS]:
-        yield f"{read} ticks were read, and the file says it has {recording.counts[TICKS]}"
+        yield f"{read} ticks were read, but the file states {recording.counts[TICKS]}"
     end = recording.end
     if not {"records", "lost", "next_record"} <= end.keys() or recording.first_record is None:
         return
@@ -114,7 +114,7 @@ def lost_after(remarks: Sequence[EventRecord]) -> Counter[int]:
 def check_end(recording: Recording) -> Iterator[Finding]:
     """List what the whole file lacks: recovered, ended early, or computed instead of recorded."""
     if recording.recovery:
-        what = recording.recovery.get("damage") or "only what was not on disk yet"
+        what = recording.recovery.get("damage") or "only records that were not yet on disk"
         yield Finding(Severity.LOSS, f"recovered from {recording.recovery.get('source', '?')}; lost: {what}")
     ended = recording.end.get("ended", "")
     if ended != "complete" and not (recording.recovery and not ended):

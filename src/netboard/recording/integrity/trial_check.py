@@ -22,7 +22,7 @@ _ENDS = (Cause.LAST, Cause.STOP)
 def check_trials(config: Config, seen: Walk, listed: Sequence[Attempt], goes_on: bool) -> Iterator[Finding]:
     """Check the trials by the rules in the configuration."""
     if not seen.count:
-        yield Finding(Severity.LOSS, "has no ticks, so no trials")
+        yield Finding(Severity.LOSS, "contains no ticks, so no trials")
         return
     attempts = seen.attempts()
     problems = [
@@ -80,7 +80,7 @@ def _wrong_forces(block: Block, seen: Walk) -> Iterator[str]:
     if seen.force_where_none:
         catch = f" and catch trials {', '.join(map(str, block.catch))}" if block.catch else ""
         yield (
-            f'{seen.force_where_none} ticks have a force where there is none (condition "{block.force}"{catch}, '
+            f'{seen.force_where_none} ticks have a force where none is allowed (condition "{block.force}"{catch}, '
             "and between trials)"
         )
 

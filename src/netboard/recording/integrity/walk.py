@@ -91,8 +91,8 @@ class Evidence:
 def walk(portions: Iterable[NDArray[Any]], block: Block | None, stage: Stage | None = None) -> Walk:
     """Pass through the ticks.
 
-    ``block``: configuration of the block, which tells where forces are off; None if it is lost. ``stage``: stage of the
-    recording's configuration: recompute every tick and compare it bit for bit.
+    ``block``: configuration of the block, which states where forces are off; None if it is lost. ``stage``: stage of
+    the recording's configuration: recompute every tick and compare it bit for bit.
     """
     seen = Walk()
     verifier = None if stage is None else Verifier(stage)

@@ -85,7 +85,7 @@ class Journal:
         except OSError as error:
             raise RecordingError(f"{path}: cannot be opened: {error.strerror or error}") from error
         if lines.torn:
-            log.warning("%s: its last line is incomplete and is left out: %r", path, lines.torn)
+            log.warning("%s: its last line is incomplete and is ignored: %r", path, lines.torn)
         return cls(path, handle, lines.sound, len(lines.entries)), lines.header, lines.entries, lines.torn
 
     def append(self, entry: Entry) -> None:

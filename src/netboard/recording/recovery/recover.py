@@ -107,7 +107,7 @@ def recover(path: Path, output: Path | None = None) -> Report:
     target = output or recovered_path(path)
     with mapped(path) as data:
         if data[: len(MAGIC)] != MAGIC:
-            raise RecordingError(f"{path}: not an MCAP file; there is nothing to recover")
+            raise RecordingError(f"{path}: not an MCAP file, so it cannot be recovered")
         chunks = list(_find_chunks(data))
         metadata, config, damage, finished = _survey(data, chunks)
         found = metadata.setdefault(METADATA, {})

@@ -155,7 +155,7 @@ class Spill:
             self._wake([])
 
     def close(self, rest: Iterable[LogBatch] | None = None) -> None:
-        """Complete the file; no records may be stored or requested afterwards. `closed` tells when it is done.
+        """Complete the file; no records may be stored or requested afterwards. `closed` is true when it is done.
 
         ``rest``: last records to store; the thread takes them at its own pace.
         """

@@ -42,7 +42,7 @@ class LoadedRecording:
     def __init__(self, material: RecordingData) -> None:
         self.name, self.text, ticks = material.name, material.config_text, material.ticks
         if not len(ticks):
-            raise RecordingError(f"{self.name}: has no ticks to show")
+            raise RecordingError(f"{self.name}: contains no ticks to show")
         self.config: Config = parse(self.text, self.name)
         self.curtain = make_curtain(self.config)
         self.ticks, self.times = ticks, seconds(ticks)

@@ -61,7 +61,7 @@ class Evidence:
     load_age: int = LONG_AGO  # ticks since a block began, or an agent joined
     away: bool = False
     missing: Side | None = None  # the side whose sample was missing, the one that was later
-    out_of_step: bool = False  # it missed its tick although it came less late than samples usually come early
+    out_of_step: bool = False  # it missed its tick by less than the usual lead of samples
     both_missing: bool = False  # the other side's sample was missing too, for at least half as long
     missing_ns: int = 0  # how much later than usual its next sample arrived
     read_late_ns: int = 0  # how much of that was read late

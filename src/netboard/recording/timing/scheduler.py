@@ -85,7 +85,7 @@ def table(found: Trace, switches: list[ContextSwitch], most: int) -> FittedTable
         began_ns = int(stamps.began_ns[row])
         took = ran_instead(switches, began_ns - int(stamps.late_ns[row]), began_ns)
         told = "not in the trace" if took is None else ", ".join(_duration_text(*pair) for pair in took.most_common(5))
-        shown.add_row(str(stamps.tick[row]), f"{stamps.late_ns[row] * MS:.3f}", told or "none: the core was asleep")
+        shown.add_row(str(stamps.tick[row]), f"{stamps.late_ns[row] * MS:.3f}", told or "none: the core was idle")
     return shown
 
 

@@ -89,8 +89,8 @@ class Factor:
     order: Annotated[
         Literal["alternate", "latin", "random", "between", "trial"],
         about(
-            "how its levels follow each other: in turn, in rows of a balanced latin square, each once in a random "
-            "order and so on, one level for a whole dyad, or drawn trial by trial within each block"
+            "order of its levels: in turn, in rows of a balanced Latin square, in a new random order each time, one "
+            "level for a whole dyad, or drawn trial by trial within each block"
         ),
     ] = "alternate"
     type: (
@@ -147,7 +147,7 @@ class Questionnaire:
     """A questionnaire that the operator is reminded of."""
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
-    text: Annotated[str, about("text or web address that the operator sees", min_length=1)]
+    text: Annotated[str, about("text or web address for the operator", min_length=1)]
     after: Annotated[
         tuple[str, ...], about('kinds of blocks that it follows; "session": after the last block', strict=False)
     ] = (SESSION,)

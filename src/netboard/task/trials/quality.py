@@ -27,16 +27,16 @@ REPORT_TICKS = 700
 last ticks of an attempt cannot be used to judge displays; in a success, the ball is then already in the hold."""
 
 WORDS: dict[str, str] = {
-    "late_ticks": "too many ticks of the server began more than half a millisecond late",
-    "lost_samples": "for too much of the time there was no fresh sample of a stylus",
-    "clipped": "a force was at its limit for too much of the time",
-    "saturated": "a stylus was at the edge of its range for too much of the time",
+    "late_ticks": "too many deadline misses of the server (later than half a millisecond)",
+    "lost_samples": "a stylus had no fresh sample for too large a share of the time",
+    "clipped": "a force was at its limit for too large a share of the time",
+    "saturated": "a stylus was at the edge of its range for too large a share of the time",
     "start_tilt": "the board was tilted when the ball was released",
     "stuck_left": "the height of the left stylus did not change for too long",
     "stuck_right": "the height of the right stylus did not change for too long",
     "too_short": "the completion time is too short for a person",
     "too_long": "the completion time is too long",
-    "frozen_display": "a display showed nothing new for too long",
+    "frozen_display": "a display showed no new frame for too long",
 }
 """Every flag, with its meaning in words."""
 

@@ -47,7 +47,7 @@ FORCE = "#cc79a7"
 """Colour of the player's spring and force arrow; from the Okabe-Ito palette, like the other colours."""
 
 HINTS = (0.805, 0.845)
-"""Middles of the two lines that tell a player what to do, in heights of the window [1]."""
+"""Vertical centres of the two lines of instructions for a player, in heights of the window [1]."""
 
 HINT_HEIGHT, HINT_WIDTH = 0.026, 0.019
 """Largest letter height of these two lines, in heights and in widths of the window [1]."""
