@@ -16,7 +16,7 @@ from netboard.analysis.extraction.conditions import factors_text, kind_text, set
 from netboard.analysis.extraction.details import MOVEMENTS, PATHS, movements, path
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.tables import DTYPES, PLACE, Columns, Group, columns_of, count, number, words
-from netboard.analysis.extraction.trials import RATE, Block, Take, columns_for, measurable
+from netboard.analysis.extraction.trials import RATE, Block, Take, columns_for
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.tables.forces import FORCE_WORDS
 from netboard.base.tick import TICK
@@ -52,7 +52,7 @@ BLOCKS = (
     count("trials", "successful trials planned for the block"),
     count("repaired", "1: a recording that was damaged, and recovered"),
     count("attempts", "attempts that were begun"),
-    words("not_measured", "those without success, fall or end of time, as TRIAL.ATTEMPT and what ended them"),
+    words("not_measured", "those that did not end by the task, as TRIAL.ATTEMPT and what ended them; or unreleased"),
     words("netboard", "version of netboard that recorded it"),
     words("config_sha256", "SHA-256 of its configuration"),
     words("factors", "factors of the block with its levels, as a JSON list"),
@@ -106,7 +106,7 @@ def measure(run: Run, readings: Readings) -> Measured:
         block = Block.of(recording, run.config, readings, columns)
         unknown = _unknown(recording, columns)
         repaired = bool(recording.recovery)
-    flags = {verdict.release: verdict.flags for verdict in verdicts}
+    flags = {(verdict.trial, verdict.attempt): verdict.flags for verdict in verdicts}
     takes = list(block.takes())
     places = [place_of(name, take) for take in takes]
     turns = [place | dict(row) for place, take in zip(places, takes, strict=True) for row in movements(take)]
@@ -147,9 +147,9 @@ def _unknown(recording: Recording, columns: Columns) -> int:
 
 
 def attempt_row(
-    name: str, take: Take, flags: Mapping[int, tuple[str, ...]], groups: Sequence[Group] = GROUPS
+    name: str, take: Take, flags: Mapping[tuple[int, int], tuple[str, ...]], groups: Sequence[Group] = GROUPS
 ) -> dict[str, Any]:
-    """Return the row of an attempt with its measures, and its quality flags by the tick of its release."""
+    """Return the row of an attempt with its measures, and its quality flags by trial and attempt."""
     attempt, config = take.attempt, take.block.config
     row = place_of(name, take) | {
         "outcome": attempt.outcome,
@@ -158,7 +158,7 @@ def attempt_row(
         "duration": attempt.duration,
         "role": trial_role(config, attempt.trial),
         "catch": int(attempt.trial in config.block.catch),
-        "flags": " ".join(flags.get(attempt.tick, ())),
+        "flags": " ".join(flags.get((attempt.trial, attempt.attempt), ())),
     }
     for group in groups:
         row |= group.measure(take)
@@ -210,7 +210,7 @@ def block_row(run: Run, block: Block, repaired: bool, unknown: int) -> dict[str,
         "repaired": int(repaired),
         "attempts": len(block.attempts),
         "not_measured": "; ".join(
-            f"{one.trial}.{one.attempt} {one.outcome}" for one in block.attempts if not measurable(one)
+            f"{one.trial}.{one.attempt} {why}" for one in block.attempts if (why := block.unmeasured(one))
         ),
         "netboard": said["netboard"],
         "config_sha256": said["config_sha256"],
