@@ -10,6 +10,7 @@ from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.study import Study, study_of
 from netboard.analysis.topics.groups import conditions
 from netboard.base.config import Config
+from netboard.base.tables.experiment import Design
 
 TRIALS = 6
 
@@ -47,6 +48,14 @@ def test_values_that_agree_in_six_digits_are_different_levels() -> None:
     masses = (0.05, 0.05000001, 0.06)
     study = study_with(map(with_mass, masses))
     assert study.trials.groupby("condition", sort=False)["factor_physics_m_value"].first().tolist() == [*masses]
+
+
+def test_trial_factors_of_different_periods_have_all_combinations() -> None:
+    levels = {"first": ("a", "b"), "second": ("x", "y", "z")}
+    design = Design(trials=levels, levels=levels)
+    study = study_with([replace(Config(), design=design)])
+    assert study.trials["condition"].nunique() == TRIALS
+    assert {one.name for one in conditions(study)} == {*study.trials["condition"]}
 
 
 def test_plain_blocks_share_a_condition() -> None:
