@@ -139,11 +139,18 @@ def test_nan_is_not_a_quality_flag() -> None:
 
 
 def one_trial_recording(
-    name: str, block: int, opened: str, *, part: int = 1, force: str = "full", study: str = ""
+    name: str,
+    block: int,
+    opened: str,
+    *,
+    part: int = 1,
+    force: str = "full",
+    study: str = "",
+    session: str = "S01",
 ) -> Measured:
     """Tables of a recording of one trial."""
     one = made_block(Block("D01", "D01", "dyadic", force, [{"trial": part}]), block)
-    columns = {"recording": name, "opened_utc": opened, "part": part, "study": study}
+    columns = {"recording": name, "opened_utc": opened, "part": part, "study": study, "session": session}
     for column, value in columns.items():
         one.blocks[column][:] = value
     for table in (one.trials, one.movements, one.paths):
@@ -163,6 +170,21 @@ def test_resumed_block_continues_its_trial_numbers() -> None:
     assert list(found.trials["recording"]) == ["x_ff", "x_ff_part2", "x_00"]
     assert list(found.trials["order"]) == [1, 2, 3]
     assert set(found.blocks["block"]) == {1}
+
+
+def test_blocks_of_a_second_session_follow_those_of_the_first() -> None:
+    """Every session of a plan numbers its blocks from 1."""
+    visits = [
+        one_trial_recording("a2", 2, "09:10", force="none"),
+        one_trial_recording("b2", 2, "10:10", session="S02"),
+        one_trial_recording("a1", 1, "09:00"),
+        one_trial_recording("b1", 1, "10:00", session="S02", force="none"),
+        one_trial_recording("c1", 1, "11:00", session="A", force="none"),
+    ]
+    found = study_of(visits, Readings())
+    assert list(found.blocks["recording"]) == ["a1", "a2", "b1", "b2", "c1"]
+    assert list(found.blocks["block"]) == [1, 2, 3, 4, 5]
+    assert list(found.trials["order"]) == [1, 1, 2, 2, 3]
 
 
 def test_blocks_of_several_plans_are_numbered_consecutively() -> None:

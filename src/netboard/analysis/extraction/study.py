@@ -5,6 +5,7 @@ Paths are not joined: they are long, and are read recording by recording.
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -181,27 +182,32 @@ def _moved(movements: pd.DataFrame, trials: pd.DataFrame, levels: Levels) -> pd.
 
 
 def _in_order(measured: Iterable[Measured]) -> list[Measured]:
-    """Sort recordings by dyad, plan and block, and the parts of an interrupted block by start time.
+    """Sort recordings by dyad, plan, session and block, and the parts of an interrupted block by start time.
 
-    Parts are numbered only within one session, and a resumed session has another name in its recordings.
+    Blocks are numbered within a session. Parts are numbered only until the server restarts.
     """
     every = list(measured)
-    began: dict[tuple[str, str], str] = {}
-    for one in every:
-        plan, opened = (one.blocks["dyad"][0], one.blocks["study"][0]), one.blocks["opened_utc"][0]
-        began[plan] = min(began.get(plan, opened), opened)
+    began: dict[tuple[str, ...], str] = {}
 
-    def place(one: Measured) -> tuple[str, str, int, str, int, str]:
-        at = {name: one.blocks[name][0] for name in ("dyad", "study", "block", "opened_utc", "part", "recording")}
-        begun = began[at["dyad"], at["study"]]
-        return at["dyad"], begun, at["block"], at["opened_utc"], at["part"], at["recording"]
+    def visit(one: Measured) -> tuple[str, str, str]:
+        return one.blocks["dyad"][0], one.blocks["study"][0], one.blocks["session"][0]
+
+    for one in every:
+        opened = one.blocks["opened_utc"][0]
+        for whole in (visit(one), visit(one)[:2]):
+            began[whole] = min(began.get(whole, opened), opened)
+
+    def place(one: Measured) -> tuple[Any, ...]:
+        dyad, study, session = visit(one)
+        at = tuple(one.blocks[name][0] for name in ("block", "opened_utc", "part", "recording"))
+        return dyad, began[dyad, study], study, began[dyad, study, session], session, *at
 
     return sorted(every, key=place)
 
 
 def _numbers(blocks: pd.DataFrame) -> pd.Series:
-    """Number the blocks as planned; consecutively for dyads with duplicate numbers, two plans or imported blocks."""
-    same = ["dyad", "block", "study", "condition", "performer"]
+    """Number the blocks as planned; consecutively for dyads with duplicate numbers: two sessions, plans or imports."""
+    same = ["dyad", "session", "block", "study", "condition", "performer"]
     each = blocks.drop_duplicates(same)
     several = each.loc[each.duplicated(["dyad", "block"]), "dyad"]
     through = blocks.groupby(same, sort=False).ngroup().groupby(blocks["dyad"])
