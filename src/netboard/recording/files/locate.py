@@ -24,3 +24,13 @@ def find_recordings(paths: Sequence[Path]) -> tuple[Path, ...]:
         if other != path:
             raise RecordingError(f"{other} and {path} have the same name; take them one at a time, or rename one")
     return tuple(names.values())
+
+
+def find_unfinished(paths: Sequence[Path]) -> tuple[Path, ...]:
+    """Return the unfinished recordings in the folders among the paths that have not been recovered."""
+    found = sorted(part for path in paths if path.is_dir() for part in path.glob("*.mcap.part"))
+    return tuple(part for part in found if not part.with_name(f"{_stem(part)}.recovered.mcap").exists())
+
+
+def _stem(part: Path) -> str:
+    return part.name.removesuffix(".mcap.part")
