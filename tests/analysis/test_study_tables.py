@@ -6,12 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from made_study import Block
+from made_study import Block, made_study, times
 from made_study import measured as made_block
 from netboard.analysis.extraction.exclusions import NO_COMPLETION, excluded
 from netboard.analysis.extraction.recordings import Measured
 from netboard.analysis.extraction.settings import Exclusions, Readings, parse
-from netboard.analysis.extraction.study import Study, study_of
+from netboard.analysis.extraction.study import Study, notes, study_of
 from netboard.base.errors import ConfigError
 from rehearsed_study import measured, rehearse
 
@@ -205,3 +205,11 @@ def test_blocks_of_several_plans_are_numbered_consecutively() -> None:
         one_trial_recording("i3", 1, "09:20"),
     ]
     assert list(study_of(imported, Readings()).blocks["block"]) == [1, 2, 1]
+
+
+def test_dyad_of_more_than_two_people_is_noted() -> None:
+    blocks = [Block("D01", name, "bimanual", "full", times(1.0)) for name in ("P1", "P2")]
+    together = Block("D01", "P1", "dyadic", "full", times(1.0), right_by="P2")
+    assert notes(made_study([*blocks, together])) == ()
+    (note,) = notes(made_study([*blocks, together, Block("D01", "P3", "bimanual", "full", times(1.0))]))
+    assert note.startswith("dyad D01 has 3 participants (P1, P2, P3)")

@@ -3,7 +3,7 @@
 Paths are not joined: they are long, and are read recording by recording.
 """
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -264,7 +264,7 @@ NEAR = 1.5 / RATE
 
 
 def notes(study: Study) -> tuple[str, ...]:
-    """Return notes on successes whose samples show no hold, or another completion time than the recorded one.
+    """Return notes on dyads of more than two people, and on completion times that are not those of the samples.
 
     A recorded time replaces the computed one if the samples show no hold. Each note names the columns of the table of
     trials to compare.
@@ -273,7 +273,7 @@ def notes(study: Study) -> tuple[str, ...]:
     from_recording = int((done["completion_source"] == "recording").sum())
     apart = np.abs(done["completion"] - done["recorded_completion"])
     differ = apart[(done["completion_source"] == "samples") & (apart > NEAR)]
-    told = []
+    told = list(_crowded(study.blocks))
     if from_recording:
         told.append(
             f"{from_recording} of {len(done)} completion times are those of the recording (completion_source in the "
@@ -286,3 +286,14 @@ def notes(study: Study) -> tuple[str, ...]:
             "of trials."
         )
     return tuple(told)
+
+
+def _crowded(blocks: pd.DataFrame) -> Iterator[str]:
+    """Yield a note for each dyad with more than two people, as if two dyads were recorded under one pseudonym."""
+    for dyad, own in blocks.groupby("dyad"):
+        people = sorted({*own["left_by"], *own["right_by"]} - {"still", "robot", dyad})
+        if len(people) > 2:
+            yield (
+                f"dyad {dyad} has {len(people)} participants ({', '.join(people)}) and is taken for one dyad: if these "
+                "are several dyads, or several names of one person, this analysis mixes them."
+            )
