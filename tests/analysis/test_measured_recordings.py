@@ -13,6 +13,7 @@ from netboard.analysis.extraction.settings import Readings, parse
 from netboard.analysis.extraction.study import study_of
 from netboard.analysis.extraction.trials import RATE, Block
 from netboard.analysis.measures.peaks import velocity_peaks
+from netboard.base.errors import RecordingError
 from netboard.recording.export.runs import runs_of
 from netboard.recording.files.reader import Recording
 from rehearsed_study import measured, rehearse
@@ -177,3 +178,10 @@ def test_attempt_released_before_its_recording_is_excluded(tmp_path: Path) -> No
     assert list(study.trials["trial"]) == [2]
     reasons = study.exclusions.loc[study.exclusions["trial"] == 1, "why"]
     assert list(reasons) == [NO_RELEASE]
+
+
+def test_attempts_with_equal_numbers_are_refused(tmp_path: Path) -> None:
+    rows = two_trials()
+    rows["trial"] = 1
+    with pytest.raises(RecordingError, match="found 2 attempts with the number 1 at trial 1, expected one"):
+        measure(runs_of([recorded(tmp_path, rows)])[0], Readings())

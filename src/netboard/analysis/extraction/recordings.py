@@ -4,6 +4,7 @@ A recording and its settings always give the same tables, in any process on any 
 `netboard.analysis.extraction.exclusions` marks attempts later.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -18,6 +19,7 @@ from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.tables import DTYPES, PLACE, Columns, Group, columns_of, count, number, words
 from netboard.analysis.extraction.trials import RATE, Block, Take, columns_for
 from netboard.base.config import SIDES, Config, Side
+from netboard.base.errors import RecordingError
 from netboard.base.tables.forces import FORCE_WORDS
 from netboard.base.tick import TICK
 from netboard.recording.export.runs import Run
@@ -106,6 +108,7 @@ def measure(run: Run, readings: Readings) -> Measured:
         block = Block.of(recording, run.config, readings, columns)
         unknown = _unknown(recording, columns)
         repaired = bool(recording.recovery)
+    _refuse_repeats(run, block)
     flags = {(verdict.trial, verdict.attempt): verdict.flags for verdict in verdicts}
     takes = list(block.takes())
     places = [place_of(name, take) for take in takes]
@@ -116,6 +119,17 @@ def measure(run: Run, readings: Readings) -> Measured:
         columns_of(MOVEMENTS, turns),
         _paths(places, takes),
     )
+
+
+def _refuse_repeats(run: Run, block: Block) -> None:
+    """Raise an error if two attempts have the same numbers, as in an imported table: they could not be told apart."""
+    counts = Counter((one.trial, one.attempt) for one in block.attempts)
+    for (trial, attempt), times in counts.items():
+        if times > 1:
+            raise RecordingError(
+                f"{run.path}: found {times} attempts with the number {attempt} at trial {trial}, expected one; "
+                "number the trials or the attempts of the imported table consecutively"
+            )
 
 
 def place_of(name: str, take: Take) -> dict[str, Any]:
