@@ -31,7 +31,7 @@ from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import RecordingError
 from netboard.base.tick import TICK_SECONDS
 from netboard.recording.files.reader import Recording
-from netboard.recording.format.summary import Attempt
+from netboard.recording.format.summary import Attempt, from_release
 
 RATE = 1 / TICK_SECONDS
 """Sampling rate [Hz]."""
@@ -49,17 +49,6 @@ _FILTERED = ("_seen", "placed", "fast", "slow", "whole", "forces", "_turns")
 def columns_for(readings: Readings) -> tuple[str, ...]:
     """Return the tick columns that a `Block` needs."""
     return (*_COUNTS, *_PLACES, *_FORCES, *(_RATES if readings.filters.velocity == "device" else ()))
-
-
-def from_release(
-    attempts: Sequence[Attempt], ticks: NDArray[np.int64], run_ticks: NDArray[np.int64]
-) -> tuple[Attempt, ...]:
-    """Return attempts that begin with their release, even if its tick is missing or before the first tick."""
-    since = run_ticks[np.searchsorted(ticks, [attempt.tick for attempt in attempts])].tolist()
-    return tuple(
-        replace(one, tick=one.tick - lost, duration=one.duration + lost / RATE) if lost else one
-        for one, lost in zip(attempts, since, strict=True)
-    )
 
 
 class Block:
