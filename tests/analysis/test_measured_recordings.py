@@ -7,10 +7,13 @@ import pytest
 from numpy.typing import NDArray
 
 from made_recordings import recorded, two_trials
+from netboard.analysis.extraction.exclusions import NO_RELEASE
 from netboard.analysis.extraction.recordings import FIELDS, Measured, measure
 from netboard.analysis.extraction.settings import Readings, parse
+from netboard.analysis.extraction.study import study_of
 from netboard.analysis.extraction.trials import RATE, Block
 from netboard.analysis.measures.peaks import velocity_peaks
+from netboard.base.errors import RecordingError
 from netboard.recording.export.runs import runs_of
 from netboard.recording.files.reader import Recording
 from rehearsed_study import measured, rehearse
@@ -158,3 +161,27 @@ def test_missing_samples_count_as_unknown_movement(tmp_path: Path) -> None:
     np.testing.assert_allclose(less.trials["unknown"] - whole.trials["unknown"], [0.0, 0.3], atol=1e-9)
     assert list(less.trials["completion_source"]) == ["recording", ""]
     np.testing.assert_allclose(less.trials["recorded_completion"], whole.trials["recorded_completion"])
+
+
+@pytest.mark.parametrize("bridge", ["0", "0.02"])
+def test_attempt_with_a_missing_release_is_timed_from_its_release(tmp_path: Path, bridge: str) -> None:
+    rows, readings = two_trials(), parse("", overrides=[f"filters.bridge={bridge}"])
+    holed = np.delete(rows, [*range(990, 1005), *range(5990, 6300)])
+    whole, less = (measure(runs_of([recorded(tmp_path, part)])[0], readings) for part in (rows, holed))
+    for name in ("completion", "release", "duration"):
+        np.testing.assert_array_equal(less.trials[name], whole.trials[name])
+    np.testing.assert_allclose(less.trials["unknown"][1], 0.3, atol=0.002)
+
+
+def test_attempt_released_before_its_recording_is_excluded(tmp_path: Path) -> None:
+    study = study_of([measure(runs_of([recorded(tmp_path, two_trials()[2000:])])[0], Readings())], Readings())
+    assert list(study.trials["trial"]) == [2]
+    reasons = study.exclusions.loc[study.exclusions["trial"] == 1, "why"]
+    assert list(reasons) == [NO_RELEASE]
+
+
+def test_attempts_with_equal_numbers_are_refused(tmp_path: Path) -> None:
+    rows = two_trials()
+    rows["trial"] = 1
+    with pytest.raises(RecordingError, match="found 2 attempts with the number 1 at trial 1, expected one"):
+        measure(runs_of([recorded(tmp_path, rows)])[0], Readings())

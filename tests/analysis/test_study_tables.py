@@ -6,12 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from made_study import Block
+from made_study import Block, made_study, times
 from made_study import measured as made_block
 from netboard.analysis.extraction.exclusions import NO_COMPLETION, excluded
 from netboard.analysis.extraction.recordings import Measured
 from netboard.analysis.extraction.settings import Exclusions, Readings, parse
-from netboard.analysis.extraction.study import Study, study_of
+from netboard.analysis.extraction.study import Study, notes, study_of
 from netboard.base.errors import ConfigError
 from rehearsed_study import measured, rehearse
 
@@ -143,11 +143,18 @@ def test_nan_is_not_a_quality_flag() -> None:
 
 
 def one_trial_recording(
-    name: str, block: int, opened: str, *, part: int = 1, force: str = "full", study: str = ""
+    name: str,
+    block: int,
+    opened: str,
+    *,
+    part: int = 1,
+    force: str = "full",
+    study: str = "",
+    session: str = "S01",
 ) -> Measured:
     """Tables of a recording of one trial."""
     one = made_block(Block("D01", "D01", "dyadic", force, [{"trial": part}]), block)
-    columns = {"recording": name, "opened_utc": opened, "part": part, "study": study}
+    columns = {"recording": name, "opened_utc": opened, "part": part, "study": study, "session": session}
     for column, value in columns.items():
         one.blocks[column][:] = value
     for table in (one.trials, one.movements, one.paths):
@@ -169,6 +176,21 @@ def test_resumed_block_continues_its_trial_numbers() -> None:
     assert set(found.blocks["block"]) == {1}
 
 
+def test_blocks_of_a_second_session_follow_those_of_the_first() -> None:
+    """Every session of a plan numbers its blocks from 1."""
+    visits = [
+        one_trial_recording("a2", 2, "09:10", force="none"),
+        one_trial_recording("b2", 2, "10:10", session="S02"),
+        one_trial_recording("a1", 1, "09:00"),
+        one_trial_recording("b1", 1, "10:00", session="S02", force="none"),
+        one_trial_recording("c1", 1, "11:00", session="A", force="none"),
+    ]
+    found = study_of(visits, Readings())
+    assert list(found.blocks["recording"]) == ["a1", "a2", "b1", "b2", "c1"]
+    assert list(found.blocks["block"]) == [1, 2, 3, 4, 5]
+    assert list(found.trials["order"]) == [1, 1, 2, 2, 3]
+
+
 def test_blocks_of_several_plans_are_numbered_consecutively() -> None:
     one = [
         one_trial_recording("a1", 1, "09:00", study="a"),
@@ -187,3 +209,11 @@ def test_blocks_of_several_plans_are_numbered_consecutively() -> None:
         one_trial_recording("i3", 1, "09:20"),
     ]
     assert list(study_of(imported, Readings()).blocks["block"]) == [1, 2, 1]
+
+
+def test_dyad_of_more_than_two_people_is_noted() -> None:
+    blocks = [Block("D01", name, "bimanual", "full", times(1.0)) for name in ("P1", "P2")]
+    together = Block("D01", "P1", "dyadic", "full", times(1.0), right_by="P2")
+    assert notes(made_study([*blocks, together])) == ()
+    (note,) = notes(made_study([*blocks, together, Block("D01", "P3", "bimanual", "full", times(1.0))]))
+    assert note.startswith("dyad D01 has 3 participants (P1, P2, P3)")

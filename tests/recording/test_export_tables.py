@@ -10,6 +10,7 @@ from exported import ATTEMPTS, ODD, START_NS, make_rows, same_bits, write
 from hypothesis import given
 from hypothesis import strategies as st
 
+from made_recordings import recorded, two_trials
 from netboard.base.config import Config, parse
 from netboard.base.errors import RecordingError
 from netboard.base.tick import TICK
@@ -137,3 +138,14 @@ def test_condition_columns_come_from_the_configuration(path: Path) -> None:
     found, block = whole(path, TRIALS), Config().block
     assert set(found["block_force_scale"]) == {block.force_scale}
     assert set(found["block_left"]) == {"person"}
+
+
+def test_attempt_with_a_missing_release_begins_with_it(tmp_path: Path) -> None:
+    rows = two_trials()
+    hole = slice(5990, 6300)
+    ticks, trials = (whole(recorded(tmp_path, rows), table) for table in (TICKS, TRIALS))
+    path = recorded(tmp_path, np.delete(rows, hole))
+    holed_ticks, holed_trials = (whole(path, table) for table in (TICKS, TRIALS))
+    np.testing.assert_array_equal(holed_ticks["since_release"], np.delete(ticks["since_release"], hole))
+    for name in ("tick", "duration", "completion"):
+        np.testing.assert_array_equal(holed_trials[name], trials[name])

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from netboard.base.errors import RecordingError
-from netboard.recording.files.locate import find_recordings
+from netboard.recording.files.locate import find_recordings, find_unfinished
 
 
 def test_recordings_of_files_and_folders_are_listed_once_in_order(tmp_path: Path) -> None:
@@ -22,3 +22,9 @@ def test_empty_folder_and_equal_names_are_refused(tmp_path: Path) -> None:
         find_recordings([tmp_path / "empty"])
     with pytest.raises(RecordingError, match="have the same name"):
         find_recordings([tmp_path / "x" / "a.mcap", tmp_path / "y" / "a.mcap"])
+
+
+def test_unfinished_recordings_are_those_not_recovered(tmp_path: Path) -> None:
+    for name in ("a.mcap", "b.mcap.part", "c.mcap.part", "c.recovered.mcap"):
+        (tmp_path / name).touch()
+    assert find_unfinished([tmp_path, tmp_path / "a.mcap"]) == (tmp_path / "b.mcap.part",)

@@ -89,6 +89,18 @@ def test_exclusions_are_reported_and_settings_are_saved(study: Path) -> None:
     assert list(Path().glob(".out*")) == []
 
 
+@pytest.mark.usefixtures("without_figures")
+def test_unfinished_recordings_are_listed_as_left_out(study: Path) -> None:
+    folder = Path("recordings")
+    folder.mkdir()
+    (folder / "one.mcap").write_bytes(min(study.glob("*.mcap")).read_bytes())
+    assert "left out" not in analyse(folder, "-o", "first", "--workers", "1").output
+    (folder / "other.mcap.part").touch()
+    result = analyse(folder, "-o", "second", "--workers", "1")
+    assert "left out: other.mcap.part: is unfinished" in result.output
+    assert "other.mcap.part" in Path("second/tables/left_out.csv").read_text()
+
+
 def test_output_has_tables_figures_settings_provenance_and_report(study: Path, default_output: Path) -> None:
     assert {path.name for path in default_output.iterdir()} == {
         *("tables", "figures", "settings.toml", "provenance.json", "report.html")

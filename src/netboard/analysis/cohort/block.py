@@ -46,13 +46,13 @@ PIECE = 10_000
 class Rehearsed:
     """A rehearsed block, and how its rehearsal went.
 
-    - `flags`: quality flags of the attempts, by the tick of their release.
+    - `flags`: quality flags of the attempts, by trial and attempt.
     - `ticks`: simulated ticks [1].
     - `given_up`: whether the block was stopped because its participants could not do it.
     """
 
     block: Block
-    flags: Mapping[int, tuple[str, ...]]
+    flags: Mapping[tuple[int, int], tuple[str, ...]]
     ticks: int
     given_up: bool
 
@@ -61,13 +61,14 @@ def rehearse(job: Job) -> Rehearsed:
     """Rehearse a block."""
     rehearsal, referee = Rehearsal(job.config, job.people), Referee(job.config, Safeguard.CLAMPED)
     parts: dict[str, list[NDArray[np.float64]]] = {name: [] for name in COLUMNS}
-    flags: dict[int, tuple[str, ...]] = {}
+    flags: dict[tuple[int, int], tuple[str, ...]] = {}
 
     def portions() -> Iterator[NDArray[Any]]:
         for rows in rehearsal.pieces(PIECE):
             for name, own in parts.items():
                 own.append(rows[name].copy())
-            flags.update((ended.release, ended.flags) for ended in referee.watch(rows, 0, len(rows)))
+            ended = referee.watch(rows, 0, len(rows))
+            flags.update(((one.trial, one.attempt), one.flags) for one in ended)
             yield rows
 
     attempts = attempts_along(portions())

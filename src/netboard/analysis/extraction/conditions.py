@@ -80,14 +80,18 @@ def factors_text(config: Config) -> str:
 
 
 def settings_text(config: Config) -> str:
-    """Return the settings that may differ without a declared factor as text, for `study_levels`."""
-    return json.dumps(
-        {
-            f"{table}.{key}": getattr(getattr(config, table), key)
-            for table, keys in SETTINGS.items()
-            for key in keys or getattr(config, table).__slots__
-        }
-    )
+    """Return the settings that may differ without a declared factor as text, for `study_levels`.
+
+    A gain that no factor varies over the trials is a list with that of each trial.
+    """
+    found = {
+        f"{table}.{key}": getattr(getattr(config, table), key)
+        for table, keys in SETTINGS.items()
+        for key in keys or getattr(config, table).__slots__
+    }
+    if config.block.trial_scales and not config.design.trials:
+        found["block.force_scale"] = config.block.trial_scales
+    return json.dumps(found)
 
 
 def kind_text(config: Config) -> str:
@@ -172,21 +176,28 @@ def _undeclared(
     known = [blocks.loc[analysed, name].tolist() for name in _BASE]
     known += [[one for one, kept in zip(own, analysed, strict=True) if kept] for own in sequences.values()]
     for key in dict.fromkeys(key for one in settings for key in one):
-        every = [one.get(key) for one in settings]
-        own: list[tuple[str, ...]] = [(_level(value),) if value is not None else () for value in every]
+        every = [_listed(one.get(key)) for one in settings]
+        own = [tuple(map(_level, values)) for values in every]
         if _is_known(known, [one for one, kept in zip(own, analysed, strict=True) if kept]):
             continue
-        values = sorted({value for value in every if value is not None}, key=lambda value: (str(type(value)), value))
+        values = sorted({one for values in every for one in values}, key=lambda value: (str(type(value)), value))
         levels = tuple(dict.fromkeys(map(_level, values)))
         numeric = all(isinstance(value, int | float) and not isinstance(value, bool) for value in values)
         of = Declared("categorical", levels)
         if numeric:
             of = Declared("numeric", levels, tuple(map(float, values)), _unit_of(key) or "1")
-        yield StudyFactor(key, "block", of), own
+        yield StudyFactor(key, "trial" if any(len(set(one)) > 1 for one in own) else "block", of), own
+
+
+def _listed(value: Any) -> list[Any]:
+    """Return the values of a setting in a block: one, one for each trial, or none if it is not known."""
+    return value if isinstance(value, list) else [] if value is None else [value]
 
 
 def _level(value: Any) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    """Return a value as a short text, with as many digits as tell it from all others."""
+    short = f"{value:g}" if isinstance(value, float) else str(value)
+    return short if not isinstance(value, float) or float(short) == value else repr(value)
 
 
 def _unit_of(key: str) -> str:

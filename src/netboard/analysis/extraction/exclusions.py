@@ -12,6 +12,7 @@ import pandas as pd
 
 from netboard.analysis.extraction.settings import Exclusions
 from netboard.analysis.extraction.tables import PLACE, words
+from netboard.analysis.extraction.trials import UNRELEASED
 from netboard.base.errors import ConfigError
 from netboard.task.trials.quality import WORDS
 
@@ -20,6 +21,9 @@ EXCLUSIONS = (*PLACE, words("why", "why the attempt is excluded"))
 
 NO_COMPLETION = "no completion time: with the settings of this analysis, its samples do not show when the hold began"
 """Reason for the exclusion of a success without a completion time."""
+
+NO_RELEASE = "its release is not in the recording, so its times are not known"
+"""Reason for the exclusion of an attempt that began before the first tick of its recording."""
 
 _STUCK = ("stuck_left", "stuck_right")
 
@@ -66,7 +70,8 @@ def _ended_otherwise(told: str) -> Iterator[tuple[int, int, str]]:
     for word in filter(None, told.split("; ")):
         place, _, outcome = word.partition(" ")
         trial, _, attempt = place.partition(".")
-        yield int(trial), int(attempt), f"ended without success, fall or timeout: {outcome}"
+        why = NO_RELEASE if outcome == UNRELEASED else f"ended without success, fall or timeout: {outcome}"
+        yield int(trial), int(attempt), why
 
 
 def _reasons(

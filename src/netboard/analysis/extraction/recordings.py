@@ -4,6 +4,7 @@ A recording and its settings always give the same tables, in any process on any 
 `netboard.analysis.extraction.exclusions` marks attempts later.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -16,8 +17,9 @@ from netboard.analysis.extraction.conditions import factors_text, kind_text, set
 from netboard.analysis.extraction.details import MOVEMENTS, PATHS, movements, path
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.tables import DTYPES, PLACE, Columns, Group, columns_of, count, number, words
-from netboard.analysis.extraction.trials import RATE, Block, Take, columns_for, measurable
+from netboard.analysis.extraction.trials import RATE, Block, Take, columns_for
 from netboard.base.config import SIDES, Config, Side
+from netboard.base.errors import RecordingError
 from netboard.base.tables.forces import FORCE_WORDS
 from netboard.base.tick import TICK
 from netboard.recording.export.runs import Run
@@ -54,7 +56,7 @@ BLOCKS = (
     count("trials", "successful trials planned for the block"),
     count("repaired", "1: a damaged recording that was recovered"),
     count("attempts", "number of attempts that began"),
-    words("not_measured", "attempts that ended without success, fall or timeout, as TRIAL.ATTEMPT and the cause"),
+    words("not_measured", "attempts without success, fall or timeout, or unreleased, as TRIAL.ATTEMPT and the cause"),
     words("netboard", "version of netboard that made the recording"),
     words("config_sha256", "SHA-256 of the block's configuration"),
     words("factors", "factors of the block with their levels, as a JSON list"),
@@ -108,7 +110,8 @@ def measure(run: Run, readings: Readings) -> Measured:
         block = Block.of(recording, run.config, readings, columns)
         unknown = _unknown(recording, columns)
         repaired = bool(recording.recovery)
-    flags = {verdict.release: verdict.flags for verdict in verdicts}
+    _refuse_repeats(run, block)
+    flags = {(verdict.trial, verdict.attempt): verdict.flags for verdict in verdicts}
     takes = list(block.takes())
     places = [place_of(name, take) for take in takes]
     turns = [place | dict(row) for place, take in zip(places, takes, strict=True) for row in movements(take)]
@@ -118,6 +121,17 @@ def measure(run: Run, readings: Readings) -> Measured:
         columns_of(MOVEMENTS, turns),
         _paths(places, takes),
     )
+
+
+def _refuse_repeats(run: Run, block: Block) -> None:
+    """Raise an error if two attempts have the same numbers, as in an imported table: they could not be told apart."""
+    counts = Counter((one.trial, one.attempt) for one in block.attempts)
+    for (trial, attempt), times in counts.items():
+        if times > 1:
+            raise RecordingError(
+                f"{run.path}: found {times} attempts with the number {attempt} at trial {trial}, expected one; "
+                "number the trials or the attempts of the imported table consecutively"
+            )
 
 
 def place_of(name: str, take: Take) -> dict[str, Any]:
@@ -149,9 +163,9 @@ def _unknown(recording: Recording, columns: Columns) -> int:
 
 
 def attempt_row(
-    name: str, take: Take, flags: Mapping[int, tuple[str, ...]], groups: Sequence[Group] = GROUPS
+    name: str, take: Take, flags: Mapping[tuple[int, int], tuple[str, ...]], groups: Sequence[Group] = GROUPS
 ) -> dict[str, Any]:
-    """Return the row of an attempt with its measures, and its quality flags by the tick of its release."""
+    """Return the row of an attempt with its measures, and its quality flags by trial and attempt."""
     attempt, config = take.attempt, take.block.config
     row = place_of(name, take) | {
         "outcome": attempt.outcome,
@@ -160,7 +174,7 @@ def attempt_row(
         "duration": attempt.duration,
         "role": trial_role(config, attempt.trial),
         "catch": int(attempt.trial in config.block.catch),
-        "flags": " ".join(flags.get(attempt.tick, ())),
+        "flags": " ".join(flags.get((attempt.trial, attempt.attempt), ())),
     }
     for group in groups:
         row |= group.measure(take)
@@ -212,7 +226,7 @@ def block_row(run: Run, block: Block, repaired: bool, unknown: int) -> dict[str,
         "repaired": int(repaired),
         "attempts": len(block.attempts),
         "not_measured": "; ".join(
-            f"{one.trial}.{one.attempt} {one.outcome}" for one in block.attempts if not measurable(one)
+            f"{one.trial}.{one.attempt} {why}" for one in block.attempts if (why := block.unmeasured(one))
         ),
         "netboard": said["netboard"],
         "config_sha256": said["config_sha256"],

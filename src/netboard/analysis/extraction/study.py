@@ -3,8 +3,9 @@
 Paths are not joined: they are long, and are read recording by recording.
 """
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -188,27 +189,32 @@ def _moved(movements: pd.DataFrame, trials: pd.DataFrame, levels: Levels) -> pd.
 
 
 def _in_order(measured: Iterable[Measured]) -> list[Measured]:
-    """Sort recordings by dyad, plan and block, and the parts of an interrupted block by start time.
+    """Sort recordings by dyad, plan, session and block, and the parts of an interrupted block by start time.
 
-    Parts are numbered only within one session, and a resumed session has another name in its recordings.
+    Blocks are numbered within a session. Parts are numbered only until the server restarts.
     """
     every = list(measured)
-    began: dict[tuple[str, str], str] = {}
-    for one in every:
-        plan, opened = (one.blocks["dyad"][0], one.blocks["study"][0]), one.blocks["opened_utc"][0]
-        began[plan] = min(began.get(plan, opened), opened)
+    began: dict[tuple[str, ...], str] = {}
 
-    def place(one: Measured) -> tuple[str, str, int, str, int, str]:
-        at = {name: one.blocks[name][0] for name in ("dyad", "study", "block", "opened_utc", "part", "recording")}
-        begun = began[at["dyad"], at["study"]]
-        return at["dyad"], begun, at["block"], at["opened_utc"], at["part"], at["recording"]
+    def visit(one: Measured) -> tuple[str, str, str]:
+        return one.blocks["dyad"][0], one.blocks["study"][0], one.blocks["session"][0]
+
+    for one in every:
+        opened = one.blocks["opened_utc"][0]
+        for whole in (visit(one), visit(one)[:2]):
+            began[whole] = min(began.get(whole, opened), opened)
+
+    def place(one: Measured) -> tuple[Any, ...]:
+        dyad, study, session = visit(one)
+        at = tuple(one.blocks[name][0] for name in ("block", "opened_utc", "part", "recording"))
+        return dyad, began[dyad, study], study, began[dyad, study, session], session, *at
 
     return sorted(every, key=place)
 
 
 def _numbers(blocks: pd.DataFrame) -> pd.Series:
-    """Number the blocks as planned; consecutively for dyads with duplicate numbers, two plans or imported blocks."""
-    same = ["dyad", "block", "study", "condition", "performer"]
+    """Number the blocks as planned; consecutively for dyads with duplicate numbers: two sessions, plans or imports."""
+    same = ["dyad", "session", "block", "study", "condition", "performer"]
     each = blocks.drop_duplicates(same)
     several = each.loc[each.duplicated(["dyad", "block"]), "dyad"]
     through = blocks.groupby(same, sort=False).ngroup().groupby(blocks["dyad"])
@@ -265,7 +271,7 @@ NEAR = 1.5 / RATE
 
 
 def notes(study: Study) -> tuple[str, ...]:
-    """Return notes on successes whose samples show no hold, or another completion time than the recorded one.
+    """Return notes on dyads of more than two people, and on completion times that are not those of the samples.
 
     A recorded time replaces the computed one if the samples show no hold. Each note names the columns of the table of
     trials to compare.
@@ -274,7 +280,7 @@ def notes(study: Study) -> tuple[str, ...]:
     from_recording = int((done["completion_source"] == "recording").sum())
     apart = np.abs(done["completion"] - done["recorded_completion"])
     differ = apart[(done["completion_source"] == "samples") & (apart > NEAR)]
-    told = []
+    told = list(_crowded(study.blocks))
     if from_recording:
         told.append(
             f"{from_recording} of {len(done)} completion times are those of the recording (completion_source in the "
@@ -287,3 +293,14 @@ def notes(study: Study) -> tuple[str, ...]:
             "of trials."
         )
     return tuple(told)
+
+
+def _crowded(blocks: pd.DataFrame) -> Iterator[str]:
+    """Yield a note for each dyad with more than two people, as if two dyads were recorded under one pseudonym."""
+    for dyad, own in blocks.groupby("dyad"):
+        people = sorted({*own["left_by"], *own["right_by"]} - {"still", "robot", dyad})
+        if len(people) > 2:
+            yield (
+                f"dyad {dyad} has {len(people)} participants ({', '.join(people)}) and is taken for one dyad: if these "
+                "are several dyads, or several names of one person, this analysis mixes them."
+            )

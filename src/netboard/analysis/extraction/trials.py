@@ -31,25 +31,24 @@ from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import RecordingError
 from netboard.base.tick import TICK_SECONDS
 from netboard.recording.files.reader import Recording
-from netboard.recording.format.summary import Attempt
+from netboard.recording.format.summary import Attempt, from_release
 
 RATE = 1 / TICK_SECONDS
 """Sampling rate [Hz]."""
 
+UNRELEASED = "unreleased"
+"""What is said of an attempt whose release is not in the recording, so that its times are not known."""
+
 _PLACES = ("theta", "p", "left_used_z", "right_used_z")
 _FORCES = ("left_coupling", "right_coupling")
 _RATES = ("left_used_vz", "right_used_vz")
+_COUNTS = ("tick", "run_ticks")
 _FILTERED = ("_seen", "placed", "fast", "slow", "whole", "forces", "_turns")
 
 
 def columns_for(readings: Readings) -> tuple[str, ...]:
     """Return the tick columns that a `Block` needs."""
-    return ("tick", *_PLACES, *_FORCES, *(_RATES if readings.filters.velocity == "device" else ()))
-
-
-def measurable(attempt: Attempt) -> bool:
-    """Return whether an attempt ended by the task, and not by the operator or the end of the recording."""
-    return attempt.outcome in ("success", "fell", "timed_out")
+    return (*_COUNTS, *_PLACES, *_FORCES, *(_RATES if readings.filters.velocity == "device" else ()))
 
 
 class Block:
@@ -75,7 +74,7 @@ class Block:
         self._columns = {
             name: by_number(ticks, columns[name]) if self.missing else np.asarray(columns[name])
             for name in names
-            if name in columns and name != "tick"
+            if name in columns and name not in _COUNTS
         }
 
     @classmethod
@@ -92,7 +91,8 @@ class Block:
         if config.physics.balls == 0:
             raise RecordingError(f"{recording.path}: its scene has no ball, so it contains no trials; leave it out")
         columns = recording.columns(*columns_for(readings)) if columns is None else columns
-        return cls(config, readings, columns, recording.attempts(), mechanics_of(config, recording))
+        attempts = from_release(recording.attempts(), columns["tick"], columns["run_ticks"])
+        return cls(config, readings, columns, attempts, mechanics_of(config, recording))
 
     def again(self, readings: Readings, **columns: NDArray[np.float64]) -> "Block":
         """Return the same recording with other settings or columns; unchanged signals are not filtered again."""
@@ -194,10 +194,16 @@ class Block:
     def _turns(self) -> Segments:
         return self.segments(self.whole)
 
+    def unmeasured(self, attempt: Attempt) -> str:
+        """Return the outcome of an attempt that did not end by the task, or `UNRELEASED`; empty if it is measured."""
+        if attempt.outcome not in ("success", "fell", "timed_out"):
+            return attempt.outcome
+        return UNRELEASED if attempt.tick < self.first else ""
+
     def takes(self) -> Iterator["Take"]:
-        """Yield the attempts that ended with a success, a fall or the end of their time, in order."""
+        """Yield the measured attempts, in order."""
         for attempt in self.attempts:
-            if measurable(attempt):
+            if not self.unmeasured(attempt):
                 yield self._take(attempt)
 
     def _take(self, attempt: Attempt) -> "Take":

@@ -9,7 +9,7 @@ import shlex
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
@@ -22,7 +22,7 @@ from netboard.base.bars import telling
 from netboard.base.errors import ConfigError
 from netboard.base.process import peak_memory
 from netboard.recording.export.formats import Progress, need, new_folder, refuse_existing
-from netboard.recording.files.locate import find_recordings
+from netboard.recording.files.locate import find_recordings, find_unfinished
 
 if TYPE_CHECKING:
     from netboard.analysis.extraction.running import Extraction
@@ -32,6 +32,9 @@ if TYPE_CHECKING:
 
 LIBRARIES = ("pandas", "pyarrow", "matplotlib", "jinja2", "statsmodels")
 """Packages that an analysis needs beyond those of a session."""
+
+UNFINISHED = "is unfinished; netboard recover makes a recording of it"
+"""Why a file that a logger has not finished is left out."""
 
 PLACEHOLDER = "@command-of-this-analysis@"
 """Stands for the command until all other files, which do not depend on it, are written."""
@@ -79,16 +82,16 @@ def analyse(
         raise ConfigError("--workers: found with --dask, whose cluster has its own workers; expected one of them")
     folder = output or Path(f"{named[0].resolve().stem}_analysis")
     refuse_existing(folder)
-    recordings = find_recordings(named)
+    recordings, unfinished = find_recordings(named), find_unfinished(named)
     store = Store(chosen.cache or default_folder()) if chosen.keep else None
     with telling() as tell, new_folder(folder) as part:
         tell("reading the cache", 0, 1)
-        options = (*asked.overrides, f"skip={chosen.skip}", f"paper={chosen.beside_the_paper}")
+        options = (*asked.overrides, f"skip={chosen.skip}", f"paper={chosen.beside_the_paper}", *map(str, unfinished))
         key = key_of_analysis(recordings, asked.text, options) if store else ""
         words = take(store, key, part) if store else None
         before, peak = "all were cached", 0.0
         if words is None:
-            words, kept, peak = _analysed(recordings, part, read(), chosen, store, tell)
+            words, kept, peak = _analysed(recordings, unfinished, part, read(), chosen, store, tell)
             before = f"{kept} from the cache" if kept else ""
             if store:
                 keep(store, key, part, words)
@@ -99,6 +102,7 @@ def analyse(
 
 def _analysed(
     recordings: Sequence[Path],
+    unfinished: Sequence[Path],
     part: Path,
     readings: "Readings",
     chosen: AnalysisOptions,
@@ -111,7 +115,7 @@ def _analysed(
     """
     from netboard.analysis.extraction.cache import Cache, PathTable
     from netboard.analysis.extraction.exclusions import require_recordings
-    from netboard.analysis.extraction.running import extract
+    from netboard.analysis.extraction.running import LeftOut, extract
     from netboard.analysis.extraction.study import study_of
     from netboard.analysis.report.folder import write_analysis
 
@@ -119,6 +123,8 @@ def _analysed(
     require_recordings(readings.exclusions, {path.stem for path in recordings})
     with TemporaryDirectory(dir=part) as paths:
         found = extract(recordings, readings, _pool(chosen), cache, PathTable(Path(paths)), tell, skip=chosen.skip)
+        parts = tuple(LeftOut(path.name, UNFINISHED) for path in unfinished)
+        found = replace(found, left_out=(*found.left_out, *parts))
         study = study_of(found.measured, readings, found.paths)
         lost = write_analysis(part, study, found, [PLACEHOLDER], tell, beside_the_paper=chosen.beside_the_paper)
     words = (*_in_words(study, found), *(f"warning: {one}" for one in lost))

@@ -11,6 +11,7 @@ windows of half the plan would leave out every performer of whom one trial is ex
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import lcm
 
 import numpy as np
 import pandas as pd
@@ -103,8 +104,8 @@ def conditions(study: Study) -> tuple[Condition, ...]:
     caught = set(study.counted.loc[study.counted["role"] == "catch", "recording"])
     found: dict[str, Condition] = {}
     for place, row in zip(analysed.index, analysed.to_dict("records"), strict=True):
-        longest = max((len(study.levels.sequences[one.name][place]) for one in told), default=1)
-        trials = range(1, 1 + max(longest, 1))
+        lengths = (len(study.levels.sequences[one.name][place]) for one in told)
+        trials = range(1, 1 + lcm(*(length for length in lengths if length)))
         levels = {one.name: study.levels.at(one, [place] * len(trials), trials) for one in told}
         for role in {row["role"] or "test", *(["catch"] if row["recording"] in caught else [])}:
             names = names_of(pd.DataFrame([row] * len(trials)), levels, [role] * len(trials))

@@ -24,7 +24,7 @@ from netboard.recording.export.task import ROLE_TEXT
 from netboard.recording.files.locate import sha256_of
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.channels import CHANNELS, Field
-from netboard.recording.format.summary import Attempt, attempts_along
+from netboard.recording.format.summary import Attempt, attempts_along, from_release
 from netboard.recording.integrity.quality_check import judged
 from netboard.task.studies.factors import design_of, factors_of, trial_role
 
@@ -100,7 +100,7 @@ def _seconds(times_ns: NDArray[np.int64], subject: Subject) -> NDArray[np.float6
 def _ticks(subject: Subject) -> Iterator[Rows]:
     """Yield the ticks, each with its attempt."""
     began = np.array([attempt.began for attempt in subject.attempts], np.int64)
-    released = np.array([attempt.tick for attempt in subject.attempts], np.int64)
+    first = np.array([attempt.tick for attempt in subject.attempts], np.int64)
     stop = np.array([attempt.stop for attempt in subject.attempts], np.int64)
     for rows in subject.recording.batches():
         ticks = rows["tick"]
@@ -109,8 +109,8 @@ def _ticks(subject: Subject) -> Iterator[Rows]:
             newest = np.searchsorted(began, ticks, "right") - 1
             within = (newest >= 0) & (ticks < stop[newest])
             number[within] = newest[within] + 1
-            free = within & (ticks >= released[newest])
-            since[free] = (ticks[free] - released[newest[free]]) / 1000
+            free = within & (ticks >= first[newest])
+            since[free] = rows["run_ticks"][free] / 1000
         columns = {name: np.ascontiguousarray(rows[name]) for name in TICK.names or ()}
         yield {"time": _seconds(columns["time_ns"], subject), "number": number, "since_release": since, **columns}
 
@@ -161,8 +161,10 @@ def _trials(subject: Subject) -> Iterator[Rows]:
     conditions = {
         field.name: np.full(len(attempts), getattr(getattr(config, table), key)) for table, key, field in _SETTINGS
     }
+    counts = subject.recording.columns("tick", "run_ticks")
+    released = from_release(attempts, counts["tick"], counts["run_ticks"])
     of_attempts = {
-        name: np.array([getattr(attempt, name) for attempt in attempts])
+        name: np.array([getattr(attempt, name) for attempt in released])
         for name in ("trial", "attempt", "target", "outcome", "completion", "began", "tick", "stop", "duration")
     }
     yield {

@@ -37,3 +37,13 @@ def sha256_of(path: Path) -> str:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
+
+
+def find_unfinished(paths: Sequence[Path]) -> tuple[Path, ...]:
+    """Return the unfinished recordings in the folders among the paths that have not been recovered."""
+    found = sorted(part for path in paths if path.is_dir() for part in path.glob("*.mcap.part"))
+    return tuple(part for part in found if not part.with_name(f"{_stem(part)}.recovered.mcap").exists())
+
+
+def _stem(part: Path) -> str:
+    return part.name.removesuffix(".mcap.part")

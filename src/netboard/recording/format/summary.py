@@ -5,7 +5,7 @@ ended the phase in row k.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import nan
 from typing import Any
@@ -123,6 +123,24 @@ def attempts_along(portions: Iterable[NDArray[Any]]) -> tuple[Attempt, ...]:
         ends = np.concatenate([[True], turns]) | np.concatenate([turns, [True]])
         kept.append(rows[ends])
     return find_attempts(joined(kept))
+
+
+def from_release(
+    attempts: Sequence[Attempt], ticks: NDArray[np.int64], run_ticks: NDArray[np.int64]
+) -> tuple[Attempt, ...]:
+    """Return attempts with the tick of their release, even if it is missing or before the first tick."""
+    since = run_ticks[np.searchsorted(ticks, [attempt.tick for attempt in attempts])].tolist()
+    return tuple(
+        replace(
+            one,
+            began=min(one.began, one.tick - lost),
+            tick=one.tick - lost,
+            duration=(one.stop - one.tick + lost) * TICK_SECONDS,
+        )
+        if lost
+        else one
+        for one, lost in zip(attempts, since, strict=True)
+    )
 
 
 def _outcome(cause: int) -> str:
