@@ -1,14 +1,18 @@
 """The commands ``netboard devices``; the long ones run in simulated time."""
 
 import json
+import os
+import signal
+import sys
 from pathlib import Path
 
 import pytest
-from simulated import SimulatedTime, configured
+from simulated import AT_REST, Puppet, SimulatedTime, configured
 from typer.testing import CliRunner, Result
 
 from netboard.base.config import Config
 from netboard.base.errors import NetboardError
+from netboard.base.process import STOP_SIGNALS
 from netboard.devices.contract import profile
 from netboard.devices.contract.device import Device
 from netboard.devices.setup.excitation import Chirp
@@ -88,6 +92,31 @@ def test_commands_that_move_the_device_require_consent(words: str) -> None:
     assert "confirm with --yes" in result.output
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+@pytest.mark.parametrize("number", STOP_SIGNALS)
+def test_stop_signal_while_the_motors_push_ends_with_zero_force(
+    monkeypatch: pytest.MonkeyPatch, number: signal.Signals
+) -> None:
+    made: list[Puppet] = []
+
+    class StoppedDevice(Puppet):
+        def _write(self, fx: float, fy: float, fz: float) -> None:
+            super()._write(fx, fy, fz)
+            if fz > 0.2:
+                os.kill(os.getpid(), number)
+
+    def make(side: str, config: Config) -> Device:
+        made.append(StoppedDevice(config, AT_REST))
+        return made[0]
+
+    monkeypatch.setattr("netboard.devices.contract.registry.make", make)
+    common = {"seconds": 2.0, "force": 0.3, "yes": True, "as_json": True, "loop_clock": SimulatedTime()}
+    with pytest.raises(KeyboardInterrupt):
+        commands.examine(Config(), "left", **common)
+    assert max(force[2] for force in made[0].forces) > 0.2
+    assert made[0].forces[-1] == (0.0, 0.0, 0.0)
+
+
 def test_consent_requires_typing_the_exact_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
     commands.ask_consent("this", False, lambda _: f' "{commands.CONSENT}" ')
@@ -124,8 +153,6 @@ class GuidedOperator:
 
 
 def test_calibrate_writes_measured_zero_and_workspace_to_the_profile(monkeypatch: pytest.MonkeyPatch) -> None:
-    from simulated import AT_REST, Puppet
-
     operator = GuidedOperator((0.01, 0.02, 0.03), (-0.05, -0.06, -0.02), (0.05, 0.06, 0.08))
 
     class HeldDevice(Puppet):

@@ -16,7 +16,7 @@ from netboard.base import clock
 from netboard.base.bars import progress_bars
 from netboard.base.config import Config, Side
 from netboard.base.errors import ConfigError, NetboardError
-from netboard.base.process import Priority, Stopping, cpus_for, prepare, steady_loop
+from netboard.base.process import Priority, Stopping, cpus_for, interrupted_by_stop_signals, prepare, steady_loop
 from netboard.devices.contract import profile, registry
 from netboard.devices.contract.device import Device, Reading
 from netboard.devices.contract.profile import Identity, Mechanics, Placement, Profile
@@ -206,11 +206,12 @@ def opened(config: Config, side: Side, real_time: bool) -> Iterator[Device]:
     if real_time:
         prepare(config.realtime, Priority.AGENT, cpus_for(side, config.realtime))
     device = registry.make(side, config)
-    device.open(placed=False)
-    with device:
-        if real_time:
-            steady_loop()
-        yield device
+    with interrupted_by_stop_signals():
+        device.open(placed=False)
+        with device:
+            if real_time:
+                steady_loop()
+            yield device
 
 
 def ask_consent(what: str, yes: bool, ask: Ask) -> None:
