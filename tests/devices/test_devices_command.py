@@ -4,6 +4,7 @@ import json
 import os
 import signal
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,7 @@ from netboard.base.config import Config
 from netboard.base.errors import NetboardError
 from netboard.base.process import STOP_SIGNALS
 from netboard.devices.contract import profile
-from netboard.devices.contract.device import Device
+from netboard.devices.contract.device import Box, Device, DeviceInfo, Reading
 from netboard.devices.setup.excitation import Chirp
 from netboard.nodes.operator import device_commands as commands
 from netboard.services.cli import app
@@ -182,6 +183,49 @@ def test_calibrate_writes_measured_zero_and_workspace_to_the_profile(monkeypatch
     found = profile.load(Path("profiles"), "puppet")
     assert found is not None
     assert (found.placement.zero_z, found.placement.scale) == (0.0, pytest.approx(1.5))
+
+
+def test_calibrated_workspace_stays_within_that_of_the_device(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    operator = GuidedOperator((0.0, 0.0, 0.01), (-0.05, -0.06, -0.1), (0.05, 0.06, 0.2))
+
+    class UsableDevice(Puppet):
+        def _open(self) -> DeviceInfo:
+            return replace(super()._open(), workspace=Box(-0.035, -0.08, -0.06, 0.035, 0.08, 0.06))
+
+        def _read(self, now_ns: int) -> Reading:
+            x, y, z = operator.place
+            return AT_REST._replace(stamp_ns=now_ns, x=x, y=y, z=z)
+
+    def make(side: str, config: Config) -> Device:
+        return UsableDevice(config, AT_REST)
+
+    monkeypatch.setattr("netboard.devices.contract.registry.make", make)
+    left = replace(Config().agents.left, zero=0.1)
+    config = replace(Config(), agents=replace(Config().agents, left=left))
+    common = {"given": {}, "replace_it": False, "yes": False, "ask": operator, "loop_clock": SimulatedTime()}
+    assert commands.calibrate(config, "left", zero_only=False, **common) == 0
+    found = profile.load(Path("profiles"), "puppet")
+    assert found is not None
+    assert found.placement.box == (-0.035, -0.06, -0.06, 0.035, 0.06, 0.06)
+    assert found.placement.scale == pytest.approx(0.075 / 0.05)
+    said = capsys.readouterr().out
+    assert "agents.left.zero, 0.1 m, is subtracted as well" in said
+    assert "reaches" not in said
+    operator = GuidedOperator((0.0, 0.0, 0.03))
+    common["ask"] = operator
+    assert commands.calibrate(config, "left", zero_only=True, **common) == 0
+    assert "reaches 45 mm up and down from neutral, and the task needs 75 mm" in capsys.readouterr().out
+
+
+def test_test_pushes_obey_the_largest_force_of_the_rig(monkeypatch: pytest.MonkeyPatch) -> None:
+    device = Puppet(Config(), AT_REST)
+    monkeypatch.setattr("netboard.devices.contract.registry.make", lambda side, config: device)
+    config = replace(Config(), safety=replace(Config().safety, max_force=0.5))
+    common = {"seconds": 2.0, "yes": True, "as_json": True, "loop_clock": SimulatedTime()}
+    commands.examine(config, "left", force=1.0, **common)
+    assert max(abs(force[2]) for force in device.forces) == 0.5
 
 
 def test_agent_introduction_includes_the_profile() -> None:
