@@ -195,6 +195,16 @@ def test_server_requires_keys_or_insecure_beyond_loopback(address: str) -> None:
     assert "--insecure" in result.stderr
 
 
+def test_served_replay_requires_keys_or_insecure_beyond_loopback() -> None:
+    open_to_all = ["replay", "none.mcap", "--serve", "--set", "network.bind=0.0.0.0", "--set", "network.curve=off"]
+    result = runner.invoke(app, open_to_all)
+    assert result.exit_code == 2
+    assert '[network] bind: found "0.0.0.0"' in result.stderr
+    result = runner.invoke(app, [*open_to_all, "--insecure"])
+    assert result.exit_code == 1
+    assert "none.mcap" in result.stderr
+
+
 def test_demo_options_are_converted_to_settings() -> None:
     settings = demo_settings(trials=2, haptics="off", bimanual=True, seed=7, directory=Path("a b"))
     config = parse("", "defaults", settings)
