@@ -150,6 +150,14 @@ def test_defaults_apply_without_a_configuration_file() -> None:
     assert parse(runner.invoke(app, ["config", "show"]).output) == Config()
 
 
+def test_configuration_file_may_have_a_byte_order_mark() -> None:
+    """Some editors of Windows write one."""
+    Path("rig.toml").write_text("[block]\ntrials = 7\n", encoding="utf-8-sig")
+    result = runner.invoke(app, ["config", "show", "-c", "rig.toml"])
+    assert result.exit_code == 0, result.output
+    assert "trials = 7" in result.output
+
+
 def test_options_override_the_configuration_file_of_the_folder() -> None:
     Path("netboard.toml").write_text("[block]\ntrials = 4\nseed = 9\n", encoding="utf-8")
     block = parse(runner.invoke(app, ["config", "show", "--set", "block.trials=5"]).output).block
