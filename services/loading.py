@@ -53,9 +53,9 @@ def load_study(word: str) -> "Study":
 
 
 def text_of(file: str, missing: str) -> str:
-    """Read a text file; `missing` says what is wrong, and what to do, if it does not exist."""
+    """Read a text file, with or without a byte order mark; `missing` says what to do if it does not exist."""
     try:
-        return Path(file).read_text(encoding="utf-8")
+        return Path(file).read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise ConfigError(f"{file}: {missing}") from None
     except (OSError, UnicodeDecodeError) as error:

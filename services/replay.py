@@ -7,7 +7,7 @@ import typer
 
 from netboard.base.errors import ConfigError
 from netboard.services.loading import load
-from netboard.services.options import ConfigFile, Overrides, Screenshot, Side, examples
+from netboard.services.options import ConfigFile, Insecure, Overrides, Screenshot, Side, examples
 
 app = typer.Typer()
 
@@ -45,6 +45,7 @@ def replay(
     at: Annotated[
         float | None, typer.Option(min=0.0, metavar="S", help="Start position in seconds from the recording's start.")
     ] = None,
+    insecure: Insecure = False,
     config: ConfigFile = None,
     overrides: Overrides = None,
 ) -> None:
@@ -85,9 +86,13 @@ def replay(
 
         console.print(marks_table(load_with_progress(path)))
     elif serve:
+        from netboard.network.keys import refuse_open_network
         from netboard.nodes.replay.replay_server import serve_recording
 
-        serve_recording(path, load(config, overrides).network, speed, at)
+        network = load(config, overrides).network
+        if not insecure:
+            refuse_open_network(network)
+        serve_recording(path, network, speed, at)
     else:
         from netboard.recording.replay.loading import load_with_progress
         from netboard.windows.replay.player import run

@@ -169,6 +169,26 @@ def test_each_problem_is_reported_in_one_line(text: str, problem: str) -> None:
     assert problem in line
 
 
+@pytest.mark.parametrize("number", ["true", '"0.5"', "nan", "inf"])
+def test_lists_hold_finite_numbers_only(number: str) -> None:
+    (problem,) = problems(f"[block]\ntrial_scales = [1, {number}]")
+    assert "[block] trial_scales: found" in problem
+    assert "expected a list of numbers" in problem
+    (problem,) = problems(f"[design.values]\ngain = [1, {number}]")
+    assert "[design] values.gain: found" in problem
+
+
+@pytest.mark.parametrize("cpus", ["1-", "-", "2,,3", "2,", "0-3-5", "99999999999", "0-9999999999999"])
+def test_malformed_list_of_cpus_is_refused(cpus: str) -> None:
+    (problem,) = problems(f'[realtime]\nserver_cpus = "{cpus}"')
+    assert f'[realtime] server_cpus: found "{cpus}"' in problem
+
+
+@pytest.mark.parametrize("cpus", ["", "auto", "3", "0,2-3", "0-1,4-7,9"])
+def test_list_of_cpus_is_accepted(cpus: str) -> None:
+    assert parse(f'[realtime]\nagent_cpus = "{cpus}"').realtime.agent_cpus == cpus
+
+
 def test_all_problems_are_reported_at_once() -> None:
     lines = problems("[physics]\nMass = 1\nm = -1\n[block]\ntrials = 'six'\n[nowhere]\n")
     assert len(lines) == 4

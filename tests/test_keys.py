@@ -168,9 +168,23 @@ def test_key_files_are_never_overwritten(ring: keys.KeyRing, folder: Path) -> No
     assert {path: path.read_bytes() for path in folder.iterdir()} == before
 
 
+def test_new_key_never_takes_the_name_of_another(folder: Path) -> None:
+    """A name twice in the list would be revoked once, and the other key would stay valid."""
+    keys.init(folder)
+    for number in range(3):
+        keys.add(folder, "agent", "left", folder / f"to-{number}")
+    path = folder / "authorized.toml"
+    head, first, _, third = path.read_text().split("[[peer]]")
+    path.write_text("[[peer]]".join((head, first, third)))  # an operator has deleted agent.left-2
+    keys.add(folder, "agent", "left", folder / "to-3")
+    assert [peer.name for peer in keys.read_list(folder)] == ["agent.left", "agent.left-3", "agent.left-2"]
+
+
 def test_concurrent_change_of_the_list_is_refused(ring: keys.KeyRing, folder: Path) -> None:
     (folder / "authorized.toml.new").touch(0o600)
-    with pytest.raises(ConfigError, match=r"authorized\.toml\.new: already exists"):
+    with pytest.raises(
+        ConfigError, match=r"authorized\.toml\.new: already exists.*if none is running, remove this file"
+    ):
         keys.revoke(folder, "logger")
     assert (folder / "authorized.toml.new").exists()
 

@@ -26,6 +26,7 @@ from netboard.base.process import (
     Stopping,
     cpu_set,
     cpus_for,
+    interrupted_by_stop_signals,
     io_priority,
     leave_reserved_cpus,
     peak_memory,
@@ -40,13 +41,24 @@ linux = pytest.mark.skipif(sys.platform != "linux", reason="what Linux offers")
 
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
 @pytest.mark.parametrize("number", STOP_SIGNALS)
-def test_first_stop_signal_is_handled_and_the_next_interrupts_as_usual(number: signal.Signals) -> None:
-    before = signal.getsignal(number)
+def test_first_stop_signal_is_handled_and_the_next_interrupts_for_cleanup(number: signal.Signals) -> None:
+    before = [signal.getsignal(each) for each in STOP_SIGNALS]
     with Stopping() as stopping:
         assert not stopping()
         os.kill(os.getpid(), number)
         assert stopping()
-        assert signal.getsignal(number) == before
+        for second in STOP_SIGNALS:  # a closing terminal sends two: neither may end a process that renders a force
+            with pytest.raises(KeyboardInterrupt):
+                os.kill(os.getpid(), second)
+    assert [signal.getsignal(each) for each in STOP_SIGNALS] == before
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+@pytest.mark.parametrize("number", STOP_SIGNALS)
+def test_every_stop_signal_can_interrupt_for_cleanup(number: signal.Signals) -> None:
+    before = signal.getsignal(number)
+    with pytest.raises(KeyboardInterrupt), interrupted_by_stop_signals():
+        os.kill(os.getpid(), number)
     assert signal.getsignal(number) == before
 
 

@@ -32,6 +32,15 @@ def test_moving_stylus_is_rejected() -> None:
         held_position((0.0, 0.0, 0.0), (0.0, 0.0, 0.01))
 
 
+@pytest.mark.parametrize("unready", [0, 50])
+def test_neutral_height_needs_a_device_that_is_ready(unready: int) -> None:
+    device = Puppet(Config(), *[AT_REST] * unready, AT_REST._replace(ready=False), AT_REST)
+    device.open()
+    with pytest.raises(NetboardError, match="not ready for forces at the neutral height"):
+        calibration.neutral_at(watch(device, SimulatedTime(), 0.1))
+    assert calibration.neutral_at(watch(device, SimulatedTime(), 0.1)) == (0.0, 0.0, 0.0)
+
+
 @given(POINTS, POINTS)
 def test_box_contains_both_corners_in_either_order(one: calibration.Point, other: calibration.Point) -> None:
     if min(abs(a - b) for a, b in zip(one, other, strict=True)) < calibration.MIN_SIDE:
@@ -70,6 +79,12 @@ def test_corners_set_workspace_and_scale() -> None:
     after = calibration.placed(Placement(), (0.0, 0.0, 0.0), box, 0.075, "now")
     assert after.box == tuple(box)
     assert after.scale == pytest.approx(1.5)
+
+
+def test_reach_is_that_in_the_smaller_workspace() -> None:
+    place = Placement(zero_z=0.01, scale=2.0, z_min=-0.1, z_max=0.2)
+    assert calibration.reach(place, None) == pytest.approx(0.22)
+    assert calibration.reach(place, Box(-1, -1, -0.06, 1, 1, 0.06)) == pytest.approx(0.1)
 
 
 def test_manual_values_override_only_the_given_keys() -> None:

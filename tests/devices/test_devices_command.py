@@ -1,16 +1,21 @@
 """The commands ``netboard devices``; the long ones run in simulated time."""
 
 import json
+import os
+import signal
+import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from simulated import SimulatedTime, configured
+from simulated import AT_REST, Puppet, SimulatedTime, configured
 from typer.testing import CliRunner, Result
 
 from netboard.base.config import Config
 from netboard.base.errors import NetboardError
+from netboard.base.process import STOP_SIGNALS
 from netboard.devices.contract import profile
-from netboard.devices.contract.device import Device
+from netboard.devices.contract.device import Box, Device, DeviceInfo, Reading
 from netboard.devices.setup.excitation import Chirp
 from netboard.nodes.operator import device_commands as commands
 from netboard.services.cli import app
@@ -88,6 +93,31 @@ def test_commands_that_move_the_device_require_consent(words: str) -> None:
     assert "confirm with --yes" in result.output
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+@pytest.mark.parametrize("number", STOP_SIGNALS)
+def test_stop_signal_while_the_motors_push_ends_with_zero_force(
+    monkeypatch: pytest.MonkeyPatch, number: signal.Signals
+) -> None:
+    made: list[Puppet] = []
+
+    class StoppedDevice(Puppet):
+        def _write(self, fx: float, fy: float, fz: float) -> None:
+            super()._write(fx, fy, fz)
+            if fz > 0.2:
+                os.kill(os.getpid(), number)
+
+    def make(side: str, config: Config) -> Device:
+        made.append(StoppedDevice(config, AT_REST))
+        return made[0]
+
+    monkeypatch.setattr("netboard.devices.contract.registry.make", make)
+    common = {"seconds": 2.0, "force": 0.3, "yes": True, "as_json": True, "loop_clock": SimulatedTime()}
+    with pytest.raises(KeyboardInterrupt):
+        commands.examine(Config(), "left", **common)
+    assert max(force[2] for force in made[0].forces) > 0.2
+    assert made[0].forces[-1] == (0.0, 0.0, 0.0)
+
+
 def test_consent_requires_typing_the_exact_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
     commands.ask_consent("this", False, lambda _: f' "{commands.CONSENT}" ')
@@ -124,8 +154,6 @@ class GuidedOperator:
 
 
 def test_calibrate_writes_measured_zero_and_workspace_to_the_profile(monkeypatch: pytest.MonkeyPatch) -> None:
-    from simulated import AT_REST, Puppet
-
     operator = GuidedOperator((0.01, 0.02, 0.03), (-0.05, -0.06, -0.02), (0.05, 0.06, 0.08))
 
     class HeldDevice(Puppet):
@@ -155,6 +183,49 @@ def test_calibrate_writes_measured_zero_and_workspace_to_the_profile(monkeypatch
     found = profile.load(Path("profiles"), "puppet")
     assert found is not None
     assert (found.placement.zero_z, found.placement.scale) == (0.0, pytest.approx(1.5))
+
+
+def test_calibrated_workspace_stays_within_that_of_the_device(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    operator = GuidedOperator((0.0, 0.0, 0.01), (-0.05, -0.06, -0.1), (0.05, 0.06, 0.2))
+
+    class UsableDevice(Puppet):
+        def _open(self) -> DeviceInfo:
+            return replace(super()._open(), workspace=Box(-0.035, -0.08, -0.06, 0.035, 0.08, 0.06))
+
+        def _read(self, now_ns: int) -> Reading:
+            x, y, z = operator.place
+            return AT_REST._replace(stamp_ns=now_ns, x=x, y=y, z=z)
+
+    def make(side: str, config: Config) -> Device:
+        return UsableDevice(config, AT_REST)
+
+    monkeypatch.setattr("netboard.devices.contract.registry.make", make)
+    left = replace(Config().agents.left, zero=0.1)
+    config = replace(Config(), agents=replace(Config().agents, left=left))
+    common = {"given": {}, "replace_it": False, "yes": False, "ask": operator, "loop_clock": SimulatedTime()}
+    assert commands.calibrate(config, "left", zero_only=False, **common) == 0
+    found = profile.load(Path("profiles"), "puppet")
+    assert found is not None
+    assert found.placement.box == (-0.035, -0.06, -0.06, 0.035, 0.06, 0.06)
+    assert found.placement.scale == pytest.approx(0.075 / 0.05)
+    said = capsys.readouterr().out
+    assert "agents.left.zero, 0.1 m, is subtracted as well" in said
+    assert "reaches" not in said
+    operator = GuidedOperator((0.0, 0.0, 0.03))
+    common["ask"] = operator
+    assert commands.calibrate(config, "left", zero_only=True, **common) == 0
+    assert "reaches 45 mm up and down from neutral, and the task needs 75 mm" in capsys.readouterr().out
+
+
+def test_test_pushes_obey_the_largest_force_of_the_rig(monkeypatch: pytest.MonkeyPatch) -> None:
+    device = Puppet(Config(), AT_REST)
+    monkeypatch.setattr("netboard.devices.contract.registry.make", lambda side, config: device)
+    config = replace(Config(), safety=replace(Config().safety, max_force=0.5))
+    common = {"seconds": 2.0, "yes": True, "as_json": True, "loop_clock": SimulatedTime()}
+    commands.examine(config, "left", force=1.0, **common)
+    assert max(abs(force[2]) for force in device.forces) == 0.5
 
 
 def test_agent_introduction_includes_the_profile() -> None:

@@ -225,3 +225,15 @@ def test_axes_are_estimated_independently() -> None:
             found = estimator.update(k * MS, 0.1e-3 * k, -0.2e-3 * k, 0.0)
         assert found == pytest.approx((0.1, -0.2, 0.0))
     assert isinstance(kalman(STEP), Observer)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@every_kind
+def test_estimate_recovers_after_a_position_that_is_not_finite(kind: str, bad: float) -> None:
+    estimator = new(kind)
+    for k in range(50):
+        estimator.update(k * MS, 0.0, 0.0, 1e-4 * k)
+    estimator.update(50 * MS, 0.0, 0.0, bad)
+    for k in range(51, 51 + 2 * CAPACITY):
+        velocity = estimator.update(k * MS, 0.0, 0.0, 1e-4 * k)
+    assert velocity == pytest.approx((0.0, 0.0, 0.1))

@@ -238,3 +238,14 @@ def test_positions_with_rates_are_interpolated_by_a_cubic(motion: Callable[[np.n
     track = Track(times, np.stack([motion(times)] * 3, 1), np.stack([rates] * 3, 1), np.zeros(4, np.int64))
     for when in np.linspace(0.0, 0.7, 50):
         assert track.at(when)[0] == pytest.approx((motion(when),) * 3, abs=1e-8)
+
+
+def test_stylus_stays_between_the_samples_around_a_pause() -> None:
+    times = np.array([0.0, 0.001, 60.0, 60.001])
+    places = np.outer([0.0, 0.001, 0.02, 0.021], np.ones(3))
+    track = Track(times, places, np.ones((4, 3)), np.zeros(4, np.int64))
+    pause = np.linspace(0.001, 60.0, 500)
+    heights = np.array([track.at(when)[0][2] for when in pause])
+    assert heights.min() >= 0.001 - 1e-12
+    assert heights.max() <= 0.02 + 1e-12
+    assert track.at(30.0)[1] == pytest.approx((0.019 / 59.999,) * 3)

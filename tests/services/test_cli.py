@@ -150,6 +150,14 @@ def test_defaults_apply_without_a_configuration_file() -> None:
     assert parse(runner.invoke(app, ["config", "show"]).output) == Config()
 
 
+def test_configuration_file_may_have_a_byte_order_mark() -> None:
+    """Some editors of Windows write one."""
+    Path("rig.toml").write_text("[block]\ntrials = 7\n", encoding="utf-8-sig")
+    result = runner.invoke(app, ["config", "show", "-c", "rig.toml"])
+    assert result.exit_code == 0, result.output
+    assert "trials = 7" in result.output
+
+
 def test_options_override_the_configuration_file_of_the_folder() -> None:
     Path("netboard.toml").write_text("[block]\ntrials = 4\nseed = 9\n", encoding="utf-8")
     block = parse(runner.invoke(app, ["config", "show", "--set", "block.trials=5"]).output).block
@@ -193,6 +201,16 @@ def test_server_requires_keys_or_insecure_beyond_loopback(address: str) -> None:
     assert result.exit_code == 2
     assert f'[network] bind: found "{address}"' in result.stderr
     assert "--insecure" in result.stderr
+
+
+def test_served_replay_requires_keys_or_insecure_beyond_loopback() -> None:
+    open_to_all = ["replay", "none.mcap", "--serve", "--set", "network.bind=0.0.0.0", "--set", "network.curve=off"]
+    result = runner.invoke(app, open_to_all)
+    assert result.exit_code == 2
+    assert '[network] bind: found "0.0.0.0"' in result.stderr
+    result = runner.invoke(app, [*open_to_all, "--insecure"])
+    assert result.exit_code == 1
+    assert "none.mcap" in result.stderr
 
 
 def test_demo_options_are_converted_to_settings() -> None:

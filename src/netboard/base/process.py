@@ -15,7 +15,8 @@ import signal
 import socket
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from enum import IntEnum
 from functools import partial
 from pathlib import Path
@@ -128,11 +129,23 @@ class Supervisor:
         return True
 
 
+@contextmanager
+def interrupted_by_stop_signals() -> Iterator[None]:
+    """Let every stop signal interrupt as Ctrl-C does, so that a device is sent zero force before the process ends."""
+    before = {number: signal.signal(number, signal.default_int_handler) for number in STOP_SIGNALS}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
 class Stopping:
     """Context in which a stop signal sets a flag instead of interrupting; calling the instance returns the flag.
 
-    A second signal interrupts as usual. Every loop polls the flag, so each call also reports to the supervisor that the
-    process is alive.
+    A second signal interrupts as Ctrl-C does, whichever it is: a closing terminal sends two, and an agent that ended at
+    once would leave its device with the last force. Every loop polls the flag, so each call also reports to the
+    supervisor that the process is alive.
     """
 
     def __init__(self) -> None:
@@ -156,17 +169,15 @@ class Stopping:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._restore()
+        for number, handler in self._before.items():
+            signal.signal(number, handler)  # type: ignore[arg-type]
+        self._before.clear()
         self._supervisor.stopping()
 
     def _ask(self, number: int, frame: FrameType | None) -> None:
         self._asked = True
-        self._restore()
-
-    def _restore(self) -> None:
-        for number, handler in self._before.items():
-            signal.signal(number, handler)  # type: ignore[arg-type]
-        self._before.clear()
+        for each in self._before:
+            signal.signal(each, signal.default_int_handler)
 
 
 def steady_loop() -> None:

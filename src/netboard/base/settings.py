@@ -15,7 +15,7 @@ import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from pydantic import ConfigDict, Field, StrictStr, TypeAdapter, ValidationError
+from pydantic import AllowInfNan, ConfigDict, Field, Strict, StrictStr, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
@@ -23,6 +23,9 @@ from netboard.base.errors import ConfigError
 
 FORBID_UNKNOWN_KEYS = ConfigDict(extra="forbid")
 """Configuration of every table: an unknown key is an error."""
+
+Number = Annotated[float, Strict(), AllowInfNan(False)]
+"""A finite number within a list, where `about` cannot refuse texts, true and false."""
 
 T = TypeVar("T")
 Path = tuple[str, ...]
@@ -189,7 +192,7 @@ def _many(kind: Any) -> str:
     """Say what several values of a type are."""
     if get_origin(kind) is Literal:
         return ", ".join(f'"{choice}"' for choice in get_args(kind))
-    return {str: "texts", StrictStr: "texts", float: "numbers"}.get(kind, "whole numbers")
+    return {str: "texts", StrictStr: "texts", float: "numbers", Number: "numbers"}.get(kind, "whole numbers")
 
 
 # --- reading -----------------------------------------------------------------------------------------------------

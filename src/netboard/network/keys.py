@@ -16,6 +16,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from itertools import count
 from pathlib import Path
 from typing import Annotated, Literal, TypeAlias, TypeVar
 
@@ -219,8 +220,9 @@ def add(folder: Path, role: Role, side: str, to: Path) -> tuple[Peer, Path]:
         raise ConfigError(f"{role}: expected a side, left or right" if not side else f"{role}: has no side")
     server = _read_key(key_path(folder, SERVER), "make it with: netboard keys init")
     with _changed_list(folder) as peers:
-        others = sum(peer.what == what(role, side) for peer in peers)
-        name = what(role, side) + (f"-{others + 1}" if others else "")
+        taken = {peer.name for peer in peers}
+        names = (what(role, side) + (f"-{number}" if number > 1 else "") for number in count(1))
+        name = next(name for name in names if name not in taken)
         public, secret = authenticator.new_keys()
         peer = Peer(name, role, side, public, _now())  # type: ignore[arg-type]
         to.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -292,7 +294,7 @@ def key_path(folder: Path, name: str) -> Path:
 def _changed_list(folder: Path) -> Iterator[list[Peer]]:
     """Lock the list for a change, and write it at the end, completely or not at all."""
     new = folder / f"{LIST}.new"
-    _write_new(new, "")
+    _write_new(new, "", "already exists: another command is changing the list; if none is running, remove this file")
     try:
         peers = list(read_list(folder))
         yield peers
@@ -323,13 +325,13 @@ def _write_key(path: Path, file: _KeyFile) -> None:
     )
 
 
-def _write_new(path: Path, text: str) -> None:
-    """Write a new file that only its owner can read."""
+def _write_new(path: Path, text: str, existing: str = "already exists and was not changed") -> None:
+    """Write a new file that only its owner can read; ``existing``: what is wrong if it is there already."""
     try:
         path.touch(mode=0o600, exist_ok=False)
         path.write_text(text, encoding="utf-8", newline="\n")
     except FileExistsError:
-        raise ConfigError(f"{path}: already exists and was not changed") from None
+        raise ConfigError(f"{path}: {existing}") from None
     except OSError as error:
         raise ConfigError(f"{path}: cannot be written: {error.strerror}") from error
 

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import StrictBool, StrictInt
 
-from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
+from netboard.base.settings import FORBID_UNKNOWN_KEYS, Number, about
 from netboard.base.tables.forces import Force
 
 MAX_TRIALS = 10_000
@@ -63,7 +63,7 @@ class Block:
         about("numbers of the catch trials, which have no haptic feedback", max_length=1000, strict=False),
     ] = ()
     trial_scales: Annotated[
-        tuple[float, ...],
+        tuple[Number, ...],
         about("force_scale of each trial, in place of force_scale; the list repeats", strict=False),
     ] = ()
     unrelated: Annotated[str, about('recording whose forces are rendered with force = "unrelated"')] = ""
@@ -119,7 +119,7 @@ class Design:
     types: Annotated[dict[str, FactorType], about("type of each factor: numeric, categorical or boolean")] = field(
         default_factory=dict
     )
-    values: Annotated[dict[str, tuple[float, ...]], about("value of each level of numeric factors", strict=False)] = (
+    values: Annotated[dict[str, tuple[Number, ...]], about("value of each level of numeric factors", strict=False)] = (
         field(default_factory=dict)
     )
     units: Annotated[dict[str, str], about("unit of these values")] = field(default_factory=dict)

@@ -13,6 +13,9 @@ from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
 MOUSE = "mouse"
 """Device backend of a side that a person plays in the display's window."""
 
+CPU_LIST = r"^(auto|([0-9]{1,4}(-[0-9]{1,4})?(,[0-9]{1,4}(-[0-9]{1,4})?)*)?)$"
+"""Pattern of a list of CPUs."""
+
 
 @dataclass(frozen=True, slots=True)
 class Network:
@@ -64,10 +67,10 @@ class Realtime:
     scheduling: Annotated[StrictBool, about("true: real-time scheduling (SCHED_FIFO) of the 1 kHz loops")] = True
     lock_memory: Annotated[StrictBool, about("true: keep the processes' memory from being paged out")] = True
     server_cpus: Annotated[
-        str, about("CPUs of the server, such as 2 or 0,2-3; auto: one; empty: any", pattern=r"^(auto|[0-9,-]*)$")
+        str, about("CPUs of the server, such as 2 or 0,2-3; auto: one; empty: any", pattern=CPU_LIST)
     ] = "auto"
     agent_cpus: Annotated[
-        str, about("CPUs of the agents, likewise; auto: one each, where there are enough", pattern=r"^(auto|[0-9,-]*)$")
+        str, about("CPUs of the agents, likewise; auto: one each, where there are enough", pattern=CPU_LIST)
     ] = "auto"
 
 

@@ -7,8 +7,10 @@ has no lag while the acceleration is constant. docs/explanation/velocity.md comp
 Rule 1: the first position gives zero velocity, the second one the slope between the two.
 Rule 2: a position whose time stamp is not later than the newest one replaces it.
 Rule 3: after a gap longer than `GAP_NS` a filter restarts from the slope over the gap.
+Rule 4: after a position that is not finite a filter restarts at zero velocity.
 """
 
+from math import isfinite
 from typing import final
 
 import numpy as np
@@ -143,7 +145,7 @@ def _observed(
     apart = max(dt, SHORTEST)
     for axis in range(3):
         x, v, a = states[0, axis, 0], states[0, axis, 1], states[0, axis, 2]
-        if count == 1:
+        if count == 1 or not isfinite(x):
             x, v, a = place[axis], 0.0, 0.0
         elif count == 2 or since_ns > GAP_NS:
             x, v, a = place[axis], (place[axis] - x) / dt, 0.0

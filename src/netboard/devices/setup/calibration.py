@@ -36,6 +36,16 @@ def held_at(track: Track) -> Point:
     return float(x), float(y), float(z)
 
 
+def neutral_at(track: Track) -> Point:
+    """Return the position at which the stylus was held, where the device must be able to render forces."""
+    if not track.ready.all():
+        raise NetboardError(
+            "the device is not ready for forces at the neutral height: home or calibrate it, take the stylus out of "
+            "its holder and into its workspace, and try again"
+        )
+    return held_at(track)
+
+
 def box_between(one: Point, other: Point) -> Box:
     """Return the box with these opposite corners."""
     low, high = np.minimum(one, other), np.maximum(one, other)
@@ -60,6 +70,15 @@ def scale_for(zero_z: float, box: Box, needed: float) -> float:
             f"{box.z_max * 1e3:.0f} mm: measure the corners again"
         )
     return max(1.0, needed / room)
+
+
+def reach(place: Placement, own: Box | None) -> float:
+    """Return how far the stylus can move up and down from neutral, in the scene [m].
+
+    ``own``: the device's own workspace, if it is known.
+    """
+    box = Box(*place.box).within(own)
+    return place.scale * min(place.zero_z - box.z_min, box.z_max - place.zero_z)
 
 
 def placed(before: Placement, zero: Point, box: Box | None, needed: float, words: str) -> Placement:

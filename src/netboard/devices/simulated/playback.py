@@ -34,6 +34,9 @@ RATES = ("vx", "vy", "vz")
 UNITS = {"time": "s", "x": "m", "y": "m", "z": "m", "vx": "m/s", "vy": "m/s", "vz": "m/s", "buttons": "1"}
 """Columns of a CSV file (required, optional, all) and their units."""
 
+LONGEST_CURVE = 0.5
+"""Longest time between two samples that a cubic joins: over a pause it would swing far beyond both [s]."""
+
 FARTHEST = 1.0
 """Largest plausible coordinate of a stylus [m]."""
 
@@ -127,8 +130,9 @@ class Track:
         """Return position, velocity and buttons at a time.
 
         Between two samples the position follows the cubic Hermite curve through both positions and velocities, and the
-        velocity is interpolated linearly. Where velocities are unknown, the position is interpolated linearly and the
-        velocity is the slope. Before the first sample and after the last one the stylus rests.
+        velocity is interpolated linearly. Where velocities are unknown, and in a pause longer than `LONGEST_CURVE`, the
+        position is interpolated linearly and the velocity is the slope. Before the first sample and after the last one
+        the stylus rests.
         """
         if when < 0.0 or when > self.duration:
             end = 0 if when < 0.0 else -1
@@ -146,7 +150,7 @@ class Track:
 def _between(share: float, span: float, x: float, then: float, v: float, rate: float) -> tuple[float, float]:
     """Interpolate position and velocity along one axis from the values at both ends [m, m/s]."""
     slope = (then - x) / span
-    if isnan(v) or isnan(rate):
+    if isnan(v) or isnan(rate) or span > LONGEST_CURVE:
         return x + share * (then - x), slope
     bent = share * (1.0 - share) * span * ((1.0 - share) * (v - slope) - share * (rate - slope))
     return x + share * (then - x) + bent, v + share * (rate - v)

@@ -16,13 +16,13 @@ from netboard.base import clock
 from netboard.base.bars import progress_bars
 from netboard.base.config import Config, Side
 from netboard.base.errors import ConfigError, NetboardError
-from netboard.base.process import Priority, Stopping, cpus_for, prepare, steady_loop
+from netboard.base.process import Priority, Stopping, cpus_for, interrupted_by_stop_signals, prepare, steady_loop
 from netboard.devices.contract import profile, registry
 from netboard.devices.contract.device import Device, Reading
 from netboard.devices.contract.profile import Identity, Mechanics, Placement, Profile
 from netboard.devices.setup import calibration, checkup, excitation, listing, usb, words
 from netboard.devices.setup.identification import Identified
-from netboard.devices.setup.loop import Driver, LoopClock, RealTime, watch
+from netboard.devices.setup.loop import Driver, LoopClock, RealTime, Track, watch
 
 console = Console(highlight=False)
 
@@ -71,6 +71,7 @@ def examine(
     loop_clock: LoopClock | None = None,
 ) -> int:
     """Examine a device, without force unless one is given; return 1 if anything is red."""
+    force = min(force, config.safety.max_force)
     if force:
         ask_consent(f"{checkup.PULSES} short pushes of {force:g} N, up and down", yes, input)
     with opened(config, side, loop_clock is None) as device, _bar(as_json) as progress:
@@ -175,6 +176,16 @@ def calibrate(
     console.print(words.placement_table(f"{info.model} {info.serial} ({side})", place))
     if place.scale != 1.0:
         console.print(f"at the device the virtual coupling is {place.scale:.2f} times as stiff as in the scene")
+    reach, needed = calibration.reach(place, info.workspace), config.task.stylus_range
+    if reach < needed - 1e-9:
+        console.print(
+            f"the stylus reaches {reach * 1e3:.0f} mm up and down from neutral, and the task needs "
+            f"{needed * 1e3:.0f} mm: beyond its reach no force is rendered; measure the corners again"
+        )
+    if device.agent.zero:
+        console.print(
+            f"agents.{side}.zero, {device.agent.zero:g} m, is subtracted as well: expected 0 for this profile"
+        )
     _save(config, replace(known, placement=place), replace_it, quiet=False)
     return 0
 
@@ -184,19 +195,20 @@ def _asked_for(
 ) -> Placement:
     """Ask for the neutral height, then for two corners."""
 
-    def held(where: str) -> calibration.Point:
+    def held(where: str) -> Track:
         if ask is None:
             console.print(f"Hold the stylus {where}: measured in {SETTLE:g} s")
             watch(device, ticks, SETTLE)
         else:
             ask(f"Hold the stylus {where}, then press Enter: ")
-        return calibration.held_at(watch(device, ticks, HOLD))
+        return watch(device, ticks, HOLD)
 
-    zero = held("at the neutral height, in the middle")
+    zero = calibration.neutral_at(held("at the neutral height, in the middle"))
     box = None
     if not zero_only:
-        low = held("at the lower far left corner of the workspace")
-        box = calibration.box_between(low, held("at the upper near right corner of the workspace"))
+        low = calibration.held_at(held("at the lower far left corner of the workspace"))
+        high = calibration.held_at(held("at the upper near right corner of the workspace"))
+        box = calibration.box_between(low, high).within(device.info.workspace)
     return calibration.placed(before, zero, box, config.task.stylus_range, f"{now_in_words()}, by hand")
 
 
@@ -206,11 +218,12 @@ def opened(config: Config, side: Side, real_time: bool) -> Iterator[Device]:
     if real_time:
         prepare(config.realtime, Priority.AGENT, cpus_for(side, config.realtime))
     device = registry.make(side, config)
-    device.open(placed=False)
-    with device:
-        if real_time:
-            steady_loop()
-        yield device
+    with interrupted_by_stop_signals():
+        device.open(placed=False)
+        with device:
+            if real_time:
+                steady_loop()
+            yield device
 
 
 def ask_consent(what: str, yes: bool, ask: Ask) -> None:
