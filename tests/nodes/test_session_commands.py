@@ -1,0 +1,43 @@
+"""Operators' commands in every phase of a session, and the transitions from block to block."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from stepped_session import SteppedSession
+
+from netboard.network.transport import sockets
+from netboard.nodes.server.block_changes import PAGE_TICKS
+from netboard.nodes.server.supervision import READY_TICKS
+from netboard.task.trials.state_machine import Phase
+
+
+@pytest.fixture
+def context() -> Iterator[sockets.Context]:
+    with sockets.open_context() as context:
+        yield context
+
+
+@pytest.fixture
+def stepped(tmp_path: Path, context: sockets.Context) -> Iterator[SteppedSession]:
+    stepped = SteppedSession(tmp_path, context)
+    yield stepped
+    stepped.close()
+
+
+@pytest.fixture
+def automatic(tmp_path: Path, context: sockets.Context) -> Iterator[SteppedSession]:
+    """A session whose blocks start by themselves."""
+    stepped = SteppedSession(tmp_path, context, autostart=True)
+    yield stepped
+    stepped.close()
+
+
+def test_block_that_starts_by_itself_waits_for_the_end_of_its_rest(automatic: SteppedSession) -> None:
+    automatic.finish_block()
+    automatic.tick(PAGE_TICKS + READY_TICKS)
+    assert (automatic.block, automatic.phase) == (2, Phase.IDLE)
+    assert automatic.state.missing == ("the rest to be over",)
+    automatic.state.rest_until_ns = 0
+    automatic.tick(2 * READY_TICKS)
+    assert automatic.phase != Phase.IDLE
