@@ -41,3 +41,16 @@ def test_block_that_starts_by_itself_waits_for_the_end_of_its_rest(automatic: St
     automatic.state.rest_until_ns = 0
     automatic.tick(2 * READY_TICKS)
     assert automatic.phase != Phase.IDLE
+
+
+def test_pause_that_comes_with_a_fault_prevents_an_automatic_resume(automatic: SteppedSession) -> None:
+    automatic.until(Phase.RUNNING)
+    automatic.ask("pause")
+    automatic.tick(found=0)
+    assert (automatic.phase, automatic.replies) == (Phase.PAUSED, [])
+    automatic.tick()
+    assert automatic.replies == [("pause", True, "it is paused already, and waits for resume")]
+    automatic.tick(2 * READY_TICKS)
+    assert automatic.phase == Phase.PAUSED
+    assert automatic.do("resume") == (True, "")
+    assert automatic.phase == Phase.LEVELLING

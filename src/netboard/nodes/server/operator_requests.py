@@ -42,6 +42,8 @@ class OperatorRequests:
             match name:
                 case "end":
                     state.end_requested = True
+                case "pause":
+                    state.supervisor.await_operator()
                 case emergency.STOP:
                     state.update_arming(state.emergency_stop.halt("emergency stop by an operator"))
                 case emergency.RELEASE:
