@@ -54,3 +54,38 @@ def test_pause_that_comes_with_a_fault_prevents_an_automatic_resume(automatic: S
     assert automatic.phase == Phase.PAUSED
     assert automatic.do("resume") == (True, "")
     assert automatic.phase == Phase.LEVELLING
+
+
+def test_pause_after_the_last_trial_is_no_pause_in_the_next_block(stepped: SteppedSession) -> None:
+    stepped.start()
+    stepped.succeed()
+    stepped.tick()
+    stepped.until(Phase.RUNNING)
+    assert stepped.do("pause_after_trial")[0]
+    stepped.finish_block()
+    assert stepped.state.operators.pending == ""
+    stepped.tick(PAGE_TICKS)
+    assert (stepped.block, stepped.do("start")) == (2, (True, ""))
+    stepped.until(Phase.RUNNING)
+
+
+@pytest.mark.parametrize("commands", [("stop_after_block", "stop"), ("stop", "stop_after_block")])
+def test_session_ends_after_a_stopped_block_if_an_operator_has_asked_for_it(
+    stepped: SteppedSession, commands: tuple[str, str]
+) -> None:
+    stepped.start()
+    stepped.until(Phase.RUNNING)
+    for command in commands:
+        assert stepped.do(command)[0]
+    assert (stepped.phase, stepped.state.end_requested) == (Phase.FINISHED, True)
+
+
+def test_stopped_block_waits_for_the_operator(stepped: SteppedSession) -> None:
+    stepped.start()
+    stepped.until(Phase.RUNNING)
+    assert stepped.do("stop") == (True, "")
+    stepped.tick(2 * PAGE_TICKS)
+    assert (stepped.block, stepped.phase, stepped.state.end_requested) == (1, Phase.FINISHED, False)
+    assert stepped.do("next") == (True, "")
+    stepped.tick()
+    assert (stepped.block, stepped.phase) == (2, Phase.IDLE)

@@ -383,12 +383,21 @@ class Session:
         state.note(cause.name.lower(), details)
         for name, judged in state.attempts.record_decision(cause, row, stage, state.rows, number):
             state.note(name, judged)
-        if cause == Cause.LAST:
-            self._blocks.finish_block(number)
         if cause == Cause.START:
             self.records.start()
             state.questionnaires = ""
-        elif int(stage["phase"]) == Phase.FINISHED and (asked := state.block.config.block.questionnaires):
+        elif int(stage["phase"]) == Phase.FINISHED:
+            self._block_over(cause, number)
+
+    def _block_over(self, cause: Cause, number: int) -> None:
+        """Ask for the questionnaires of a block that is over; an operator who has stopped it decides what follows."""
+        state = self._state
+        state.operators.pause_after = False
+        if cause == Cause.LAST:
+            self._blocks.finish_block(number)
+        elif state.operators.end_after:
+            state.end_requested = True
+        if asked := state.block.config.block.questionnaires:
             state.questionnaires = asked
             state.note("questionnaire", {"text": asked})
 
