@@ -1,6 +1,6 @@
 """Operators' commands in every phase of a session, and the transitions from block to block."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -89,3 +89,27 @@ def test_stopped_block_waits_for_the_operator(stepped: SteppedSession) -> None:
     assert stepped.do("next") == (True, "")
     stepped.tick()
     assert (stepped.block, stepped.phase) == (2, Phase.IDLE)
+
+
+def succeeded(stepped: SteppedSession) -> None:
+    stepped.succeed()
+
+
+def failed(stepped: SteppedSession) -> None:
+    stepped.until(Phase.RUNNING)
+    stepped.state.stage["p"] = 1.0
+    stepped.until(Phase.FAILED)
+
+
+def running(stepped: SteppedSession) -> None:
+    stepped.until(Phase.RUNNING)
+
+
+@pytest.mark.parametrize("bring", [succeeded, failed, running])
+def test_end_stops_the_block_in_every_phase(stepped: SteppedSession, bring: Callable[[SteppedSession], None]) -> None:
+    stepped.start()
+    bring(stepped)
+    stepped.session._end()
+    assert stepped.phase == Phase.FINISHED
+    assert [event.name for event in stepped.events()][-3:] == ["stop", "attempt_ended", "session_ended"]
+    assert stepped.state.attempts.finished[-1][3] == "aborted"

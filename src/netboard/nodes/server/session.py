@@ -194,8 +194,8 @@ class Session:
 
     def _end(self) -> None:
         """Stop the block, and begin to end."""
-        if self._state.phase != Phase.FINISHED:
-            self._stopping, self._undisturbed = True, False
+        self._stopping, self._undisturbed = True, False
+        while self._state.phase != Phase.FINISHED:  # two ticks just after a trial, when no command has an effect
             self._tick(self._clock.due_ns, max(0, now_ns() - self._clock.due_ns))
         self.records.end()
 
