@@ -117,6 +117,7 @@ class SteppedSession:
 
     def close(self) -> None:
         """Close the sockets and the journal."""
-        self.session.records.end()
+        if not self.session.records.ending:
+            self.session.records.end()
         self.session.records.close()
         self.state.ports.log.close()

@@ -4,9 +4,15 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from fake_router import hello
+from motion_rig import Peers
 from stepped_session import SteppedSession
 
-from netboard.network.transport import sockets
+from netboard.base.clock import now_ns
+from netboard.network.protocol.joining import Goodbye
+from netboard.network.protocol.messages import Message
+from netboard.network.protocol.motion import Force, Heartbeat
+from netboard.network.transport import channels, sockets
 from netboard.nodes.server.block_changes import PAGE_TICKS
 from netboard.nodes.server.supervision import READY_TICKS
 from netboard.task.trials.state_machine import Phase
@@ -113,3 +119,28 @@ def test_end_stops_the_block_in_every_phase(stepped: SteppedSession, bring: Call
     assert stepped.phase == Phase.FINISHED
     assert [event.name for event in stepped.events()][-3:] == ["stop", "attempt_ended", "session_ended"]
     assert stepped.state.attempts.finished[-1][3] == "aborted"
+
+
+AGENT = b"agent.left@1"
+
+
+def test_session_ends_with_a_heartbeat_that_commands_no_force(stepped: SteppedSession, context: sockets.Context) -> None:
+    address = channels.addresses(stepped.state.block.config.network).listen(channels.MOTION).address
+    peers, motion = Peers(context, address), stepped.state.ports.motion
+    stepped.start()
+    stepped.until(Phase.RUNNING)
+    peers.send_from(AGENT, hello("agent", "left"))
+    received: list[Message] = []
+    while not received:  # the welcome
+        motion.drain(now_ns, 0)
+        motion.attend(now_ns(), 0)
+        received += peers.received_by(AGENT)
+    stepped.session._end()
+    while not isinstance(received[-1], Goodbye):
+        received += peers.received_by(AGENT)
+    force, heartbeat = received[-3:-1]
+    assert isinstance(force, Force)
+    assert isinstance(heartbeat, Heartbeat)
+    assert heartbeat.tick > force.tick
+    assert not heartbeat.arm
+    peers.disconnect(AGENT)

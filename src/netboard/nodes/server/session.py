@@ -197,6 +197,8 @@ class Session:
         self._stopping, self._undisturbed = True, False
         while self._state.phase != Phase.FINISHED:  # two ticks just after a trial, when no command has an effect
             self._tick(self._clock.due_ns, max(0, now_ns() - self._clock.due_ns))
+        self._motion.may_arm = False
+        self._motion.send_heartbeat(self._state.number, now_ns(), at_once=True)  # else the last force would have to age
         self.records.end()
 
     # --- ticks -----------------------------------------------------------------------------------------------------
