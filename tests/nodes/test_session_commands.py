@@ -124,7 +124,9 @@ def test_end_stops_the_block_in_every_phase(stepped: SteppedSession, bring: Call
 AGENT = b"agent.left@1"
 
 
-def test_session_ends_with_a_heartbeat_that_commands_no_force(stepped: SteppedSession, context: sockets.Context) -> None:
+def test_session_ends_with_a_heartbeat_that_commands_no_force(
+    stepped: SteppedSession, context: sockets.Context
+) -> None:
     address = channels.addresses(stepped.state.block.config.network).listen(channels.MOTION).address
     peers, motion = Peers(context, address), stepped.state.ports.motion
     stepped.start()
