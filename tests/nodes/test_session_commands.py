@@ -97,6 +97,22 @@ def test_stopped_block_waits_for_the_operator(stepped: SteppedSession) -> None:
     assert (stepped.block, stepped.phase) == (2, Phase.IDLE)
 
 
+def test_refused_form_leaves_no_consent_behind(tmp_path: Path, context: sockets.Context) -> None:
+    stepped = SteppedSession(tmp_path, context, pilot=False)
+    (tmp_path / "D01_S01.journal.jsonl").touch()
+    accepted, reason = stepped.do("open", '{"participant_a": "P07", "consent": true}')
+    assert not accepted
+    assert "exists already" in reason
+    assert stepped.do("open", '{"name": "S02"}') == (
+        False,
+        "both participants have to give their consent, or the session has to be a pilot run",
+    )
+    assert stepped.do("open", '{"name": "S02", "consent": true}') == (True, "")
+    session = stepped.state.block.config.session
+    assert (session.name, session.participant_a, session.consent) == ("S02", "A", True)
+    stepped.close()
+
+
 def succeeded(stepped: SteppedSession) -> None:
     stepped.succeed()
 
