@@ -294,6 +294,20 @@ def test_form_opens_the_session_once_its_answers_are_valid(console: ConsoleRig) 
     console.until(lambda: console.window.banner.text().startswith("PILOT"))
 
 
+def test_form_of_another_session_has_its_proposed_seats_and_no_consent(console: ConsoleRig) -> None:
+    form = console.window.form
+    console.show("unopened")
+    form.texts["participant_a"].setText("P05")
+    form.consent.setChecked(True)
+    assert form.seat_a.answer == "left"
+    console.server.config = '[session]\nseat_a = "right"\nhand_b = "left"\nparticipant_a = "P07"\n'
+    console.server._peers.clear()  # another server, which does not know this console
+    console.server.change(session="d2f0", name="S05")
+    console.until(lambda: form.texts["name"].text() == "S05")
+    entry = form.entry
+    assert (entry.participant_a, entry.hand_b, entry.seat_a, entry.consent) == ("P07", "left", "right", False)
+
+
 def test_repeat_names_the_selected_trial(console: ConsoleRig) -> None:
     console.server.attempts = attempts(6)
     console.show("running")
