@@ -330,6 +330,13 @@ def test_repeat_names_the_selected_trial(console: ConsoleRig) -> None:
     assert "block 3" in console.window.reply.text()
 
 
+def test_long_names_do_not_make_the_window_wider(console: ConsoleRig) -> None:
+    width = console.window.width()
+    console.server.change(name="N" * 64, dyad="D" * 64, study="s" * 64, label="l" * 300, notice="n" * 300)
+    console.until(lambda: "N" * 64 in console.window.banner.text())
+    assert console.window.width() == width
+
+
 def test_silent_server_turns_the_server_lamp_red_until_it_answers(console: ConsoleRig) -> None:
     lamp = console.window.session.widgets[0]
     console.until(lambda: lamp.lamp.level is Level.GOOD)

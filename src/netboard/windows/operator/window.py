@@ -265,8 +265,8 @@ class ConsoleWindow(Window):
         for page in (self.live, self.form):
             self.middle.addWidget(page)
         self.stations.setFixedWidth(490)
-        self.alarm.setMinimumWidth(1)
-        self.reply.setMinimumWidth(1)
+        for line in (self.banner, self.alarm, self.reply):
+            line.setMinimumWidth(1)
         rows = QVBoxLayout(self)
         rows.setContentsMargins(10, 0, 10, 8)
         rows.setSpacing(7)
