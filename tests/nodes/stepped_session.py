@@ -65,6 +65,7 @@ class SteppedSession:
     def tick(self, count: int = 1, found: int = ALL_FINE) -> None:
         """Run ticks; ``found``: what their samples tell."""
         for _ in range(count):
+            self.state.rows["command"] = 0  # as the samples of a tick clear its row
             self.session._tick(self.state.clock.due_ns, 0, found)
 
     def ask(self, command: str, argument: str = "") -> None:
