@@ -127,6 +127,17 @@ def running(stepped: SteppedSession) -> None:
     stepped.until(Phase.RUNNING)
 
 
+@pytest.mark.parametrize("bring", [succeeded, failed])
+def test_pause_in_the_tick_between_two_trials_waits_for_the_next_tick(
+    stepped: SteppedSession, bring: Callable[[SteppedSession], None]
+) -> None:
+    stepped.start()
+    bring(stepped)
+    stepped.ask("pause")
+    stepped.tick(2)
+    assert (stepped.replies, stepped.phase) == ([("pause", True, "")], Phase.PAUSED)
+
+
 @pytest.mark.parametrize("bring", [succeeded, failed, running])
 def test_end_stops_the_block_in_every_phase(stepped: SteppedSession, bring: Callable[[SteppedSession], None]) -> None:
     stepped.start()

@@ -27,6 +27,7 @@ from netboard.nodes.server.block_changes import BlockChanges
 from netboard.nodes.server.blocks import BlockSequence
 from netboard.nodes.server.event_log import change_of
 from netboard.nodes.server.operator_requests import OperatorRequests
+from netboard.nodes.server.operators import CAUSES
 from netboard.nodes.server.record_keeping import RecordKeeping
 from netboard.nodes.server.state import RING_ROWS, SessionState
 from netboard.nodes.server.undisturbed import (
@@ -370,6 +371,8 @@ class Session:
         first = first or state.attempts.take_wanted(phase) or state.operators.due(phase)
         if first or not self._control.requests:
             return first  # an operator's command that arrives at the same time waits for the next tick
+        if phase in (Phase.SUCCEEDED, Phase.FAILED) and self._control.requests[0].command.name in CAUSES:
+            return Cause.NONE  # this tick would refuse it
         return self._requests.handle_command(self._control.requests.pop(0))
 
     def _record_decision(self, number: int) -> None:
