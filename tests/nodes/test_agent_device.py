@@ -13,6 +13,7 @@ import pytest
 from netboard.base.clock import now_ns
 from netboard.base.config import Config
 from netboard.base.errors import DeviceLost, DeviceNotFound
+from netboard.base.tick import TICK_NS
 from netboard.devices.contract.device import Device, DeviceInfo, Reading
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import Goodbye, Hello, Welcome
@@ -261,3 +262,14 @@ def test_server_can_disarm_a_device(new_rig: Callable[..., Rig]) -> None:
     rig.run((rig.armed, forbid), (lambda: rig.reports(0), nothing))
     armed = [bool(bits & Safeguard.ARMED) for bits in rig.samples()]
     assert sum(before and not after for before, after in pairwise(armed)) == 1, "it is not armed again"
+
+
+def test_tick_ends_although_the_server_floods_the_agent_with_undecodable_frames() -> None:
+    with sockets.open_context() as context:
+        rig = Rig(context)
+        frames = iter(range(1_000_000))
+        rig.agent._await_limited_force = lambda *_: (1 + next(frames) % 2, 0.0, 0.0, 0.0, 0)
+        rig.agent._tick(now_ns() + TICK_NS)
+        rig.agent._link.leave("done")
+        rig.server.router.close_after_goodbye()
+    assert next(frames) > 0

@@ -2,10 +2,11 @@
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from fake_router import hello
+from fake_router import WELCOME, hello
 from log_rig import L, M, Rig, close_rig
 
 from netboard.network.protocol.control import StatusRequest
@@ -55,6 +56,19 @@ def test_restarted_logger_continues_after_the_last_acknowledged_record(rig: Rig)
     rig.pump(L, LogRequest(-1), LogAck(6, 0, "a.mcap", 0))
     rig.pump(M, hello("logger", name="host:2"))
     assert rig.numbers(rig.pump(M, LogRequest(-1))) == [6, 7, 8, 9]
+
+
+def test_logger_that_joins_at_the_end_of_a_block_is_told_the_block_of_its_first_record(rig: Rig) -> None:
+    rig.join(L)
+    rig.record(10)
+    rig.pump(L)
+    second = replace(WELCOME, config="the second block")
+    rig.port.renew(second)
+    rig.record(5)
+    assert rig.pump(M, hello("logger", name="host:2")) == [WELCOME]  # no record of the first block is on disk yet
+    rig.pump(L, LogAck(12, 0, "a.mcap", 0))
+    assert rig.pump(M, LogRequest(-1)) == [second]
+    assert rig.numbers(rig.pump(M, LogRequest(-1))) == [12, 13, 14]
 
 
 def test_records_evicted_before_the_first_logger_are_counted(tmp_path: Path) -> None:

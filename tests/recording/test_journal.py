@@ -98,7 +98,7 @@ def test_reopened_journal_continues_after_its_entries(journal: Journal, path: Pa
 
 
 def test_reopening_a_missing_journal_is_refused(path: Path) -> None:
-    with pytest.raises(RecordingError, match="does not exist: this session was never started; leave out --resume"):
+    with pytest.raises(RecordingError, match=r"this session was never started \(leave out --resume\), or its form"):
         Journal.reopen(path)
 
 

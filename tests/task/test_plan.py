@@ -104,6 +104,19 @@ def test_seats_follow_dominant_hands_and_are_balanced_if_these_are_equal() -> No
         assert seats.count("left") == seats.count("right") == 4
 
 
+@pytest.mark.parametrize("order", ["alternate", "latin", "random"])
+def test_factor_of_no_kind_of_block_changes_no_plan(order: str) -> None:
+    used = """
+        orders.main = "4 dyadic"
+        factors.haptics.levels = { on = {}, off = { block.force = "none" } }
+        kinds.dyadic.factors = ["haptics"]
+        """
+    unused = f'factors.mass = {{ order = "{order}", levels = {{ light = {{}}, heavy = {{ physics.M = 0.02 }} }} }}'
+    for dyad in range(1, 5):
+        plans = [plan_of(parse_study(text), 1, dyad) for text in (used, used + unused)]
+        assert [block.conditions for block in plans[0].blocks] == [block.conditions for block in plans[1].blocks]
+
+
 # --- any study ---------------------------------------------------------------------------------------------------
 
 

@@ -345,7 +345,7 @@ def test_same_plan_may_be_resumed() -> None:
         ({"participants": ("P05", "P07")}, "participants: P05 and P06 when the session began, P05 and P07 now"),
         ({"pilot": True}, "pilot run: no when the session began, yes now"),
         ({"study_digest": "x", "plan_digest": "y"}, "the text of the study has changed"),
-        ({"plan_digest": "y"}, "the same study now gives another plan"),
+        ({"plan_digest": "y"}, "the same study now gives another plan; expected the same --blocks and --trials"),
     ],
 )
 def test_resuming_with_another_plan_is_refused_with_the_difference(changed: dict[str, Any], words: str) -> None:

@@ -149,6 +149,7 @@ class ConsoleServer:
         self.received: list[Command] = []
         self.refuse: dict[str, str] = {}
         self.silent = self.forgetful = False
+        self.config = ""
         self.attempts = attempts(attempted)
         self.show(state)
         self._opened = sockets.open_context()
@@ -184,7 +185,7 @@ class ConsoleServer:
         match message:
             case Hello(name=name):
                 self._peers[peer] = name
-                return [Welcome(self.status.session, PROTOCOL_VERSION, 0, "")]
+                return [Welcome(self.status.session, PROTOCOL_VERSION, 0, self.config)]
             case Goodbye():
                 self._peers.pop(peer, None)
             case _ if peer not in self._peers:

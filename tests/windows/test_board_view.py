@@ -14,6 +14,8 @@ from netboard.base.tables.rig import Display
 from netboard.windows.participant import screens
 from netboard.windows.participant.grip import grip_of
 from netboard.windows.participant.scene import COLOURS, PictureState, extent
+from netboard.windows.participant.shapes import SMALLEST_LETTERS, Text
+from netboard.windows.participant.widget import _fitting_letters
 
 CONFIG = Config()
 
@@ -47,6 +49,21 @@ def test_board_view_paints_each_part_in_its_colour_and_place(app, board, size):
     assert colour_at(view, (0.0, -0.05)) == colours.background
     x, y = picture.cursors[0]
     assert colour_at(view, (x, y + 0.011)) == colours.cursor
+
+
+@pytest.mark.parametrize("size", [(1280, 720), (640, 480)])
+def test_long_instructions_get_smaller_letters_and_end_above_the_notice(app, board, size):
+    view, _ = board
+    view.window().resize(*size)
+    words = "Bring the ball into the target. " * 30 + "END"
+    config = replace(CONFIG, block=replace(CONFIG.block, instructions=words))
+    view.show_picture(compose(replace(VIEW, phase="idle"), config))
+    app.processEvents()
+    image = view.grab().toImage()
+    gap = [image.pixelColor(x, round(0.875 * view.height())).name() for x in range(view.width())]
+    assert set(gap) == {view.picture.colours.background}
+    (text,) = [part for part in view._parts if isinstance(part, Text)]
+    assert SMALLEST_LETTERS < _fitting_letters(text) < text.letters
 
 
 @pytest.mark.parametrize("phase", ["holding", "succeeded", "paused"])

@@ -220,6 +220,16 @@ def test_advice_names_the_next_key_or_the_missing_peer() -> None:
     assert "lab0:5550" in words.advice(None, "lab0:5550").words
 
 
+def test_advice_hides_neither_a_questionnaire_nor_the_reason_of_a_pause() -> None:
+    asked = replace(IDLE, notice="ask now: workload; waiting for the left agent", waiting_for=("the left agent",))
+    assert words.advice(asked, "").words == asked.notice
+    paused = replace(STATES["paused"], waiting_for=("the logger",), pending="end after this block")
+    said = words.advice(paused, "").words
+    assert said == f"{paused.notice}; Waiting for the logger; Next: end after this block"
+    running = replace(RUNNING, notice="the disk is slow", pending="end after this block")
+    assert words.advice(running, "").words == "the disk is slow; Next: end after this block"
+
+
 def test_attempt_row_shows_outcome_flags_and_repeated_trial() -> None:
     cells = [words.attempt_cells(attempt) for attempt in attempts(10)]
     assert cells[2][3] == "ball fell"

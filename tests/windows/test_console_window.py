@@ -294,6 +294,20 @@ def test_form_opens_the_session_once_its_answers_are_valid(console: ConsoleRig) 
     console.until(lambda: console.window.banner.text().startswith("PILOT"))
 
 
+def test_form_of_another_session_has_its_proposed_seats_and_no_consent(console: ConsoleRig) -> None:
+    form = console.window.form
+    console.show("unopened")
+    form.texts["participant_a"].setText("P05")
+    form.consent.setChecked(True)
+    assert form.seat_a.answer == "left"
+    console.server.config = '[session]\nseat_a = "right"\nhand_b = "left"\nparticipant_a = "P07"\n'
+    console.server._peers.clear()  # another server, which does not know this console
+    console.server.change(session="d2f0", name="S05")
+    console.until(lambda: form.texts["name"].text() == "S05")
+    entry = form.entry
+    assert (entry.participant_a, entry.hand_b, entry.seat_a, entry.consent) == ("P07", "left", "right", False)
+
+
 def test_repeat_names_the_selected_trial(console: ConsoleRig) -> None:
     console.server.attempts = attempts(6)
     console.show("running")
@@ -314,6 +328,13 @@ def test_repeat_names_the_selected_trial(console: ConsoleRig) -> None:
     console.until(lambda: console.window.state.status.block == 4)
     console.press("F9")
     assert "block 3" in console.window.reply.text()
+
+
+def test_long_names_do_not_make_the_window_wider(console: ConsoleRig) -> None:
+    width = console.window.width()
+    console.server.change(name="N" * 64, dyad="D" * 64, study="s" * 64, label="l" * 300, notice="n" * 300)
+    console.until(lambda: "N" * 64 in console.window.banner.text())
+    assert console.window.width() == width
 
 
 def test_silent_server_turns_the_server_lamp_red_until_it_answers(console: ConsoleRig) -> None:

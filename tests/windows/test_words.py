@@ -46,6 +46,8 @@ def test_custom_word_list_is_loaded_from_a_file(tmp_path):
         ({"trial": "Trial"}, "trial: found 'Trial', expected {trial} and {trials} placeholders"),
         ({"paused": "Paused {why}"}, "expected no placeholders"),
         ({"paused": "Paused {"}, "paused: found 'Paused {'"),
+        ({"last": "Last {time:.1f} s"}, "last: found 'Last {time:.1f} s': Unknown format code 'f'"),
+        ({"best": "best {time:{digits}} s"}, "best: found 'best {time:{digits}} s'"),
     ],
 )
 def test_invalid_word_list_is_refused_naming_the_key(changes, message):

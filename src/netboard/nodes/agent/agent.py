@@ -253,7 +253,7 @@ class Agent:
             elif link.handle_found(came):
                 if not alone:
                     self._render(reading)
-            elif came == fastpath.NOTHING:
+            elif came == fastpath.NOTHING or now_ns() >= until_ns:  # however many other messages there are
                 return False
             else:
                 continue

@@ -41,6 +41,13 @@ class Keyboard:
 
             termios.tcsetattr(sys.stdin, termios.TCSADRAIN, self._before)
 
+    def touched(self, seconds: float = 0.0) -> bool:
+        """Return whether any key was pressed, Esc too, or the terminal is gone."""
+        if not self.there or not select([sys.stdin], [], [], seconds)[0]:
+            return False
+        os.read(sys.stdin.fileno(), MAX_BYTES)
+        return True
+
     def pressed(self, seconds: float = 0.0) -> str | None:
         """Return the key that was pressed: a letter, or ``left``, ``right``, ``up`` or ``down``; None without one.
 

@@ -49,6 +49,7 @@ class Operator:
     def __init__(self, network: Network, context: sockets.Context) -> None:
         where = keys.reach(network, "console")
         self.status: Status | None = None
+        self.config = ""  # the server's configuration of the session and its block, as text; empty before the welcome
         # Outcomes of all attempts of the session so far, as in `Outcomes`.
         self.attempts: list[tuple[int, int, int, str, float, str, int]] = []
         self.points: deque[tuple[int, float, float, float, float, float, float, float]] = deque(maxlen=MAX_POINTS)
@@ -131,8 +132,8 @@ class Operator:
             except WireError as error:
                 raise NetboardError(f"invalid message from the server: {error}") from error
             match message:
-                case Welcome():
-                    self._welcomed = True
+                case Welcome(config=config):
+                    self._welcomed, self.config = True, config
                 case Ping(sent_ns=ping_ns):
                     received_ns = now_ns()
                     self._send(Pong(ping_ns, received_ns, now_ns()))

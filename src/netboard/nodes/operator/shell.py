@@ -67,12 +67,31 @@ def wait(
 def carry_out(operator: Operator, network: Network, name: str) -> None:
     """Send a command, and raise an error if it is not carried out."""
     status_of(operator, network)
-    try:
-        reply = operator.do(name)
-    except NetboardError as error:
-        if name == STOP:
-            raise NetboardError(f"{error}: LET GO OF THE STYLUSES") from None
-        raise
+    _require(operator.do(name))
+
+
+def emergency_stop(operator: Operator, network: Network) -> None:
+    """Send the emergency stop now, and again until the server confirms it; raise an error after the timeout.
+
+    It does not wait for a connection first, and connects again if one is lost or refused.
+    """
+    until, asked = time.monotonic() + ANSWER_SECONDS, list[int]()
+    trouble = f"the server at {network.host}:{network.port} has not confirmed it within {ANSWER_SECONDS:g} s"
+    while time.monotonic() < until:
+        asked.append(operator.command(STOP))
+        try:
+            operator.poll(trace=False)
+            operator.attend(POLL_INTERVAL_S)
+        except NetboardError as error:
+            trouble = str(error)
+        for reply in filter(None, map(operator.reply, asked)):
+            _require(reply)
+            return
+    raise NetboardError(f"{STOP}: {trouble}: LET GO OF THE STYLUSES")
+
+
+def _require(reply: Reply) -> None:
+    """Raise an error if a command was refused."""
     if not reply.accepted:
         raise NetboardError(reply.reason)
 

@@ -53,6 +53,7 @@ class _Logger:
 
     def __init__(self, peer: Peer) -> None:
         self.peer = peer
+        self.welcome: Welcome | None = None  # the newest one that it was sent
         self.cursor: int | None = None
         self.takes = False  # it has asked for records since it joined
         self.told_end = False
@@ -128,7 +129,8 @@ class LogPort:
         self.store.begin_block(welcome)
         for name, logger in self._loggers.items():
             if logger.cursor is None or logger.cursor >= self.ring.next:
-                self._router.send(name, encode(self.store.welcome()))
+                logger.welcome = self.store.welcome()
+                self._router.send(name, encode(logger.welcome))
 
     def clock_records(self, seq: int) -> list[ClockRecord]:
         """Return the newest raw probe of each peer with the current estimate, numbered from `seq`."""
@@ -217,6 +219,8 @@ class LogPort:
                 self._greet(name, hello, now_ns)
             case said if logger is None:
                 self.subscribers.handle(name, said, now_ns)
+            case LogRequest(first=first) if first < 0 and self.store.welcome() is not logger.welcome:
+                self._send_welcome(name, logger)  # another logger has brought the rest of its block to disk meanwhile
             case LogRequest(first=first):
                 logger.cursor = self.ring.start(first)
                 logger.takes, logger.told_end = True, False
@@ -244,11 +248,15 @@ class LogPort:
         logger = self._loggers.get(name)
         if logger is None and len(self._loggers) >= MAX_LOGGERS:
             self._make_room(now_ns)
-        self._router.send_or_queue(name, encode(self.store.welcome()))
         if logger is None or logger.peer.hello != hello:
             self._loggers[name] = logger = _Logger(Peer(hello, now_ns))
             self._peer_events.tell("logger_joined", {"name": hello.name, **hello.details}, now_ns)
-        logger.cursor = None  # it asks again after the new welcome
+        self._send_welcome(name, logger)
+
+    def _send_welcome(self, name: bytes, logger: _Logger) -> None:
+        """Welcome a logger to the block of the first record that no logger has on disk; it then asks for records."""
+        logger.welcome, logger.cursor = self.store.welcome(), None
+        self._router.send_or_queue(name, encode(logger.welcome))
 
     def _make_room(self, now_ns: int) -> None:
         """Forget a logger that cannot be sent anything: its connection has ended, or it does not read."""

@@ -28,8 +28,7 @@ class BlockChanges:
     def open(self) -> None:
         """Open the session: record everything from now on."""
         state = self._state
-        state.block = state.sequence.block
-        state.attempts.open(state.block.config, state.session)
+        state.attempts.open(state.sequence.block.config, state.session)  # if refused, nothing of the form is kept
         state.operators.opened = state.event_log.opened = True
         self._begin_block()
         state.event_log.catch_up(state.number)

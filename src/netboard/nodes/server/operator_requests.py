@@ -42,6 +42,8 @@ class OperatorRequests:
             match name:
                 case "end":
                     state.end_requested = True
+                case "pause":
+                    state.supervisor.await_operator()
                 case emergency.STOP:
                     state.update_arming(state.emergency_stop.halt("emergency stop by an operator"))
                 case emergency.RELEASE:
@@ -58,6 +60,8 @@ class OperatorRequests:
                     return Decision(True, f"trial {trial} {how} at the end of the block", decision.cause)
                 case "note":
                     state.attempts.note(*note_of(argument, state.number))
+                case "stop_after_block" if state.phase == Phase.FINISHED and not self._blocks.coming:
+                    state.end_requested = state.operators.end_after
                 case "next":
                     self._blocks.skip_block()
                     return decision if state.phase == Phase.FINISHED else Decision(True, cause=Cause.STOP)

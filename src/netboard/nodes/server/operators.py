@@ -96,6 +96,8 @@ class Operators:
     def _machine(self, command: str, now: Situation) -> Decision:
         """Decide on a command for the trial state machine."""
         cause = CAUSES[command]
+        if command == "pause" and now.phase == Phase.PAUSED:  # a fault may have been faster than the operator
+            return Decision(True, "it is paused already, and waits for resume")
         if cause not in TABLE[now.phase]:
             return Decision(False, _not_now(command, now.phase))
         if command in ("start", "resume"):

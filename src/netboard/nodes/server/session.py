@@ -27,6 +27,7 @@ from netboard.nodes.server.block_changes import BlockChanges
 from netboard.nodes.server.blocks import BlockSequence
 from netboard.nodes.server.event_log import change_of
 from netboard.nodes.server.operator_requests import OperatorRequests
+from netboard.nodes.server.operators import CAUSES
 from netboard.nodes.server.record_keeping import RecordKeeping
 from netboard.nodes.server.state import RING_ROWS, SessionState
 from netboard.nodes.server.undisturbed import (
@@ -194,9 +195,11 @@ class Session:
 
     def _end(self) -> None:
         """Stop the block, and begin to end."""
-        if self._state.phase != Phase.FINISHED:
-            self._stopping, self._undisturbed = True, False
+        self._stopping, self._undisturbed = True, False
+        while self._state.phase != Phase.FINISHED:  # two ticks just after a trial, when no command has an effect
             self._tick(self._clock.due_ns, max(0, now_ns() - self._clock.due_ns))
+        self._motion.may_arm = False
+        self._motion.send_heartbeat(self._state.number, now_ns(), at_once=True)  # else the last force would have to age
         self.records.end()
 
     # --- ticks -----------------------------------------------------------------------------------------------------
@@ -368,6 +371,8 @@ class Session:
         first = first or state.attempts.take_wanted(phase) or state.operators.due(phase)
         if first or not self._control.requests:
             return first  # an operator's command that arrives at the same time waits for the next tick
+        if phase in (Phase.SUCCEEDED, Phase.FAILED) and self._control.requests[0].command.name in CAUSES:
+            return Cause.NONE  # this tick would refuse it
         return self._requests.handle_command(self._control.requests.pop(0))
 
     def _record_decision(self, number: int) -> None:
@@ -383,12 +388,21 @@ class Session:
         state.note(cause.name.lower(), details)
         for name, judged in state.attempts.record_decision(cause, row, stage, state.rows, number):
             state.note(name, judged)
-        if cause == Cause.LAST:
-            self._blocks.finish_block(number)
         if cause == Cause.START:
             self.records.start()
             state.questionnaires = ""
-        elif int(stage["phase"]) == Phase.FINISHED and (asked := state.block.config.block.questionnaires):
+        elif int(stage["phase"]) == Phase.FINISHED:
+            self._block_over(cause, number)
+
+    def _block_over(self, cause: Cause, number: int) -> None:
+        """Ask for the questionnaires of a block that is over; an operator who has stopped it decides what follows."""
+        state = self._state
+        state.operators.pause_after = False
+        if cause == Cause.LAST:
+            self._blocks.finish_block(number)
+        elif state.operators.end_after:
+            state.end_requested = True
+        if asked := state.block.config.block.questionnaires:
             state.questionnaires = asked
             state.note("questionnaire", {"text": asked})
 

@@ -105,6 +105,7 @@ class SessionState:
                 block.delays.know(side, agent.hello.details)
         self.ports.renew(self._welcome(), block.ends, block.people)
         self.rest_until_ns = now_ns() + int(block.config.block.rest * 1e9)
+        self.missing = self.find_missing()  # otherwise the block would start by itself with what the last one needed
 
     def rest(self, now: int) -> float | None:
         """Return the remaining rest before the block [s], or None."""

@@ -80,7 +80,8 @@ class Journal:
             handle = os.open(path, os.O_RDWR | _BINARY)
         except FileNotFoundError:
             raise RecordingError(
-                f"{path}: does not exist: this session was never started; leave out --resume"
+                f"{path}: does not exist: this session was never started (leave out --resume), or its form gave it "
+                "another name (--set session.name=NAME)"
             ) from None
         except OSError as error:
             raise RecordingError(f"{path}: cannot be opened: {error.strerror or error}") from error

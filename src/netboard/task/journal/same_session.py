@@ -37,7 +37,8 @@ def require_same_plan(header: Header, now: Header, source: str) -> None:
         problems.append("the text of the study has changed")
     elif not problems and header.plan_digest != now.plan_digest:
         problems.append(
-            "the same study now gives another plan, because this version of netboard orders blocks differently"
+            "the same study now gives another plan; expected the same --blocks and --trials, the same dominant hands "
+            f"([session] hand_a, hand_b), and netboard {header.netboard}"
         )
     if problems:
         raise RecordingError("\n".join(f"{source}: cannot be resumed: {problem}" for problem in problems))

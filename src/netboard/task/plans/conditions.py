@@ -50,7 +50,7 @@ class Conditions:
         self._sequences = sequences_of(study)
         self._between = [name for name, factor in study.factors.items() if factor.order == "between"]
         self._rows = {name: rows(len(factor.levels), factor.order) for name, factor in study.factors.items()}
-        self._by_rows = [name for name in study.factors if self._rows[name]]
+        self._by_rows = [name for name in study.factors if self._rows[name] and sequences_of(study, name)]
         self._turn = turn_of(
             dyad,
             len(study.taken()),

@@ -14,9 +14,10 @@ from pathlib import Path
 from PySide6.QtCore import QObject, QTimer
 
 from netboard.base.clock import now_ns
-from netboard.base.config import Config
-from netboard.base.errors import NetboardError
+from netboard.base.config import Config, parse
+from netboard.base.errors import ConfigError, NetboardError
 from netboard.base.process import NAME
+from netboard.base.tables.experiment import Session
 from netboard.network.protocol.control import Reply, Status
 from netboard.network.transport import sockets
 from netboard.nodes.operator.operator import ANSWER_SECONDS, Operator
@@ -51,6 +52,7 @@ class ConsoleClient(QObject):
         self._operator: Operator | None = Operator(config.network, context)
         self._history, self._recent = StatusHistory(), RecentCounts()
         self.status: Status | None = None
+        self._session: Session | None = None
         self._last_message_ns = self._renew_ns = 0
         self._stop_ns: int | None = None
         self._asked: dict[int, tuple[str, int]] = {}
@@ -99,11 +101,13 @@ class ConsoleClient(QObject):
         late = self._stop_ns is not None and now_ns() - self._stop_ns > CONFIRM_S * 1e9
         attempts = [] if self._operator is None else self._operator.attempts
         points = [] if self._operator is None else self._operator.points
-        return State(self.status, self.silence, self._recent, late, attempts, points)
+        return State(self.status, self.silence, self._recent, late, attempts, points, self._session)
 
     def _update(self, operator: Operator) -> None:
         status = operator.poll()
         if status is not None:
+            if self.status is None or status.session != self.status.session:
+                self._session = _session_in(operator.config)
             self.status, self._last_message_ns = status, now_ns()
             self._recent = self._history.add(now_ns() * 1e-9, status)
             if LACKING in status.waiting_for:
@@ -139,6 +143,15 @@ class ConsoleClient(QObject):
             self._operator = None
         self._asked.clear()
         self._renew_ns = now_ns()
+
+
+def _session_in(text: str) -> Session | None:
+    """Return the session of the server's configuration; None if this version cannot read it."""
+    try:
+        return parse(text, "the server's configuration").session
+    except ConfigError as error:
+        log.warning("the form does not know the proposed seats: %s", error)
+        return None
 
 
 def run(config: Config, stopping: Callable[[], bool], picture: Path | None = None, after: float | None = None) -> None:

@@ -17,6 +17,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from netboard.base.tables.experiment import Session
 from netboard.windows.operator.form_fields import Entry, as_json, problems
 from netboard.windows.operator.lamp_widget import PANEL, PLAIN, TONES, label
 from netboard.windows.operator.words import Tone
@@ -104,10 +105,22 @@ class SessionForm(QWidget):
             pilot=self.kind.answer == "pilot",
         )
 
-    def propose(self, name: str, *, pilot: bool) -> None:
-        """Fill in the name and kind of session that the server is configured with."""
-        self.texts["name"].setText(name)
+    def propose(self, name: str, *, pilot: bool, session: Session) -> None:
+        """Begin the form of another session: its name and kind, and what its plan proposes, without consent."""
         self.kind.buttons["pilot" if pilot else "real"].setChecked(True)
+        self.consent.setChecked(False)
+        for key, answer in (
+            ("name", name),
+            ("participant_a", session.participant_a),
+            ("participant_b", session.participant_b),
+        ):
+            self.texts[key].setText(answer)
+        for choice, chosen in (
+            (self.hand_a, session.hand_a),
+            (self.hand_b, session.hand_b),
+            (self.seat_a, session.seat_a),
+        ):
+            choice.buttons[chosen].setChecked(True)
 
     def send(self) -> None:
         """Check the answers; send them, or show what is wrong."""

@@ -15,6 +15,7 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QSplitter, QStackedWidget, QV
 
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES, Config
+from netboard.base.tables.experiment import Session
 from netboard.network.protocol.control import Status
 from netboard.nodes.ports.emergency import STOP
 from netboard.windows.operator import words
@@ -60,6 +61,7 @@ class State:
     unconfirmed: bool = False  # whether the server has failed to confirm an emergency stop in time
     attempts: Sequence[Attempt] = ()
     points: Sequence[Point] = ()
+    session: Session | None = None  # as the server is configured; None while unknown
 
 
 class ConsoleWindow(Window):
@@ -76,6 +78,7 @@ class ConsoleWindow(Window):
         self.resize(1600, 960)
         self.state = State()
         self._limits, self._own = limits, own
+        self._configured = config.session
         self._where = f"{config.network.host}:{config.network.port}"
         self._shown = 0
         self._session = ""
@@ -120,7 +123,7 @@ class ConsoleWindow(Window):
         other = status.session != self._session
         if other:
             self._session = status.session
-            self.form.propose(status.name, pilot=status.pilot)
+            self.form.propose(status.name, pilot=status.pilot, session=self.state.session or self._configured)
             self.show_form(not status.opened and status.phase == "idle")
         elif status.opened and self.middle.currentWidget() is self.form:
             self.show_form(False)
@@ -262,8 +265,8 @@ class ConsoleWindow(Window):
         for page in (self.live, self.form):
             self.middle.addWidget(page)
         self.stations.setFixedWidth(490)
-        self.alarm.setMinimumWidth(1)
-        self.reply.setMinimumWidth(1)
+        for line in (self.banner, self.alarm, self.reply):
+            line.setMinimumWidth(1)
         rows = QVBoxLayout(self)
         rows.setContentsMargins(10, 0, 10, 8)
         rows.setSpacing(7)

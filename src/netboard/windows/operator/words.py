@@ -125,15 +125,18 @@ def advice(status: Status | None, where: str) -> Line:
         return Line(f"Looking for the server at {where}", Tone.WATCH)
     if replayed(status):
         return Line(status.notice)
-    if status.pending:
-        return Line(f"Next: {status.pending}", Tone.WATCH)
     if not status.opened and status.phase == "idle":
         return Line("Fill in the session form: F3")
-    lacking = [what for what in status.waiting_for if what != LACKING]
-    if lacking and status.phase not in ACTIVE:
-        return Line("Waiting for " + ", ".join(lacking), Tone.WATCH)
-    said = "; ".join(part for part in (status.notice, _next(status)) if part)
-    return Line(said, Tone.WATCH if status.notice else Tone.PLAIN)
+    lacking = [what for what in status.waiting_for if what != LACKING and status.phase not in ACTIVE]
+    waits = lacking and "waiting for" not in status.notice  # often the notice says it already
+    said = (
+        status.notice,
+        "Waiting for " + ", ".join(lacking) if waits else "",
+        "" if lacking else _next(status),
+        f"Next: {status.pending}" if status.pending else "",
+    )
+    told = status.notice or lacking or status.pending
+    return Line("; ".join(filter(None, said)), Tone.WATCH if told else Tone.PLAIN)
 
 
 def _next(status: Status) -> str:

@@ -31,8 +31,8 @@ ALONE = {"headline": 0.46, "detail": 0.54}
 ABOVE_TEXT = {"headline": 0.18, "detail": 0.26}
 """Middles of the lines above instructions, in heights of the window [1]."""
 
-TEXT_TOP, TEXT_WIDTH, TEXT_HEIGHT = 0.32, 0.68, 0.036
-"""Top, width and letter height of the instructions, relative to the window [1]."""
+TEXT_TOP, TEXT_BOTTOM, TEXT_WIDTH, TEXT_HEIGHT = 0.32, 0.87, 0.68, 0.036
+"""Top, bottom, width and largest letter height of the instructions, relative to the window [1]."""
 
 TEXT_MARGIN = 4
 """Margin around the instructions [pixels]."""
@@ -98,7 +98,7 @@ class Text:
 
     words: str
     place: tuple[float, float, float, float]
-    letters: int
+    letters: int  # largest size of the font; a long text gets smaller letters [pixels]
     colour: str
 
 
@@ -134,7 +134,7 @@ def words_of(picture: Picture, width: int, height: int, label_at: Point) -> list
         Line(getattr(picture, name), (width / 2, places.get(name, middle) * height), _letters(size * height), ink)
         for (name, ink), (middle, size) in zip(inks.items(), LINES.values(), strict=True)
     ]
-    column = ((1 - TEXT_WIDTH) / 2 * width, TEXT_TOP * height, TEXT_WIDTH * width, (1 - TEXT_TOP) * height)
+    column = ((1 - TEXT_WIDTH) / 2 * width, TEXT_TOP * height, TEXT_WIDTH * width, (TEXT_BOTTOM - TEXT_TOP) * height)
     found.append(Text(picture.text, column, _letters(TEXT_HEIGHT * min(height, width / 1.4)), c.headline))
     if picture.pilot:
         found.append(Panel((0, 0, width, band), PILOT_BACK))

@@ -5,7 +5,7 @@ uses (docs/decisions/0025-painting-without-a-scene.md). Only the rectangle in wh
 `netboard.windows.participant.scene` decides what is drawn, `netboard.windows.participant.shapes` lists the parts.
 """
 
-from functools import cache
+from functools import cache, lru_cache
 from math import ceil
 
 from PySide6.QtCore import QPointF, QRect, QRectF, Qt, Signal
@@ -23,7 +23,17 @@ from PySide6.QtGui import (
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from netboard.windows.participant.scene import Picture, Point
-from netboard.windows.participant.shapes import TEXT_MARGIN, Line, Panel, Part, Shape, Text, shapes_of, words_of
+from netboard.windows.participant.shapes import (
+    SMALLEST_LETTERS,
+    TEXT_MARGIN,
+    Line,
+    Panel,
+    Part,
+    Shape,
+    Text,
+    shapes_of,
+    words_of,
+)
 
 SPILL = 2
 """Margin around a part for antialiasing and overhanging letters [pixels]."""
@@ -194,6 +204,22 @@ def _paint_words(painter: QPainter, part: Line | Text) -> None:
         painter.setFont(font)
         painter.drawText(_line_room(part).topLeft() + QPointF(0.0, QFontMetricsF(font).ascent()), part.words)
     else:
-        painter.setFont(_font(part.letters, False))
-        margin = TEXT_MARGIN
-        painter.drawText(QRectF(*part.place).adjusted(margin, margin, -margin, 0), WRAPPED, part.words)
+        painter.setFont(_font(_fitting_letters(part), False))
+        painter.drawText(_text_room(part), WRAPPED, part.words)
+
+
+def _text_room(text: Text) -> QRectF:
+    """Return the rectangle of the letters of instructions."""
+    return QRectF(*text.place).adjusted(TEXT_MARGIN, TEXT_MARGIN, -TEXT_MARGIN, 0)
+
+
+@lru_cache(maxsize=16)
+def _fitting_letters(text: Text) -> int:
+    """Return the size of the font with which instructions fit their place [pixels]."""
+    room, letters = _text_room(text), text.letters
+    while letters > SMALLEST_LETTERS:
+        needed = QFontMetricsF(_font(letters, False)).boundingRect(room, WRAPPED, text.words)
+        if needed.height() <= room.height():
+            break
+        letters -= 1
+    return letters

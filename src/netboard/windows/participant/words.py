@@ -83,6 +83,9 @@ FILLED: dict[str, set[str]] = {
 }
 """Placeholders of each text that has any."""
 
+_SAMPLES = {"time": "1.00", "hold": "1.0", "end": "the left end", "host": "lab0"}
+"""Values of the placeholders that are texts; all others are whole numbers."""
+
 
 def parse_words(text: str, source: str) -> DisplayTexts:
     """Parse the texts of a language; raise ConfigError with one line per problem if they are not valid."""
@@ -117,6 +120,10 @@ def _wrong(key: str, word: Any) -> str:
     if asked != wanted:
         listed = " and ".join(f"{{{name}}}" for name in sorted(wanted))
         return f"found {word!r}, expected {listed or 'no'} placeholders"
+    try:
+        word.format(**{name: _SAMPLES.get(name, 1) for name in wanted})
+    except (ValueError, AttributeError, LookupError) as error:  # otherwise only in the middle of a session
+        return f"found {word!r}: {error}"
     return ""
 
 

@@ -1,0 +1,175 @@
+"""Operators' commands in every phase of a session, and the transitions from block to block."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from fake_router import hello
+from motion_rig import Peers
+from stepped_session import SteppedSession
+
+from netboard.base.clock import now_ns
+from netboard.network.protocol.joining import Goodbye
+from netboard.network.protocol.messages import Message
+from netboard.network.protocol.motion import Force, Heartbeat
+from netboard.network.transport import channels, sockets
+from netboard.nodes.server.block_changes import PAGE_TICKS
+from netboard.nodes.server.supervision import READY_TICKS
+from netboard.task.trials.state_machine import Phase
+
+
+@pytest.fixture
+def context() -> Iterator[sockets.Context]:
+    with sockets.open_context() as context:
+        yield context
+
+
+@pytest.fixture
+def stepped(tmp_path: Path, context: sockets.Context) -> Iterator[SteppedSession]:
+    stepped = SteppedSession(tmp_path, context)
+    yield stepped
+    stepped.close()
+
+
+@pytest.fixture
+def automatic(tmp_path: Path, context: sockets.Context) -> Iterator[SteppedSession]:
+    """A session whose blocks start by themselves."""
+    stepped = SteppedSession(tmp_path, context, autostart=True)
+    yield stepped
+    stepped.close()
+
+
+def test_block_that_starts_by_itself_waits_for_the_end_of_its_rest(automatic: SteppedSession) -> None:
+    automatic.finish_block()
+    automatic.tick(PAGE_TICKS + READY_TICKS)
+    assert (automatic.block, automatic.phase) == (2, Phase.IDLE)
+    assert automatic.state.missing == ("the rest to be over",)
+    automatic.state.rest_until_ns = 0
+    automatic.tick(2 * READY_TICKS)
+    assert automatic.phase != Phase.IDLE
+
+
+def test_pause_that_comes_with_a_fault_prevents_an_automatic_resume(automatic: SteppedSession) -> None:
+    automatic.until(Phase.RUNNING)
+    automatic.ask("pause")
+    automatic.tick(found=0)
+    assert (automatic.phase, automatic.replies) == (Phase.PAUSED, [])
+    automatic.tick()
+    assert automatic.replies == [("pause", True, "it is paused already, and waits for resume")]
+    automatic.tick(2 * READY_TICKS)
+    assert automatic.phase == Phase.PAUSED
+    assert automatic.do("resume") == (True, "")
+    assert automatic.phase == Phase.LEVELLING
+
+
+def test_pause_after_the_last_trial_is_no_pause_in_the_next_block(stepped: SteppedSession) -> None:
+    stepped.start()
+    stepped.succeed()
+    stepped.tick()
+    stepped.until(Phase.RUNNING)
+    assert stepped.do("pause_after_trial")[0]
+    stepped.finish_block()
+    assert stepped.state.operators.pending == ""
+    stepped.tick(PAGE_TICKS)
+    assert (stepped.block, stepped.do("start")) == (2, (True, ""))
+    stepped.until(Phase.RUNNING)
+
+
+@pytest.mark.parametrize("commands", [("stop_after_block", "stop"), ("stop", "stop_after_block")])
+def test_session_ends_after_a_stopped_block_if_an_operator_has_asked_for_it(
+    stepped: SteppedSession, commands: tuple[str, str]
+) -> None:
+    stepped.start()
+    stepped.until(Phase.RUNNING)
+    for command in commands:
+        assert stepped.do(command)[0]
+    assert (stepped.phase, stepped.state.end_requested) == (Phase.FINISHED, True)
+
+
+def test_stopped_block_waits_for_the_operator(stepped: SteppedSession) -> None:
+    stepped.start()
+    stepped.until(Phase.RUNNING)
+    assert stepped.do("stop") == (True, "")
+    stepped.tick(2 * PAGE_TICKS)
+    assert (stepped.block, stepped.phase, stepped.state.end_requested) == (1, Phase.FINISHED, False)
+    assert stepped.do("next") == (True, "")
+    stepped.tick()
+    assert (stepped.block, stepped.phase) == (2, Phase.IDLE)
+
+
+def test_refused_form_leaves_no_consent_behind(tmp_path: Path, context: sockets.Context) -> None:
+    stepped = SteppedSession(tmp_path, context, pilot=False)
+    (tmp_path / "D01_S01.journal.jsonl").touch()
+    accepted, reason = stepped.do("open", '{"participant_a": "P07", "consent": true}')
+    assert not accepted
+    assert "exists already" in reason
+    assert stepped.do("open", '{"name": "S02"}') == (
+        False,
+        "both participants have to give their consent, or the session has to be a pilot run",
+    )
+    assert stepped.do("open", '{"name": "S02", "consent": true}') == (True, "")
+    session = stepped.state.block.config.session
+    assert (session.name, session.participant_a, session.consent) == ("S02", "A", True)
+    stepped.close()
+
+
+def succeeded(stepped: SteppedSession) -> None:
+    stepped.succeed()
+
+
+def failed(stepped: SteppedSession) -> None:
+    stepped.until(Phase.RUNNING)
+    stepped.state.stage["p"] = 1.0
+    stepped.until(Phase.FAILED)
+
+
+def running(stepped: SteppedSession) -> None:
+    stepped.until(Phase.RUNNING)
+
+
+@pytest.mark.parametrize("bring", [succeeded, failed])
+def test_pause_in_the_tick_between_two_trials_waits_for_the_next_tick(
+    stepped: SteppedSession, bring: Callable[[SteppedSession], None]
+) -> None:
+    stepped.start()
+    bring(stepped)
+    stepped.ask("pause")
+    stepped.tick(2)
+    assert (stepped.replies, stepped.phase) == ([("pause", True, "")], Phase.PAUSED)
+
+
+@pytest.mark.parametrize("bring", [succeeded, failed, running])
+def test_end_stops_the_block_in_every_phase(stepped: SteppedSession, bring: Callable[[SteppedSession], None]) -> None:
+    stepped.start()
+    bring(stepped)
+    stepped.session._end()
+    assert stepped.phase == Phase.FINISHED
+    assert [event.name for event in stepped.events()][-3:] == ["stop", "attempt_ended", "session_ended"]
+    assert stepped.state.attempts.finished[-1][3] == "aborted"
+
+
+AGENT = b"agent.left@1"
+
+
+def test_session_ends_with_a_heartbeat_that_commands_no_force(
+    stepped: SteppedSession, context: sockets.Context
+) -> None:
+    address = channels.addresses(stepped.state.block.config.network).listen(channels.MOTION).address
+    peers, motion = Peers(context, address), stepped.state.ports.motion
+    stepped.start()
+    stepped.until(Phase.RUNNING)
+    peers.send_from(AGENT, hello("agent", "left"))
+    received: list[Message] = []
+    while not received:  # the welcome
+        motion.drain(now_ns, 0)
+        motion.attend(now_ns(), 0)
+        received += peers.received_by(AGENT)
+    stepped.session._end()
+    while not isinstance(received[-1], Goodbye):
+        received += peers.received_by(AGENT)
+    force, heartbeat = received[-3:-1]
+    assert isinstance(force, Force)
+    assert isinstance(heartbeat, Heartbeat)
+    assert heartbeat.tick > force.tick
+    assert not heartbeat.arm
+    peers.disconnect(AGENT)
