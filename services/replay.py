@@ -86,13 +86,9 @@ def replay(
 
         console.print(marks_table(load_with_progress(path)))
     elif serve:
-        from netboard.network.keys import refuse_open_network
         from netboard.nodes.replay.replay_server import serve_recording
 
-        network = load(config, overrides).network
-        if not insecure:
-            refuse_open_network(network)
-        serve_recording(path, network, speed, at)
+        serve_recording(path, load(config, overrides).network, speed, at, insecure=insecure)
     else:
         from netboard.recording.replay.loading import load_with_progress
         from netboard.windows.replay.player import run

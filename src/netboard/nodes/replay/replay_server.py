@@ -195,11 +195,13 @@ class ReplayServer:
             port.close()
 
 
-def serve_recording(path: Path, network: Network, speed: float, at: float | None) -> None:
+def serve_recording(path: Path, network: Network, speed: float, at: float | None, *, insecure: bool) -> None:
     """Replay a recording on the ports of a server, steered with the keys of this terminal, too.
 
-    ``at``: where to begin; None for the start of the block [s].
+    ``at``: where to begin; None for the start of the block [s]. ``insecure``: accept other machines without encryption.
     """
+    if not insecure:
+        keys.refuse_open_network(network)
     authenticator = keys.make_authenticator(network)
     console = Console(highlight=False)
     reel = load_with_progress(path)
