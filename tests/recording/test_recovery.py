@@ -176,6 +176,7 @@ def test_recovery_of_a_sound_file_loses_nothing(tmp_path: Path, whole: Path) -> 
 def test_damaged_number_in_the_metadata_costs_only_itself(tmp_path: Path, whole: Path) -> None:
     with Recording(whole) as sound:
         numbers = {"opened_log_ns": sound.metadata, "record": {"record": str(sound.first_record)}, "log_ns": sound.end}
+        numbers |= dict.fromkeys(("opened_monotonic_ns", "welcome_server_ns"), sound.metadata)
     for key, values in numbers.items():
         head = len(key).to_bytes(4, "little") + key.encode() + len(values[key]).to_bytes(4, "little")
         broken = bytearray(whole.read_bytes())
@@ -188,8 +189,8 @@ def test_damaged_number_in_the_metadata_costs_only_itself(tmp_path: Path, whole:
         assert [part.reason for part in report.damage] == [f"metadata: {key} is not a number"]
         with Recording(report.output) as recovered:
             assert recovered.events()
-        if key == "opened_log_ns":
-            with pytest.raises(RecordingError, match="lost its opened_log_ns when it was damaged"):
+        if values.get("session"):
+            with pytest.raises(RecordingError, match=f"lost its {key} when it was damaged"):
                 runs_of([report.output])
 
 
