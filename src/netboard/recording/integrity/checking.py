@@ -103,7 +103,10 @@ def _unreadable(path: Path, why: str) -> Report:
         with TemporaryDirectory() as folder:
             saved = recover_any(path, Path(folder) / "recovered.mcap")
     except (NetboardError, OSError) as error:
-        findings.append(Finding(Severity.DAMAGE, f"nothing can be recovered: {error}", "file"))
+        # An error of the temporary folder, such as a full disk, says nothing about the file.
+        of_file = str(error).startswith(f"{path}:")
+        words = "nothing can be recovered" if of_file else "what can be recovered is unknown"
+        findings.append(Finding(Severity.DAMAGE, f"{words}: {error}", "file"))
     else:
         ticks = sum(one.messages[TICKS] for one in saved)
         findings += [Finding(Severity.DAMAGE, _recoverable(one), "file") for one in saved]
