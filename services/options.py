@@ -5,13 +5,10 @@ needed, and so is `netboard.base.config`.
 """
 
 from collections.abc import Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
-
-from netboard.base.errors import NetboardError
 
 Side = Literal["left", "right"]  # as in netboard.base.config, which takes too long to import here
 
@@ -70,18 +67,6 @@ NewFolder = Annotated[
 def changes_of(overrides: Sequence[str] | None, model: str | None) -> list[str]:
     """Return the overrides, and --model as another one."""
     return [*(overrides or ()), *([f"physics.model={model}"] if model else ())]
-
-
-def refuse_figure(figure: Path | None) -> None:
-    """Refuse a figure that exists already, or that cannot be drawn here."""
-    if figure is None:
-        return
-    if find_spec("matplotlib") is None:
-        raise NetboardError("--figure: needs matplotlib, which is not installed: pip install 'netboard[analysis]'")
-    if figure.exists():
-        raise NetboardError(f"{figure}: exists already; give the figure another name")
-    if figure.suffix.lower() not in (".png", ".svg", ".pdf"):
-        raise NetboardError(f"{figure}: expected a name that ends in .png, .svg or .pdf")
 
 
 def examples(*lines: str) -> str:

@@ -7,7 +7,8 @@ from typing import Annotated
 import typer
 
 from netboard.base.errors import RecordingError
-from netboard.services.options import RecordingFile, examples, refuse_figure
+from netboard.services.figures import refuse_figure, save_figure
+from netboard.services.options import RecordingFile, examples
 
 app = typer.Typer()
 
@@ -66,4 +67,4 @@ def trace(
         if ran is not None:
             console.print(switches.table(found, ran, worst))
     if figure is not None:
-        draw(found, recording.name, shown).savefig(figure, dpi=150)
+        save_figure(draw(found, recording.name, shown), figure, 150)

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from netboard.base.errors import RecordingError
-from netboard.services.options import Model, Overrides, RecordingFile, changes_of, examples, refuse_figure
+from netboard.services.figures import refuse_figure, save_figure
+from netboard.services.options import Model, Overrides, RecordingFile, changes_of, examples
 
 if TYPE_CHECKING:
     from netboard.recording.counterfactual.what_if import Comparison, WhatIf
@@ -68,7 +69,7 @@ def whatif(
     if output is not None:
         save(output, found, config, source, recording.name, changes)
     if figure is not None:
-        draw(found, changes, shown).savefig(figure, dpi=100)
+        save_figure(draw(found, changes, shown), figure, 100)
 
 
 def attempt_at(found: "WhatIf", trial: int, path: Path) -> "Comparison":

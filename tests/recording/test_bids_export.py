@@ -20,7 +20,7 @@ from netboard.base.tick import TICK
 from netboard.recording.export import bids
 from netboard.recording.export.task import HAPPENED
 from netboard.recording.files.reader import Recording
-from netboard.task.trials.state_machine import Cause
+from netboard.task.trials.state_machine import Cause, Phase
 
 LEFT_TO_THE_LAB = {"JSON_KEY_RECOMMENDED", "NO_AUTHORS", "TOO_FEW_AUTHORS"}
 
@@ -53,6 +53,15 @@ def motion(folder: Path, subject: str, run: int) -> dict[str, list[str]]:
         columns = zip(*csv.reader(file, delimiter="\t", quoting=csv.QUOTE_NONE), strict=True)
         names = [row["name"] for row in table(found.with_name(found.name.replace("_motion.", "_channels.")))]
         return dict(zip(names, map(list, columns), strict=True))
+
+
+def test_recording_without_any_event_has_no_empty_events_file(tmp_path: Path) -> None:
+    idle = make_rows(1)[:50]
+    idle["event"], idle["phase"] = 0, Phase.IDLE
+    folder = export([write(tmp_path / "idle.mcap", idle)], tmp_path / "out")
+    assert list(folder.rglob("*_motion.tsv"))
+    assert [path.name for path in folder.rglob("*.tsv") if not path.stat().st_size] == []
+    assert list(folder.rglob("*_events.tsv")) == []
 
 
 def numbers(words: list[str], dtype: np.dtype[Any]) -> np.ndarray[Any, Any]:

@@ -11,9 +11,11 @@ from mcap.reader import make_reader
 
 import proofs
 from netboard.base.config import resolve
+from netboard.base.errors import RecordingError
 from netboard.network.protocol.records import ClockRecord
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.summary import Attempt
+from netboard.recording.integrity import checking
 from netboard.recording.integrity.checking import CHECKS, check
 from netboard.recording.integrity.severity import Report, Severity
 from netboard.recording.recovery.journal_file import journal_path
@@ -96,6 +98,20 @@ def test_check_of_another_file_type_finds_nothing_to_recover(tmp_path: Path) -> 
     report = check(tmp_path / "a.mcap")
     assert report.result == "damaged"
     assert "nothing can be recovered" in findings_text(report)
+
+
+def test_full_temporary_folder_does_not_mean_that_nothing_can_be_recovered(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(path: Path, output: Path) -> None:
+        raise RecordingError(f"{output}.part: cannot be written: No space left on device")
+
+    monkeypatch.setattr(checking, "recover_any", refuse)
+    writer = proofs.writer_of(tmp_path / "a.mcap", proofs.config(), {})
+    writer.abandon()
+    found = findings_text(check(tmp_path / "a.mcap.part"))
+    assert "what can be recovered is unknown" in found
+    assert "nothing can be recovered" not in found
 
 
 def test_changed_configuration_is_detected_by_its_checksum(tmp_path: Path) -> None:

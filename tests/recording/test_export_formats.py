@@ -4,6 +4,7 @@ import csv
 import json
 import shutil
 import subprocess
+from dataclasses import replace
 from importlib.metadata import metadata
 from pathlib import Path
 from pkgutil import resolve_name
@@ -16,6 +17,7 @@ from typer.testing import CliRunner
 
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError, RecordingError
+from netboard.base.tables.experiment import Design
 from netboard.base.tick import TICK
 from netboard.recording.export import matlab
 from netboard.recording.export.formats import FORMATS, export, library
@@ -99,6 +101,28 @@ printf("%s\\n", num2hex(s.ticks.left_z)');
 printf("%s\\n", s.trials.outcome{:});
 printf("%d %d\\n", numel(s.remarks.seq), numel(s.events.details));
 """
+
+
+def with_factor(name: str) -> Config:
+    """The configuration of a block with a numeric factor of this name."""
+    design = Design(
+        factors={name: "low"}, levels={name: ("low",)}, types={name: "numeric"}, values={name: (0.5,)}, units={name: ""}
+    )
+    return replace(Config(), design=design)
+
+
+def test_mat_file_has_the_columns_of_factors_with_long_names(tmp_path: Path) -> None:
+    recording = write(tmp_path / "S01.mcap", make_rows(1), with_factor("strength_of_the_partners_feedback"))
+    export([recording], "mat", tmp_path / "out", quiet)
+    trials = loadmat(tmp_path / "out" / "S01.mat")["trials"][0, 0]
+    assert set(trials["factor_strength_of_the_partners_feedback_value"][:, 0]) == {0.5}
+
+
+def test_factor_with_a_name_too_long_for_matlab_is_refused(tmp_path: Path) -> None:
+    recording = write(tmp_path / "S01.mcap", make_rows(1), with_factor("x" * 60))
+    with pytest.raises(RecordingError, match=r"column factor_x+: found 67 characters, expected at most 63"):
+        export([recording], "mat", tmp_path / "out", quiet)
+    assert [path.name for path in tmp_path.iterdir()] == ["S01.mcap"]
 
 
 @pytest.mark.slow

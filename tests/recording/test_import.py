@@ -114,6 +114,14 @@ def task_table(rate: int = 1000) -> dict[str, list[Any]]:
     }
 
 
+def test_measured_table_is_not_called_damaged_because_it_cannot_be_computed_again(tmp_path: Path) -> None:
+    with imported(write_csv(tmp_path / "task.csv", task_table()), tmp_path) as found:
+        with pytest.raises(RecordingError, match="measured by another program"):
+            verify_recording(found)
+        assert check(found.path, replay=True).result == "complete with listed losses"
+        assert check(found.path).result == "complete"
+
+
 def test_measured_columns_are_imported_unchanged(tmp_path: Path) -> None:
     columns = task_table()
     with imported(write_csv(tmp_path / "task.csv", columns), tmp_path) as found:

@@ -53,6 +53,19 @@ def test_marks_show_notes_events_and_gaps_without_duplicates():
     ]
 
 
+@pytest.mark.parametrize("words", ["{the ball is stuck", "{}", '{"text": 5}'])
+def test_note_that_the_server_refused_does_not_prevent_the_replay(words):
+    refused = event(2100, "command", name="note", argument=words, accepted="false", reason="the note is not JSON")
+    marks = loaded_recording(two_trials(), refused).marks
+    assert [mark.label for mark in marks if mark.kind in ("note", "event")] == ["command note the note is not JSON"]
+
+
+def test_note_after_spaces_shows_its_text():
+    note = event(2100, "command", name="note", argument=' {"text": "he laughs", "tick": 2050}', accepted="true")
+    marks = loaded_recording(two_trials(), note).marks
+    assert [(mark.tick, mark.label) for mark in marks if mark.kind == "note"] == [(2050, "he laughs")]
+
+
 def test_next_and_previous_mark_are_found():
     def to(position, kind, *, back=False):
         found = near(RECORDING.marks, position, kind, back=back)

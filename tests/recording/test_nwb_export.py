@@ -6,12 +6,17 @@ import h5py
 import numpy as np
 import pytest
 from dyads import dyad, make_session
-from exported import make_rows, same_bits
+from exported import make_rows, same_bits, write
+
+from made_recordings import recorded, two_trials
+from netboard.base.errors import RecordingError
 
 pynwb = pytest.importorskip("pynwb")
 
 from netboard.recording.export import nwb  # noqa: E402
+from netboard.recording.export.formats import export  # noqa: E402
 from netboard.recording.files.reader import Recording  # noqa: E402
+from netboard.task.trials.state_machine import Phase  # noqa: E402
 
 LEFT_TO_THE_LAB = {"check_experimenter_exists", "check_institution"}
 
@@ -67,6 +72,37 @@ def test_participants_have_their_own_stylus_and_the_same_board_bit_for_bit(folde
                 assert same_bits(behavior[f"{name}/data"][:], rows[field])
             assert f"{other}_stylus" not in behavior
             assert behavior["board/board_tilt/data"].attrs["unit"] == "radians"
+
+
+def test_recording_without_trials_and_events_has_no_tables_of_them(tmp_path: Path) -> None:
+    idle = make_rows(1)[:50]
+    idle["event"], idle["phase"] = 0, Phase.IDLE
+    (tmp_path / "out").mkdir()
+    nwb.write([write(tmp_path / "idle.mcap", idle)], tmp_path / "out", quiet)
+    first, *_ = sorted((tmp_path / "out").rglob("*.nwb"))
+    with pynwb.NWBHDF5IO(first, "r") as io:
+        file = io.read()
+        assert file.trials is None
+        assert len(file.processing["behavior"]["board"].time_series["board_z"].data) == 50
+
+
+def test_unknown_target_of_an_imported_table_has_no_side(tmp_path: Path) -> None:
+    rows = two_trials()
+    rows["target"] = 0
+    (tmp_path / "out").mkdir()
+    nwb.write([recorded(tmp_path, rows)], tmp_path / "out", quiet)
+    first, *_ = sorted((tmp_path / "out").rglob("*.nwb"))
+    with pynwb.NWBHDF5IO(first, "r") as io:
+        assert list(io.read().trials["target"][:]) == ["n/a", "n/a"]
+
+
+def test_failure_of_hdf5_is_reported_and_leaves_nothing(tmp_path: Path) -> None:
+    def fail(what: str, done: int, total: int) -> None:
+        raise RuntimeError("Can't decrement id ref count (file write failed: errno = 28)")
+
+    with pytest.raises(RecordingError, match=r"out: cannot be written: HDF5 .* is the disk full"):
+        export([dyad(tmp_path / "a.mcap")], "nwb", tmp_path / "out", fail)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.mcap"]
 
 
 def test_both_participants_share_one_time_axis_with_its_gap(folder: Path) -> None:

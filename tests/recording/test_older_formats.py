@@ -56,6 +56,14 @@ def test_golden_recording_verifies_bit_for_bit(version: str) -> None:
         assert verify_recording(recording).identical
 
 
+def test_recording_of_format_1_cannot_be_verified() -> None:
+    with (
+        Recording(GOLDEN / "format-1.mcap") as recording,
+        pytest.raises(RecordingError, match="format 1 lacks the inputs"),
+    ):
+        verify_recording(recording)
+
+
 @pytest.mark.parametrize("version", READABLE[1:-1])
 def test_older_format_is_recovered_into_the_current_format(tmp_path: Path, version: str) -> None:
     source = GOLDEN / f"format-{version}.mcap"

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from netboard.base.errors import RecordingError
@@ -115,6 +116,28 @@ def test_mcap_of_other_software_is_refused(tmp_path: Path) -> None:
         writer.finish()
     with pytest.raises(RecordingError, match="not a recording of netboard"):
         Recording(tmp_path / "a.mcap")
+
+
+@pytest.mark.parametrize("leaves_out", ["use_statistics", "repeat_channels", "use_chunking"])
+def test_copy_with_an_incomplete_index_is_refused_and_never_seems_empty(
+    tmp_path: Path, path: Path, leaves_out: str
+) -> None:
+    """Other MCAP tools can leave out parts of the index."""
+    with path.open("rb") as source, (tmp_path / "copy.mcap").open("wb") as copy:
+        reader, writer = make_reader(source), Writer(copy, **{leaves_out: False})
+        writer.start("netboard", "another tool")
+        for record in reader.iter_metadata():
+            writer.add_metadata(record.name, record.metadata)
+        channels: dict[int, int] = {}
+        for schema, channel, message in reader.iter_messages(log_time_order=False):
+            assert schema is not None
+            if channel.id not in channels:
+                number = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[channel.id] = writer.register_channel(channel.topic, channel.message_encoding, number)
+            writer.add_message(channels[channel.id], message.log_time, message.data, message.publish_time)
+        writer.finish()
+    with pytest.raises(RecordingError, match=r"is damaged \(its index"):
+        Recording(tmp_path / "copy.mcap")
 
 
 def test_unknown_format_version_is_refused(tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from netboard.base.errors import RecordingError
 from netboard.base.tables.rig import Recording as Settings
 from netboard.base.tick import TICK
+from netboard.network.protocol.records import BLOCK_BEGAN, EventRecord
 from netboard.recording.export.runs import runs_of
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.summary import Gap
@@ -175,6 +176,7 @@ def test_recovery_of_a_sound_file_loses_nothing(tmp_path: Path, whole: Path) -> 
 def test_damaged_number_in_the_metadata_costs_only_itself(tmp_path: Path, whole: Path) -> None:
     with Recording(whole) as sound:
         numbers = {"opened_log_ns": sound.metadata, "record": {"record": str(sound.first_record)}, "log_ns": sound.end}
+        numbers |= dict.fromkeys(("opened_monotonic_ns", "welcome_server_ns"), sound.metadata)
     for key, values in numbers.items():
         head = len(key).to_bytes(4, "little") + key.encode() + len(values[key]).to_bytes(4, "little")
         broken = bytearray(whole.read_bytes())
@@ -187,8 +189,8 @@ def test_damaged_number_in_the_metadata_costs_only_itself(tmp_path: Path, whole:
         assert [part.reason for part in report.damage] == [f"metadata: {key} is not a number"]
         with Recording(report.output) as recovered:
             assert recovered.events()
-        if key == "opened_log_ns":
-            with pytest.raises(RecordingError, match="lost its opened_log_ns when it was damaged"):
+        if values.get("session"):
+            with pytest.raises(RecordingError, match=f"lost its {key} when it was damaged"):
                 runs_of([report.output])
 
 
@@ -203,6 +205,39 @@ def test_lost_configuration_is_reported(tmp_path: Path, whole: Path) -> None:
         assert recording.ticks().tobytes() == ROWS.tobytes()
         with pytest.raises(RecordingError, match="configuration was lost"):
             _ = recording.config_text
+
+
+@pytest.mark.parametrize("place", ["configuration", "header"])
+def test_lost_configuration_comes_from_the_event_that_began_the_block(tmp_path: Path, place: str) -> None:
+    writer = new_writer(tmp_path / "a.mcap")
+    writer.write(EventRecord(0, 0, 0, BLOCK_BEGAN, {"config": CONFIG_TEXT}), 0, OPENED_NS)
+    writer.finish(fill(writer, ROWS, first=1))
+    data = bytearray((tmp_path / "a.mcap").read_bytes())
+    data[data.index(CONFIG_TEXT.encode()) if place == "configuration" else 8] ^= 1
+    (tmp_path / "a.mcap").write_bytes(data)
+    report = recover(tmp_path / "a.mcap")
+    assert report.has_config
+    with Recording(report.output) as recording:
+        assert recording.config_text == CONFIG_TEXT
+        assert recording.recovery["config"] == "recovered"
+
+
+def test_destroyed_first_bytes_cost_no_tick(tmp_path: Path, whole: Path) -> None:
+    ticks, report = recovered_ticks(tmp_path, bytes(8) + whole.read_bytes()[8:])
+    assert ticks == ROWS["tick"].tolist()
+    assert [(part.offset, part.length) for part in report.damage] == [(0, 8)]
+    assert report.has_config
+
+
+def test_recovery_of_a_recovered_file_keeps_the_account_of_its_losses(tmp_path: Path, whole: Path) -> None:
+    data = bytearray(whole.read_bytes())
+    data[chunk_ticks(whole)[1][1] - 9] ^= 1
+    (tmp_path / "a.mcap").write_bytes(data)
+    once = recover(tmp_path / "a.mcap")
+    twice = recover(once.output)
+    assert twice.missing == once.missing != ()
+    with Recording(once.output) as first, Recording(twice.output) as second:
+        assert second.recovery["damage"] == first.recovery["damage"] != ""
 
 
 def test_recovery_never_overwrites_a_file(tmp_path: Path, whole: Path) -> None:

@@ -12,6 +12,7 @@ from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION
 from netboard.network.protocol.records import BLOCK_BEGAN, EventRecord, LogBatch, TickRecord
 from netboard.recording.files.reader import Recording
+from netboard.recording.files.writer import RecordingWriter
 from netboard.recording.integrity.account import account_of
 from netboard.recording.recovery.spill import Spill
 from netboard.recording.recovery.spilled import recover_any
@@ -81,6 +82,24 @@ def test_existing_output_stops_the_recovery_before_any_file_is_left(three: Path,
         recover_any(three)
     assert sorted(file.name for file in tmp_path.iterdir()) == ["S07.spill", "S07_block03.recovered.mcap"]
     assert (tmp_path / "S07_block03.recovered.mcap").read_bytes() == b"mine"
+
+
+def test_file_that_appears_under_the_output_name_is_not_deleted(
+    three: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another process may finish its recovery of the same spill first."""
+    theirs, finish = tmp_path / "S07_block02.recovered.mcap", RecordingWriter.finish
+
+    def finish_later(writer: RecordingWriter, now_ns: int, ended: str) -> None:
+        if writer.path == theirs:
+            theirs.write_bytes(b"theirs")
+        finish(writer, now_ns, ended)
+
+    monkeypatch.setattr(RecordingWriter, "finish", finish_later)
+    with pytest.raises(RecordingError, match="exists already"):
+        recover_any(three)
+    assert {path.name for path in tmp_path.iterdir()} == {three.name, theirs.name}
+    assert theirs.read_bytes() == b"theirs"
 
 
 def test_unfinished_recording_goes_to_the_mcap_recovery(tmp_path: Path) -> None:

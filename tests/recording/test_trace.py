@@ -1,6 +1,8 @@
 """Causes of stutter: sessions with known causes, and the causes found by the trace."""
 
+import errno
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -201,6 +203,27 @@ def test_trace_command_names_the_cause_and_the_remedy(tmp_path: Path) -> None:
     assert Path("a.png").read_bytes().startswith(b"\x89PNG")
     again = runner.invoke(app, ["trace", "S01.mcap", "--figure", "a.png"])
     assert (again.exit_code, "exists already" in again.stderr) == (1, True)
+
+
+def test_figure_without_its_folder_is_refused_at_once(tmp_path: Path) -> None:
+    recorded(tmp_path / "S01.mcap", CASES["network"][0])
+    result = runner.invoke(app, ["trace", "S01.mcap", "--figure", "missing/a.png"])
+    assert (result.exit_code, result.stdout) == (1, "")
+    assert "there is no folder missing" in result.stderr
+
+
+@pytest.mark.parametrize("kind", ["png", "svg", "pdf"])
+def test_full_disk_leaves_no_half_figure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str) -> None:
+    def write_half(path: Path, data: bytes) -> None:
+        with path.open("wb") as file:
+            file.write(data[: len(data) // 2])
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    recorded(tmp_path / "S01.mcap", CASES["network"][0])
+    monkeypatch.setattr(Path, "write_bytes", write_half)
+    result = runner.invoke(app, ["trace", "S01.mcap", "--figure", f"a.{kind}"])
+    assert (result.exit_code, f"a.{kind}: cannot be written: No space left" in result.stderr) == (1, True)
+    assert [path.name for path in tmp_path.iterdir()] == ["S01.mcap"]
 
 
 def test_json_lists_every_episode_in_seconds(tmp_path: Path) -> None:

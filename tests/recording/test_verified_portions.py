@@ -1,16 +1,31 @@
 """Verification in portions of any size gives the result of all ticks at once."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import proofs
+from netboard.base.errors import RecordingError
+from netboard.recording.files.reader import Recording
 from netboard.recording.format.summary import Gap, find_attempts
-from netboard.recording.integrity.verification import SLICE, verify, verify_portions
+from netboard.recording.integrity.verification import SLICE, verify, verify_portions, verify_recording
 from netboard.recording.integrity.walk import walk
 from netboard.stage.stage import make_stage
 from samples import random_rows
 
 pytestmark = pytest.mark.slow
+
+
+def test_damage_anywhere_in_the_file_is_no_success(tmp_path: Path) -> None:
+    path = proofs.write(tmp_path / "a.mcap", proofs.rows())
+    with Recording(path) as recording:
+        assert verify_recording(recording).identical
+    data = bytearray(path.read_bytes())
+    data[data.index(b"opened_utc") + 20] ^= 1
+    path.write_bytes(data)
+    with Recording(path) as recording, pytest.raises(RecordingError, match="checksum of the file is wrong"):
+        verify_recording(recording)
 
 
 @pytest.mark.parametrize("most", [1, 7, 999, SLICE + 1, 10**6])

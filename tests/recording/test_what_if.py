@@ -11,9 +11,11 @@ from netboard.base.config import Config
 from netboard.recording.counterfactual.figure import draw
 from netboard.recording.counterfactual.what_if import attempts_of, most_telling, save, what_if
 from netboard.recording.files.reader import Recording
+from netboard.recording.files.writer import RecordingWriter
 from netboard.recording.integrity.checking import check
 from netboard.recording.integrity.verification import verify
 from netboard.stage.stage import make_stage
+from netboard.task.trials.state_machine import BALL_FREE
 
 pytestmark = pytest.mark.slow
 
@@ -71,6 +73,43 @@ def test_each_attempt_starts_from_the_recorded_release() -> None:
         start = np.searchsorted(found.computed["tick"], one.then.tick)
         for name in ("theta", "omega", "p", "vp", "z", "vz", "trial", "attempt"):
             assert found.computed[name][start] == found.recorded[name][start]
+
+
+def test_missing_ticks_in_an_attempt_add_no_ticks_from_after_it() -> None:
+    (first, *_) = what_if(proofs.rows(), make_stage(proofs.config())).comparisons
+    rows = np.delete(proofs.rows(), slice(first.then.tick + 500, first.then.tick + 1500))
+    found = what_if(rows, make_stage(changed(k_h=400.0)))
+    for one in found.comparisons:
+        stop = min(one.then.stop, one.now.stop)
+        assert one.common == np.count_nonzero((rows["tick"] >= one.then.tick) & (rows["tick"] < stop))
+    kept = attempts_of(found)
+    assert np.isin(found.recorded["phase"][np.isin(rows["tick"], kept["tick"])], BALL_FREE).all()
+    line = draw(found, [], found.comparisons[0]).axes[0].lines[0]
+    assert len(line.get_xdata()) == first.then.stop - first.then.tick - 1000
+    assert line.get_xdata()[500] == 1.5
+
+
+def test_interrupted_save_leaves_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = what_if(proofs.rows(), make_stage(proofs.config()))
+    with Recording(proofs.write(tmp_path / "a.mcap", proofs.rows())) as recording:
+        source = recording.metadata
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(RecordingWriter, "is_due", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        save(tmp_path / "b.mcap", found, proofs.config(), source, "a.mcap", [])
+    assert [path.name for path in tmp_path.iterdir()] == ["a.mcap"]
+
+
+def test_source_that_lost_its_start_time_can_be_saved(tmp_path: Path) -> None:
+    found = what_if(proofs.rows(), make_stage(proofs.config()))
+    with Recording(proofs.write(tmp_path / "a.mcap", proofs.rows())) as recording:
+        source = {name: value for name, value in recording.metadata.items() if name != "opened_log_ns"}
+    kept = save(tmp_path / "b.mcap", found, proofs.config(), source, "a.mcap", [])
+    with Recording(tmp_path / "b.mcap") as recording:
+        assert len(recording.ticks()) == kept
 
 
 def test_saved_result_verifies_and_names_its_source(tmp_path: Path) -> None:

@@ -61,19 +61,18 @@ def _draw_both(axis: Any, found: WhatIf, quantity: Quantity, shown: Comparison) 
         (found.recorded, shown.then, _RECORDED, "-", "recorded"),
         (found.computed, shown.now, _COMPUTED, "--", "recomputed"),
     ):
-        part = rows[start : start + attempt.stop - attempt.tick]
+        part = rows[start : int(np.searchsorted(rows["tick"], attempt.stop))]
         part = part[np.isin(part["phase"], BALL_FREE)]
+        times = seconds_since_release(part["tick"])
         axis.plot(
-            seconds_since_release(len(part)),
+            times,
             quantity.scale * part[quantity.name],
             color=colour,
             linestyle=style,
             linewidth=1.5,
             label=label,
         )
-        axis.plot(
-            [(len(part) - 1) * 1e-3], quantity.scale * part[quantity.name][-1:], marker="o", markersize=4, color=colour
-        )
+        axis.plot(times[-1:], quantity.scale * part[quantity.name][-1:], marker="o", markersize=4, color=colour)
     axis.set_ylabel(f"{quantity.text} ({quantity.unit})")
     axis.grid(True, alpha=0.3)
 
@@ -83,11 +82,12 @@ def _draw_apart(axis: Any, found: WhatIf, quantity: Quantity, shown: Comparison)
     others = [one for one in found.comparisons if one is not shown]
     for place, one in enumerate([*others, shown]):
         start = int(np.searchsorted(found.recorded["tick"], one.then.tick))
-        apart = quantity.scale * difference(found.recorded, found.computed, quantity, slice(start, start + one.common))
+        rows = slice(start, start + one.common)
+        apart = quantity.scale * difference(found.recorded, found.computed, quantity, rows)
         on_top = one is shown
         label = f"trial {one.then.trial}, attempt {one.then.attempt}" if on_top else "the others"
         axis.plot(
-            seconds_since_release(len(apart)),
+            seconds_since_release(found.recorded["tick"][rows]),
             apart,
             color="black" if on_top else _OTHERS,
             linewidth=1.4 if on_top else 0.7,

@@ -110,7 +110,7 @@ def _compare(recorded: Rows, computed: Rows, then: Attempt) -> Comparison:
     start, stop = np.searchsorted(recorded["tick"], [then.tick, then.stop])
     # Include the row after the last one, which shows the command that ended the attempt.
     now = find_attempts(computed[start : stop + 1])[0]
-    common = min(now.stop, then.stop) - then.tick
+    common = int(np.searchsorted(recorded["tick"][start:stop], min(now.stop, then.stop)))  # without missing ticks
     differences = {}
     for quantity in QUANTITIES:
         apart = difference(recorded, computed, quantity, slice(start, start + common))
@@ -143,9 +143,9 @@ def most_telling(comparisons: Sequence[Comparison]) -> Comparison:
     return max(comparisons, key=lambda one: one.differences["p"].rms)
 
 
-def seconds_since_release(count: int) -> NDArray[np.float64]:
-    """Return the tick times of an attempt [s]."""
-    return np.arange(count, dtype=np.float64) * TICK_SECONDS
+def seconds_since_release(ticks: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the times of the ticks of an attempt [s]."""
+    return np.asarray((ticks - ticks[0]) * TICK_SECONDS, np.float64)
 
 
 def save(
@@ -171,7 +171,7 @@ def save(
         "source": name,
         "source_session": source["session"],
     }
-    opened_ns = int(source["opened_log_ns"])
+    opened_ns = int(source.get("opened_log_ns", 0))  # a recovered recording may have lost it
     writer = RecordingWriter(path, metadata, text, config.recording, opened_ns)
     rows = attempts_of(found)
     number = events = 0
@@ -190,5 +190,6 @@ def save(
         writer.finish(now_ns)
     except BaseException:
         writer.abandon()
+        writer.part.unlink(missing_ok=True)  # computed data, which are not worth a recovery
         raise
     return len(rows)

@@ -66,7 +66,8 @@ def _write_run(run: Run, factors: Sequence[Exported], folder: Path, progress: Pr
             place.mkdir(parents=True, exist_ok=True)
             signals = signals_of(person.sides)
             _write_table(place / f"{stem}_channels.tsv", map(_channel, [texts.LATENCY, *signals]))
-            _write_table(place / f"{stem}_events.tsv", _events(survey, run, factors))
+            if events := _events(survey, run, factors):
+                _write_table(place / f"{stem}_events.tsv", events)
             _write_json(place / f"{stem}_motion.json", _motion(run, recording, survey, person, signals))
             motion = (place / f"{stem}_motion.tsv").open("x", encoding="ascii", newline="")
             files.append((stack.enter_context(motion), signals))
@@ -312,10 +313,10 @@ def _write_json(path: Path, values: Row) -> None:
 
 
 def _write_table(path: Path, rows: Iterable[Row]) -> None:
-    """Write a table with a header line."""
+    """Write a table of at least one row with a header line."""
     lines = list(rows)
     with path.open("x", encoding="utf-8", newline="") as file:
-        for words in [list(lines[0]), *(map(_cell, row.values()) for row in lines)] if lines else []:
+        for words in [list(lines[0]), *(map(_cell, row.values()) for row in lines)]:
             file.write("\t".join(words) + "\n")
 
 

@@ -22,9 +22,19 @@ MAX_BYTES = 2**31 - 2**20
 """Size limit of a variable, less some space for its names [1]."""
 
 
+MAX_NAME = 63
+"""Length limit of a field name [1]."""
+
+
 def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
     """Write recordings as MATLAB files."""
     tables = small_tables(recordings)
+    for name in (field.name for table in tables for field in table.fields):
+        if len(name) > MAX_NAME:
+            raise RecordingError(
+                f"column {name}: found {len(name)} characters, expected at most {MAX_NAME} in a MATLAB file; use "
+                "--to parquet, which MATLAB reads with parquetread"
+            )
     places = "RECORDING.mat: a struct for each table; that of ticks has no column recording"
     write_dictionary(folder, (TICKS, *tables), places)
     for subject in subjects(recordings, folder):
@@ -32,7 +42,7 @@ def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
             structs = {"ticks": _ticks(subject, spool, progress)}
             structs |= {table.name: _struct(table, subject) for table in tables}
             with (folder / f"{subject.name}.mat").open("xb") as file:
-                savemat(file, structs, oned_as="column")
+                savemat(file, structs, long_field_names=True, oned_as="column")
 
 
 def _ticks(subject: Subject, spool: Any, progress: Progress) -> dict[str, NDArray[Any]]:
@@ -48,7 +58,7 @@ def _ticks(subject: Subject, spool: Any, progress: Progress) -> dict[str, NDArra
         rows = np.empty(len(columns["tick"]), row)
         for name in row.names or ():
             rows[name] = columns[name]
-        rows.tofile(spool)
+        spool.write(rows.tobytes())  # unlike ndarray.tofile, it says why the disk refuses
     spool.flush()
     table = np.memmap(spool, row, "r") if subject.ticks else np.empty(0, row)
     return {name: table[name] for name in row.names or ()}

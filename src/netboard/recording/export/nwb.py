@@ -9,7 +9,7 @@ have a rate; if ticks are missing, every row has a time stamp.
 """
 
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -66,7 +66,7 @@ def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
     runs = runs_of(recordings)
     factors = exported_factors([run.config for run in runs])
     for run in runs:
-        with Recording(run.path) as recording, ExitStack() as stack:
+        with _disk(), Recording(run.path) as recording, ExitStack() as stack:
             survey = Survey(recording)
             filled: Filled = []
             for person in run.people:
@@ -77,6 +77,15 @@ def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
                 stack.enter_context(pynwb.NWBHDF5IO(path, "w")).write(layout.file)
                 filled += layout.filled
             _fill(recording, survey, filled, progress)
+
+
+@contextmanager
+def _disk() -> Iterator[None]:
+    """Convert what HDF5 raises, besides an `OSError`, for a file that it cannot complete."""
+    try:
+        yield
+    except RuntimeError as error:
+        raise OSError("HDF5 could not complete the file; is the disk full?") from error
 
 
 def _fill(recording: Recording, survey: Survey, filled: Filled, progress: Progress) -> None:
@@ -204,7 +213,9 @@ class Layout:
         return data
 
     def _add_trials(self, run: Run) -> None:
-        """Fill the table of attempts."""
+        """Fill the table of attempts; a file cannot have a table without rows."""
+        if not self._survey.attempts:
+            return
         for name, text in _COLUMNS.items():
             self.file.add_trial_column(name, text)
         for field in (field for one in self._factors for field in one.fields):
@@ -217,7 +228,7 @@ class Layout:
                 levelling_time=self._survey.seconds(one.began),
                 trial=one.trial,
                 attempt=one.attempt,
-                target="left" if one.target < 0 else "right",
+                target={-1: "left", 1: "right"}.get(one.target, "n/a"),
                 outcome=one.outcome,
                 completion_time=one.completion,
                 flags=" ".join(self._survey.flags.get(one.tick, ())),
@@ -230,7 +241,9 @@ class Layout:
             )
 
     def _add_events(self) -> None:
-        """Fill the table of changes of the trial phase."""
+        """Fill the table of changes of the trial phase; a file cannot have a table without rows."""
+        if not self._survey.happenings:
+            return
         table = self._pynwb.event.EventsTable(name="trial_events", description=_EVENTS)
         table.add_column(name="event", description="what happened")
         table.add_column(name="trial", description=_COLUMNS["trial"])

@@ -141,6 +141,16 @@ class Container:
             found = [ChunkIndex.read(_stream(body)) for body in self._index.get(Opcode.CHUNK_INDEX, ())]
         return sorted(found, key=lambda chunk: chunk.chunk_start_offset)
 
+    def require_index(self) -> None:
+        """Raise an error if the index lacks what finds the messages: without it, there would seem to be none."""
+        with self.sound():
+            statistics = self._index.get(Opcode.STATISTICS)
+            if not statistics:
+                raise RecordingError("its index has no statistics")
+            needed = (Opcode.CHANNEL, Opcode.CHUNK_INDEX)
+            if Statistics.read(_stream(statistics[0])).message_count and not all(one in self._index for one in needed):
+                raise RecordingError("its index lists no channels or no chunks")
+
     def check(self) -> None:
         """Verify the checksum of the whole file, metadata included, if its writer stored one."""
         with self.sound():

@@ -37,7 +37,7 @@ METADATA_RECOVERY = "netboard.recovery"
 """Metadata record of a recovered file."""
 
 _NUMBERS = {
-    METADATA: ("opened_log_ns",),
+    METADATA: ("opened_log_ns", "opened_monotonic_ns", "welcome_server_ns"),
     METADATA_FIRST: ("record",),
     METADATA_END: ("log_ns", "records", "lost", "next_record"),
 }

@@ -95,6 +95,7 @@ class Recording:
         records = self._file.metadata
         if self._file.profile != PROFILE or METADATA not in records:
             raise RecordingError(f"{self.path}: an MCAP file, but not a recording of netboard")
+        self._file.require_index()
         for name, values in records.items():
             for key in damaged_numbers(name, values):
                 raise RecordingError(

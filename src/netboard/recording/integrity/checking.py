@@ -24,6 +24,7 @@ from netboard.recording.integrity.journal_check import check_journal, check_plan
 from netboard.recording.integrity.severity import Finding, Report, Severity
 from netboard.recording.integrity.stream_check import TICKS, check_end, check_numbers, check_rendered, check_time
 from netboard.recording.integrity.trial_check import check_measured, check_trials
+from netboard.recording.integrity.verification import why_not
 from netboard.recording.integrity.walk import Evidence, walk
 from netboard.recording.recovery.recover import Report as Recovered
 from netboard.recording.recovery.spilled import recover_any
@@ -65,9 +66,8 @@ def _check(recording: Recording, replay: bool, tell: Tell) -> Report:
     problems: list[Finding] = []
     try:
         config = parse(recording.config_text, "its configuration")
-        if replay and recording.metadata["format"] == "1":
-            text = "format 1 lacks the inputs that are needed to compute its ticks again"
-            problems.append(Finding(Severity.LOSS, text, "replay"))
+        if replay and (why := why_not(recording)):
+            problems.append(Finding(Severity.LOSS, why, "replay"))
         elif replay:
             stage = make_stage(config)
             stage.warm()
@@ -103,7 +103,10 @@ def _unreadable(path: Path, why: str) -> Report:
         with TemporaryDirectory() as folder:
             saved = recover_any(path, Path(folder) / "recovered.mcap")
     except (NetboardError, OSError) as error:
-        findings.append(Finding(Severity.DAMAGE, f"nothing can be recovered: {error}", "file"))
+        # An error of the temporary folder, such as a full disk, says nothing about the file.
+        of_file = str(error).startswith(f"{path}:")
+        words = "nothing can be recovered" if of_file else "what can be recovered is unknown"
+        findings.append(Finding(Severity.DAMAGE, f"{words}: {error}", "file"))
     else:
         ticks = sum(one.messages[TICKS] for one in saved)
         findings += [Finding(Severity.DAMAGE, _recoverable(one), "file") for one in saved]

@@ -142,8 +142,20 @@ def _first_difference(recorded: NDArray[Any], computed: NDArray[Any]) -> tuple[i
     return i, next(name for name in _RESULTS if differs[i, _PLACES[name]])
 
 
+def why_not(recording: Recording) -> str:
+    """Return why the ticks of a recording cannot be computed again; empty if they can."""
+    if recording.metadata["format"] == "1":
+        return "format 1 lacks the inputs that are needed to compute its ticks again"
+    if recording.metadata.get("imported") == "measured":
+        return "its ticks were measured by another program, so no stage can compute them again"
+    return ""
+
+
 def verify_recording(recording: Recording) -> Verification:
-    """Verify every tick of an open recording."""
+    """Verify the checksums of an open recording, and every tick."""
+    recording.check()
+    if why := why_not(recording):
+        raise RecordingError(f"{recording.path}: {why}")
     stage = make_stage(parse(recording.config_text, f"{recording.path} (its configuration)"))
     result = verify_portions(stage, recording.batches(as_sent=True))
     if not result.checked:

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from netboard.base.config import parse
 from netboard.base.errors import ConfigError, RecordingError
 from netboard.base.tick import TICK
+from netboard.network.protocol.records import EventRecord
 from netboard.recording.files.provenance import (
     CONFIG_NAME,
     LIBRARY,
@@ -35,7 +36,7 @@ from netboard.recording.files.provenance import (
 )
 from netboard.recording.format import older
 from netboard.recording.format.batches import Layout, TickStream
-from netboard.recording.format.channels import CHANNELS, FORMAT_VERSION, IDS, Stamped
+from netboard.recording.format.channels import CHANNELS, FORMAT_VERSION, IDS, Stamped, begun, unpack
 from netboard.recording.format.chunks import MAGIC, RECORD_HEAD, UNSOUND, messages, unpack_chunk
 from netboard.recording.format.partfile import PartFile
 from netboard.recording.format.predictions import UNKNOWN, constants_of
@@ -106,10 +107,13 @@ def recover(path: Path, output: Path | None = None) -> Report:
     """
     target = output or recovered_path(path)
     with mapped(path) as data:
-        if data[: len(MAGIC)] != MAGIC:
-            raise RecordingError(f"{path}: not an MCAP file, so it cannot be recovered")
         chunks = list(_find_chunks(data))
-        metadata, config, damage, finished = _survey(data, chunks)
+        begins = data[: len(MAGIC)] == MAGIC
+        if not (begins or chunks):
+            raise RecordingError(f"{path}: not an MCAP file, so it cannot be recovered")
+        metadata, attached, damage, finished = _survey(data, chunks)
+        if not begins:
+            damage.insert(0, Damage(0, len(MAGIC), "not the beginning of an MCAP file"))
         found = metadata.setdefault(METADATA, {})
         found.setdefault("session", "unknown")
         version = found.get("format", "")
@@ -119,10 +123,14 @@ def recover(path: Path, output: Path | None = None) -> Report:
             )
         # An invalid version is damage like any other.
         found["format"] = FORMAT_VERSION
+        config = attached
+        if attached is None or config_sha256(attached.data) != found.get("config_sha256", config_sha256(attached.data)):
+            config = _config_of_event(data, chunks)
         if config is not None:
-            digest = config_sha256(config.data)
-            config = config if found.setdefault("config_sha256", digest) == digest else None
+            found["config_sha256"] = config_sha256(config.data)
         account = account_for(path, len(data), damage, config is not None)
+        if earlier := metadata.get(METADATA_RECOVERY, {}).get("damage"):
+            account["damage"] = "; ".join(filter(None, (earlier, account["damage"])))
         counts, ticks = _copy(data, chunks, target, metadata, config, account, version)
     return Report(
         source=path,
@@ -205,6 +213,15 @@ def _survey(
                 return metadata, config, damage, True
             position += RECORD_HEAD.size + len(body)
     return metadata, config, damage, False
+
+
+def _config_of_event(data: mmap.mmap | bytes, chunks: Sequence[Span]) -> Attachment | None:
+    """Return the copy of the configuration in the event with which the server began the block; None without one."""
+    for chunk in chunks:
+        for entry in messages(unpack_chunk(data[chunk.start + RECORD_HEAD.size : chunk.stop])):
+            if _TOPICS.get(entry.channel_id) == "/event" and (text := begun(EventRecord(**unpack(entry.data)))):
+                return Attachment(entry.log_time_ns, entry.log_time_ns, CONFIG_NAME, "application/toml", text.encode())
+    return None
 
 
 _EXPECTED = frozenset(

@@ -62,6 +62,7 @@ class _Blocks:
         self._welcome, self._opened, self._damage = welcome, opened, damage
         self._now = self._utc_ns = int(opened.details["utc_ns"])
         self._made: list[RecordingWriter] = []
+        self._finished: list[RecordingWriter] = []
         self._batches: list[int] = []
 
     def write(self) -> tuple[Report, ...]:
@@ -83,7 +84,7 @@ class _Blocks:
             for writer in self._made:
                 writer.abandon()
                 writer.part.unlink(missing_ok=True)
-                if writer.durable is not None and not writer.is_open:
+                if writer in self._finished:  # otherwise a file of that name is somebody else's
                     writer.path.unlink(missing_ok=True)
             raise
 
@@ -114,6 +115,7 @@ class _Blocks:
 
     def _finish(self) -> None:
         self._made[-1].finish(self._now, "no logger took it from the server")
+        self._finished.append(self._made[-1])
 
     def _write_batch(self, batch: LogBatch) -> None:
         """Write the records of a batch as a logger would have written them."""

@@ -93,7 +93,8 @@ def gap_in_words(gap: Gap) -> str:
 def _event_in_words(event: EventRecord) -> tuple[int, str, str]:
     """Return tick, kind and label of an event."""
     details = event.details
-    if event.name == "command" and details.get("name") == "note":
+    refused = details.get("accepted") == "false"  # its text may be anything
+    if event.name == "command" and details.get("name") == "note" and not refused:
         return _note(event.tick, details.get("argument", ""))
     told = " ".join(details[key] for key in ("name", "side", "reason", "milliseconds") if details.get(key))
     return event.tick, "event", f"{event.name.replace('_', ' ')} {told}".strip()
@@ -101,7 +102,7 @@ def _event_in_words(event: EventRecord) -> tuple[int, str, str]:
 
 def _note(tick: int, words: str) -> tuple[int, str, str]:
     """Return a note, at the tick at which its writing began if known."""
-    if words.startswith("{"):
+    if words.lstrip().startswith("{"):
         note = json.loads(words)
         return note.get("tick", tick), "note", note["text"]
     return tick, "note", words
