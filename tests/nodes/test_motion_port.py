@@ -421,6 +421,17 @@ def test_sample_with_out_of_range_stamps_is_ignored(rig: Rig, field: str, value:
     assert rig.port.clock_records(0) == []
 
 
+def test_sample_with_an_out_of_range_number_is_ignored(rig: Rig) -> None:
+    """The server could not ask for the samples before it: the number after it does not fit a message."""
+    rig.registered()
+    rig.router.send_from(A, replace(STYLUS, seq=2**63 - 1))
+    rig.drain(lambda: MS)
+    assert rig.row(MS)["left_live"] == 0
+    rig.router.send_from(A, STYLUS)
+    rig.drain(lambda: MS)
+    assert rig.row(MS)["left_live"] == 1
+
+
 def test_sample_with_a_future_stamp_is_not_live(rig: Rig) -> None:
     rig.registered()
     probe = {"force_tick": 1, "force_sent_ns": 0, "force_received_ns": MS, "sent_ns": MS}
