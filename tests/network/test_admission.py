@@ -39,7 +39,7 @@ def test_admitted_peer_is_named_by_role_and_side(role: str, side: str, name: str
         ({"side": ""}, "agent with side '': expected left or right"),
         ({"role": "display", "side": ""}, "display with side '': expected left or right"),
         ({"role": "logger"}, "logger with side 'left': expected no side"),
-        ({"role": "display"}, "this is the motion channel, not the channel of a display"),
+        ({"role": "display"}, "this is the motion channel, which takes no display"),
     ],
 )
 def test_refused_peer_gets_the_reason(change: dict[str, str | int], reason: str) -> None:

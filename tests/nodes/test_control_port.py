@@ -93,7 +93,7 @@ def test_unregistered_peers_and_malformed_messages_are_refused() -> None:
     rig = Rig()
     assert rig.exchange(b"x", StatusRequest()) == [Refusal("say hello first")]
     assert isinstance(rig.exchange(b"x", b"\xc1")[0], Refusal)
-    assert rig.exchange(b"x", hello("logger")) == [Refusal("this is the control channel, not the channel of a logger")]
+    assert rig.exchange(b"x", hello("logger")) == [Refusal("this is the fake channel, which takes no logger")]
 
 
 def test_peers_are_listed_and_the_newest_display_of_a_station_reports() -> None:

@@ -132,7 +132,7 @@ def test_departed_logger_is_reported_and_its_backlog_kept(rig: Rig) -> None:
 
 def test_unauthorised_peers_and_messages_are_refused(rig: Rig) -> None:
     assert rig.pump(L, LogRequest(0)) == [Refusal("say hello first")]
-    assert rig.pump(L, hello("agent", "left")) == [Refusal("this is the log channel, not the channel of a agent")]
+    assert rig.pump(L, hello("agent", "left")) == [Refusal("this is the fake channel, which takes no agent")]
     assert isinstance(rig.pump(L, hello("logger", "left"))[0], Refusal)
     rig.pump(L, hello("logger"))
     assert rig.pump(L, StatusRequest()) == [Refusal("a logger does not send StatusRequest")]

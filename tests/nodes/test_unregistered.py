@@ -65,7 +65,7 @@ def test_unregistered_peer_is_answered_at_intervals_but_hello_always(rig: Motion
     for message in (StatusRequest(), hello("display", "left"), StatusRequest(), hello("display", "left")):
         rig.router.send_from(b"x", message)
     rig.drain(lambda: 0)
-    reasons = ["say hello first", "this is the motion channel, not the channel of a display"]
+    reasons = ["say hello first", "this is the motion channel, which takes no display"]
     assert rig.router.received_by(b"x") == [Refusal(reason) for reason in reasons]
     rig.router.send_from(b"x", StatusRequest())
     rig.drain(lambda: REPEAT_INTERVAL_NS)

@@ -33,4 +33,4 @@ def admit(hello: Hello, channel: str, roles: Collection[str]) -> None:
         wanted = "left or right" if hello.role in _SEATED else "no side"
         raise WireError(f"{hello.role} with side {hello.side!r}: expected {wanted}")
     if hello.role not in roles:
-        raise WireError(f"this is the {channel} channel, not the channel of a {hello.role}")
+        raise WireError(f"this is the {channel} channel, which takes no {hello.role}")
