@@ -94,6 +94,13 @@ def test_invalid_registration_is_refused_with_a_reason_and_recorded(rig: Rig, me
     assert [name for name, _ in rig.port.news] == ["refused"]
 
 
+def test_details_of_an_agent_do_not_replace_its_side_and_name(rig: Rig) -> None:
+    details = {"side": "right", "name": "Falcon", "serial": "7"}
+    rig.router.send_from(A, replace(hello("agent", "left"), details=details))
+    rig.drain(lambda: 0)
+    assert rig.port.news == [("agent_joined", {"side": "left", "name": "host:1", "serial": "7"})]
+
+
 def test_second_agent_of_a_side_is_refused_until_the_first_times_out(rig: Rig) -> None:
     rig.registered()
     rig.router.send_from(b"other", hello("agent", "left", "host:9"))

@@ -280,8 +280,8 @@ class ControlPort:
             self._report("left", peer.hello, now_ns)
 
     def _report(self, happened: str, hello: Hello, now_ns: int) -> None:
-        details = {"side": hello.side, "name": hello.name, **hello.details}
-        self._peer_events.tell(f"{hello.role}_{happened}", details, now_ns)
+        own = {"side": hello.side, "name": hello.name}
+        self._peer_events.tell_of(hello, f"{hello.role}_{happened}", own, now_ns)
 
     def _reporter(self, side: str) -> bytes | None:
         """Return the display of a station that joined last, of those that are not silent."""

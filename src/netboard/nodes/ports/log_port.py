@@ -247,7 +247,7 @@ class LogPort:
         self._router.send_or_queue(name, encode(self.store.welcome()))
         if logger is None or logger.peer.hello != hello:
             self._loggers[name] = logger = _Logger(Peer(hello, now_ns))
-            self._peer_events.tell("logger_joined", {"name": hello.name, **hello.details}, now_ns)
+            self._peer_events.tell_of(hello, "logger_joined", {"name": hello.name}, now_ns)
         logger.cursor = None  # it asks again after the new welcome
 
     def _make_room(self, now_ns: int) -> None:
