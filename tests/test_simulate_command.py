@@ -74,6 +74,21 @@ def test_patterns_may_be_expanded_by_the_shell_or_not() -> None:
         assert sorted(path.name for path in Path(folder).iterdir()) == ["a_out.csv", "b_out.csv"]
 
 
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--set", "physics.ball_height=0.02"), 'ball_height: found 0.02, which needs model = "lagrangian"'),
+        (("--model", "lagrangian", "--set", 'physics.ball_sign="printed"'), 'ball_sign: found "printed"'),
+        (("--set", "physics.balls=0", "--set", "physics.b_p=1"), "b_p: found 1, which needs balls = 1 or more"),
+    ],
+)
+def test_scene_with_a_key_that_would_have_no_effect_is_refused(words: tuple[str, ...], message: str) -> None:
+    result = simulate("--input", "a.csv", "--output", "out.csv", *words)
+    assert result.exit_code == 2
+    assert message in result.output
+    assert not Path("out.csv").exists()
+
+
 def test_scene_comes_from_a_file_and_command_line_options() -> None:
     Path("scene.toml").write_text(
         "[physics]\nk_h = 300.0\nmodel = 'lagrangian'\n[block]\ntrials = 3\n", encoding="utf-8"

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,7 +24,15 @@ from netboard.physics.hands.sampled import (
     hold_hands,
     styluses_along,
 )
-from netboard.physics.simulation import Motion, choose_steps, columns_of, energies_of, is_stably_integrated, simulate
+from netboard.physics.simulation import (
+    Motion,
+    Steps,
+    choose_steps,
+    columns_of,
+    energies_of,
+    is_stably_integrated,
+    simulate,
+)
 
 Array = NDArray[np.float64]
 Waves = Callable[[Array], tuple[Array, Array]]
@@ -399,6 +408,32 @@ def test_stability_of_a_method_is_detected(method: str, c_h: float, held: bool) 
     physics = Physics(c_h=c_h)
     motion = simulate(sampled(waving(0), T[:11]), physics, COLD, steps=choose_steps(physics, method=method))
     assert is_stably_integrated(motion, physics) is held
+
+
+FRICTION_LIMITS = {"euler": 2.0, "semi_implicit": 2.0, "verlet": 1.8, "midpoint": 1.8, "rk4": 2.785, "etd2rk": 2.0}
+"""Largest rate of friction times the step."""
+
+
+@pytest.mark.parametrize("model", ["paper", "lagrangian"])
+@pytest.mark.parametrize("method", FRICTION_LIMITS)
+def test_instability_by_friction_is_detected(method: str, model: Any) -> None:
+    nothing = np.zeros((0, 6))
+    motion = Motion(nothing[:, 0], nothing, nothing[:, :2], Steps(method, 1e-3, 1, 0.0), 1, 1e-3)
+    for factor, stable in ((0.99, True), (1.01, False)):
+        rate = factor * FRICTION_LIMITS[method] / motion.longest
+        physics = Physics(model=model, k_h=20.0, c_h=0.2, M=0.5, I=0.1, b_p=rate * 0.05)
+        assert is_stably_integrated(motion, physics) is stable
+        assert is_stably_integrated(motion, physics, free=False), "a fixed ball has no friction"
+
+
+def test_implicit_method_whose_iteration_diverges_is_reported() -> None:
+    """At twice this limit the iteration gives up at once, and the ball rolls as if there were no friction."""
+    physics = Physics(b_p=100.0)
+    motion = simulate(
+        sampled(waving(0), T[:51]), physics, (*COLD[:5], 0.1), steps=choose_steps(physics, method="midpoint")
+    )
+    assert motion.states[-1, 5] == pytest.approx(0.1, rel=1e-2)
+    assert not is_stably_integrated(motion, physics)
 
 
 def test_diverging_method_is_refused_with_the_time() -> None:

@@ -24,7 +24,7 @@ from netboard.network.protocol.motion import Stylus
 from netboard.network.protocol.records import LogAck, LogRequest
 from netboard.network.protocol.views import Frames
 from netboard.network.transport import authenticator, channels, endpoints, fastpath, poller, sockets
-from netboard.network.transport.ports import free_port
+from netboard.network.transport.ports import free_port, try_to_bind
 
 pytestmark = pytest.mark.integration
 
@@ -122,6 +122,40 @@ def test_port_in_use_is_reported_clearly(made: Made) -> None:
     first = made.motion_server(ANYWHERE)
     with pytest.raises(NetboardError, match=r"cannot listen on tcp://127.0.0.1:.*is another server running"):
         made.motion_server(endpoint_of(first))
+
+
+@pytest.mark.parametrize("everywhere", ["0.0.0.0", "*"])
+def test_server_on_every_address_is_found_before_another_starts(made: Made, everywhere: str) -> None:
+    where = channels.addresses(Network(bind=everywhere, port=free_port())).listen(channels.MOTION)
+    sockets.require_free(where)
+    made.motion_server(where)
+    with pytest.raises(NetboardError, match="another server listens on"):
+        sockets.require_free(where)
+
+
+@pytest.mark.parametrize("host", ["::1", "[::1]"])
+def test_server_may_have_an_ipv6_address(made: Made, host: str) -> None:
+    port = free_port()
+    try:
+        try_to_bind(host, port)
+    except OSError:
+        pytest.skip("this machine has no IPv6")
+    where = channels.addresses(Network(host=host, bind=host, port=port))
+    assert where.listen(channels.MOTION).address == f"tcp://[::1]:{port}"
+    sockets.require_free(where.listen(channels.MOTION))
+    server = made.motion_server(where.listen(channels.MOTION))
+    agent = made.motion_agent(where.reach(channels.MOTION), "agent.left@test")
+    assert until(lambda: sockets.send(agent, b"frame"))
+    assert until(server.receive) == (b"agent.left@test", b"frame")
+    publisher, display = (
+        made.view_publisher(where.listen(channels.VIEW["left"])),
+        made.view_subscriber(where.reach(channels.VIEW["left"])),
+    )
+    assert until(publisher.wanted)
+    publisher.send(b"view")
+    assert until(lambda: sockets.receive(display)) == b"view"
+    with pytest.raises(NetboardError, match="another server listens on"):
+        sockets.require_free(where.listen(channels.MOTION))
 
 
 def test_nothing_is_queued_for_an_absent_server(made: Made) -> None:

@@ -143,6 +143,16 @@ def test_ticks_of_a_cut_are_backfilled_from_the_agent(link: Link, away: int) -> 
     assert len(link.requests) <= len(link.records) + 2 + 1
 
 
+def test_agent_that_numbers_its_samples_absurdly_does_no_harm(link: Link) -> None:
+    link.run(20)
+    link.seq = 2**63 - 2
+    link.run(1)
+    link.seq = 20
+    link.run(20)
+    assert not link.requests
+    assert link.recorded()["left_seq"].max() == 40
+
+
 def test_cut_during_backfill_loses_nothing(link: Link) -> None:
     link.run(20)
     link.run(400, cut=True)

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import pytest
 from fake_router import WELCOME, FakeRouter, hello
 
 from fakes import STATUS, Answers
@@ -106,6 +107,23 @@ def test_peers_are_listed_and_the_newest_display_of_a_station_reports() -> None:
     assert [frame.tick for frame in rig.port.take_frames()] == [4]
     rig.exchange(C, Goodbye("off"))
     assert rig.port.peers == ("display.left",)
+
+
+@pytest.mark.parametrize("ending", ["goodbye", "silence"])
+def test_another_display_of_the_station_reports_when_the_newest_is_gone(ending: str) -> None:
+    rig = Rig()
+    newest = b"display.left@2"
+    rig.exchange(newest, hello("display", "left", "host:2"))
+    if ending == "goodbye":
+        rig.exchange(newest, Goodbye("the display was closed"))
+    else:
+        rig.port.pump(SILENCE_TIMEOUT_NS + 1)
+    rig.exchange(D, Frames("left", ((1, 2, 3),), 0))
+    assert [frame.tick for frame in rig.port.take_frames()] == [1]
+    rig.exchange(newest, hello("display", "left", "host:2"))
+    rig.exchange(newest, Frames("left", ((4, 5, 6),), 0))
+    rig.exchange(D, Frames("left", ((4, 5, 7),), 0))
+    assert [(frame.tick, frame.painted_ns) for frame in rig.port.take_frames()] == [(4, 6)]
 
 
 def test_pings_yield_clock_offsets_of_peers() -> None:

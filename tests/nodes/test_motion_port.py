@@ -94,6 +94,13 @@ def test_invalid_registration_is_refused_with_a_reason_and_recorded(rig: Rig, me
     assert [name for name, _ in rig.port.news] == ["refused"]
 
 
+def test_details_of_an_agent_do_not_replace_its_side_and_name(rig: Rig) -> None:
+    details = {"side": "right", "name": "Falcon", "serial": "7"}
+    rig.router.send_from(A, replace(hello("agent", "left"), details=details))
+    rig.drain(lambda: 0)
+    assert rig.port.news == [("agent_joined", {"side": "left", "name": "host:1", "serial": "7"})]
+
+
 def test_second_agent_of_a_side_is_refused_until_the_first_times_out(rig: Rig) -> None:
     rig.registered()
     rig.router.send_from(b"other", hello("agent", "left", "host:9"))
@@ -419,6 +426,17 @@ def test_sample_with_out_of_range_stamps_is_ignored(rig: Rig, field: str, value:
     rig.drain(lambda: MS)
     assert rig.row(MS)["left_live"] == 0
     assert rig.port.clock_records(0) == []
+
+
+def test_sample_with_an_out_of_range_number_is_ignored(rig: Rig) -> None:
+    """The server could not ask for the samples before it: the number after it does not fit a message."""
+    rig.registered()
+    rig.router.send_from(A, replace(STYLUS, seq=2**63 - 1))
+    rig.drain(lambda: MS)
+    assert rig.row(MS)["left_live"] == 0
+    rig.router.send_from(A, STYLUS)
+    rig.drain(lambda: MS)
+    assert rig.row(MS)["left_live"] == 1
 
 
 def test_sample_with_a_future_stamp_is_not_live(rig: Rig) -> None:

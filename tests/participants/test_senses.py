@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from netboard.base.config import parse
+from netboard.base.errors import ConfigError
+from netboard.participants.expectations import FORCE_WINDOW
 from netboard.participants.senses import (
+    MEMORY,
     PERCEPT,
     SEEN,
     SENSES,
@@ -75,15 +79,34 @@ def test_board_without_a_ball_is_perceived() -> None:
     assert (seen["p"], seen["v"]) == (0.0, 0.0)
 
 
-def test_memory_keeps_the_last_second_and_always_the_newest_view() -> None:
+def test_memory_is_limited_and_always_has_the_newest_view() -> None:
     senses = senses_after([(0.01 * k, 0.0) for k in range(400)])
-    assert senses["seen_count"][0] == 101
-    assert seen_at(senses, 2.98) is None
+    assert senses["seen_count"][0] == 221
+    assert seen_at(senses, 3.99 - MEMORY - 0.01) is None
     for k in range(400, 600):
         store(senses[0], 0.01 * k, glimpse(3.99)[0], 0.1)
+    assert senses["felt_count"][0] == 200
+    for k in range(600, 700):
+        store(senses[0], 0.01 * k, glimpse(3.99)[0], 0.1)
     assert senses["seen_count"][0] == 1
-    assert senses["felt_count"][0] == 101
-    assert seen_at(senses, 6.0) is not None
+    assert senses["felt_count"][0] == 221
+    assert seen_at(senses, 7.0) is not None
+
+
+@pytest.mark.parametrize("delay", ["visual_delay", "haptic_delay"])
+def test_memory_reaches_back_by_the_longest_delay(delay: str) -> None:
+    longest = 2.0
+    with pytest.raises(ConfigError, match=delay):
+        parse(f"[participant]\n{delay} = {longest + 0.01}")
+    parse(f"[participant]\n{delay} = {longest}")
+    senses = np.zeros(1, SENSES)
+    for k in range(400):
+        store(senses[0], 0.01 * k, glimpse(0.01 * k)[0], 0.001 * k)
+    then = 3.99 - longest
+    seen = seen_at(senses, then)
+    assert seen is not None
+    assert seen["time"] == pytest.approx(then)
+    assert force_at(senses[0], then - FORCE_WINDOW) == pytest.approx(0.1 * (then - FORCE_WINDOW), abs=1e-3)
 
 
 def test_force_is_perceived_after_the_delay_and_cleared_when_none_is_rendered() -> None:

@@ -145,7 +145,8 @@ def contradictions(config: Config) -> Iterator[str]:
     str
         One sentence for each, with table, key, value and the expected value.
     """
-    yield from _of_scene(config.physics)
+    yield from contradictions_of_scene(config.physics)
+    yield from _of_friction(config.physics)
     yield from _of_block(config.block)
     yield from _of_design(config.design)
     yield from _of_force(config.block, config.physics)
@@ -153,8 +154,19 @@ def contradictions(config: Config) -> Iterator[str]:
     yield from _of_safety(config.safety)
 
 
-def _of_scene(physics: Physics) -> Iterator[str]:
-    """Find contradictions in a scene."""
+def contradictions_of_scene(physics: Physics) -> Iterator[str]:
+    """Find keys of a scene that contradict each other.
+
+    Parameters
+    ----------
+    physics : Physics
+        The table ``[physics]``.
+
+    Yields
+    ------
+    str
+        One sentence for each, as in `contradictions`.
+    """
     needs: dict[str, tuple[bool, str]] = {
         "ball_inertia": (physics.balls > 0, "balls = 1 or more"),
         "ball_stop": (physics.balls > 0, "balls = 1 or more"),
@@ -176,6 +188,10 @@ def _of_scene(physics: Physics) -> Iterator[str]:
         )
     if physics.method == "exact" and (physics.board != "level" or friction_rate(physics) > 0):
         yield '[physics] method: found "exact", expected another one: it is for board = "level" without friction'
+
+
+def _of_friction(physics: Physics) -> Iterator[str]:
+    """Find friction that is too strong for ticks."""
     if friction_rate(physics) * TICK_SECONDS > 1.0:
         keys = [key for key in FRICTION if getattr(physics, key) > 0]
         found = ", ".join(f"{getattr(physics, key):g}" for key in keys)

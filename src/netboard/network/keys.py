@@ -102,7 +102,7 @@ def encrypted(network: Network) -> bool:
 def local(address: str) -> bool:
     """Return whether no other machine can reach an address."""
     try:
-        return ipaddress.ip_address(address).is_loopback
+        return ipaddress.ip_address(address.strip("[]")).is_loopback
     except ValueError:
         return address == "localhost"
 

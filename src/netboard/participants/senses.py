@@ -21,10 +21,10 @@ NOISE_TIME = 0.2
 VELOCITY_SPAN = 0.05
 """Window over which the ball's velocity is estimated [s]."""
 
-MEMORY = 1.0
-"""Time for which glimpses and forces are kept [s]."""
+MEMORY = 2.2
+"""Time for which glimpses and forces are kept: more than the longest delay of a participant [s]."""
 
-ROOM = 128
+ROOM = 256
 """Glimpses and forces that are kept at most; a participant takes one each `DECISION_INTERVAL` [1]."""
 
 LEVELLING, _RUNNING, _HOLDING = int(Phase.LEVELLING), int(Phase.RUNNING), int(Phase.HOLDING)

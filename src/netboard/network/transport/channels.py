@@ -78,7 +78,8 @@ class Addresses:
             return Endpoint(f"ipc://{_own_folder() / str(port)}", channel, None if inside else self.lock)
         if inside:
             return Endpoint(f"tcp://127.0.0.1:{port}", channel)
-        return Endpoint(f"tcp://{machine}:{port}", channel, self.lock)
+        host = machine.strip("[]")
+        return Endpoint(f"tcp://[{host}]:{port}" if ":" in host else f"tcp://{host}:{port}", channel, self.lock)
 
 
 def addresses(network: Network, lock: Authenticator | Credentials | None = None) -> Addresses:

@@ -1,4 +1,4 @@
-"""Free TCP ports for the channels of a server."""
+"""TCP ports for the channels of a server: whether one is free, and a range of free ones."""
 
 import random
 import socket as net
@@ -8,6 +8,14 @@ from netboard.network.transport.channels import CHANNELS
 
 _guards: list[net.socket] = []
 """Sockets that reserve the ranges of ports which this process has found free."""
+
+
+def try_to_bind(host: str, port: int) -> None:
+    """Bind a port as a server would, and release it; raise an OSError if that fails."""
+    host = "" if host == "*" else host.strip("[]")
+    with net.socket(net.AF_INET6 if ":" in host else net.AF_INET) as probe:
+        probe.setsockopt(net.SOL_SOCKET, net.SO_REUSEADDR, 1)
+        probe.bind((host, port))
 
 
 def free_port() -> int:

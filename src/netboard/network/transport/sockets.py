@@ -29,6 +29,7 @@ from netboard.network.transport import authenticator
 from netboard.network.transport.authenticator import Authenticator, Credentials, readable
 from netboard.network.transport.channels import CHANNELS, CONTROL, LOG, VIEW_LEFT, VIEW_RIGHT, Endpoint
 from netboard.network.transport.endpoints import GOODBYE_LINGER_MS, Publisher, Router
+from netboard.network.transport.ports import try_to_bind
 
 log = logging.getLogger(__name__)
 
@@ -196,6 +197,7 @@ def _bind(context: Context, socket: Socket, endpoint: Endpoint) -> Socket:
         endpoint.lock.guard(context, socket, CHANNELS[endpoint.channel])
     try:
         _refuse_taken(endpoint.address)
+        socket.setsockopt(zmq.IPV6, _is_ipv6(endpoint))
         socket.bind(endpoint.address)
     except ZMQError as error:
         socket.close()
@@ -211,9 +213,7 @@ def require_free(endpoint: Endpoint) -> None:
         _refuse_taken(endpoint.address)
         if endpoint.address.startswith("tcp://"):
             host, _, port = endpoint.address.removeprefix("tcp://").rpartition(":")
-            with net.socket() as probe:
-                probe.setsockopt(net.SOL_SOCKET, net.SO_REUSEADDR, 1)
-                probe.bind((host, int(port)))
+            try_to_bind(host, int(port))
     except (OSError, ZMQError) as error:
         if error.errno == errno.EADDRINUSE:
             raise NetboardError(
@@ -221,6 +221,11 @@ def require_free(endpoint: Endpoint) -> None:
                 "end it, or choose another [network] port"
             ) from error
         # The server itself reports any other error of the address.
+
+
+def _is_ipv6(endpoint: Endpoint) -> bool:
+    """Return whether an address is of IPv6. For names libzmq would prefer IPv6, where the server may not listen."""
+    return endpoint.address.startswith("tcp://[")
 
 
 def _refuse_taken(address: str) -> None:
@@ -242,6 +247,7 @@ def _connect(socket: Socket, endpoint: Endpoint) -> Socket:
         socket.setsockopt(zmq.CURVE_PUBLICKEY, endpoint.lock.public.encode())
         socket.setsockopt(zmq.CURVE_SECRETKEY, endpoint.lock.secret.encode())
     try:
+        socket.setsockopt(zmq.IPV6, _is_ipv6(endpoint))
         socket.connect(endpoint.address)
     except ZMQError as error:
         socket.close()

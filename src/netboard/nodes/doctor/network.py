@@ -21,7 +21,7 @@ from netboard.base.tables.rig import Network
 from netboard.network import keys
 from netboard.network.protocol.clock_estimator import ClockEstimator
 from netboard.network.transport import channels, poller, sockets
-from netboard.network.transport.ports import free_port
+from netboard.network.transport.ports import free_port, try_to_bind
 
 if sys.platform != "win32":
     import fcntl
@@ -101,9 +101,7 @@ def ports(network: Network) -> Finding:
     found = f"{network.bind}:{numbers[0]}-{numbers[-1]}"
     for number in numbers:
         try:
-            with net.socket() as probe:
-                probe.setsockopt(net.SOL_SOCKET, net.SO_REUSEADDR, 1)
-                probe.bind((network.bind, number))
+            try_to_bind(network.bind, number)
         except OSError as error:
             if error.errno == errno.EADDRNOTAVAIL:
                 return Finding(

@@ -1,7 +1,7 @@
 """The server's endpoint of the control channel: displays that report their painted frames, and operators.
 
 It collects messages and answers questions; the server decides. A display may only report its own frames: it cannot
-command. A station may have several displays; the one that joined last reports what was shown.
+command. A station may have several displays; of those present, the one that joined last reports what was shown.
 
 No peer can hold up a tick. A few messages are taken at a time, and the rate of each peer is limited
 (`netboard.nodes.ports.rate_limit`). Messages that a peer may not send are not decoded. Longer work (a report of frames,
@@ -103,7 +103,6 @@ class ControlPort:
         self._asked: dict[tuple[bytes, type[Message]], Message] = {}
         self._reports: deque[tuple[str, deque[tuple[int, int, int]], int]] = deque()
         self._probes = Probes()
-        self._reporting: dict[str, bytes] = {}
         self._tried_ns = -CONNECTION_CHECK_NS
         self._shown = {"left": 0, "right": 0}
 
@@ -250,11 +249,11 @@ class ControlPort:
         admit(hello, self._router.channel, ROLES)
         if reason := self._router.forbids(hello.role, hello.side):
             raise WireError(reason)
-        if name not in self._peers:
+        peer = self._peers.pop(name, None)
+        if peer is None:
             self._make_room(hello.role, now_ns)
             self._report("joined", hello, now_ns)
-            self._peers[name] = Peer(hello, now_ns)
-        self._reporting[hello.side] = name
+        self._peers[name] = peer or Peer(hello, now_ns)
         self._router.send_or_queue(name, self._welcome)
 
     def _make_room(self, role: str, now_ns: int) -> None:
@@ -281,14 +280,20 @@ class ControlPort:
             self._report("left", peer.hello, now_ns)
 
     def _report(self, happened: str, hello: Hello, now_ns: int) -> None:
-        details = {"side": hello.side, "name": hello.name, **hello.details}
-        self._peer_events.tell(f"{hello.role}_{happened}", details, now_ns)
+        own = {"side": hello.side, "name": hello.name}
+        self._peer_events.tell_of(hello, f"{hello.role}_{happened}", own, now_ns)
+
+    def _reporter(self, side: str) -> bytes | None:
+        """Return the display of a station that joined last, of those that are not silent."""
+        newest_first = reversed(self._peers.items())
+        there = (name for name, peer in newest_first if peer.hello.side == side and name not in self._silent)
+        return next(there, None)
 
     def _note(self, name: bytes, side: str, frames: Frames) -> None:
         """Queue a display's report of painted frames."""
         if frames.station != side:
             raise WireError(f"the {side} display may not report for the {frames.station} station")
-        if self._reporting[side] != name:
+        if name != self._reporter(side):
             return
         if sum(station == side for station, _, _ in self._reports) >= MAX_REPORTS:
             raise WireError(f"{TOO_MANY_MESSAGES}: {MAX_REPORTS} reports of up to {MAX_SHOWN} frames wait already")

@@ -250,7 +250,7 @@ class LogPort:
             self._make_room(now_ns)
         if logger is None or logger.peer.hello != hello:
             self._loggers[name] = logger = _Logger(Peer(hello, now_ns))
-            self._peer_events.tell("logger_joined", {"name": hello.name, **hello.details}, now_ns)
+            self._peer_events.tell_of(hello, "logger_joined", {"name": hello.name}, now_ns)
         self._send_welcome(name, logger)
 
     def _send_welcome(self, name: bytes, logger: _Logger) -> None:

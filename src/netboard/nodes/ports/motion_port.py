@@ -300,7 +300,7 @@ class MotionPort:
         if not self._router.send(peer, self._welcome):
             return
         if not taken:
-            self._peer_events.tell("agent_joined", {"side": agent.side, "name": hello.name, **hello.details}, now_ns)
+            self._peer_events.tell_of(hello, "agent_joined", {"side": agent.side, "name": hello.name}, now_ns)
         self._by_peer.pop(agent.peer, None)
         agent.register(peer, hello, now_ns)
         self._by_peer[peer] = agent

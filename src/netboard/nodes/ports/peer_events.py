@@ -4,6 +4,8 @@ Peers that reconnect as fast as they can must flood neither the recording nor th
 counted. Pure: time is an argument.
 """
 
+from netboard.network.protocol.joining import Hello
+
 EVENTS_HZ, EVENTS_AT_ONCE = 5, 40
 """Sustained rate and burst of the events on a channel [Hz, 1]."""
 
@@ -33,3 +35,7 @@ class PeerEvents:
             details = {**details, "untold": str(self._untold)}
         self._untold = 0
         self._news.append((name, details))
+
+    def tell_of(self, hello: Hello, name: str, own: dict[str, str], now_ns: int) -> None:
+        """Add an event with what a peer says of itself in its `Hello`; ``own``: details that it cannot override."""
+        self.tell(name, {**own, **hello.details, **own}, now_ns)

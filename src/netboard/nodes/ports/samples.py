@@ -24,6 +24,9 @@ from netboard.physics.arithmetic.trig import sincos
 MAX_STAMP_NS = 2**60
 """Stamps beyond this (36 years) are invalid; arithmetic with them could overflow 64 bits [ns]."""
 
+MAX_SEQ = 2**60
+"""Numbers of samples beyond this are invalid, for the same reason [1]."""
+
 OWN = (
     "arrived_ns",  # arrival of the newest sample [ns]
     "server_stamp_ns",  # its stamp in server time [ns]
@@ -127,11 +130,13 @@ def empty(agent: Any) -> None:
 
 @kernel
 def take(agent: Any, sample: Any, now_ns: int, due_ns: int) -> bool:
-    """Take a sample if it is the newest; return False if it is older, or (not counted) its stamps are invalid."""
+    """Take a sample if it is the newest; return False if it is older, or (not counted) its numbers are invalid."""
+    seq, newest = sample[SEQ], agent[SEQ]
+    if seq > MAX_SEQ:
+        return False
     for k in (STAMPED, FORCE_SENT, FORCE_RECEIVED, SENT):
         if not -MAX_STAMP_NS <= sample[k] <= MAX_STAMP_NS:
             return False
-    seq, newest = sample[SEQ], agent[SEQ]
     if seq <= newest:
         agent[STALE] += 1
         return False

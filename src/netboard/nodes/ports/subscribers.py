@@ -67,7 +67,7 @@ class Subscribers:
         self._router.send_or_queue(name, encode(welcome))
         if known is None or known.peer.hello != hello:
             self._listeners[name] = _Listener(Peer(hello, now_ns))
-            self._peer_events.tell("listener_joined", {"name": hello.name, **hello.details}, now_ns)
+            self._peer_events.tell_of(hello, "listener_joined", {"name": hello.name}, now_ns)
 
     def handle(self, name: bytes, message: Message, now_ns: int) -> None:
         """Handle a subscriber's message."""

@@ -13,7 +13,7 @@ from rich.console import RenderableType
 from rich.text import Text
 
 from netboard.base.bars import telling
-from netboard.base.config import ADAPTER, Config, resolve
+from netboard.base.config import ADAPTER, Config, contradictions_of_scene, resolve
 from netboard.base.errors import ConfigError
 from netboard.base.settings import read
 from netboard.base.tables.scene import Physics
@@ -79,7 +79,11 @@ def load_scene(file: Path | None, overrides: Sequence[str]) -> Config:
         text = file.read_text(encoding="utf-8") if file else ""
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{file}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
-    return read(ADAPTER, Config, text, str(file or "defaults"), overrides)
+    source = str(file or "defaults")
+    config = read(ADAPTER, Config, text, source, overrides)
+    if problems := [f"{source}: {problem}" for problem in contradictions_of_scene(config.physics)]:
+        raise ConfigError("\n".join(problems))
+    return config
 
 
 Tell = Callable[[str, float], None]
