@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from netboard.base.errors import RecordingError
-from netboard.services.figures import refuse_figure, save_figure
+from netboard.base.figure_file import refuse_figure, save_figure
 from netboard.services.options import Model, Overrides, RecordingFile, changes_of, examples
 
 if TYPE_CHECKING:
