@@ -105,7 +105,7 @@ def test_refused_form_leaves_no_consent_behind(tmp_path: Path, context: sockets.
     assert "exists already" in reason
     assert stepped.do("open", '{"name": "S02"}') == (
         False,
-        "both participants have to give their consent, or the session has to be a pilot run",
+        "without the consent of both participants, only a pilot run is possible",
     )
     assert stepped.do("open", '{"name": "S02", "consent": true}') == (True, "")
     session = stepped.state.block.config.session
