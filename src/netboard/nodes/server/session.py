@@ -105,8 +105,9 @@ class Session:
         self._blocks.begin_session()
 
     def stop(self) -> None:
-        """Ask the session to end."""
-        self._state.end_requested = True
+        """Ask the session to end, at once."""
+        if not self._state.end_requested:
+            self._state.end_requested, self._clock.wake_ns = True, 0
 
     # --- the loop --------------------------------------------------------------------------------------------------
 
@@ -333,8 +334,8 @@ class Session:
         if words[:, _EVENT].any():
             self._count(count)
             return
-        if state.operators.opened:
-            rows = words.tobytes()
+        if state.operators.opened and count:
+            rows = words.data.cast("B")
             for at in range(0, len(rows), TICK.itemsize):
                 self._log.append(_RECORD_HEAD + rows[at : at + TICK.itemsize])
         state.number += count
