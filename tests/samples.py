@@ -54,7 +54,8 @@ def metadata(config_text: str = CONFIG_TEXT) -> dict[str, str]:
 
 
 def new_writer(path: Path, settings: Recording | None = None) -> RecordingWriter:
-    return RecordingWriter(path, metadata(), CONFIG_TEXT, settings or Recording(), OPENED_NS)
+    settings = settings or Recording(flush_ms=200.0)  # several chunks, although the sample is short
+    return RecordingWriter(path, metadata(), CONFIG_TEXT, settings, OPENED_NS)
 
 
 def fill(writer: RecordingWriter, rows: NDArray[Any], first: int = 0) -> int:

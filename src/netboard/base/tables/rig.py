@@ -175,7 +175,7 @@ class Recording:
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
     directory: Annotated[str, about("folder of the recordings", min_length=1)] = "recordings"
-    flush_ms: Annotated[float, about("a chunk is written and synced at least this often", "ms", gt=0, le=5000)] = 200.0
+    flush_ms: Annotated[float, about("a chunk is written and synced at least this often", "ms", gt=0, le=5000)] = 400.0
     chunk_bytes: Annotated[
         int, about("a chunk is written when it grows to this size, in bytes", "1", ge=1024, le=2**24)
     ] = 262_144
