@@ -1,4 +1,4 @@
-"""Tables on a terminal: rows are distinguishable for any content and width. Progress bars: on a terminal only."""
+"""Tables on a terminal: rows are distinguishable for any content and width. Progress: bars there, lines elsewhere."""
 
 from io import StringIO
 
@@ -8,7 +8,8 @@ from hypothesis import given
 from rich.console import Console
 from rich.text import Text
 
-from netboard.base.bars import progress_bars
+from netboard.base import bars
+from netboard.base.bars import progress_bars, telling
 from netboard.base.terminal import FittedTable, numbers
 
 NAMES = st.text("abcdefgh-./", min_size=1, max_size=90)
@@ -83,3 +84,17 @@ def test_progress_bars_appear_on_terminals_only(terminal: bool, shown: bool) -> 
         progress.update(task, completed=4, refresh=True)
     output = console.export_text()
     assert ("reading" in output and "4 ticks" in output) == (terminal and shown)
+
+
+def test_progress_in_a_log_is_a_line_now_and_then(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    seconds = iter([0.0, 30.0, 61.0, 90.0, 150.0])
+    monkeypatch.setattr(bars.time, "monotonic", lambda: next(seconds))
+    with telling() as tell:
+        for done in range(1, 5):
+            tell(f"{done} of 4 studies [all]", done, 4)
+    assert capsys.readouterr().err.splitlines() == [
+        "2 of 4 studies [all]: 50% after 1 min",
+        "4 of 4 studies [all]: 100% after 2 min",
+    ]

@@ -1,5 +1,6 @@
-"""Progress bars on a terminal, all with the same columns; no other module makes any."""
+"""Progress bars on a terminal, all with the same columns, and lines elsewhere; no other module makes any."""
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -32,13 +33,35 @@ def progress_bars(console: Console, *more: str | ProgressColumn, shown: bool = T
     return Progress(*columns, console=console, transient=True, disable=not (shown and console.is_terminal))
 
 
+LINE_INTERVAL = 60.0
+"""Time between two lines of progress where there is no terminal [s]."""
+
+
 @contextmanager
 def telling() -> Iterator[Callable[[str, float, float], None]]:
-    """Show one progress bar on stderr; yield its callback (current step, done, total)."""
-    with progress_bars(Console(stderr=True), TaskProgressColumn()) as progress:
+    """Show one progress bar on stderr, or a line a minute in a log; yield its callback (current step, done, total)."""
+    console = Console(stderr=True, soft_wrap=True, highlight=False)
+    if not console.is_terminal:
+        yield _lines(console)
+        return
+    with progress_bars(console, TaskProgressColumn()) as progress:
         task = progress.add_task("")
 
         def tell(what: str, done: float, total: float) -> None:
             progress.update(task, description=escape(what), completed=done, total=total)
 
         yield tell
+
+
+def _lines(console: Console) -> Callable[[str, float, float], None]:
+    """Return a callback that prints a line from time to time."""
+    began = last = time.monotonic()
+
+    def tell(what: str, done: float, total: float) -> None:
+        nonlocal last
+        now = time.monotonic()
+        if now - last >= LINE_INTERVAL and total > 0:
+            last = now
+            console.print(f"{what}: {done / total:.0%} after {(now - began) / 60:.0f} min", markup=False)
+
+    return tell
