@@ -46,6 +46,7 @@ from netboard.participants.expectations import (
     partner_height_seen,
     share_done,
 )
+from netboard.participants.hand import CAPACITY
 from netboard.participants.partner import GOAL, goal_gains
 from netboard.participants.policy import SIMULATED_PARTICIPANT, identity_of
 from netboard.participants.senses import (
@@ -222,7 +223,7 @@ def decide(
     _drop_completed(state, k, seen["time"] - delay_to_hand(k))
     if k["partner_prediction"] == TO_GOAL and k["hands"] != BOTH:
         follow_partner(state, k, now)
-    if now < state["ready"]:
+    if now < state["ready"] or state["intent_count"] >= (INTENTS if k["hands"] == BOTH else CAPACITY):
         return 0
     if seen["phase"] == LEVELLING:
         return _level(state, k, rng, now, moves)
