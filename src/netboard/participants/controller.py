@@ -223,13 +223,22 @@ def decide(
     _drop_completed(state, k, seen["time"] - delay_to_hand(k))
     if k["partner_prediction"] == TO_GOAL and k["hands"] != BOTH:
         follow_partner(state, k, now)
-    if now < state["ready"] or state["intent_count"] >= (INTENTS if k["hands"] == BOTH else CAPACITY):
+    if now < state["ready"] or not _has_room(state):
         return 0
     if seen["phase"] == LEVELLING:
         return _level(state, k, rng, now, moves)
     if is_free(seen["phase"]):
         return _steer(state, k, rng, now, moves)
     return 0
+
+
+@inlined
+def _has_room(state: Any) -> bool:
+    """Return whether each hand can begin another submovement."""
+    count, right = state["intent_count"], 0
+    for i in range(count):
+        right += state["intents"][i]["side"]
+    return bool(max(right, count - right) < CAPACITY)
 
 
 @inlined
