@@ -13,7 +13,7 @@ from netboard.nodes.rehearsal import block as rehearsed
 from netboard.nodes.rehearsal.block import START_TICK, Rehearsal, Summary, person_at
 from netboard.participants.hand import CAPACITY
 from netboard.recording.integrity.verification import verify
-from netboard.stage.stage import make_stage
+from netboard.stage.stage import commanded_forces, make_stage
 from netboard.task.trials.state_machine import Cause, Phase
 
 DEFAULT_PEOPLE = {"A": Participant(), "B": Participant()}
@@ -92,6 +92,16 @@ def test_delayed_force_is_rendered_later() -> None:
     running = rows["phase"] == Phase.RUNNING
     later = np.flatnonzero(running)[100:-100]
     assert rows["left_rendered"][later] == pytest.approx(rows["left_force"][later - 21])
+
+
+def test_catch_trial_renders_no_delayed_force_of_the_trial_before() -> None:
+    config = with_block(trials=2, force_delay_ms=200, catch=(2,))
+    rows, _ = play(config)
+    sent = np.roll(commanded_forces(rows, 200, config.block.catch)[:, 0], 1)
+    assert rows["left_rendered"][1:] == pytest.approx(sent[1:])
+    caught = np.flatnonzero(rows["trial"] == 2)
+    assert len(caught) > 0
+    assert not rows["left_rendered"][caught[1:]].any()
 
 
 @pytest.mark.parametrize("configuration", ["dyadic", "bimanual"])
