@@ -193,3 +193,24 @@ def test_status_of_a_long_block_with_many_peers_fits_its_message(stepped: Steppe
     assert said.completions[-1] == MAX_TRIALS + 299
     assert len(said.completions) == MAX_TRIALS
     assert len(said.links) == 2 * MAX_PEERS + 12
+
+
+def test_block_does_not_start_by_itself_after_an_emergency_stop(automatic: SteppedSession) -> None:
+    assert automatic.do("emergency_stop")[0]
+    automatic.tick(2 * READY_TICKS)
+    assert automatic.do("emergency_release")[0]
+    automatic.tick(3 * READY_TICKS)
+    assert automatic.phase == Phase.IDLE
+    assert automatic.state.supervisor.notice == "ready to start after the emergency stop"
+    assert automatic.do("start") == (True, "")
+    automatic.finish_block()
+    automatic.tick(PAGE_TICKS)
+    automatic.state.rest_until_ns = 0
+    automatic.tick(2 * READY_TICKS)
+    assert (automatic.block, automatic.phase) == (2, Phase.RUNNING)
+
+
+def test_release_without_an_emergency_stop_delays_nothing(automatic: SteppedSession) -> None:
+    assert automatic.do("emergency_release")[0]
+    automatic.tick(2 * READY_TICKS)
+    assert automatic.phase != Phase.IDLE
