@@ -214,3 +214,21 @@ def test_release_without_an_emergency_stop_delays_nothing(automatic: SteppedSess
     assert automatic.do("emergency_release")[0]
     automatic.tick(2 * READY_TICKS)
     assert automatic.phase != Phase.IDLE
+
+
+def test_last_trial_of_a_block_can_be_repeated_while_it_runs(stepped: SteppedSession) -> None:
+    stepped.start()
+    stepped.succeed()
+    stepped.tick()
+    accepted, reason = stepped.do("repeat", "2")
+    assert (accepted, reason) == (False, "trial 2 cannot be repeated: trials 1 to 1 are done in this block")
+    stepped.until(Phase.RUNNING)
+    assert stepped.do("repeat", "2") == (True, "trial 2 is repeated at the end of the block")
+    stepped.succeed()
+    stepped.tick()
+    assert stepped.phase == Phase.LEVELLING
+    stepped.finish_block()
+    assert [(row[1], row[6]) for row in stepped.state.attempts.finished] == [(1, 0), (2, 0), (3, 2)]
+    accepted, reason = stepped.do("repeat")
+    assert not accepted
+    assert reason == "cannot repeat a trial: the block is over. Repeat its last trial while it runs"

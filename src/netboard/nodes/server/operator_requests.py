@@ -56,7 +56,7 @@ class OperatorRequests:
                     state.sequence.open(form_of(argument, state.block.config.session))
                     self._blocks.open()
                 case "repeat" | "veto":
-                    trial = state.attempts.ask(name, argument, int(state.stage[0]["trial"]))
+                    trial = state.attempts.ask(name, argument, int(state.stage[0]["trial"]), state.phase)
                     how = "is repeated" if name == "repeat" else "is not repeated"
                     return Decision(True, f"trial {trial} {how} at the end of the block", decision.cause)
                 case "note":
