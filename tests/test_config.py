@@ -16,6 +16,7 @@ from netboard.base.settings import Key, Table, about, read, tables, to_toml
 from netboard.base.tables.experiment import Session
 from netboard.base.tables.rig import Agent, Agents
 from netboard.base.tables.scene import Physics
+from netboard.task.studies.study import Study
 
 ALL = [(table, key) for table in tables(Config) for key in table.keys]
 QUANTITIES = [(table, key) for table, key in ALL if key.unit]
@@ -147,7 +148,7 @@ def test_values_beyond_limits_and_infinity_are_refused(table: Table, key: Key) -
         ("[block]\ntrials = 1.5", "[block] trials: found 1.5, expected a whole number >= 1 and <= 10000 "),
         ("[session]\npilot = 1", "[session] pilot: found 1, expected true or false "),
         ('[block]\nfirst_target = "up"', 'found "up", expected "left" or "right" or "random" '),
-        ('[session]\nname = "a b"', 'found "a b", expected text matching '),
+        ('[session]\nname = "a b"', 'found "a b", expected text of letters, digits, - and _, such as D03 (label'),
         ('[network]\nhost = ""', 'found "", expected text of at least one character '),
         ("[agents.left.options]\nx = [1]", "[agents.left] options.x: found a list, expected text, a number, "),
         ("physics = 3", "[physics]: found 3, expected a table"),
@@ -181,7 +182,14 @@ def test_lists_hold_finite_numbers_only(number: str) -> None:
 @pytest.mark.parametrize("cpus", ["1-", "-", "2,,3", "2,", "0-3-5", "99999999999", "0-9999999999999"])
 def test_malformed_list_of_cpus_is_refused(cpus: str) -> None:
     (problem,) = problems(f'[realtime]\nserver_cpus = "{cpus}"')
-    assert f'[realtime] server_cpus: found "{cpus}"' in problem
+    expected = "expected text with numbers and ranges of CPUs, such as 2 or 0,2-3, or auto (CPUs of the server; "
+    assert f'[realtime] server_cpus: found "{cpus}", {expected}' in problem
+
+
+@pytest.mark.parametrize("cls", [Config, Study])
+def test_no_form_of_a_text_is_described_by_a_regular_expression(cls: type) -> None:
+    for table in tables(cls):
+        assert not [key.name for key in table.keys if "[" in key.limits or "^" in key.limits], table.name
 
 
 @pytest.mark.parametrize("cpus", ["", "auto", "3", "0,2-3", "0-1,4-7,9"])

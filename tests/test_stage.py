@@ -425,6 +425,20 @@ def test_delayed_force_is_the_same_from_ring_buffer_and_recording(delay: int) ->
     assert stage.commanded_row(words, 1999).tobytes() == stage.commanded_row(ring, 1999).tobytes()
 
 
+@pytest.mark.parametrize("delay", [1, 50])
+def test_catch_trial_gets_no_delayed_force_of_the_trial_before(delay: int) -> None:
+    stage = make_stage(parse(RIGHT_FIRST + f"catch = [2]\nforce_delay_ms = {delay}"))
+    rows = started(inputs(400, 0.01))
+    rows["command"][[100, 200, 300]] = Cause.SKIP, Cause.REPEAT, Cause.SKIP
+    play(stage, rows)
+    assert rows["trial"][[100, 101, 300, 301]].tolist() == [1, 2, 2, 3]
+    sent = np.array([stage.commanded_row(rows, i)["left_force"] for i in range(400)])
+    assert sent[1 + delay : 101].all()
+    assert not sent[101 : 301 + delay].any()
+    assert sent[301 + delay :].all()
+    assert np.array_equal(commanded_forces(rows, delay, (2,))[delay:, 0], sent[delay:])
+
+
 def test_commanded_forces_of_a_recording_with_a_gap_and_a_pause() -> None:
     rows = started(waving(300))
     rows["command"][200] = Cause.PAUSE

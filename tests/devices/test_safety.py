@@ -84,6 +84,7 @@ def test_transition_table_covers_every_state() -> None:
             assert edges[Trip.FAULT] is Guard.FAULT
         if guard in LIVE:
             assert {Trip.DISARM, Trip.EXPIRED, Trip.TOO_FAST} <= set(edges)
+    assert Trip.EXPIRED in TABLE[Guard.WAITING]
 
 
 def test_only_arming_leaves_disarmed_and_only_disarming_leaves_fault() -> None:
@@ -128,11 +129,13 @@ def test_arming_gate_ignores_lateral_forces() -> None:
     assert bench.largest_step() <= SLEW
 
 
-def test_arming_waits_for_the_server() -> None:
+def test_arming_lapses_without_the_server() -> None:
     bench = Bench()
     bench.chain.arm()
     bench.run(3000, cut=True)
-    assert bench.chain.guard is Guard.WAITING
+    assert bench.chain.guard is Guard.DISARMED
+    assert bench.run(3000)[:3] == STILL
+    assert not any(h.safeguards & Safeguard.ARMED for h in bench.history)
 
 
 def test_second_arming_has_no_effect() -> None:
@@ -207,6 +210,19 @@ def test_too_fast_stylus_gets_no_force_until_gate_and_ramp() -> None:
     bench.run(1, (0.0, 0.0, 0.0))
     assert bench.run(100, (0.0, 0.0, 2.0)).fz == pytest.approx(0.2, abs=0.01)
     assert bench.largest_step() <= SLEW
+
+
+def test_velocity_cut_and_then_a_long_outage_need_a_new_arming() -> None:
+    bench = Bench().armed((0.0, 0.0, 2.0))
+    bench.run(1, (0.0, 0.0, 2.0), (0.0, 0.0, 2.0))
+    assert bench.chain.guard is Guard.WAITING
+    bench.run(int(LIMITS.disarm_after_ms) + 20, (0.0, 0.0, 2.0), cut=True)
+    assert bench.chain.guard is Guard.DISARMED
+    assert bench.run(3000)[:3] == STILL
+    assert bench.largest_step() <= SLEW
+    assert bench.chain.arm()
+    bench.run(1200)
+    assert bench.chain.guard is Guard.ARMED
 
 
 @pytest.mark.parametrize("bad", [nan, inf, -inf])

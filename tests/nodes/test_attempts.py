@@ -101,7 +101,7 @@ class BlockRun:
 
     def request(self, command: str, argument: str = "") -> None:
         """Request or veto a repeat, as an operator."""
-        self.attempts.ask(command, argument, int(self.now["trial"]))
+        self.attempts.ask(command, argument, int(self.now["trial"]), self.phase)
         self.step(Cause.REPEAT if command == "repeat" else Cause.VETO)
 
 

@@ -11,8 +11,9 @@ from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant, VirtualDevice
 from netboard.nodes.rehearsal import block as rehearsed
 from netboard.nodes.rehearsal.block import START_TICK, Rehearsal, Summary, person_at
+from netboard.participants.hand import CAPACITY
 from netboard.recording.integrity.verification import verify
-from netboard.stage.stage import make_stage
+from netboard.stage.stage import commanded_forces, make_stage
 from netboard.task.trials.state_machine import Cause, Phase
 
 DEFAULT_PEOPLE = {"A": Participant(), "B": Participant()}
@@ -91,6 +92,35 @@ def test_delayed_force_is_rendered_later() -> None:
     running = rows["phase"] == Phase.RUNNING
     later = np.flatnonzero(running)[100:-100]
     assert rows["left_rendered"][later] == pytest.approx(rows["left_force"][later - 21])
+
+
+def test_catch_trial_renders_no_delayed_force_of_the_trial_before() -> None:
+    config = with_block(trials=2, force_delay_ms=200, catch=(2,))
+    rows, _ = play(config)
+    sent = np.roll(commanded_forces(rows, 200, config.block.catch)[:, 0], 1)
+    assert rows["left_rendered"][1:] == pytest.approx(sent[1:])
+    caught = np.flatnonzero(rows["trial"] == 2)
+    assert len(caught) > 0
+    assert not rows["left_rendered"][caught[1:]].any()
+
+
+@pytest.mark.parametrize("configuration", ["dyadic", "bimanual"])
+def test_participant_without_pauses_between_movements_has_no_more_than_a_hand_can_make(configuration: str) -> None:
+    restless = Participant(threshold_deg=0.0, refractory=0.0, movement_time=0.6)
+    config = replace(with_block(trials=1, configuration=configuration), participant=restless)
+    rehearsal, most = Rehearsal(config, {"A": restless, "B": restless}), 0
+    for _, rows in zip(range(60), rehearsal.pieces(100), strict=False):
+        most = max(most, *rehearsal._bodies["hand"]["moves"])
+        assert np.isfinite(rows["left_sent_z"]).all()
+    assert most == CAPACITY
+
+
+def test_participant_moves_by_sight_alone_if_stylus_and_board_are_not_coupled() -> None:
+    config = replace(with_block(trials=1), physics=replace(Config().physics, k_h=0.0))
+    rehearsal = Rehearsal(config, DEFAULT_PEOPLE)
+    for _, rows in zip(range(30), rehearsal.pieces(100), strict=False):
+        assert np.isfinite(rehearsal._bodies["submovements"]).all()
+        assert np.isfinite(rows["left_sent_z"]).all()
 
 
 @pytest.mark.slow

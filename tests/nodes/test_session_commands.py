@@ -9,10 +9,15 @@ from motion_rig import Peers
 from stepped_session import SteppedSession
 
 from netboard.base.clock import now_ns
-from netboard.network.protocol.joining import Goodbye
-from netboard.network.protocol.messages import Message
+from netboard.base.tables.experiment import MAX_TRIALS
+from netboard.network.protocol.codec import decode, encode
+from netboard.network.protocol.control import Status
+from netboard.network.protocol.joining import Goodbye, Hello
+from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
 from netboard.network.protocol.motion import Force, Heartbeat
 from netboard.network.transport import channels, sockets
+from netboard.nodes.ports.control_port import MAX_PEERS
+from netboard.nodes.ports.peer import Peer
 from netboard.nodes.server.block_changes import PAGE_TICKS
 from netboard.nodes.server.supervision import READY_TICKS
 from netboard.task.trials.state_machine import Phase
@@ -173,3 +178,57 @@ def test_session_ends_with_a_heartbeat_that_commands_no_force(
     assert heartbeat.tick > force.tick
     assert not heartbeat.arm
     peers.disconnect(AGENT)
+
+
+def test_status_of_a_long_block_with_many_peers_fits_its_message(stepped: SteppedSession) -> None:
+    stepped.state.attempts.completions = [float(k) for k in range(MAX_TRIALS + 300)]
+    for role, side, most in (("display", "left", MAX_PEERS), ("console", "", MAX_PEERS), ("listener", "", 12)):
+        for number in range(most):
+            introduction = Hello(role, side, PROTOCOL_VERSION, "\U0001f40c" * 1000, "1" * 1000, {})
+            name = f"{role} {number}".encode()
+            stepped.state.ports.control._peers[name] = Peer(introduction, now_ns())
+    stepped.state.ports.control.refusals._count.totals.update({f"{'x' * 8000}{number}": 1 for number in range(8)})
+    said = decode(encode(stepped.session._answers.status()))
+    assert isinstance(said, Status)
+    assert said.completions[-1] == MAX_TRIALS + 299
+    assert len(said.completions) == MAX_TRIALS
+    assert len(said.links) == 2 * MAX_PEERS + 12
+
+
+def test_block_does_not_start_by_itself_after_an_emergency_stop(automatic: SteppedSession) -> None:
+    assert automatic.do("emergency_stop")[0]
+    automatic.tick(2 * READY_TICKS)
+    assert automatic.do("emergency_release")[0]
+    automatic.tick(3 * READY_TICKS)
+    assert automatic.phase == Phase.IDLE
+    assert automatic.state.supervisor.notice == "ready to start after the emergency stop"
+    assert automatic.do("start") == (True, "")
+    automatic.finish_block()
+    automatic.tick(PAGE_TICKS)
+    automatic.state.rest_until_ns = 0
+    automatic.tick(2 * READY_TICKS)
+    assert (automatic.block, automatic.phase) == (2, Phase.RUNNING)
+
+
+def test_release_without_an_emergency_stop_delays_nothing(automatic: SteppedSession) -> None:
+    assert automatic.do("emergency_release")[0]
+    automatic.tick(2 * READY_TICKS)
+    assert automatic.phase != Phase.IDLE
+
+
+def test_last_trial_of_a_block_can_be_repeated_while_it_runs(stepped: SteppedSession) -> None:
+    stepped.start()
+    stepped.succeed()
+    stepped.tick()
+    accepted, reason = stepped.do("repeat", "2")
+    assert (accepted, reason) == (False, "trial 2 cannot be repeated: trials 1 to 1 are done in this block")
+    stepped.until(Phase.RUNNING)
+    assert stepped.do("repeat", "2") == (True, "trial 2 is repeated at the end of the block")
+    stepped.succeed()
+    stepped.tick()
+    assert stepped.phase == Phase.LEVELLING
+    stepped.finish_block()
+    assert [(row[1], row[6]) for row in stepped.state.attempts.finished] == [(1, 0), (2, 0), (3, 2)]
+    accepted, reason = stepped.do("repeat")
+    assert not accepted
+    assert reason == "cannot repeat a trial: the block is over. Repeat its last trial while it runs"

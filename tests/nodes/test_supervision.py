@@ -41,7 +41,7 @@ def test_refusal_is_shown_until_the_next_accepted_command() -> None:
     supervisor.refused("cannot start without the left agent")
     assert supervisor.command(next(TICKS), Phase.IDLE, ("the left agent",), "") is Cause.NONE
     assert supervisor.notice == "cannot start without the left agent"
-    supervisor.command_carried_out()
+    supervisor.command_carried_out(Cause.RESUME)
     assert supervisor.notice == ""
 
 
@@ -68,7 +68,7 @@ def test_paused_notice_shows_the_current_reason() -> None:
     assert supervisor.notice == "paused: waiting for the logger"
     wait(supervisor, Phase.PAUSED, 1)
     assert supervisor.notice == f"ready to resume (paused: {stopped})"
-    supervisor.command_carried_out()
+    supervisor.command_carried_out(Cause.RESUME)
     assert wait(supervisor, Phase.PAUSED, 1) is Cause.NONE
     assert supervisor.notice == ""
 
@@ -110,5 +110,5 @@ def test_pause_by_the_operator_is_not_resumed_automatically() -> None:
 def test_emergency_stop_is_not_resumed_automatically() -> None:
     supervisor = Supervisor(autostart=True)
     supervisor.command(next(TICKS), Phase.RUNNING, NOTHING_MISSING, "emergency stop by an operator")
-    supervisor.await_operator()
+    supervisor.stop_released()
     assert wait(supervisor, Phase.PAUSED, 10 * READY_TICKS) is Cause.NONE

@@ -108,10 +108,10 @@ def samples_at(number: int, rng: np.random.Generator) -> dict[str, Stylus]:
     return found
 
 
-@pytest.mark.parametrize("delay", [0, 3])
-def test_compiled_tick_equals_the_single_steps(delay: int) -> None:
+@pytest.mark.parametrize(("delay", "catch"), [(0, ()), (3, ()), (3, (1,))])
+def test_compiled_tick_equals_the_single_steps(delay: int, catch: tuple[int, ...]) -> None:
     plain = Config()
-    config = replace(plain, block=replace(plain.block, force="full", force_delay_ms=delay, trials=2))
+    config = replace(plain, block=replace(plain.block, force="full", force_delay_ms=delay, catch=catch, trials=2))
     rng, forces = np.random.default_rng(7), 0
     with sockets.open_context() as context:
         runners = [TickRunner(context, config, compiled=compiled) for compiled in (True, False)]

@@ -208,6 +208,7 @@ def test_served_replay_requires_keys_or_insecure_beyond_loopback() -> None:
     result = runner.invoke(app, open_to_all)
     assert result.exit_code == 2
     assert '[network] bind: found "0.0.0.0"' in result.stderr
+    assert result.stderr.endswith("On an isolated network, add --insecure\n")
     result = runner.invoke(app, [*open_to_all, "--insecure"])
     assert result.exit_code == 1
     assert "none.mcap" in result.stderr

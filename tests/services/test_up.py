@@ -34,7 +34,7 @@ def test_server_starts_with_a_logger_and_gets_its_options() -> None:
 def test_one_machine_may_run_all_processes() -> None:
     processes = up.processes(None, (), server=True, station="both")
     assert list(processes) == ["logger", "server", "left agent", "right agent", "left display", "right display"]
-    assert {command[0] for command in processes.values()} == set(launcher.STOP_ORDER)
+    assert {command[0] for command in processes.values()} == {kind for kinds in launcher.STOP_ORDER for kind in kinds}
 
 
 def test_up_requires_a_server_or_a_station() -> None:
@@ -78,6 +78,7 @@ def test_end_of_one_process_stops_the_others(
     monkeypatch.setattr("netboard.nodes.operator.launcher.Launcher", RecordingLauncher)
     long_running = ["agent", "--side", "left", "--set", "network.port=1025"]
     with caplog.at_level(logging.INFO):
-        assert launcher.supervise({"server": [words], "left agent": long_running}, lambda: False) == code
+        wanted = {"server": [words], "left agent": long_running, "left display": long_running}
+        assert launcher.supervise(wanted, lambda: False) == code
     assert f"the server ended with exit code {2 if code else 0}; stopping the others" in caplog.text
-    assert stopped[:4] == [(), ("left agent",), ("server",), ()]
+    assert stopped[:3] == [("left agent", "left display"), ("server",), ()]

@@ -13,7 +13,7 @@ import functools
 import json
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
-from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from pydantic import AllowInfNan, ConfigDict, Field, Strict, StrictStr, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
@@ -35,7 +35,26 @@ _KINDS = {float: "a number", int: "a whole number", bool: "true or false", str: 
 _SIGNS = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
 
 
-def about(text: str, unit: str = "", **limits: Any) -> FieldInfo:
+class Form(NamedTuple):
+    """Form of a text.
+
+    Attributes
+    ----------
+    pattern : str
+        Regular expression that the whole text matches.
+    words : str
+        The form for people, with an example; it follows the word "text".
+    """
+
+    pattern: str
+    words: str
+
+
+LABEL = Form("^[A-Za-z0-9_-]+$", "of letters, digits, - and _, such as D03")
+"""Form of a name that is part of the names of files and columns."""
+
+
+def about(text: str, unit: str = "", *, form: Form | None = None, **limits: Any) -> FieldInfo:
     """Describe one key.
 
     Parameters
@@ -44,8 +63,10 @@ def about(text: str, unit: str = "", **limits: Any) -> FieldInfo:
         One-line description for users.
     unit : str
         SI unit symbol, "1" for a pure number, "" if it is not a quantity.
+    form : Form or None
+        Form of a text; None for any.
     **limits
-        pydantic constraints: ``gt``, ``ge``, ``lt``, ``le``, ``min_length``, ``pattern``.
+        pydantic constraints: ``gt``, ``ge``, ``lt``, ``le``, ``min_length``.
 
     Returns
     -------
@@ -53,6 +74,8 @@ def about(text: str, unit: str = "", **limits: Any) -> FieldInfo:
         The annotation. A quantity must be finite; the only conversion is from a whole number to a float.
     """
     words = _in_words(limits)
+    if form is not None:
+        words, limits["pattern"] = form.words, form.pattern
     if unit:
         limits.update(strict=True, allow_inf_nan=False)
     info: FieldInfo = Field(description=text, json_schema_extra={"unit": unit, "limits": words}, **limits)
@@ -64,8 +87,6 @@ def _in_words(limits: dict[str, Any]) -> str:
     words = [f"{sign} {limits[name]:.10g}" for name, sign in _SIGNS.items() if name in limits]
     if "min_length" in limits:
         words.append("of at least one character")
-    if "pattern" in limits:
-        words.append(f"matching {limits['pattern']}")
     return " and ".join(words)
 
 

@@ -112,8 +112,7 @@ def refuse_open_network(network: Network) -> None:
     if network.transport == "tcp" and not local(network.bind) and not encrypted(network):
         raise ConfigError(
             f'[network] bind: found "{network.bind}", which other machines can reach, with curve = "{network.curve}"; '
-            'expected curve = "auto" and keys (netboard keys init). On an isolated network, start the server with '
-            "--insecure"
+            'expected curve = "auto" and keys (netboard keys init). On an isolated network, add --insecure'
         )
 
 

@@ -46,6 +46,7 @@ from netboard.participants.expectations import (
     partner_height_seen,
     share_done,
 )
+from netboard.participants.hand import CAPACITY
 from netboard.participants.partner import GOAL, goal_gains
 from netboard.participants.policy import SIMULATED_PARTICIPANT, identity_of
 from netboard.participants.senses import (
@@ -222,13 +223,22 @@ def decide(
     _drop_completed(state, k, seen["time"] - delay_to_hand(k))
     if k["partner_prediction"] == TO_GOAL and k["hands"] != BOTH:
         follow_partner(state, k, now)
-    if now < state["ready"]:
+    if now < state["ready"] or not _has_room(state):
         return 0
     if seen["phase"] == LEVELLING:
         return _level(state, k, rng, now, moves)
     if is_free(seen["phase"]):
         return _steer(state, k, rng, now, moves)
     return 0
+
+
+@inlined
+def _has_room(state: Any) -> bool:
+    """Return whether each hand can begin another submovement."""
+    count, right = state["intent_count"], 0
+    for i in range(count):
+        right += state["intents"][i]["side"]
+    return bool(max(right, count - right) < CAPACITY)
 
 
 @inlined

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 
 from netboard.base.compiled import inlined
+from netboard.participants.hand import CAPACITY
 from netboard.participants.partner import follow_goal, haptic_weight, partner_height, partner_seen
 from netboard.participants.senses import force_at
 from netboard.participants.submovement import minimum_jerk
 
-INTENTS = 64
-"""Submovements of a participant whose effect it has not seen yet, at most [1]."""
+INTENTS = 2 * CAPACITY
+"""Submovements of a participant whose effect it has not seen yet, at most; for each hand `CAPACITY` [1]."""
 
 BOTH = 3
 """`hands` of a participant that moves both [1]."""
@@ -137,6 +138,12 @@ def of_partner(intent: Any) -> float:
 
 
 @inlined
+def _force_tells(k: Any) -> bool:
+    """Return whether the force on a hand depends on the partner's height: not without the springs of the board."""
+    return bool(k["k_h"] > 0.0 and k["k_s"] > 0.0)
+
+
+@inlined
 def partner_rise(state: Any, k: Any, now: float, side: int) -> float:
     """Return the expected displacement of the partner's hand since it was seen, corrected by the force [m].
 
@@ -150,7 +157,7 @@ def partner_rise(state: Any, k: Any, now: float, side: int) -> float:
     expected = partner_moved(state, k, inf)
     unknown = isnan(late) or isnan(early) or isnan(shown)
     weight = felt_weight(state, k)
-    if unknown or weight == 0.0 or k["k_s"] == 0.0:
+    if unknown or weight == 0.0 or not _force_tells(k):
         return expected
     if k["partner_prediction"] == TO_GOAL:
         return float(expected + weight * (state["goal"]["goal"] + partner_mirrored(state, k, inf) - shown - expected))
@@ -188,7 +195,7 @@ def follow_partner(state: Any, k: Any, now: float) -> None:
     """Update the estimated goal of the unforeseen part of the partner's movement by the newest force felt."""
     then, side = now - k["haptic_delay"], k["hands"] - 1
     force = force_at(state["senses"], then)
-    if isnan(force) or isnan(own_height(state, side)) or k["k_s"] == 0.0:
+    if isnan(force) or isnan(own_height(state, side)) or not _force_tells(k):
         return
     height = partner_at(state, k, then, force, side) + state["haptic_error"] - partner_mirrored(state, k, then)
     follow_goal(state["goal"], then, height, k["goal_speed"], k["goal_gains"])

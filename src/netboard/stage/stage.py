@@ -9,7 +9,7 @@ A tick is one row of `TICK`: its inputs, the state before it, and its outputs. T
 k, so a verification can start at any row.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -32,6 +32,7 @@ from netboard.physics.scene.rendering import (
     Rendering,
     force_on_hand,
     is_catch,
+    is_listed,
     pack_rendering,
     rendering_of,
     scale_in,
@@ -79,6 +80,7 @@ def _settle(s: Any, x: State) -> bool:
     return sound
 
 
+_TRIAL = (TICK.names or ()).index("trial")
 _STATE_NAMES = tuple(STATE.names or ())
 
 
@@ -144,6 +146,26 @@ SETTINGS = np.dtype(
 
 BOOK = np.dtype([("scene", SCENE), ("rules", RULES), ("rendering", RENDERING), ("settings", SETTINGS)])
 """All parameters of the ticks of a block: one record."""
+
+
+@inlined
+def commanded_tick(number: int, delay: int, trial: int, catch: Any) -> int:
+    """Return the tick whose forces are commanded at a tick: `delay` before, in a catch trial the tick itself [1].
+
+    In a catch trial, the delayed force may be of the trial before, and the tick itself has no force.
+
+    Parameters
+    ----------
+    number : int
+        Number of the tick [1].
+    delay : int
+        Delay of the commanded force, in ticks [1].
+    trial : int
+        Number of the tick's trial [1].
+    catch : ndarray
+        ``catch`` of RENDERING [1].
+    """
+    return number if is_listed(trial, catch) else number - delay
 
 
 @dataclass(frozen=True)
@@ -230,7 +252,7 @@ class Stage:
         self.ticks(state, rows, first, count, self.book, self.tables)
 
     def commanded_row(self, rows: NDArray[Any], number: int) -> Any:
-        """Return the row whose forces are commanded at a tick: that of `delay` ticks before.
+        """Return the row whose forces are commanded at a tick: that of `commanded_tick`, which Python need not compile.
 
         Parameters
         ----------
@@ -244,7 +266,10 @@ class Stage:
         TICK record, or ndarray of its words
             The row.
         """
-        return rows[(number - self.delay) % len(rows)]
+        row = rows[number % len(rows)]
+        trial, catch = row["trial"] if rows.dtype.names else row[_TRIAL], self.book["rendering"]["catch"][0]
+        listed = 0 < trial < len(catch) and catch[trial] != 0
+        return row if listed else rows[(number - self.delay) % len(rows)]
 
     def warm(self) -> None:
         """Compile `advance`, or load it from the cache, so that the first tick meets its deadline."""
@@ -299,7 +324,7 @@ def make_stage(config: Config) -> Stage:
     )
 
 
-def commanded_forces(ticks: NDArray[Any], delay: int) -> NDArray[np.float64]:
+def commanded_forces(ticks: NDArray[Any], delay: int, catch: Sequence[int] = ()) -> NDArray[np.float64]:
     """Return the commanded forces of a recording, before the gains of the server.
 
     Parameters
@@ -308,16 +333,20 @@ def commanded_forces(ticks: NDArray[Any], delay: int) -> NDArray[np.float64]:
         The recorded ticks, in order; some may be missing.
     delay : int
         Delay of the commanded force, in ticks [1].
+    catch : sequence of int
+        Numbers of the catch trials [1].
 
     Returns
     -------
     ndarray of float64, shape (n, 2)
-        For the left and the right hand, + = up; 0 in a pause, or where the undelayed tick does not exist [N].
+        For the left and the right hand, + = up; 0 in a pause, in a catch trial, or where the undelayed tick does not
+        exist [N].
     """
     told = np.zeros((len(ticks), 2))
     if len(ticks):
         then = np.searchsorted(ticks["tick"], ticks["tick"] - delay)
         known = (ticks["tick"][then] == ticks["tick"] - delay) & _active(ticks["phase"])
+        known &= ~np.isin(ticks["trial"], catch)
         for place, side in enumerate(("left", "right")):
             told[known, place] = ticks[f"{side}_force"][then[known]]
     return told

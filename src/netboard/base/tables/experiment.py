@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import StrictBool, StrictInt
 
-from netboard.base.settings import FORBID_UNKNOWN_KEYS, Number, about
+from netboard.base.settings import FORBID_UNKNOWN_KEYS, LABEL, Number, about
 from netboard.base.tables.forces import Force
 
 MAX_TRIALS = 10_000
@@ -20,14 +20,12 @@ class Session:
     """Who takes part, and how the session is labelled."""
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
-    name: Annotated[str, about("label of the session, part of the recording's name", pattern=r"^[A-Za-z0-9_-]+$")] = (
-        "S01"
-    )
-    dyad: Annotated[str, about("pseudonymous id of the dyad", pattern=r"^[A-Za-z0-9_-]+$")] = "D01"
+    name: Annotated[str, about("label of the session, part of the recording's name", form=LABEL)] = "S01"
+    dyad: Annotated[str, about("pseudonymous id of the dyad", form=LABEL)] = "D01"
     pilot: Annotated[StrictBool, about("true: a pilot run, marked as such in the data")] = False
     study: Annotated[str, about("name of the study; empty: none, a single block")] = ""
-    participant_a: Annotated[str, about("pseudonymous id of participant A", pattern=r"^[A-Za-z0-9_-]+$")] = "A"
-    participant_b: Annotated[str, about("pseudonymous id of participant B", pattern=r"^[A-Za-z0-9_-]+$")] = "B"
+    participant_a: Annotated[str, about("pseudonymous id of participant A", form=LABEL)] = "A"
+    participant_b: Annotated[str, about("pseudonymous id of participant B", form=LABEL)] = "B"
     hand_a: Annotated[Literal["right", "left"], about("dominant hand of participant A")] = "right"
     hand_b: Annotated[Literal["right", "left"], about("dominant hand of participant B")] = "right"
     seat_a: Annotated[Literal["left", "right"], about("where participant A sits; B sits at the other side")] = "left"

@@ -8,13 +8,16 @@ from typing import Annotated, Literal
 
 from pydantic import StrictBool
 
-from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
+from netboard.base.settings import FORBID_UNKNOWN_KEYS, Form, about
 
 MOUSE = "mouse"
 """Device backend of a side that a person plays in the display's window."""
 
-CPU_LIST = r"^(auto|([0-9]{1,4}(-[0-9]{1,4})?(,[0-9]{1,4}(-[0-9]{1,4})?)*)?)$"
-"""Pattern of a list of CPUs."""
+CPU_LIST = Form(
+    "^(auto|([0-9]{1,4}(-[0-9]{1,4})?(,[0-9]{1,4}(-[0-9]{1,4})?)*)?)$",
+    "with numbers and ranges of CPUs, such as 2 or 0,2-3, or auto",
+)
+"""Form of a list of CPUs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,11 +69,9 @@ class Realtime:
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
     scheduling: Annotated[StrictBool, about("true: real-time scheduling (SCHED_FIFO) of the 1 kHz loops")] = True
     lock_memory: Annotated[StrictBool, about("true: keep the processes' memory from being paged out")] = True
-    server_cpus: Annotated[
-        str, about("CPUs of the server, such as 2 or 0,2-3; auto: one; empty: any", pattern=CPU_LIST)
-    ] = "auto"
+    server_cpus: Annotated[str, about("CPUs of the server; auto: one; empty: any", form=CPU_LIST)] = "auto"
     agent_cpus: Annotated[
-        str, about("CPUs of the agents, likewise; auto: one each, where there are enough", pattern=CPU_LIST)
+        str, about("CPUs of the agents, likewise; auto: one each, where there are enough", form=CPU_LIST)
     ] = "auto"
 
 

@@ -52,7 +52,7 @@ class Guard(IntEnum):
     """State of the safety chain."""
 
     DISARMED = 0  # no force
-    WAITING = 1  # armed, no force yet: waits for a small, fresh wanted force and a slow stylus
+    WAITING = 1  # armed, no force: waits for a small, fresh wanted force and a slow stylus, and lapses in a long outage
     RAMPING = 2  # the force grows towards the wanted force
     ARMED = 3  # the force is the wanted force, within the limits
     HOLDING = 4  # the vertical force is stale and fades
@@ -78,7 +78,12 @@ class Trip(IntEnum):
 
 TABLE: dict[Guard, dict[Trip, Guard]] = {
     Guard.DISARMED: {Trip.ARM: Guard.WAITING, Trip.FAULT: Guard.FAULT},
-    Guard.WAITING: {Trip.CALM: Guard.RAMPING, Trip.DISARM: Guard.RELEASING, Trip.FAULT: Guard.FAULT},
+    Guard.WAITING: {
+        Trip.CALM: Guard.RAMPING,
+        Trip.EXPIRED: Guard.RELEASING,
+        Trip.DISARM: Guard.RELEASING,
+        Trip.FAULT: Guard.FAULT,
+    },
     Guard.RAMPING: {
         Trip.FULL: Guard.ARMED,
         Trip.STALE: Guard.HOLDING,

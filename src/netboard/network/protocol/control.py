@@ -111,7 +111,7 @@ class Status:
     successes, failures : int
         Trials done and attempts failed in the block [1].
     completions : tuple of float
-        Completion times of the successful trials so far [s].
+        Completion times of the successful trials so far; of the newest, if there are more than 10,000 [s].
     late_ticks : int
         Deadline misses: ticks that started more than half a tick late [1].
     waiting_for : tuple of str
@@ -121,9 +121,9 @@ class Status:
     notice : str
         What the operator should know, or empty.
     links : tuple of (str, str, str, float, float, float, float, float, int)
-        For each connected peer: its role (``agent.left``), host and process, version; time since its last message [s],
-        shortest recent round-trip time [s], bound of its clock's error [s], its drift [1e-6] (NaN: unknown), messages a
-        second [Hz], messages lost [1].
+        For each connected peer: its role (``agent.left``), host and process, version (64 characters of each); time
+        since its last message [s], shortest recent round-trip time [s], bound of its clock's error [s], its drift
+        [1e-6] (NaN: unknown), messages a second [Hz], messages lost [1].
     loops : tuple of (str, float, float)
         For each connected agent: its role, its recent sample-to-force latency, from reading the stylus to rendering the
         force computed from it (NaN: unknown), and the largest latency with which its device is stable without a hand

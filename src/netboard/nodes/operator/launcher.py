@@ -21,8 +21,9 @@ from netboard.base.process import STOP_WITH_PARENT, SUPERVISOR
 
 log = logging.getLogger(__name__)
 
-STOP_ORDER = ("display", "agent", "server", "logger")
-"""Displays and agents stop before the server that they depend on; the logger stops last, to write its last records."""
+STOP_ORDER = (("agent", "display"), ("server",), ("logger",))
+"""Agents and displays stop before the server that they depend on, and together: no agent renders forces while a display
+hangs. The logger stops last, to write its last records."""
 
 ROUND_SECONDS = 0.1
 
@@ -146,8 +147,8 @@ def supervise(wanted: dict[str, list[str]], stopping: Callable[[], bool]) -> int
         if ended is not None:
             log.info("%s; stopping the others", ended)
         failed: list[Ended] = []
-        for kind in STOP_ORDER:
-            failed += launcher.stop(*(name for name in launcher.running() if name.endswith(kind)))
+        for kinds in STOP_ORDER:
+            failed += launcher.stop(*(name for name in launcher.running() if name.endswith(kinds)))
     for one in failed:
         log.error("%s", one)
     return 1 if failed else 0

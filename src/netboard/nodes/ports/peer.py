@@ -31,6 +31,10 @@ RATE_NS = 1_000_000_000
 """Shortest window over which a rate is computed [ns]."""
 
 
+MAX_CHARACTERS = 64
+"""Characters of a peer's name and version that operators see, so that the links of all peers fit a status [1]."""
+
+
 def what(hello: Hello) -> str:
     """Return a peer's role and side: ``agent.left``, ``logger``."""
     return f"{hello.role}.{hello.side}".rstrip(".")
@@ -62,8 +66,8 @@ def link_of(hello: Hello, clock: ClockEstimator, age_ns: int, rate: float, lost:
     """Make an item of `Status.links`."""
     return (
         what(hello),
-        hello.name,
-        hello.version,
+        hello.name[:MAX_CHARACTERS],
+        hello.version[:MAX_CHARACTERS],
         age_ns * 1e-9,
         _seconds(clock.round_trip_ns),
         _seconds(clock.bound_ns),

@@ -93,7 +93,7 @@ def _loop(
             read(bodies, side, words, numbers, place)
         _ticks(state, rows, place, 1, book, tables)
         for side in range(2):
-            apply_force(bodies, side, force_queue, words, numbers, place)
+            apply_force(bodies, side, force_queue, book[0]["rendering"]["catch"], words, numbers, place)
         if tick % DECISION_TICKS == 0:
             for which in range(len(hands)):
                 late = tick - newest_seen(participants[which][5], tick)

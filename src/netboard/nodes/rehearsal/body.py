@@ -36,6 +36,8 @@ from netboard.participants.hand import (
     make_hand,
     update_muscles,
 )
+from netboard.physics.scene.rendering import pack_rendering
+from netboard.stage.stage import commanded_tick
 from netboard.task.trials.state_machine import is_active
 
 LEAD_NS = STEP_NS
@@ -50,7 +52,7 @@ _BEFORE = LEAD_NS // STEP_NS
 _ARMED, _CLAMPED = int(Safeguard.ARMED), int(Safeguard.CLAMPED)
 
 _AT = {name: place for place, name in enumerate(TICK.names or ())}
-_TICK, _TIME, _PHASE = _AT["tick"], _AT["time_ns"], _AT["phase"]
+_TICK, _TIME, _PHASE, _TRIAL = _AT["tick"], _AT["time_ns"], _AT["phase"], _AT["trial"]
 
 
 def _places(field: str) -> tuple[int, int]:
@@ -183,7 +185,7 @@ def read(bodies: Any, side: int, words: Any, numbers: Any, place: int) -> None:
 
 
 @inlined
-def apply_force(bodies: Any, side: int, force_queue: Any, words: Any, numbers: Any, place: int) -> float:
+def apply_force(bodies: Any, side: int, force_queue: Any, catch: Any, words: Any, numbers: Any, place: int) -> float:
     """Give a body the force of a tick; if the block has a force delay, an earlier tick's.
 
     Parameters
@@ -192,6 +194,8 @@ def apply_force(bodies: Any, side: int, force_queue: Any, words: Any, numbers: A
         The left and the right hand.
     force_queue : ndarray, shape (2, n)
         Forces of the last n ticks on both hands, for a delay of n - 1 ticks [N].
+    catch : ndarray
+        ``catch`` of `netboard.physics.scene.rendering.RENDERING` [1].
 
     Returns
     -------
@@ -202,7 +206,8 @@ def apply_force(bodies: Any, side: int, force_queue: Any, words: Any, numbers: A
     received, size = d["received"], force_queue.shape[1]
     force_queue[side, received % size] = numbers[place, _FORCE[side]]
     d["received"] = received + 1
-    d["commanded"] = force_queue[side, (received + 1) % size] if is_active(words[place, _PHASE]) else 0.0
+    sent = commanded_tick(received, size - 1, words[place, _TRIAL], catch)
+    d["commanded"] = force_queue[side, sent % size] if is_active(words[place, _PHASE]) else 0.0
     return float(d["commanded"])
 
 
@@ -277,6 +282,7 @@ class Body:
         self._place = SIDES.index(side)
         self._hand = pack_body(config, side, person, rng, self.bodies)
         self._force_queue = np.zeros((len(SIDES), config.block.force_delay_ms + 1))
+        self._catch = pack_rendering(config)["catch"][0].copy()
         self._white = np.zeros((len(SIDES), 1, 3))
 
     @property
@@ -301,7 +307,7 @@ class Body:
     def apply_force(self, words: NDArray[np.int64]) -> float:
         """Take the force of a tick; return the vertical force that acts next [N]."""
         row = words.reshape(1, -1)
-        return apply_force(self.bodies, self._place, self._force_queue, row, row.view(np.float64), 0)
+        return apply_force(self.bodies, self._place, self._force_queue, self._catch, row, row.view(np.float64), 0)
 
 
 def refuse_flaws(config: Config) -> None:

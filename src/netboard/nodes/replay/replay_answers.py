@@ -11,6 +11,7 @@ import numpy as np
 
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES, Side
+from netboard.base.tables.experiment import MAX_TRIALS
 from netboard.base.tick import LATE_NS
 from netboard.network.protocol.control import REPLAY_OF, Outcomes, Status, Trace
 from netboard.network.protocol.motion import Safeguard
@@ -64,7 +65,7 @@ class ReplayAnswers:
             trials=config.block.trials + int(row["extra"]),
             successes=int(row["successes"]),
             failures=int(row["failures"]),
-            completions=tuple(outcome[4] for outcome in outcomes if outcome[3] == "success"),
+            completions=tuple(outcome[4] for outcome in outcomes if outcome[3] == "success")[-MAX_TRIALS:],
             late_ticks=int(self._late[index]),
             waiting_for=(),
             peers=self._control.peers,

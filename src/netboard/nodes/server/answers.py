@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES, Config, Side
+from netboard.base.tables.experiment import MAX_TRIALS
 from netboard.network.protocol.control import Outcomes, Status, Trace
 from netboard.nodes.server.state import SessionState
 from netboard.stage.curtain import PHASE_NAMES
@@ -50,7 +51,7 @@ class SessionAnswers:
             trials=config.block.trials + int(stage["extra"]),
             successes=int(stage["successes"]),
             failures=int(stage["failures"]),
-            completions=tuple(session.attempts.completions),
+            completions=tuple(session.attempts.completions[-MAX_TRIALS:]),  # repeats may add to them
             late_ticks=session.clock.late_ticks,
             waiting_for=session.missing,
             peers=(*agents, *loggers, *ports.control.peers),

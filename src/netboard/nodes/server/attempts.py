@@ -33,7 +33,7 @@ from netboard.task.journal.entries import (
 from netboard.task.journal.progress import Progress, Row
 from netboard.task.trials.quality import Referee, Verdict
 from netboard.task.trials.repeats import Repeats, wants_repeat
-from netboard.task.trials.state_machine import TABLE, Cause, Phase
+from netboard.task.trials.state_machine import BALL_FREE, TABLE, Cause, Phase
 
 MAX_ROWS = 200
 """Largest number of attempts in one answer to an operator [1]."""
@@ -221,13 +221,13 @@ class Attempts:
         counted, place = self._referee.counted, SIDES.index(side)
         return int(counted["lost"][place]), int(counted["clipped"][place])
 
-    def ask(self, command: str, argument: str, present: int) -> int:
+    def ask(self, command: str, argument: str, present: int, phase: Phase) -> int:
         """Order the repeat of a trial, or cancel it ("veto"); return the trial's number."""
         if argument and not _NUMBER.fullmatch(argument):
             raise NetboardError(f'{command}: found "{argument}", expected the number of a trial')
         if command == "repeat":
             trial = int(argument or present - 1)
-            why_not = self._repeats.why_not_ask(trial, present)
+            why_not = self._repeats.why_not_ask(trial, present, under_way=phase in BALL_FREE)
         else:
             trial = int(argument or self._repeats.newest(present))
             why_not = self._repeats.why_not_veto(trial, present) if trial else "no repeat is pending in this block"

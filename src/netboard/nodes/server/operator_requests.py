@@ -30,7 +30,7 @@ class OperatorRequests:
         details = {"name": command.name, "argument": command.argument, "by": request.name, **outcome}
         state.note("command", {name: value for name, value in details.items() if value})
         if decision.accepted and decision.cause:
-            state.supervisor.command_carried_out()
+            state.supervisor.command_carried_out(decision.cause)
         elif not decision.accepted:
             state.supervisor.refused(decision.reason)
         return decision.cause
@@ -47,15 +47,16 @@ class OperatorRequests:
                 case emergency.STOP:
                     state.update_arming(state.emergency_stop.halt("emergency stop by an operator"))
                 case emergency.RELEASE:
-                    state.supervisor.await_operator()
-                    state.update_arming(state.emergency_stop.release())
+                    if released := state.emergency_stop.release():
+                        state.supervisor.stop_released()
+                    state.update_arming(released)
                 case "arm" | "disarm":
                     state.update_arming([])
                 case "open":
                     state.sequence.open(form_of(argument, state.block.config.session))
                     self._blocks.open()
                 case "repeat" | "veto":
-                    trial = state.attempts.ask(name, argument, int(state.stage[0]["trial"]))
+                    trial = state.attempts.ask(name, argument, int(state.stage[0]["trial"]), state.phase)
                     how = "is repeated" if name == "repeat" else "is not repeated"
                     return Decision(True, f"trial {trial} {how} at the end of the block", decision.cause)
                 case "note":

@@ -98,6 +98,8 @@ class Operators:
         cause = CAUSES[command]
         if command == "pause" and now.phase == Phase.PAUSED:  # a fault may have been faster than the operator
             return Decision(True, "it is paused already, and waits for resume")
+        if command == "repeat" and now.phase == Phase.FINISHED:
+            return Decision(False, "cannot repeat a trial: the block is over. Repeat its last trial while it runs")
         if cause not in TABLE[now.phase]:
             return Decision(False, _not_now(command, now.phase))
         if command in ("start", "resume"):

@@ -23,6 +23,7 @@ class Supervisor:
     notice: str = ""
     _ready_since: int | None = None
     _faulted: bool = False
+    _released: bool = False
     _cause: str = ""
     _trouble: str = ""
     _trouble_since: int = 0
@@ -45,16 +46,18 @@ class Supervisor:
             self._faulted = True
             self._pause(trouble)
             return Cause.FAULT
-        if self.autostart and self._ready_since is not None and tick - self._ready_since >= READY_TICKS:
+        ready = self._ready_since is not None and tick - self._ready_since >= READY_TICKS
+        if self.autostart and ready and not self._released:
             return self._by_itself(phase)
         if self._refused_when != self._seen:
             self._refused_when = None
             self._set_notice(tick, phase, missing, trouble)
         return Cause.NONE
 
-    def command_carried_out(self) -> None:
-        """Note that an operator's command was carried out: older notices no longer apply."""
+    def command_carried_out(self, cause: Cause) -> None:
+        """Note that a command was carried out: older notices no longer apply."""
         self._faulted, self._refused_when = False, None
+        self._released = self._released and cause not in (Cause.START, Cause.RESUME)
         self.notice = self._cause = ""
 
     def refused(self, reason: str) -> None:
@@ -64,6 +67,10 @@ class Supervisor:
     def await_operator(self) -> None:
         """Resume only on an operator's command, whatever caused the pause."""
         self._faulted = False
+
+    def stop_released(self) -> None:
+        """Start and resume only on an operator's command, because an emergency stop was released."""
+        self._faulted, self._released = False, True
 
     def faulted(self, reason: str) -> None:
         """Note that the stage itself has paused the trial."""
@@ -77,7 +84,8 @@ class Supervisor:
         """Set the notice to what holds now."""
         waiting = "waiting for " + ", ".join(missing) if missing else ""
         if phase == Phase.IDLE:
-            self.notice = waiting
+            ready = "ready to start after the emergency stop" if self._released else ""
+            self.notice = waiting or ready
         elif phase == Phase.PAUSED:
             if trouble and tick - self._trouble_since >= PERSISTENT_TICKS:
                 self._cause = trouble
@@ -88,9 +96,9 @@ class Supervisor:
 
     def _by_itself(self, phase: Phase) -> Cause:
         if phase == Phase.IDLE:
-            self.command_carried_out()
+            self.command_carried_out(Cause.START)
             return Cause.START
         if phase == Phase.PAUSED and self._faulted:
-            self.command_carried_out()
+            self.command_carried_out(Cause.RESUME)
             return Cause.RESUME
         return Cause.NONE

@@ -21,7 +21,7 @@ from netboard.nodes.ports import samples
 from netboard.nodes.ports.samples import awaited, drain, fill, send_forces
 from netboard.nodes.ports.unregistered import UNREGISTERED
 from netboard.nodes.server.tick_clock import CATCH_UP_TICKS, EARLIEST_NS
-from netboard.stage.stage import Stage
+from netboard.stage.stage import Stage, commanded_tick
 
 ALL_FINE = 3 * (samples.LIVE | samples.ARMED)
 """Result of `netboard.nodes.ports.samples.fill` for samples that are in order."""
@@ -53,7 +53,7 @@ RUN = np.dtype(
 """A run of undisturbed ticks."""
 
 _BEHIND_NS = CATCH_UP_TICKS * TICK_NS
-_EVENT = (TICK.names or ()).index("event")
+_EVENT, _TRIAL = ((TICK.names or ()).index(name) for name in ("event", "trial"))
 _HEAD, _MARKERS = fixed.FORCE[:2]
 _SAMPLE_HEAD, _SAMPLE_MARKERS = fixed.STYLUS[:2]
 _BROKEN = fastpath.FAILED
@@ -101,7 +101,8 @@ def _run(motion: Any, stage: Any, run: Any, delay: int, timeout_ns: int) -> int:
             if us["found"] & us["relevant"] != us["fine"]:
                 return STEPS
             _ticks(state, rows, number, 1, book, tables)
-            commanded, form = words[(number - delay) % len(words)], (_HEAD, _MARKERS)
+            sent = commanded_tick(number, delay, row[_TRIAL], book[0]["rendering"]["catch"])
+            commanded, form = words[sent % len(words)], (_HEAD, _MARKERS)
             if us["forces"] and send_forces(fast, frame, row, commanded, agents, gains, *form, numbers) == _BROKEN:
                 return FAILED
             us["late_ticks"] += late_ns > LATE_NS

@@ -138,6 +138,20 @@ def force_on_hand(
 
 
 @inlined
+def is_listed(trial: int, catch: Any) -> bool:
+    """Tell whether a trial is in the list of catch trials.
+
+    Parameters
+    ----------
+    trial : int
+        Its number in the block [1].
+    catch : ndarray
+        ``catch`` of RENDERING [1].
+    """
+    return 0 < trial < TRIAL_ENTRIES and catch[trial] != 0
+
+
+@inlined
 def is_catch(trial: int, numbers: Any, felt: Rendering) -> bool:
     """Tell whether a trial is a catch trial, without force.
 
@@ -150,7 +164,7 @@ def is_catch(trial: int, numbers: Any, felt: Rendering) -> bool:
     felt : Rendering
         Structure of the rendering; a compile-time constant.
     """
-    return felt.catches and 0 < trial < TRIAL_ENTRIES and numbers["catch"][trial] != 0
+    return felt.catches and is_listed(trial, numbers["catch"])
 
 
 @inlined

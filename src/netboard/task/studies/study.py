@@ -16,7 +16,7 @@ from itertools import combinations
 from typing import Annotated, Any, TypeVar
 
 from netboard.base.errors import ConfigError
-from netboard.base.settings import FORBID_UNKNOWN_KEYS, about, check, to_toml
+from netboard.base.settings import FORBID_UNKNOWN_KEYS, Form, about, check, to_toml
 from netboard.task.studies import library
 from netboard.task.studies.factors import declared
 from netboard.task.studies.order import MOST, steps_of
@@ -38,6 +38,9 @@ T = TypeVar("T")
 IN_TRIALS = "block.force_scale"
 """The only key that may vary from trial to trial within a block."""
 
+NAME = Form("^[A-Za-z][A-Za-z0-9_-]*$", "of letters, digits, - and _, beginning with a letter, such as pilot2")
+"""Form of the name of a study."""
+
 _LATER = {"role": "auto", "type": "auto", "unit": "", "value": "auto"}
 """Keys added in later versions, with their defaults."""
 
@@ -47,7 +50,7 @@ class Study(Changes):
     """A study; its own changes apply to all its blocks."""
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
-    name: Annotated[str, about("name of the study", pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")] = "study"
+    name: Annotated[str, about("name of the study", form=NAME)] = "study"
     text: Annotated[str, about("description, in one sentence")] = ""
     order: Annotated[
         tuple[str, ...], about("names of orders that dyads take in turn; none: the first of [orders]", strict=False)

@@ -64,7 +64,7 @@ class Repeats:
         place = len(self.asked) - 1 - self.asked[::-1].index(trial)
         return replace(self, asked=self.asked[:place] + self.asked[place + 1 :], vetoed=(*self.vetoed, trial))
 
-    def why_not_ask(self, trial: int, present: int) -> str:
+    def why_not_ask(self, trial: int, present: int, *, under_way: bool = False) -> str:
         """Return why a trial cannot be repeated, in a sentence; empty if it can.
 
         Parameters
@@ -73,8 +73,11 @@ class Repeats:
             Number of the trial [1].
         present : int
             Number of the current trial [1].
+        under_way : bool
+            Whether the ball of the current trial is free. It can then be repeated, too: after the last trial of a
+            block it would be too late.
         """
-        if not 1 <= trial < present:
+        if not 1 <= trial < present + under_way:
             done = f"trials 1 to {present - 1} are done" if present > 1 else "no trial is done"
             return f"trial {trial} cannot be repeated: {done} in this block"
         if trial in self._to_come(present):

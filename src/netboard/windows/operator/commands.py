@@ -77,6 +77,10 @@ def _judged(status: Status) -> str:
     return "" if status.outcomes else "there has been no attempt yet"
 
 
+def _repeat(status: Status) -> str:
+    return "the block is over: no trial of it can be repeated" if status.phase == "finished" else _judged(status)
+
+
 COMMANDS: tuple[Command, ...] = (
     Command("arm", "Arm", "F1", "Allow the devices to render forces.", _arm),
     Command("start", "Start", "F2", "Start the block.", _start),
@@ -92,7 +96,7 @@ COMMANDS: tuple[Command, ...] = (
         "Stop this attempt; the trial starts again.",
         _in("levelling", "running", "holding"),
     ),
-    Command("repeat", "Repeat trial", "F9", "Repeat the selected or the last trial at the end of the block.", _judged),
+    Command("repeat", "Repeat trial", "F9", "Repeat the selected or the last trial at the end of the block.", _repeat),
     Command("veto", "Cancel repeat", "Shift+F9", "Cancel the repeat of the selected or the last trial.", _judged),
     Command(
         "skip", "Skip trial", "F10", "Count this trial as done without a success.", _in(*ACTIVE, "paused"), twice=True
