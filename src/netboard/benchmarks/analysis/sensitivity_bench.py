@@ -31,7 +31,7 @@ from netboard.benchmarks.analysis.open_questions import (
 from netboard.benchmarks.analysis.remeasuring import Remeasured, Request, remeasure_all
 from netboard.benchmarks.analysis.reported_numbers import Numbers, numbers
 from netboard.benchmarks.harness import running
-from netboard.benchmarks.harness.results import Folder, Part, Value, new_folder
+from netboard.benchmarks.harness.results import Folder, Part, new_folder
 from netboard.benchmarks.harness.running import Tell
 from netboard.nodes.rehearsal import session as rehearsal
 from netboard.nodes.rehearsal.jobs import jobs_of
@@ -246,16 +246,20 @@ def _paths(variants: Variants, found: Sequence[Remeasured], default: Numbers, te
 def about_part(variants: Variants, base: Study, found: Sequence[Remeasured]) -> Part:
     """Tabulate the data and settings of the study."""
     attempts = sum(len(one.undisturbed[0]["completion"]) for one in found if one.undisturbed)
-    rows: list[tuple[Value, ...]] = [
-        ("dyads", len(base.dyads)),
-        ("recordings", len(base.blocks)),
-        ("trials included", len(base.counted)),
-        ("movements of the board in these trials", int((base.movements["counts"] == 1).sum())),
-        ("simulated participants", f"{int(base.blocks['simulated'].sum())} recordings"),
-        ("first and last trials", variants.base.summaries.ends),
-        ("trials in a group", variants.base.summaries.group),
-        ("alternatives, one at a time", len(variants.singles)),
-        ("paths", f"{sum(map(len, variants.paths.summaries))} of {variants.paths.count:.3g}"),
-        ("disturbed", f"{sum(bool(one.disturbed) for one in found)} recordings, {attempts} attempts"),
-    ]
-    return Part("about", "Data and settings", ("quantity", "value"), rows)
+    return Part(
+        "about",
+        "Data and settings",
+        "quantity | value",
+        [
+            ("dyads", len(base.dyads)),
+            ("recordings", len(base.blocks)),
+            ("trials included", len(base.counted)),
+            ("movements of the board in these trials", int((base.movements["counts"] == 1).sum())),
+            ("simulated participants", f"{int(base.blocks['simulated'].sum())} recordings"),
+            ("first and last trials", variants.base.summaries.ends),
+            ("trials in a group", variants.base.summaries.group),
+            ("alternatives, one at a time", len(variants.singles)),
+            ("paths", f"{sum(map(len, variants.paths.summaries))} of {variants.paths.count:.3g}"),
+            ("disturbed", f"{sum(bool(one.disturbed) for one in found)} recordings, {attempts} attempts"),
+        ],
+    )

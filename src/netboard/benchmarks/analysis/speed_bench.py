@@ -158,27 +158,22 @@ def _scaling(rows: Sequence[Row]) -> Part:
     series = zip(names, zip(*(_times(row) for row in rows), strict=True), strict=True)
     fits = {name: line(trials, [time.cpu for time in times]) for name, times in series}
     slope, _, explained = fits["uncached"]
-    return Part(
+    part = Part(
         "scaling",
         "CPU time: straight lines fitted to these shares",
-        ("part", "whole study [s]", "slope [ms per attempt]", "intercept [s]", "R2 [1]"),
+        "part | whole study [s] | slope [ms per attempt] | intercept [s] | R2 [1]",
         [
             (name, time.cpu, 1e3 * fits[name][0], *fits[name][1:])
             for name, time in zip(names, _times(rows[-1]), strict=True)
         ],
-        [
-            Verdict(
-                "CPU time grows in proportion to the number of attempts",
-                explained >= MIN_R2,
-                f"R2 = {explained:.4f}",
-            ),
-            Verdict(
-                "cached measures save CPU time",
-                slope > fits["cached"][0],
-                f"{1e3 * slope:.2f} ms per attempt, cached {1e3 * fits['cached'][0]:.2f} ms",
-            ),
-        ],
     )
+    part.claim("CPU time grows in proportion to the number of attempts", explained >= MIN_R2, f"R2 = {explained:.4f}")
+    part.claim(
+        "cached measures save CPU time",
+        slope > fits["cached"][0],
+        f"{1e3 * slope:.2f} ms per attempt, cached {1e3 * fits['cached'][0]:.2f} ms",
+    )
+    return part
 
 
 def line(x: Sequence[float], y: Sequence[float]) -> tuple[float, float, float]:
@@ -192,27 +187,26 @@ def _memory(rows: Sequence[Row]) -> Part:
     hours = [row.uncached.data / 3600 for row in rows]
     growth, start, _ = line(hours, [row.uncached.peak for row in rows])
     first, last = rows[0].uncached.worker_peak, rows[-1].uncached.worker_peak
-    return Part(
+    part = Part(
         "memory",
         "Peak memory of the processes",
-        ("recordings", "data [h]", "worker [MB]", "main process, uncached [MB]", "main process, cached [MB]"),
+        "recordings | data [h] | worker [MB] | main process, uncached [MB] | main process, cached [MB]",
         [
             (row.recordings, hour, row.uncached.worker_peak / 1e6, row.uncached.peak / 1e6, row.cached.peak / 1e6)
             for row, hour in zip(rows, hours, strict=True)
         ],
-        [
-            Verdict(
-                "the memory of a worker does not grow with the study",
-                last <= WORKER_GROWTH * first,
-                f"{first / 1e6:.0f} MB for a quarter, {last / 1e6:.0f} MB for all",
-            ),
-            Verdict(
-                "the memory of the main process hardly grows, because paths stay on disk",
-                rows[-1].uncached.peak <= MAIN_GROWTH * rows[0].uncached.peak,
-                f"{start / 1e6:.0f} MB and {growth / 1e6:.1f} MB for each hour of data",
-            ),
-        ],
     )
+    part.claim(
+        "the memory of a worker does not grow with the study",
+        last <= WORKER_GROWTH * first,
+        f"{first / 1e6:.0f} MB for a quarter, {last / 1e6:.0f} MB for all",
+    )
+    part.claim(
+        "the memory of the main process hardly grows, because paths stay on disk",
+        rows[-1].uncached.peak <= MAIN_GROWTH * rows[0].uncached.peak,
+        f"{start / 1e6:.0f} MB and {growth / 1e6:.1f} MB for each hour of data",
+    )
+    return part
 
 
 def _whole(row: Row, report: Time, peak: float) -> Part:
@@ -220,7 +214,7 @@ def _whole(row: Row, report: Time, peak: float) -> Part:
     return Part(
         "whole",
         "A whole analysis",
-        ("part", "elapsed time [s]", "CPU time [s]", "peak memory [MB]"),
+        "part | elapsed time [s] | CPU time [s] | peak memory [MB]",
         [
             *(
                 (f"tables, {name}", cost.time.elapsed, cost.time.cpu, cost.peak / 1e6)
@@ -234,19 +228,18 @@ def _whole(row: Row, report: Time, peak: float) -> Part:
 def _command(first: Time, second: Time) -> Part:
     """Tabulate the cost of the whole command, for the first run and an identical second one."""
     share = second.cpu / first.cpu
-    return Part(
+    part = Part(
         "again",
         "netboard analyse, the whole command",
-        ("run", "elapsed time [s]", "CPU time [s]"),
+        "run | elapsed time [s] | CPU time [s]",
         [("first", first.elapsed, first.cpu), ("second", second.elapsed, second.cpu)],
-        [
-            Verdict(
-                f"the second run takes at most {SECOND_RUN:.0%} of the first run's CPU time",
-                share <= SECOND_RUN,
-                f"{share:.1%}",
-            )
-        ],
     )
+    part.claim(
+        f"the second run takes at most {SECOND_RUN:.0%} of the first run's CPU time",
+        share <= SECOND_RUN,
+        f"{share:.1%}",
+    )
+    return part
 
 
 def run_twice(recordings: Sequence[Path], workers: int, folder: Path) -> tuple[Time, Time]:

@@ -15,7 +15,7 @@ from netboard.base.tables.scene import Physics
 from netboard.base.tables.simulated import VirtualDevice
 from netboard.benchmarks.coupling.boundary import HANDS, Case, loops_of, scene
 from netboard.benchmarks.coupling.far import Distance, Far
-from netboard.benchmarks.harness.results import Part, Value, Verdict
+from netboard.benchmarks.harness.results import Part, Value
 from netboard.benchmarks.harness.running import Tell
 from netboard.participants.device_models import resolved
 from netboard.physics.stability.delayed_coupling import is_stable
@@ -113,7 +113,13 @@ def release(physics: Physics, device: VirtualDevice, way: int, *, passivity: boo
 
 def releases_part(ways: Sequence[int], tell: Tell) -> Part:
     """Release a bare stylus with several delays."""
-    rows: list[tuple[Value, ...]] = []
+    part = Part(
+        "releases",
+        "A bare stylus let go 10 mm from rest, 200 N/m and 2 N s/m, encoder steps and limits on: swing in the last "
+        "second, or time to rest",
+        "one way [ms] | server, fixed end: theory | no friction | friction 0.26 N | "
+        "both, paper's board: theory | no friction  | friction 0.26 N ",
+    )
     bare = HANDS["bare stylus"]
     slick, rough = (VirtualDevice(mass=bare.mass, damping=bare.damping, friction=f) for f in (0.0, FRICTION))
     quiet: dict[tuple[str, str], list[int]] = {}
@@ -129,23 +135,11 @@ def releases_part(ways: Sequence[int], tell: Tell) -> Part:
                 row.append(str(found))
                 if found.quiet:
                     quiet.setdefault((at, name), []).append(way)
-        rows.append(tuple(row))
+        part.add(*row)
     furthest = {key: max(found) for key, found in quiet.items()}
-    return Part(
-        "releases",
-        "A bare stylus let go 10 mm from rest, 200 N/m and 2 N s/m, encoder steps and limits on: swing in the last "
-        "second, or time to rest",
-        (
-            "one way [ms]",
-            *("server, fixed end: theory", "no friction", "friction 0.26 N"),
-            *("both, paper's board: theory", "no friction ", "friction 0.26 N "),
-        ),
-        rows,
-        [
-            Verdict(
-                "with both a stylus comes to rest further from its server than with the server alone",
-                all(furthest[("both", name)] > furthest[("server", name)] for name in ("no friction", "friction")),
-                ", ".join(f"{at}, {name}: {way} ms" for (at, name), way in furthest.items()),
-            )
-        ],
+    part.claim(
+        "with both a stylus comes to rest further from its server than with the server alone",
+        all(furthest[("both", name)] > furthest[("server", name)] for name in ("no friction", "friction")),
+        ", ".join(f"{at}, {name}: {way} ms" for (at, name), way in furthest.items()),
     )
+    return part

@@ -21,7 +21,7 @@ from netboard.base.tick import START_NS, TICK_NS, TICK_SECONDS
 from netboard.benchmarks.coupling.boundary import scene
 from netboard.benchmarks.coupling.far import Distance, Far, prepared
 from netboard.benchmarks.coupling.releases import FRICTION, Loop, lead, let_go, smooth
-from netboard.benchmarks.harness.results import Part, Value, Verdict
+from netboard.benchmarks.harness.results import Part
 from netboard.benchmarks.harness.running import Tell
 from netboard.devices.simulated.virtual import VirtualTouch
 from netboard.physics.stability.delayed_coupling import At
@@ -104,7 +104,12 @@ def make_loop(name: str, device: VirtualDevice, way: int) -> Loop:
 
 def remedies_part(ways: Sequence[int], tell: Tell) -> Part:
     """Release a bare stylus with each method."""
-    rows: list[tuple[Value, ...]] = []
+    part = Part(
+        "remedies",
+        "A bare stylus let go 10 mm from rest at a fixed end, 200 N/m and 2 N s/m: time to rest, or swing in the last "
+        "second",
+        ("one way [ms]", "friction", *NAMES),
+    )
     quiet: dict[tuple[str, float], list[int]] = {}
     for i, way in enumerate(ways):
         for j, friction in enumerate((0.0, FRICTION)):
@@ -115,22 +120,14 @@ def remedies_part(ways: Sequence[int], tell: Tell) -> Part:
                 told.append(str(found))
                 if found.quiet:
                     quiet.setdefault((name, friction), []).append(way)
-            rows.append((way, f"{friction:g} N", *told))
+            part.add(way, f"{friction:g} N", *told)
     stable = quiet.get(("with passivity control", 0.0), [])
-    return Part(
-        "remedies",
-        "A bare stylus let go 10 mm from rest at a fixed end, 200 N/m and 2 N s/m: time to rest, or swing in the last "
-        "second",
-        ("one way [ms]", "friction", *NAMES),
-        rows,
-        [
-            Verdict(
-                "with passivity control a bare stylus without friction comes to rest 20 ms from its server",
-                bool(stable) and max(stable) >= min(20, max(ways)),
-                f"at {', '.join(map(str, stable))} ms of {', '.join(map(str, ways))}",
-            )
-        ],
+    part.claim(
+        "with passivity control a bare stylus without friction comes to rest 20 ms from its server",
+        bool(stable) and max(stable) >= min(20, max(ways)),
+        f"at {', '.join(map(str, stable))} ms of {', '.join(map(str, ways))}",
     )
+    return part
 
 
 # --- what it feels like ------------------------------------------------------------------------------------------
@@ -151,28 +148,25 @@ def felt(name: str, way: int, frequency: float) -> tuple[float, float]:
 
 def transparency_part(ways: Sequence[int], tell: Tell) -> Part:
     """Measure the stiffness and damping that the virtual coupling renders to a hand."""
-    rows: list[tuple[Value, ...]] = []
+    part = Part(
+        "transparency",
+        "Stiffness and damping felt at a fixed end by a hand that moves 5 mm either way [N/m, N s/m]; ideal: 200, 2.00",
+        ("one way [ms]", "frequency [Hz]", *NAMES),
+    )
     for i, way in enumerate(ways):
         for frequency in FREQUENCIES:
             tell(f"what is felt: {way} ms, {frequency:g} Hz", i / len(ways))
             found = [felt(name, way, frequency) for name in NAMES]
-            rows.append((way, frequency, *(f"{k:.0f}, {c:.2f}" for k, c in found)))
+            part.add(way, frequency, *(f"{k:.0f}, {c:.2f}" for k, c in found))
     lag = felt("both", max(ways), FREQUENCIES[0])
     physics = Physics()
     right = abs(lag[0] / physics.k_h - 1.0) < 0.03 and abs(lag[1] / physics.c_h - 1.0) < 0.15
-    return Part(
-        "transparency",
-        "Stiffness and damping felt at a fixed end by a hand that moves 5 mm either way [N/m, N s/m]; ideal: 200, 2.00",
-        ("one way [ms]", "frequency [Hz]", *NAMES),
-        rows,
-        [
-            Verdict(
-                "with both a hand feels the coupling itself at any distance",
-                right,
-                f"{lag[0]:.0f} N/m and {lag[1]:.2f} N s/m at {max(ways)} ms, {FREQUENCIES[0]:g} Hz",
-            )
-        ],
+    part.claim(
+        "with both a hand feels the coupling itself at any distance",
+        right,
+        f"{lag[0]:.0f} N/m and {lag[1]:.2f} N s/m at {max(ways)} ms, {FREQUENCIES[0]:g} Hz",
     )
+    return part
 
 
 # --- in everyday use ---------------------------------------------------------------------------------------------
@@ -186,27 +180,24 @@ PAUSE = 200
 
 def everyday_part(ways: Sequence[int], tell: Tell) -> Part:
     """Measure the effect of passivity control on forces in ordinary movements, on the paper's board."""
-    rows: list[tuple[Value, ...]] = []
+    part = Part(
+        "everyday",
+        "Movements of 5 to 20 mm by both hands on the paper's board: force with passivity control less force without",
+        "one way [ms] | force, rms [N] | difference, rms, of that [1] | largest difference [N]",
+    )
     for i, way in enumerate(ways):
         tell(f"everyday movements: {way} ms", i / len(ways))
         plain, limited = (_played(way, passivity=passivity) for passivity in (False, True))
         off = limited - plain
         scale = float(np.sqrt(np.mean(plain**2)))
-        rows.append((way, scale, float(np.sqrt(np.mean(off**2))) / scale, float(np.abs(off).max())))
-    nearest = rows[0]
-    return Part(
-        "everyday",
-        "Movements of 5 to 20 mm by both hands on the paper's board: force with passivity control less force without",
-        ("one way [ms]", "force, rms [N]", "difference, rms, of that [1]", "largest difference [N]"),
-        rows,
-        [
-            Verdict(
-                "next to its server passivity control changes an everyday force by less than 5 %",
-                bool(float(nearest[2]) < 0.05),
-                f"{float(nearest[2]):.2%} rms at {nearest[0]} ms",
-            )
-        ],
+        part.add(way, scale, float(np.sqrt(np.mean(off**2))) / scale, float(np.abs(off).max()))
+    nearest = part.rows[0]
+    part.claim(
+        "next to its server passivity control changes an everyday force by less than 5 %",
+        bool(float(nearest[2]) < 0.05),
+        f"{float(nearest[2]):.2%} rms at {nearest[0]} ms",
     )
+    return part
 
 
 def _played(way: int, *, passivity: bool) -> NDArray[np.float64]:

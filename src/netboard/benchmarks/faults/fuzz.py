@@ -18,7 +18,7 @@ from netboard.base.process import resident_memory
 from netboard.benchmarks.faults.fuzz_peers import peer_parts
 from netboard.benchmarks.faults.fuzz_server import MAX_GROWTH, server_parts
 from netboard.benchmarks.faults.malformed_frames import MalformedFrames, valid_frames
-from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict, new_folder
+from netboard.benchmarks.harness.results import Folder, Part, Value, new_folder
 from netboard.benchmarks.harness.running import Tell, run
 from netboard.network.protocol.codec import decode, encode
 
@@ -101,29 +101,27 @@ def codec_part(count: int, tell: Tell) -> Part:
     finally:
         gc.enable()
     growth = resident_memory() - before
-    columns = ("frames [1]", "messages [1]", "refused [1]", "mean size [bytes]", "slowest [ms]", "growth [MB]")
     slowest = counts.slowest * 1e3
     row: tuple[Value, ...] = (count, counts.accepted, counts.refused, counts.size / count, slowest, growth * 1e-6)
-    return Part(
+    part = Part(
         "codec",
         "Malformed frames for the codec",
-        columns,
+        "frames [1] | messages [1] | refused [1] | mean size [bytes] | slowest [ms] | growth [MB]",
         [row],
-        [
-            Verdict(
-                "every frame is decoded or refused",
-                not counts.errors,
-                "; ".join(counts.errors[:3]) or f"{counts.accepted} decoded, {counts.refused} refused",
-            ),
-            Verdict(
-                f"no frame takes longer than {SLOWEST_MS:g} ms",
-                slowest < SLOWEST_MS,
-                f"{slowest:.1f} ms for {len(counts.slowest_frame)} bytes",
-            ),
-            Verdict(
-                f"memory grows by less than {MAX_GROWTH * 1e-6:g} MB",
-                growth < MAX_GROWTH,
-                f"{growth * 1e-6:.1f} MB after the first quarter",
-            ),
-        ],
     )
+    part.claim(
+        "every frame is decoded or refused",
+        not counts.errors,
+        "; ".join(counts.errors[:3]) or f"{counts.accepted} decoded, {counts.refused} refused",
+    )
+    part.claim(
+        f"no frame takes longer than {SLOWEST_MS:g} ms",
+        slowest < SLOWEST_MS,
+        f"{slowest:.1f} ms for {len(counts.slowest_frame)} bytes",
+    )
+    part.claim(
+        f"memory grows by less than {MAX_GROWTH * 1e-6:g} MB",
+        growth < MAX_GROWTH,
+        f"{growth * 1e-6:.1f} MB after the first quarter",
+    )
+    return part

@@ -28,7 +28,7 @@ from netboard.benchmarks.faults.evidence import between
 from netboard.benchmarks.faults.fuzz_server import STUCK_SECONDS, memory_part
 from netboard.benchmarks.faults.malformed_frames import MalformedFrames, decode_or_none, valid_frames
 from netboard.benchmarks.faults.rigs import TIMEOUT, Rig, tampered
-from netboard.benchmarks.harness.results import Part, Value, Verdict
+from netboard.benchmarks.harness.results import Part, Verdict
 from netboard.benchmarks.harness.running import Tell
 from netboard.network.protocol.codec import encode
 from netboard.network.protocol.joining import Goodbye, Hello, Refusal, Welcome
@@ -380,17 +380,21 @@ def _memory(groups: Sequence[PeerGroup]) -> dict[str, float]:
 def _peers_part(groups: Sequence[PeerGroup], connections: int, verdicts: list[Verdict]) -> Part:
     """Tabulate the malformed messages that each socket received."""
     left, right = (group.server.malformed for group in groups)
-    rows: list[tuple[Value, ...]] = [
-        ("left agent: motion", left["motion"]),
-        ("left agent, left display: view", left["view"]),
-        ("left display: control", left["control"]),
-        ("logger: log", left["log"]),
-        ("right agent: motion", right["motion"]),
-        ("right agent: moves", right["moves"]),
-        ("all: connections without ZeroMQ", connections),
-    ]
-    title = "Malformed messages for agents, displays and loggers"
-    return Part("peers", title, ("socket", "messages [1]"), rows, verdicts)
+    return Part(
+        "peers",
+        "Malformed messages for agents, displays and loggers",
+        "socket | messages [1]",
+        [
+            ("left agent: motion", left["motion"]),
+            ("left agent, left display: view", left["view"]),
+            ("left display: control", left["control"]),
+            ("logger: log", left["log"]),
+            ("right agent: motion", right["motion"]),
+            ("right agent: moves", right["moves"]),
+            ("all: connections without ZeroMQ", connections),
+        ],
+        verdicts,
+    )
 
 
 def _same_force(group: PeerGroup, start_ns: int, stop_ns: int) -> Verdict:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from netboard.base.clock import now_ns
 from netboard.base.config import Config, parse, resolve
-from netboard.benchmarks.harness.results import Folder, Part, Value, new_folder
+from netboard.benchmarks.harness.results import Folder, Part, new_folder
 from netboard.benchmarks.harness.running import Tell, run
 from netboard.benchmarks.loop.spreads import HEADS, Times, spread_rows
 from netboard.network.protocol.codec import encode
@@ -209,16 +209,23 @@ def _way(found: dict[str, Shown]) -> Part:
             times[f"{name}: sent to received"] = shown.sent_to_received
             times[f"{name}: received to painted"] = shown.received_to_painted
             times[f"{name}: frame to frame"] = shown.between
-    about = "The way of a view, from the server's sending to the end of the painting"
-    return Part("way", about, ("what", "times", *HEADS), spread_rows(times))
+    return Part(
+        "way",
+        "The way of a view, from the server's sending to the end of the painting",
+        ("what", "times", *HEADS),
+        spread_rows(times),
+    )
 
 
 def _sight(found: dict[str, Shown], seconds: float) -> Part:
     """Return delay and error of the drawn board and the cost of painting, as a table."""
-    rows: list[tuple[Value, ...]] = []
+    part = Part(
+        "sight",
+        "Where the board was at the end of a painting, and where it was drawn",
+        "what | frames [Hz] | seen late by [ms] | off by, RMS [mm] | dropped | of a core [%]",
+    )
     for name, shown in found.items():
         delay, off = lateness(shown) if shown.between.size else (float("nan"), float("nan"))
         rate = len(shown.painted) / seconds
-        rows.append((name, rate, delay * 1e3, off * 1e3, shown.dropped, shown.busy * 100))
-    heads = ("what", "frames [Hz]", "seen late by [ms]", "off by, RMS [mm]", "dropped", "of a core [%]")
-    return Part("sight", "Where the board was at the end of a painting, and where it was drawn", heads, rows)
+        part.add(name, rate, delay * 1e3, off * 1e3, shown.dropped, shown.busy * 100)
+    return part

@@ -82,8 +82,12 @@ def lateness_part(found: Mapping[str, Times]) -> Part:
         for kind in (PYTHON, C):
             name, *ratios = ratio_row(f"{kind} / {BARE}{company} [1]", off[kind + company], off[BARE + company])
             rows.append((name, "", *ratios))
-    title = f"How early or late ticks are: how far from {TICK_NS / 1e6:g} ms after the one before"
-    return Part("lateness", title, ("callback", "ticks [1]", *HEADS), rows)
+    return Part(
+        "lateness",
+        f"How early or late ticks are: how far from {TICK_NS / 1e6:g} ms after the one before",
+        ("callback", "ticks [1]", *HEADS),
+        rows,
+    )
 
 
 def duration_part(found: Mapping[str, Times]) -> Part:
@@ -101,8 +105,13 @@ def duration_part(found: Mapping[str, Times]) -> Part:
         p999_ms = in_milliseconds(spread(took[kind + BUSY[True]]))[2]
         claim = f"99.9 % of the callbacks in {kind} take less than a tick beside a busy thread"
         verdicts.append(Verdict(claim, p999_ms < TICK_NS * 1e-6, f"{p999_ms:.3f} ms"))
-    title = "For how long a callback holds the servo thread up, the wait for the interpreter included"
-    return Part("duration", title, ("callback", "ticks [1]", *HEADS), rows, verdicts)
+    return Part(
+        "duration",
+        "For how long a callback holds the servo thread up, the wait for the interpreter included",
+        ("callback", "ticks [1]", *HEADS),
+        rows,
+        verdicts,
+    )
 
 
 def unsteadiness(times: Times) -> Times:

@@ -134,7 +134,7 @@ def tick_part(config: Config) -> Part:
     return Part(
         "stage",
         "Cost of the stage in a tick",
-        ("", "a tick [ns]", "relative [1]"),
+        " | a tick [ns] | relative [1]",
         [(name, cost * 1e9, cost / whole) for name, cost in costs.items()],
     )
 

@@ -49,12 +49,16 @@ def histogram(times: Times) -> NDArray[np.int64]:
 def histogram_part(named: Mapping[str, Times]) -> Part:
     """Return the histograms as a table: a row for each bin that is not empty in all."""
     counts = np.stack([histogram(times) for times in named.values()], axis=1)
-    rows: list[tuple[Value, ...]] = [
-        (float(EDGES_NS[i] * 1e-6), float(EDGES_NS[i + 1] * 1e-6), *map(int, counts[i]))
-        for i in np.flatnonzero(counts.any(axis=1))
-    ]
-    heads = ("from [ms]", "to [ms]", *(f"{name} [1]" for name in named))
-    return Part("histogram", "How often, by duration", heads, rows, on_screen=False)
+    return Part(
+        "histogram",
+        "How often, by duration",
+        ("from [ms]", "to [ms]", *(f"{name} [1]" for name in named)),
+        [
+            (float(EDGES_NS[i] * 1e-6), float(EDGES_NS[i + 1] * 1e-6), *map(int, counts[i]))
+            for i in np.flatnonzero(counts.any(axis=1))
+        ],
+        on_screen=False,
+    )
 
 
 def draw_histograms(groups: Sequence[Mapping[str, Times]], title: str) -> Any:

@@ -99,7 +99,6 @@ def predictions_part(found: Sequence[Prediction], performances: Sequence[Perform
     successes = sum(int(one.attempts["success"].sum()) for one in performances)
     given_up = sum(one.given_up for one in performances)
     about = f"{count} virtual studies of {STATES} dyads, drawn from {len(performances)} dyads, {trials} trials a block"
-    columns = ("result", "use", "paper", "direction", "median", "2.5 %", "97.5 %", "P(direction)", "reproduced")
     verdicts = [
         *_verdicts(found),
         Verdict(
@@ -109,7 +108,13 @@ def predictions_part(found: Sequence[Prediction], performances: Sequence[Perform
             f"{failures} falls of the ball in {successes} trials",
         ),
     ]
-    return Part("predictions", f"Results of the paper: {about}", columns, rows, verdicts)
+    return Part(
+        "predictions",
+        f"Results of the paper: {about}",
+        "result | use | paper | direction | median | 2.5 % | 97.5 % | P(direction) | reproduced",
+        rows,
+        verdicts,
+    )
 
 
 def _verdicts(found: Sequence[Prediction]) -> Iterator[Verdict]:
@@ -138,12 +143,12 @@ def _direction(statement: Statement) -> str:
 
 def ablations_part(found: dict[str, list[Prediction]]) -> Part:
     """Tabulate each result without one part of the model: the median, and the probability of the direction."""
-    rows: list[tuple[Value, ...]] = []
+    part = Part("ablations", "Median and, in brackets, probability of the direction", ("result", "paper", *found))
     for k, one in enumerate(found[next(iter(found))]):
         statement = one.statement
         paper = _direction(statement) if statement.value is None else statement.value
-        rows.append((statement.name, paper, *(_cell(variant[k]) for variant in found.values())))
-    return Part("ablations", "Median and, in brackets, probability of the direction", ("result", "paper", *found), rows)
+        part.add(statement.name, paper, *(_cell(variant[k]) for variant in found.values()))
+    return part
 
 
 def _cell(one: Prediction) -> str:
@@ -185,9 +190,12 @@ NEWTON_PER_METRE = 25.93
 
 def others_part(sample: Sample, person: Participant, config: Config) -> Part:
     """Compare parameters and behaviour with measurements and models of others."""
-    rows = [*_parameters(person, config), *_behaviour(sample)]
-    columns = ("quantity", "model", "others, low", "others, high", "agrees", "source")
-    return Part("others", "Comparison with measurements and models of others", columns, rows)
+    return Part(
+        "others",
+        "Comparison with measurements and models of others",
+        "quantity | model | others, low | others, high | agrees | source",
+        [*_parameters(person, config), *_behaviour(sample)],
+    )
 
 
 def _row(name: str, value: float, low: float, high: float, source: str) -> tuple[Any, ...]:
@@ -246,15 +254,17 @@ def slowing_part(dyads: int, trials: int, workers: int) -> Part:
     """
     means = {name: _means(list(perform_all(_tasks(name, dyads, trials), workers))) for name in CASES}
     base = means[next(iter(CASES))]
-    rows: list[tuple[Value, ...]] = []
+    part = Part(
+        "slowing",
+        f"Effect of parts of the force on one person with both hands: {2 * dyads} participants, blocks of {trials}",
+        "bimanual blocks | completion time [s] | change [%] | 95 % CI low | 95 % CI high",
+    )
     for name, own in means.items():
         ratios = np.log(own / base)
         mean, error = float(ratios.mean()), float(ratios.std(ddof=1) / np.sqrt(len(ratios)))
         low, high = (100.0 * np.expm1(mean + way * 1.96 * error) for way in (-1, 1))
-        rows.append((name, float(own.mean()), 100.0 * float(np.expm1(mean)), float(low), float(high)))
-    columns = ("bimanual blocks", "completion time [s]", "change [%]", "95 % CI low", "95 % CI high")
-    title = f"Effect of parts of the force on one person with both hands: {2 * dyads} participants, blocks of {trials}"
-    return Part("slowing", title, columns, rows)
+        part.add(name, float(own.mean()), 100.0 * float(np.expm1(mean)), float(low), float(high))
+    return part
 
 
 def _tasks(name: str, dyads: int, trials: int) -> list[tuple[Sequence[Job], int]]:

@@ -45,7 +45,7 @@ class Checked:
 def reference_part(found: Sequence[Checked]) -> Part:
     """List the reference solutions and their differences from independent solutions."""
     worst = max(one.apart for one in found)
-    return Part(
+    part = Part(
         "reference",
         "Reference solutions, the solvers they were checked by, and the largest values of the signals",
         ("problem", "reference", "check", "its E [1]", *_ERRORS),
@@ -53,8 +53,9 @@ def reference_part(found: Sequence[Checked]) -> Part:
             (one.problem.name, one.reference.source, one.check, one.apart, *one.reference.scales.tolist())
             for one in found
         ],
-        [Verdict("two independent solvers agree", worst < SURE, f"to E = {worst:.1e}")],
     )
+    part.claim("two independent solvers agree", worst < SURE, f"to E = {worst:.1e}")
+    return part
 
 
 def runs_part(rows: Iterable[Row]) -> Part:
@@ -105,7 +106,7 @@ def frontier_part(rows: Sequence[Row]) -> Part:
     return Part(
         "frontier",
         "Pareto frontier: no run has both a smaller error and a lower cost, hands excluded",
-        ("problem", "method", "setting", "E [1]", "errors every [s]", "physics [us/s]", "whole [us/s]"),
+        "problem | method | setting | E [1] | errors every [s] | physics [us/s] | whole [us/s]",
         [
             (row.problem, f"{row.library} {row.method}", row.setting, row.scaled, row.spacing, row.physics, row.whole)
             for row in best
@@ -206,7 +207,7 @@ def _least(comparisons: Sequence[Comparison]) -> str:
 
 def mujoco_part(rows: Sequence[Row], comparisons: Sequence[Comparison]) -> Part:
     """Compare netboard with MuJoCo on the Lagrangian problems."""
-    table: list[tuple[Value, ...]] = []
+    part = Part("mujoco", "MuJoCo", "problem | what | MuJoCo | netboard | ratio")
     held = []
     for problem in dict.fromkeys(row.problem for row in rows if row.library == MUJOCO):
         ours = [row for row in rows if row.problem == problem and row.library == OURS]
@@ -214,27 +215,24 @@ def mujoco_part(rows: Sequence[Row], comparisons: Sequence[Comparison]) -> Part:
         theirs = [row for row in rows if row.problem == problem and row.library == MUJOCO]
         staged = min(row.step_ns for row in theirs if row.method == STAGES)
         ns = min(row.step_ns for row in own if row.scaled < 1.0)
-        table.append((problem, "a step of RK4 on the same equations [ns]", staged, ns, staged / ns))
+        part.add(problem, "a step of RK4 on the same equations [ns]", staged, ns, staged / ns)
         cost = least_cost((row for row in theirs if row.held), HELD_ERROR)
         for name, curve in (("our rk4", own), ("our best", ours)):
             other = least_cost(curve, HELD_ERROR)
             if cost < inf and other < inf:
-                table.append(
-                    (problem, f"E = {HELD_ERROR:.0e}, controls held, {name} [us/s]", cost, other, cost / other)
-                )
+                part.add(problem, f"E = {HELD_ERROR:.0e}, controls held, {name} [us/s]", cost, other, cost / other)
                 held += [cost / other] if curve is ours else []
     mine = [one for one in comparisons if one.library == MUJOCO and one.what == "physics"]
     ratios = [ratio for one in mine for ratio in one.ratios if ratio is not None]
-    verdicts = []
     if ratios:
         claim = f"at equal error at least {STEPS:g} times cheaper than MuJoCo"
-        verdicts.append(Verdict(claim, min(ratios) >= STEPS, _least(mine)))
+        part.claim(claim, min(ratios) >= STEPS, _least(mine))
     if held:
         claim = (
             f"at E = {HELD_ERROR:.0e} at least {HELD_STEPS:g} times cheaper than MuJoCo with controls held in a step"
         )
-        verdicts.append(Verdict(claim, min(held) >= HELD_STEPS, f"{min(held):.3g} times"))
-    return Part("mujoco", "MuJoCo", ("problem", "what", "MuJoCo", "netboard", "ratio"), table, verdicts)
+        part.claim(claim, min(held) >= HELD_STEPS, f"{min(held):.3g} times")
+    return part
 
 
 def holds_part(rows: Sequence[HoldRow]) -> Part:
@@ -314,13 +312,12 @@ def skips_part(rows: Sequence[SkipRow]) -> Part:
     """List the cost of a tick of simpler scenes."""
     level = min(row.times for row in rows if row.method == "exact")
     worst = max(row.difference for row in rows)
-    return Part(
+    part = Part(
         "skips",
         "Simpler scenes: cost of a tick, and difference from the full scene in which the omitted part has no effect",
-        ("model", "omitted", "method", "ns per tick", "speed-up [1]", "no effect by", "largest difference [SI]"),
+        "model | omitted | method | ns per tick | speed-up [1] | no effect by | largest difference [SI]",
         [(row.model, row.name, row.method, row.tick_ns, row.times, row.proof, row.difference) for row in rows],
-        [
-            Verdict(f"a board that cannot tilt at least {LEVEL:g} times cheaper", level >= LEVEL, f"{level:.3g} times"),
-            Verdict("omitting a part changes nothing else", worst <= SAME, f"at most {worst:.1e}"),
-        ],
     )
+    part.claim(f"a board that cannot tilt at least {LEVEL:g} times cheaper", level >= LEVEL, f"{level:.3g} times")
+    part.claim("omitting a part changes nothing else", worst <= SAME, f"at most {worst:.1e}")
+    return part

@@ -77,20 +77,19 @@ def damage_part(scratch: Path, tell: Tell, *, quick: bool) -> Part:
             tell(f"{name}: {done + 1}", (number + 0.5) / (len(ways) + 1))
         rows.append(_row(name, found))
         faults += [f"{name}: {fault}" for one in found for fault in one.faults]
-    return Part(
+    part = Part(
         "damage",
         f"A recording of {len(whole.rows)} ticks in {len(whole.pieces)} chunks and {len(whole.data)} bytes, damaged",
         COLUMNS,
         rows,
-        [
-            Verdict(
-                "what was not touched is there to the bit, all loss is said, the source is untouched, the file sound",
-                not faults,
-                _said(faults, sum(int(row[1]) for row in rows)),
-            ),
-            _chunk_verdict(whole, rows),
-        ],
     )
+    part.claim(
+        "what was not touched is there to the bit, all loss is said, the source is untouched, the file sound",
+        not faults,
+        _said(faults, sum(int(row[1]) for row in rows)),
+    )
+    part.verdicts.append(_chunk_verdict(whole, rows))
+    return part
 
 
 def _chunk_verdict(whole: Specimen, rows: list[tuple[Value, ...]]) -> Verdict:
@@ -111,22 +110,19 @@ def kills_part(folder: Path, tell: Tell, count: int) -> Part:
     flush = Config().recording.flush_ms
     allowed = flush + BATCH_RECORDS
     worst = max(one.lost for one in found) * TICK_SECONDS * 1e3
-    return Part(
+    part = Part(
         "kills",
         f"A logger that takes a session's records over a socket, killed (SIGKILL) within {LONGEST:g} s of the first",
         COLUMNS,
         [_row("logger killed", found)],
-        [
-            Verdict(
-                "all that was acknowledged is there, to the bit and without a hole", not faults, _said(faults, count)
-            ),
-            Verdict(
-                f"less is lost than flush_ms ({flush:g} ms) and a batch ({BATCH_RECORDS} records)",
-                worst < allowed,
-                f"at most {worst:.0f} ms; what is lost is still in the server's ring",
-            ),
-        ],
     )
+    part.claim("all that was acknowledged is there, to the bit and without a hole", not faults, _said(faults, count))
+    part.claim(
+        f"less is lost than flush_ms ({flush:g} ms) and a batch ({BATCH_RECORDS} records)",
+        worst < allowed,
+        f"at most {worst:.0f} ms; what is lost is still in the server's ring",
+    )
+    return part
 
 
 def _said(faults: list[str], cases: int) -> str:

@@ -220,14 +220,18 @@ def tick_limits(methods: Sequence[str] = STUDIED, tell: Tell = lambda text, shar
                 if is_bounded(physics, method, TICK_SECONDS, 4.0) is not bounded:
                     wrong.append(f"{method}, {way} x{share * scale:.3g}")
         rows.append((method, *found))
-    verdict = Verdict(
+    part = Part(
+        "tick-limits",
+        f"How far the couplings may be scaled, in steps of {TICK_SECONDS:g} s",
+        ("method", *(f"{way} x [1]" for way in WAYS)),
+        rows,
+    )
+    part.claim(
         "runs are bounded 4 % below each limit, and not 4 % above",
         not wrong,
         f"{checked - len(wrong)} of {checked}{': not ' + '; '.join(wrong) if wrong else ''}",
     )
-    heads = ("method", *(f"{way} x [1]" for way in WAYS))
-    title = f"How far the couplings may be scaled, in steps of {TICK_SECONDS:g} s"
-    return Part("tick-limits", title, heads, rows, [verdict])
+    return part
 
 
 def _stable(method: str, factors: Callable[[float], dict[str, float]]) -> Callable[[float], bool]:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from netboard.base.compiled import fast
 from netboard.base.tables.scene import Physics
 from netboard.base.tick import TICK_SECONDS
-from netboard.benchmarks.harness.results import Part, Value, Verdict
+from netboard.benchmarks.harness.results import Part, Value
 from netboard.benchmarks.harness.running import Tell
 from netboard.benchmarks.physics.batch import LANES, in_blocks, make_batch, out_of_blocks, scene_blocks
 from netboard.benchmarks.stability.soak_audit import (
@@ -170,29 +170,20 @@ def soak(steps: int, seed: int = 1, scenes: int = 256, tell: Tell = lambda text,
     checks_beyond = sum(tally.checks for tally in beyond)
     lost_beyond, worst_beyond = sum(tally.lost for tally in beyond), max(tally.excess for tally in beyond)
     degrees = math.degrees(MAX_TILT)
-    return Part(
+    part = Part(
         "soak",
         f"Soak: {done:.4g} steps of 1 ms in {len(KINDS) * scenes} random scenes, {seconds:.3g} s, {restarts} balls put "
         f"back; within: tilts to {degrees:.0f} deg, turns to {MAX_TURN:g} rad in a step, balls to twice the arm",
-        (
-            "kind of scene",
-            "where",
-            f"checks, each of {BETWEEN} steps [1]",
-            "not finite [1]",
-            "growth - what hands can put in, over flows [1]",
-            "growth - flows, over flows [1]",
-        ),
+        f"kind of scene | where | checks, each of {BETWEEN} steps [1] | not finite [1] | "
+        "growth - what hands can put in, over flows [1] | growth - flows, over flows [1]",
         rows,
-        [
-            Verdict("within: every state is finite", lost == 0, f"{lost} of {checks} are not"),
-            Verdict(
-                "within: energy grows by no more than hands can put in", excess < 0.0, f"{excess:+.2g} of the flows"
-            ),
-            Verdict(f"within: energy is off by less than {BALANCE:.0%} of the flows", wrong < BALANCE, f"{wrong:.2g}"),
-            Verdict(
-                "beyond: every state is finite, and energy grows by no more than hands can put in",
-                lost_beyond == 0 and worst_beyond < 0.0,
-                f"{lost_beyond} of {checks_beyond} are not finite, {worst_beyond:+.2g} of the flows",
-            ),
-        ],
     )
+    part.claim("within: every state is finite", lost == 0, f"{lost} of {checks} are not")
+    part.claim("within: energy grows by no more than hands can put in", excess < 0.0, f"{excess:+.2g} of the flows")
+    part.claim(f"within: energy is off by less than {BALANCE:.0%} of the flows", wrong < BALANCE, f"{wrong:.2g}")
+    part.claim(
+        "beyond: every state is finite, and energy grows by no more than hands can put in",
+        lost_beyond == 0 and worst_beyond < 0.0,
+        f"{lost_beyond} of {checks_beyond} are not finite, {worst_beyond:+.2g} of the flows",
+    )
+    return part

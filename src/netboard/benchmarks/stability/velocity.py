@@ -124,26 +124,20 @@ def time_of(kind: str, updates: int) -> float:
 def figures(*, quick: bool, tell: Tell) -> Part:
     """Measure lag, noise, errors and time of each estimator."""
     offsets, updates = (QUICK_OFFSETS, QUICK_UPDATES) if quick else (OFFSETS, UPDATES)
-    rows: list[tuple[Value, ...]] = []
+    part = Part(
+        "estimators",
+        f"Velocity from encoder steps of {TOUCH.resolution * 1e3:g} mm, read each ms",
+        f"estimator | lag [ms] | rms at rest [mm/s] | rms at {SLOW.name} [mm/s] | rms at {FAST.name} [mm/s] | "
+        "largest on a reach [mm/s] | largest at 10 Hz [mm/s] | update [ns]",
+    )
     for i, kind in enumerate(KINDS):
         tell(f"movements: {kind}", i / len(KINDS))
         _, ramp = errors_of(kind, RAMP, offsets)
         lag = -float(ramp.mean()) / ACCELERATION
         noises = [1e3 * float(np.sqrt(np.mean(errors_of(kind, m, offsets)[1] ** 2))) for m in (REST, SLOW, FAST)]
         largest = [1e3 * float(np.abs(errors_of(kind, m, offsets)[1]).max()) for m in (REACH, SINE)]
-        rows.append((kind, 1e3 * lag, *noises, *largest, 1e9 * time_of(kind, updates)))
-    columns = (
-        "estimator",
-        "lag [ms]",
-        "rms at rest [mm/s]",
-        f"rms at {SLOW.name} [mm/s]",
-        f"rms at {FAST.name} [mm/s]",
-        "largest on a reach [mm/s]",
-        "largest at 10 Hz [mm/s]",
-        "update [ns]",
-    )
-    title = f"Velocity from encoder steps of {TOUCH.resolution * 1e3:g} mm, read each ms"
-    return Part("estimators", title, columns, rows)
+        part.add(kind, 1e3 * lag, *noises, *largest, 1e9 * time_of(kind, updates))
+    return part
 
 
 def delays(*, quick: bool, tell: Tell) -> Part:
@@ -172,8 +166,13 @@ def delays(*, quick: bool, tell: Tell) -> Part:
         ),
         _rule(rows, loops),
     ]
-    title = f"Largest delay of {physics.k_h:g} N/m, {physics.c_h:g} N s/m on a bare stylus of {TOUCH.mass * 1e3:g} g"
-    return Part("delays", title, ("estimator", *heads), rows, verdicts)
+    return Part(
+        "delays",
+        f"Largest delay of {physics.k_h:g} N/m, {physics.c_h:g} N s/m on a bare stylus of {TOUCH.mass * 1e3:g} g",
+        ("estimator", *heads),
+        rows,
+        verdicts,
+    )
 
 
 def _rule(rows: list[tuple[Value, ...]], loops: list[Loop]) -> Verdict:
