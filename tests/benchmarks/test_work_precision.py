@@ -219,8 +219,8 @@ def test_skipped_work_changes_no_result(model: Model, skip: Skip) -> None:
 @pytest.mark.daily(1, of="quick benchmarks")
 def test_quick_study_has_all_its_parts(tmp_path: Path) -> None:
     folder = Folder(tmp_path / "results")
-    wanted = Wanted((Problem("paper", "settled"),), (), quick=True, repeats=1, budget=0.0)
-    parts = list(study(wanted, folder, lambda text, share: None))
+    wanted = Wanted((Problem("paper", "settled"),), (), repeats=1, budget=0.0)
+    parts = list(study(wanted, folder, lambda text, share: None, quick=True))
     names = [part.name for part in parts]
     assert names[:5] == ["reference", "runs", "steps", "costs-paper-settled", "frontier"]
     assert {"holds", "tick", "skips"} < set(names)

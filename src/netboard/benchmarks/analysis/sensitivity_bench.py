@@ -8,6 +8,7 @@ import os
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from netboard.analysis.extraction.settings import Readings
@@ -31,8 +32,8 @@ from netboard.benchmarks.analysis.open_questions import (
 from netboard.benchmarks.analysis.remeasuring import Remeasured, Request, remeasure_all
 from netboard.benchmarks.analysis.reported_numbers import Numbers, numbers
 from netboard.benchmarks.harness import running
-from netboard.benchmarks.harness.results import Folder, Part, new_folder
-from netboard.benchmarks.harness.running import Tell
+from netboard.benchmarks.harness.results import Folder, Part
+from netboard.benchmarks.harness.running import Options, Tell
 from netboard.nodes.rehearsal import session as rehearsal
 from netboard.nodes.rehearsal.jobs import jobs_of
 from netboard.recording.export.runs import Run, runs_of
@@ -60,17 +61,13 @@ NO_BRIDGING = "filters.bridge=0"
 """Setting that leaves gaps open, so that the effect of lost samples is visible."""
 
 
-def main(recordings: Path | None, output: Path | None, json: Path | None, *, quick: bool, force: bool) -> None:
+def main(recordings: Path | None, options: Options) -> None:
     """Run the study on recordings, or else on rehearsed ones."""
-    given = None if recordings is None else found_in(recordings)
-    folder = Folder(output or new_folder("bench-sensitivity"), force=force)
-    what = {"study": "sensitivity", "quick": quick}
-    if given is not None:
-        running.run(folder, what, lambda tell: study(given, folder, tell, quick=quick), json)
+    if recordings is not None:
+        running.run("sensitivity", partial(study, found_in(recordings)), options)
         return
     with tempfile.TemporaryDirectory() as made:
-        rehearsed = rehearse(Path(made), quick=quick)
-        running.run(folder, what, lambda tell: study(rehearsed, folder, tell, quick=quick), json)
+        running.run("sensitivity", partial(study, rehearse(Path(made), quick=options.quick)), options)
 
 
 def found_in(folder: Path) -> list[Path]:

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
@@ -26,8 +27,8 @@ from netboard.benchmarks.analysis.costs import (
     in_fresh_process,
 )
 from netboard.benchmarks.analysis.rehearsed_study import rehearse_study
-from netboard.benchmarks.harness.results import Folder, Part, Verdict, new_folder
-from netboard.benchmarks.harness.running import Tell, run
+from netboard.benchmarks.harness.results import Folder, Part
+from netboard.benchmarks.harness.running import Options, Tell, run
 from netboard.recording.files.locate import find_recordings
 
 SHARES = (0.25, 0.5, 0.75, 1.0)
@@ -71,23 +72,21 @@ class Row:
     cached: TablesCost
 
 
-def main(
-    given: Path | None, workers: int | None, output: Path | None, json: Path | None, *, quick: bool, force: bool
-) -> list[Verdict]:
-    """Run the benchmark, show it and write it.
+def main(given: Path | None, workers: int | None, options: Options) -> None:
+    """Run the benchmark.
 
     - `workers`: number of processes; None for one per core, or for one if a small study is rehearsed [1].
     """
     recordings = None if given is None else find_recordings([given])
-    size = QUICK if quick else WHOLE
-    count = workers or (1 if quick and recordings is None else cores())
-    folder = Folder(output or new_folder("bench-analysis"), force=force)
-    settings = {"study": "analysis", "quick": quick, "workers": count}
-    return run(folder, settings, lambda tell: study(recordings, size, count, tell), json)
+    count = workers or (1 if options.quick and recordings is None else cores())
+    run("analysis", partial(study, recordings, count), options, {"workers": count})
 
 
-def study(recordings: Sequence[Path] | None, size: Size, workers: int, tell: Tell) -> Iterator[Part]:
+def study(
+    recordings: Sequence[Path] | None, workers: int, folder: Folder, tell: Tell, *, quick: bool
+) -> Iterator[Part]:
     """Measure the costs of an analysis; without recordings, of a rehearsed study."""
+    size = QUICK if quick else WHOLE
     with TemporaryDirectory() as name:
         place = Path(name)
         if recordings is None:

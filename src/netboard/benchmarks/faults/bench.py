@@ -29,7 +29,8 @@ from netboard.benchmarks.faults.other_cases import DEVICES, MACHINES, PEERS
 from netboard.benchmarks.faults.process_cases import PROCESSES
 from netboard.benchmarks.faults.sites import Setup, Site, open_site
 from netboard.benchmarks.harness.machine import describe
-from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict, new_folder, show
+from netboard.benchmarks.harness.results import Part, Value, Verdict, show
+from netboard.benchmarks.harness.running import Options
 
 COLUMNS = (
     *("case", "falls after [ms]", "zero after [ms]", "largest step / limit [1]"),
@@ -89,11 +90,11 @@ class Outcome:
         return all(verdict.holds for verdict in self.verdicts)
 
 
-def main(output: Path | None, *, quick: bool, force: bool, names: Sequence[str]) -> int:
+def main(names: Sequence[str], options: Options) -> int:
     """Inject faults and check the reactions."""
     console = Console(highlight=False)
-    chosen = choose(names, quick=quick)
-    folder = Folder(output or new_folder("faults"), force=force)
+    chosen = choose(names, quick=options.quick)
+    folder = options.folder("faults")
     for line in describe().lines():
         console.print(line)
     outcomes: list[Outcome] = []
@@ -103,10 +104,12 @@ def main(output: Path | None, *, quick: bool, force: bool, names: Sequence[str])
         def tell(name: str) -> None:
             progress.update(task, description=name)
 
-        for outcome in play_all(chosen, folder.path / "sites", quick, tell):
+        for outcome in play_all(chosen, folder.path / "sites", options.quick, tell):
             outcomes.append(outcome)
             progress.advance(task)
-            folder.write(parts_of(outcomes), about(outcomes, quick))
+            folder.write(parts_of(outcomes), about(outcomes, options.quick))
+    if options.json is not None:
+        shutil.copyfile(folder.path / "results.json", options.json)
     for part in parts_of(outcomes):
         show(console, part)
     held = sum(outcome.holds for outcome in outcomes if not outcome.refusal)

@@ -12,17 +12,17 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from math import ceil, cos, pi, sin
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.clock import now_ns
 from netboard.base.config import Config, parse, resolve
-from netboard.benchmarks.harness.results import Folder, Part, new_folder
-from netboard.benchmarks.harness.running import Tell, run
+from netboard.benchmarks.harness.results import Folder, Part
+from netboard.benchmarks.harness.running import Options, Tell, run
 from netboard.benchmarks.loop.spreads import HEADS, Times, spread_rows
 from netboard.network.protocol.codec import encode
 from netboard.network.transport import channels, sockets
@@ -173,24 +173,19 @@ def lateness(shown: Shown) -> tuple[float, float]:
     return float(off @ truth[:, 1] / (truth[:, 1] @ truth[:, 1])), float(np.sqrt(np.mean(off**2)))
 
 
-def main(
-    config: Config, output: Path | None, json_file: Path | None, seconds: float | None, *, quick: bool, force: bool
-) -> int:
+def main(config: Config, seconds: float | None, options: Options) -> None:
     """Run the study.
 
     - `config`: settings of the window, which is drawn offscreen without a screen.
     - `seconds`: duration of each measurement; None for the default [s].
     """
-    seconds = seconds or (QUICK_SECONDS if quick else SECONDS)
-    folder = Folder(output or new_folder("bench-display"), force=force)
+    seconds = seconds or (QUICK_SECONDS if options.quick else SECONDS)
     platform = application().platformName()
-    settings = {"study": "display", "seconds": seconds, "quick": quick, "platform": platform}
-    lines = [f"drawn by: {platform}"]
-    run(folder, settings, lambda tell: study(config, seconds, tell), json_file, lines=lines, bar=False)
-    return 0
+    settings, lines = {"seconds": seconds, "platform": platform}, [f"drawn by: {platform}"]
+    run("display", partial(study, config, seconds), options, settings, lines=lines, bar=False)
 
 
-def study(config: Config, seconds: float, tell: Tell) -> Iterator[Part]:
+def study(config: Config, seconds: float, folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
     """Measure a display that smooths views of a moving board, one that does not, and one at rest."""
     found: dict[str, Shown] = {}
     for name, smooth, moving in (("smooth", True, True), ("views as they are", False, True), ("at rest", True, False)):

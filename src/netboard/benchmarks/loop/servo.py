@@ -11,7 +11,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator, Mapping
-from pathlib import Path
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,8 +21,8 @@ from netboard.base.clock import Pacer, now_ns
 from netboard.base.errors import DeviceTimeout, NetboardError
 from netboard.base.process import steady_loop
 from netboard.base.tick import TICK_NS
-from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict, new_folder
-from netboard.benchmarks.harness.running import Tell, run
+from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict
+from netboard.benchmarks.harness.running import Options, Tell, run
 from netboard.benchmarks.loop.spreads import HEADS, Times, in_milliseconds, ratio_row, spread_rows
 from netboard.devices.touch.api import load
 from netboard.devices.touch.find import find
@@ -43,23 +43,18 @@ WARM_UP_TICKS = 200
 BUSY = {False: "", True: ", busy thread"}
 
 
-def main(
-    library: str, output: Path | None, json_file: Path | None, seconds: float | None, *, quick: bool, force: bool
-) -> int:
-    """Run the study; the exit code is 0, also if claims fail, since that is a result.
+def main(library: str, seconds: float | None, options: Options) -> None:
+    """Run the study.
 
     - `seconds`: duration of each measurement; None for the default [s].
     """
     load(library)
     shim()
-    seconds = seconds or (QUICK_SECONDS if quick else SECONDS)
-    folder = Folder(output or new_folder("bench-servo"), force=force)
-    settings = {"study": "servo", "library": library, "seconds": seconds, "quick": quick}
-    run(folder, settings, lambda tell: study(library, seconds, tell), json_file, bar=False)
-    return 0
+    seconds = seconds or (QUICK_SECONDS if options.quick else SECONDS)
+    run("servo", partial(study, library, seconds), options, {"library": library, "seconds": seconds}, bar=False)
 
 
-def study(library: str, seconds: float, tell: Tell) -> Iterator[Part]:
+def study(library: str, seconds: float, folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
     """Measure each callback, alone and beside a busy thread."""
     found: dict[str, Times] = {}
     for busy, company in BUSY.items():
