@@ -19,7 +19,7 @@ import numpy as np
 from netboard.base.clock import now_ns
 from netboard.base.errors import NetboardError
 from netboard.base.tick import LATE_NS
-from netboard.benchmarks.faults.case import Case
+from netboard.benchmarks.faults.cases import Case
 from netboard.benchmarks.faults.checks import Check, agents_stood_still, noted, nothing_lost
 from netboard.benchmarks.faults.evidence import Evidence, between
 from netboard.benchmarks.faults.harm import Act, Facts

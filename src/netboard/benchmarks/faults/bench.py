@@ -21,12 +21,9 @@ from netboard.base.config import SIDES
 from netboard.base.errors import ConfigError, NetboardError
 from netboard.base.terminal import FittedTable
 from netboard.benchmarks.faults import attack_cases
-from netboard.benchmarks.faults.case import PARTS, Case
+from netboard.benchmarks.faults.cases import DEVICES, LINKS, MACHINES, PARTS, PEERS, PROCESSES, Case
 from netboard.benchmarks.faults.checks import UNDISTURBED_NS, Falls, disturbed, fades_of, verdict_of
 from netboard.benchmarks.faults.evidence import Evidence, Window, gather, largest_step, without_cut
-from netboard.benchmarks.faults.link_cases import LINKS
-from netboard.benchmarks.faults.other_cases import DEVICES, MACHINES, PEERS
-from netboard.benchmarks.faults.process_cases import PROCESSES
 from netboard.benchmarks.faults.sites import Setup, Site, open_site
 from netboard.benchmarks.harness.machine import describe
 from netboard.benchmarks.harness.results import Part, Value, Verdict, show
