@@ -15,17 +15,16 @@ from netboard.benchmarks.harness.results import Folder, Part
 from netboard.benchmarks.harness.running import Options, Tell, run
 from netboard.benchmarks.physics import figures, peer_drake, peer_heyoka, peer_mujoco, peer_solvers
 from netboard.benchmarks.physics import parts as physics_parts
-from netboard.benchmarks.physics.horizons import expect_parts, hold_rows
+from netboard.benchmarks.physics.horizons import expect_parts, holds_part
 from netboard.benchmarks.physics.own_methods import (
     collocation_solvers,
     one_step_solvers,
     own_solution,
 )
-from netboard.benchmarks.physics.parts import Checked
 from netboard.benchmarks.physics.problem import MODELS, STARTS, Model, Problem, errors_of, make_reference, tight
-from netboard.benchmarks.physics.skips import skip_rows
+from netboard.benchmarks.physics.skips import skips_part
 from netboard.benchmarks.physics.solver import Solver
-from netboard.benchmarks.physics.tick_cost import measure_tick
+from netboard.benchmarks.physics.tick_cost import tick_part
 from netboard.benchmarks.physics.work_precision import Row, compare, measure
 
 
@@ -113,15 +112,14 @@ def choose_peers(asked: Sequence[str] | None, quick: bool) -> tuple[str, ...]:
 
 def study(wanted: Wanted, folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
     """Run all parts of the study, and draw the runs."""
-    references: dict[Problem, Checked] = {}
+    references: dict[Problem, physics_parts.Checked] = {}
     rows: list[Row] = []
     for problem in wanted.problems:
         share = 0.8 * len(references) / len(wanted.problems)
-        say = partial(_say, tell, share)
-        say(f"{problem.name}: reference")
+        tell(f"{problem.name}: reference", share)
         references[problem] = find_reference(problem)
         solvers = _solvers(problem, wanted, quick)
-        rows += measure(problem, references[problem].reference, solvers, wanted.repeats, wanted.budget, say)
+        rows += measure(problem, references[problem].reference, solvers, wanted.repeats, wanted.budget, tell, share)
     comparisons = compare(rows)
     yield physics_parts.reference_part(list(references.values()))
     yield physics_parts.runs_part(rows)
@@ -133,24 +131,17 @@ def study(wanted: Wanted, folder: Folder, tell: Tell, *, quick: bool) -> Iterato
         yield physics_parts.mujoco_part(rows, comparisons)
     chosen = [problem for problem in wanted.problems if problem.start == "settled"][: 1 if quick else None]
     tell("from samples", 0.8)
-    yield physics_parts.holds_part(
-        [row for problem in chosen for row in hold_rows(problem, references[problem].reference)]
-    )
+    yield holds_part((problem, references[problem].reference) for problem in chosen)
     for problem in chosen[:1]:
         yield from expect_parts(problem, references[problem].reference)
     tell("the live tick", 0.9)
-    yield physics_parts.tick_part([measure_tick(problem, wanted.repeats) for problem in chosen])
+    yield tick_part(chosen, wanted.repeats)
     tell("simpler scenes", 0.95)
-    yield physics_parts.skips_part([row for problem in chosen for row in skip_rows(problem.model, wanted.repeats)])
+    yield skips_part([problem.model for problem in chosen], wanted.repeats)
     figures.draw(rows, folder, signals=not quick)
 
 
-def _say(tell: Tell, share: float, step: str) -> None:
-    """Report progress within one problem."""
-    tell(step, share)
-
-
-def find_reference(problem: Problem) -> Checked:
+def find_reference(problem: Problem) -> physics_parts.Checked:
     """Solve a problem as accurately as possible, and a second time by another solver as a check."""
     states = tight(problem)
     if PEERS["heyoka"].available:
@@ -159,7 +150,7 @@ def find_reference(problem: Problem) -> Checked:
         reference, check = make_reference(problem, "scipy DOP853", states), "our dop853, 0.25 ms"
         states = own_solution(problem, "dop853", 0.00025)
     apart = errors_of(problem, reference, states, 1) / reference.scales
-    return Checked(problem, reference, check, float(apart.max()))
+    return physics_parts.Checked(problem, reference, check, float(apart.max()))
 
 
 def _solvers(problem: Problem, wanted: Wanted, quick: bool) -> list[Solver]:

@@ -5,31 +5,17 @@ from dataclasses import dataclass
 from math import inf
 
 from netboard.benchmarks.harness.results import Part, Value, Verdict
-from netboard.benchmarks.physics.horizons import HoldRow
 from netboard.benchmarks.physics.peer_mujoco import LIBRARY as MUJOCO
 from netboard.benchmarks.physics.peer_mujoco import STAGES
-from netboard.benchmarks.physics.problem import SIGNALS, Problem, Reference
-from netboard.benchmarks.physics.skips import SkipRow
+from netboard.benchmarks.physics.problem import ERRORS, Problem, Reference
 from netboard.benchmarks.physics.solver import OURS
-from netboard.benchmarks.physics.tick_cost import TickCost
 from netboard.benchmarks.physics.work_precision import TARGETS, Comparison, Row, cost_at, frontier, least_cost
 
 SURE = 1e-11
 """Largest difference of two reference solutions that can resolve an E of 1e-12 [1]."""
 
-LIVE, OFFLINE = 1e-4, 1e-7
-"""Largest claimed errors of force by sampling, live and offline [N]."""
-
-FLOORS, CALL, MANY = 2.0, 1000.0, 15_000.0
-"""Largest cost of a tick: compiled, over its lower bound; called from Python; in a batch of a thousand [1, ns, ns]."""
-
 STEPS, HELD_STEPS, HELD_ERROR = 100.0, 700.0, 1e-3
 """Claimed ratio of MuJoCo's cost to ours, at any error, and at one error with held controls [1]."""
-
-LEVEL, SAME = 4.0, 1e-8
-"""Claimed speed-up of a board that cannot tilt; largest difference of a simpler scene from the full one [1, SI]."""
-
-_ERRORS = tuple(f"{name} [{unit}]" for name, unit in zip(SIGNALS, ("m", "rad", "m", "N"), strict=True))
 
 
 @dataclass(frozen=True)
@@ -48,7 +34,7 @@ def reference_part(found: Sequence[Checked]) -> Part:
     part = Part(
         "reference",
         "Reference solutions, the solvers they were checked by, and the largest values of the signals",
-        ("problem", "reference", "check", "its E [1]", *_ERRORS),
+        ("problem", "reference", "check", "its E [1]", *ERRORS),
         [
             (one.problem.name, one.reference.source, one.check, one.apart, *one.reference.scales.tolist())
             for one in found
@@ -64,7 +50,7 @@ def runs_part(rows: Iterable[Row]) -> Part:
         "runs",
         "All runs",
         (
-            *("problem", "library", "method", "setting", "controls held", "E [1]", *_ERRORS),
+            *("problem", "library", "method", "setting", "controls held", "E [1]", *ERRORS),
             *("ns per step", "physics [us/s]", "its median", "whole [us/s]", "its median", "dense [us/s]"),
             *("steps", "evaluations of the hands", "errors every [s]", "turns", "warm-up [s]"),
         ),
@@ -86,7 +72,7 @@ def steps_part(rows: Iterable[Row]) -> Part:
     return Part(
         "steps",
         "Netboard's methods with steps of 1 ms",
-        ("problem", "method", "ns per step", "E [1]", *_ERRORS),
+        ("problem", "method", "ns per step", "E [1]", *ERRORS),
         [
             (row.problem, row.method, row.step_ns, row.scaled, *row.errors)
             for row in rows
@@ -232,92 +218,4 @@ def mujoco_part(rows: Sequence[Row], comparisons: Sequence[Comparison]) -> Part:
             f"at E = {HELD_ERROR:.0e} at least {HELD_STEPS:g} times cheaper than MuJoCo with controls held in a step"
         )
         part.claim(claim, min(held) >= HELD_STEPS, f"{min(held):.3g} times")
-    return part
-
-
-def holds_part(rows: Sequence[HoldRow]) -> Part:
-    """List the errors by sampling and extrapolation."""
-    verdicts = []
-    for problem in dict.fromkeys(row.problem for row in rows):
-        live = next(row for row in rows if row.problem == problem and row.hold == "ca")
-        offline = min((row for row in rows if row.problem == problem and row.hold == "hermite"), key=_force)
-        for name, row, most in (("live", live, LIVE), ("offline", offline, OFFLINE)):
-            claim = f"{problem}: forces {name} within {most:g} N of those under continuous hands"
-            verdicts.append(Verdict(claim, _force(row) <= most, f"{_force(row):.2g} N ({row.hold}, {row.run})"))
-    return Part(
-        "holds",
-        "Runs from samples at 1 kHz, compared with continuous movements of the hands",
-        ("problem", "hold", "run by", *_ERRORS, "rms of force [N]"),
-        [(row.problem, row.hold, row.run, *row.errors, row.force_rms) for row in rows],
-        verdicts,
-    )
-
-
-def _force(row: HoldRow) -> float:
-    """Return the largest error of force."""
-    return row.errors[SIGNALS.index("force")]
-
-
-def tick_part(costs: Sequence[TickCost]) -> Part:
-    """List the cost of a live tick and of its parts."""
-    lines: list[tuple[str, list[float]]] = [
-        ("sine and cosine: latency", [cost.sincos_latency_ns for cost in costs]),
-        ("sine and cosine: reciprocal throughput", [cost.sincos_ns for cost in costs]),
-        ("right-hand side: latency", [cost.right_side_latency_ns for cost in costs]),
-        ("right-hand side: reciprocal throughput", [cost.right_side_ns for cost in costs]),
-        ("lower bound: latency of four right-hand sides", [cost.floor_ns for cost in costs]),
-        ("one RK4 step alone", [cost.step_ns for cost in costs]),
-        ("the server's tick: samples, extrapolation, forces, trial, step", [cost.tick_ns for cost in costs]),
-        ("called from Python: median", [cost.call_ns for cost in costs]),
-        ("called from Python: 99th percentile", [cost.call_p99_ns for cost in costs]),
-        ("called from Python: worst", [cost.call_worst_ns for cost in costs]),
-        ("first tick after warming up", [cost.first_call_ns for cost in costs]),
-        (f"a tick of {costs[0].many} simulations in a batch", [cost.many_ns for cost in costs]),
-    ]
-    verdicts = []
-    for cost in costs:
-        floors, alone = cost.tick_ns / cost.floor_ns, cost.tick_ns / cost.step_ns
-        verdicts += [
-            Verdict(
-                f"{cost.model}: a tick costs at most {FLOORS:g} times the lower bound",
-                floors <= FLOORS,
-                f"{floors:.2f} times, and {alone:.2f} times its RK4 step alone",
-            ),
-            Verdict(
-                f"{cost.model}: a tick called from Python takes at most {CALL:g} ns",
-                cost.call_ns <= CALL,
-                f"{cost.call_ns:.0f} ns, the median",
-            ),
-            Verdict(
-                f"{cost.model}: the first tick compiles nothing",
-                not cost.compiled_late,
-                f"{cost.first_call_ns / 1e3:.0f} us",
-            ),
-            Verdict(
-                f"{cost.model}: a tick of 1000 simulations takes at most {MANY / 1e3:g} us",
-                cost.many_ns * 1000 / cost.many <= MANY,
-                f"{cost.many_ns / 1e3:.1f} us for {cost.many}",
-            ),
-        ]
-    return Part(
-        "tick",
-        "Cost of a live tick [ns]",
-        ("what", *(cost.model for cost in costs)),
-        [(name, *values) for name, values in lines],
-        verdicts,
-    )
-
-
-def skips_part(rows: Sequence[SkipRow]) -> Part:
-    """List the cost of a tick of simpler scenes."""
-    level = min(row.times for row in rows if row.method == "exact")
-    worst = max(row.difference for row in rows)
-    part = Part(
-        "skips",
-        "Simpler scenes: cost of a tick, and difference from the full scene in which the omitted part has no effect",
-        "model | omitted | method | ns per tick | speed-up [1] | no effect by | largest difference [SI]",
-        [(row.model, row.name, row.method, row.tick_ns, row.times, row.proof, row.difference) for row in rows],
-    )
-    part.claim(f"a board that cannot tilt at least {LEVEL:g} times cheaper", level >= LEVEL, f"{level:.3g} times")
-    part.claim("omitting a part changes nothing else", worst <= SAME, f"at most {worst:.1e}")
     return part

@@ -18,6 +18,7 @@ from time import perf_counter
 
 import numpy as np
 
+from netboard.benchmarks.harness.running import Tell
 from netboard.benchmarks.physics.problem import SPACING, Problem, Reference, drives_at, errors_of
 from netboard.benchmarks.physics.solver import OURS, Solution, Solver, timed
 
@@ -85,18 +86,19 @@ def measure(
     solvers: Sequence[Solver],
     repeats: int,
     budget: float,
-    progress: Callable[[str], object] = lambda name: None,
+    tell: Tell = lambda text, share: None,
+    share: float = 0.0,
 ) -> list[Row]:
     """Solve a problem with each solver, and time them, interleaved."""
     solutions, warm_ups = [], []
     for solver in solvers:
-        progress(f"{problem.name}: {solver.library} {solver.method}")
+        tell(f"{problem.name}: {solver.library} {solver.method}", share)
         start = perf_counter()
         solutions.append(solver.solve())
         solver.bare()
         warm_ups.append(perf_counter() - start)
     ns = input_cost(problem)
-    progress(f"{problem.name}: timing")
+    tell(f"{problem.name}: timing", share)
     walls = in_turns([solver.bare for solver in solvers], repeats, budget)
     alone = _of_some([solver.alone for solver in solvers], repeats, budget)
     dense = _of_some([solver.dense for solver in solvers], repeats, budget)
