@@ -7,11 +7,10 @@ the mixed model, so an effect is added to the estimates of the same studies to o
 
 import os
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import dataclass
 from functools import lru_cache
 from math import exp, sqrt
-from multiprocessing import get_context
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +26,7 @@ from netboard.analysis.statistics.small_samples import (
     kenward_roger_freedom,
     satterthwaite_freedom,
 )
+from netboard.benchmarks.harness.processes import fresh_processes
 from netboard.benchmarks.harness.results import Folder, Part, Verdict
 from netboard.benchmarks.harness.running import Tell
 
@@ -225,7 +225,7 @@ def rejections(studies: int, tell: Tell) -> Counts:
     # The largest studies first, so that all processes end at about the same time.
     tasks.sort(key=lambda task: -task[0].dyads)
     counts = {setting: np.zeros((2, len(TERMS), len(METHODS))) for setting in settings()}
-    with ProcessPoolExecutor(min(os.cpu_count() or 1, len(tasks)), get_context("spawn")) as pool:
+    with fresh_processes(min(os.cpu_count() or 1, len(tasks))) as pool:
         futures = {pool.submit(_count_rejections, *task): task[0] for task in tasks}
         for done, answer in enumerate(as_completed(futures), start=1):
             counts[futures[answer]] += answer.result()

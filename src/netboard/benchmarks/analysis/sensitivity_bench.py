@@ -195,7 +195,6 @@ def _singles_and_pairs(
     list[tuple[Ambiguity, Alternative, Numbers]],
     list[tuple[Ambiguity, Ambiguity, Numbers]],
 ]:
-    """Compute the reported numbers with each single alternative and with each pair."""
     each = [
         numbers(study_of([one.others[number] for one in found], readings), default)
         for number, readings in enumerate(variants.others[: variants.first_path])
@@ -211,7 +210,6 @@ def _single(variants: Variants, found: Sequence[Remeasured], name: str) -> Study
 
 
 def _measured(variants: Variants, tell: Tell) -> list[Remeasured]:
-    """Measure all recordings with all variants."""
     disturbed = recordings_to_disturb(variants.runs)
     requests = []
     for run in variants.runs:
@@ -231,7 +229,6 @@ def _measured(variants: Variants, tell: Tell) -> list[Remeasured]:
 
 
 def _paths(variants: Variants, found: Sequence[Remeasured], default: Numbers, tell: Tell) -> list[dict[str, float]]:
-    """Compute the reported numbers on all paths."""
     values = []
     for number, summaries in enumerate(variants.paths.summaries):
         tell("random paths", 0.9 + 0.1 * number / len(variants.paths.summaries))

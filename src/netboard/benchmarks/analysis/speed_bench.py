@@ -24,9 +24,9 @@ from netboard.benchmarks.analysis.costs import (
     cost_of_reading,
     cost_of_report,
     cost_of_tables,
-    in_fresh_process,
 )
 from netboard.benchmarks.analysis.rehearsed_study import rehearse_study
+from netboard.benchmarks.harness.processes import in_fresh_process
 from netboard.benchmarks.harness.results import Folder, Part
 from netboard.benchmarks.harness.running import Options, Tell, run
 from netboard.recording.files.locate import find_recordings
@@ -121,7 +121,6 @@ def _row(recordings: Sequence[Path], workers: int, cache: Path) -> Row:
 
 
 def _costs(rows: Sequence[Row], workers: int) -> Part:
-    """Tabulate the elapsed time of each share."""
     times = ("reading alone [s]", "uncached [s]", "cached [s]")
     ratios = ("uncached / reading [1]", "cached / reading [1]", "uncached, x real time [1]")
     return Part(
@@ -182,7 +181,6 @@ def line(x: Sequence[float], y: Sequence[float]) -> tuple[float, float, float]:
 
 
 def _memory(rows: Sequence[Row]) -> Part:
-    """Tabulate the peak memory of each share."""
     hours = [row.uncached.data / 3600 for row in rows]
     growth, start, _ = line(hours, [row.uncached.peak for row in rows])
     first, last = rows[0].uncached.worker_peak, rows[-1].uncached.worker_peak
@@ -209,7 +207,6 @@ def _memory(rows: Sequence[Row]) -> Part:
 
 
 def _whole(row: Row, report: Time, peak: float) -> Part:
-    """Tabulate the cost of a whole analysis."""
     return Part(
         "whole",
         "A whole analysis",

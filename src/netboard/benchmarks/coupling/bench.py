@@ -62,5 +62,4 @@ def draw_limits(found: Sequence[Found]) -> Any:
 
 
 def _shown(k: float) -> float:
-    """Return a stiffness for the figure."""
     return STIFFEST if math.isinf(k) else k if k > 0.0 else np.nan

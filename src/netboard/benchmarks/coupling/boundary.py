@@ -255,7 +255,6 @@ def limits_part(found: Sequence[Found]) -> Part:
 
 
 def _stiffness(k: float) -> str:
-    """Format a stiffness for the table."""
     if math.isnan(k):
         return "-"
     return f"> {STIFFEST:g}" if math.isinf(k) else f"{k:.4g}"
@@ -292,5 +291,4 @@ def delays_part(hands: Sequence[str], tell: Tell) -> Part:
 
 
 def _way(way: int) -> str:
-    """Format a delay for the table."""
     return f">= {MAX_WAY}" if way >= MAX_WAY else str(way)

@@ -110,7 +110,6 @@ class HostileServer:
     # --- valid messages ----------------------------------------------------------------------------------------------
 
     def _welcome_to_block(self, number: int) -> bytes:
-        """Return the welcome that announces a block to the peers."""
         block = replace(self._config.block, number=number, blocks=BLOCK_COUNT)
         return encode(Welcome("f" * 32, PROTOCOL_VERSION, now_ns(), resolve(replace(self._config, block=block))))
 
@@ -148,7 +147,6 @@ class HostileServer:
                 publisher.send(encode(_view(side, step)))
 
     def _start_block(self, number: int) -> None:
-        """Announce a block to every peer."""
         self._welcome = self._welcome_to_block(number)
         for channel, router in self._routers.items():
             for name in self._peers[channel]:
@@ -186,7 +184,6 @@ class HostileServer:
 
 
 def _view(side: str, step: int) -> View:
-    """Return a view of a slowly moving board."""
     z = 0.01 * sin(step * 1e-3)
     return View(
         side, step, now_ns(), "running", z, 0.1 * z, 0.0, 0.15, z, z, 1, 6, 0, None, None, "", step, 0.0, 1, 1, None
@@ -341,7 +338,6 @@ def _step(groups: Sequence[PeerGroup], count: int) -> None:
 
 
 def _send_malformed(groups: Sequence[PeerGroup], count: int, tell: Tell) -> None:
-    """Send `count` malformed messages on every channel."""
     total = count * sum(len(group.channels) for group in groups)
     sent, sent_at = 0, time.monotonic()
     steps = 0

@@ -133,7 +133,6 @@ class FuzzingClient:
 
 
 def _has_effect(message: Message | None) -> bool:
-    """Return whether a message from a joined client has an effect."""
     stop = isinstance(message, Stylus) and bool(message.safeguards & Safeguard.STOPPED)
     return stop or isinstance(message, EFFECTIVE)
 

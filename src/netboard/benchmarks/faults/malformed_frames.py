@@ -116,7 +116,6 @@ def _message(kind: type[Message], rng: random.Random) -> Message:
 
 
 def _value(hint: Any, rng: random.Random) -> Any:
-    """Return a random value of a field's type."""
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if origin is types.UnionType:
         return None if rng.random() < 0.5 else _value(arguments[0], rng)
@@ -204,7 +203,6 @@ class MalformedFrames:
         return copy.deepcopy(self._rng.choice(UNUSUAL_VALUES))
 
     def _from_another_message(self) -> Any:
-        """Return another message or one of its fields."""
         tree = self._rng.choice(self._messages)
         return copy.deepcopy(self._rng.choice([tree, *tree]))
 
@@ -275,7 +273,6 @@ class FaultyWriter:
 
 
 def _children(value: Any) -> list[Any]:
-    """Return the items of a list or a map."""
     return list(value.values()) if isinstance(value, dict) else value if isinstance(value, list) else []
 
 

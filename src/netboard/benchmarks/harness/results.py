@@ -143,7 +143,6 @@ def _counted(part: Part, column: str) -> bool:
 
 
 def _line(verdict: Verdict) -> Text:
-    """Format a claim and its result."""
     word, style = ("holds", "green") if verdict.holds else ("FAILS", "bold red")
     return Text.assemble((word, style), f"  {verdict.claim}: {verdict.found}")
 

@@ -6,9 +6,6 @@ The board as painted is compared with its position at that moment: the error, an
 and panel come later and are not measured.
 """
 
-import json
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -20,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.clock import now_ns
-from netboard.base.config import Config, parse, resolve
+from netboard.base.config import Config
+from netboard.benchmarks.harness.processes import fresh_processes
 from netboard.benchmarks.harness.results import Folder, Part
 from netboard.benchmarks.harness.running import Options, Tell, run
 from netboard.benchmarks.loop.spreads import HEADS, Times, spread_rows
@@ -101,25 +99,13 @@ def send_views(config: Config, seconds: float, moving: bool) -> dict[int, int]:
     return sent
 
 
-def serve() -> None:
-    """Run `send_views` as a process: order on standard input, answer on standard output, both as JSON."""
-    order = json.load(sys.stdin)
-    json.dump(send_views(parse(order["config"]), order["seconds"], order["moving"]), sys.stdout)
-
-
 def measure(config: Config, seconds: float, *, moving: bool) -> Shown:
     """Run a display for a period, with a process that sends it views."""
     application()
-    order = {"config": resolve(config), "seconds": seconds + SPARE, "moving": moving}
-    command = [sys.executable, "-c", f"from {__name__} import serve; serve()"]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as sender:
-        assert sender.stdin is not None
-        assert sender.stdout is not None
-        sender.stdin.write(json.dumps(order))
-        sender.stdin.close()
-        frames, busy, dropped = _watch(config, seconds, lambda: sender.poll() is None)
-        sent = {int(tick): at for tick, at in json.load(sender.stdout).items()}
-    return _shown(frames, sent, busy, dropped)
+    with fresh_processes(1) as pool:
+        sending = pool.submit(send_views, config, seconds + SPARE, moving)
+        frames, busy, dropped = _watch(config, seconds, lambda: not sending.done())
+        return _shown(frames, sending.result(), busy, dropped)
 
 
 def _watch(config: Config, seconds: float, served: Callable[[], bool]) -> tuple[list[Frame], float, int]:
@@ -197,7 +183,6 @@ def study(config: Config, seconds: float, folder: Folder, tell: Tell, *, quick: 
 
 
 def _way(found: dict[str, Shown]) -> Part:
-    """Return the parts of the latency of a view, as a table."""
     times = {}
     for name, shown in found.items():
         if shown.sent_to_received.size:

@@ -192,7 +192,6 @@ def ratios_part(found: Measured) -> Part:
 
 
 def _ratios(one: Round, ours: Played) -> dict[str, float]:
-    """Return the ratios of a round."""
     _, *ratios = ratio_row("", _together(ours.took_ns), one.echo_ns)
     spent = {name: total(cost.spent.values()).seconds / cost.seconds for name, cost in one.costs.items()}
     agents, peers = (sum(spent[f"{side} agent"] for side in SIDES), sum(spent[f"peer {side}"] for side in SIDES))

@@ -6,21 +6,18 @@ like an agent: every millisecond its loop takes the newest sample and writes a f
 a second thread that computes in Python without a pause.
 """
 
-import json
-import subprocess
-import sys
 import threading
 from collections.abc import Iterator, Mapping
+from concurrent.futures import BrokenExecutor
 from functools import partial
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from netboard.base.clock import Pacer, now_ns
 from netboard.base.errors import DeviceTimeout, NetboardError
 from netboard.base.process import steady_loop
 from netboard.base.tick import TICK_NS
+from netboard.benchmarks.harness.processes import in_fresh_process
 from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict
 from netboard.benchmarks.harness.running import Options, Tell, run
 from netboard.benchmarks.loop.spreads import HEADS, Times, in_milliseconds, ratio_row, spread_rows
@@ -117,23 +114,20 @@ def unsteadiness(times: Times) -> Times:
 
 def measure(library: str, kind: str, seconds: float, *, busy: bool) -> Times:
     """Measure one callback in a process of its own."""
-    order = json.dumps({"library": library, "kind": kind, "seconds": seconds, "busy": busy})
-    command = [sys.executable, "-m", "netboard.benchmarks.loop.servo", order]
-    done = subprocess.run(command, capture_output=True, check=False)
-    if done.returncode:
-        said = done.stderr.decode(errors="replace").strip().splitlines() or ["no word"]
-        raise NetboardError(f"measuring the servo callback ({kind}) failed: {said[-1]}")
-    return np.frombuffer(done.stdout, np.int64).reshape(-1, 2)
+    try:
+        return in_fresh_process(work, library, kind, seconds, busy)
+    except (NetboardError, BrokenExecutor) as error:
+        raise NetboardError(f"measuring the servo callback ({kind}) failed: {error}") from error
 
 
-def work(order: Mapping[str, Any]) -> NDArray[np.int64]:
+def work(library: str, kind: str, seconds: float, busy: bool) -> Times:
     """Run in that process: a timed servo, and an agent's loop."""
-    rig = rig_of(order["library"])
-    count = round(order["seconds"] * 1e9) // TICK_NS
+    rig = rig_of(library)
+    count = round(seconds * 1e9) // TICK_NS
     with rig.paused():
         seat = find(rig, "", "")
-        servo = SERVOS[order["kind"]](rig.library, seat.handle, TIMEOUT_NS)
-        watch = Watch(None if order["kind"] == BARE else servo.entry, count + 2 * WARM_UP_TICKS)
+        servo = SERVOS[kind](rig.library, seat.handle, TIMEOUT_NS)
+        watch = Watch(None if kind == BARE else servo.entry, count + 2 * WARM_UP_TICKS)
         rig.schedule(seat, servo, watch.entry)
     stopping = threading.Event()
     thread = threading.Thread(target=compute, args=(stopping,), daemon=True)
@@ -142,7 +136,7 @@ def work(order: Mapping[str, Any]) -> NDArray[np.int64]:
         if len(watch.times) == 0:
             raise DeviceTimeout("the servo loop of the haptic device does not run")
         steady_loop()
-        if order["busy"]:
+        if busy:
             thread.start()
         _loop(servo, WARM_UP_TICKS)
         first = len(watch.times)
@@ -168,10 +162,3 @@ def _loop(servo: Servo, count: int) -> None:
         pacer.wait()
         servo.result()
         servo.put((0.0, 0.0, 0.0), now_ns())
-
-
-if __name__ == "__main__":
-    try:
-        sys.stdout.buffer.write(work(json.loads(sys.argv[1])).tobytes())
-    except NetboardError as error:
-        sys.exit(str(error))

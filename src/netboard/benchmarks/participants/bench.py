@@ -77,7 +77,6 @@ def study(count: int, dyads: int | None, workers: int | None) -> Study:
 def _performances(
     name: str, dyads: int, trials: int, workers: int, number: int, variants: int, tell: Tell
 ) -> Iterator[Performance]:
-    """Simulate the dyads of a variant, and report progress."""
     population = Population(ABLATIONS[name], trials)
     tasks = [(population.jobs(dyad), dyad) for dyad in range(1, dyads + 1)]
     for done, performance in enumerate(perform_all(tasks, workers)):
@@ -204,7 +203,6 @@ def _row(name: str, value: float, low: float, high: float, source: str) -> tuple
 
 
 def _parameters(person: Participant, config: Config) -> Iterator[tuple[Any, ...]]:
-    """Compare the parameters of the model."""
     yield _row("visual delay [s]", person.visual_delay, 0.08, 0.23, "models: Takagi 2017, Lokesh 2023, Insperger")
     yield _row("haptic delay [s]", person.haptic_delay, 0.05, 0.1, "Cluff, Crevecoeur and Scott 2015; Lokesh 2023")
     yield _row("delay of the reflexes [s]", person.reflex_delay, 0.025, 0.1, "Cluff, Crevecoeur and Scott 2015")
@@ -219,7 +217,6 @@ def _parameters(person: Participant, config: Config) -> Iterator[tuple[Any, ...]
 
 
 def _behaviour(sample: Sample) -> Iterator[tuple[Any, ...]]:
-    """Compare the behaviour of the simulated participants."""
     alone = float(sample.of("peaks", "bimanual").sum() / sample.of("completion", "bimanual").sum())
     first, sparc = (float(np.nanmedian(sample.of(name, "bimanual"))) for name in ("first_move", "sparc"))
     yield _row("first movement of the board after the release, median [s]", first, 0.2, 0.6, "reaction and muscle lags")
@@ -283,7 +280,6 @@ def _alone(job: Job) -> bool:
 
 
 def _with_force(job: Job, force: str) -> Job:
-    """Return a block with another force condition."""
     return replace(job, config=replace(job.config, block=replace(job.config.block, force=force)))
 
 

@@ -154,7 +154,6 @@ def find_reference(problem: Problem) -> physics_parts.Checked:
 
 
 def _solvers(problem: Problem, wanted: Wanted, quick: bool) -> list[Solver]:
-    """Return all solvers compared on a problem."""
     found = one_step_solvers(problem, quick) + collocation_solvers(problem, quick)
     for name in wanted.peers:
         found += PEERS[name].solvers(problem, quick)

@@ -147,7 +147,6 @@ Segments = tuple[tuple[float, float], ...]
 
 
 def _collocation(problem: Problem, nodes: int, segments: Segments, tolerance: float) -> Solver:
-    """Return collocation with one setting."""
     opening = ", short steps first" if len(segments) > 1 else ""
     setting = " then ".join(f"{h * 1e3:g} ms" for h, _ in segments) + f", tol {tolerance:.0e}"
     return Solver(
@@ -203,5 +202,4 @@ def _chain(
 
 @cache
 def _tables(parts: Parts, scene: bytes, h: float, nodes: int) -> Tables:
-    """Compute the tables of a scene for a step length."""
     return make_tables(parts, np.frombuffer(scene, SCENE)[0], 6, h, nodes)

@@ -60,7 +60,6 @@ def runs_part(rows: Iterable[Row]) -> Part:
 
 
 def _all_of(row: Row) -> tuple[Value, ...]:
-    """Return all results of a run."""
     who: tuple[Value, ...] = (row.problem, row.library, row.method, row.setting, row.held, row.scaled)
     costs = (row.step_ns, row.physics, row.physics_median, row.whole, row.whole_median, row.dense)
     counts: tuple[Value, ...] = (row.steps, row.calls, row.spacing, row.turns, row.warm_up)
@@ -126,7 +125,6 @@ _HEADS = tuple(f"{error:.0e}".replace("e-0", "e-") for error in TARGETS)
 
 
 def _file(problem: str) -> str:
-    """Return the name of a problem in file names."""
     return problem.replace(", ", "-")
 
 
@@ -168,7 +166,6 @@ def _ahead(comparisons: Sequence[Comparison], meaning: str) -> list[Verdict]:
 
 
 def _ratio(ratio: float | None) -> Value:
-    """Format a ratio."""
     return "-" if ratio is None else _short(ratio)
 
 

@@ -80,7 +80,6 @@ def _solver(problem: Problem, tolerance: float) -> Solver:
 
 
 def _rewound(integrator: Any, state: tuple[float, ...]) -> Any:
-    """Reset an integrator to an initial state."""
     integrator.time = 0.0
     integrator.state[:] = state
     return integrator

@@ -88,8 +88,6 @@ def _hands(samples: Any, i: int, scene: Any) -> State:
 
 @cache
 def _make_loop(METHOD: int, PARTS: Parts, FORCES: bool) -> Callable[..., State]:
-    """Compile a loop of ticks."""
-
     @kernel
     def loop(x: State, samples: Any, tables: Any, scene: Any, forces: Any, out: Any) -> State:
         one, keep, table = scene[0], len(out) > 0, borrowed(tables)
@@ -149,13 +147,11 @@ def samples_of(ticks: int) -> Array:
 
 
 def _first(model: Model, skip: Skip, length: int) -> State:
-    """Return the first state of a simpler scene."""
     first = Problem(model, "settled").first
     return tuple(0.0 if i in skip.still else value for i, value in enumerate(first[:length]))
 
 
 def _table(method: str, scene: NDArray[Any], parts: Parts, length: int) -> Array:
-    """Return the tables of a method for a tick."""
     return METHODS[NUMBER[method]].tables(scene[0], parts, length, TICK_SECONDS)[np.newaxis]
 
 

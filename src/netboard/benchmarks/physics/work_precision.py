@@ -151,7 +151,6 @@ def _row(
     times: Times,
     ns: float,
 ) -> Row:
-    """Collect the results of a solver."""
     errors = errors_of(problem, reference, solution.states, solution.stride)
     scale = 1e6 / problem.duration
     hands = solution.calls * (ns if isnan(solver.input_ns) else solver.input_ns) * 1e-9

@@ -154,7 +154,6 @@ def map_parts(plane: Plane, cells: Sequence[Cell]) -> Iterator[Part]:
 
 
 def _summary(method: str, cells: Sequence[Cell]) -> tuple[tuple[Value, ...], Verdict]:
-    """Summarise a map for one method."""
     own = [cell for cell in cells if cell.method == method]
     first, smallest = own[0], min(cell.nonlinear for cell in own)
     limited = [cell for cell in own if cell.counts]

@@ -176,7 +176,6 @@ def odd_hands(config: Config, kinds: Sequence[str] = tuple(KINDS)) -> Part:
 
 
 def _named(kinds: Sequence[str]) -> str:
-    """Return the names of the kinds that fail."""
     return f"not with {', '.join(kinds)}" if kinds else "with all"
 
 

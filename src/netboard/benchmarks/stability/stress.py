@@ -109,7 +109,6 @@ def stiff_forces(cases: Sequence[tuple[float, float]] = STIFF, tell: Tell = lamb
 
 
 def _list(wrong: Sequence[str]) -> str:
-    """List the failures."""
     return "; ".join(wrong) if wrong else "in every case"
 
 
