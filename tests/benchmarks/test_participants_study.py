@@ -9,10 +9,9 @@ import pytest
 
 from netboard.benchmarks.harness.running import Options, run
 from netboard.benchmarks.participants import fit
-from netboard.benchmarks.participants.bench import study
+from netboard.benchmarks.participants.bench import ABLATIONS, Prediction, studies, study
 from netboard.benchmarks.participants.paper import STATEMENTS, Sample, Statement
 from netboard.benchmarks.participants.trials import ATTEMPT, Performance, Population, perform
-from netboard.benchmarks.participants.validation import ABLATIONS, Prediction, studies
 
 
 def attempts_of_dyad(dyad: int = 1, trials: int = 18) -> np.ndarray:

@@ -7,16 +7,22 @@ import numpy as np
 import pytest
 
 from netboard.benchmarks.harness.running import Options, run
-from netboard.benchmarks.stability.velocity import RAMP, REACH, SLOW, errors_of, follow, study, time_of
-from netboard.benchmarks.stability.velocity_loop import (
+from netboard.benchmarks.stability.velocity import (
     IDEAL,
+    RAMP,
+    REACH,
+    SLOW,
     TOUCH,
     Loop,
+    errors_of,
+    follow,
     largest_delay,
     largest_played,
     linear_estimator,
     radius_of,
     settles,
+    study,
+    time_of,
 )
 from netboard.devices.contract.velocity import KINDS
 

@@ -19,8 +19,8 @@ from netboard.benchmarks.physics.own_methods import collocation_solvers, meeting
 from netboard.benchmarks.physics.parts import ratios_parts
 from netboard.benchmarks.physics.problem import MODELS, Model, Problem, make_reference, tight
 from netboard.benchmarks.physics.skips import SAME, SKIPS, Skip, difference
-from netboard.benchmarks.physics.solver import OURS
 from netboard.benchmarks.physics.work_precision import (
+    OURS,
     Comparison,
     Row,
     compare,

@@ -26,7 +26,7 @@ from netboard.benchmarks.loop.loop import (
 from netboard.benchmarks.loop.scale import Crowd, measure_scale, measure_waiting, scale_part, waiting_part
 from netboard.benchmarks.loop.skips import measure_skips, skips_part, tick_part
 from netboard.benchmarks.loop.soak import measure_soak, memory_part, minutes_part, records_part
-from netboard.benchmarks.loop.spreads import draw_histograms, histogram_part
+from netboard.benchmarks.loop.timing import draw_histograms, histogram_part
 from netboard.benchmarks.loop.usage import Costs, add_costs
 from netboard.stage.stage import make_stage
 

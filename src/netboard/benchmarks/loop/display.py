@@ -21,7 +21,7 @@ from netboard.base.config import Config
 from netboard.benchmarks.harness.processes import fresh_processes
 from netboard.benchmarks.harness.results import Folder, Part
 from netboard.benchmarks.harness.running import Options, Tell, run
-from netboard.benchmarks.loop.spreads import HEADS, Times, spread_rows
+from netboard.benchmarks.loop.timing import HEADS, Times, spread_rows
 from netboard.network.protocol.codec import encode
 from netboard.network.transport import channels, sockets
 from netboard.stage.view import View

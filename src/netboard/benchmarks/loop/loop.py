@@ -19,9 +19,17 @@ from netboard.base.config import SIDES, Config
 from netboard.base.tick import TICK_NS, TICK_SECONDS
 from netboard.benchmarks.harness.results import Part, Value, Verdict
 from netboard.benchmarks.harness.running import Tell
-from netboard.benchmarks.loop.played import Played, Punctuality, played, punctuality
 from netboard.benchmarks.loop.rig import Rig, own_configs, write_configs
-from netboard.benchmarks.loop.spreads import HEADS, Times, ratio_row, spread_rows
+from netboard.benchmarks.loop.timing import (
+    HEADS,
+    Played,
+    Punctuality,
+    Times,
+    played,
+    punctuality,
+    ratio_row,
+    spread_rows,
+)
 from netboard.benchmarks.loop.usage import KINDS, LOOP, TRANSPORT, Costs, Usage, add_costs, read_usage, total
 from netboard.benchmarks.loop.workers import Worker, Workers
 from netboard.recording.files.reader import Recording

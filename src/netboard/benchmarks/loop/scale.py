@@ -21,9 +21,8 @@ from netboard.base.clock import now_ns
 from netboard.base.config import Config
 from netboard.benchmarks.harness.results import Part, Verdict
 from netboard.benchmarks.harness.running import Tell
-from netboard.benchmarks.loop.played import Punctuality, punctuality
 from netboard.benchmarks.loop.rig import await_status, own_configs, write_configs
-from netboard.benchmarks.loop.spreads import HEADS, Times, in_milliseconds
+from netboard.benchmarks.loop.timing import HEADS, Punctuality, Times, in_milliseconds, punctuality
 from netboard.benchmarks.loop.usage import LOOP, TRANSPORT, Cost, read_usage, total
 from netboard.benchmarks.loop.workers import Workers
 from netboard.network.transport import sockets

@@ -20,7 +20,7 @@ from netboard.base.tick import TICK_NS
 from netboard.benchmarks.harness.processes import in_fresh_process
 from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict
 from netboard.benchmarks.harness.running import Options, Tell, run
-from netboard.benchmarks.loop.spreads import HEADS, Times, in_milliseconds, ratio_row, spread_rows
+from netboard.benchmarks.loop.timing import HEADS, Times, in_milliseconds, ratio_row, spread_rows
 from netboard.devices.touch.api import load
 from netboard.devices.touch.find import find
 from netboard.devices.touch.library import rig_of

@@ -17,7 +17,7 @@ from netboard.base.tick import LATE_NS
 from netboard.benchmarks.harness.results import Part, Value, Verdict
 from netboard.benchmarks.harness.running import Tell
 from netboard.benchmarks.loop.rig import Rig, own_configs
-from netboard.benchmarks.loop.spreads import HEADS, Times, in_milliseconds
+from netboard.benchmarks.loop.timing import HEADS, Times, in_milliseconds
 from netboard.benchmarks.loop.usage import Usage
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.summary import closed_loops, spread

@@ -23,9 +23,8 @@ from netboard.benchmarks.physics.own_methods import (
 )
 from netboard.benchmarks.physics.problem import MODELS, STARTS, Model, Problem, errors_of, make_reference, tight
 from netboard.benchmarks.physics.skips import skips_part
-from netboard.benchmarks.physics.solver import Solver
 from netboard.benchmarks.physics.tick_cost import tick_part
-from netboard.benchmarks.physics.work_precision import Row, compare, measure
+from netboard.benchmarks.physics.work_precision import Row, Solver, compare, measure
 
 
 @dataclass(frozen=True)

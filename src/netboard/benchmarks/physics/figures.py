@@ -12,8 +12,7 @@ from typing import Any
 
 from netboard.benchmarks.harness.results import Folder
 from netboard.benchmarks.physics.problem import SIGNALS
-from netboard.benchmarks.physics.solver import OURS
-from netboard.benchmarks.physics.work_precision import COSTS, PHYSICS, Row, frontier
+from netboard.benchmarks.physics.work_precision import COSTS, OURS, PHYSICS, Row, frontier
 
 UNITS = {"z": "m", "theta": "rad", "p": "m", "force": "N"}
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from netboard.benchmarks.physics.collocation import Tables, gauss_nodes, make_collocation, make_tables
 from netboard.benchmarks.physics.problem import SPACING, Array, Problem, drives_at, multiples, node_times
-from netboard.benchmarks.physics.solver import OURS, Solution, Solver
+from netboard.benchmarks.physics.work_precision import OURS, Solution, Solver
 from netboard.physics.methods.catalogue import METHODS, NUMBER, Method
 from netboard.physics.methods.march import Grid, make_grid, make_march, run
 from netboard.physics.scene.parameters import SCENE, Parts

@@ -8,8 +8,7 @@ from netboard.benchmarks.harness.results import Part, Value, Verdict
 from netboard.benchmarks.physics.peer_mujoco import LIBRARY as MUJOCO
 from netboard.benchmarks.physics.peer_mujoco import STAGES
 from netboard.benchmarks.physics.problem import ERRORS, Problem, Reference
-from netboard.benchmarks.physics.solver import OURS
-from netboard.benchmarks.physics.work_precision import TARGETS, Comparison, Row, cost_at, frontier, least_cost
+from netboard.benchmarks.physics.work_precision import OURS, TARGETS, Comparison, Row, cost_at, frontier, least_cost
 
 SURE = 1e-11
 """Largest difference of two reference solutions that can resolve an E of 1e-12 [1]."""

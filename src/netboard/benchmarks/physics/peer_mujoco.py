@@ -17,7 +17,7 @@ import numpy as np
 
 from netboard.base.tables.scene import Physics
 from netboard.benchmarks.physics.problem import SPACING, Array, Problem, drives_at, multiples
-from netboard.benchmarks.physics.solver import Solution, Solver
+from netboard.benchmarks.physics.work_precision import Solution, Solver
 
 LIBRARY = "MuJoCo"
 STEPS = (0.004, 0.002, 0.001, 0.0005, 0.00025)

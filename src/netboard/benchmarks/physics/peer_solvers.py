@@ -22,7 +22,7 @@ from netboard.benchmarks.physics.problem import (
     new_rate,
     push_and_turn,
 )
-from netboard.benchmarks.physics.solver import Solution, Solver, timed
+from netboard.benchmarks.physics.work_precision import Solution, Solver, timed
 
 SCIPY = {
     "RK45": (1e-3, 1e-5, 1e-7, 1e-9),

@@ -23,8 +23,7 @@ from netboard.base.tick import TICK, TICK_NS, TICK_SECONDS
 from netboard.benchmarks.harness.results import Part
 from netboard.benchmarks.physics.batch import LANES, in_blocks, make_batch, scene_blocks
 from netboard.benchmarks.physics.problem import Array, Problem, styluses_at
-from netboard.benchmarks.physics.solver import timed
-from netboard.benchmarks.physics.work_precision import in_turns
+from netboard.benchmarks.physics.work_precision import in_turns, timed
 from netboard.physics.arithmetic.trig import sincos
 from netboard.physics.methods.catalogue import NUMBER
 from netboard.physics.methods.march import make_grid, make_march

@@ -12,7 +12,7 @@ from netboard.base.tick import TICK_SECONDS
 from netboard.benchmarks.harness.results import Part
 from netboard.benchmarks.harness.running import Tell
 from netboard.benchmarks.physics.problem import hermite_drives, styluses_at
-from netboard.benchmarks.physics.solver import timed
+from netboard.benchmarks.physics.work_precision import timed
 from netboard.benchmarks.stability.maps import board_matrix
 from netboard.benchmarks.stability.runs import STUDIED
 from netboard.physics.arithmetic.vectors import State
