@@ -232,7 +232,7 @@ def make(case: Case, site: Site) -> Window:
         start_ns = now_ns()
         if pauses:
             facts[AGAIN] = str(pauses)
-        facts.update(case.act(site))
+        facts.update(case.act(site) or {})
         site.sleep(NOTICED_S)
         site.rig.until_felt(WELL_S)
     except (NetboardError, OSError) as error:
