@@ -8,6 +8,7 @@ damaged, a running trial at the end, and no effect on another dyad on the same s
 from dataclasses import dataclass, replace
 
 from netboard.base.config import SIDES, Side
+from netboard.benchmarks.faults import harm
 from netboard.benchmarks.faults.checks import (
     Check,
     back,
@@ -28,32 +29,6 @@ from netboard.benchmarks.faults.checks import (
     stopped,
     told,
     whole,
-)
-from netboard.benchmarks.faults.harm import (
-    SAMPLE,
-    STRANGER,
-    Act,
-    blow,
-    cut,
-    distrust,
-    double,
-    fill_disk,
-    flood,
-    hold,
-    kill,
-    kill_logger_until_it_matters,
-    kill_with_peer_frozen,
-    pull_cable,
-    remove_directory,
-    say,
-    second_agent,
-    set_wall_clock,
-    stand_still,
-    stop_in_an_emergency,
-    swallow,
-    together,
-    trick,
-    trick_and_restart,
 )
 from netboard.benchmarks.faults.relay import FAIR, Weather
 from netboard.benchmarks.faults.sites import Setup
@@ -95,7 +70,7 @@ class Case:
     done: str
     expected: str
     setup: Setup
-    act: Act
+    act: harm.Act
     checks: tuple[Check, ...]
     cut: Side | None = None
     alone: bool = False
@@ -138,7 +113,7 @@ _STOOD_STILL = (paused("stalled"), noted("stood_still"))
 _UNSEEN = (*UNNOTICED, shown("left"))
 
 
-def _process(name: str, setup: Setup, done: str, expected: str, act: Act, *checks: Check) -> Case:
+def _process(name: str, setup: Setup, done: str, expected: str, act: harm.Act, *checks: Check) -> Case:
     return Case(name, "processes", done, expected, setup, act, checks)
 
 
@@ -146,7 +121,7 @@ def _suspended(process: str, name: str, seconds: float, setup: Setup, expected: 
     """Return a case that suspends a process for a duration [s]."""
     time = f"{seconds:g} s" if seconds >= 1.0 else f"{seconds * 1e3:g} ms"
     done = f"SIGSTOP of {_ARTICLES[process]} {name} for {time}"
-    act = stand_still(process, seconds)
+    act = harm.stand_still(process, seconds)
     return _process(f"{name}-stopped-{time.replace(' ', '')}", setup, done, expected, act, *checks)
 
 
@@ -156,7 +131,7 @@ PROCESSES = (
         DYAD,
         "kill -9 of an agent, restarted after 1 s",
         PAUSED,
-        kill(LEFT),
+        harm.kill(LEFT),
         *(paused("left agent"), noted("agent_joined", "left")),
     ),
     _suspended(LEFT, "agent", 0.05, DYAD, f"the trial goes on, or is {PAUSED}", either(*OUTAGE)),
@@ -167,7 +142,7 @@ PROCESSES = (
         SERVED,
         "kill -9 of the server, restarted after 1 s",
         FALLS + "a new session with a recording of its own; the old one is whole up to its last records",
-        kill(SERVER),
+        harm.kill(SERVER),
         *(falls(*SIDES), noted("session_started")),
     ),
     _process(
@@ -175,7 +150,7 @@ PROCESSES = (
         SERVED,
         "an agent is suspended while the server is killed and restarted, and resumes in a session that has ended",
         "it gets no force before it has joined the new session; the right force falls in time",
-        kill_with_peer_frozen,
+        harm.kill_with_peer_frozen,
         *(falls("right"), noted("session_started"), noted("agent_joined", "left")),
     ),
     _suspended(
@@ -184,13 +159,15 @@ PROCESSES = (
     ),
     _suspended(SERVER, "server", 1.0, SERVED, FALLS + PAUSED, falls(*SIDES), *_STOOD_STILL),
     _suspended(SERVER, "server", 10.0, SERVED, FALLS + PAUSED, falls(*SIDES), *_STOOD_STILL),
-    _process("logger-killed", LOGGED, "kill -9 of the logger, restarted after 1 s", GOES_ON, kill(LOGGER), *UNNOTICED),
+    _process(
+        "logger-killed", LOGGED, "kill -9 of the logger, restarted after 1 s", GOES_ON, harm.kill(LOGGER), *UNNOTICED
+    ),
     _process(
         "logger-away-60s",
         LOGGED,
         "kill -9 of the logger, restarted after 60 s; the ring holds 3 s",
         _SPILLS,
-        kill(LOGGER, 60.0, 6.0),
+        harm.kill(LOGGER, 60.0, 6.0),
         *(*UNNOTICED, noted("log_spilling"), noted("logger_joined")),
     ),
     _process(
@@ -198,14 +175,16 @@ PROCESSES = (
         UNSPILLED,
         "the same, with no room to spill to, until 10 s after the server has noticed",
         "paused before anything is lost; what is lost then is listed with its cause",
-        kill_logger_until_it_matters,
+        harm.kill_logger_until_it_matters,
         *(told("notice", "the logger is too far behind"), noted("log_lost")),
     ),
     _suspended(LOGGER, "logger", 0.05, LOGGED, GOES_ON, *UNNOTICED),
     _suspended(LOGGER, "logger", 1.0, LOGGED, GOES_ON, *UNNOTICED),
     # Alone: after other cases the spill may not have been taken yet, and would not begin anew.
     replace(_suspended(LOGGER, "logger", 10.0, LOGGED, _SPILLS, *UNNOTICED, noted("log_spilling")), alone=True),
-    _process("display-killed", SHOWN, "kill -9 of a display, restarted after 1 s", _SHOWN, kill(DISPLAY), *_UNSEEN),
+    _process(
+        "display-killed", SHOWN, "kill -9 of a display, restarted after 1 s", _SHOWN, harm.kill(DISPLAY), *_UNSEEN
+    ),
     _suspended(DISPLAY, "display", 0.05, SHOWN, _SHOWN, *_UNSEEN),
     _suspended(DISPLAY, "display", 1.0, SHOWN, _SHOWN, *_UNSEEN),
     _suspended(DISPLAY, "display", 10.0, SHOWN, _SHOWN, *_UNSEEN),
@@ -214,7 +193,7 @@ PROCESSES = (
         SHOWN,
         "a display's connections stay, and nothing is read from them for 10 s",
         _SHOWN,
-        hold(DISPLAY, 10.0, 2.0),
+        harm.hold(DISPLAY, 10.0, 2.0),
         *_UNSEEN,
     ),
 )
@@ -225,17 +204,17 @@ PROCESSES = (
 _ANY = f"the trial goes on, or is {PAUSED}"
 
 
-def _link(name: str, done: str, expected: str, act: Act, *checks: Check, setup: Setup = RELAYED) -> Case:
+def _link(name: str, done: str, expected: str, act: harm.Act, *checks: Check, setup: Setup = RELAYED) -> Case:
     return Case(name, "links", done, expected, setup, act, checks)
 
 
-def _unreachable(name: str, done: str, act: Act, also: str = "", setup: Setup = RELAYED) -> Case:
+def _unreachable(name: str, done: str, act: harm.Act, also: str = "", setup: Setup = RELAYED) -> Case:
     """Return a case in which the left agent is out of reach longer than the timeout, so the trial pauses."""
     expected = f"{LEFT_FALLS}{PAUSED}; {also}{REMEMBERED}"
     return _link(name, done, expected, act, falls("left"), paused(*OUTAGE), rendered_known("left"), setup=setup)
 
 
-def _briefly_unreachable(name: str, done: str, act: Act, setup: Setup = RELAYED) -> Case:
+def _briefly_unreachable(name: str, done: str, act: harm.Act, setup: Setup = RELAYED) -> Case:
     """Return a case in which the left agent is out of reach so briefly that the trial may go on."""
     expected = f"the left force begins to fall in time; {_ANY}"
     return _link(name, done, expected, act, falls("left", to_zero=False), either(*OUTAGE), setup=setup)
@@ -243,7 +222,7 @@ def _briefly_unreachable(name: str, done: str, act: Act, setup: Setup = RELAYED)
 
 def _weather(name: str, done: str, expected: str, *checks: Check, up: Weather = FAIR, down: Weather = FAIR) -> Case:
     """Return a case that degrades the left agent's line for 3 s."""
-    return _link(name, done, expected, blow(LEFT, up, down), *checks)
+    return _link(name, done, expected, harm.blow(LEFT, up, down), *checks)
 
 
 def _weather_each_way(name: str, done: str, expected: str, check: Check, weather: Weather) -> Case:
@@ -254,29 +233,29 @@ LINKS = (
     _briefly_unreachable(
         "line-held-20ms",
         "the link between an agent and the server holds all bytes for 20 ms",
-        hold(LEFT, 0.02),
+        harm.hold(LEFT, 0.02),
     ),
-    _unreachable("line-held-200ms", "the same for 200 ms", hold(LEFT, 0.2)),
-    _unreachable("line-held-5s", "the same for 5 s", hold(LEFT, 5.0)),
+    _unreachable("line-held-200ms", "the same for 200 ms", harm.hold(LEFT, 0.2)),
+    _unreachable("line-held-5s", "the same for 5 s", harm.hold(LEFT, 5.0)),
     _link(
         "lines-held-200ms",
         "the same on the lines of both agents for 200 ms",
         FALLS + PAUSED,
-        together(hold(LEFT, 0.2), hold(RIGHT, 0.2)),
+        harm.together(harm.hold(LEFT, 0.2), harm.hold(RIGHT, 0.2)),
         *(falls(*SIDES), paused("agent", "not armed")),
     ),
-    _unreachable("line-cut-20ms", "an agent's connections are reset, and new ones for 20 ms", cut(LEFT, 0.02)),
-    _unreachable("line-cut-200ms", "the same for 200 ms", cut(LEFT, 0.2)),
-    _unreachable("line-cut-5s", "the same for 5 s", cut(LEFT, 5.0)),
+    _unreachable("line-cut-20ms", "an agent's connections are reset, and new ones for 20 ms", harm.cut(LEFT, 0.02)),
+    _unreachable("line-cut-200ms", "the same for 200 ms", harm.cut(LEFT, 0.2)),
+    _unreachable("line-cut-5s", "the same for 5 s", harm.cut(LEFT, 5.0)),
     _unreachable(
         "black-hole",
         "an agent's connections are reset; new ones are accepted and swallow everything for 2 s",
-        swallow(LEFT, 2.0),
+        harm.swallow(LEFT, 2.0),
     ),
     _unreachable(
         "doubled",
         "an agent's connections are reset, and made twice for 2 s: the server gets every byte twice",
-        double(LEFT),
+        harm.double(LEFT),
         "one of the two is accepted; ",
     ),
     _weather_each_way(
@@ -321,15 +300,15 @@ LINKS = (
         "clock-unknown",
         "an agent is restarted over a line with 5 ms each way: its clock offset cannot be known to 0.5 ms",
         "its device is not armed, and the server says why, until the line is better",
-        distrust(LEFT, Weather(0.005)),
+        harm.distrust(LEFT, Weather(0.005)),
         *(paused("left agent"), told("waiting for", "the left agent's clock")),
         setup=DISTRUSTED,
     ),
     _briefly_unreachable(
-        "cable-20ms", "the cable of a station (veth) is pulled for 20 ms", pull_cable(LEFT, 0.02), CABLED
+        "cable-20ms", "the cable of a station (veth) is pulled for 20 ms", harm.pull_cable(LEFT, 0.02), CABLED
     ),
-    _unreachable("cable-200ms", "the same for 200 ms", pull_cable(LEFT, 0.2), setup=CABLED),
-    _unreachable("cable-5s", "the same for 5 s", pull_cable(LEFT, 5.0), setup=CABLED),
+    _unreachable("cable-200ms", "the same for 200 ms", harm.pull_cable(LEFT, 0.2), setup=CABLED),
+    _unreachable("cable-5s", "the same for 5 s", harm.pull_cable(LEFT, 5.0), setup=CABLED),
 )
 """Link cases."""
 
@@ -339,7 +318,7 @@ _REFUSED = "refused and recorded; the trial goes on"
 _LEFT_RECORDING = (paused("the logger has left"), nothing_lost, told("logger", "exit code 1"), noted("logger_left"))
 
 
-def _peer(name: str, done: str, expected: str, act: Act, *checks: Check, setup: Setup = DYAD) -> Case:
+def _peer(name: str, done: str, expected: str, act: harm.Act, *checks: Check, setup: Setup = DYAD) -> Case:
     return Case(name, "peers", done, expected, setup, act, (goes_on, *checks))
 
 
@@ -348,7 +327,7 @@ PEERS = (
         "two-agents",
         "a second agent claims a side",
         f"{_REFUSED}; its device is given no force",
-        second_agent,
+        harm.second_agent,
         *(noted("refused", "already has an agent"), told("answer", "already has an agent")),
         told("largest force of the second", "0 N"),
         setup=SINGLE,  # a fifth agent beside two dyads is more than two cores can do in real time
@@ -357,21 +336,21 @@ PEERS = (
         "other-version",
         "an agent of another version of the protocol says hello and sends samples",
         _REFUSED,
-        say(encode(replace(STRANGER, protocol=PROTOCOL_VERSION + 1)), encode(SAMPLE)),
+        harm.say(encode(replace(harm.STRANGER, protocol=PROTOCOL_VERSION + 1)), encode(harm.SAMPLE)),
         *(noted("refused", "speaks protocol"), told("answer", "speaks protocol")),
     ),
     _peer(
         "no-hello",
         "samples without a `Hello`, as from an agent of another session",
         _REFUSED,
-        say(encode(SAMPLE)),
+        harm.say(encode(harm.SAMPLE)),
         *(noted("refused", "say hello first"), told("answer", "say hello first")),
     ),
     _peer(
         "flood",
         "invalid frames, `Hello` and samples on every channel at full rate, and connections that do not speak ZeroMQ",
         _REFUSED,
-        flood,
+        harm.flood,
         *(noted("refused"), told("flood", "frames")),
     ),
 )
@@ -384,7 +363,7 @@ DEVICES = (
         "an operator triggers the emergency stop, and releases and resumes 1 s later",
         f"no device has a force until released; {PAUSED} when an operator resumes",
         SINGLE,
-        stop_in_an_emergency,
+        harm.stop_in_an_emergency,
         (paused("emergency stop"), stopped, noted("emergency_stop", "operator"), noted("emergency_release")),
     ),
     Case(
@@ -393,7 +372,7 @@ DEVICES = (
         "a device returns NaN positions; then its agent is restarted",
         f"its force is zero at once, and stays so; {PAUSED}",
         DYAD,
-        trick_and_restart(LEFT, "nan"),
+        harm.trick_and_restart(LEFT, "nan"),
         (paused(*OUTAGE), powerless("left", to_the_end=True), safeguarded("left", Safeguard.NOT_FINITE)),
         cut="left",
     ),
@@ -403,7 +382,7 @@ DEVICES = (
         "a device repeats the same reading for 1 s",
         PAUSED,
         DYAD,
-        trick(LEFT, "frozen"),
+        harm.trick(LEFT, "frozen"),
         (paused(*OUTAGE),),
     ),
     Case(
@@ -412,7 +391,7 @@ DEVICES = (
         "a device's position jumps by 10 cm, and back after 1 s",
         f"too fast: the force goes to zero by the slew limit; {PAUSED}",
         DYAD,
-        trick(LEFT, "jump"),
+        harm.trick(LEFT, "jump"),
         (paused(*OUTAGE), safeguarded("left", Safeguard.TOO_FAST)),
     ),
     Case(
@@ -421,7 +400,7 @@ DEVICES = (
         "a device is unplugged, and plugged in again after 2 s",
         f"the agent tries to set zero force, says so, and leaves until the device is back; {PAUSED}",
         DYAD,
-        trick(LEFT, "gone", 2.0),
+        harm.trick(LEFT, "gone", 2.0),
         (paused(*OUTAGE), powerless("left", to_the_end=False), noted("agent_left", "the device is lost")),
         cut="left",
     ),
@@ -435,7 +414,7 @@ MACHINES = (
         "the wall clock of all processes is set 1 h forward, 2 h back, 10 years forward, and back",
         GOES_ON,
         CLOCKED,
-        set_wall_clock(3600, -3600, 315_360_000),
+        harm.set_wall_clock(3600, -3600, 315_360_000),
         UNNOTICED,
     ),
     Case(
@@ -444,7 +423,7 @@ MACHINES = (
         "the recordings' disk is filled up to 100 MB",
         "the logger has warned, ends the recording and says why; paused; a logger elsewhere goes on, nothing is lost",
         SMALL_DISK,
-        fill_disk(100_000_000),
+        harm.fill_disk(100_000_000),
         (*_LEFT_RECORDING, told("warning", "only"), noted("logger_left", "free")),
         alone=True,
     ),
@@ -454,7 +433,7 @@ MACHINES = (
         "the recordings' disk is filled to the last byte, at once",
         "the same: there is room for the end of the recording",
         SMALL_DISK,
-        fill_disk(0),
+        harm.fill_disk(0),
         _LEFT_RECORDING,
         alone=True,
     ),
@@ -464,7 +443,7 @@ MACHINES = (
         "the recordings' folder is deleted with the recording in it",
         "the logger saves what it wrote and says why; paused; a logger elsewhere goes on, nothing is lost",
         SINGLE,
-        remove_directory,
+        harm.remove_directory,
         _LEFT_RECORDING,
         alone=True,
     ),

@@ -19,6 +19,7 @@ from netboard.benchmarks.harness.results import Part, Value, Verdict
 from netboard.benchmarks.harness.running import Tell
 from netboard.benchmarks.stability.runs import (
     STUDIED,
+    edge,
     is_bounded,
     ladder,
     largest_bounded,
@@ -186,11 +187,7 @@ def largest_scale(stable: Callable[[float], bool]) -> float:
     good = 1.0
     for scale in np.geomspace(1.0, MAX_SCALE, 161):
         if not stable(float(scale)):
-            bad = float(scale)
-            while bad > 1.001 * good:
-                middle = math.sqrt(good * bad)
-                good, bad = (middle, bad) if stable(middle) else (good, middle)
-            return good if stable(1.0) else 0.0
+            return edge(stable, good, float(scale), 1.001) if stable(1.0) else 0.0
         good = float(scale)
     return math.inf
 
