@@ -1,1 +1,1 @@
-"""Commands of ``netboard bench``: a module for each room of the benchmarks. Only `group` imports them."""
+"""Commands of ``netboard bench``: benchmarks of real processes, and of simulations. Only `group` imports them."""

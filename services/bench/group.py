@@ -5,22 +5,12 @@ A benchmark and its libraries are imported only when it runs.
 
 import typer
 
-from netboard.services.bench import (
-    analysis,
-    coupling,
-    display,
-    faults,
-    loop,
-    participants,
-    physics,
-    recording,
-    stability,
-)
+from netboard.services.bench import processes, simulations
 
 app = typer.Typer(
     name="bench",
     help="Measure netboard on this machine: the physics, the loop from stylus to force, long runs.",
     no_args_is_help=True,
 )
-for room in (stability, physics, loop, coupling, participants, faults, display, recording, analysis):
-    app.add_typer(room.app)
+for module in (simulations, processes):
+    app.add_typer(module.app)

@@ -9,8 +9,7 @@ from netboard.base.config import Config
 from netboard.base.tables.simulated import VirtualDevice
 from netboard.benchmarks.coupling.boundary import AGREED, Case, predicted, scene, simulated_is_stable
 from netboard.benchmarks.coupling.far import Distance, Far
-from netboard.benchmarks.coupling.releases import let_go
-from netboard.benchmarks.coupling.remedies import everyday_part, felt, make_loop
+from netboard.benchmarks.coupling.remedies import everyday_part, felt, let_go, make_loop
 
 pytestmark = pytest.mark.slow
 

@@ -7,7 +7,7 @@ import pytest
 from netboard.base.config import parse
 from netboard.base.errors import ConfigError
 from netboard.benchmarks.faults.bench import CASES, Outcome, about, choose, parts_of, play_all
-from netboard.benchmarks.faults.case import PARTS
+from netboard.benchmarks.faults.cases import PARTS
 from netboard.benchmarks.faults.rigs import tampered
 from netboard.benchmarks.faults.sites import PACE, Setup
 from netboard.benchmarks.harness.results import Verdict

@@ -8,13 +8,13 @@ import pytest
 
 from netboard.base.config import Config
 from netboard.benchmarks.coupling import forces
-from netboard.benchmarks.harness.running import run_named
+from netboard.benchmarks.harness.running import Options, run
 from netboard.task.trials.state_machine import Cause
 
 
 @pytest.mark.slow
 def test_quick_study_writes_results_and_all_claims_hold(tmp_path: Path) -> None:
-    run_named("forces", forces.study, tmp_path / "found", tmp_path / "found.json", quick=True, force=False)
+    run("forces", forces.study, Options(tmp_path / "found", tmp_path / "found.json", quick=True))
     found = json.loads((tmp_path / "found.json").read_text())
     (part,) = found["parts"]
     assert [row[0] for row in part["rows"]] == list(forces.CONDITIONS)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from netboard.benchmarks.loop.spreads import (
+from netboard.benchmarks.loop.timing import (
     EDGES_NS,
     HEADS,
     MAX_NS,

@@ -5,7 +5,7 @@ import pytest
 
 from netboard.base.config import SIDES
 from netboard.base.tick import TICK, TICK_NS
-from netboard.benchmarks.loop.played import REST, UP, WAIT, Played, played, punctuality, within
+from netboard.benchmarks.loop.timing import REST, UP, WAIT, Played, played, punctuality, within
 from netboard.recording.timing.stamps import COLUMNS, stamps_from
 from netboard.task.trials.state_machine import Phase
 

@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 from libhd import fake_library
 from netboard.base.errors import NetboardError
 from netboard.base.tick import TICK_NS
+from netboard.benchmarks.harness.running import Options
 from netboard.benchmarks.loop.servo import (
     BARE,
     BUSY,
@@ -79,7 +80,7 @@ def test_busy_thread_stops_on_request() -> None:
 @pytest.mark.daily(1, of="quick benchmarks")
 def test_study_runs_with_a_fake_library(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     library, out, copy = str(fake_library()), tmp_path / "out", tmp_path / "copy.json"
-    assert main(library, out, copy, 0.05, quick=True, force=False) == 0
+    main(library, 0.05, Options(out, copy, quick=True))
     output = capsys.readouterr().out
     assert re.search(r"\d+ cores", output)
     assert "python / bare tick, busy thread" in output

@@ -20,11 +20,11 @@ from netboard.benchmarks.loop.loop import (
     loop_series,
     ratios_part,
 )
-from netboard.benchmarks.loop.played import played, punctuality
 from netboard.benchmarks.loop.rig import own_configs, write_configs
 from netboard.benchmarks.loop.scale import Served, holds, scale_part, waiting_part
 from netboard.benchmarks.loop.skips import AT_REST, CASES, FULL, NO_FORCES, NOBODY, skips_part
 from netboard.benchmarks.loop.soak import Kept, growth, memory_part, minutes_part, records_part, steady
+from netboard.benchmarks.loop.timing import played, punctuality
 from netboard.benchmarks.loop.usage import LOOP, OTHER, TRANSPORT, Cost, Spent, Usage
 from netboard.recording.timing.stamps import COLUMNS, Stamps, stamps_from
 from netboard.services.loading import load

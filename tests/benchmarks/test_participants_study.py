@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from netboard.benchmarks.harness.running import run_named
+from netboard.benchmarks.harness.running import Options, run
 from netboard.benchmarks.participants import fit
-from netboard.benchmarks.participants.bench import study
+from netboard.benchmarks.participants.bench import ABLATIONS, Prediction, studies, study
 from netboard.benchmarks.participants.paper import STATEMENTS, Sample, Statement
 from netboard.benchmarks.participants.trials import ATTEMPT, Performance, Population, perform
-from netboard.benchmarks.participants.validation import ABLATIONS, Prediction, studies
 
 
 def attempts_of_dyad(dyad: int = 1, trials: int = 18) -> np.ndarray:
@@ -125,7 +124,7 @@ def test_study_writes_predictions_ablations_and_comparisons(tmp_path: Path, monk
         "netboard.benchmarks.participants.bench._performances",
         lambda *_: (Performance(next(pools), given_up=0) for _ in range(4)),
     )
-    run_named("participants", study(3, 4, 1), tmp_path / "found", tmp_path / "found.json", quick=True, force=False)
+    run("participants", study(3, 4, 1), Options(tmp_path / "found", tmp_path / "found.json", quick=True))
     parts = {part["name"]: part for part in json.loads((tmp_path / "found.json").read_text())["parts"]}
     assert set(parts) == {"predictions", "others", "ablations"}
     assert len(parts["predictions"]["rows"]) == len(parts["ablations"]["rows"]) > len(STATEMENTS)

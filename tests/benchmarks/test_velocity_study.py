@@ -6,17 +6,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from netboard.benchmarks.harness.running import run_named
-from netboard.benchmarks.stability.velocity import RAMP, REACH, SLOW, errors_of, follow, study, time_of
-from netboard.benchmarks.stability.velocity_loop import (
+from netboard.benchmarks.harness.running import Options, run
+from netboard.benchmarks.stability.velocity import (
     IDEAL,
+    RAMP,
+    REACH,
+    SLOW,
     TOUCH,
     Loop,
+    errors_of,
+    follow,
     largest_delay,
     largest_played,
     linear_estimator,
     radius_of,
     settles,
+    study,
+    time_of,
 )
 from netboard.devices.contract.velocity import KINDS
 
@@ -91,7 +97,7 @@ def test_update_duration_is_positive() -> None:
 
 @pytest.mark.slow
 def test_quick_study_writes_results_and_all_claims_hold(tmp_path: Path) -> None:
-    run_named("velocity", study, tmp_path / "found", tmp_path / "copy.json", quick=True, force=False)
+    run("velocity", study, Options(tmp_path / "found", tmp_path / "copy.json", quick=True))
     found = json.loads((tmp_path / "copy.json").read_text())
     assert [part["name"] for part in found["parts"]] == ["estimators", "delays"]
     assert all(verdict["holds"] for part in found["parts"] for verdict in part["verdicts"])

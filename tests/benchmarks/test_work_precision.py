@@ -14,13 +14,13 @@ from netboard.base.errors import ConfigError
 from netboard.benchmarks.harness.results import Folder
 from netboard.benchmarks.physics.bench import Wanted, choose_peers, study
 from netboard.benchmarks.physics.figures import draw
-from netboard.benchmarks.physics.horizons import hold_rows
+from netboard.benchmarks.physics.horizons import holds_part
 from netboard.benchmarks.physics.own_methods import collocation_solvers, meeting, one_step_solvers
-from netboard.benchmarks.physics.parts import SAME, holds_part, ratios_parts
+from netboard.benchmarks.physics.parts import ratios_parts
 from netboard.benchmarks.physics.problem import MODELS, Model, Problem, make_reference, tight
-from netboard.benchmarks.physics.skips import SKIPS, Skip, difference
-from netboard.benchmarks.physics.solver import OURS
+from netboard.benchmarks.physics.skips import SAME, SKIPS, Skip, difference
 from netboard.benchmarks.physics.work_precision import (
+    OURS,
     Comparison,
     Row,
     compare,
@@ -190,12 +190,9 @@ def test_exact_method_is_offered_for_level_boards_only() -> None:
 @pytest.mark.daily(1)
 def test_higher_order_extrapolation_reduces_the_error_of_every_signal(model: Model) -> None:
     problem = Problem(model, "settled", duration=1.0)
-    rows = {
-        (one.hold, one.run): np.array(one.errors)
-        for one in hold_rows(problem, make_reference(problem, "tight", tight(problem)))
-    }
+    rows = holds_part([(problem, make_reference(problem, "tight", tight(problem)))]).rows
     errors = [
-        next(found for (name, _), found in rows.items() if name == hold) for hold in ("zoh", "cv", "ca", "hermite")
+        next(np.array(row[3:7], float) for row in rows if row[1] == hold) for hold in ("zoh", "cv", "ca", "hermite")
     ]
     for worse, better in pairwise(errors):
         assert (better < worse).all()
@@ -204,7 +201,7 @@ def test_higher_order_extrapolation_reduces_the_error_of_every_signal(model: Mod
 @pytest.mark.slow
 def test_extrapolation_errors_are_within_the_claims() -> None:
     problem = Problem("paper", "settled", duration=1.0)
-    assert holds_part(hold_rows(problem, make_reference(problem, "tight", tight(problem)))).holds
+    assert holds_part([(problem, make_reference(problem, "tight", tight(problem)))]).holds
 
 
 @pytest.mark.slow
@@ -219,8 +216,8 @@ def test_skipped_work_changes_no_result(model: Model, skip: Skip) -> None:
 @pytest.mark.daily(1, of="quick benchmarks")
 def test_quick_study_has_all_its_parts(tmp_path: Path) -> None:
     folder = Folder(tmp_path / "results")
-    wanted = Wanted((Problem("paper", "settled"),), (), quick=True, repeats=1, budget=0.0)
-    parts = list(study(wanted, folder, lambda text, share: None))
+    wanted = Wanted((Problem("paper", "settled"),), (), repeats=1, budget=0.0)
+    parts = list(study(wanted, folder, lambda text, share: None, quick=True))
     names = [part.name for part in parts]
     assert names[:5] == ["reference", "runs", "steps", "costs-paper-settled", "frontier"]
     assert {"holds", "tick", "skips"} < set(names)

@@ -11,7 +11,7 @@ import pytest
 
 import daily
 from netboard.benchmarks.faults.bench import choose, play_all
-from netboard.benchmarks.faults.case import RELAYED, Case
+from netboard.benchmarks.faults.cases import RELAYED, Case
 
 pytestmark = [pytest.mark.integration, pytest.mark.quiet, pytest.mark.slow, pytest.mark.timeout(900)]
 

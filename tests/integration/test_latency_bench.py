@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from netboard.benchmarks.harness.running import Options
 from netboard.benchmarks.loop.bench import Setting, loop, soak
 from netboard.benchmarks.loop.scale import Company, Crowd
 
@@ -20,7 +21,7 @@ def parts_of(file: Path) -> dict[str, dict[str, Any]]:
 @pytest.mark.daily(2, of="sessions in real time")
 def test_loop_benchmark_measures_the_loop_and_its_baselines(tmp_path: Path) -> None:
     folder, file = tmp_path / "found", tmp_path / "found.json"
-    assert loop(Setting(quick=True), 1.0, (), folder, file, skips=False, force=False) == 0
+    loop(Setting(), 1.0, (), Options(folder, file, quick=True))
     assert file.read_text() == (folder / "results.json").read_text()
     assert {path.suffix for path in folder.iterdir()} >= {".csv", ".json"}
     assert (folder / "loop.png").exists() == (find_spec("matplotlib") is not None)
@@ -52,7 +53,7 @@ def test_lightweight_peers_run_a_trial_on_a_real_server(tmp_path: Path) -> None:
 @pytest.mark.daily(2, of="sessions in real time")
 def test_soak_benchmark_loses_no_records(tmp_path: Path) -> None:
     folder = tmp_path / "soaked"
-    assert soak(Setting(), 0.05, 1, folder, None, force=False) == 0
+    assert soak(Setting(), 0.05, 1, Options(folder)) == 0
     parts = parts_of(folder / "results.json")
     assert set(parts) == {"records", "memory", "minutes", "costs"}
     ((dyad, ticks, missing, lost, _, verified, size),) = parts["records"]["rows"]

@@ -7,8 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from netboard.benchmarks.recording.damage import Harm, cuts, cuts_of_last_chunk, flips, kill_one, try_one, zeroed
 from netboard.benchmarks.recording.feeding import live_log
+from netboard.benchmarks.recording.recovery_bench import (
+    Harm,
+    cuts,
+    cuts_of_last_chunk,
+    flips,
+    kill_one,
+    try_one,
+    zeroed,
+)
 from netboard.benchmarks.recording.specimen import Specimen, make_specimen
 
 SEED = 11

@@ -7,11 +7,10 @@ the mixed model, so an effect is added to the estimates of the same studies to o
 
 import os
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import dataclass
 from functools import lru_cache
 from math import exp, sqrt
-from multiprocessing import get_context
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +26,8 @@ from netboard.analysis.statistics.small_samples import (
     kenward_roger_freedom,
     satterthwaite_freedom,
 )
-from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict
+from netboard.benchmarks.harness.processes import fresh_processes
+from netboard.benchmarks.harness.results import Folder, Part, Verdict
 from netboard.benchmarks.harness.running import Tell
 
 Array = NDArray[np.float64]
@@ -225,7 +225,7 @@ def rejections(studies: int, tell: Tell) -> Counts:
     # The largest studies first, so that all processes end at about the same time.
     tasks.sort(key=lambda task: -task[0].dyads)
     counts = {setting: np.zeros((2, len(TERMS), len(METHODS))) for setting in settings()}
-    with ProcessPoolExecutor(min(os.cpu_count() or 1, len(tasks)), get_context("spawn")) as pool:
+    with fresh_processes(min(os.cpu_count() or 1, len(tasks))) as pool:
         futures = {pool.submit(_count_rejections, *task): task[0] for task in tasks}
         for done, answer in enumerate(as_completed(futures), start=1):
             counts[futures[answer]] += answer.result()
@@ -240,19 +240,23 @@ def _count_rejections(setting: Setting, studies: int, seed: tuple[int, ...]) -> 
 
 def about_part(studies: int) -> Part:
     """Tabulate the parameters of the simulation."""
-    rows: list[tuple[Value, ...]] = [
-        ("simulated studies with each setting", studies),
-        ("dyads", ", ".join(map(str, DYADS))),
-        ("performers of a dyad, trials of each per haptic condition", f"3, {TRIALS}"),
-        ("SD of dyads, performers and trials [log]", f"{SD_DYADS:g}, {SD_PERFORMERS:g}, {SD_TRIALS:g}"),
-        (
-            "SD of the haptic effect between dyads and between performers [log]",
-            " or ".join(f"{one:g}" for one in SLOPES),
-        ),
-        ("effect for the power [log]", f"{EFFECT:g}"),
-        ("significance level", LEVEL),
-    ]
-    return Part("about", "Simulated studies", ("quantity", "value"), rows)
+    return Part(
+        "about",
+        "Simulated studies",
+        "quantity | value",
+        [
+            ("simulated studies with each setting", studies),
+            ("dyads", ", ".join(map(str, DYADS))),
+            ("performers of a dyad, trials of each per haptic condition", f"3, {TRIALS}"),
+            ("SD of dyads, performers and trials [log]", f"{SD_DYADS:g}, {SD_PERFORMERS:g}, {SD_TRIALS:g}"),
+            (
+                "SD of the haptic effect between dyads and between performers [log]",
+                " or ".join(f"{one:g}" for one in SLOPES),
+            ),
+            ("effect for the power [log]", f"{EFFECT:g}"),
+            ("significance level", LEVEL),
+        ],
+    )
 
 
 TITLES = {
@@ -269,33 +273,36 @@ def table_part(counts: Counts, studies: int, place: int, term: int) -> Part:
     - `term`: index of the term in `TERMS` [1].
     """
     name, title = TITLES[place, term]
-    rows: list[tuple[Value, ...]] = []
+    part = Part(name, title, ("dyads", "errors", "SD of effect [log]", *METHODS))
     for setting, found in counts.items():
         cells = [share(int(count), studies) for count in found[place, term]]
-        rows.append((setting.dyads, setting.errors, f"{setting.slopes:g}", *cells))
+        part.add(setting.dyads, setting.errors, f"{setting.slopes:g}", *cells)
     verdicts = _verdicts(counts, studies) if (place, term) == (0, 0) else []
-    heads = ("dyads", "errors", "SD of effect [log]", *METHODS)
-    return Part(name, title, heads, rows, verdicts)
+    part.verdicts += verdicts
+    return part
 
 
 def differences_part(samples: int) -> Part:
     """Tabulate the false positive rate of the paired tests for differences of dyads with mean 0."""
-    rows: list[tuple[Value, ...]] = []
+    part = Part(
+        "differences",
+        f"False positives of tests of dyads' differences, {samples} samples for each row",
+        ("dyads", "differences", *METHODS[3:]),
+    )
     worst: dict[str, list[float]] = {"normal": [], "skewed": []}
     for kind, errors in enumerate(name for name in ERRORS if not name.startswith("AR")):
         for dyads in DYADS:
             p = p_of_differences(dyads, errors, samples, (kind, dyads))
             counts = (p <= LEVEL).sum(axis=1)
-            rows.append((dyads, errors, *(share(int(count), samples) for count in counts)))
+            part.add(dyads, errors, *(share(int(count), samples) for count in counts))
             if errors in worst:
                 worst[errors].append(float(counts[1]) / samples)
-    verdict = Verdict(
+    part.claim(
         "the permutation test keeps .05 for normal differences, and exceeds it for skewed ones",
         max(worst["normal"]) <= LIBERAL < max(worst["skewed"]),
         f"at most {max(worst['normal']):.3f} for normal, and up to {max(worst['skewed']):.3f} for log-normal ones",
     )
-    title = f"False positives of tests of dyads' differences, {samples} samples for each row"
-    return Part("differences", title, ("dyads", "differences", *METHODS[3:]), rows, [verdict])
+    return part
 
 
 def share(count: int, of: int) -> str:

@@ -6,13 +6,10 @@ include that library. So `cost_of_report` imports the report itself.
 
 import os
 import time
-from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Sequence
 from dataclasses import dataclass
-from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import ParamSpec, TypeVar
 
 from netboard.analysis.extraction.cache import Cache, PathTable
 from netboard.analysis.extraction.running import Extraction, extract
@@ -22,9 +19,6 @@ from netboard.analysis.extraction.workers import processes
 from netboard.base.process import peak_memory
 from netboard.recording.export.formats import new_folder
 from netboard.recording.files.reader import Recording
-
-P = ParamSpec("P")
-T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,12 +48,6 @@ def _cpu_time() -> float:
     """Return the CPU time of this process and of its ended children [s]."""
     times = os.times()
     return time.process_time() + times.children_user + times.children_system
-
-
-def in_fresh_process(function: Callable[P, T], *arguments: P.args, **keywords: P.kwargs) -> T:
-    """Call a function in a new process, so that its peak memory is its own."""
-    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
-        return pool.submit(function, *arguments, **keywords).result()
 
 
 def cost_of_reading(recordings: Sequence[Path], workers: int) -> Time:

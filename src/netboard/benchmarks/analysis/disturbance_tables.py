@@ -65,12 +65,14 @@ def disturbances_part(found: Sequence[Remeasured]) -> Part:
     for number, one in enumerate(DISTURBANCES):
         cells = [_cell(shift(found, number, name), factor) for name, _, factor in MEASURES]
         rows.append((one.kind, one.size, *cells))
-    columns = ("disturbance", "size", *(label for _, label, _ in MEASURES))
-    title = (
+    return Part(
+        "disturbances",
         "Effect of disturbances on an attempt's measures: mean (standard deviation); "
-        "L: share of attempts without a value"
+        "L: share of attempts without a value",
+        ("disturbance", "size", *(label for _, label, _ in MEASURES)),
+        rows,
+        list(_verdicts(found)),
     )
-    return Part("disturbances", title, columns, rows, list(_verdicts(found)))
 
 
 def _verdicts(found: Sequence[Remeasured]) -> Iterator[Verdict]:
@@ -109,19 +111,19 @@ def _cell(one: Shift, factor: float) -> str:
 
 def all_disturbances_part(found: Sequence[Remeasured]) -> Part:
     """List the differences of all measures in SI units."""
-    rows: list[tuple[Value, ...]] = []
+    part = Part(
+        "disturbances-all",
+        "Effect of disturbances on all measures, in SI units",
+        "disturbance | size | settings | measure | mean | bias | SD | attempts | lost",
+        on_screen=False,
+    )
     for number, one in enumerate(DISTURBANCES):
         for name in found[0].undisturbed[number]:
             undisturbed = np.concatenate([each.undisturbed[number][name] for each in found])
             mean = float(np.nanmean(undisturbed)) if np.isfinite(undisturbed).any() else math.nan
             found_shift = shift(found, number, name)
-            rows.append(
-                (
-                    *(one.kind, one.size, " ".join(one.settings), name, mean),
-                    *(found_shift.bias, found_shift.deviation, found_shift.count, found_shift.lost),
-                )
+            part.add(
+                *(one.kind, one.size, " ".join(one.settings), name, mean),
+                *(found_shift.bias, found_shift.deviation, found_shift.count, found_shift.lost),
             )
-    columns = ("disturbance", "size", "settings", "measure", "mean", "bias", "SD", "attempts", "lost")
-    return Part(
-        "disturbances-all", "Effect of disturbances on all measures, in SI units", columns, rows, on_screen=False
-    )
+    return part

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.signal import butter, filtfilt, sosfiltfilt
 
 from netboard.analysis.extraction.trials import RATE
-from netboard.benchmarks.harness.results import Part, Value, Verdict
+from netboard.benchmarks.harness.results import Part
 
 ORDERS = (2, 5, 10)
 """Filter orders of one pass [1]."""
@@ -60,23 +60,20 @@ def _forms(piece: NDArray[np.float64]) -> Iterator[Form]:
 
 def forms_part(recordings: Sequence[Sequence[Form]]) -> Part:
     """Tabulate the largest error over recordings, of each order and cutoff."""
-    rows: list[tuple[Value, ...]] = []
+    part = Part(
+        "forms",
+        "A3: filters in transfer-function form, compared with second-order sections, on recorded ball positions",
+        "order of a pass | cutoff [Hz] | largest pole [1] | gain at 0 Hz [1] | "
+        "largest error of the ball's position [m]",
+    )
     for same in zip(*recordings, strict=True):
         form, errors = same[0], np.array([one.error for one in same])
         largest = f"{errors.max():.2g}" if np.isfinite(errors).all() else "overflow"
-        rows.append((form.order, form.cutoff, f"{form.radius:.6f}", f"{form.gain:.6g}", largest))
-    columns = (
-        "order of a pass",
-        "cutoff [Hz]",
-        "largest pole [1]",
-        "gain at 0 Hz [1]",
-        "largest error of the ball's position [m]",
-    )
-    title = "A3: filters in transfer-function form, compared with second-order sections, on recorded ball positions"
+        part.add(form.order, form.cutoff, f"{form.radius:.6f}", f"{form.gain:.6g}", largest)
     worst = {order: max(form.radius for form in recordings[0] if form.order == order) for order in (5, 10)}
-    verdict = Verdict(
+    part.claim(
         "in transfer-function form, passes of order 5 are stable and passes of order 10 are unstable",
         worst[5] < 1 < worst[10],
         f"largest poles {worst[5]:.6f} and {worst[10]:.6f}",
     )
-    return Part("forms", title, columns, rows, [verdict])
+    return part

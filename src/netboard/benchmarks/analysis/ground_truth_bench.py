@@ -70,7 +70,7 @@ def table(known: list[Known], found: list[Measured]) -> Part:
         "truth",
         f"Measures of {len(known)} synthetic trials with known values; {counted} included, {recorded} of them with the "
         "completion time from the recording, because their hold is one sample short",
-        ("measure", "unit", "n", "exact [%]", "bias", "largest error"),
+        "measure | unit | n | exact [%] | bias | largest error",
         rows,
     )
 

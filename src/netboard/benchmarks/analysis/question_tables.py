@@ -11,7 +11,7 @@ from netboard.benchmarks.analysis import multiverse
 from netboard.benchmarks.analysis.multiverse import HEADLINES
 from netboard.benchmarks.analysis.open_questions import AMBIGUITIES, Alternative, Ambiguity
 from netboard.benchmarks.analysis.reported_numbers import STATEMENTS, Numbers
-from netboard.benchmarks.harness.results import Part, Value, Verdict
+from netboard.benchmarks.harness.results import Part, Value
 
 Singles = Sequence[tuple[Ambiguity, Alternative, Numbers]]
 """The reported numbers with one alternative at a time."""
@@ -54,34 +54,40 @@ def signed(share: float) -> str:
 
 def numbers_part(default: Numbers, singles: Singles) -> Part:
     """Tabulate every number with its range over the likely alternatives, one at a time."""
-    rows: list[tuple[Value, ...]] = []
+    part = Part(
+        "numbers",
+        "Reported numbers, and their ranges over the likely alternatives, one at a time",
+        "number | unit | default | minimum | maximum",
+        on_screen=False,
+    )
     for name, one in default.items():
         values = np.array([found[name].value for _, other, found in singles if other.likely])
         known = values[np.isfinite(values)]
         low, high = (float(known.min()), float(known.max())) if known.size else (math.nan, math.nan)
-        rows.append((name, one.unit, one.value, low, high))
-    columns = ("number", "unit", "default", "minimum", "maximum")
-    title = "Reported numbers, and their ranges over the likely alternatives, one at a time"
-    return Part("numbers", title, columns, rows, on_screen=False)
+        part.add(name, one.unit, one.value, low, high)
+    return part
 
 
 def alternatives_part(default: Numbers, singles: Singles) -> Part:
     """Tabulate, for each alternative to a question, the number that it changes most."""
-    rows: list[tuple[Value, ...]] = []
+    part = Part(
+        "readings",
+        "Effect of each alternative on the reported numbers",
+        "id | question | default | alternative | largest change | changed by 1 %",
+    )
     for one in AMBIGUITIES:
         mine = [(other, found) for asked, other, found in singles if asked is one]
         if not mine:
-            rows.append((one.name, one.question, one.default, "none", one.reason, ""))
+            part.add(one.name, one.question, one.default, "none", one.reason, "")
         for other, found in mine:
-            rows.append((one.name, one.question, one.default, other.name, *_largest_change(one, default, found)))
-    columns = ("id", "question", "default", "alternative", "largest change", "changed by 1 %")
+            part.add(one.name, one.question, one.default, other.name, *_largest_change(one, default, found))
     unrelated = [f"{one.name} {other.name}" for one, other, found in singles if _changes_unrelated(one, default, found)]
-    verdict = Verdict(
+    part.claim(
         "no alternative changes a number that is independent of its question",
         not unrelated,
         ", ".join(unrelated) or f"{len(singles)} alternatives, {len(default)} numbers each",
     )
-    return Part("readings", "Effect of each alternative on the reported numbers", columns, rows, [verdict])
+    return part
 
 
 def _changes_unrelated(one: Ambiguity, default: Numbers, found: Numbers) -> bool:
@@ -128,21 +134,28 @@ def headlines_part(default: Numbers, singles: Singles) -> Part:
                 for (name, _, factor), share in zip(HEADLINES, shares, strict=True)
             ]
             rows.append((one.name, other.name, *cells))
-    columns = ("id", "alternative", *(label.replace("\n", " ") for _, label, _ in HEADLINES))
-    title = "Headline numbers with each alternative that changes one of them by 0.1 %; empty: as by default"
-    return Part("headlines", title, columns, rows)
+    return Part(
+        "headlines",
+        "Headline numbers with each alternative that changes one of them by 0.1 %; empty: as by default",
+        ("id", "alternative", *(label.replace("\n", " ") for _, label, _ in HEADLINES)),
+        rows,
+    )
 
 
 def moved_part(default: Numbers, singles: Singles) -> Part:
     """List all numbers that an alternative changes."""
-    rows: list[tuple[Value, ...]] = []
+    part = Part(
+        "moved",
+        "All numbers that an alternative changes by 1 %",
+        "id | alternative | number | unit | default | with the alternative | change",
+        on_screen=False,
+    )
     for one, other, found in singles:
         for name, number in default.items():
             share = change(number.value, found[name].value)
             if not abs(share) <= CHANGED:
-                rows.append((one.name, other.name, name, number.unit, number.value, found[name].value, signed(share)))
-    columns = ("id", "alternative", "number", "unit", "default", "with the alternative", "change")
-    return Part("moved", "All numbers that an alternative changes by 1 %", columns, rows, on_screen=False)
+                part.add(one.name, other.name, name, number.unit, number.value, found[name].value, signed(share))
+    return part
 
 
 def pairs_part(default: Numbers, singles: Singles, pairs: Sequence[tuple[Ambiguity, Ambiguity, Numbers]]) -> Part:
@@ -150,7 +163,11 @@ def pairs_part(default: Numbers, singles: Singles, pairs: Sequence[tuple[Ambigui
 
     - `pairs`: two questions, and the numbers with the first alternative of both.
     """
-    rows: list[tuple[Value, ...]] = []
+    part = Part(
+        "pairs",
+        "Two alternatives at once; interaction: the joint change minus both single changes",
+        "two alternatives | number | default | first alone | second alone | both | interaction",
+    )
     for one, other, both in pairs:
         (first, by_one), (second, by_other) = (
             next((answer.name, found) for asked, answer, found in singles if asked is question)
@@ -161,24 +178,25 @@ def pairs_part(default: Numbers, singles: Singles, pairs: Sequence[tuple[Ambigui
             base, *after = (factor * found[name].value for found in (default, by_one, by_other, both))
             joint = after[2] - after[0] - after[1] + base
             answers = f"{one.name} {first}; {other.name} {second}"
-            rows.append((answers, label.replace("\n", " "), base, *after, joint))
-    columns = ("two alternatives", "number", "default", "first alone", "second alone", "both", "interaction")
-    title = "Two alternatives at once; interaction: the joint change minus both single changes"
-    return Part("pairs", title, columns, rows)
+            part.add(answers, label.replace("\n", " "), base, *after, joint)
+    return part
 
 
 def paths_part(default: Numbers, paths: Sequence[dict[str, float]], count: int) -> Part:
     """Tabulate percentiles of the headline numbers over the paths."""
-    rows: list[tuple[Value, ...]] = []
+    part = Part(
+        "paths",
+        f"Headline numbers on random paths, drawn from {count:.3g}",
+        "number | default | minimum | 5 % | median | 95 % | maximum | paths below the default | paths",
+    )
     for name, label, factor in HEADLINES:
         values = factor * np.array([one[name] for one in paths])
         known = values[np.isfinite(values)]
         before = factor * default[name].value
         marks = [float(mark) for mark in np.percentile(known, (0, 5, 50, 95, 100))] if known.size else [math.nan] * 5
         below = f"{100 * float(np.mean(known < before)):.0f} %" if known.size else "none"
-        rows.append((label.replace("\n", " "), before, *marks, below, known.size))
-    columns = ("number", "default", "minimum", "5 %", "median", "95 %", "maximum", "paths below the default", "paths")
-    return Part("paths", f"Headline numbers on random paths, drawn from {count:.3g}", columns, rows)
+        part.add(label.replace("\n", " "), before, *marks, below, known.size)
+    return part
 
 
 def statements_part(default: Numbers, singles: Singles, paths: Sequence[dict[str, float]]) -> Part:
@@ -186,28 +204,29 @@ def statements_part(default: Numbers, singles: Singles, paths: Sequence[dict[str
     plain = values_of(default)
     one = multiverse.count_holding([values_of(found) for _, _, found in singles])
     every = multiverse.count_holding(paths)
-    rows: list[tuple[Value, ...]] = []
+    part = Part(
+        "statements",
+        "Which statements of the paper hold for these participants",
+        "statement | default | one alternative at a time | paths | of",
+    )
     for statement, (alone, of), (held, among) in zip(STATEMENTS, one, every, strict=True):
         share = f"{100 * held / among:.0f} %" if among else "undefined"
-        rows.append((statement.words, statement.gap(plain) > 0, f"{alone} of {of}", share, among))
-    columns = ("statement", "default", "one alternative at a time", "paths", "of")
-    return Part("statements", "Which statements of the paper hold for these participants", columns, rows)
+        part.add(statement.words, statement.gap(plain) > 0, f"{alone} of {of}", share, among)
+    return part
 
 
 def affected_part(base: Study, whole_ball: Study) -> Part:
     """Tabulate the shares of trials that questions A24 and B5 affect."""
-    rows: list[tuple[Value, ...]] = []
+    part = Part(
+        "concerned",
+        "Trials that questions A24 and B5 affect",
+        "condition | trials | A24: first movement the wrong way | no braking movement | "
+        "B5: whole ball never in the target for 1.5 s",
+    )
     keys = ["recording", "trial", "attempt"]
     completion = whole_ball.trials.set_index(keys)["completion"]  # without a completion time, no trial counts there
     for condition, own in base.counted.groupby("condition"):
         wrong, none = float((own["wrong_way"] > 0).mean()), float(own["braking_distance"].isna().mean())
         lost = float(completion[pd.MultiIndex.from_frame(own[keys])].isna().mean())
-        rows.append((str(condition), len(own), *(f"{100 * share:.1f} %" for share in (wrong, none, lost))))
-    columns = (
-        "condition",
-        "trials",
-        "A24: first movement the wrong way",
-        "no braking movement",
-        "B5: whole ball never in the target for 1.5 s",
-    )
-    return Part("concerned", "Trials that questions A24 and B5 affect", columns, rows)
+        part.add(str(condition), len(own), *(f"{100 * share:.1f} %" for share in (wrong, none, lost)))
+    return part

@@ -6,9 +6,8 @@ default settings the tables equal those of the analysis bit for bit.
 
 import zlib
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
 
 import numpy as np
 
@@ -23,6 +22,7 @@ from netboard.analysis.topics.groups import CLASSES
 from netboard.base.config import SIDES
 from netboard.benchmarks.analysis.disturbances import Disturbance
 from netboard.benchmarks.analysis.filter_forms import Form, compare_forms
+from netboard.benchmarks.harness.processes import fresh_processes
 from netboard.recording.export.runs import Run
 from netboard.recording.files.reader import Recording
 
@@ -124,7 +124,6 @@ def remeasure(request: Request) -> Remeasured:
 
 
 def _disturbed(request: Request, base: Measured, block: Block) -> tuple[tuple[Columns, ...], tuple[Columns, ...]]:
-    """Measure without each disturbance and with it."""
     groups = (*PAPER, *_SMOOTHNESS)
     references: dict[str, tuple[Block, list[Take], Columns]] = {}
     undisturbed, disturbed = [], []
@@ -167,7 +166,7 @@ def remeasure_all(requests: Sequence[Request], workers: int, progress: Callable[
             yield remeasure(request)
             progress(done)
         return
-    with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
+    with fresh_processes(workers) as pool:
         answers = [pool.submit(remeasure, request) for request in requests]
         for done, _ in enumerate(as_completed(answers), start=1):
             progress(done)

@@ -73,7 +73,6 @@ def _dyads(study: Study) -> Iterator[tuple[str, Number]]:
 
 
 def _shares(study: Study) -> Iterator[tuple[str, Number]]:
-    """Yield the shares of the movement classes."""
     for one in classes(study).shares:
         for name, mean in zip(CLASSES, one.means, strict=True):
             yield f"{name} share, {one.condition.label}", Number("shares", mean.value, "1")

@@ -8,6 +8,7 @@ import os
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from netboard.analysis.extraction.settings import Readings
@@ -31,8 +32,8 @@ from netboard.benchmarks.analysis.open_questions import (
 from netboard.benchmarks.analysis.remeasuring import Remeasured, Request, remeasure_all
 from netboard.benchmarks.analysis.reported_numbers import Numbers, numbers
 from netboard.benchmarks.harness import running
-from netboard.benchmarks.harness.results import Folder, Part, Value, new_folder
-from netboard.benchmarks.harness.running import Tell
+from netboard.benchmarks.harness.results import Folder, Part
+from netboard.benchmarks.harness.running import Options, Tell
 from netboard.nodes.rehearsal import session as rehearsal
 from netboard.nodes.rehearsal.jobs import jobs_of
 from netboard.recording.export.runs import Run, runs_of
@@ -60,17 +61,13 @@ NO_BRIDGING = "filters.bridge=0"
 """Setting that leaves gaps open, so that the effect of lost samples is visible."""
 
 
-def main(recordings: Path | None, output: Path | None, json: Path | None, *, quick: bool, force: bool) -> None:
+def main(recordings: Path | None, options: Options) -> None:
     """Run the study on recordings, or else on rehearsed ones."""
-    given = None if recordings is None else found_in(recordings)
-    folder = Folder(output or new_folder("bench-sensitivity"), force=force)
-    what = {"study": "sensitivity", "quick": quick}
-    if given is not None:
-        running.run(folder, what, lambda tell: study(given, folder, tell, quick=quick), json)
+    if recordings is not None:
+        running.run("sensitivity", partial(study, found_in(recordings)), options)
         return
     with tempfile.TemporaryDirectory() as made:
-        rehearsed = rehearse(Path(made), quick=quick)
-        running.run(folder, what, lambda tell: study(rehearsed, folder, tell, quick=quick), json)
+        running.run("sensitivity", partial(study, rehearse(Path(made), quick=options.quick)), options)
 
 
 def found_in(folder: Path) -> list[Path]:
@@ -198,7 +195,6 @@ def _singles_and_pairs(
     list[tuple[Ambiguity, Alternative, Numbers]],
     list[tuple[Ambiguity, Ambiguity, Numbers]],
 ]:
-    """Compute the reported numbers with each single alternative and with each pair."""
     each = [
         numbers(study_of([one.others[number] for one in found], readings), default)
         for number, readings in enumerate(variants.others[: variants.first_path])
@@ -214,7 +210,6 @@ def _single(variants: Variants, found: Sequence[Remeasured], name: str) -> Study
 
 
 def _measured(variants: Variants, tell: Tell) -> list[Remeasured]:
-    """Measure all recordings with all variants."""
     disturbed = recordings_to_disturb(variants.runs)
     requests = []
     for run in variants.runs:
@@ -234,7 +229,6 @@ def _measured(variants: Variants, tell: Tell) -> list[Remeasured]:
 
 
 def _paths(variants: Variants, found: Sequence[Remeasured], default: Numbers, tell: Tell) -> list[dict[str, float]]:
-    """Compute the reported numbers on all paths."""
     values = []
     for number, summaries in enumerate(variants.paths.summaries):
         tell("random paths", 0.9 + 0.1 * number / len(variants.paths.summaries))
@@ -246,16 +240,20 @@ def _paths(variants: Variants, found: Sequence[Remeasured], default: Numbers, te
 def about_part(variants: Variants, base: Study, found: Sequence[Remeasured]) -> Part:
     """Tabulate the data and settings of the study."""
     attempts = sum(len(one.undisturbed[0]["completion"]) for one in found if one.undisturbed)
-    rows: list[tuple[Value, ...]] = [
-        ("dyads", len(base.dyads)),
-        ("recordings", len(base.blocks)),
-        ("trials included", len(base.counted)),
-        ("movements of the board in these trials", int((base.movements["counts"] == 1).sum())),
-        ("simulated participants", f"{int(base.blocks['simulated'].sum())} recordings"),
-        ("first and last trials", variants.base.summaries.ends),
-        ("trials in a group", variants.base.summaries.group),
-        ("alternatives, one at a time", len(variants.singles)),
-        ("paths", f"{sum(map(len, variants.paths.summaries))} of {variants.paths.count:.3g}"),
-        ("disturbed", f"{sum(bool(one.disturbed) for one in found)} recordings, {attempts} attempts"),
-    ]
-    return Part("about", "Data and settings", ("quantity", "value"), rows)
+    return Part(
+        "about",
+        "Data and settings",
+        "quantity | value",
+        [
+            ("dyads", len(base.dyads)),
+            ("recordings", len(base.blocks)),
+            ("trials included", len(base.counted)),
+            ("movements of the board in these trials", int((base.movements["counts"] == 1).sum())),
+            ("simulated participants", f"{int(base.blocks['simulated'].sum())} recordings"),
+            ("first and last trials", variants.base.summaries.ends),
+            ("trials in a group", variants.base.summaries.group),
+            ("alternatives, one at a time", len(variants.singles)),
+            ("paths", f"{sum(map(len, variants.paths.summaries))} of {variants.paths.count:.3g}"),
+            ("disturbed", f"{sum(bool(one.disturbed) for one in found)} recordings, {attempts} attempts"),
+        ],
+    )

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
@@ -23,11 +24,11 @@ from netboard.benchmarks.analysis.costs import (
     cost_of_reading,
     cost_of_report,
     cost_of_tables,
-    in_fresh_process,
 )
 from netboard.benchmarks.analysis.rehearsed_study import rehearse_study
-from netboard.benchmarks.harness.results import Folder, Part, Verdict, new_folder
-from netboard.benchmarks.harness.running import Tell, run
+from netboard.benchmarks.harness.processes import in_fresh_process
+from netboard.benchmarks.harness.results import Folder, Part
+from netboard.benchmarks.harness.running import Options, Tell, run
 from netboard.recording.files.locate import find_recordings
 
 SHARES = (0.25, 0.5, 0.75, 1.0)
@@ -71,23 +72,21 @@ class Row:
     cached: TablesCost
 
 
-def main(
-    given: Path | None, workers: int | None, output: Path | None, json: Path | None, *, quick: bool, force: bool
-) -> list[Verdict]:
-    """Run the benchmark, show it and write it.
+def main(given: Path | None, workers: int | None, options: Options) -> None:
+    """Run the benchmark.
 
     - `workers`: number of processes; None for one per core, or for one if a small study is rehearsed [1].
     """
     recordings = None if given is None else find_recordings([given])
-    size = QUICK if quick else WHOLE
-    count = workers or (1 if quick and recordings is None else cores())
-    folder = Folder(output or new_folder("bench-analysis"), force=force)
-    settings = {"study": "analysis", "quick": quick, "workers": count}
-    return run(folder, settings, lambda tell: study(recordings, size, count, tell), json)
+    count = workers or (1 if options.quick and recordings is None else cores())
+    run("analysis", partial(study, recordings, count), options, {"workers": count})
 
 
-def study(recordings: Sequence[Path] | None, size: Size, workers: int, tell: Tell) -> Iterator[Part]:
+def study(
+    recordings: Sequence[Path] | None, workers: int, folder: Folder, tell: Tell, *, quick: bool
+) -> Iterator[Part]:
     """Measure the costs of an analysis; without recordings, of a rehearsed study."""
+    size = QUICK if quick else WHOLE
     with TemporaryDirectory() as name:
         place = Path(name)
         if recordings is None:
@@ -122,7 +121,6 @@ def _row(recordings: Sequence[Path], workers: int, cache: Path) -> Row:
 
 
 def _costs(rows: Sequence[Row], workers: int) -> Part:
-    """Tabulate the elapsed time of each share."""
     times = ("reading alone [s]", "uncached [s]", "cached [s]")
     ratios = ("uncached / reading [1]", "cached / reading [1]", "uncached, x real time [1]")
     return Part(
@@ -158,27 +156,22 @@ def _scaling(rows: Sequence[Row]) -> Part:
     series = zip(names, zip(*(_times(row) for row in rows), strict=True), strict=True)
     fits = {name: line(trials, [time.cpu for time in times]) for name, times in series}
     slope, _, explained = fits["uncached"]
-    return Part(
+    part = Part(
         "scaling",
         "CPU time: straight lines fitted to these shares",
-        ("part", "whole study [s]", "slope [ms per attempt]", "intercept [s]", "R2 [1]"),
+        "part | whole study [s] | slope [ms per attempt] | intercept [s] | R2 [1]",
         [
             (name, time.cpu, 1e3 * fits[name][0], *fits[name][1:])
             for name, time in zip(names, _times(rows[-1]), strict=True)
         ],
-        [
-            Verdict(
-                "CPU time grows in proportion to the number of attempts",
-                explained >= MIN_R2,
-                f"R2 = {explained:.4f}",
-            ),
-            Verdict(
-                "cached measures save CPU time",
-                slope > fits["cached"][0],
-                f"{1e3 * slope:.2f} ms per attempt, cached {1e3 * fits['cached'][0]:.2f} ms",
-            ),
-        ],
     )
+    part.claim("CPU time grows in proportion to the number of attempts", explained >= MIN_R2, f"R2 = {explained:.4f}")
+    part.claim(
+        "cached measures save CPU time",
+        slope > fits["cached"][0],
+        f"{1e3 * slope:.2f} ms per attempt, cached {1e3 * fits['cached'][0]:.2f} ms",
+    )
+    return part
 
 
 def line(x: Sequence[float], y: Sequence[float]) -> tuple[float, float, float]:
@@ -188,39 +181,36 @@ def line(x: Sequence[float], y: Sequence[float]) -> tuple[float, float, float]:
 
 
 def _memory(rows: Sequence[Row]) -> Part:
-    """Tabulate the peak memory of each share."""
     hours = [row.uncached.data / 3600 for row in rows]
     growth, start, _ = line(hours, [row.uncached.peak for row in rows])
     first, last = rows[0].uncached.worker_peak, rows[-1].uncached.worker_peak
-    return Part(
+    part = Part(
         "memory",
         "Peak memory of the processes",
-        ("recordings", "data [h]", "worker [MB]", "main process, uncached [MB]", "main process, cached [MB]"),
+        "recordings | data [h] | worker [MB] | main process, uncached [MB] | main process, cached [MB]",
         [
             (row.recordings, hour, row.uncached.worker_peak / 1e6, row.uncached.peak / 1e6, row.cached.peak / 1e6)
             for row, hour in zip(rows, hours, strict=True)
         ],
-        [
-            Verdict(
-                "the memory of a worker does not grow with the study",
-                last <= WORKER_GROWTH * first,
-                f"{first / 1e6:.0f} MB for a quarter, {last / 1e6:.0f} MB for all",
-            ),
-            Verdict(
-                "the memory of the main process hardly grows, because paths stay on disk",
-                rows[-1].uncached.peak <= MAIN_GROWTH * rows[0].uncached.peak,
-                f"{start / 1e6:.0f} MB and {growth / 1e6:.1f} MB for each hour of data",
-            ),
-        ],
     )
+    part.claim(
+        "the memory of a worker does not grow with the study",
+        last <= WORKER_GROWTH * first,
+        f"{first / 1e6:.0f} MB for a quarter, {last / 1e6:.0f} MB for all",
+    )
+    part.claim(
+        "the memory of the main process hardly grows, because paths stay on disk",
+        rows[-1].uncached.peak <= MAIN_GROWTH * rows[0].uncached.peak,
+        f"{start / 1e6:.0f} MB and {growth / 1e6:.1f} MB for each hour of data",
+    )
+    return part
 
 
 def _whole(row: Row, report: Time, peak: float) -> Part:
-    """Tabulate the cost of a whole analysis."""
     return Part(
         "whole",
         "A whole analysis",
-        ("part", "elapsed time [s]", "CPU time [s]", "peak memory [MB]"),
+        "part | elapsed time [s] | CPU time [s] | peak memory [MB]",
         [
             *(
                 (f"tables, {name}", cost.time.elapsed, cost.time.cpu, cost.peak / 1e6)
@@ -234,19 +224,18 @@ def _whole(row: Row, report: Time, peak: float) -> Part:
 def _command(first: Time, second: Time) -> Part:
     """Tabulate the cost of the whole command, for the first run and an identical second one."""
     share = second.cpu / first.cpu
-    return Part(
+    part = Part(
         "again",
         "netboard analyse, the whole command",
-        ("run", "elapsed time [s]", "CPU time [s]"),
+        "run | elapsed time [s] | CPU time [s]",
         [("first", first.elapsed, first.cpu), ("second", second.elapsed, second.cpu)],
-        [
-            Verdict(
-                f"the second run takes at most {SECOND_RUN:.0%} of the first run's CPU time",
-                share <= SECOND_RUN,
-                f"{share:.1%}",
-            )
-        ],
     )
+    part.claim(
+        f"the second run takes at most {SECOND_RUN:.0%} of the first run's CPU time",
+        share <= SECOND_RUN,
+        f"{share:.1%}",
+    )
+    return part
 
 
 def run_twice(recordings: Sequence[Path], workers: int, folder: Path) -> tuple[Time, Time]:

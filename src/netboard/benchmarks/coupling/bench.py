@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from netboard.base.tables.scene import Physics
-from netboard.benchmarks.coupling import boundary, releases, remedies
+from netboard.benchmarks.coupling import boundary, remedies
 from netboard.benchmarks.coupling.boundary import HANDS, MAPS, STIFFEST, Found, ruled_stiffness
 from netboard.benchmarks.harness.results import Folder, Part
 from netboard.benchmarks.harness.running import Tell
@@ -31,7 +31,7 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
     found = boundary.limits(hands, ways, tell, 2 * boundary.AGREED if quick else 5e-3)
     folder.save("coupling", lambda: draw_limits(found))
     yield boundary.limits_part(found)
-    yield releases.releases_part(releases.QUICK_WAYS if quick else releases.WAYS, tell)
+    yield remedies.releases_part(remedies.QUICK_WAYS if quick else remedies.WAYS, tell)
     yield remedies.remedies_part(QUICK_REMEDY_WAYS if quick else REMEDY_WAYS, tell)
     yield remedies.transparency_part(QUICK_FELT_WAYS if quick else FELT_WAYS, tell)
     yield remedies.everyday_part(QUICK_EVERYDAY_WAYS if quick else EVERYDAY_WAYS, tell)
@@ -62,5 +62,4 @@ def draw_limits(found: Sequence[Found]) -> Any:
 
 
 def _shown(k: float) -> float:
-    """Return a stiffness for the figure."""
     return STIFFEST if math.isinf(k) else k if k > 0.0 else np.nan

@@ -16,7 +16,7 @@ from netboard.base.tables.scene import Physics
 from netboard.base.tables.simulated import VirtualDevice
 from netboard.base.tick import TICK_SECONDS
 from netboard.benchmarks.coupling.far import Distance, Far
-from netboard.benchmarks.harness.results import Part, Value, Verdict
+from netboard.benchmarks.harness.results import Part
 from netboard.benchmarks.harness.running import Tell
 from netboard.devices.safety.virtual_coupling import REACH
 from netboard.physics.stability.delayed_coupling import (
@@ -226,43 +226,35 @@ def limits(hands: Sequence[str], ways: Sequence[int], tell: Tell, precision: flo
 
 def limits_part(found: Sequence[Found]) -> Part:
     """Tabulate stability limits."""
-    rows: list[tuple[Value, ...]] = []
+    part = Part(
+        "limits",
+        f"Largest stable stiffness with 2 N s/m, up to {STIFFEST:g} N/m, for equal delays both ways",
+        "coupling at | end | hand | one way [ms] | theory, real device [N/m] | theory, virtual [N/m] | "
+        "simulated service [N/m] | off | unstable first | Gil [N/m] | Colgate [N/m]",
+    )
     for one in found:
         case, hand = one.case, HANDS[one.case.hand]
         ruled = ruled_stiffness(hand, Physics().c_h, 2e-3 * case.way) if case.at == "server" else math.nan
-        rows.append(
-            (
-                *(case.at, case.end, case.hand, case.way, _stiffness(one.exact), _stiffness(one.virtual)),
-                _stiffness(one.simulated),
-                "-" if math.isnan(one.simulated) else f"{100 * (one.simulated / one.virtual - 1):+.2f} %",
-                one.mode,
-                _stiffness(ruled),
-                _stiffness(passive_stiffness(hand, Physics().c_h)),
-            )
+        part.add(
+            *(case.at, case.end, case.hand, case.way, _stiffness(one.exact), _stiffness(one.virtual)),
+            _stiffness(one.simulated),
+            "-" if math.isnan(one.simulated) else f"{100 * (one.simulated / one.virtual - 1):+.2f} %",
+            one.mode,
+            _stiffness(ruled),
+            _stiffness(passive_stiffness(hand, Physics().c_h)),
         )
     compared = [one for one in found if LOOSEST <= one.virtual < math.inf]
     off = [abs(one.simulated / one.virtual - 1.0) for one in compared]
     worst = math.inf if any(map(math.isnan, off)) else max(off, default=0.0)
-    return Part(
-        "limits",
-        f"Largest stable stiffness with 2 N s/m, up to {STIFFEST:g} N/m, for equal delays both ways",
-        (
-            *("coupling at", "end", "hand", "one way [ms]", "theory, real device [N/m]", "theory, virtual [N/m]"),
-            *("simulated service [N/m]", "off", "unstable first", "Gil [N/m]", "Colgate [N/m]"),
-        ),
-        rows,
-        [
-            Verdict(
-                f"the simulated service and the eigenvalues agree to {AGREED:.0%} in stiffness",
-                bool(worst <= AGREED),
-                f"at worst {worst:.2%} in {len(compared)} cases",
-            )
-        ],
+    part.claim(
+        f"the simulated service and the eigenvalues agree to {AGREED:.0%} in stiffness",
+        bool(worst <= AGREED),
+        f"at worst {worst:.2%} in {len(compared)} cases",
     )
+    return part
 
 
 def _stiffness(k: float) -> str:
-    """Format a stiffness for the table."""
     if math.isnan(k):
         return "-"
     return f"> {STIFFEST:g}" if math.isinf(k) else f"{k:.4g}"
@@ -271,7 +263,11 @@ def _stiffness(k: float) -> str:
 def delays_part(hands: Sequence[str], tell: Tell) -> Part:
     """Find the maximum stable delay of the paper's virtual coupling for each hand."""
     physics = Physics()
-    rows: list[tuple[Value, ...]] = []
+    part = Part(
+        "delays",
+        "Largest stable delay one way, 200 N/m and 2 N s/m",
+        "coupling at | end | hand | theory, real device [ms] | theory, virtual [ms] | and so it is simulated",
+    )
     agreeing, checked = 0, 0
     for i, hand in enumerate(hands):
         for j, (at, end) in enumerate(MAPS):
@@ -285,22 +281,14 @@ def delays_part(hands: Sequence[str], tell: Tell) -> Part:
             tried = [(way, True), (way + 1, False)] if way < MAX_WAY else [(way, True)]
             right = [simulated_is_stable(Case(hand, at, end, w), physics.k_h, mode) == so for w, so in tried]
             agreeing, checked = agreeing + sum(right), checked + len(right)
-            rows.append((at, end, hand, _way(min(ways[0].values())), _way(way), "yes" if all(right) else "no"))
-    return Part(
-        "delays",
-        "Largest stable delay one way, 200 N/m and 2 N s/m",
-        ("coupling at", "end", "hand", "theory, real device [ms]", "theory, virtual [ms]", "and so it is simulated"),
-        rows,
-        [
-            Verdict(
-                "the simulated service is stable at the largest delay, and not 1 ms beyond",
-                agreeing == checked,
-                f"{agreeing} of {checked}",
-            )
-        ],
+            part.add(at, end, hand, _way(min(ways[0].values())), _way(way), "yes" if all(right) else "no")
+    part.claim(
+        "the simulated service is stable at the largest delay, and not 1 ms beyond",
+        agreeing == checked,
+        f"{agreeing} of {checked}",
     )
+    return part
 
 
 def _way(way: int) -> str:
-    """Format a delay for the table."""
     return f">= {MAX_WAY}" if way >= MAX_WAY else str(way)

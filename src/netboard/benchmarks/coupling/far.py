@@ -199,7 +199,6 @@ class Far:
         self.cut |= not left.safeguards & right.safeguards & Safeguard.ARMED
 
     def _serve(self, now_ns: int) -> None:
-        """Compute the server's tick."""
         for seat, station in zip(self._seats, self.stations, strict=True):
             frame = station.arriving()
             if frame is not None:

@@ -147,7 +147,6 @@ def conditions_part(found: dict[Force, Rows]) -> Part:
 
 
 def _verdicts(found: dict[Force, Rows]) -> list[Verdict]:
-    """Return the claims about the conditions."""
     states = {b"".join(ticks[name].tobytes() for name in STATE.names or ()) for ticks in found.values()}
     left = residual(found)
     rms, largest = float(np.sqrt(np.mean(left**2))), float(np.abs(left).max())

@@ -1,4 +1,7 @@
-"""Methods that tolerate a long delay, and their cost: passivity control, wave variables, and coupling in both.
+"""Releases of a stylus 10 mm from rest, methods that tolerate a long delay, and their cost.
+
+The releases have friction, encoder steps, and every limit of the safety chain. Friction damps a small motion but not a
+large one, so a loop that is stable for small motions may still oscillate.
 
 Passivity control and coupling in both are netboard's own. Wave variables are here for comparison only: a loop of the
 virtual device and a fixed end with the paper's virtual coupling, and wave variables in place of positions and forces.
@@ -8,7 +11,9 @@ G. Niemeyer, J.-J. E. Slotine, Stable adaptive teleoperation, IEEE J. Oceanic En
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +23,138 @@ from netboard.base.tables.rig import Safety
 from netboard.base.tables.scene import Physics
 from netboard.base.tables.simulated import VirtualDevice
 from netboard.base.tick import START_NS, TICK_NS, TICK_SECONDS
-from netboard.benchmarks.coupling.boundary import scene
+from netboard.benchmarks.coupling.boundary import HANDS, Case, loops_of, scene
 from netboard.benchmarks.coupling.far import Distance, Far, prepared
-from netboard.benchmarks.coupling.releases import FRICTION, Loop, lead, let_go, smooth
-from netboard.benchmarks.harness.results import Part, Value, Verdict
+from netboard.benchmarks.harness.results import Part, Value
 from netboard.benchmarks.harness.running import Tell
 from netboard.devices.simulated.virtual import VirtualTouch
-from netboard.physics.stability.delayed_coupling import At
+from netboard.participants.device_models import resolved
+from netboard.physics.stability.delayed_coupling import At, is_stable
+
+RELEASED = 0.010
+"""Distance from rest at the release [m]."""
+
+LED, WAITED = 300, 200
+"""Durations of the movement to that position, and of the hold there [ms]."""
+
+SECONDS = 4
+"""Observation time after the release [s]."""
+
+QUIET = 0.5e-3
+"""Peak-to-peak movement below which a stylus counts as at rest: some encoder steps [m]."""
+
+FRICTION = resolved(VirtualDevice()).friction
+
+WAYS = (0, 1, 2, 3, 4, 5, 10, 20, 40)
+QUICK_WAYS = (2, 10)
+
+
+@dataclass(frozen=True)
+class Release:
+    """Outcome of a release.
+
+    - `swing`: peak-to-peak movement in the last second [m].
+    - `rest`: settling time, to within `QUIET` of the final position; infinite if it did not settle [s].
+    - `cut`: the safety chain cut the force because the stylus was too fast.
+    """
+
+    swing: float
+    rest: float
+    cut: bool
+
+    @property
+    def quiet(self) -> bool:
+        """Whether the stylus settled without a cut of the force."""
+        return self.swing < QUIET and not self.cut
+
+    def __str__(self) -> str:
+        if self.cut:
+            return "cut by the safety chain"
+        return f"rests in {self.rest:.2f} s" if self.quiet else f"{self.swing * 1e3:.1f} mm"
+
+
+class Loop(Protocol):
+    """A simulated loop of the left hand."""
+
+    heights: list[tuple[float, float]]
+    forces: list[tuple[float, float]]
+    cut: bool
+
+    def get_ready(self) -> None:
+        """Simulate until the loop is ready."""
+
+    def put(self, left: float, right: float) -> None:
+        """Place the styluses at heights [m]."""
+
+    def live(self, ticks: int) -> None:
+        """Simulate a duration [ms]."""
+
+
+def lead(loop: Loop, height: Callable[[int], float], ticks: int) -> None:
+    """Move the left stylus along a path."""
+    for t in range(ticks):
+        loop.put(height(t), 0.0)
+        loop.live(1)
+
+
+def let_go(loop: Loop) -> Release:
+    """Move the left stylus away, hold it until the server has received this, and release it."""
+    loop.get_ready()
+    lead(loop, lambda t: RELEASED * smooth(t / LED), LED + WAITED)
+    start = len(loop.heights)
+    loop.live(1000 * SECONDS)
+    heights = np.array(loop.heights)[start:, 0]
+    away = np.flatnonzero(np.abs(heights - heights[-1]) > QUIET)
+    rest = (int(away[-1]) + 1) * 1e-3 if len(away) else 0.0
+    swing = float(np.ptp(heights[-1000:]))
+    return Release(swing, rest if swing < QUIET else float("inf"), loop.cut)
+
+
+def smooth(share: float) -> float:
+    """Return the completed share of a smooth movement after a share of its duration, from 0 to 1 [1]."""
+    s = min(max(share, 0.0), 1.0)
+    return s * s * s * (10.0 - 15.0 * s + 6.0 * s * s)
+
+
+def release(physics: Physics, device: VirtualDevice, way: int, *, passivity: bool = False) -> Release:
+    """Release the left stylus, and return the outcome."""
+    far = Far(Config(physics=physics, virtual=device, safety=Safety(passivity=passivity)), Distance(way, way))
+    return let_go(far)
+
+
+def releases_part(ways: Sequence[int], tell: Tell) -> Part:
+    """Release a bare stylus with several delays."""
+    part = Part(
+        "releases",
+        "A bare stylus let go 10 mm from rest, 200 N/m and 2 N s/m, encoder steps and limits on: swing in the last "
+        "second, or time to rest",
+        "one way [ms] | server, fixed end: theory | no friction | friction 0.26 N | "
+        "both, paper's board: theory | no friction  | friction 0.26 N ",
+    )
+    bare = HANDS["bare stylus"]
+    slick, rough = (VirtualDevice(mass=bare.mass, damping=bare.damping, friction=f) for f in (0.0, FRICTION))
+    quiet: dict[tuple[str, str], list[int]] = {}
+    for i, way in enumerate(ways):
+        tell(f"releases: {way} ms one way", i / len(ways))
+        row: list[Value] = [way]
+        for at in ("server", "both"):
+            case = Case("bare stylus", at, "fixed" if at == "server" else "board", way)
+            stable = all(is_stable(loop) for loop in loops_of(case, Physics().k_h).values())
+            row.append("stable" if stable else "unstable")
+            for name, device in (("no friction", slick), ("friction", rough)):
+                found = release(scene(at, case.end), device, way)
+                row.append(str(found))
+                if found.quiet:
+                    quiet.setdefault((at, name), []).append(way)
+        part.add(*row)
+    furthest = {key: max(found) for key, found in quiet.items()}
+    part.claim(
+        "with both a stylus comes to rest further from its server than with the server alone",
+        all(furthest[("both", name)] > furthest[("server", name)] for name in ("no friction", "friction")),
+        ", ".join(f"{at}, {name}: {way} ms" for (at, name), way in furthest.items()),
+    )
+    return part
+
 
 IMPEDANCE = 1.0
 """Wave impedance, suited to a device of 45 g at the frequencies of a hand [N s/m]."""
@@ -104,7 +234,12 @@ def make_loop(name: str, device: VirtualDevice, way: int) -> Loop:
 
 def remedies_part(ways: Sequence[int], tell: Tell) -> Part:
     """Release a bare stylus with each method."""
-    rows: list[tuple[Value, ...]] = []
+    part = Part(
+        "remedies",
+        "A bare stylus let go 10 mm from rest at a fixed end, 200 N/m and 2 N s/m: time to rest, or swing in the last "
+        "second",
+        ("one way [ms]", "friction", *NAMES),
+    )
     quiet: dict[tuple[str, float], list[int]] = {}
     for i, way in enumerate(ways):
         for j, friction in enumerate((0.0, FRICTION)):
@@ -115,22 +250,14 @@ def remedies_part(ways: Sequence[int], tell: Tell) -> Part:
                 told.append(str(found))
                 if found.quiet:
                     quiet.setdefault((name, friction), []).append(way)
-            rows.append((way, f"{friction:g} N", *told))
+            part.add(way, f"{friction:g} N", *told)
     stable = quiet.get(("with passivity control", 0.0), [])
-    return Part(
-        "remedies",
-        "A bare stylus let go 10 mm from rest at a fixed end, 200 N/m and 2 N s/m: time to rest, or swing in the last "
-        "second",
-        ("one way [ms]", "friction", *NAMES),
-        rows,
-        [
-            Verdict(
-                "with passivity control a bare stylus without friction comes to rest 20 ms from its server",
-                bool(stable) and max(stable) >= min(20, max(ways)),
-                f"at {', '.join(map(str, stable))} ms of {', '.join(map(str, ways))}",
-            )
-        ],
+    part.claim(
+        "with passivity control a bare stylus without friction comes to rest 20 ms from its server",
+        bool(stable) and max(stable) >= min(20, max(ways)),
+        f"at {', '.join(map(str, stable))} ms of {', '.join(map(str, ways))}",
     )
+    return part
 
 
 # --- what it feels like ------------------------------------------------------------------------------------------
@@ -151,28 +278,25 @@ def felt(name: str, way: int, frequency: float) -> tuple[float, float]:
 
 def transparency_part(ways: Sequence[int], tell: Tell) -> Part:
     """Measure the stiffness and damping that the virtual coupling renders to a hand."""
-    rows: list[tuple[Value, ...]] = []
+    part = Part(
+        "transparency",
+        "Stiffness and damping felt at a fixed end by a hand that moves 5 mm either way [N/m, N s/m]; ideal: 200, 2.00",
+        ("one way [ms]", "frequency [Hz]", *NAMES),
+    )
     for i, way in enumerate(ways):
         for frequency in FREQUENCIES:
             tell(f"what is felt: {way} ms, {frequency:g} Hz", i / len(ways))
             found = [felt(name, way, frequency) for name in NAMES]
-            rows.append((way, frequency, *(f"{k:.0f}, {c:.2f}" for k, c in found)))
+            part.add(way, frequency, *(f"{k:.0f}, {c:.2f}" for k, c in found))
     lag = felt("both", max(ways), FREQUENCIES[0])
     physics = Physics()
     right = abs(lag[0] / physics.k_h - 1.0) < 0.03 and abs(lag[1] / physics.c_h - 1.0) < 0.15
-    return Part(
-        "transparency",
-        "Stiffness and damping felt at a fixed end by a hand that moves 5 mm either way [N/m, N s/m]; ideal: 200, 2.00",
-        ("one way [ms]", "frequency [Hz]", *NAMES),
-        rows,
-        [
-            Verdict(
-                "with both a hand feels the coupling itself at any distance",
-                right,
-                f"{lag[0]:.0f} N/m and {lag[1]:.2f} N s/m at {max(ways)} ms, {FREQUENCIES[0]:g} Hz",
-            )
-        ],
+    part.claim(
+        "with both a hand feels the coupling itself at any distance",
+        right,
+        f"{lag[0]:.0f} N/m and {lag[1]:.2f} N s/m at {max(ways)} ms, {FREQUENCIES[0]:g} Hz",
     )
+    return part
 
 
 # --- in everyday use ---------------------------------------------------------------------------------------------
@@ -186,27 +310,24 @@ PAUSE = 200
 
 def everyday_part(ways: Sequence[int], tell: Tell) -> Part:
     """Measure the effect of passivity control on forces in ordinary movements, on the paper's board."""
-    rows: list[tuple[Value, ...]] = []
+    part = Part(
+        "everyday",
+        "Movements of 5 to 20 mm by both hands on the paper's board: force with passivity control less force without",
+        "one way [ms] | force, rms [N] | difference, rms, of that [1] | largest difference [N]",
+    )
     for i, way in enumerate(ways):
         tell(f"everyday movements: {way} ms", i / len(ways))
         plain, limited = (_played(way, passivity=passivity) for passivity in (False, True))
         off = limited - plain
         scale = float(np.sqrt(np.mean(plain**2)))
-        rows.append((way, scale, float(np.sqrt(np.mean(off**2))) / scale, float(np.abs(off).max())))
-    nearest = rows[0]
-    return Part(
-        "everyday",
-        "Movements of 5 to 20 mm by both hands on the paper's board: force with passivity control less force without",
-        ("one way [ms]", "force, rms [N]", "difference, rms, of that [1]", "largest difference [N]"),
-        rows,
-        [
-            Verdict(
-                "next to its server passivity control changes an everyday force by less than 5 %",
-                bool(float(nearest[2]) < 0.05),
-                f"{float(nearest[2]):.2%} rms at {nearest[0]} ms",
-            )
-        ],
+        part.add(way, scale, float(np.sqrt(np.mean(off**2))) / scale, float(np.abs(off).max()))
+    nearest = part.rows[0]
+    part.claim(
+        "next to its server passivity control changes an everyday force by less than 5 %",
+        bool(float(nearest[2]) < 0.05),
+        f"{float(nearest[2]):.2%} rms at {nearest[0]} ms",
     )
+    return part
 
 
 def _played(way: int, *, passivity: bool) -> NDArray[np.float64]:

@@ -19,10 +19,11 @@ import numpy as np
 from netboard.base.clock import now_ns
 from netboard.base.errors import NetboardError
 from netboard.base.tick import LATE_NS
-from netboard.benchmarks.faults.case import Case
+from netboard.benchmarks.faults.cases import Case
 from netboard.benchmarks.faults.checks import Check, agents_stood_still, noted, nothing_lost
+from netboard.benchmarks.faults.deferred import deferred
 from netboard.benchmarks.faults.evidence import Evidence, between
-from netboard.benchmarks.faults.harm import Act, Facts
+from netboard.benchmarks.faults.harm import Facts
 from netboard.benchmarks.faults.sites import GUESTS, Setup, Site
 from netboard.benchmarks.harness.results import Value, Verdict
 from netboard.network import keys
@@ -59,45 +60,39 @@ OPEN_DYAD = Setup("one dyad, attacked", settings=("network.curve=off",))
 KEYED_DYAD = Setup("one dyad with keys, attacked", settings=("network.curve=on",), keyed=True)
 
 
-def attack(name: str) -> Act:
-    """Return an act that runs an attacker, first on a sink and then on the server."""
-
-    def act(site: Site) -> Facts:
-        span = QUICK_SECONDS if site.quick else SECONDS
-        before_ns = now_ns()
-        time.sleep(span / 4)
-        quiet = before_ns, now_ns()
-        on_sink = _attack_sink(name, site, span)
-        on_server = _run_attacker(name, site, span)
-        after_ns = now_ns()
-        time.sleep(span / 4)
-        return _facts(on_server, on_sink, quiet, (after_ns, now_ns()))
-
-    return act
+@deferred
+def attack(site: Site, name: str) -> Facts:
+    """Run an attacker, first on a sink and then on the server."""
+    span = QUICK_SECONDS if site.quick else SECONDS
+    before_ns = now_ns()
+    time.sleep(span / 4)
+    quiet = before_ns, now_ns()
+    on_sink = _attack_sink(name, site, span)
+    on_server = _run_attacker(name, site, span)
+    after_ns = now_ns()
+    time.sleep(span / 4)
+    return _facts(on_server, on_sink, quiet, (after_ns, now_ns()))
 
 
-def join_during(name: str) -> Act:
-    """Return an act that times the joins of consoles with a valid key, without an attack and during it."""
+@deferred
+def join_during(site: Site, name: str) -> Facts:
+    """Time the joins of consoles with a valid key, without an attack and during it."""
+    span = 3 * QUICK_SECONDS if site.quick else SECONDS
+    joins = QUICK_JOINS if site.quick else JOINS
+    before_ns = now_ns()
+    without = [_join(site) for _ in range(joins)]
+    time.sleep(max(0.0, span - (now_ns() - before_ns) * 1e-9))
+    quiet = before_ns, now_ns()
+    on_sink = _attack_sink(name, site, span)
+    during: list[float] = []
 
-    def act(site: Site) -> Facts:
-        span = 3 * QUICK_SECONDS if site.quick else SECONDS
-        joins = QUICK_JOINS if site.quick else JOINS
-        before_ns = now_ns()
-        without = [_join(site) for _ in range(joins)]
-        time.sleep(max(0.0, span - (now_ns() - before_ns) * 1e-9))
-        quiet = before_ns, now_ns()
-        on_sink = _attack_sink(name, site, span)
-        during: list[float] = []
+    def join_in_attack() -> None:
+        time.sleep(span / 3)
+        during.extend(_join(site) for _ in range(joins))
 
-        def join_in_attack() -> None:
-            time.sleep(span / 3)
-            during.extend(_join(site) for _ in range(joins))
-
-        on_server = _run_attacker(name, site, span, meanwhile=join_in_attack)
-        slowest = {"join without": f"{max(without):.3f}", "join with": f"{max(during):.3f}"}
-        return {**_facts(on_server, on_sink, quiet, (quiet[1], quiet[1])), **slowest}
-
-    return act
+    on_server = _run_attacker(name, site, span, meanwhile=join_in_attack)
+    slowest = {"join without": f"{max(without):.3f}", "join with": f"{max(during):.3f}"}
+    return {**_facts(on_server, on_sink, quiet, (quiet[1], quiet[1])), **slowest}
 
 
 def _attack_sink(name: str, site: Site, seconds: float) -> dict[str, int]:

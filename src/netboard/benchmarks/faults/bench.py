@@ -21,15 +21,13 @@ from netboard.base.config import SIDES
 from netboard.base.errors import ConfigError, NetboardError
 from netboard.base.terminal import FittedTable
 from netboard.benchmarks.faults import attack_cases
-from netboard.benchmarks.faults.case import PARTS, Case
+from netboard.benchmarks.faults.cases import DEVICES, LINKS, MACHINES, PARTS, PEERS, PROCESSES, Case
 from netboard.benchmarks.faults.checks import UNDISTURBED_NS, Falls, disturbed, fades_of, verdict_of
 from netboard.benchmarks.faults.evidence import Evidence, Window, gather, largest_step, without_cut
-from netboard.benchmarks.faults.link_cases import LINKS
-from netboard.benchmarks.faults.other_cases import DEVICES, MACHINES, PEERS
-from netboard.benchmarks.faults.process_cases import PROCESSES
 from netboard.benchmarks.faults.sites import Setup, Site, open_site
 from netboard.benchmarks.harness.machine import describe
-from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict, new_folder, show
+from netboard.benchmarks.harness.results import Part, Value, Verdict, show
+from netboard.benchmarks.harness.running import Options
 
 COLUMNS = (
     *("case", "falls after [ms]", "zero after [ms]", "largest step / limit [1]"),
@@ -89,11 +87,11 @@ class Outcome:
         return all(verdict.holds for verdict in self.verdicts)
 
 
-def main(output: Path | None, *, quick: bool, force: bool, names: Sequence[str]) -> int:
+def main(names: Sequence[str], options: Options) -> int:
     """Inject faults and check the reactions."""
     console = Console(highlight=False)
-    chosen = choose(names, quick=quick)
-    folder = Folder(output or new_folder("faults"), force=force)
+    chosen = choose(names, quick=options.quick)
+    folder = options.folder("faults")
     for line in describe().lines():
         console.print(line)
     outcomes: list[Outcome] = []
@@ -103,10 +101,12 @@ def main(output: Path | None, *, quick: bool, force: bool, names: Sequence[str])
         def tell(name: str) -> None:
             progress.update(task, description=name)
 
-        for outcome in play_all(chosen, folder.path / "sites", quick, tell):
+        for outcome in play_all(chosen, folder.path / "sites", options.quick, tell):
             outcomes.append(outcome)
             progress.advance(task)
-            folder.write(parts_of(outcomes), about(outcomes, quick))
+            folder.write(parts_of(outcomes), about(outcomes, options.quick))
+    if options.json is not None:
+        shutil.copyfile(folder.path / "results.json", options.json)
     for part in parts_of(outcomes):
         show(console, part)
     held = sum(outcome.holds for outcome in outcomes if not outcome.refusal)
@@ -232,7 +232,7 @@ def make(case: Case, site: Site) -> Window:
         start_ns = now_ns()
         if pauses:
             facts[AGAIN] = str(pauses)
-        facts.update(case.act(site))
+        facts.update(case.act(site) or {})
         site.sleep(NOTICED_S)
         site.rig.until_felt(WELL_S)
     except (NetboardError, OSError) as error:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from netboard.base.config import SIDES, Side
 from netboard.base.tick import TICK_NS
+from netboard.benchmarks.faults.deferred import deferred
 from netboard.benchmarks.faults.evidence import (
     Evidence,
     Fade,
@@ -103,37 +104,31 @@ def _before(evidence: Evidence, fade: Fade) -> float:
     return max(0, evidence.window.start_ns + DONE_NS - fade.last_ns) * 1e-9
 
 
-def gentle(cut: Side | None = None) -> Check:
+@deferred
+def gentle(evidence: Evidence, cut: Side | None = None) -> Verdict:
     """Check that no force exceeds the slew limit; on one side a fault may cut it to zero."""
-
-    def check(evidence: Evidence) -> Verdict:
-        slew = evidence.limits.max_slew
-        claim = f"no step of the force is larger than {slew:g} N/s allow"
-        worst, cuts = 0.0, 0
-        for side in SIDES:
-            for trace in evidence.traces[side]:
-                cuts += len(steps_to_nothing(trace, slew)) if side == cut else 0
-                parts = without_cut(trace, slew) if side == cut else [trace]
-                worst = max([worst, *(largest_step(part, slew).share for part in parts)])
-        found = f"at most {worst:.2f} of it" + (f", cut to zero at once {cuts} times" if cut else "")
-        return Verdict(claim + (", except to nothing" if cut else ""), worst <= 1.0 + 1e-9, found)
-
-    return check
+    slew = evidence.limits.max_slew
+    claim = f"no step of the force is larger than {slew:g} N/s allow"
+    worst, cuts = 0.0, 0
+    for side in SIDES:
+        for trace in evidence.traces[side]:
+            cuts += len(steps_to_nothing(trace, slew)) if side == cut else 0
+            parts = without_cut(trace, slew) if side == cut else [trace]
+            worst = max([worst, *(largest_step(part, slew).share for part in parts)])
+    found = f"at most {worst:.2f} of it" + (f", cut to zero at once {cuts} times" if cut else "")
+    return Verdict(claim + (", except to nothing" if cut else ""), worst <= 1.0 + 1e-9, found)
 
 
-def paused(*whys: str) -> Check:
+@deferred
+def paused(evidence: Evidence, *whys: str) -> Verdict:
     """Check that the trial is paused, that the reason is recorded, and that the trial is repeated."""
-
-    def check(evidence: Evidence) -> Verdict:
-        claim = f"the trial is paused ({' or '.join(whys)}), marked and repeated"
-        mine = [pause for pause in evidence.pauses if any(why in pause.why for why in whys)]
-        if not mine:
-            return Verdict(claim, False, f"pauses: {_told(evidence.pauses)}")
-        repeated = all(pause.repeated for pause in evidence.pauses if pause.again is not None)
-        again = mine[-1].again is not None or evidence.pauses[-1].again is not None
-        return Verdict(claim, repeated and again, _told(evidence.pauses))
-
-    return check
+    claim = f"the trial is paused ({' or '.join(whys)}), marked and repeated"
+    mine = [pause for pause in evidence.pauses if any(why in pause.why for why in whys)]
+    if not mine:
+        return Verdict(claim, False, f"pauses: {_told(evidence.pauses)}")
+    repeated = all(pause.repeated for pause in evidence.pauses if pause.again is not None)
+    again = mine[-1].again is not None or evidence.pauses[-1].again is not None
+    return Verdict(claim, repeated and again, _told(evidence.pauses))
 
 
 def goes_on(evidence: Evidence) -> Verdict:
@@ -141,15 +136,12 @@ def goes_on(evidence: Evidence) -> Verdict:
     return _undisturbed("the trial goes on", evidence.pauses, evidence.held_up)
 
 
-def either(*whys: str) -> Check:
+@deferred
+def either(evidence: Evidence, *whys: str) -> Verdict:
     """Check that the trial goes on, or is paused for one of these reasons and repeated."""
-
-    def check(evidence: Evidence) -> Verdict:
-        if not [pause for pause in evidence.pauses if any(why in pause.why for why in whys)]:
-            return goes_on(evidence)
-        return paused(*whys)(evidence)
-
-    return check
+    if not [pause for pause in evidence.pauses if any(why in pause.why for why in whys)]:
+        return goes_on(evidence)
+    return paused(*whys)(evidence)
 
 
 def rests(evidence: Evidence) -> Verdict:
@@ -196,35 +188,29 @@ def _accounted(taken: Taken) -> Verdict:
     return Verdict(claim, sound, words)
 
 
-def noted(name: str, *words: str) -> Check:
+@deferred
+def noted(evidence: Evidence, name: str, *words: str) -> Verdict:
     """Check that an event is recorded with these words in its details."""
-
-    def check(evidence: Evidence) -> Verdict:
-        claim = f"recorded: {name}" + (f" ({', '.join(words)})" if words else "")
-        told = [" ".join(event.details.values()) for event in evidence.events if event.name == name]
-        good = any(all(word in text for word in words) for text in told)
-        return Verdict(claim, good, f"{len(told)} times" + (f": {told[-1]}" if told else ""))
-
-    return check
+    claim = f"recorded: {name}" + (f" ({', '.join(words)})" if words else "")
+    told = [" ".join(event.details.values()) for event in evidence.events if event.name == name]
+    good = any(all(word in text for word in words) for text in told)
+    return Verdict(claim, good, f"{len(told)} times" + (f": {told[-1]}" if told else ""))
 
 
-def powerless(side: Side, *, to_the_end: bool) -> Check:
+@deferred
+def powerless(evidence: Evidence, side: Side, *, to_the_end: bool) -> Verdict:
     """Check that no force was written to a device that returned invalid readings, or did not answer.
 
     The first force may be the write by which the agent detects that its device does not answer.
     """
-
-    def check(evidence: Evidence) -> Verdict:
-        trace = evidence.traces[side][0]
-        failing = np.flatnonzero(np.isnan(trace["z"]))
-        if to_the_end and failing.size:
-            failing = np.arange(failing[0], trace.size)
-        rows = trace[failing[1:] if failing.size > 1 else failing]
-        largest = float(np.max(np.abs([rows["fx"], rows["fy"], rows["fz"]]), initial=0.0))
-        found = f"at most {largest:.3g} N in {rows.size} writes"
-        return Verdict(f"the {side} device is handed no force while it fails", rows.size > 0 and largest == 0.0, found)
-
-    return check
+    trace = evidence.traces[side][0]
+    failing = np.flatnonzero(np.isnan(trace["z"]))
+    if to_the_end and failing.size:
+        failing = np.arange(failing[0], trace.size)
+    rows = trace[failing[1:] if failing.size > 1 else failing]
+    largest = float(np.max(np.abs([rows["fx"], rows["fy"], rows["fz"]]), initial=0.0))
+    found = f"at most {largest:.3g} N in {rows.size} writes"
+    return Verdict(f"the {side} device is handed no force while it fails", rows.size > 0 and largest == 0.0, found)
 
 
 def stopped(evidence: Evidence) -> Verdict:
@@ -244,34 +230,26 @@ def stopped(evidence: Evidence) -> Verdict:
     return Verdict(claim, good, ", ".join(words))
 
 
-def safeguarded(side: Side, guard: Safeguard) -> Check:
+@deferred
+def safeguarded(evidence: Evidence, side: Side, guard: Safeguard) -> Verdict:
     """Check that an agent has reported the action of its safety chain."""
-
-    def check(evidence: Evidence) -> Verdict:
-        ticks = int(np.count_nonzero(evidence.ticks[f"{side}_safeguards"] & guard.value))
-        name = str(guard.name).lower().replace("_", " ")
-        return Verdict(f"the {side} agent reports: {name}", ticks > 0, f"in {ticks} ticks")
-
-    return check
+    ticks = int(np.count_nonzero(evidence.ticks[f"{side}_safeguards"] & guard.value))
+    name = str(guard.name).lower().replace("_", " ")
+    return Verdict(f"the {side} agent reports: {name}", ticks > 0, f"in {ticks} ticks")
 
 
-def rendered_known(side: Side) -> Check:
+@deferred
+def rendered_known(evidence: Evidence, side: Side) -> Verdict:
     """Check that the recorded force is that written to the device, and unknown at a few ticks only."""
-
-    def check(evidence: Evidence) -> Verdict:
-        claim = (
-            f"the {side} force is recorded as the device was handed it, and unknown in {UNKNOWN_TICKS} ticks at most"
-        )
-        recorded = evidence.ticks[f"{side}_rendered"]
-        known = ~np.isnan(recorded)
-        handed = np.sort(np.concatenate(evidence.traces[side]), order="time_ns")
-        times = evidence.ticks["time_ns"][known]
-        wrong = ~_was_handed(handed, times, recorded[known])
-        count = int(np.count_nonzero(~known))
-        found = f"{int(np.count_nonzero(wrong))} of {times.size} ticks hold another force, {count} are unknown"
-        return Verdict(claim, times.size > 0 and not wrong.any() and count <= UNKNOWN_TICKS, found)
-
-    return check
+    claim = f"the {side} force is recorded as the device was handed it, and unknown in {UNKNOWN_TICKS} ticks at most"
+    recorded = evidence.ticks[f"{side}_rendered"]
+    known = ~np.isnan(recorded)
+    handed = np.sort(np.concatenate(evidence.traces[side]), order="time_ns")
+    times = evidence.ticks["time_ns"][known]
+    wrong = ~_was_handed(handed, times, recorded[known])
+    count = int(np.count_nonzero(~known))
+    found = f"{int(np.count_nonzero(wrong))} of {times.size} ticks hold another force, {count} are unknown"
+    return Verdict(claim, times.size > 0 and not wrong.any() and count <= UNKNOWN_TICKS, found)
 
 
 def _was_handed(handed: NDArray[Any], times: NDArray[np.int64], forces: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -286,26 +264,20 @@ def _was_handed(handed: NDArray[Any], times: NDArray[np.int64], forces: NDArray[
     return found
 
 
-def shown(station: Side) -> Check:
+@deferred
+def shown(evidence: Evidence, station: Side) -> Verdict:
     """Check that a display shows frames at the end."""
-
-    def check(evidence: Evidence) -> Verdict:
-        painted = evidence.rig.painted_ns[station]
-        stop = evidence.window.stop_ns
-        count = int(np.count_nonzero((painted > stop - LATELY_NS) & (painted < stop)))
-        return Verdict(f"the {station} display shows frames again", count > 0, f"{count} in the last second")
-
-    return check
+    painted = evidence.rig.painted_ns[station]
+    stop = evidence.window.stop_ns
+    count = int(np.count_nonzero((painted > stop - LATELY_NS) & (painted < stop)))
+    return Verdict(f"the {station} display shows frames again", count > 0, f"{count} in the last second")
 
 
-def told(fact: str, wanted: str) -> Check:
+@deferred
+def told(evidence: Evidence, fact: str, wanted: str) -> Verdict:
     """Check that a fact noted during the fault contains the expected text."""
-
-    def check(evidence: Evidence) -> Verdict:
-        found = evidence.window.facts.get(fact, "nothing")
-        return Verdict(f"{fact}: {wanted}", wanted in found, found)
-
-    return check
+    found = evidence.window.facts.get(fact, "nothing")
+    return Verdict(f"{fact}: {wanted}", wanted in found, found)
 
 
 def back(evidence: Evidence) -> Verdict:

@@ -10,16 +10,16 @@ import gc
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import islice
-from pathlib import Path
 
 from netboard.base.errors import WireError
 from netboard.base.process import resident_memory
 from netboard.benchmarks.faults.fuzz_peers import peer_parts
 from netboard.benchmarks.faults.fuzz_server import MAX_GROWTH, server_parts
 from netboard.benchmarks.faults.malformed_frames import MalformedFrames, valid_frames
-from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict, new_folder
-from netboard.benchmarks.harness.running import Tell, run
+from netboard.benchmarks.harness.results import Folder, Part, Value
+from netboard.benchmarks.harness.running import Options, Tell, run
 from netboard.network.protocol.codec import decode, encode
 
 FRAMES = 1_000_000
@@ -33,22 +33,21 @@ PROGRESS_FRAMES = 10_000
 """Frames between two progress reports [1]."""
 
 
-def main(output: Path | None, *, quick: bool, force: bool, frames: int | None) -> int:
+def main(frames: int | None, options: Options) -> int:
     """Run the fuzz tests, and return 0 if every requirement holds.
 
     - `frames`: number of frames for the codec, and for each socket; None for the default [1].
     """
-    folder = Folder(output or new_folder("fuzz"), force=force)
-    count = frames or (QUICK_FRAMES if quick else FRAMES)
-    verdicts = run(folder, {"study": "fuzz", "frames": count}, lambda tell: study(folder.path, count, tell))
+    count = frames or (QUICK_FRAMES if options.quick else FRAMES)
+    verdicts = run("fuzz", partial(study, count), options, {"frames": count})
     return 0 if all(verdict.holds for verdict in verdicts) else 1
 
 
-def study(folder: Path, count: int, tell: Tell) -> Iterator[Part]:
+def study(count: int, folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
     """Run the three parts."""
     yield codec_part(count, tell)
-    yield from server_parts(folder / "server", count, tell)
-    yield from peer_parts(folder / "peers", count, tell)
+    yield from server_parts(folder.path / "server", count, tell)
+    yield from peer_parts(folder.path / "peers", count, tell)
 
 
 @dataclass
@@ -101,29 +100,27 @@ def codec_part(count: int, tell: Tell) -> Part:
     finally:
         gc.enable()
     growth = resident_memory() - before
-    columns = ("frames [1]", "messages [1]", "refused [1]", "mean size [bytes]", "slowest [ms]", "growth [MB]")
     slowest = counts.slowest * 1e3
     row: tuple[Value, ...] = (count, counts.accepted, counts.refused, counts.size / count, slowest, growth * 1e-6)
-    return Part(
+    part = Part(
         "codec",
         "Malformed frames for the codec",
-        columns,
+        "frames [1] | messages [1] | refused [1] | mean size [bytes] | slowest [ms] | growth [MB]",
         [row],
-        [
-            Verdict(
-                "every frame is decoded or refused",
-                not counts.errors,
-                "; ".join(counts.errors[:3]) or f"{counts.accepted} decoded, {counts.refused} refused",
-            ),
-            Verdict(
-                f"no frame takes longer than {SLOWEST_MS:g} ms",
-                slowest < SLOWEST_MS,
-                f"{slowest:.1f} ms for {len(counts.slowest_frame)} bytes",
-            ),
-            Verdict(
-                f"memory grows by less than {MAX_GROWTH * 1e-6:g} MB",
-                growth < MAX_GROWTH,
-                f"{growth * 1e-6:.1f} MB after the first quarter",
-            ),
-        ],
     )
+    part.claim(
+        "every frame is decoded or refused",
+        not counts.errors,
+        "; ".join(counts.errors[:3]) or f"{counts.accepted} decoded, {counts.refused} refused",
+    )
+    part.claim(
+        f"no frame takes longer than {SLOWEST_MS:g} ms",
+        slowest < SLOWEST_MS,
+        f"{slowest:.1f} ms for {len(counts.slowest_frame)} bytes",
+    )
+    part.claim(
+        f"memory grows by less than {MAX_GROWTH * 1e-6:g} MB",
+        growth < MAX_GROWTH,
+        f"{growth * 1e-6:.1f} MB after the first quarter",
+    )
+    return part

@@ -28,7 +28,7 @@ from netboard.benchmarks.faults.evidence import between
 from netboard.benchmarks.faults.fuzz_server import STUCK_SECONDS, memory_part
 from netboard.benchmarks.faults.malformed_frames import MalformedFrames, decode_or_none, valid_frames
 from netboard.benchmarks.faults.rigs import TIMEOUT, Rig, tampered
-from netboard.benchmarks.harness.results import Part, Value, Verdict
+from netboard.benchmarks.harness.results import Part, Verdict
 from netboard.benchmarks.harness.running import Tell
 from netboard.network.protocol.codec import encode
 from netboard.network.protocol.joining import Goodbye, Hello, Refusal, Welcome
@@ -110,7 +110,6 @@ class HostileServer:
     # --- valid messages ----------------------------------------------------------------------------------------------
 
     def _welcome_to_block(self, number: int) -> bytes:
-        """Return the welcome that announces a block to the peers."""
         block = replace(self._config.block, number=number, blocks=BLOCK_COUNT)
         return encode(Welcome("f" * 32, PROTOCOL_VERSION, now_ns(), resolve(replace(self._config, block=block))))
 
@@ -148,7 +147,6 @@ class HostileServer:
                 publisher.send(encode(_view(side, step)))
 
     def _start_block(self, number: int) -> None:
-        """Announce a block to every peer."""
         self._welcome = self._welcome_to_block(number)
         for channel, router in self._routers.items():
             for name in self._peers[channel]:
@@ -186,7 +184,6 @@ class HostileServer:
 
 
 def _view(side: str, step: int) -> View:
-    """Return a view of a slowly moving board."""
     z = 0.01 * sin(step * 1e-3)
     return View(
         side, step, now_ns(), "running", z, 0.1 * z, 0.0, 0.15, z, z, 1, 6, 0, None, None, "", step, 0.0, 1, 1, None
@@ -341,7 +338,6 @@ def _step(groups: Sequence[PeerGroup], count: int) -> None:
 
 
 def _send_malformed(groups: Sequence[PeerGroup], count: int, tell: Tell) -> None:
-    """Send `count` malformed messages on every channel."""
     total = count * sum(len(group.channels) for group in groups)
     sent, sent_at = 0, time.monotonic()
     steps = 0
@@ -380,17 +376,21 @@ def _memory(groups: Sequence[PeerGroup]) -> dict[str, float]:
 def _peers_part(groups: Sequence[PeerGroup], connections: int, verdicts: list[Verdict]) -> Part:
     """Tabulate the malformed messages that each socket received."""
     left, right = (group.server.malformed for group in groups)
-    rows: list[tuple[Value, ...]] = [
-        ("left agent: motion", left["motion"]),
-        ("left agent, left display: view", left["view"]),
-        ("left display: control", left["control"]),
-        ("logger: log", left["log"]),
-        ("right agent: motion", right["motion"]),
-        ("right agent: moves", right["moves"]),
-        ("all: connections without ZeroMQ", connections),
-    ]
-    title = "Malformed messages for agents, displays and loggers"
-    return Part("peers", title, ("socket", "messages [1]"), rows, verdicts)
+    return Part(
+        "peers",
+        "Malformed messages for agents, displays and loggers",
+        "socket | messages [1]",
+        [
+            ("left agent: motion", left["motion"]),
+            ("left agent, left display: view", left["view"]),
+            ("left display: control", left["control"]),
+            ("logger: log", left["log"]),
+            ("right agent: motion", right["motion"]),
+            ("right agent: moves", right["moves"]),
+            ("all: connections without ZeroMQ", connections),
+        ],
+        verdicts,
+    )
 
 
 def _same_force(group: PeerGroup, start_ns: int, stop_ns: int) -> Verdict:

@@ -28,7 +28,7 @@ from netboard.benchmarks.faults.evidence import Evidence, Window, between, take
 from netboard.benchmarks.faults.malformed_frames import MalformedFrames, decode_or_none, valid_frames
 from netboard.benchmarks.faults.rigs import Rig, tampered
 from netboard.benchmarks.faults.sites import PACE
-from netboard.benchmarks.harness.results import Part, Value, Verdict
+from netboard.benchmarks.harness.results import Part
 from netboard.benchmarks.harness.running import Tell
 from netboard.network.protocol.codec import encode
 from netboard.network.protocol.control import Command
@@ -133,7 +133,6 @@ class FuzzingClient:
 
 
 def _has_effect(message: Message | None) -> bool:
-    """Return whether a message from a joined client has an effect."""
     stop = isinstance(message, Stylus) and bool(message.safeguards & Safeguard.STOPPED)
     return stop or isinstance(message, EFFECTIVE)
 
@@ -324,27 +323,24 @@ def _sockets_part(events: Sequence[EventRecord], clients: Sequence[FuzzingClient
         for i, number in enumerate((client.sent, client.malformed, client.connection.connections)):
             total[i] += number
     streams = non_zmq.sent // len(totals)
-    rows: list[tuple[Value, ...]] = []
+    part = Part(
+        "server-sockets",
+        "Malformed messages for the sockets of a server",
+        "socket | messages [1] | malformed [1] | reported refusals [1] | connections [1] | without ZeroMQ [1]",
+    )
     shares = []
     for channel, (sent, malformed, connections) in totals.items():
         if channel.startswith("view"):  # a publisher reads no messages, so it refuses none
-            rows.append((channel, sent, "", "", connections, streams))
+            part.add(channel, sent, "", "", connections, streams)
         else:
-            rows.append((channel, sent, malformed, refused[channel], connections, streams))
+            part.add(channel, sent, malformed, refused[channel], connections, streams)
             shares.append(refused[channel] / malformed)
-    return Part(
-        "server-sockets",
-        "Malformed messages for the sockets of a server",
-        ("socket", "messages [1]", "malformed [1]", "reported refusals [1]", "connections [1]", "without ZeroMQ [1]"),
-        rows,
-        [
-            Verdict(
-                f"the server counts and records at least {MIN_COUNTED:.0%} of the refusals on every channel",
-                min(shares) > MIN_COUNTED,
-                f"at least {min(shares):.1%} of the malformed messages",
-            )
-        ],
+    part.claim(
+        f"the server counts and records at least {MIN_COUNTED:.0%} of the refusals on every channel",
+        min(shares) > MIN_COUNTED,
+        f"at least {min(shares):.1%} of the malformed messages",
     )
+    return part
 
 
 def _trial_part(rig: Rig, path: Path, periods: Sequence[Period]) -> Part:
@@ -352,13 +348,17 @@ def _trial_part(rig: Rig, path: Path, periods: Sequence[Period]) -> Part:
     taken = take([path])
     with Recording(path) as recording:
         verification = verify_recording(recording)
-    rows: list[tuple[Value, ...]] = []
+    part = Part(
+        "server-trial",
+        "The trial while malformed messages arrive",
+        "sent | ticks [1] | late [1] | late, per 1000 [1] | ticks after a gap [1] | pauses [1]",
+    )
     for name, window in periods:
         ticks = between(taken.ticks, window.start_ns, window.stop_ns)
         late = int(np.sum(ticks["late_ns"] > LATE_NS))
         skipped = int(np.sum(np.diff(ticks["time_ns"]) > TICK_NS))
         pauses = sum(window.start_ns <= pause.at_ns < window.stop_ns for pause in taken.pauses)
-        rows.append((name, ticks.size, late, 1000 * late / max(ticks.size, 1), skipped, pauses))
+        part.add(name, ticks.size, late, 1000 * late / max(ticks.size, 1), skipped, pauses)
     trial = Window(periods[0][1].start_ns, periods[-1][1].stop_ns)
     traces = {
         side: [between(trace, trial.start_ns, trial.stop_ns) for trace in read_traces(rig.folder, side)]
@@ -366,37 +366,28 @@ def _trial_part(rig: Rig, path: Path, periods: Sequence[Period]) -> Part:
     }
     evidence = Evidence(trial, rig.config.safety, traces, taken, None)
     found = f"{verification.checked} ticks recomputed" if verification.identical else str(verification)
-    return Part(
-        "server-trial",
-        "The trial while malformed messages arrive",
-        ("sent", "ticks [1]", "late [1]", "late, per 1000 [1]", "ticks after a gap [1]", "pauses [1]"),
-        rows,
-        [
-            Verdict("replay reproduces the recording to the bit", verification.identical, found),
-            whole(evidence),
-            gentle()(evidence),
-            goes_on(evidence),
-        ],
-    )
+    part.claim("replay reproduces the recording to the bit", verification.identical, found)
+    part.verdicts.append(whole(evidence))
+    part.verdicts.append(gentle()(evidence))
+    part.verdicts.append(goes_on(evidence))
+    return part
 
 
 def memory_part(name: str, title: str, before: dict[str, float], after: dict[str, float]) -> Part:
     """Tabulate the memory of the processes before and after a test."""
-    rows: list[tuple[Value, ...]] = [
-        (process, before[process] * 1e-6, after[process] * 1e-6, (after[process] - before[process]) * 1e-6)
-        for process in before
-    ]
     most = max(after[process] - before[process] for process in before)
-    return Part(
+    part = Part(
         name,
         title,
-        ("process", "before [MB]", "after [MB]", "growth [MB]"),
-        rows,
+        "process | before [MB] | after [MB] | growth [MB]",
         [
-            Verdict(
-                f"no process grows by more than {MAX_GROWTH * 1e-6:g} MB",
-                not most > MAX_GROWTH,
-                f"growth of at most {most * 1e-6:.1f} MB",
-            )
+            (process, before[process] * 1e-6, after[process] * 1e-6, (after[process] - before[process]) * 1e-6)
+            for process in before
         ],
     )
+    part.claim(
+        f"no process grows by more than {MAX_GROWTH * 1e-6:g} MB",
+        not most > MAX_GROWTH,
+        f"growth of at most {most * 1e-6:.1f} MB",
+    )
+    return part

@@ -1,4 +1,4 @@
-"""Actions that inject faults: each function returns the action, which is called with a site while a trial runs.
+"""Actions that inject faults into a site while a trial runs.
 
 An action is undone if possible, and a process that cannot recover by itself is restarted, as by an operator. An action
 returns facts that are not in the recordings.
@@ -18,8 +18,8 @@ from typing import TypeAlias
 import numpy as np
 
 from netboard.base.clock import now_ns
+from netboard.benchmarks.faults.deferred import deferred
 from netboard.benchmarks.faults.devices import Trick, play_trick, read_trace, trace_file
-from netboard.benchmarks.faults.links import Spaces
 from netboard.benchmarks.faults.relay import FAIR, Relay, Weather
 from netboard.benchmarks.faults.rigs import TIMEOUT
 from netboard.benchmarks.faults.sites import START_S, Site, side_of
@@ -32,7 +32,7 @@ from netboard.network.transport.channels import CHANNELS
 from netboard.nodes.ports import emergency
 
 Facts: TypeAlias = Mapping[str, str]
-Act: TypeAlias = Callable[[Site], Facts]
+Act: TypeAlias = Callable[[Site], Facts | None]
 
 ANSWER_SECONDS = 5.0
 FLOOD_SECONDS, QUICK_FLOOD_SECONDS = 3.0, 1.5
@@ -43,47 +43,28 @@ STRANGER = Hello("agent", "left", PROTOCOL_VERSION, "stranger:1", "0", {})
 SAMPLE = Stylus(0, 0, 0.0, 0.0, 0.05, 0.0, 0.0, 0.0, 0, 0, 0.0, -1, 0, 0, 0, 0)
 
 
-def _for_a_while(
-    begin: Callable[[Site], object], end: Callable[[Site], object], seconds: float, quick: float | None = None
-) -> Act:
-    """Return an action with a start and an end after a duration, `quick` in the short form [s]."""
-
-    def act(site: Site) -> Facts:
-        begin(site)
-        site.sleep(seconds, quick)
-        end(site)
-        return {}
-
-    return act
-
-
 # --- processes ---------------------------------------------------------------------------------------------------
 
 
-def stand_still(process: str, seconds: float) -> Act:
-    """Return an action that suspends a process for a duration [s]."""
-    return _for_a_while(
-        lambda site: site.rig.send_signal(process, signal.SIGSTOP),
-        lambda site: site.rig.send_signal(process, signal.SIGCONT),
-        seconds,
-    )
+@deferred
+def stand_still(site: Site, process: str, seconds: float) -> None:
+    """Suspend a process for a duration [s]."""
+    site.rig.send_signal(process, signal.SIGSTOP)
+    site.sleep(seconds)
+    site.rig.send_signal(process, signal.SIGCONT)
 
 
-def kill(process: str, seconds: float = AWAY, quick: float | None = None) -> Act:
-    """Return an action that kills a process and restarts it later [s]."""
-
-    def act(site: Site) -> Facts:
-        site.rig.kill(process)
-        site.sleep(seconds, quick)
-        site.start_again(process)
-        if process == "server":
-            site.rig.until_felt(START_S)
-        else:
-            name = f":{site.rig.running[process].pid}"
-            site.rig.until(lambda status: any(link[1].endswith(name) for link in status.links))
-        return {}
-
-    return act
+@deferred
+def kill(site: Site, process: str, seconds: float = AWAY, quick: float | None = None) -> None:
+    """Kill a process, and restart it later [s]."""
+    site.rig.kill(process)
+    site.sleep(seconds, quick)
+    site.start_again(process)
+    if process == "server":
+        site.rig.until_felt(START_S)
+    else:
+        name = f":{site.rig.running[process].pid}"
+        site.rig.until(lambda status: any(link[1].endswith(name) for link in status.links))
 
 
 def kill_logger_until_it_matters(site: Site) -> Facts:
@@ -95,69 +76,67 @@ def kill_logger_until_it_matters(site: Site) -> Facts:
     return {"notice": status.notice}
 
 
-def kill_with_peer_frozen(site: Site) -> Facts:
+def kill_with_peer_frozen(site: Site) -> None:
     """Kill the server and start another while an agent is suspended; the agent wakes with the old session."""
     site.rig.send_signal("left agent", signal.SIGSTOP)
     site.rig.kill("server")
     site.start_again("server")
     site.rig.until(lambda status: "agent.right" in status.peers, START_S)
     site.rig.send_signal("left agent", signal.SIGCONT)
-    return {}
 
 
-def together(*acts: Act) -> Act:
-    """Return an action that performs several acts at the same time."""
-
-    def act(site: Site) -> Facts:
-        with ThreadPoolExecutor(len(acts)) as workers:
-            facts = workers.map(lambda one: one(site), acts)
-        return {name: fact for found in facts for name, fact in found.items()}
-
-    return act
+@deferred
+def together(site: Site, *acts: Act) -> Facts:
+    """Perform several acts at the same time."""
+    with ThreadPoolExecutor(len(acts)) as workers:
+        facts = workers.map(lambda one: one(site), acts)
+    return {name: fact for found in facts for name, fact in (found or {}).items()}
 
 
 # --- links -------------------------------------------------------------------------------------------------------
 
 
-def hold(process: str, seconds: float, quick: float | None = None) -> Act:
-    """Return an action that holds all bytes on a process's line for a duration [s]."""
-    return _for_a_while(
-        lambda site: site.relays[process].hold(),
-        lambda site: site.relays[process].mend(),
-        *(seconds, quick),
-    )
+@deferred
+def hold(site: Site, process: str, seconds: float, quick: float | None = None) -> None:
+    """Hold all bytes on a process's line for a duration, `quick` in the short form [s]."""
+    site.relays[process].hold()
+    site.sleep(seconds, quick)
+    site.relays[process].mend()
 
 
-def cut(process: str, seconds: float) -> Act:
-    """Return an action that resets a process's connections and refuses new ones for a duration [s]."""
-    return _for_a_while(lambda site: site.relays[process].cut(), lambda site: site.relays[process].mend(), seconds)
+@deferred
+def cut(site: Site, process: str, seconds: float) -> None:
+    """Reset a process's connections, and refuse new ones for a duration [s]."""
+    site.relays[process].cut()
+    site.sleep(seconds)
+    site.relays[process].mend()
 
 
-def swallow(process: str, seconds: float) -> Act:
-    """Return an action that resets a process's connections and accepts new, blocked ones for a duration [s]."""
+@deferred
+def swallow(site: Site, process: str, seconds: float) -> None:
+    """Reset a process's connections, and accept new, blocked ones for a duration [s]."""
+    _reset(site.relays[process])
+    site.relays[process].hold()
+    site.sleep(seconds)
+    site.relays[process].mend()
 
-    def begin(site: Site) -> None:
+
+@deferred
+def blow(site: Site, process: str, up: Weather = FAIR, down: Weather = FAIR) -> None:
+    """Degrade a process's line for 3 s, or 1 s in the short form."""
+    site.relays[process].weather(up, down)
+    site.sleep(3.0, 1.0)
+    site.relays[process].weather()
+
+
+@deferred
+def double(site: Site, process: str) -> None:
+    """Reset a process's connections, and duplicate the new ones for 2 s."""
+    for wanted in (True, False):
+        site.relays[process].double(wanted)
         _reset(site.relays[process])
-        site.relays[process].hold()
-
-    return _for_a_while(begin, lambda site: site.relays[process].mend(), seconds)
-
-
-def blow(process: str, up: Weather = FAIR, down: Weather = FAIR) -> Act:
-    """Return an action that degrades a process's line for 3 s, or 1 s in the short form."""
-    return _for_a_while(
-        lambda site: site.relays[process].weather(up, down), lambda site: site.relays[process].weather(), 3.0, 1.0
-    )
-
-
-def double(process: str) -> Act:
-    """Return an action that resets a process's connections and duplicates the new ones for 2 s."""
-
-    def duplicate(site: Site, on: bool) -> None:
-        site.relays[process].double(on)
-        _reset(site.relays[process])
-
-    return _for_a_while(lambda site: duplicate(site, True), lambda site: duplicate(site, False), 2.0)
+        if wanted:
+            site.sleep(2.0)
 
 
 def _reset(line: Relay) -> None:
@@ -167,30 +146,25 @@ def _reset(line: Relay) -> None:
     line.mend()
 
 
-def distrust(process: str, weather: Weather) -> Act:
-    """Return an action that restarts an agent over a line too slow for the clock bound that arming needs."""
-
-    def act(site: Site) -> Facts:
-        site.relays[process].weather(weather, weather)
-        site.rig.kill(process)
-        site.start_again(process)
-        status = site.rig.until(lambda status: any("clock" in lack for lack in status.waiting_for))
-        site.relays[process].weather()
-        return {"waiting for": ", ".join(status.waiting_for)}
-
-    return act
+@deferred
+def distrust(site: Site, process: str, weather: Weather) -> Facts:
+    """Restart an agent over a line too slow for the clock bound that arming needs."""
+    site.relays[process].weather(weather, weather)
+    site.rig.kill(process)
+    site.start_again(process)
+    status = site.rig.until(lambda status: any("clock" in lack for lack in status.waiting_for))
+    site.relays[process].weather()
+    return {"waiting for": ", ".join(status.waiting_for)}
 
 
-def pull_cable(process: str, seconds: float) -> Act:
-    """Return an action that sets a station's real link down for a duration [s]."""
-    side = side_of(process)
-    return _for_a_while(lambda site: _cables(site).pull(side), lambda site: _cables(site).plug(side), seconds)
-
-
-def _cables(site: Site) -> Spaces:
+@deferred
+def pull_cable(site: Site, process: str, seconds: float) -> None:
+    """Set a station's real link down for a duration [s]."""
     if site.spaces is None:
         raise ValueError("there are no cables at this site")
-    return site.spaces
+    site.spaces.pull(side_of(process))
+    site.sleep(seconds)
+    site.spaces.plug(side_of(process))
 
 
 # --- peers that do not belong --------------------------------------------------------------------------------------
@@ -212,22 +186,19 @@ def second_agent(site: Site) -> Facts:
     return {"answer": answer, "largest force of the second": f"{largest:g} N in {forces.size}"}
 
 
-def say(*frames: bytes) -> Act:
-    """Return an action that sends frames to the motion channel as a stranger and notes the answer to each."""
-
-    def act(site: Site) -> Facts:
-        answers: dict[str, None] = {}
-        with sockets.open_context() as context:
-            stranger = sockets.motion_agent(context, _reach(site).reach(channels.MOTION), "stranger")
-            until = time.monotonic() + ANSWER_SECONDS
-            while len(answers) < len(frames) and time.monotonic() < until:
-                for frame in frames:
-                    sockets.send(stranger, frame)
-                if poller.wait_readable(stranger, 0.2):
-                    answers[_words(sockets.receive(stranger))] = None
-        return {"answer": "; ".join(answers)}
-
-    return act
+@deferred
+def say(site: Site, *frames: bytes) -> Facts:
+    """Send frames to the motion channel as a stranger, and note the answer to each."""
+    answers: dict[str, None] = {}
+    with sockets.open_context() as context:
+        stranger = sockets.motion_agent(context, _reach(site).reach(channels.MOTION), "stranger")
+        until = time.monotonic() + ANSWER_SECONDS
+        while len(answers) < len(frames) and time.monotonic() < until:
+            for frame in frames:
+                sockets.send(stranger, frame)
+            if poller.wait_readable(stranger, 0.2):
+                answers[_words(sockets.receive(stranger))] = None
+    return {"answer": "; ".join(answers)}
 
 
 def _words(frame: bytes | None) -> str:
@@ -271,33 +242,28 @@ def _reach(site: Site) -> channels.Addresses:
 # --- devices -----------------------------------------------------------------------------------------------------
 
 
-def trick(process: str, what: Trick, seconds: float = 1.0) -> Act:
-    """Return an action that makes an agent's device fail for a duration [s]."""
-    side = side_of(process)
-    return _for_a_while(
-        lambda site: play_trick(site.rig.folder, side, what),
-        lambda site: play_trick(site.rig.folder, side, "none"),
-        seconds,
-    )
+@deferred
+def trick(site: Site, process: str, what: Trick, seconds: float = 1.0) -> None:
+    """Make an agent's device fail for a duration [s]."""
+    play_trick(site.rig.folder, side_of(process), what)
+    site.sleep(seconds)
+    play_trick(site.rig.folder, side_of(process), "none")
 
 
-def trick_and_restart(process: str, what: Trick) -> Act:
-    """Return an action that makes an agent's device fail and restarts the agent with a working one."""
-
-    def act(site: Site) -> Facts:
-        play_trick(site.rig.folder, side_of(process), what)
-        site.rig.until(lambda status: status.phase == "paused")
-        time.sleep(AWAY)
-        ended = site.rig.running[process].poll()
-        play_trick(site.rig.folder, side_of(process), "none")
-        code = site.rig.wait(process) if ended is not None else site.rig.stop(process)
-        site.start_again(process)
-        return {"exit code of the agent": str(code), "its last words": site.rig.said(process).splitlines()[-1]}
-
-    return act
+@deferred
+def trick_and_restart(site: Site, process: str, what: Trick) -> Facts:
+    """Make an agent's device fail, and restart the agent with a working one."""
+    play_trick(site.rig.folder, side_of(process), what)
+    site.rig.until(lambda status: status.phase == "paused")
+    time.sleep(AWAY)
+    ended = site.rig.running[process].poll()
+    play_trick(site.rig.folder, side_of(process), "none")
+    code = site.rig.wait(process) if ended is not None else site.rig.stop(process)
+    site.start_again(process)
+    return {"exit code of the agent": str(code), "its last words": site.rig.said(process).splitlines()[-1]}
 
 
-def stop_in_an_emergency(site: Site) -> Facts:
+def stop_in_an_emergency(site: Site) -> None:
     """Trigger an emergency stop, release it a while later, and resume."""
     site.rig.do(emergency.STOP)
     site.rig.until(lambda status: emergency.LACKING in status.waiting_for)
@@ -305,37 +271,29 @@ def stop_in_an_emergency(site: Site) -> Facts:
     site.rig.do(emergency.RELEASE)
     site.rig.until(lambda status: status.phase == "paused" and not status.waiting_for)
     site.rig.do("resume")
-    return {}
 
 
 # --- clocks and disks --------------------------------------------------------------------------------------------
 
 
-def set_wall_clock(*seconds: int) -> Act:
-    """Return an action that sets the wall clock of all processes to several times in turn [s]."""
-
-    def act(site: Site) -> Facts:
-        if site.clock is None:
-            raise ValueError("the wall clock cannot be set at this site")
-        for shift in (*seconds, 0):
-            site.clock.set(shift)
-            time.sleep(1.0)
-        return {}
-
-    return act
+@deferred
+def set_wall_clock(site: Site, *seconds: int) -> None:
+    """Set the wall clock of all processes to several times in turn [s]."""
+    if site.clock is None:
+        raise ValueError("the wall clock cannot be set at this site")
+    for shift in (*seconds, 0):
+        site.clock.set(shift)
+        time.sleep(1.0)
 
 
-def fill_disk(left: int) -> Act:
-    """Return an action that fills the recordings' disk up to a remainder [bytes] and starts a logger elsewhere."""
-
-    def act(site: Site) -> Facts:
-        place = Path(site.rig.config.recording.directory)
-        spare = shutil.disk_usage(place).free - left
-        with (place / "filler").open("wb") as filler:  # in one step, before a process can react to a partial fill
-            os.posix_fallocate(filler.fileno(), 0, spare)
-        return _next_logger(site)
-
-    return act
+@deferred
+def fill_disk(site: Site, left: int) -> Facts:
+    """Fill the recordings' disk up to a remainder [bytes], and start a logger elsewhere."""
+    place = Path(site.rig.config.recording.directory)
+    spare = shutil.disk_usage(place).free - left
+    with (place / "filler").open("wb") as filler:  # in one step, before a process can react to a partial fill
+        os.posix_fallocate(filler.fileno(), 0, spare)
+    return _next_logger(site)
 
 
 def remove_directory(site: Site) -> Facts:

@@ -116,7 +116,6 @@ def _message(kind: type[Message], rng: random.Random) -> Message:
 
 
 def _value(hint: Any, rng: random.Random) -> Any:
-    """Return a random value of a field's type."""
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if origin is types.UnionType:
         return None if rng.random() < 0.5 else _value(arguments[0], rng)
@@ -158,8 +157,8 @@ class MalformedFrames:
             times = rng.choice((1, 1, 2, 4))
         for _ in range(times):
             at = 0 if rng.random() < 0.1 else 2  # mostly after the kind byte, so that the codec reads further
-            mutate = rng.choice(BYTE_MUTATIONS)
-            frame = frame[:at] + mutate(rng, frame[at:], rng.choice(self._frames)[at:])
+            number = rng.randrange(BYTE_MUTATIONS)
+            frame = frame[:at] + mutated_bytes(number, rng, frame[at:], rng.choice(self._frames)[at:])
         return frame[:MAX_FRAME]
 
     def _mutated_tree(self) -> Any:
@@ -204,7 +203,6 @@ class MalformedFrames:
         return copy.deepcopy(self._rng.choice(UNUSUAL_VALUES))
 
     def _from_another_message(self) -> Any:
-        """Return another message or one of its fields."""
         tree = self._rng.choice(self._messages)
         return copy.deepcopy(self._rng.choice([tree, *tree]))
 
@@ -275,65 +273,36 @@ class FaultyWriter:
 
 
 def _children(value: Any) -> list[Any]:
-    """Return the items of a list or a map."""
     return list(value.values()) if isinstance(value, dict) else value if isinstance(value, list) else []
 
 
-# --- byte mutations of a frame, some with bytes of another frame --------------------------------------------------
+BYTE_MUTATIONS = 11
+"""Number of the byte mutations in `mutated_bytes` [1]."""
 
 
-def _cut(rng: random.Random, frame: bytes, other: bytes) -> bytes:
-    return frame[: rng.randrange(len(frame) + 1)]
+def mutated_bytes(number: int, rng: random.Random, frame: bytes, other: bytes) -> bytes:
+    """Mutate the bytes of a frame, in some ways with bytes of another frame.
 
-
-def _flip(rng: random.Random, frame: bytes, other: bytes) -> bytes:
+    - `number`: which mutation, below `BYTE_MUTATIONS` [1].
+    """
+    if number == 9:  # lengthen
+        return frame + rng.choice((b"\0", b"\xc0", other, rng.randbytes(20), bytes(4096)))
+    if number == 10:
+        return rng.randbytes(rng.choice((0, 1, 2, 3, 10, 60, 300)))
     at = rng.randrange(len(frame) + 1)
-    return frame[:at] + bytes(byte ^ 1 << rng.randrange(8) for byte in frame[at : at + 1]) + frame[at + 1 :]
-
-
-def _overwrite(rng: random.Random, frame: bytes, other: bytes) -> bytes:
-    at = rng.randrange(len(frame) + 1)
-    return frame[:at] + bytes([rng.choice(ITEM_HEADERS)]) + frame[at + 1 :]
-
-
-def _insert(rng: random.Random, frame: bytes, other: bytes) -> bytes:
-    at = rng.randrange(len(frame) + 1)
-    return frame[:at] + rng.randbytes(rng.choice((1, 1, 2, 4, 9))) + frame[at:]
-
-
-def _remove(rng: random.Random, frame: bytes, other: bytes) -> bytes:
-    at = rng.randrange(len(frame) + 1)
-    return frame[:at] + frame[at + rng.choice((1, 1, 2, 4, 9)) :]
-
-
-def _repeat(rng: random.Random, frame: bytes, other: bytes) -> bytes:
-    at = rng.randrange(len(frame) + 1)
-    piece = frame[at : at + rng.choice((1, 4, 40))]
-    return frame[:at] + piece * rng.choice((2, 10, 100)) + frame[at:]
-
-
-def _splice(rng: random.Random, frame: bytes, other: bytes) -> bytes:
-    return frame[: rng.randrange(len(frame) + 1)] + other[rng.randrange(len(other) + 1) :]
-
-
-def _lengthen(rng: random.Random, frame: bytes, other: bytes) -> bytes:
-    return frame + rng.choice((b"\0", b"\xc0", other, rng.randbytes(20), bytes(4096)))
-
-
-def _random_bytes(rng: random.Random, frame: bytes, other: bytes) -> bytes:
-    return rng.randbytes(rng.choice((0, 1, 2, 3, 10, 60, 300)))
-
-
-BYTE_MUTATIONS = (
-    _cut,
-    _flip,
-    _flip,
-    _overwrite,
-    _overwrite,
-    _insert,
-    _remove,
-    _repeat,
-    _splice,
-    _lengthen,
-    _random_bytes,
-)
+    before, after = frame[:at], frame[at:]
+    match number:
+        case 0:  # cut
+            return before
+        case 1 | 2:  # flip a bit
+            return before + bytes(byte ^ 1 << rng.randrange(8) for byte in after[:1]) + after[1:]
+        case 3 | 4:  # overwrite
+            return before + bytes([rng.choice(ITEM_HEADERS)]) + after[1:]
+        case 5:  # insert
+            return before + rng.randbytes(rng.choice((1, 1, 2, 4, 9))) + after
+        case 6:  # remove
+            return before + after[rng.choice((1, 1, 2, 4, 9)) :]
+        case 7:  # repeat
+            piece = after[: rng.choice((1, 4, 40))]
+            return before + piece * rng.choice((2, 10, 100)) + after
+    return before + other[rng.randrange(len(other) + 1) :]  # splice

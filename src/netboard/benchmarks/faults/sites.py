@@ -188,7 +188,6 @@ def side_of(process: str) -> Side:
 
 @contextmanager
 def _mounted(place: Path) -> Iterator[None]:
-    """Mount a small disk in memory."""
     place.mkdir()
     links.system("mount", "-t", "tmpfs", "-o", f"size={DISK_BYTES}", "none", str(place))
     try:

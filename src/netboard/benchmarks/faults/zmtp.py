@@ -8,7 +8,7 @@ import random
 import socket as net
 import struct
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from typing import TypeAlias
 
@@ -118,63 +118,45 @@ def invalid_streams(seed: int) -> Iterator[Stream]:
     """Generate the streams of successive connections; all of them violate the protocol."""
     rng = random.Random(seed)
     while True:
-        yield rng.choice(STREAM_KINDS)(rng)
+        yield _invalid_stream(rng)
+
+
+def _invalid_stream(rng: random.Random) -> Stream:
+    """Return a stream of one of eleven kinds, each with the same probability."""
+    match rng.randrange(11):
+        case 0:
+            return _random_bytes(rng), _random_bytes(rng)
+        case 1:
+            return b"GET / HTTP/1.1\r\nHost: lab\r\n\r\n", b"x: y\r\n" * rng.choice((0, 500))
+        case 2:  # part of a greeting
+            return greeting()[: rng.randrange(64)], rng.choice((b"", _random_bytes(rng)))
+        case 3:  # an unusual mechanism or version
+            mechanism = rng.choice((b"NULL", b"PLAIN", b"CURVE", b"GSSAPI", b"", b"X" * 20, rng.randbytes(20)))
+            return greeting(mechanism, rng.choice((0, 1, 2, 3, 4, 255)), rng.randrange(4)), _random_bytes(rng)
+        case 4:  # an invalid READY
+            kind = rng.choice((b"", b"PUB", b"REQ", b"ROUTER", b"PAIR", b"DEALER\0", b"X" * 4000))
+            body = ready(kind, rng.randbytes(rng.choice((0, 1, 255, 256, 5000))))
+            return greeting(), rng.choice((body, body[: rng.randrange(len(body))], _with_flipped_bits(rng, body)))
+        case 5:  # a frame before READY
+            early = rng.choice((framed(b"x"), command(b"PING", b"\0\1x"), command(b"ERROR", b"\1x"), b"\4\0"))
+            return greeting() + early, _random_bytes(rng)
+        case 6:  # an unusual command
+            names = (b"PING", b"PONG", b"ERROR", b"READY", b"HELLO", b"SUBSCRIBE", b"CANCEL", b"", b"X" * 255)
+            name = rng.choice(names)
+            return _handshake(rng), command(name, _random_bytes(rng)) + framed(_random_bytes(rng), COMMAND)
+        case 7:  # a length that exceeds every limit or the content
+            size = rng.choice((2**20 + 1, 2**31, 2**32, 2**63 - 1, 2**63, 2**64 - 1, 200_000))
+            return _handshake(rng), struct.pack(">BQ", LONG | rng.choice((0, MORE, COMMAND)), size) + _random_bytes(rng)
+        case 8:  # a message without its last part
+            return _handshake(rng), framed(_random_bytes(rng), MORE) * rng.choice((1, 10, 300))
+        case 9:  # random flags
+            return _handshake(rng), b"".join(framed(b"x" * 20, rng.randrange(256)) for _ in range(20))
+        case _:
+            return _handshake(rng), _with_flipped_bits(rng, message([b"a", b"b" * 300]))
 
 
 def _random_bytes(rng: random.Random) -> bytes:
     return rng.randbytes(rng.choice((0, 1, 9, 10, 11, 63, 64, 65, 1000, 9000)))
-
-
-def _only_random_bytes(rng: random.Random) -> Stream:
-    return _random_bytes(rng), _random_bytes(rng)
-
-
-def _partial_greeting(rng: random.Random) -> Stream:
-    return greeting()[: rng.randrange(64)], rng.choice((b"", _random_bytes(rng)))
-
-
-def _unusual_greeting(rng: random.Random) -> Stream:
-    mechanism = rng.choice((b"NULL", b"PLAIN", b"CURVE", b"GSSAPI", b"", b"X" * 20, rng.randbytes(20)))
-    return greeting(mechanism, rng.choice((0, 1, 2, 3, 4, 255)), rng.randrange(4)), _random_bytes(rng)
-
-
-def _invalid_ready(rng: random.Random) -> Stream:
-    kind = rng.choice((b"", b"PUB", b"REQ", b"ROUTER", b"PAIR", b"DEALER\0", b"X" * 4000))
-    body = ready(kind, rng.randbytes(rng.choice((0, 1, 255, 256, 5000))))
-    return greeting(), rng.choice((body, body[: rng.randrange(len(body))], _with_flipped_bits(rng, body)))
-
-
-def _frame_before_ready(rng: random.Random) -> Stream:
-    early = rng.choice((framed(b"x"), command(b"PING", b"\0\1x"), command(b"ERROR", b"\1x"), b"\4\0"))
-    return greeting() + early, _random_bytes(rng)
-
-
-def _unusual_command(rng: random.Random) -> Stream:
-    name = rng.choice((b"PING", b"PONG", b"ERROR", b"READY", b"HELLO", b"SUBSCRIBE", b"CANCEL", b"", b"X" * 255))
-    return _handshake(rng), command(name, _random_bytes(rng)) + framed(_random_bytes(rng), COMMAND)
-
-
-def _excessive_length(rng: random.Random) -> Stream:
-    """Return a frame whose length field exceeds every limit or its content."""
-    size = rng.choice((2**20 + 1, 2**31, 2**32, 2**63 - 1, 2**63, 2**64 - 1, 200_000))
-    return _handshake(rng), struct.pack(">BQ", LONG | rng.choice((0, MORE, COMMAND)), size) + _random_bytes(rng)
-
-
-def _unfinished_message(rng: random.Random) -> Stream:
-    """Return parts of a message without the last part."""
-    return _handshake(rng), framed(_random_bytes(rng), MORE) * rng.choice((1, 10, 300))
-
-
-def _random_flags(rng: random.Random) -> Stream:
-    return _handshake(rng), b"".join(framed(b"x" * 20, rng.randrange(256)) for _ in range(20))
-
-
-def _corrupted_message(rng: random.Random) -> Stream:
-    return _handshake(rng), _with_flipped_bits(rng, message([b"a", b"b" * 300]))
-
-
-def _http(rng: random.Random) -> Stream:
-    return b"GET / HTTP/1.1\r\nHost: lab\r\n\r\n", b"x: y\r\n" * rng.choice((0, 500))
 
 
 def _handshake(rng: random.Random) -> bytes:
@@ -187,21 +169,6 @@ def _with_flipped_bits(rng: random.Random, stream: bytes) -> bytes:
     for _ in range(rng.choice((1, 3, 10))):
         corrupted[rng.randrange(len(corrupted))] ^= 1 << rng.randrange(8)
     return bytes(corrupted)
-
-
-STREAM_KINDS: tuple[Callable[[random.Random], Stream], ...] = (
-    _only_random_bytes,
-    _http,
-    _partial_greeting,
-    _unusual_greeting,
-    _invalid_ready,
-    _frame_before_ready,
-    _unusual_command,
-    _excessive_length,
-    _unfinished_message,
-    _random_flags,
-    _corrupted_message,
-)
 
 
 class StreamSender:

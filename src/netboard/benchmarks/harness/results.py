@@ -5,8 +5,8 @@ A `Verdict` is a claim and whether the measured numbers support it. The module t
 
 import csv
 import json
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from importlib.util import find_spec
 from math import isfinite
 from pathlib import Path
@@ -31,24 +31,46 @@ class Verdict:
     found: str
 
 
-@dataclass(frozen=True)
 class Part:
     """One part of a study: a table, and claims about it.
 
+    - `columns`: heads of the columns, one by one or as a line with ``|`` between them.
     - `on_screen`: whether it is short enough to be printed.
     """
 
-    name: str
-    title: str
-    columns: tuple[str, ...]
-    rows: list[tuple[Value, ...]]
-    verdicts: list[Verdict] = field(default_factory=list)
-    on_screen: bool = True
+    def __init__(
+        self,
+        name: str,
+        title: str,
+        columns: str | Iterable[str],
+        rows: Iterable[tuple[Value, ...]] = (),
+        verdicts: Iterable[Verdict] = (),
+        *,
+        on_screen: bool = True,
+    ) -> None:
+        self.name, self.title, self.on_screen = name, title, on_screen
+        self.columns = tuple(columns.split(" | ") if isinstance(columns, str) else columns)
+        self.rows, self.verdicts = list(rows), list(verdicts)
+
+    def add(self, *row: Value) -> None:
+        """Add a row."""
+        self.rows.append(row)
+
+    def claim(self, claim: str, holds: bool, found: str) -> None:
+        """Add a claim, and the result that supports or refutes it."""
+        self.verdicts.append(Verdict(claim, holds, found))
 
     @property
     def holds(self) -> bool:
         """Return whether every claim holds."""
         return all(verdict.holds for verdict in self.verdicts)
+
+    def plain(self) -> dict[str, Any]:
+        """Return the part as JSON types."""
+        names = ("name", "title", "columns", "rows", "verdicts", "on_screen")
+        values = {name: getattr(self, name) for name in names}
+        plain: dict[str, Any] = _plain(values | {"verdicts": [asdict(verdict) for verdict in self.verdicts]})
+        return plain
 
 
 class Folder:
@@ -72,7 +94,7 @@ class Folder:
         for part in parts:
             with (self.path / f"{part.name}.csv").open("w", encoding="utf-8", newline="") as file:
                 csv.writer(file).writerows([part.columns, *part.rows])
-        whole = {"machine": asdict(describe()), **about, "parts": [_plain(asdict(part)) for part in parts]}
+        whole = {"machine": asdict(describe()), **about, "parts": [part.plain() for part in parts]}
         text = json.dumps(whole, indent=1, allow_nan=False)
         (self.path / "results.json").write_text(text + "\n", encoding="utf-8")
 
@@ -121,7 +143,6 @@ def _counted(part: Part, column: str) -> bool:
 
 
 def _line(verdict: Verdict) -> Text:
-    """Format a claim and its result."""
     word, style = ("holds", "green") if verdict.holds else ("FAILS", "bold red")
     return Text.assemble((word, style), f"  {verdict.claim}: {verdict.found}")
 

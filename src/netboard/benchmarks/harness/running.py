@@ -5,6 +5,7 @@ The file is complete after each part, so an interrupted benchmark leaves the par
 
 import shutil
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -28,30 +29,43 @@ class Study(Protocol):
         """Yield the parts, of the short form if `quick`."""
 
 
-def run_named(
-    name: str, study: Study, output: Path | None, json: Path | None, *, quick: bool, force: bool
-) -> list[Verdict]:
-    """Run a study as a command does; return every checked claim: one that fails is a result, not an error."""
-    folder = Folder(output or new_folder(f"bench-{name}"), force=force)
-    return run(folder, {"study": name, "quick": quick}, lambda tell: study(folder, tell, quick=quick), json)
+@dataclass(frozen=True)
+class Options:
+    """Options of every benchmark.
+
+    - `output`: folder of the results; None for a new one, named after the benchmark.
+    - `json`: a file to which the JSON file of the results is copied.
+    """
+
+    output: Path | None = None
+    json: Path | None = None
+    quick: bool = False
+    force: bool = False
+
+    def folder(self, name: str) -> Folder:
+        """Return the folder of the results of a benchmark."""
+        return Folder(self.output or new_folder(f"bench-{name}"), force=self.force)
 
 
 def run(
-    folder: Folder,
-    settings: Mapping[str, Any],
-    study: Callable[[Tell], Iterable[Part]],
-    json: Path | None = None,
+    name: str,
+    study: Study,
+    options: Options,
+    settings: Mapping[str, Any] | None = None,
     *,
     lines: Iterable[str] = (),
     bar: bool = True,
 ) -> list[Verdict]:
-    """Run a study: describe the machine, show and write each part, copy the JSON file, and return the claims.
+    """Run a study: describe the machine, show and write each part, and copy the JSON file.
 
-    - `settings`: head of the results: ``study``, its name, and how it was run; it is read again for each part.
+    Return every checked claim: one that fails is a result, not an error.
+
+    - `settings`: how it was run, for the head of the results.
     - `lines`: further lines below the description of the machine.
     - `bar`: show progress as a bar; else as lines, for studies that measure in this process, which redrawing would
       disturb.
     """
+    folder = options.folder(name)
     console = Console(highlight=False, markup=False)
     console.width = max(console.width, WIDTH)
     for line in (*describe().lines(), *lines):
@@ -66,13 +80,13 @@ def run(
             else:
                 console.print(text)
 
-        for part in study(tell):
+        for part in study(folder, tell, quick=options.quick):
             parts.append(part)
             if part.on_screen:
                 show(console, part)
-            folder.write(parts, settings)
-    if json is not None:
-        shutil.copyfile(folder.path / "results.json", json)
+            folder.write(parts, {"study": name, "quick": options.quick, **(settings or {})})
+    if options.json is not None:
+        shutil.copyfile(folder.path / "results.json", options.json)
     verdicts = [verdict for part in parts for verdict in part.verdicts]
     console.print(f"{sum(one.holds for one in verdicts)} of {len(verdicts)} verdicts hold; results in {folder.path}")
     return verdicts

@@ -5,15 +5,16 @@ real rates. Other load on the machine affects the results; it is noted.
 """
 
 import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError, NetboardError
-from netboard.benchmarks.harness.results import Folder, Part, new_folder
-from netboard.benchmarks.harness.running import Tell, run
+from netboard.benchmarks.harness.results import Folder, Part
+from netboard.benchmarks.harness.running import Options, Tell, run
 from netboard.benchmarks.loop.loop import (
     costs_part,
     latency_part,
@@ -25,7 +26,7 @@ from netboard.benchmarks.loop.loop import (
 from netboard.benchmarks.loop.scale import Crowd, measure_scale, measure_waiting, scale_part, waiting_part
 from netboard.benchmarks.loop.skips import measure_skips, skips_part, tick_part
 from netboard.benchmarks.loop.soak import measure_soak, memory_part, minutes_part, records_part
-from netboard.benchmarks.loop.spreads import draw_histograms, histogram_part
+from netboard.benchmarks.loop.timing import draw_histograms, histogram_part
 from netboard.benchmarks.loop.usage import Costs, add_costs
 from netboard.stage.stage import make_stage
 
@@ -51,7 +52,6 @@ class Setting:
     curve: bool = False
     real_time: bool = True
     displays: int = 0
-    quick: bool = False
 
     @property
     def config(self) -> Config:
@@ -80,40 +80,32 @@ def read_dyads(words: str | None) -> tuple[int, ...]:
 
 
 def loop(
-    setting: Setting,
-    seconds: float | None,
-    dyads: Sequence[int],
-    output: Path | None,
-    json: Path | None,
-    *,
-    skips: bool,
-    force: bool,
-) -> int:
-    """Run ``netboard bench loop``; the exit code is 0, also if claims fail, since that is a result.
+    setting: Setting, seconds: float | None, dyads: Sequence[int], options: Options, *, skips: bool = False
+) -> None:
+    """Run ``netboard bench loop``.
 
     - `seconds`: duration of each measurement; None for the default [s].
     - `dyads`: numbers of dyads for which a server is measured; empty to skip that part [1].
     """
-    seconds = seconds or (QUICK_SECONDS if setting.quick else SECONDS)
-    rounds = max(1, round(seconds / (QUICK_TURN_SECONDS if setting.quick else TURN_SECONDS)))
-    about = {"seconds": seconds, "rounds": rounds, "dyads": list(dyads)}
+    seconds = seconds or (QUICK_SECONDS if options.quick else SECONDS)
+    rounds = max(1, round(seconds / (QUICK_TURN_SECONDS if options.quick else TURN_SECONDS)))
 
-    def study(place: Folder, tell: Tell) -> Iterator[Part]:
-        scratch = place.path / "processes"
-        found = measure_loop(setting.config, scratch, setting.displays, seconds, rounds, tell)
-        series = loop_series(found)
-        yield ratios_part(found)
-        yield latency_part(found, real_time=setting.real_time)
-        yield lateness_part(found)
-        yield costs_part(found.costs)
-        yield histogram_part(series[0] | series[1])
-        if dyads or skips:
-            with Crowd(scratch) as crowd:
-                yield from _crowded(crowd, setting.config, dyads, seconds / rounds, tell, skips=skips)
-        place.save("loop", lambda: draw_histograms(series, f"Stylus to force: {setting}"))
+    def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
+        with _processes(setting, folder, tell) as scratch:
+            found = measure_loop(setting.config, scratch, setting.displays, seconds, rounds, tell)
+            series = loop_series(found)
+            yield ratios_part(found)
+            yield latency_part(found, real_time=setting.real_time)
+            yield lateness_part(found)
+            yield costs_part(found.costs)
+            yield histogram_part(series[0] | series[1])
+            if dyads or skips:
+                with Crowd(scratch) as crowd:
+                    yield from _crowded(crowd, setting.config, dyads, seconds / rounds, tell, skips=skips)
+            folder.save("loop", lambda: draw_histograms(series, f"Stylus to force: {setting}"))
 
-    _run("loop", setting, about, study, output, json, force=force)
-    return 0
+    settings = {**asdict(setting), "seconds": seconds, "rounds": rounds, "dyads": list(dyads)}
+    run("loop", study, options, settings, lines=[str(setting)])
 
 
 def _crowded(
@@ -130,52 +122,34 @@ def _crowded(
         yield tick_part(config)
 
 
-def soak(
-    setting: Setting, minutes: float | None, dyads: int, output: Path | None, json: Path | None, *, force: bool
-) -> int:
-    """Run ``netboard bench soak``."""
-    minutes = minutes or (QUICK_MINUTES if setting.quick else MINUTES)
+def soak(setting: Setting, minutes: float | None, dyads: int, options: Options) -> int:
+    """Run ``netboard bench soak``; the exit code is 1 if anything is lost."""
+    minutes = minutes or (QUICK_MINUTES if options.quick else MINUTES)
 
-    def study(place: Folder, tell: Tell) -> Iterator[Part]:
-        scratch = place.path / "processes"
-        found = measure_soak(setting.config, scratch, dyads, setting.displays, 60 * minutes, tell)
-        yield records_part(found.kept)
-        yield memory_part(found.samples)
-        yield minutes_part(found.kept)
-        costs: Costs = {}
-        add_costs(costs, found.samples[0], found.samples[-1])
-        yield costs_part(costs)
+    def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
+        with _processes(setting, folder, tell) as scratch:
+            found = measure_soak(setting.config, scratch, dyads, setting.displays, 60 * minutes, tell)
+            yield records_part(found.kept)
+            yield memory_part(found.samples)
+            yield minutes_part(found.kept)
+            costs: Costs = {}
+            add_costs(costs, found.samples[0], found.samples[-1])
+            yield costs_part(costs)
 
-    kept = _run("soak", setting, {"minutes": minutes, "dyads": dyads}, study, output, json, force=force)["records"]
-    return 0 if kept.holds else 1
+    settings = {**asdict(setting), "minutes": minutes, "dyads": dyads}
+    nothing_lost, *_ = run("soak", study, options, settings, lines=[str(setting)])
+    return 0 if nothing_lost.holds else 1
 
 
-def _run(
-    name: str,
-    setting: Setting,
-    about: Mapping[str, Any],
-    study: Callable[[Folder, Tell], Iterator[Part]],
-    output: Path | None,
-    json: Path | None,
-    *,
-    force: bool,
-) -> dict[str, Part]:
-    """Run a study of real processes; their recordings and logs are removed if it succeeds."""
+@contextmanager
+def _processes(setting: Setting, folder: Folder, tell: Tell) -> Iterator[Path]:
+    """Get the kernels ready; yield a folder for recordings and logs, which is removed if the study succeeds."""
     if not Path("/proc/self/task").exists():
         raise NetboardError("what processes use is read from /proc, which this system does not have")
-    folder = Folder(output or new_folder(f"bench-{name}"), force=force)
     scratch = folder.path / "processes"
     shutil.rmtree(scratch, ignore_errors=True)
     scratch.mkdir()
-    parts: dict[str, Part] = {}
-
-    def collected(tell: Tell) -> Iterator[Part]:
-        tell("getting the kernels ready", 0.0)
-        make_stage(setting.config).warm()
-        for part in study(folder, tell):
-            parts[part.name] = part
-            yield part
-
-    run(folder, {"study": name, **asdict(setting), **about}, collected, json, lines=[str(setting)])
+    tell("getting the kernels ready", 0.0)
+    make_stage(setting.config).warm()
+    yield scratch
     shutil.rmtree(scratch)
-    return parts

@@ -25,7 +25,7 @@ from netboard.base.clock import CATCH_UP_TICKS, now_ns
 from netboard.base.config import SIDES, Config, Side, parse
 from netboard.base.process import NAME, Priority, cpus_for, io_priority, log_to_stderr, prepare, steady_loop
 from netboard.base.tick import TICK, TICK_NS
-from netboard.benchmarks.loop.played import passed_over
+from netboard.benchmarks.loop.timing import passed_over
 from netboard.benchmarks.loop.workers import serve
 from netboard.network import keys
 from netboard.network.protocol import fixed

@@ -6,24 +6,22 @@ The board as painted is compared with its position at that moment: the error, an
 and panel come later and are not measured.
 """
 
-import json
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from math import ceil, cos, pi, sin
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.clock import now_ns
-from netboard.base.config import Config, parse, resolve
-from netboard.benchmarks.harness.results import Folder, Part, Value, new_folder
-from netboard.benchmarks.harness.running import Tell, run
-from netboard.benchmarks.loop.spreads import HEADS, Times, spread_rows
+from netboard.base.config import Config
+from netboard.benchmarks.harness.processes import fresh_processes
+from netboard.benchmarks.harness.results import Folder, Part
+from netboard.benchmarks.harness.running import Options, Tell, run
+from netboard.benchmarks.loop.timing import HEADS, Times, spread_rows
 from netboard.network.protocol.codec import encode
 from netboard.network.transport import channels, sockets
 from netboard.stage.view import View
@@ -101,25 +99,13 @@ def send_views(config: Config, seconds: float, moving: bool) -> dict[int, int]:
     return sent
 
 
-def serve() -> None:
-    """Run `send_views` as a process: order on standard input, answer on standard output, both as JSON."""
-    order = json.load(sys.stdin)
-    json.dump(send_views(parse(order["config"]), order["seconds"], order["moving"]), sys.stdout)
-
-
 def measure(config: Config, seconds: float, *, moving: bool) -> Shown:
     """Run a display for a period, with a process that sends it views."""
     application()
-    order = {"config": resolve(config), "seconds": seconds + SPARE, "moving": moving}
-    command = [sys.executable, "-c", f"from {__name__} import serve; serve()"]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as sender:
-        assert sender.stdin is not None
-        assert sender.stdout is not None
-        sender.stdin.write(json.dumps(order))
-        sender.stdin.close()
-        frames, busy, dropped = _watch(config, seconds, lambda: sender.poll() is None)
-        sent = {int(tick): at for tick, at in json.load(sender.stdout).items()}
-    return _shown(frames, sent, busy, dropped)
+    with fresh_processes(1) as pool:
+        sending = pool.submit(send_views, config, seconds + SPARE, moving)
+        frames, busy, dropped = _watch(config, seconds, lambda: not sending.done())
+        return _shown(frames, sending.result(), busy, dropped)
 
 
 def _watch(config: Config, seconds: float, served: Callable[[], bool]) -> tuple[list[Frame], float, int]:
@@ -173,24 +159,19 @@ def lateness(shown: Shown) -> tuple[float, float]:
     return float(off @ truth[:, 1] / (truth[:, 1] @ truth[:, 1])), float(np.sqrt(np.mean(off**2)))
 
 
-def main(
-    config: Config, output: Path | None, json_file: Path | None, seconds: float | None, *, quick: bool, force: bool
-) -> int:
+def main(config: Config, seconds: float | None, options: Options) -> None:
     """Run the study.
 
     - `config`: settings of the window, which is drawn offscreen without a screen.
     - `seconds`: duration of each measurement; None for the default [s].
     """
-    seconds = seconds or (QUICK_SECONDS if quick else SECONDS)
-    folder = Folder(output or new_folder("bench-display"), force=force)
+    seconds = seconds or (QUICK_SECONDS if options.quick else SECONDS)
     platform = application().platformName()
-    settings = {"study": "display", "seconds": seconds, "quick": quick, "platform": platform}
-    lines = [f"drawn by: {platform}"]
-    run(folder, settings, lambda tell: study(config, seconds, tell), json_file, lines=lines, bar=False)
-    return 0
+    settings, lines = {"seconds": seconds, "platform": platform}, [f"drawn by: {platform}"]
+    run("display", partial(study, config, seconds), options, settings, lines=lines, bar=False)
 
 
-def study(config: Config, seconds: float, tell: Tell) -> Iterator[Part]:
+def study(config: Config, seconds: float, folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
     """Measure a display that smooths views of a moving board, one that does not, and one at rest."""
     found: dict[str, Shown] = {}
     for name, smooth, moving in (("smooth", True, True), ("views as they are", False, True), ("at rest", True, False)):
@@ -202,23 +183,29 @@ def study(config: Config, seconds: float, tell: Tell) -> Iterator[Part]:
 
 
 def _way(found: dict[str, Shown]) -> Part:
-    """Return the parts of the latency of a view, as a table."""
     times = {}
     for name, shown in found.items():
         if shown.sent_to_received.size:
             times[f"{name}: sent to received"] = shown.sent_to_received
             times[f"{name}: received to painted"] = shown.received_to_painted
             times[f"{name}: frame to frame"] = shown.between
-    about = "The way of a view, from the server's sending to the end of the painting"
-    return Part("way", about, ("what", "times", *HEADS), spread_rows(times))
+    return Part(
+        "way",
+        "The way of a view, from the server's sending to the end of the painting",
+        ("what", "times", *HEADS),
+        spread_rows(times),
+    )
 
 
 def _sight(found: dict[str, Shown], seconds: float) -> Part:
     """Return delay and error of the drawn board and the cost of painting, as a table."""
-    rows: list[tuple[Value, ...]] = []
+    part = Part(
+        "sight",
+        "Where the board was at the end of a painting, and where it was drawn",
+        "what | frames [Hz] | seen late by [ms] | off by, RMS [mm] | dropped | of a core [%]",
+    )
     for name, shown in found.items():
         delay, off = lateness(shown) if shown.between.size else (float("nan"), float("nan"))
         rate = len(shown.painted) / seconds
-        rows.append((name, rate, delay * 1e3, off * 1e3, shown.dropped, shown.busy * 100))
-    heads = ("what", "frames [Hz]", "seen late by [ms]", "off by, RMS [mm]", "dropped", "of a core [%]")
-    return Part("sight", "Where the board was at the end of a painting, and where it was drawn", heads, rows)
+        part.add(name, rate, delay * 1e3, off * 1e3, shown.dropped, shown.busy * 100)
+    return part

@@ -19,9 +19,17 @@ from netboard.base.config import SIDES, Config
 from netboard.base.tick import TICK_NS, TICK_SECONDS
 from netboard.benchmarks.harness.results import Part, Value, Verdict
 from netboard.benchmarks.harness.running import Tell
-from netboard.benchmarks.loop.played import Played, Punctuality, played, punctuality
 from netboard.benchmarks.loop.rig import Rig, own_configs, write_configs
-from netboard.benchmarks.loop.spreads import HEADS, Times, ratio_row, spread_rows
+from netboard.benchmarks.loop.timing import (
+    HEADS,
+    Played,
+    Punctuality,
+    Times,
+    played,
+    punctuality,
+    ratio_row,
+    spread_rows,
+)
 from netboard.benchmarks.loop.usage import KINDS, LOOP, TRANSPORT, Costs, Usage, add_costs, read_usage, total
 from netboard.benchmarks.loop.workers import Worker, Workers
 from netboard.recording.files.reader import Recording
@@ -179,18 +187,19 @@ def ratios_part(found: Measured) -> Part:
         for name, value in _ratios(one, played(found.stamps, [one.span_ns])).items():
             columns.setdefault(name, []).append(value)
     wanted = [*MAX_RATIOS.values(), MAX_MISSED, MAX_CPU, MAX_CPU]
-    rows: list[tuple[Value, ...]] = []
-    verdicts = []
+    part = Part(
+        "ratios",
+        f"netboard compared with its baselines, over {len(found.rounds)} rounds",
+        " | median | least | largest | limit",
+    )
     for (name, values), most in zip(columns.items(), wanted, strict=True):
         median = float(np.median(values))
-        rows.append((name, median, min(values), max(values), most))
-        verdicts.append(Verdict(f"{name}: at most {most:g}", median <= most, f"{median:.2f}"))
-    about = f"netboard compared with its baselines, over {len(found.rounds)} rounds"
-    return Part("ratios", about, ("", "median", "least", "largest", "limit"), rows, verdicts)
+        part.add(name, median, min(values), max(values), most)
+        part.claim(f"{name}: at most {most:g}", median <= most, f"{median:.2f}")
+    return part
 
 
 def _ratios(one: Round, ours: Played) -> dict[str, float]:
-    """Return the ratios of a round."""
     _, *ratios = ratio_row("", _together(ours.took_ns), one.echo_ns)
     spent = {name: total(cost.spent.values()).seconds / cost.seconds for name, cost in one.costs.items()}
     agents, peers = (sum(spent[f"{side} agent"] for side in SIDES), sum(spent[f"peer {side}"] for side in SIDES))
@@ -228,17 +237,16 @@ def latency_part(found: Measured, *, real_time: bool) -> Part:
 def lateness_part(found: Measured) -> Part:
     """Return the tick jitter of the server and of the timer."""
     named = {"server's ticks": found.played.ticks, "timer alone": found.timer}
-    rows: list[tuple[Value, ...]] = [
-        (*row, one.late, one.missed, one.missed_of(MANY))
-        for row, one in zip(
-            spread_rows({name: one.late_ns for name, one in named.items()}), named.values(), strict=True
-        )
-    ]
     return Part(
         "lateness",
         f"Start of ticks after their deadline; late: by over {TICK_NS / 2e6:g} ms; missed: by over a tick, or never",
         ("", "ticks [1]", *HEADS, "late [1]", "missed [1]", f"missed of {MANY} [1]"),
-        rows,
+        [
+            (*row, one.late, one.missed, one.missed_of(MANY))
+            for row, one in zip(
+                spread_rows({name: one.late_ns for name, one in named.items()}), named.values(), strict=True
+            )
+        ],
     )
 
 

@@ -19,11 +19,10 @@ import numpy as np
 
 from netboard.base.clock import now_ns
 from netboard.base.config import Config
-from netboard.benchmarks.harness.results import Part, Value, Verdict
+from netboard.benchmarks.harness.results import Part, Verdict
 from netboard.benchmarks.harness.running import Tell
-from netboard.benchmarks.loop.played import Punctuality, punctuality
 from netboard.benchmarks.loop.rig import await_status, own_configs, write_configs
-from netboard.benchmarks.loop.spreads import HEADS, Times, in_milliseconds
+from netboard.benchmarks.loop.timing import HEADS, Punctuality, Times, in_milliseconds, punctuality
 from netboard.benchmarks.loop.usage import LOOP, TRANSPORT, Cost, read_usage, total
 from netboard.benchmarks.loop.workers import Workers
 from netboard.network.transport import sockets
@@ -150,24 +149,7 @@ def measure_scale(config: Config, crowd: Crowd, dyads: Sequence[int], seconds: f
 
 def scale_part(found: Mapping[int, Served]) -> Part:
     """Tabulate the cost of many dyads."""
-    rows: list[tuple[Value, ...]] = []
-    for count, served in found.items():
-        share, seconds = core_share(served), served.cost.seconds
-        rows.append(
-            (
-                count,
-                *(100 * served.cost.spent[kind].seconds / seconds for kind in (LOOP, TRANSPORT)),
-                100 * share,
-                100 * share / count,
-                *in_milliseconds(spread(served.ticks.late_ns)),
-                100 * served.ticks.late / max(served.ticks.ticks, 1),
-                served.ticks.missed,
-                100 * served.active,
-                spread(served.peers_late_ns).p99 * 1e3,
-                holds(served),
-            )
-        )
-    return Part(
+    part = Part(
         "scale",
         "Dyads in trials, served by one process on one core; start of its ticks after their deadline",
         (
@@ -183,9 +165,23 @@ def scale_part(found: Mapping[int, Served]) -> Part:
             "peers late, 99 % [ms]",
             "holds",
         ),
-        rows,
-        _verdicts(found),
     )
+    for count, served in found.items():
+        share, seconds = core_share(served), served.cost.seconds
+        part.add(
+            count,
+            *(100 * served.cost.spent[kind].seconds / seconds for kind in (LOOP, TRANSPORT)),
+            100 * share,
+            100 * share / count,
+            *in_milliseconds(spread(served.ticks.late_ns)),
+            100 * served.ticks.late / max(served.ticks.ticks, 1),
+            served.ticks.missed,
+            100 * served.active,
+            spread(served.peers_late_ns).p99 * 1e3,
+            holds(served),
+        )
+    part.verdicts += _verdicts(found)
+    return part
 
 
 def _verdicts(found: Mapping[int, Served]) -> list[Verdict]:
@@ -224,15 +220,13 @@ def measure_waiting(config: Config, crowd: Crowd, dyads: int, seconds: float, te
 
 def waiting_part(dyads: int, found: Mapping[str, Served]) -> Part:
     """Tabulate the cost of idle dyads."""
-    rows: list[tuple[Value, ...]] = [
-        (name, 100 * core_share(served), 100 * core_share(served) / dyads) for name, served in found.items()
-    ]
     idle = core_share(found["no peers"]) / dyads
     claim = f"a dyad without peers costs less than {MAX_IDLE:.1%} of a core"
-    return Part(
+    part = Part(
         "waiting",
         f"{dyads} idle dyads, served by one process",
-        ("peers", "all [%]", "each dyad [%]"),
-        rows,
-        [Verdict(claim, idle < MAX_IDLE, f"{idle:.2%}")],
+        "peers | all [%] | each dyad [%]",
+        [(name, 100 * core_share(served), 100 * core_share(served) / dyads) for name, served in found.items()],
     )
+    part.claim(claim, idle < MAX_IDLE, f"{idle:.2%}")
+    return part

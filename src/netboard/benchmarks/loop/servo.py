@@ -6,24 +6,21 @@ like an agent: every millisecond its loop takes the newest sample and writes a f
 a second thread that computes in Python without a pause.
 """
 
-import json
-import subprocess
-import sys
 import threading
 from collections.abc import Iterator, Mapping
-from pathlib import Path
-from typing import Any
+from concurrent.futures import BrokenExecutor
+from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from netboard.base.clock import Pacer, now_ns
 from netboard.base.errors import DeviceTimeout, NetboardError
 from netboard.base.process import steady_loop
 from netboard.base.tick import TICK_NS
-from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict, new_folder
-from netboard.benchmarks.harness.running import Tell, run
-from netboard.benchmarks.loop.spreads import HEADS, Times, in_milliseconds, ratio_row, spread_rows
+from netboard.benchmarks.harness.processes import in_fresh_process
+from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict
+from netboard.benchmarks.harness.running import Options, Tell, run
+from netboard.benchmarks.loop.timing import HEADS, Times, in_milliseconds, ratio_row, spread_rows
 from netboard.devices.touch.api import load
 from netboard.devices.touch.find import find
 from netboard.devices.touch.library import rig_of
@@ -43,23 +40,18 @@ WARM_UP_TICKS = 200
 BUSY = {False: "", True: ", busy thread"}
 
 
-def main(
-    library: str, output: Path | None, json_file: Path | None, seconds: float | None, *, quick: bool, force: bool
-) -> int:
-    """Run the study; the exit code is 0, also if claims fail, since that is a result.
+def main(library: str, seconds: float | None, options: Options) -> None:
+    """Run the study.
 
     - `seconds`: duration of each measurement; None for the default [s].
     """
     load(library)
     shim()
-    seconds = seconds or (QUICK_SECONDS if quick else SECONDS)
-    folder = Folder(output or new_folder("bench-servo"), force=force)
-    settings = {"study": "servo", "library": library, "seconds": seconds, "quick": quick}
-    run(folder, settings, lambda tell: study(library, seconds, tell), json_file, bar=False)
-    return 0
+    seconds = seconds or (QUICK_SECONDS if options.quick else SECONDS)
+    run("servo", partial(study, library, seconds), options, {"library": library, "seconds": seconds}, bar=False)
 
 
-def study(library: str, seconds: float, tell: Tell) -> Iterator[Part]:
+def study(library: str, seconds: float, folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
     """Measure each callback, alone and beside a busy thread."""
     found: dict[str, Times] = {}
     for busy, company in BUSY.items():
@@ -82,8 +74,12 @@ def lateness_part(found: Mapping[str, Times]) -> Part:
         for kind in (PYTHON, C):
             name, *ratios = ratio_row(f"{kind} / {BARE}{company} [1]", off[kind + company], off[BARE + company])
             rows.append((name, "", *ratios))
-    title = f"How early or late ticks are: how far from {TICK_NS / 1e6:g} ms after the one before"
-    return Part("lateness", title, ("callback", "ticks [1]", *HEADS), rows)
+    return Part(
+        "lateness",
+        f"How early or late ticks are: how far from {TICK_NS / 1e6:g} ms after the one before",
+        ("callback", "ticks [1]", *HEADS),
+        rows,
+    )
 
 
 def duration_part(found: Mapping[str, Times]) -> Part:
@@ -101,8 +97,13 @@ def duration_part(found: Mapping[str, Times]) -> Part:
         p999_ms = in_milliseconds(spread(took[kind + BUSY[True]]))[2]
         claim = f"99.9 % of the callbacks in {kind} take less than a tick beside a busy thread"
         verdicts.append(Verdict(claim, p999_ms < TICK_NS * 1e-6, f"{p999_ms:.3f} ms"))
-    title = "For how long a callback holds the servo thread up, the wait for the interpreter included"
-    return Part("duration", title, ("callback", "ticks [1]", *HEADS), rows, verdicts)
+    return Part(
+        "duration",
+        "For how long a callback holds the servo thread up, the wait for the interpreter included",
+        ("callback", "ticks [1]", *HEADS),
+        rows,
+        verdicts,
+    )
 
 
 def unsteadiness(times: Times) -> Times:
@@ -113,23 +114,20 @@ def unsteadiness(times: Times) -> Times:
 
 def measure(library: str, kind: str, seconds: float, *, busy: bool) -> Times:
     """Measure one callback in a process of its own."""
-    order = json.dumps({"library": library, "kind": kind, "seconds": seconds, "busy": busy})
-    command = [sys.executable, "-m", "netboard.benchmarks.loop.servo", order]
-    done = subprocess.run(command, capture_output=True, check=False)
-    if done.returncode:
-        said = done.stderr.decode(errors="replace").strip().splitlines() or ["no word"]
-        raise NetboardError(f"measuring the servo callback ({kind}) failed: {said[-1]}")
-    return np.frombuffer(done.stdout, np.int64).reshape(-1, 2)
+    try:
+        return in_fresh_process(work, library, kind, seconds, busy)
+    except (NetboardError, BrokenExecutor) as error:
+        raise NetboardError(f"measuring the servo callback ({kind}) failed: {error}") from error
 
 
-def work(order: Mapping[str, Any]) -> NDArray[np.int64]:
+def work(library: str, kind: str, seconds: float, busy: bool) -> Times:
     """Run in that process: a timed servo, and an agent's loop."""
-    rig = rig_of(order["library"])
-    count = round(order["seconds"] * 1e9) // TICK_NS
+    rig = rig_of(library)
+    count = round(seconds * 1e9) // TICK_NS
     with rig.paused():
         seat = find(rig, "", "")
-        servo = SERVOS[order["kind"]](rig.library, seat.handle, TIMEOUT_NS)
-        watch = Watch(None if order["kind"] == BARE else servo.entry, count + 2 * WARM_UP_TICKS)
+        servo = SERVOS[kind](rig.library, seat.handle, TIMEOUT_NS)
+        watch = Watch(None if kind == BARE else servo.entry, count + 2 * WARM_UP_TICKS)
         rig.schedule(seat, servo, watch.entry)
     stopping = threading.Event()
     thread = threading.Thread(target=compute, args=(stopping,), daemon=True)
@@ -138,7 +136,7 @@ def work(order: Mapping[str, Any]) -> NDArray[np.int64]:
         if len(watch.times) == 0:
             raise DeviceTimeout("the servo loop of the haptic device does not run")
         steady_loop()
-        if order["busy"]:
+        if busy:
             thread.start()
         _loop(servo, WARM_UP_TICKS)
         first = len(watch.times)
@@ -164,10 +162,3 @@ def _loop(servo: Servo, count: int) -> None:
         pacer.wait()
         servo.result()
         servo.put((0.0, 0.0, 0.0), now_ns())
-
-
-if __name__ == "__main__":
-    try:
-        sys.stdout.buffer.write(work(json.loads(sys.argv[1])).tobytes())
-    except NetboardError as error:
-        sys.exit(str(error))

@@ -91,7 +91,6 @@ def skips_part(found: dict[str, Served]) -> Part:
 
 
 def _verdicts(found: dict[str, Served]) -> list[Verdict]:
-    """Return the claims about the counted work."""
     forces, beats = (found[NO_FORCES].counts.get(what, 0.0) for what in ("forces", "beats"))
     views, fewer = (found[name].counts.get("views", 0.0) for name in (WAITING, AT_REST))
     busy, idle = core_share(found[FULL]), core_share(found[NOBODY])
@@ -134,13 +133,12 @@ def tick_part(config: Config) -> Part:
     return Part(
         "stage",
         "Cost of the stage in a tick",
-        ("", "a tick [ns]", "relative [1]"),
+        " | a tick [ns] | relative [1]",
         [(name, cost * 1e9, cost / whole) for name, cost in costs.items()],
     )
 
 
 def _with_force(config: Config, force: Literal["environment_only", "none"]) -> Config:
-    """Return the same with other forces."""
     return replace(config, block=replace(config.block, force=force))
 
 

@@ -17,7 +17,7 @@ from netboard.base.tick import LATE_NS
 from netboard.benchmarks.harness.results import Part, Value, Verdict
 from netboard.benchmarks.harness.running import Tell
 from netboard.benchmarks.loop.rig import Rig, own_configs
-from netboard.benchmarks.loop.spreads import HEADS, Times, in_milliseconds
+from netboard.benchmarks.loop.timing import HEADS, Times, in_milliseconds
 from netboard.benchmarks.loop.usage import Usage
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.summary import closed_loops, spread
@@ -134,44 +134,35 @@ def read_kept(path: Path) -> Kept:
 
 def records_part(kept: Sequence[Kept]) -> Part:
     """Return the number of recorded ticks and losses."""
-    rows: list[tuple[Value, ...]] = [
-        (number, one.ticks, one.missing, one.lost, one.faults, one.verified, one.size / 1e6)
-        for number, one in enumerate(kept, start=1)
-    ]
     whole = sum(one.whole for one in kept)
-    return Part(
+    part = Part(
         "records",
         "Recorded ticks and losses",
-        ("dyad", "ticks [1]", "missing numbers [1]", "records lost [1]", "faults [1]", "verified", "size [MB]"),
-        rows,
+        "dyad | ticks [1] | missing numbers [1] | records lost [1] | faults [1] | verified | size [MB]",
         [
-            Verdict(
-                "nothing is lost",
-                whole == len(kept),
-                f"{whole} of {len(kept)} recordings complete and verified bit for bit",
-            )
+            (number, one.ticks, one.missing, one.lost, one.faults, one.verified, one.size / 1e6)
+            for number, one in enumerate(kept, start=1)
         ],
     )
+    part.claim(
+        "nothing is lost", whole == len(kept), f"{whole} of {len(kept)} recordings complete and verified bit for bit"
+    )
+    return part
 
 
 def memory_part(samples: Sequence[dict[str, Usage]]) -> Part:
     """Return the memory of all processes and its growth."""
-    rows: list[tuple[Value, ...]] = []
-    verdicts = []
+    part = Part(
+        "memory", "Memory of each process", " | start [MB] | end [MB] | peak [MB] | growth after warm-up [MB/h]"
+    )
     for name in samples[0]:
         at = np.array([sample[name].at_ns for sample in samples]) * 1e-9
         held = np.array([sample[name].resident for sample in samples], np.float64)
         warm = at >= at[0] + min(WARM_SHARE * (at[-1] - at[0]), WARM_SECONDS)
         slope, seconds = growth(at[warm], held[warm]), float(at[-1] - at[warm][0])
-        rows.append((name, held[0] / 1e6, held[-1] / 1e6, held.max() / 1e6, slope * 3600 / 1e6))
-        verdicts.append(_flat(name, slope, seconds))
-    return Part(
-        "memory",
-        "Memory of each process",
-        ("", "start [MB]", "end [MB]", "peak [MB]", "growth after warm-up [MB/h]"),
-        rows,
-        verdicts,
-    )
+        part.add(name, held[0] / 1e6, held[-1] / 1e6, held.max() / 1e6, slope * 3600 / 1e6)
+        part.verdicts.append(_flat(name, slope, seconds))
+    return part
 
 
 def _flat(name: str, slope: float, seconds: float) -> Verdict:
@@ -204,17 +195,15 @@ def minutes_part(kept: Sequence[Kept]) -> Part:
                 *in_milliseconds(spread(loop)),
             )
         )
-    heads = ("from [min]", *(f"tick late, {head}" for head in HEADS), "late [1]", *(f"loop, {head}" for head in HEADS))
-    return Part(
+    part = Part(
         "minutes",
         "Tick jitter and latency over the run",
-        heads,
+        ("from [min]", *(f"tick late, {head}" for head in HEADS), "late [1]", *(f"loop, {head}" for head in HEADS)),
         rows,
-        [
-            steady("ticks begin", [float(row[2]) for row in rows]),
-            steady("loops close", [float(row[7]) for row in rows]),
-        ],
     )
+    part.verdicts.append(steady("ticks begin", [float(row[2]) for row in rows]))
+    part.verdicts.append(steady("loops close", [float(row[7]) for row in rows]))
+    return part
 
 
 def _between(since: int, until: int, series: Sequence[tuple[Times, Times]]) -> Times:

@@ -2,11 +2,16 @@
 
 The model was fitted to single participants with both hands and haptic feedback off; every other condition is a
 prediction. The results do not depend on the machine.
+
+A pool of dyads performs the paper's plan. A virtual study draws four of them as the paper counterbalanced its own: one
+dyad of each starting state. The 95 % predictive interval lies between the 2.5th and 97.5th percentile over many virtual
+studies. Dyads of the pool appear in several studies, so a small pool makes the intervals uncertain, and too narrow by a
+factor of about ``sqrt(1 - 1/n)`` for n dyads of each state.
 """
 
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import ceil
 from typing import Any
 
@@ -17,18 +22,85 @@ from netboard.base.config import Config
 from netboard.base.tables.simulated import Participant
 from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict
 from netboard.benchmarks.harness.running import Study, Tell
-from netboard.benchmarks.participants.paper import Sample, Statement
-from netboard.benchmarks.participants.trials import Performance, Population, perform_all
-from netboard.benchmarks.participants.validation import (
-    ABLATIONS,
-    LIKELY,
-    STATES,
-    Prediction,
-    predictions,
-    studies,
-)
+from netboard.benchmarks.participants.paper import EXTRA, STATEMENTS, Sample, Statement
+from netboard.benchmarks.participants.trials import SEED, Performance, Population, perform_all
 from netboard.nodes.rehearsal.jobs import Job
 from netboard.participants.partner import haptic_weight
+
+STATES = 4
+"""Starting states of the paper's plan, one for each of its dyads [1]."""
+
+LIKELY = 0.8
+"""Share of studies with the paper's direction from which a direction counts as reproduced [1]."""
+
+USUAL = Participant()
+
+ABLATIONS = {
+    "full model": USUAL,
+    "friction at rest": replace(USUAL, rest_skill=0.0),
+    "no load skill": replace(USUAL, load_skill=0.0),
+    "no information": replace(USUAL, haptic_gain=0.0),
+    "fixed partner": replace(USUAL, mirror_rate=0.0),
+    "no learning": replace(USUAL, novice=1.0),
+    "with yielding": replace(USUAL, reflex_gain=1.0),
+    "with impedance": replace(USUAL, impedance_gain=20_000.0),
+    "with goal": replace(USUAL, partner_prediction="goal"),
+}
+"""Variants of the model: each is without one part, or ("with") has a part that the model leaves out."""
+
+
+def studies(dyads: Sequence[NDArray[Any]], count: int) -> list[Sample]:
+    """Draw virtual studies from the attempts of dyads 1, 2, ...; dyads four apart share a starting state."""
+    if len(dyads) % STATES:
+        raise ValueError(f"found {len(dyads)} dyads, expected a multiple of {STATES}, as many of each starting state")
+    rng = np.random.default_rng((SEED, count))
+    chosen = rng.integers(0, len(dyads) // STATES, (count, STATES)) * STATES + np.arange(STATES)
+    return [Sample(np.concatenate([dyads[k] for k in row])) for row in chosen]
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Prediction of the model for a statement of the paper.
+
+    - `values`: the quantity in each virtual study.
+    """
+
+    statement: Statement
+    values: NDArray[np.float64]
+
+    @property
+    def interval(self) -> tuple[float, float, float]:
+        """Median and limits of the 95 % predictive interval."""
+        low, middle, high = np.percentile(self.values, (2.5, 50, 97.5))
+        return float(middle), float(low), float(high)
+
+    @property
+    def inside(self) -> bool | None:
+        """Whether the paper's value lies in the interval; None without a value."""
+        _, low, high = self.interval
+        value = self.statement.value
+        return None if value is None else low <= value <= high
+
+    @property
+    def probability(self) -> float | None:
+        """Share of studies with the paper's direction; None without one [1]."""
+        sense = self.statement.sense
+        return float(np.mean(sense * self.values > 0)) if sense else None
+
+    @property
+    def reproduced(self) -> str:
+        """Whether the model reproduces the result: "yes", "NO", "unclear" or "not reported"."""
+        if self.inside is not None:
+            return "yes" if self.inside else "NO"
+        if self.probability is None:
+            return "not reported"
+        return "yes" if self.probability >= LIKELY else "unclear" if self.probability >= 0.5 else "NO"
+
+
+def predictions(samples: Sequence[Sample]) -> list[Prediction]:
+    """Evaluate all statements in virtual studies."""
+    return [Prediction(one, np.array([one.of(sample) for sample in samples], float)) for one in (*STATEMENTS, *EXTRA)]
+
 
 TRIALS, QUICK_TRIALS = 20, 6
 """Number of trials in a block; the paper has 60 [1]."""
@@ -77,7 +149,6 @@ def study(count: int, dyads: int | None, workers: int | None) -> Study:
 def _performances(
     name: str, dyads: int, trials: int, workers: int, number: int, variants: int, tell: Tell
 ) -> Iterator[Performance]:
-    """Simulate the dyads of a variant, and report progress."""
     population = Population(ABLATIONS[name], trials)
     tasks = [(population.jobs(dyad), dyad) for dyad in range(1, dyads + 1)]
     for done, performance in enumerate(perform_all(tasks, workers)):
@@ -99,7 +170,6 @@ def predictions_part(found: Sequence[Prediction], performances: Sequence[Perform
     successes = sum(int(one.attempts["success"].sum()) for one in performances)
     given_up = sum(one.given_up for one in performances)
     about = f"{count} virtual studies of {STATES} dyads, drawn from {len(performances)} dyads, {trials} trials a block"
-    columns = ("result", "use", "paper", "direction", "median", "2.5 %", "97.5 %", "P(direction)", "reproduced")
     verdicts = [
         *_verdicts(found),
         Verdict(
@@ -109,7 +179,13 @@ def predictions_part(found: Sequence[Prediction], performances: Sequence[Perform
             f"{failures} falls of the ball in {successes} trials",
         ),
     ]
-    return Part("predictions", f"Results of the paper: {about}", columns, rows, verdicts)
+    return Part(
+        "predictions",
+        f"Results of the paper: {about}",
+        "result | use | paper | direction | median | 2.5 % | 97.5 % | P(direction) | reproduced",
+        rows,
+        verdicts,
+    )
 
 
 def _verdicts(found: Sequence[Prediction]) -> Iterator[Verdict]:
@@ -138,12 +214,12 @@ def _direction(statement: Statement) -> str:
 
 def ablations_part(found: dict[str, list[Prediction]]) -> Part:
     """Tabulate each result without one part of the model: the median, and the probability of the direction."""
-    rows: list[tuple[Value, ...]] = []
+    part = Part("ablations", "Median and, in brackets, probability of the direction", ("result", "paper", *found))
     for k, one in enumerate(found[next(iter(found))]):
         statement = one.statement
         paper = _direction(statement) if statement.value is None else statement.value
-        rows.append((statement.name, paper, *(_cell(variant[k]) for variant in found.values())))
-    return Part("ablations", "Median and, in brackets, probability of the direction", ("result", "paper", *found), rows)
+        part.add(statement.name, paper, *(_cell(variant[k]) for variant in found.values()))
+    return part
 
 
 def _cell(one: Prediction) -> str:
@@ -185,9 +261,12 @@ NEWTON_PER_METRE = 25.93
 
 def others_part(sample: Sample, person: Participant, config: Config) -> Part:
     """Compare parameters and behaviour with measurements and models of others."""
-    rows = [*_parameters(person, config), *_behaviour(sample)]
-    columns = ("quantity", "model", "others, low", "others, high", "agrees", "source")
-    return Part("others", "Comparison with measurements and models of others", columns, rows)
+    return Part(
+        "others",
+        "Comparison with measurements and models of others",
+        "quantity | model | others, low | others, high | agrees | source",
+        [*_parameters(person, config), *_behaviour(sample)],
+    )
 
 
 def _row(name: str, value: float, low: float, high: float, source: str) -> tuple[Any, ...]:
@@ -196,7 +275,6 @@ def _row(name: str, value: float, low: float, high: float, source: str) -> tuple
 
 
 def _parameters(person: Participant, config: Config) -> Iterator[tuple[Any, ...]]:
-    """Compare the parameters of the model."""
     yield _row("visual delay [s]", person.visual_delay, 0.08, 0.23, "models: Takagi 2017, Lokesh 2023, Insperger")
     yield _row("haptic delay [s]", person.haptic_delay, 0.05, 0.1, "Cluff, Crevecoeur and Scott 2015; Lokesh 2023")
     yield _row("delay of the reflexes [s]", person.reflex_delay, 0.025, 0.1, "Cluff, Crevecoeur and Scott 2015")
@@ -211,7 +289,6 @@ def _parameters(person: Participant, config: Config) -> Iterator[tuple[Any, ...]
 
 
 def _behaviour(sample: Sample) -> Iterator[tuple[Any, ...]]:
-    """Compare the behaviour of the simulated participants."""
     alone = float(sample.of("peaks", "bimanual").sum() / sample.of("completion", "bimanual").sum())
     first, sparc = (float(np.nanmedian(sample.of(name, "bimanual"))) for name in ("first_move", "sparc"))
     yield _row("first movement of the board after the release, median [s]", first, 0.2, 0.6, "reaction and muscle lags")
@@ -246,15 +323,17 @@ def slowing_part(dyads: int, trials: int, workers: int) -> Part:
     """
     means = {name: _means(list(perform_all(_tasks(name, dyads, trials), workers))) for name in CASES}
     base = means[next(iter(CASES))]
-    rows: list[tuple[Value, ...]] = []
+    part = Part(
+        "slowing",
+        f"Effect of parts of the force on one person with both hands: {2 * dyads} participants, blocks of {trials}",
+        "bimanual blocks | completion time [s] | change [%] | 95 % CI low | 95 % CI high",
+    )
     for name, own in means.items():
         ratios = np.log(own / base)
         mean, error = float(ratios.mean()), float(ratios.std(ddof=1) / np.sqrt(len(ratios)))
         low, high = (100.0 * np.expm1(mean + way * 1.96 * error) for way in (-1, 1))
-        rows.append((name, float(own.mean()), 100.0 * float(np.expm1(mean)), float(low), float(high)))
-    columns = ("bimanual blocks", "completion time [s]", "change [%]", "95 % CI low", "95 % CI high")
-    title = f"Effect of parts of the force on one person with both hands: {2 * dyads} participants, blocks of {trials}"
-    return Part("slowing", title, columns, rows)
+        part.add(name, float(own.mean()), 100.0 * float(np.expm1(mean)), float(low), float(high))
+    return part
 
 
 def _tasks(name: str, dyads: int, trials: int) -> list[tuple[Sequence[Job], int]]:
@@ -273,7 +352,6 @@ def _alone(job: Job) -> bool:
 
 
 def _with_force(job: Job, force: str) -> Job:
-    """Return a block with another force condition."""
     return replace(job, config=replace(job.config, block=replace(job.config.block, force=force)))
 
 

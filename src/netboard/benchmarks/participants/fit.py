@@ -11,9 +11,8 @@ defaults of ``[participant]``, rounded; nothing else was fitted.
 
 import sys
 from collections.abc import Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import Executor
 from dataclasses import replace
-from multiprocessing import get_context
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +20,7 @@ from scipy.optimize import minimize
 
 from netboard.analysis.topics.delay import OVER_ALL
 from netboard.base.tables.simulated import Participant
+from netboard.benchmarks.harness.processes import fresh_processes
 from netboard.benchmarks.participants.paper import ENDS_OF, QUANTITIES, printed
 from netboard.benchmarks.participants.trials import PAPER_TRIALS, Performance, Population, perform
 from netboard.nodes.rehearsal.jobs import Job
@@ -129,7 +129,7 @@ def fit(start: Participant, workers: int, evaluations: int) -> Participant:
     """Return the participant with the smallest loss that was found."""
     simplex = np.vstack([np.zeros(len(FREE)), 0.25 * np.eye(len(FREE))])
     options = {"maxfev": evaluations, "initial_simplex": simplex, "xatol": 0.02, "fatol": 0.002}
-    with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
+    with fresh_processes(workers) as pool:
         found = minimize(loss, simplex[0], (start, pool), method="Nelder-Mead", options=options)
     return scaled(np.exp(found.x).tolist(), start)
 

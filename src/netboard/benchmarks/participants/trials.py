@@ -5,9 +5,7 @@ reproducible. Nothing is written to disk, and no participant is excluded: unfini
 """
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
-from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
@@ -23,6 +21,7 @@ from netboard.analysis.measures.peaks import velocity_peaks
 from netboard.analysis.measures.smoothness import spectral_arc_length
 from netboard.base.config import Config
 from netboard.base.tables.simulated import Participant
+from netboard.benchmarks.harness.processes import fresh_processes
 from netboard.nodes.rehearsal.jobs import Job, jobs_of
 from netboard.task.plans.plan import blocks_of, shortened
 from netboard.task.studies.study import paper_study
@@ -106,12 +105,11 @@ def perform_all(tasks: Sequence[tuple[Sequence[Job], int]], workers: int) -> Ite
     if workers == 1:
         yield from (perform(jobs, dyad) for jobs, dyad in tasks)
         return
-    with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
+    with fresh_processes(workers) as pool:
         yield from pool.map(perform, *zip(*tasks, strict=True))
 
 
 def _attempts(block: Block, dyad: int) -> NDArray[Any]:
-    """Return the attempts of a block with their measures."""
     takes = [take for take in block.takes() if take.attempt.outcome in ("success", "fell")]
     rows, own = np.zeros(len(takes), ATTEMPT), block.config.block
     rows["dyad"], rows["block"], rows["haptics"] = dyad, own.number, own.haptics

@@ -99,7 +99,6 @@ def _compiled_column(a: Any, b: Any, j: Any, length: Any) -> Any:
 
 
 def _put(done: Array, j: int, x: tuple[float, ...]) -> None:
-    """Write a state to its column."""
     done[:, j] = x
 
 

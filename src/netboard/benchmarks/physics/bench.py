@@ -8,26 +8,23 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from importlib.util import find_spec
-from pathlib import Path
 
 from netboard.base.errors import ConfigError
 from netboard.benchmarks.harness.machine import version_of
-from netboard.benchmarks.harness.results import Folder, Part, new_folder
-from netboard.benchmarks.harness.running import Tell, run
+from netboard.benchmarks.harness.results import Folder, Part
+from netboard.benchmarks.harness.running import Options, Tell, run
 from netboard.benchmarks.physics import figures, peer_drake, peer_heyoka, peer_mujoco, peer_solvers
 from netboard.benchmarks.physics import parts as physics_parts
-from netboard.benchmarks.physics.horizons import expect_parts, hold_rows
+from netboard.benchmarks.physics.horizons import expect_parts, holds_part
 from netboard.benchmarks.physics.own_methods import (
     collocation_solvers,
     one_step_solvers,
     own_solution,
 )
-from netboard.benchmarks.physics.parts import Checked
 from netboard.benchmarks.physics.problem import MODELS, STARTS, Model, Problem, errors_of, make_reference, tight
-from netboard.benchmarks.physics.skips import skip_rows
-from netboard.benchmarks.physics.solver import Solver
-from netboard.benchmarks.physics.tick_cost import measure_tick
-from netboard.benchmarks.physics.work_precision import Row, compare, measure
+from netboard.benchmarks.physics.skips import skips_part
+from netboard.benchmarks.physics.tick_cost import tick_part
+from netboard.benchmarks.physics.work_precision import Row, Solver, compare, measure
 
 
 @dataclass(frozen=True)
@@ -77,38 +74,27 @@ class Wanted:
 
     problems: tuple[Problem, ...]
     peers: tuple[str, ...]
-    quick: bool
     repeats: int
     budget: float
 
 
-def main(
-    output: Path | None,
-    *,
-    quick: bool = False,
-    force: bool = False,
-    peers: Sequence[str] | None = None,
-    model: Model | None = None,
-    repeats: int | None = None,
-) -> int:
-    """Run the study, print it and write it into a folder.
+def main(options: Options, *, peers: Sequence[str] | None, model: Model | None, repeats: int | None) -> None:
+    """Run the study.
 
     - `peers`: libraries under comparison; None for all that are installed and fast enough.
     """
+    quick = options.quick
     problems = [Problem(one, start) for one in MODELS if model in (None, one) for start in STARTS]
     wanted = Wanted(
         tuple(problems[:QUICK_PROBLEMS] if quick else problems),
         choose_peers(peers, quick),
-        quick,
         repeats or (QUICK_REPEATS if quick else REPEATS),
         QUICK_BUDGET if quick else BUDGET,
     )
-    folder = Folder(output or new_folder("bench-physics"), force=force)
     lines = _libraries(wanted)
     if find_spec("matplotlib") is None:
         lines.append("no figures: matplotlib is not installed")
-    run(folder, about(wanted), lambda tell: study(wanted, folder, tell), lines=lines)
-    return 0
+    run("physics", partial(study, wanted), options, about(wanted), lines=lines)
 
 
 def choose_peers(asked: Sequence[str] | None, quick: bool) -> tuple[str, ...]:
@@ -123,17 +109,16 @@ def choose_peers(asked: Sequence[str] | None, quick: bool) -> tuple[str, ...]:
     return tuple(name for name, peer in PEERS.items() if peer.available and (peer.quick or not quick))
 
 
-def study(wanted: Wanted, folder: Folder, tell: Tell) -> Iterator[Part]:
+def study(wanted: Wanted, folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
     """Run all parts of the study, and draw the runs."""
-    references: dict[Problem, Checked] = {}
+    references: dict[Problem, physics_parts.Checked] = {}
     rows: list[Row] = []
     for problem in wanted.problems:
         share = 0.8 * len(references) / len(wanted.problems)
-        say = partial(_say, tell, share)
-        say(f"{problem.name}: reference")
+        tell(f"{problem.name}: reference", share)
         references[problem] = find_reference(problem)
-        solvers = _solvers(problem, wanted)
-        rows += measure(problem, references[problem].reference, solvers, wanted.repeats, wanted.budget, say)
+        solvers = _solvers(problem, wanted, quick)
+        rows += measure(problem, references[problem].reference, solvers, wanted.repeats, wanted.budget, tell, share)
     comparisons = compare(rows)
     yield physics_parts.reference_part(list(references.values()))
     yield physics_parts.runs_part(rows)
@@ -143,26 +128,19 @@ def study(wanted: Wanted, folder: Folder, tell: Tell) -> Iterator[Part]:
     yield from physics_parts.ratios_parts(comparisons)
     if any(row.library == peer_mujoco.LIBRARY for row in rows):
         yield physics_parts.mujoco_part(rows, comparisons)
-    chosen = [problem for problem in wanted.problems if problem.start == "settled"][: 1 if wanted.quick else None]
+    chosen = [problem for problem in wanted.problems if problem.start == "settled"][: 1 if quick else None]
     tell("from samples", 0.8)
-    yield physics_parts.holds_part(
-        [row for problem in chosen for row in hold_rows(problem, references[problem].reference)]
-    )
+    yield holds_part((problem, references[problem].reference) for problem in chosen)
     for problem in chosen[:1]:
         yield from expect_parts(problem, references[problem].reference)
     tell("the live tick", 0.9)
-    yield physics_parts.tick_part([measure_tick(problem, wanted.repeats) for problem in chosen])
+    yield tick_part(chosen, wanted.repeats)
     tell("simpler scenes", 0.95)
-    yield physics_parts.skips_part([row for problem in chosen for row in skip_rows(problem.model, wanted.repeats)])
-    figures.draw(rows, folder, signals=not wanted.quick)
+    yield skips_part([problem.model for problem in chosen], wanted.repeats)
+    figures.draw(rows, folder, signals=not quick)
 
 
-def _say(tell: Tell, share: float, step: str) -> None:
-    """Report progress within one problem."""
-    tell(step, share)
-
-
-def find_reference(problem: Problem) -> Checked:
+def find_reference(problem: Problem) -> physics_parts.Checked:
     """Solve a problem as accurately as possible, and a second time by another solver as a check."""
     states = tight(problem)
     if PEERS["heyoka"].available:
@@ -171,14 +149,13 @@ def find_reference(problem: Problem) -> Checked:
         reference, check = make_reference(problem, "scipy DOP853", states), "our dop853, 0.25 ms"
         states = own_solution(problem, "dop853", 0.00025)
     apart = errors_of(problem, reference, states, 1) / reference.scales
-    return Checked(problem, reference, check, float(apart.max()))
+    return physics_parts.Checked(problem, reference, check, float(apart.max()))
 
 
-def _solvers(problem: Problem, wanted: Wanted) -> list[Solver]:
-    """Return all solvers compared on a problem."""
-    found = one_step_solvers(problem, wanted.quick) + collocation_solvers(problem, wanted.quick)
+def _solvers(problem: Problem, wanted: Wanted, quick: bool) -> list[Solver]:
+    found = one_step_solvers(problem, quick) + collocation_solvers(problem, quick)
     for name in wanted.peers:
-        found += PEERS[name].solvers(problem, wanted.quick)
+        found += PEERS[name].solvers(problem, quick)
     return found
 
 
@@ -195,8 +172,6 @@ def _libraries(wanted: Wanted) -> list[str]:
 def about(wanted: Wanted) -> dict[str, object]:
     """Return the settings of the run, for the head of the results."""
     return {
-        "study": "physics",
-        "quick": wanted.quick,
         "repeats": wanted.repeats,
         "budget_s": wanted.budget,
         "peers": {peer.package: version_of(peer.package) for peer in PEERS.values()},

@@ -12,8 +12,7 @@ from typing import Any
 
 from netboard.benchmarks.harness.results import Folder
 from netboard.benchmarks.physics.problem import SIGNALS
-from netboard.benchmarks.physics.solver import OURS
-from netboard.benchmarks.physics.work_precision import COSTS, PHYSICS, Row, frontier
+from netboard.benchmarks.physics.work_precision import COSTS, OURS, PHYSICS, Row, frontier
 
 UNITS = {"z": "m", "theta": "rad", "p": "m", "force": "N"}
 
@@ -43,7 +42,6 @@ def draw(rows: Sequence[Row], folder: Folder, signals: bool = True) -> None:
 
 
 def _figure(width: float, height: float, across: int, down: int) -> tuple[Any, list[Any]]:
-    """Return a figure with several axes."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width, height), layout="constrained")
@@ -67,7 +65,6 @@ def _overview(rows: Sequence[Row], problem: str) -> Any:
 
 
 def _signals(rows: Sequence[Row], problem: str) -> Any:
-    """Draw each signal's error."""
     figure, axes = _figure(13.0, 10.0, 2, 2)
     for i, (ax, signal) in enumerate(zip(axes, SIGNALS, strict=True)):
         _curves(ax, rows, _error_of(i), PHYSICS)
@@ -79,7 +76,6 @@ def _signals(rows: Sequence[Row], problem: str) -> Any:
 
 
 def _error_of(signal: int) -> Callable[[Row], float]:
-    """Return a function that returns the error of one signal."""
     return lambda row: row.errors[signal]
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from netboard.benchmarks.physics.collocation import Tables, gauss_nodes, make_collocation, make_tables
 from netboard.benchmarks.physics.problem import SPACING, Array, Problem, drives_at, multiples, node_times
-from netboard.benchmarks.physics.solver import OURS, Solution, Solver
+from netboard.benchmarks.physics.work_precision import OURS, Solution, Solver
 from netboard.physics.methods.catalogue import METHODS, NUMBER, Method
 from netboard.physics.methods.march import Grid, make_grid, make_march, run
 from netboard.physics.scene.parameters import SCENE, Parts
@@ -147,7 +147,6 @@ Segments = tuple[tuple[float, float], ...]
 
 
 def _collocation(problem: Problem, nodes: int, segments: Segments, tolerance: float) -> Solver:
-    """Return collocation with one setting."""
     opening = ", short steps first" if len(segments) > 1 else ""
     setting = " then ".join(f"{h * 1e3:g} ms" for h, _ in segments) + f", tol {tolerance:.0e}"
     return Solver(
@@ -203,5 +202,4 @@ def _chain(
 
 @cache
 def _tables(parts: Parts, scene: bytes, h: float, nodes: int) -> Tables:
-    """Compute the tables of a scene for a step length."""
     return make_tables(parts, np.frombuffer(scene, SCENE)[0], 6, h, nodes)

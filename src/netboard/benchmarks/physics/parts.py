@@ -5,31 +5,16 @@ from dataclasses import dataclass
 from math import inf
 
 from netboard.benchmarks.harness.results import Part, Value, Verdict
-from netboard.benchmarks.physics.horizons import HoldRow
 from netboard.benchmarks.physics.peer_mujoco import LIBRARY as MUJOCO
 from netboard.benchmarks.physics.peer_mujoco import STAGES
-from netboard.benchmarks.physics.problem import SIGNALS, Problem, Reference
-from netboard.benchmarks.physics.skips import SkipRow
-from netboard.benchmarks.physics.solver import OURS
-from netboard.benchmarks.physics.tick_cost import TickCost
-from netboard.benchmarks.physics.work_precision import TARGETS, Comparison, Row, cost_at, frontier, least_cost
+from netboard.benchmarks.physics.problem import ERRORS, Problem, Reference
+from netboard.benchmarks.physics.work_precision import OURS, TARGETS, Comparison, Row, cost_at, frontier, least_cost
 
 SURE = 1e-11
 """Largest difference of two reference solutions that can resolve an E of 1e-12 [1]."""
 
-LIVE, OFFLINE = 1e-4, 1e-7
-"""Largest claimed errors of force by sampling, live and offline [N]."""
-
-FLOORS, CALL, MANY = 2.0, 1000.0, 15_000.0
-"""Largest cost of a tick: compiled, over its lower bound; called from Python; in a batch of a thousand [1, ns, ns]."""
-
 STEPS, HELD_STEPS, HELD_ERROR = 100.0, 700.0, 1e-3
 """Claimed ratio of MuJoCo's cost to ours, at any error, and at one error with held controls [1]."""
-
-LEVEL, SAME = 4.0, 1e-8
-"""Claimed speed-up of a board that cannot tilt; largest difference of a simpler scene from the full one [1, SI]."""
-
-_ERRORS = tuple(f"{name} [{unit}]" for name, unit in zip(SIGNALS, ("m", "rad", "m", "N"), strict=True))
 
 
 @dataclass(frozen=True)
@@ -45,16 +30,17 @@ class Checked:
 def reference_part(found: Sequence[Checked]) -> Part:
     """List the reference solutions and their differences from independent solutions."""
     worst = max(one.apart for one in found)
-    return Part(
+    part = Part(
         "reference",
         "Reference solutions, the solvers they were checked by, and the largest values of the signals",
-        ("problem", "reference", "check", "its E [1]", *_ERRORS),
+        ("problem", "reference", "check", "its E [1]", *ERRORS),
         [
             (one.problem.name, one.reference.source, one.check, one.apart, *one.reference.scales.tolist())
             for one in found
         ],
-        [Verdict("two independent solvers agree", worst < SURE, f"to E = {worst:.1e}")],
     )
+    part.claim("two independent solvers agree", worst < SURE, f"to E = {worst:.1e}")
+    return part
 
 
 def runs_part(rows: Iterable[Row]) -> Part:
@@ -63,7 +49,7 @@ def runs_part(rows: Iterable[Row]) -> Part:
         "runs",
         "All runs",
         (
-            *("problem", "library", "method", "setting", "controls held", "E [1]", *_ERRORS),
+            *("problem", "library", "method", "setting", "controls held", "E [1]", *ERRORS),
             *("ns per step", "physics [us/s]", "its median", "whole [us/s]", "its median", "dense [us/s]"),
             *("steps", "evaluations of the hands", "errors every [s]", "turns", "warm-up [s]"),
         ),
@@ -73,7 +59,6 @@ def runs_part(rows: Iterable[Row]) -> Part:
 
 
 def _all_of(row: Row) -> tuple[Value, ...]:
-    """Return all results of a run."""
     who: tuple[Value, ...] = (row.problem, row.library, row.method, row.setting, row.held, row.scaled)
     costs = (row.step_ns, row.physics, row.physics_median, row.whole, row.whole_median, row.dense)
     counts: tuple[Value, ...] = (row.steps, row.calls, row.spacing, row.turns, row.warm_up)
@@ -85,7 +70,7 @@ def steps_part(rows: Iterable[Row]) -> Part:
     return Part(
         "steps",
         "Netboard's methods with steps of 1 ms",
-        ("problem", "method", "ns per step", "E [1]", *_ERRORS),
+        ("problem", "method", "ns per step", "E [1]", *ERRORS),
         [
             (row.problem, row.method, row.step_ns, row.scaled, *row.errors)
             for row in rows
@@ -105,7 +90,7 @@ def frontier_part(rows: Sequence[Row]) -> Part:
     return Part(
         "frontier",
         "Pareto frontier: no run has both a smaller error and a lower cost, hands excluded",
-        ("problem", "method", "setting", "E [1]", "errors every [s]", "physics [us/s]", "whole [us/s]"),
+        "problem | method | setting | E [1] | errors every [s] | physics [us/s] | whole [us/s]",
         [
             (row.problem, f"{row.library} {row.method}", row.setting, row.scaled, row.spacing, row.physics, row.whole)
             for row in best
@@ -139,7 +124,6 @@ _HEADS = tuple(f"{error:.0e}".replace("e-0", "e-") for error in TARGETS)
 
 
 def _file(problem: str) -> str:
-    """Return the name of a problem in file names."""
     return problem.replace(", ", "-")
 
 
@@ -181,7 +165,6 @@ def _ahead(comparisons: Sequence[Comparison], meaning: str) -> list[Verdict]:
 
 
 def _ratio(ratio: float | None) -> Value:
-    """Format a ratio."""
     return "-" if ratio is None else _short(ratio)
 
 
@@ -206,7 +189,7 @@ def _least(comparisons: Sequence[Comparison]) -> str:
 
 def mujoco_part(rows: Sequence[Row], comparisons: Sequence[Comparison]) -> Part:
     """Compare netboard with MuJoCo on the Lagrangian problems."""
-    table: list[tuple[Value, ...]] = []
+    part = Part("mujoco", "MuJoCo", "problem | what | MuJoCo | netboard | ratio")
     held = []
     for problem in dict.fromkeys(row.problem for row in rows if row.library == MUJOCO):
         ours = [row for row in rows if row.problem == problem and row.library == OURS]
@@ -214,113 +197,21 @@ def mujoco_part(rows: Sequence[Row], comparisons: Sequence[Comparison]) -> Part:
         theirs = [row for row in rows if row.problem == problem and row.library == MUJOCO]
         staged = min(row.step_ns for row in theirs if row.method == STAGES)
         ns = min(row.step_ns for row in own if row.scaled < 1.0)
-        table.append((problem, "a step of RK4 on the same equations [ns]", staged, ns, staged / ns))
+        part.add(problem, "a step of RK4 on the same equations [ns]", staged, ns, staged / ns)
         cost = least_cost((row for row in theirs if row.held), HELD_ERROR)
         for name, curve in (("our rk4", own), ("our best", ours)):
             other = least_cost(curve, HELD_ERROR)
             if cost < inf and other < inf:
-                table.append(
-                    (problem, f"E = {HELD_ERROR:.0e}, controls held, {name} [us/s]", cost, other, cost / other)
-                )
+                part.add(problem, f"E = {HELD_ERROR:.0e}, controls held, {name} [us/s]", cost, other, cost / other)
                 held += [cost / other] if curve is ours else []
     mine = [one for one in comparisons if one.library == MUJOCO and one.what == "physics"]
     ratios = [ratio for one in mine for ratio in one.ratios if ratio is not None]
-    verdicts = []
     if ratios:
         claim = f"at equal error at least {STEPS:g} times cheaper than MuJoCo"
-        verdicts.append(Verdict(claim, min(ratios) >= STEPS, _least(mine)))
+        part.claim(claim, min(ratios) >= STEPS, _least(mine))
     if held:
         claim = (
             f"at E = {HELD_ERROR:.0e} at least {HELD_STEPS:g} times cheaper than MuJoCo with controls held in a step"
         )
-        verdicts.append(Verdict(claim, min(held) >= HELD_STEPS, f"{min(held):.3g} times"))
-    return Part("mujoco", "MuJoCo", ("problem", "what", "MuJoCo", "netboard", "ratio"), table, verdicts)
-
-
-def holds_part(rows: Sequence[HoldRow]) -> Part:
-    """List the errors by sampling and extrapolation."""
-    verdicts = []
-    for problem in dict.fromkeys(row.problem for row in rows):
-        live = next(row for row in rows if row.problem == problem and row.hold == "ca")
-        offline = min((row for row in rows if row.problem == problem and row.hold == "hermite"), key=_force)
-        for name, row, most in (("live", live, LIVE), ("offline", offline, OFFLINE)):
-            claim = f"{problem}: forces {name} within {most:g} N of those under continuous hands"
-            verdicts.append(Verdict(claim, _force(row) <= most, f"{_force(row):.2g} N ({row.hold}, {row.run})"))
-    return Part(
-        "holds",
-        "Runs from samples at 1 kHz, compared with continuous movements of the hands",
-        ("problem", "hold", "run by", *_ERRORS, "rms of force [N]"),
-        [(row.problem, row.hold, row.run, *row.errors, row.force_rms) for row in rows],
-        verdicts,
-    )
-
-
-def _force(row: HoldRow) -> float:
-    """Return the largest error of force."""
-    return row.errors[SIGNALS.index("force")]
-
-
-def tick_part(costs: Sequence[TickCost]) -> Part:
-    """List the cost of a live tick and of its parts."""
-    lines: list[tuple[str, list[float]]] = [
-        ("sine and cosine: latency", [cost.sincos_latency_ns for cost in costs]),
-        ("sine and cosine: reciprocal throughput", [cost.sincos_ns for cost in costs]),
-        ("right-hand side: latency", [cost.right_side_latency_ns for cost in costs]),
-        ("right-hand side: reciprocal throughput", [cost.right_side_ns for cost in costs]),
-        ("lower bound: latency of four right-hand sides", [cost.floor_ns for cost in costs]),
-        ("one RK4 step alone", [cost.step_ns for cost in costs]),
-        ("the server's tick: samples, extrapolation, forces, trial, step", [cost.tick_ns for cost in costs]),
-        ("called from Python: median", [cost.call_ns for cost in costs]),
-        ("called from Python: 99th percentile", [cost.call_p99_ns for cost in costs]),
-        ("called from Python: worst", [cost.call_worst_ns for cost in costs]),
-        ("first tick after warming up", [cost.first_call_ns for cost in costs]),
-        (f"a tick of {costs[0].many} simulations in a batch", [cost.many_ns for cost in costs]),
-    ]
-    verdicts = []
-    for cost in costs:
-        floors, alone = cost.tick_ns / cost.floor_ns, cost.tick_ns / cost.step_ns
-        verdicts += [
-            Verdict(
-                f"{cost.model}: a tick costs at most {FLOORS:g} times the lower bound",
-                floors <= FLOORS,
-                f"{floors:.2f} times, and {alone:.2f} times its RK4 step alone",
-            ),
-            Verdict(
-                f"{cost.model}: a tick called from Python takes at most {CALL:g} ns",
-                cost.call_ns <= CALL,
-                f"{cost.call_ns:.0f} ns, the median",
-            ),
-            Verdict(
-                f"{cost.model}: the first tick compiles nothing",
-                not cost.compiled_late,
-                f"{cost.first_call_ns / 1e3:.0f} us",
-            ),
-            Verdict(
-                f"{cost.model}: a tick of 1000 simulations takes at most {MANY / 1e3:g} us",
-                cost.many_ns * 1000 / cost.many <= MANY,
-                f"{cost.many_ns / 1e3:.1f} us for {cost.many}",
-            ),
-        ]
-    return Part(
-        "tick",
-        "Cost of a live tick [ns]",
-        ("what", *(cost.model for cost in costs)),
-        [(name, *values) for name, values in lines],
-        verdicts,
-    )
-
-
-def skips_part(rows: Sequence[SkipRow]) -> Part:
-    """List the cost of a tick of simpler scenes."""
-    level = min(row.times for row in rows if row.method == "exact")
-    worst = max(row.difference for row in rows)
-    return Part(
-        "skips",
-        "Simpler scenes: cost of a tick, and difference from the full scene in which the omitted part has no effect",
-        ("model", "omitted", "method", "ns per tick", "speed-up [1]", "no effect by", "largest difference [SI]"),
-        [(row.model, row.name, row.method, row.tick_ns, row.times, row.proof, row.difference) for row in rows],
-        [
-            Verdict(f"a board that cannot tilt at least {LEVEL:g} times cheaper", level >= LEVEL, f"{level:.3g} times"),
-            Verdict("omitting a part changes nothing else", worst <= SAME, f"at most {worst:.1e}"),
-        ],
-    )
+        part.claim(claim, min(held) >= HELD_STEPS, f"{min(held):.3g} times")
+    return part

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from netboard.benchmarks.physics.problem import Problem, derivatives, push_and_turn
-from netboard.benchmarks.physics.solver import Solution, Solver
+from netboard.benchmarks.physics.work_precision import Solution, Solver
 
 LIBRARY = "Drake"
 SCHEMES = {

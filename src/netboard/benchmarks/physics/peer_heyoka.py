@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.benchmarks.physics.problem import Problem, derivatives, push_and_turn
-from netboard.benchmarks.physics.solver import Solution, Solver
+from netboard.benchmarks.physics.work_precision import Solution, Solver
 
 LIBRARY = "heyoka"
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-14)
@@ -80,7 +80,6 @@ def _solver(problem: Problem, tolerance: float) -> Solver:
 
 
 def _rewound(integrator: Any, state: tuple[float, ...]) -> Any:
-    """Reset an integrator to an initial state."""
     integrator.time = 0.0
     integrator.state[:] = state
     return integrator

@@ -17,7 +17,7 @@ import numpy as np
 
 from netboard.base.tables.scene import Physics
 from netboard.benchmarks.physics.problem import SPACING, Array, Problem, drives_at, multiples
-from netboard.benchmarks.physics.solver import Solution, Solver
+from netboard.benchmarks.physics.work_precision import Solution, Solver
 
 LIBRARY = "MuJoCo"
 STEPS = (0.004, 0.002, 0.001, 0.0005, 0.00025)
@@ -118,7 +118,6 @@ class Scene:
 
     @cached_property
     def _controls(self) -> Array:
-        """Controls for timing."""
         return drives_at(self.problem.waves, multiples(self.steps, self.step))
 
     def _rollout(self, controls: Array) -> Array:
@@ -182,7 +181,6 @@ def solvers(problem: Problem, coarse: bool) -> list[Solver]:
 
 
 def _solver(method: str, scene: Scene, solve: Callable[[], Solution], held: bool) -> Solver:
-    """Return a solver with one setting."""
     share = TIMED / scene.steps
     bare = scene.bare_held if held else scene.bare
     return Solver(LIBRARY, method, f"{scene.step * 1e3:g} ms", solve, bare, inputs=False, held=held, share=share)

@@ -22,7 +22,7 @@ from netboard.benchmarks.physics.problem import (
     new_rate,
     push_and_turn,
 )
-from netboard.benchmarks.physics.solver import Solution, Solver, timed
+from netboard.benchmarks.physics.work_precision import Solution, Solver, timed
 
 SCIPY = {
     "RK45": (1e-3, 1e-5, 1e-7, 1e-9),
@@ -80,7 +80,6 @@ def diffrax_solvers(problem: Problem, coarse: bool) -> list[Solver]:
 
 
 def _solver(library: str, method: str, tolerance: float, solve: Callable[[str, float, bool], Any]) -> Solver:
-    """Return a solver with one tolerance."""
     return Solver(
         library,
         method,
@@ -92,7 +91,6 @@ def _solver(library: str, method: str, tolerance: float, solve: Callable[[str, f
 
 
 def _solve_scipy(problem: Problem, rate: Any, method: str, tolerance: float, keep: bool) -> Solution | None:
-    """Solve by scipy."""
     solution = solve_ivp(
         rate,
         (0.0, problem.times[-1]),
@@ -108,7 +106,6 @@ def _solve_scipy(problem: Problem, rate: Any, method: str, tolerance: float, kee
 
 
 def _solve_cvode(problem: Problem, rate: Any, method: str, tolerance: float, keep: bool) -> Solution | None:
-    """Solve by CVODE."""
     from sksundae import cvode
 
     solver = cvode.CVODE(rate, method=method, rtol=tolerance, atol=_ABSOLUTE * tolerance, max_num_steps=_MANY)
@@ -122,7 +119,6 @@ def _solve_cvode(problem: Problem, rate: Any, method: str, tolerance: float, kee
 
 
 def _solve_diffrax(problem: Problem, method: str, tolerance: float, keep: bool) -> Solution | None:
-    """Solve by diffrax."""
     states, steps, stages = _diffrax_solver(problem.model, method, keep)(
         np.array(problem.first), problem.times, tolerance
     )

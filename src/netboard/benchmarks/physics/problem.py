@@ -35,6 +35,9 @@ STARTS: tuple[Start, ...] = ("settled", "cold")
 SIGNALS = ("z", "theta", "p", "force")
 """Signals with errors: height [m], tilt [rad], ball [m], force of the hand with the larger error [N]."""
 
+ERRORS = tuple(f"{name} [{unit}]" for name, unit in zip(SIGNALS, ("m", "rad", "m", "N"), strict=True))
+"""Heads of the columns of their errors."""
+
 DURATION = 10.0
 """Length of the run [s]."""
 

@@ -8,9 +8,10 @@ The tick does the work of each millisecond: extrapolation of both hands with con
 of both virtual couplings.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, partial
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 from netboard.base.compiled import borrowed, inlined, kernel
 from netboard.base.tables.scene import Physics
 from netboard.base.tick import TICK_SECONDS
+from netboard.benchmarks.harness.results import Part
 from netboard.benchmarks.physics.problem import Array, Model, Problem, styluses_at
 from netboard.benchmarks.physics.work_precision import in_turns
 from netboard.physics.arithmetic.vectors import State, plus
@@ -76,26 +78,6 @@ SKIPS = (
 """Parts that a scene can omit. Without hands the board falls, so those runs are short."""
 
 
-@dataclass(frozen=True)
-class SkipRow:
-    """Cost saved by omitting a part.
-
-    - `model`, `name`, `method`, `proof`: equations, omitted part, integration method, and why the part has no effect in
-      the full scene.
-    - `tick_ns`: cost of a tick, the minimum of many runs [ns].
-    - `times`: speed-up over the full scene [1].
-    - `difference`: largest difference of height, tilt, ball position or force [SI].
-    """
-
-    model: str
-    name: str
-    method: str
-    proof: str
-    tick_ns: float
-    times: float
-    difference: float
-
-
 @inlined
 def _hands(samples: Any, i: int, scene: Any) -> State:
     """Return the drives of both hands through a tick."""
@@ -106,8 +88,6 @@ def _hands(samples: Any, i: int, scene: Any) -> State:
 
 @cache
 def _make_loop(METHOD: int, PARTS: Parts, FORCES: bool) -> Callable[..., State]:
-    """Compile a loop of ticks."""
-
     @kernel
     def loop(x: State, samples: Any, tables: Any, scene: Any, forces: Any, out: Any) -> State:
         one, keep, table = scene[0], len(out) > 0, borrowed(tables)
@@ -167,13 +147,11 @@ def samples_of(ticks: int) -> Array:
 
 
 def _first(model: Model, skip: Skip, length: int) -> State:
-    """Return the first state of a simpler scene."""
     first = Problem(model, "settled").first
     return tuple(0.0 if i in skip.still else value for i, value in enumerate(first[:length]))
 
 
 def _table(method: str, scene: NDArray[Any], parts: Parts, length: int) -> Array:
-    """Return the tables of a method for a tick."""
     return METHODS[NUMBER[method]].tables(scene[0], parts, length, TICK_SECONDS)[np.newaxis]
 
 
@@ -221,16 +199,32 @@ def difference(model: Model, skip: Skip) -> float:
     return float(max(wrong, np.abs(forces - full_forces).max()) if skip.forces else wrong)
 
 
-def skip_rows(model: Model, repeats: int) -> list[SkipRow]:
+LEVEL, SAME = 4.0, 1e-8
+"""Claimed speed-up of a board that cannot tilt; largest difference of a simpler scene from the full one [1, SI]."""
+
+
+def skips_part(models: Sequence[Model], repeats: int) -> Part:
     """Measure the cost of simpler scenes, interleaved, and their difference from the full scene."""
-    runs = [
-        partial(_simpler(model, skip), np.empty((skip.ticks, 2)), np.empty((0, 6 if "balls" not in skip.scene else 4)))
-        for skip in SKIPS
-    ]
-    differences = [difference(model, skip) for skip in SKIPS]
-    times = in_turns(runs, repeats, 10.0)
-    ns = [min(taken) / skip.ticks * 1e9 for taken, skip in zip(times, SKIPS, strict=True)]
-    return [
-        SkipRow(model, skip.name, skip.method, skip.proof, tick, ns[0] / tick, wrong)
-        for skip, tick, wrong in zip(SKIPS, ns, differences, strict=True)
-    ]
+    part = Part(
+        "skips",
+        "Simpler scenes: cost of a tick, and difference from the full scene in which the omitted part has no effect",
+        "model | omitted | method | ns per tick | speed-up [1] | no effect by | largest difference [SI]",
+    )
+    level, worst = inf, 0.0
+    for model in models:
+        runs = [
+            partial(
+                _simpler(model, skip), np.empty((skip.ticks, 2)), np.empty((0, 6 if "balls" not in skip.scene else 4))
+            )
+            for skip in SKIPS
+        ]
+        differences = [difference(model, skip) for skip in SKIPS]
+        times = in_turns(runs, repeats, 10.0)
+        ns = [min(taken) / skip.ticks * 1e9 for taken, skip in zip(times, SKIPS, strict=True)]
+        for skip, tick, wrong in zip(SKIPS, ns, differences, strict=True):
+            part.add(model, skip.name, skip.method, tick, ns[0] / tick, skip.proof, wrong)
+            worst = max(worst, wrong)
+            level = min(level, ns[0] / tick) if skip.method == "exact" else level
+    part.claim(f"a board that cannot tilt at least {LEVEL:g} times cheaper", level >= LEVEL, f"{level:.3g} times")
+    part.claim("omitting a part changes nothing else", worst <= SAME, f"at most {worst:.1e}")
+    return part

@@ -6,8 +6,7 @@ be slightly faster, since a stage does not depend on every result of the one bef
 `netboard.stage.stage`: samples, extrapolation, forces, trial, step.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from functools import cache, partial
 from statistics import median
 from time import perf_counter_ns
@@ -21,10 +20,10 @@ from netboard.base.config import Config
 from netboard.base.tables.experiment import Task
 from netboard.base.tables.scene import Geometry, Physics
 from netboard.base.tick import TICK, TICK_NS, TICK_SECONDS
+from netboard.benchmarks.harness.results import Part
 from netboard.benchmarks.physics.batch import LANES, in_blocks, make_batch, scene_blocks
 from netboard.benchmarks.physics.problem import Array, Problem, styluses_at
-from netboard.benchmarks.physics.solver import timed
-from netboard.benchmarks.physics.work_precision import in_turns
+from netboard.benchmarks.physics.work_precision import in_turns, timed
 from netboard.physics.arithmetic.trig import sincos
 from netboard.physics.methods.catalogue import NUMBER
 from netboard.physics.methods.march import make_grid, make_march
@@ -44,38 +43,6 @@ MANY, MANY_TICKS = 1024, 20
 
 STAGES = 4
 """Right-hand sides in a step of RK4 [1]."""
-
-
-@dataclass(frozen=True)
-class TickCost:
-    """Costs of a tick and of its parts, for one model; minima unless stated otherwise.
-
-    - `sincos_latency_ns`, `sincos_ns`: sine and cosine of one angle: latency and reciprocal throughput [ns].
-    - `right_side_latency_ns`, `right_side_ns`: the same of the right-hand side [ns].
-    - `floor_ns`: lower bound: latency of four right-hand sides [ns].
-    - `step_ns`: one RK4 step alone [ns].
-    - `tick_ns`: a tick in a compiled loop [ns].
-    - `call_ns`, `call_p99_ns`, `call_worst_ns`: a tick called from Python: median, 99th percentile, and worst of many
-      [ns].
-    - `first_call_ns`: the first tick after warming up [ns].
-    - `many_ns`: a tick of `many` simulations, in one call [ns].
-    """
-
-    model: str
-    sincos_latency_ns: float
-    sincos_ns: float
-    right_side_latency_ns: float
-    right_side_ns: float
-    floor_ns: float
-    step_ns: float
-    tick_ns: float
-    call_ns: float
-    call_p99_ns: float
-    call_worst_ns: float
-    first_call_ns: float
-    compiled_late: bool
-    many: int
-    many_ns: float
 
 
 # Too small to change a sum, but the addition makes each evaluation depend on the last.
@@ -121,8 +88,17 @@ def _make_right_sides(PARTS: Parts) -> tuple[Callable[..., float], Callable[...,
     return chain, beside
 
 
-def measure_tick(problem: Problem, repeats: int) -> TickCost:
-    """Measure the cost of a model's tick and of its parts, interleaved."""
+FLOOR = "lower bound: latency of four right-hand sides"
+STEP, LIVE_TICK = "one RK4 step alone", "the server's tick: samples, extrapolation, forces, trial, step"
+CALL, FIRST_CALL = "called from Python: median", "first tick after warming up"
+BATCH = f"a tick of {MANY} simulations in a batch"
+
+
+def measure_tick(problem: Problem, repeats: int) -> tuple[dict[str, float], bool]:
+    """Measure the cost of a model's tick and of its parts, interleaved.
+
+    - returns costs, minima unless stated otherwise [ns]; and whether the first tick compiled anything.
+    """
     chain, beside = _make_right_sides(problem.parts)
     states, out = np.tile(np.array(problem.first), (COUNT, 1)), np.empty(COUNT)
     stage, first_call, late = _first_tick(problem)
@@ -141,25 +117,56 @@ def measure_tick(problem: Problem, repeats: int) -> TickCost:
     ]
     for run in runs:
         run()
-    *ns, many, tick = [min(taken) / COUNT * 1e9 for taken in in_turns(runs, repeats, 10.0)]
-    calls = _calls(stage, problem)
-    return TickCost(
-        model=problem.model,
-        sincos_latency_ns=ns[0],
-        sincos_ns=ns[1],
-        right_side_latency_ns=ns[2],
-        right_side_ns=ns[3],
-        floor_ns=STAGES * ns[2],
-        step_ns=ns[4],
-        tick_ns=tick,
-        call_ns=median(calls),
-        call_p99_ns=float(np.percentile(calls, 99)),
-        call_worst_ns=max(calls),
-        first_call_ns=first_call,
-        compiled_late=late,
-        many=MANY,
-        many_ns=many * COUNT / MANY_TICKS,
+    latency, throughput, right_latency, right_throughput, step, many, tick = (
+        min(taken) / COUNT * 1e9 for taken in in_turns(runs, repeats, 10.0)
     )
+    calls = _calls(stage, problem)
+    costs = {
+        "sine and cosine: latency": latency,
+        "sine and cosine: reciprocal throughput": throughput,
+        "right-hand side: latency": right_latency,
+        "right-hand side: reciprocal throughput": right_throughput,
+        FLOOR: STAGES * right_latency,
+        STEP: step,
+        LIVE_TICK: tick,
+        CALL: median(calls),
+        "called from Python: 99th percentile": float(np.percentile(calls, 99)),
+        "called from Python: worst": max(calls),
+        FIRST_CALL: first_call,
+        BATCH: many * COUNT / MANY_TICKS,
+    }
+    return costs, late
+
+
+MAX_FLOORS, MAX_CALL, MAX_THOUSAND = 2.0, 1000.0, 15_000.0
+"""Largest cost of a tick: compiled, over its lower bound; called from Python; in a batch of a thousand [1, ns, ns]."""
+
+
+def tick_part(problems: Sequence[Problem], repeats: int) -> Part:
+    """Measure the cost of a live tick and of its parts, and check it."""
+    found = [measure_tick(problem, repeats) for problem in problems]
+    part = Part("tick", "Cost of a live tick [ns]", ("what", *(problem.model for problem in problems)))
+    for name in found[0][0]:
+        part.add(name, *(costs[name] for costs, _ in found))
+    for problem, (costs, late) in zip(problems, found, strict=True):
+        floors, alone = costs[LIVE_TICK] / costs[FLOOR], costs[LIVE_TICK] / costs[STEP]
+        part.claim(
+            f"{problem.model}: a tick costs at most {MAX_FLOORS:g} times the lower bound",
+            floors <= MAX_FLOORS,
+            f"{floors:.2f} times, and {alone:.2f} times its RK4 step alone",
+        )
+        part.claim(
+            f"{problem.model}: a tick called from Python takes at most {MAX_CALL:g} ns",
+            costs[CALL] <= MAX_CALL,
+            f"{costs[CALL]:.0f} ns, the median",
+        )
+        part.claim(f"{problem.model}: the first tick compiles nothing", not late, f"{costs[FIRST_CALL] / 1e3:.0f} us")
+        part.claim(
+            f"{problem.model}: a tick of 1000 simulations takes at most {MAX_THOUSAND / 1e3:g} us",
+            costs[BATCH] * 1000 / MANY <= MAX_THOUSAND,
+            f"{costs[BATCH] / 1e3:.1f} us for {MANY}",
+        )
+    return part
 
 
 def _many(problem: Problem) -> Callable[[], object]:

@@ -3,23 +3,73 @@
 All solvers have the same equations, start, hands and reference. The error of a signal is the largest one at the points
 of a grid over the whole run, divided by the signal's largest value (E: the worst of the four). Warm-up and compilation
 are timed separately. Repeats are interleaved, so that a busy machine affects all solvers. Costs are minima over the
-repeats; medians are kept too. "Physics" excludes the evaluation of the hands, "whole" includes it, and "dense" is
-"physics" with the states kept at all points of the grid; otherwise a method with long steps yields states at fewer
-points.
+repeats; medians are kept too. To evaluate the movement of the hands costs more than the physics, so each solver counts
+how often it evaluates the hands, or reads them from a table: "physics" excludes that cost, "whole" includes it, and
+"dense" is "physics" with the states kept at all points of the grid; otherwise a method with long steps yields states at
+fewer points.
 """
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import groupby, pairwise
-from math import exp, inf, isnan, log
+from math import exp, inf, isnan, log, nan
 from operator import attrgetter
 from statistics import median
 from time import perf_counter
 
 import numpy as np
 
-from netboard.benchmarks.physics.problem import SPACING, Problem, Reference, drives_at, errors_of
-from netboard.benchmarks.physics.solver import OURS, Solution, Solver, timed
+from netboard.benchmarks.harness.running import Tell
+from netboard.benchmarks.physics.problem import SPACING, Array, Problem, Reference, drives_at, errors_of
+
+OURS = "netboard"
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A solver's solution of a problem.
+
+    - `states` (shape (n, 6)): at every `stride`-th of `Problem.times` [SI].
+    - `calls`: number of evaluations of the hands, or of reads from a table [1].
+    """
+
+    states: Array
+    stride: int
+    steps: int
+    calls: int
+
+
+@dataclass(frozen=True)
+class Solver:
+    """A solver with one setting.
+
+    - `solve`: solves the problem once and keeps the states, for the error.
+    - `bare`: solves it without keeping states, for the cost.
+    - `inputs`: `bare` evaluates the hands; otherwise it reads them from a table, or they are constant.
+    - `alone`: the same number of steps without hands, if their cost cannot be separated otherwise.
+    - `dense`: solves the problem and keeps the states at all of `Problem.times`, if the method can.
+    - `input_ns`: cost of one evaluation of the hands, if it differs from that of compiled code [ns].
+    """
+
+    library: str
+    method: str
+    setting: str
+    solve: Callable[[], Solution]
+    bare: Callable[[], object]
+    inputs: bool
+    alone: Callable[[], object] | None = None
+    held: bool = False
+    dense: Callable[[], object] | None = None
+    share: float = 1.0
+    input_ns: float = nan
+
+
+def timed(run: Callable[[], object]) -> float:
+    """Return the duration of a call [s]."""
+    start = perf_counter()
+    run()
+    return perf_counter() - start
+
 
 TARGETS = tuple(10.0**-i for i in range(2, 13))
 """Errors E at which costs are compared [1]."""
@@ -85,18 +135,19 @@ def measure(
     solvers: Sequence[Solver],
     repeats: int,
     budget: float,
-    progress: Callable[[str], object] = lambda name: None,
+    tell: Tell = lambda text, share: None,
+    share: float = 0.0,
 ) -> list[Row]:
     """Solve a problem with each solver, and time them, interleaved."""
     solutions, warm_ups = [], []
     for solver in solvers:
-        progress(f"{problem.name}: {solver.library} {solver.method}")
+        tell(f"{problem.name}: {solver.library} {solver.method}", share)
         start = perf_counter()
         solutions.append(solver.solve())
         solver.bare()
         warm_ups.append(perf_counter() - start)
     ns = input_cost(problem)
-    progress(f"{problem.name}: timing")
+    tell(f"{problem.name}: timing", share)
     walls = in_turns([solver.bare for solver in solvers], repeats, budget)
     alone = _of_some([solver.alone for solver in solvers], repeats, budget)
     dense = _of_some([solver.dense for solver in solvers], repeats, budget)
@@ -149,7 +200,6 @@ def _row(
     times: Times,
     ns: float,
 ) -> Row:
-    """Collect the results of a solver."""
     errors = errors_of(problem, reference, solution.states, solution.stride)
     scale = 1e6 / problem.duration
     hands = solution.calls * (ns if isnan(solver.input_ns) else solver.input_ns) * 1e-9

@@ -13,7 +13,7 @@ import zstandard
 from numpy.typing import NDArray
 
 from netboard.base.config import Config
-from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict
+from netboard.benchmarks.harness.results import Folder, Part, Value
 from netboard.benchmarks.harness.running import Tell
 from netboard.benchmarks.recording.feeding import live_log
 from netboard.benchmarks.recording.headroom import headroom_part
@@ -110,23 +110,20 @@ def size_part(session: Session, folder: Path, ticks: int, tell: Tell) -> Part:
     (folder / "single.mcap").unlink()
     whole = sum(found.values())
     rows: list[tuple[Value, ...]] = [(topic, size, size * HOUR / 1e9) for topic, size in found.items()]
-    return Part(
+    part = Part(
         "size",
         f"Where the bytes go: {ticks} ticks of a session with two displays, and all that came with them",
-        ("channel", "bytes a tick [1]", "an hour [GB]"),
+        "channel | bytes a tick [1] | an hour [GB]",
         [
             *rows,
             ("all", whole, whole * HOUR / 1e9),
             ("beside: ticks alone, a message each", single, single * HOUR / 1e9),
         ],
-        [
-            Verdict(
-                f"an hour of a dyad takes at most {HOUR_GB:g} GB",
-                whole * HOUR / 1e9 <= HOUR_GB,
-                f"{whole * HOUR / 1e9:.3f} GB",
-            )
-        ],
     )
+    part.claim(
+        f"an hour of a dyad takes at most {HOUR_GB:g} GB", whole * HOUR / 1e9 <= HOUR_GB, f"{whole * HOUR / 1e9:.3f} GB"
+    )
+    return part
 
 
 def columns_part(rows: NDArray[Any], config: Config) -> Part:
@@ -152,7 +149,7 @@ def columns_part(rows: NDArray[Any], config: Config) -> Part:
     return Part(
         "columns",
         f"What each column of {len(batches)} batches costs; {len(TICK_FIELDS) - len(found)} others cost nothing",
-        ("column", "predicted", "differences", "beside the others: bytes a tick [1]", "alone: bytes a tick [1]"),
+        "column | predicted | differences | beside the others: bytes a tick [1] | alone: bytes a tick [1]",
         [*found, ("all", "", "", whole, whole)],
     )
 
@@ -172,13 +169,11 @@ def writing_part(written: Written) -> Part:
     """Tabulate the cost of writing, and the time the writer waits for the disk."""
     waits = [1e3 * float(value) for value in np.percentile(written.flushes, (50, 99, 99.9))]
     waited = float(written.flushes.sum())
-    return Part(
+    part = Part(
         "writing",
         f"Writing {written.ticks} ticks and all that comes with them, with {len(written.flushes)} syncs",
-        (
-            *("writer", "a tick, syncs included [us]", "without [us]", "sync, 50 % [ms]", "99 % [ms]", "99.9 % [ms]"),
-            *("longest [ms]", "memory grown [MB]", "file [GB]"),
-        ),
+        "writer | a tick, syncs included [us] | without [us] | sync, 50 % [ms] | 99 % [ms] | 99.9 % [ms] | "
+        "longest [ms] | memory grown [MB] | file [GB]",
         [
             (
                 "one dyad",
@@ -190,14 +185,11 @@ def writing_part(written: Written) -> Part:
                 written.size / 1e9,
             )
         ],
-        [
-            Verdict(
-                f"memory grows by less than {GROWTH_MB:g} MB",
-                written.grown < GROWTH_MB * 1e6,
-                f"{written.grown / 1e6:.1f} MB",
-            )
-        ],
     )
+    part.claim(
+        f"memory grows by less than {GROWTH_MB:g} MB", written.grown < GROWTH_MB * 1e6, f"{written.grown / 1e6:.1f} MB"
+    )
+    return part
 
 
 def reading_part(session: Session, path: Path, folder: Path, ticks: int, tell: Tell) -> Part:
@@ -216,29 +208,23 @@ def reading_part(session: Session, path: Path, folder: Path, ticks: int, tell: T
         size = path.stat().st_size
         messages = sum(recording.counts.values())
     hours = ticks / HOUR
-    rows: list[tuple[Value, ...]] = [
-        ("all columns", whole, whole / hours),
-        ("four columns", four, four / hours),
-        (f"one trial of {length[0]} ticks, opened anew", trial, trial),
-        ("upstream reader, msgpack and numpy: all columns", decoded, decoded / hours),
-        ("upstream reader and msgpack: every message, no columns", walked, walked / hours),
-        ("the same where each tick is a message (from a minute)", each, each / hours),
-    ]
-    return Part(
+    part = Part(
         "reading",
         f"Reading {ticks} ticks ({size / 1e9:.3f} GB, {messages} ticks and messages), the file in the system's cache",
-        ("what", "time [s]", "an hour [s]"),
-        rows,
+        "what | time [s] | an hour [s]",
         [
-            Verdict(
-                f"an hour is in columns within {COLUMNS_SECONDS:g} s",
-                whole / hours < COLUMNS_SECONDS,
-                f"{whole / hours:.2f} s",
-            ),
-            Verdict(
-                f"a trial is out of it within {1e3 * TRIAL_SECONDS:g} ms",
-                trial < TRIAL_SECONDS,
-                f"{1e3 * trial:.1f} ms",
-            ),
+            ("all columns", whole, whole / hours),
+            ("four columns", four, four / hours),
+            (f"one trial of {length[0]} ticks, opened anew", trial, trial),
+            ("upstream reader, msgpack and numpy: all columns", decoded, decoded / hours),
+            ("upstream reader and msgpack: every message, no columns", walked, walked / hours),
+            ("the same where each tick is a message (from a minute)", each, each / hours),
         ],
     )
+    part.claim(
+        f"an hour is in columns within {COLUMNS_SECONDS:g} s", whole / hours < COLUMNS_SECONDS, f"{whole / hours:.2f} s"
+    )
+    part.claim(
+        f"a trial is out of it within {1e3 * TRIAL_SECONDS:g} ms", trial < TRIAL_SECONDS, f"{1e3 * trial:.1f} ms"
+    )
+    return part

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from netboard.benchmarks.harness.results import Part, Verdict
+from netboard.benchmarks.harness.results import Part
 from netboard.benchmarks.harness.running import Tell
 from netboard.benchmarks.loop.usage import read_usage, total
 from netboard.benchmarks.recording.feeding import Feeder
@@ -82,18 +82,11 @@ def headroom_part(folder: Path, log: list[list[bytes]], rates: Sequence[int], se
         if not loads[-1].sustained:
             break
     most = max((load.rate for load in loads if load.sustained), default=0)
-    return Part(
+    part = Part(
         "headroom",
         f"A logger fed over a socket for {seconds:g} s at multiples of one dyad's rate",
-        (
-            "times the rate [1]",
-            "CPU [cores]",
-            "not on disk halfway [ms]",
-            "at the end [ms]",
-            "feeder behind [ms]",
-            "lost",
-            "sustained",
-        ),
+        "times the rate [1] | CPU [cores] | not on disk halfway [ms] | at the end [ms] | feeder behind [ms] | "
+        "lost | sustained",
         [
             (
                 load.rate,
@@ -106,8 +99,7 @@ def headroom_part(folder: Path, log: list[list[bytes]], rates: Sequence[int], se
             )
             for load in loads
         ],
-        [
-            Verdict(f"a logger takes {TARGET} times one dyad's rate", most >= TARGET, f"{most} times, on this machine"),
-            Verdict("at one dyad's rate it uses a tenth of a core at most", loads[0].cpu <= 0.1, f"{loads[0].cpu:.3f}"),
-        ],
     )
+    part.claim(f"a logger takes {TARGET} times one dyad's rate", most >= TARGET, f"{most} times, on this machine")
+    part.claim("at one dyad's rate it uses a tenth of a core at most", loads[0].cpu <= 0.1, f"{loads[0].cpu:.3f}")
+    return part

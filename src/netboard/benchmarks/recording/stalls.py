@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from netboard.base.clock import now_ns
 from netboard.benchmarks.faults.rigs import ACTIVE, Rig
-from netboard.benchmarks.harness.results import Part, Verdict
+from netboard.benchmarks.harness.results import Part
 from netboard.benchmarks.harness.running import Tell
 from netboard.recording.files.reader import Recording
 
@@ -79,23 +79,22 @@ def stalls_part(watched: Watched) -> Part:
         lost = int(recording.end["lost"]) + sum(gap.count for gap in recording.gaps().get("/ticks", ()))
     late = {name: _between(ticks, *span) for name, span in watched.stretches.items()}
     p99 = [float(np.percentile(values, 99)) for values in late.values()]
-    return Part(
+    part = Part(
         "stalls",
         "How late the server's ticks were, while its logger stood still; negative: before the deadline",
-        ("the logger", "ticks [1]", "50 % [ms]", "99 % [ms]", "99.9 % [ms]", "largest [ms]"),
+        "the logger | ticks [1] | 50 % [ms] | 99 % [ms] | 99.9 % [ms] | largest [ms]",
         [
             (name, len(values), *(float(value) for value in np.percentile(values, (50, 99, 99.9))), float(values.max()))
             for name, values in late.items()
         ],
-        [
-            Verdict(
-                "the server's loop does not feel the logger's disk: 99 % of the ticks are at most half a tick later",
-                max(p99) - p99[0] < ALLOWED_MS,
-                ", ".join(f"{value:.3g} ms" for value in p99),
-            ),
-            Verdict("no record is lost over it", lost == 0, f"{lost} lost"),
-        ],
     )
+    part.claim(
+        "the server's loop does not feel the logger's disk: 99 % of the ticks are at most half a tick later",
+        max(p99) - p99[0] < ALLOWED_MS,
+        ", ".join(f"{value:.3g} ms" for value in p99),
+    )
+    part.claim("no record is lost over it", lost == 0, f"{lost} lost")
+    return part
 
 
 def _between(ticks: dict[str, NDArray[Any]], start_ns: int, stop_ns: int) -> NDArray[np.float64]:

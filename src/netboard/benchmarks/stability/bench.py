@@ -5,13 +5,13 @@ everything; a test runs parts of it.
 """
 
 from collections.abc import Iterator
-from pathlib import Path
+from functools import partial
 
 import numpy as np
 
 from netboard.base.config import Config
-from netboard.benchmarks.harness.results import Folder, Part, new_folder
-from netboard.benchmarks.harness.running import Tell, run
+from netboard.benchmarks.harness.results import Folder, Part
+from netboard.benchmarks.harness.running import Options, Tell, run
 from netboard.benchmarks.stability.maps import PLANES, Plane, draw_map, make_map, map_parts, tick_limits
 from netboard.benchmarks.stability.odd_hands import odd_hands
 from netboard.benchmarks.stability.rest import energy_drift, perfect_rest
@@ -27,15 +27,12 @@ SOAK_STEPS = 1_000_000_000
 QUICK_SOAK_STEPS = 10_000_000
 
 
-def main(output: Path | None, *, quick: bool, force: bool, soak_too: bool) -> int:
-    """Run the study; the exit code is 0, also if claims fail, since that is a result."""
-    folder = Folder(output or new_folder("stability"), force=force)
-    settings = {"study": "stability", "quick": quick, "soak": soak_too}
-    run(folder, settings, lambda tell: study(folder, quick, soak_too, tell))
-    return 0
+def main(options: Options, *, soak_too: bool) -> None:
+    """Run the study."""
+    run("stability", partial(study, soak_too=soak_too), options, {"soak": soak_too})
 
 
-def study(folder: Folder, quick: bool, soak_too: bool, tell: Tell) -> Iterator[Part]:
+def study(folder: Folder, tell: Tell, *, quick: bool, soak_too: bool) -> Iterator[Part]:
     """Run the parts of the study, one after the other."""
     methods = QUICK_METHODS if quick else STUDIED
     yield tick_limits(methods, tell)

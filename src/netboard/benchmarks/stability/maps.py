@@ -19,6 +19,7 @@ from netboard.benchmarks.harness.results import Part, Value, Verdict
 from netboard.benchmarks.harness.running import Tell
 from netboard.benchmarks.stability.runs import (
     STUDIED,
+    edge,
     is_bounded,
     ladder,
     largest_bounded,
@@ -154,7 +155,6 @@ def map_parts(plane: Plane, cells: Sequence[Cell]) -> Iterator[Part]:
 
 
 def _summary(method: str, cells: Sequence[Cell]) -> tuple[tuple[Value, ...], Verdict]:
-    """Summarise a map for one method."""
     own = [cell for cell in cells if cell.method == method]
     first, smallest = own[0], min(cell.nonlinear for cell in own)
     limited = [cell for cell in own if cell.counts]
@@ -187,11 +187,7 @@ def largest_scale(stable: Callable[[float], bool]) -> float:
     good = 1.0
     for scale in np.geomspace(1.0, MAX_SCALE, 161):
         if not stable(float(scale)):
-            bad = float(scale)
-            while bad > 1.001 * good:
-                middle = math.sqrt(good * bad)
-                good, bad = (middle, bad) if stable(middle) else (good, middle)
-            return good if stable(1.0) else 0.0
+            return edge(stable, good, float(scale), 1.001) if stable(1.0) else 0.0
         good = float(scale)
     return math.inf
 
@@ -220,14 +216,18 @@ def tick_limits(methods: Sequence[str] = STUDIED, tell: Tell = lambda text, shar
                 if is_bounded(physics, method, TICK_SECONDS, 4.0) is not bounded:
                     wrong.append(f"{method}, {way} x{share * scale:.3g}")
         rows.append((method, *found))
-    verdict = Verdict(
+    part = Part(
+        "tick-limits",
+        f"How far the couplings may be scaled, in steps of {TICK_SECONDS:g} s",
+        ("method", *(f"{way} x [1]" for way in WAYS)),
+        rows,
+    )
+    part.claim(
         "runs are bounded 4 % below each limit, and not 4 % above",
         not wrong,
         f"{checked - len(wrong)} of {checked}{': not ' + '; '.join(wrong) if wrong else ''}",
     )
-    heads = ("method", *(f"{way} x [1]" for way in WAYS))
-    title = f"How far the couplings may be scaled, in steps of {TICK_SECONDS:g} s"
-    return Part("tick-limits", title, heads, rows, [verdict])
+    return part
 
 
 def _stable(method: str, factors: Callable[[float], dict[str, float]]) -> Callable[[float], bool]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from netboard.base.config import Config
 from netboard.base.tick import OUTPUT, STATE, TICK, TICK_NS, TICK_SECONDS
-from netboard.benchmarks.harness.results import Part, Value, Verdict
+from netboard.benchmarks.harness.results import Part
 from netboard.benchmarks.physics.problem import styluses_at
 from netboard.stage.stage import Stage, make_stage
 from netboard.task.trials.state_machine import Cause
@@ -150,7 +150,12 @@ def odd_hands(config: Config, kinds: Sequence[str] = tuple(KINDS)) -> Part:
     """Run all kinds of corrupted samples and tabulate the results."""
     stage, smooth = make_stage(config), smooth_rows()
     calm = play(stage, smooth, started=False)
-    rows: list[tuple[Value, ...]] = []
+    part = Part(
+        "odd-hands",
+        "Odd hands for half a second, through the live tick",
+        "samples | not finite [1] | largest force of a coupling [N] | what it may be [N] | faults [1] | "
+        "left 0.5 s later [m, rad]",
+    )
     lost, large, kept = [], [], []
     for kind in kinds:
         spoilt = smooth.copy()
@@ -160,32 +165,17 @@ def odd_hands(config: Config, kinds: Sequence[str] = tuple(KINDS)) -> Part:
         force, most = _forces(fixed, rolling, config)
         left = max(float(np.abs(fixed[name][AFTER] - calm[name][AFTER]).max()) for name in ("z", "theta"))
         faults = int(np.count_nonzero(rolling["event"] == Cause.FAULT))
-        rows.append((kind, bad, force, most, faults, left))
+        part.add(kind, bad, force, most, faults, left)
         lost += [kind] if bad else []
         large += [kind] if not force <= most else []
         kept += [kind] if not left <= LEFT else []
-    return Part(
-        "odd-hands",
-        "Odd hands for half a second, through the live tick",
-        (
-            "samples",
-            "not finite [1]",
-            "largest force of a coupling [N]",
-            "what it may be [N]",
-            "faults [1]",
-            "left 0.5 s later [m, rad]",
-        ),
-        rows,
-        [
-            Verdict("everything that comes out is finite", not lost, _named(lost)),
-            Verdict("forces are within what the coupling makes of the samples used", not large, _named(large)),
-            Verdict(f"board is back to within {LEFT:g} m and rad", not kept, _named(kept)),
-        ],
-    )
+    part.claim("everything that comes out is finite", not lost, _named(lost))
+    part.claim("forces are within what the coupling makes of the samples used", not large, _named(large))
+    part.claim(f"board is back to within {LEFT:g} m and rad", not kept, _named(kept))
+    return part
 
 
 def _named(kinds: Sequence[str]) -> str:
-    """Return the names of the kinds that fail."""
     return f"not with {', '.join(kinds)}" if kinds else "with all"
 
 

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from netboard.base.tables.scene import Physics
 from netboard.base.tick import TICK_SECONDS
-from netboard.benchmarks.harness.results import Part, Value, Verdict
+from netboard.benchmarks.harness.results import Part
 from netboard.benchmarks.harness.running import Tell
 from netboard.benchmarks.physics.problem import hermite_drives, styluses_at
-from netboard.benchmarks.physics.solver import timed
+from netboard.benchmarks.physics.work_precision import timed
 from netboard.benchmarks.stability.maps import board_matrix
 from netboard.benchmarks.stability.runs import STUDIED
 from netboard.physics.arithmetic.vectors import State
@@ -55,8 +55,12 @@ def energy_drift(
 ) -> Part:
     """Measure by method whether the energy of an undamped board falls or grows."""
     heave = board_matrix(UNDAMPED)[:2, :2]
-    rows: list[tuple[Value, ...]] = []
-    verdicts = []
+    part = Part(
+        "energy-drift",
+        "Change of the energy of an undamped board between hands at rest, as a share of it, steps of 1 ms",
+        f"method | heave: theory, in a step [1] | found, in a step [1] | after {steps:.0e} steps [1] | "
+        "10 deg tilt: after as many [1] | which",
+    )
     for i, method in enumerate(methods):
         tell(f"energy of an undamped board: {method}", i / len(methods))
         radius = spectral_radius(method, heave, TICK_SECONDS)
@@ -65,24 +69,13 @@ def energy_drift(
         found = _rate(straight)
         end = _drift(tilted)
         sign = _word(theory, 2 * ROUNDING)
-        verdicts.append(
-            Verdict(
-                f"{method} {sign} energy in heave, as theory has it",
-                abs(found - theory) <= max(0.02 * abs(theory), 1e-2 / steps),
-                f"{found:+.3g} of it in a step, theory {theory:+.3g}",
-            )
+        part.claim(
+            f"{method} {sign} energy in heave, as theory has it",
+            abs(found - theory) <= max(0.02 * abs(theory), 1e-2 / steps),
+            f"{found:+.3g} of it in a step, theory {theory:+.3g}",
         )
-        rows.append((method, theory, found, _drift(straight), end, _word(end, KEPT)))
-    heads = (
-        "method",
-        "heave: theory, in a step [1]",
-        "found, in a step [1]",
-        f"after {steps:.0e} steps [1]",
-        "10 deg tilt: after as many [1]",
-        "which",
-    )
-    title = "Change of the energy of an undamped board between hands at rest, as a share of it, steps of 1 ms"
-    return Part("energy-drift", title, heads, rows, verdicts)
+        part.add(method, theory, found, _drift(straight), end, _word(end, KEPT))
+    return part
 
 
 def _word(change: float, nothing: float) -> str:
@@ -120,7 +113,11 @@ def perfect_rest(steps: int = 100_000, methods: Sequence[str] = STUDIED, tell: T
     parts, scene, length = parts_of(physics), pack_scene(physics), state_length(physics)
     times: Array = np.arange(steps + 1, dtype=np.float64) * TICK_SECONDS
     moving, still = hermite_drives(physics, times, *styluses_at(times)), np.zeros((steps, 8))
-    rows: list[tuple[Value, ...]] = []
+    part = Part(
+        "perfect-rest",
+        "A board that comes to perfect rest: nothing slows down (denormal numbers)",
+        "method | largest number left [SI] | a step, moving [s] | at rest [s] | at rest / moving [1]",
+    )
     found, slowest = 0, 0.0
     for i, method in enumerate(methods):
         tell(f"perfect rest: {method}", i / len(methods))
@@ -133,17 +130,10 @@ def perfect_rest(steps: int = 100_000, methods: Sequence[str] = STUDIED, tell: T
         busy = _quickest(partial(march, first, moving, *rest)) / steps
         idle = _quickest(partial(march, tuple(last.tolist()), still, *rest)) / steps
         slowest = max(slowest, idle / busy)
-        rows.append((method, float(np.abs(last).max()), busy, idle, idle / busy))
-    return Part(
-        "perfect-rest",
-        "A board that comes to perfect rest: nothing slows down (denormal numbers)",
-        ("method", "largest number left [SI]", "a step, moving [s]", "at rest [s]", "at rest / moving [1]"),
-        rows,
-        [
-            Verdict("no denormal number is left", found == 0, f"{found} found"),
-            Verdict("no step takes three times as long at rest", slowest < 3.0, f"at most {slowest:.2g} times"),
-        ],
-    )
+        part.add(method, float(np.abs(last).max()), busy, idle, idle / busy)
+    part.claim("no denormal number is left", found == 0, f"{found} found")
+    part.claim("no step takes three times as long at rest", slowest < 3.0, f"at most {slowest:.2g} times")
+    return part
 
 
 def _quickest(go: Callable[[], object]) -> float:

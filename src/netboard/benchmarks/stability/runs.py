@@ -149,7 +149,7 @@ def largest_bounded(physics: Physics, method: str, guess: float, duration: float
         good = 0.0
         for h in ladder():
             if not holds(h):
-                return _edge(holds, good, h) if good > 0.0 else 0.0
+                return edge(holds, good, h) if good > 0.0 else 0.0
             good = h
         return math.inf
     good, factor = guess, OFF
@@ -160,7 +160,7 @@ def largest_bounded(physics: Physics, method: str, guess: float, duration: float
         if bad > WIDE * guess:
             return math.inf
         good, bad, factor = bad, bad * factor, factor**1.5
-    return _edge(holds, good, bad)
+    return edge(holds, good, bad)
 
 
 def ladder() -> list[float]:
@@ -169,9 +169,9 @@ def ladder() -> list[float]:
     return [min(TICK_SECONDS * 1.25**i, LONGEST) for i in range(count + 1)]
 
 
-def _edge(holds: Callable[[float], bool], good: float, bad: float) -> float:
-    """Return the largest stable step between a stable and an unstable one, by bisection."""
-    while bad > NARROW * good:
+def edge(holds: Callable[[float], bool], good: float, bad: float, narrow: float = NARROW) -> float:
+    """Return the largest stable value between a stable and an unstable one, by bisection to a ratio."""
+    while bad > narrow * good:
         middle = math.sqrt(good * bad)
         good, bad = (middle, bad) if holds(middle) else (good, middle)
     return good

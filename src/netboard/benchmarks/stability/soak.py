@@ -6,7 +6,7 @@ can follow a board that turns over under a heavy ball.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from time import perf_counter
@@ -18,30 +18,10 @@ from numpy.typing import NDArray
 from netboard.base.compiled import fast
 from netboard.base.tables.scene import Physics
 from netboard.base.tick import TICK_SECONDS
-from netboard.benchmarks.harness.results import Part, Value, Verdict
+from netboard.benchmarks.harness.results import Part
 from netboard.benchmarks.harness.running import Tell
 from netboard.benchmarks.physics.batch import LANES, in_blocks, make_batch, out_of_blocks, scene_blocks
-from netboard.benchmarks.stability.soak_audit import (
-    BEYOND,
-    GROWTH,
-    MAX_TILT,
-    MAX_TURN,
-    SUMS,
-    SUPPLY,
-    THROUGH,
-    WRONG,
-    make_audit,
-)
-from netboard.benchmarks.stability.soak_dyads import (
-    DYADS,
-    HAND,
-    KINDS,
-    LAST_Z,
-    PLACE,
-    draw_hands,
-    draw_scene,
-    move_hands,
-)
+from netboard.benchmarks.stability import soak_audit, soak_dyads
 from netboard.physics.scene.parameters import pack_scene, parts_of, state_length
 
 Array = NDArray[np.float64]
@@ -72,14 +52,23 @@ class Tally:
     excess: float = -math.inf
     wrong: float = 0.0
 
+    @classmethod
+    def of(cls, tallies: Sequence["Tally"]) -> "Tally":
+        """Return the results of all."""
+        checks, lost = sum(one.checks for one in tallies), sum(one.lost for one in tallies)
+        return cls(checks, lost, max(one.excess for one in tallies), max(one.wrong for one in tallies))
+
     def take(self, x: Array, sums: Array) -> None:
         """Check simulations."""
         fine: NDArray[np.bool_] = np.isfinite(np.concatenate([x, sums], axis=1)).all(axis=1)
         self.checks += len(x)
         self.lost += int(np.count_nonzero(~fine))
-        flowed = sums[fine, THROUGH] + MIN_FLOW
-        self.excess = max(self.excess, float(np.max((sums[fine, GROWTH] - sums[fine, SUPPLY]) / flowed, initial=-1.0)))
-        self.wrong = max(self.wrong, float(np.max(np.abs(sums[fine, WRONG]) / flowed, initial=0.0)))
+        flowed = sums[fine, soak_audit.THROUGH] + MIN_FLOW
+        self.excess = max(
+            self.excess,
+            float(np.max((sums[fine, soak_audit.GROWTH] - sums[fine, soak_audit.SUPPLY]) / flowed, initial=-1.0)),
+        )
+        self.wrong = max(self.wrong, float(np.max(np.abs(sums[fine, soak_audit.WRONG]) / flowed, initial=0.0)))
 
 
 @dataclass
@@ -102,35 +91,35 @@ def soak_kind(
 ) -> Soaked:
     """Soak one kind of scene."""
     rng = np.random.default_rng(seed)
-    drawn = np.concatenate([pack_scene(draw_scene(rng, kind)) for _ in range(scenes)])
-    packed = scene_blocks(np.resize(drawn, DYADS))
+    drawn = np.concatenate([pack_scene(soak_dyads.draw_scene(rng, kind)) for _ in range(scenes)])
+    packed = scene_blocks(np.resize(drawn, soak_dyads.DYADS))
     parts, length = parts_of(kind), state_length(kind)
-    step, audit = make_batch(parts, length, True), make_audit(parts, length)
-    x = in_blocks(np.zeros((DYADS, length)))
-    before, drives, sums = np.empty_like(x), np.zeros((len(x), 8, LANES)), np.zeros((len(x), SUMS, LANES))
-    hands = [np.zeros((len(x), HAND, LANES)) for _ in range(2)]
+    step, audit = make_batch(parts, length, True), soak_audit.make_audit(parts, length)
+    x = in_blocks(np.zeros((soak_dyads.DYADS, length)))
+    before, drives, sums = np.empty_like(x), np.zeros((len(x), 8, LANES)), np.zeros((len(x), soak_audit.SUMS, LANES))
+    hands = [np.zeros((len(x), soak_dyads.HAND, LANES)) for _ in range(2)]
     for hand in hands:
-        draw_hands(rng, hand, 1.0)
-        hand[:, LAST_Z] = hand[:, PLACE]
+        soak_dyads.draw_hands(rng, hand, 1.0)
+        hand[:, soak_dyads.LAST_Z] = hand[:, soak_dyads.PLACE]
     found, begun = Soaked(), perf_counter()
     while found.steps < steps:
         for _ in range(BETWEEN):
             for side, hand in enumerate(hands):
-                move_hands(hand, side, packed, drives)
+                soak_dyads.move_hands(hand, side, packed, drives)
             before[:] = x
             step(x, drives, packed, TICK_SECONDS)
             audit(before, x, drives, packed, sums)
             found.restarts += _restart(x)
-        found.steps += BETWEEN * DYADS
+        found.steps += BETWEEN * soak_dyads.DYADS
         states, did = out_of_blocks(x), out_of_blocks(sums)
-        beyond = did[:, BEYOND] > 0.0
+        beyond = did[:, soak_audit.BEYOND] > 0.0
         found.within.take(states[~beyond], did[~beyond])
         found.beyond.take(states[beyond], did[beyond])
         fine: NDArray[np.bool_] = np.all(np.isfinite(x), axis=1)
         x[:] = np.where(fine[:, None, :], x, 0.0)
         sums[:] = 0.0
         for hand in hands:
-            draw_hands(rng, hand, 0.1)
+            soak_dyads.draw_hands(rng, hand, 0.1)
         tell(found.steps / steps)
     found.seconds = perf_counter() - begun
     return found
@@ -154,45 +143,33 @@ def _restart(x: Any) -> int:
 def soak(steps: int, seed: int = 1, scenes: int = 256, tell: Tell = lambda text, share: None) -> Part:
     """Soak every kind of scene."""
     found = {}
-    for i, (name, kind) in enumerate(KINDS.items()):
+    for i, (name, kind) in enumerate(soak_dyads.KINDS.items()):
         tell(f"soak: {name}: drawing scenes", 0.0)
-        share = steps // len(KINDS) + 1
+        share = steps // len(soak_dyads.KINDS) + 1
         found[name] = soak_kind(kind, share, seed + i, scenes, partial(tell, f"soak: {name}"))
-    rows: list[tuple[Value, ...]] = []
+    done, seconds = sum(one.steps for one in found.values()), sum(one.seconds for one in found.values())
+    part = Part(
+        "soak",
+        f"Soak: {done:.4g} steps of 1 ms in {len(found) * scenes} random scenes, {seconds:.3g} s, "
+        f"{sum(one.restarts for one in found.values())} balls put back; "
+        f"within: tilts to {math.degrees(soak_audit.MAX_TILT):.0f} deg, "
+        f"turns to {soak_audit.MAX_TURN:g} rad in a step, "
+        "balls to twice the arm",
+        f"kind of scene | where | checks, each of {BETWEEN} steps [1] | not finite [1] | "
+        "growth - what hands can put in, over flows [1] | growth - flows, over flows [1]",
+    )
     for name, one in found.items():
         for where, tally in (("within", one.within), ("beyond", one.beyond)):
-            rows.append((name, where, tally.checks, tally.lost, tally.excess, tally.wrong))
-    done, restarts = sum(one.steps for one in found.values()), sum(one.restarts for one in found.values())
-    seconds = sum(one.seconds for one in found.values())
-    within, beyond = [one.within for one in found.values()], [one.beyond for one in found.values()]
-    excess, wrong = max(tally.excess for tally in within), max(tally.wrong for tally in within)
-    lost, checks = sum(tally.lost for tally in within), sum(tally.checks for tally in within)
-    checks_beyond = sum(tally.checks for tally in beyond)
-    lost_beyond, worst_beyond = sum(tally.lost for tally in beyond), max(tally.excess for tally in beyond)
-    degrees = math.degrees(MAX_TILT)
-    return Part(
-        "soak",
-        f"Soak: {done:.4g} steps of 1 ms in {len(KINDS) * scenes} random scenes, {seconds:.3g} s, {restarts} balls put "
-        f"back; within: tilts to {degrees:.0f} deg, turns to {MAX_TURN:g} rad in a step, balls to twice the arm",
-        (
-            "kind of scene",
-            "where",
-            f"checks, each of {BETWEEN} steps [1]",
-            "not finite [1]",
-            "growth - what hands can put in, over flows [1]",
-            "growth - flows, over flows [1]",
-        ),
-        rows,
-        [
-            Verdict("within: every state is finite", lost == 0, f"{lost} of {checks} are not"),
-            Verdict(
-                "within: energy grows by no more than hands can put in", excess < 0.0, f"{excess:+.2g} of the flows"
-            ),
-            Verdict(f"within: energy is off by less than {BALANCE:.0%} of the flows", wrong < BALANCE, f"{wrong:.2g}"),
-            Verdict(
-                "beyond: every state is finite, and energy grows by no more than hands can put in",
-                lost_beyond == 0 and worst_beyond < 0.0,
-                f"{lost_beyond} of {checks_beyond} are not finite, {worst_beyond:+.2g} of the flows",
-            ),
-        ],
+            part.add(name, where, tally.checks, tally.lost, tally.excess, tally.wrong)
+    within, beyond = Tally.of([one.within for one in found.values()]), Tally.of([one.beyond for one in found.values()])
+    excess = f"{within.excess:+.2g} of the flows"
+    part.claim("within: every state is finite", within.lost == 0, f"{within.lost} of {within.checks} are not")
+    part.claim("within: energy grows by no more than hands can put in", within.excess < 0.0, excess)
+    claim = f"within: energy is off by less than {BALANCE:.0%} of the flows"
+    part.claim(claim, within.wrong < BALANCE, f"{within.wrong:.2g}")
+    part.claim(
+        "beyond: every state is finite, and energy grows by no more than hands can put in",
+        beyond.lost == 0 and beyond.excess < 0.0,
+        f"{beyond.lost} of {beyond.checks} are not finite, {beyond.excess:+.2g} of the flows",
     )
+    return part

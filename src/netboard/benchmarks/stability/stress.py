@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from netboard.base.tables.scene import Physics
 from netboard.base.tick import TICK_SECONDS
-from netboard.benchmarks.harness.results import Part, Value, Verdict
+from netboard.benchmarks.harness.results import Part, Value
 from netboard.benchmarks.harness.running import Tell
 from netboard.benchmarks.physics.problem import BALL, MODELS, styluses_at
 from netboard.benchmarks.stability.maps import board_matrix
@@ -91,27 +91,24 @@ def stiff_forces(cases: Sequence[tuple[float, float]] = STIFF, tell: Tell = lamb
         error = force_error(physics, chosen.method, TICK_SECONDS / chosen.substeps, x, truth)
         felt.append(error)
         rows.append((f"{k:g}, {c:g}", float(np.abs(truth).max()), doubt, *values, error))
-    heads = (
-        "k_h x, c_h x [1]",
-        "largest force [N]",
-        "doubt of reference [N]",
-        *(f"{method} {step * 1e3:.3g} ms [N]" for method, step in STEPPED),
-        "automatic choice [N]",
-    )
-    return Part(
+    part = Part(
         "stiff-forces",
         "Largest error of the hands' forces where couplings are stiff, against dop853 in short steps",
-        heads,
+        (
+            "k_h x, c_h x [1]",
+            "largest force [N]",
+            "doubt of reference [N]",
+            *(f"{method} {step * 1e3:.3g} ms [N]" for method, step in STEPPED),
+            "automatic choice [N]",
+        ),
         rows,
-        [
-            Verdict("methods err by more than 1 N exactly where theory calls them unstable", not wrong, _list(wrong)),
-            Verdict(f"the automatic choice errs by less than {FELT:g} N", max(felt) < FELT, f"{max(felt):.3g} N"),
-        ],
     )
+    part.claim("methods err by more than 1 N exactly where theory calls them unstable", not wrong, _list(wrong))
+    part.claim(f"the automatic choice errs by less than {FELT:g} N", max(felt) < FELT, f"{max(felt):.3g} N")
+    return part
 
 
 def _list(wrong: Sequence[str]) -> str:
-    """List the failures."""
     return "; ".join(wrong) if wrong else "in every case"
 
 
@@ -124,7 +121,11 @@ def large_tilts(tilts_deg: Sequence[float] = TILTS_DEG, tell: Tell = lambda text
     z, _ = styluses_at(np.arange(0.0, DURATION, TICK_SECONDS))
     reach = float(np.abs(z[:, 1] - z[:, 0]).max()) / 2
     first: State = (0.0, 0.0, 0.0, 0.0, FIXED_PLACE, 0.0)
-    rows: list[tuple[Value, ...]] = []
+    part = Part(
+        "large-tilts",
+        "Largest error of the hands' forces where the board tilts far, steps of 1 ms",
+        "hands ask for [deg] | largest tilt [deg] | rk4 [N] | etdrk4 [N]",
+    )
     for i, tilt in enumerate(tilts_deg):
         tell(f"large tilts: {tilt:g} deg", i / len(tilts_deg))
         spread = physics.l * math.sin(math.radians(tilt)) / reach
@@ -137,18 +138,11 @@ def large_tilts(tilts_deg: Sequence[float] = TILTS_DEG, tell: Tell = lambda text
             float(np.abs(go(method=name, h=TICK_SECONDS, x=start).forces - truth.forces).max())
             for name in ("rk4", "etdrk4")
         ]
-        rows.append((tilt, math.degrees(float(np.abs(truth.states[:, 2]).max())), *errors))
-    worst = [max(float(row[column]) for row in rows) for column in (2, 3)]
-    return Part(
-        "large-tilts",
-        "Largest error of the hands' forces where the board tilts far, steps of 1 ms",
-        ("hands ask for [deg]", "largest tilt [deg]", "rk4 [N]", "etdrk4 [N]"),
-        rows,
-        [
-            Verdict("rk4 errs by less than 1e-4 N at any tilt", worst[0] < 1e-4, f"{worst[0]:.2g} N"),
-            Verdict("etdrk4 errs by less than 1e-3 N at any tilt", worst[1] < 1e-3, f"{worst[1]:.2g} N"),
-        ],
-    )
+        part.add(tilt, math.degrees(float(np.abs(truth.states[:, 2]).max())), *errors)
+    worst = [max(float(row[column]) for row in part.rows) for column in (2, 3)]
+    part.claim("rk4 errs by less than 1e-4 N at any tilt", worst[0] < 1e-4, f"{worst[0]:.2g} N")
+    part.claim("etdrk4 errs by less than 1e-3 N at any tilt", worst[1] < 1e-3, f"{worst[1]:.2g} N")
+    return part
 
 
 # --- ends of the board -------------------------------------------------------------------------------------------
@@ -157,7 +151,12 @@ def large_tilts(tilts_deg: Sequence[float] = TILTS_DEG, tell: Tell = lambda text
 def ball_at_ends(duration: float = 20.0, tell: Tell = lambda text, share: None) -> Part:
     """Let a ball hit stops, and check that it stays between them and no impact adds energy."""
     kinds = [(model, share) for model in MODELS for share in (0.0, 0.5, 1.0)]
-    rows: list[tuple[Value, ...]] = []
+    part = Part(
+        "ball-at-ends",
+        "A ball between stops 0.3 m from the centre, steps of 1 ms",
+        "model, restitution | ticks at a stop [1] | farthest [m] | energy of those ticks [J] | "
+        "most gained in one, of the ball's [1] | error of the others' balance [1]",
+    )
     outside, gained, least = 0.0, 0.0, math.inf
     for i, (model, share) in enumerate(kinds):
         tell(f"ball at the ends: {model}, restitution {share:g}", i / len(kinds))
@@ -172,32 +171,16 @@ def ball_at_ends(duration: float = 20.0, tell: Tell = lambda text, share: None) 
         loss = np.where(struck, np.diff(energy), np.diff(energy - work))
         ball = 0.5 * physics.m * float(run_.states[:, 5].max()) ** 2
         blows = float(np.max(loss[struck], initial=0.0)) / ball
-        rows.append(
-            (
-                f"{model}, {share:g}",
-                int(struck.sum()),
-                float(np.abs(run_.states[:, 4]).max()),
-                float(loss[struck].sum()),
-                blows,
-                float(np.abs(loss[~struck]).sum() / np.abs(np.diff(work)).sum()),
-            )
+        part.add(
+            f"{model}, {share:g}",
+            int(struck.sum()),
+            float(np.abs(run_.states[:, 4]).max()),
+            float(loss[struck].sum()),
+            blows,
+            float(np.abs(loss[~struck]).sum() / np.abs(np.diff(work)).sum()),
         )
         outside, gained = max(outside, float(np.abs(run_.states[:, 4]).max()) - physics.ball_stop), max(gained, blows)
         least = min(least, float(struck.sum()))
-    return Part(
-        "ball-at-ends",
-        "A ball between stops 0.3 m from the centre, steps of 1 ms",
-        (
-            "model, restitution",
-            "ticks at a stop [1]",
-            "farthest [m]",
-            "energy of those ticks [J]",
-            "most gained in one, of the ball's [1]",
-            "error of the others' balance [1]",
-        ),
-        rows,
-        [
-            Verdict("the ball never passes a stop", outside <= 0.0 < least, f"{outside:+.2g} m beyond"),
-            Verdict("a tick at a stop adds less than 5 % of the ball's energy", gained < 0.05, f"{gained:.2g}"),
-        ],
-    )
+    part.claim("the ball never passes a stop", outside <= 0.0 < least, f"{outside:+.2g} m beyond")
+    part.claim("a tick at a stop adds less than 5 % of the ball's energy", gained < 0.05, f"{gained:.2g}")
+    return part

@@ -3,6 +3,10 @@
 Movements have a closed form and are read each millisecond in the encoder steps of a Touch; the estimators are those
 that agents run. The largest stable delay is that of the paper's virtual coupling on a bare stylus, with the board's end
 fixed: from the eigenvalues of the whole sampled loop for linear estimators, and from runs for all of them.
+
+In that loop each millisecond the position is read, the velocity estimated, and the force ``-k x - c v`` computed. The
+force acts for one millisecond, after a delay of whole milliseconds. The mass is stepped exactly. Linear estimators are
+written as linear systems, so that the whole loop is one matrix; runs use the estimators themselves.
 """
 
 from collections.abc import Callable, Iterator
@@ -18,10 +22,125 @@ from netboard.base.config import Config
 from netboard.base.tick import TICK_NS, TICK_SECONDS
 from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict
 from netboard.benchmarks.harness.running import Tell
-from netboard.benchmarks.stability.velocity_loop import IDEAL, TOUCH, Loop, largest_delay, largest_played
+from netboard.devices.contract.estimators import WINDOW_NS, alpha_beta_gains, kalman_gains
 from netboard.devices.contract.velocity import KINDS, Estimator
+from netboard.participants.device_models import MODELS
 
 Array = NDArray[np.float64]
+
+IDEAL = "ideal"
+"""Name of an estimator that knows the true velocity."""
+
+TOUCH = MODELS["touch"]
+"""The device."""
+
+START = 0.01
+"""Distance of the mass from its equilibrium at the release [m]."""
+
+LARGEST = 60
+"""Largest delay tried [ms]."""
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A mass on a virtual coupling.
+
+    - `mass`: the mass [kg].
+    - `b`: damping of the device [N s/m].
+    - `stiffness`: stiffness of the coupling [N/m].
+    - `damping`: damping of the coupling [N s/m].
+    """
+
+    mass: float
+    b: float
+    stiffness: float
+    damping: float
+
+    def step(self) -> tuple[Array, Array]:
+        """Return the matrices of a tick for position and velocity, and for a constant force."""
+        t, m, b = TICK_SECONDS, self.mass, self.b
+        if b == 0.0:
+            return np.array([[1.0, t], [0.0, 1.0]]), np.array([t * t / (2.0 * m), t / m])
+        left = float(np.exp(-b * t / m))
+        gone = m / b * (1.0 - left)
+        return np.array([[1.0, gone], [0.0, left]]), np.array([(t - gone) / b, (1.0 - left) / b])
+
+
+def linear_estimator(kind: str) -> tuple[Array, Array, Array, float]:
+    """Return an estimator as a linear system: next state = A state + B position, velocity = C state + D position."""
+    if kind in ("difference", "chai3d"):
+        n = 1 if kind == "difference" else WINDOW_NS // TICK_NS
+        span = n * TICK_SECONDS
+        return np.eye(n, k=-1), np.eye(n)[0], -np.eye(n)[-1] / span, 1.0 / span
+    if kind not in ("alpha_beta", "kalman"):
+        raise ValueError(f"the estimator {kind} is not linear")
+    order = 2 if kind == "alpha_beta" else 3
+    gains = np.array(alpha_beta_gains() if kind == "alpha_beta" else kalman_gains(TOUCH.resolution))[:order]
+    motion = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])[:order, :order]
+    closed = motion - np.outer(gains, motion[0])
+    return closed, gains, closed[1] / TICK_SECONDS, float(gains[1]) / TICK_SECONDS
+
+
+def radius_of(loop: Loop, kind: str, delay: int) -> float:
+    """Return the spectral radius of the whole loop, which is stable below 1."""
+    by_itself, by_force = loop.step()
+    a, b, c, d = linear_estimator(kind) if kind != IDEAL else (np.zeros((0, 0)), np.zeros(0), np.zeros(0), 0.0)
+    inner = len(b)
+    size = 2 + inner + delay
+    force = np.zeros(size)
+    force[0] = -loop.stiffness - loop.damping * d
+    force[1] = -loop.damping if kind == IDEAL else 0.0
+    force[2 : 2 + inner] = -loop.damping * c
+    whole = np.zeros((size, size))
+    whole[:2, :2] = by_itself
+    whole[2 : 2 + inner, 2 : 2 + inner] = a
+    whole[2 : 2 + inner, 0] = b
+    if delay == 0:
+        whole[:2] += np.outer(by_force, force)
+    else:
+        whole[:2, -1] += by_force
+        whole[2 + inner] = force
+        whole[3 + inner :, 2 + inner : -1] = np.eye(delay - 1)
+    return float(np.abs(np.linalg.eigvals(whole)).max())
+
+
+def settles(loop: Loop, kind: str, delay: int, seconds: float) -> bool:
+    """Return whether the released mass swings less in the last quarter, in a run with encoder steps."""
+    meter = KINDS[kind](TOUCH.resolution) if kind != IDEAL else None
+    ((_, xv), (_, vv)), (xf, vf) = (part.tolist() for part in loop.step())
+    x, v, largest = START, 0.0, 0.0
+    coming = [0.0] * delay
+    ticks = round(seconds / TICK_SECONDS)
+    for k in range(ticks):
+        seen = round(x / TOUCH.resolution) * TOUCH.resolution
+        rate = v if meter is None else meter.update(k * TICK_NS, 0.0, 0.0, seen)[2]
+        coming.append(-loop.stiffness * seen - loop.damping * rate)
+        force = coming.pop(0)
+        x, v = x + xv * v + xf * force, vv * v + vf * force
+        if abs(x) > 10.0 * START:
+            return False
+        if k > 3 * ticks // 4:
+            largest = max(largest, abs(x))
+    return largest < START
+
+
+def largest_delay(loop: Loop, kind: str) -> int:
+    """Return the largest delay at which the loop is stable, by its eigenvalues."""
+    return _largest(lambda delay: radius_of(loop, kind, delay) < 1.0)
+
+
+def largest_played(loop: Loop, kind: str, seconds: float) -> int:
+    """Return the largest delay at which a run settles."""
+    return _largest(lambda delay: settles(loop, kind, delay, seconds))
+
+
+def _largest(holds: Callable[[int], bool]) -> int:
+    """Return the last stable delay before the first unstable one [ms]."""
+    delay = -1
+    while delay < LARGEST and holds(delay + 1):
+        delay += 1
+    return delay
+
 
 OFFSETS, QUICK_OFFSETS = 20, 5
 """Number of start positions within an encoder step, for each movement [1]."""
@@ -124,26 +243,20 @@ def time_of(kind: str, updates: int) -> float:
 def figures(*, quick: bool, tell: Tell) -> Part:
     """Measure lag, noise, errors and time of each estimator."""
     offsets, updates = (QUICK_OFFSETS, QUICK_UPDATES) if quick else (OFFSETS, UPDATES)
-    rows: list[tuple[Value, ...]] = []
+    part = Part(
+        "estimators",
+        f"Velocity from encoder steps of {TOUCH.resolution * 1e3:g} mm, read each ms",
+        f"estimator | lag [ms] | rms at rest [mm/s] | rms at {SLOW.name} [mm/s] | rms at {FAST.name} [mm/s] | "
+        "largest on a reach [mm/s] | largest at 10 Hz [mm/s] | update [ns]",
+    )
     for i, kind in enumerate(KINDS):
         tell(f"movements: {kind}", i / len(KINDS))
         _, ramp = errors_of(kind, RAMP, offsets)
         lag = -float(ramp.mean()) / ACCELERATION
         noises = [1e3 * float(np.sqrt(np.mean(errors_of(kind, m, offsets)[1] ** 2))) for m in (REST, SLOW, FAST)]
         largest = [1e3 * float(np.abs(errors_of(kind, m, offsets)[1]).max()) for m in (REACH, SINE)]
-        rows.append((kind, 1e3 * lag, *noises, *largest, 1e9 * time_of(kind, updates)))
-    columns = (
-        "estimator",
-        "lag [ms]",
-        "rms at rest [mm/s]",
-        f"rms at {SLOW.name} [mm/s]",
-        f"rms at {FAST.name} [mm/s]",
-        "largest on a reach [mm/s]",
-        "largest at 10 Hz [mm/s]",
-        "update [ns]",
-    )
-    title = f"Velocity from encoder steps of {TOUCH.resolution * 1e3:g} mm, read each ms"
-    return Part("estimators", title, columns, rows)
+        part.add(kind, 1e3 * lag, *noises, *largest, 1e9 * time_of(kind, updates))
+    return part
 
 
 def delays(*, quick: bool, tell: Tell) -> Part:
@@ -172,8 +285,13 @@ def delays(*, quick: bool, tell: Tell) -> Part:
         ),
         _rule(rows, loops),
     ]
-    title = f"Largest delay of {physics.k_h:g} N/m, {physics.c_h:g} N s/m on a bare stylus of {TOUCH.mass * 1e3:g} g"
-    return Part("delays", title, ("estimator", *heads), rows, verdicts)
+    return Part(
+        "delays",
+        f"Largest delay of {physics.k_h:g} N/m, {physics.c_h:g} N s/m on a bare stylus of {TOUCH.mass * 1e3:g} g",
+        ("estimator", *heads),
+        rows,
+        verdicts,
+    )
 
 
 def _rule(rows: list[tuple[Value, ...]], loops: list[Loop]) -> Verdict:

@@ -1,0 +1,135 @@
+"""``netboard bench``: benchmarks of real processes, which run in real time on this machine."""
+
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from netboard.services.bench.options import benchmark
+from netboard.services.loading import load
+from netboard.services.options import ConfigFile, Overrides
+
+if TYPE_CHECKING:
+    from netboard.benchmarks.harness.running import Options
+
+app = typer.Typer()
+
+Transport = Annotated[Literal["tcp", "ipc"], typer.Option(help="Transport of the messages.")]
+Curve = Annotated[bool, typer.Option("--curve/--no-curve", help="Encryption with keys.")]
+RealTime = Annotated[bool, typer.Option("--realtime/--no-realtime", help="Real-time scheduling.")]
+Displays = Annotated[int, typer.Option(min=0, metavar="N", help="Displays per dyad, rendered without a screen.")]
+
+
+@benchmark(app, "netboard bench loop --quick", "netboard bench loop --displays 2 --dyads 1,2,4,8,16 --skips")
+def loop(
+    options: "Options",
+    seconds: Annotated[
+        float | None, typer.Option(min=0.5, metavar="S", help="Seconds per measurement; default: 60.")
+    ] = None,
+    transport: Transport = "tcp",
+    curve: Curve = False,
+    realtime: RealTime = True,
+    displays: Displays = 0,
+    dyads: Annotated[
+        str | None, typer.Option(metavar="NUMBERS", help="Also load a server with these numbers of dyads, as 1,2,4,8.")
+    ] = None,
+    skips: Annotated[bool, typer.Option("--skips", help="Also measure the savings in simple scenes.")] = False,
+) -> None:
+    """Sample-to-force latency in real time, compared with a bare echo and a bare timer: latency, jitter, cost."""
+    from netboard.benchmarks.loop import bench
+
+    setting = bench.Setting(transport, curve, realtime, displays)
+    bench.loop(setting, seconds, bench.read_dyads(dyads), options, skips=skips)
+
+
+@benchmark(app, "netboard bench servo --quick", "netboard bench servo --library /opt/libHD.so -o results")
+def servo(
+    options: "Options",
+    library: Annotated[
+        str, typer.Option(metavar="FILE", help="The vendor's library; default: libHD.so or HD.dll of the system.")
+    ] = "",
+    seconds: Annotated[
+        float | None, typer.Option(min=0.2, metavar="S", help="Seconds per measurement; default: 30.")
+    ] = None,
+) -> None:
+    """Servo callback of a Touch in Python and in C, compared with an empty callback, with and without a busy thread."""
+    from netboard.benchmarks.loop.servo import main
+
+    main(library, seconds, options)
+
+
+@benchmark(app, "netboard bench soak --minutes 30", "netboard bench soak --quick --dyads 2")
+def soak(
+    options: "Options",
+    minutes: Annotated[
+        float | None, typer.Option(min=0.05, metavar="N", help="Duration in minutes; default: 30.")
+    ] = None,
+    dyads: Annotated[int, typer.Option(min=1, metavar="N", help="Number of dyads.")] = 1,
+    transport: Transport = "tcp",
+    curve: Curve = False,
+    realtime: RealTime = True,
+    displays: Displays = 0,
+) -> int:
+    """Long run of the whole system: no record is lost, memory stays constant, ticks meet their deadlines."""
+    from netboard.benchmarks.loop import bench
+
+    return bench.soak(bench.Setting(transport, curve, realtime, displays), minutes, dyads, options)
+
+
+@benchmark(app, "netboard bench fuzz --quick", "netboard bench fuzz --frames 1000000 -o results")
+def fuzz(
+    options: "Options",
+    frames: Annotated[
+        int | None,
+        typer.Option(min=100, metavar="N", help="Malformed frames per codec and socket; default: a million."),
+    ] = None,
+) -> int:
+    """Malformed frames for the codec and every socket: no crash, no hang, no growth, no changed force."""
+    from netboard.benchmarks.faults.fuzz import main
+
+    return main(frames, options)
+
+
+@benchmark(app, "netboard bench faults --quick", "netboard bench faults --case server-killed -o results")
+def faults(
+    options: "Options",
+    case: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Only this fault; repeat for several.")] = None,
+    listing: Annotated[bool, typer.Option("--list", help="List the faults, and stop.")] = False,
+) -> int:
+    """Faults in real processes (kill, stop, cut the network, fill the disk), and how the system reacts."""
+    from netboard.benchmarks.faults import bench
+
+    return bench.list_cases() if listing else bench.main(case or (), options)
+
+
+@benchmark(app, "netboard bench display --quick", "netboard bench display --set display.width=1920")
+def display(
+    options: "Options",
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    seconds: Annotated[
+        float | None, typer.Option(min=1, metavar="S", help="Seconds per measurement; default: 30.")
+    ] = None,
+) -> None:
+    """Latency of a display, from sending a view to painting it: late views, dropped frames, cost."""
+    settings = load(config, overrides)
+    from netboard.benchmarks.loop.display import main
+
+    main(settings, seconds, options)
+
+
+@benchmark(app, "netboard bench recovery --quick", "netboard bench recovery -o results")
+def recovery(options: "Options") -> int:
+    """Recovery of recordings that were cut, altered or killed while being written, checked to the bit."""
+    from netboard.benchmarks.harness.running import run
+    from netboard.benchmarks.recording.recovery_bench import study
+
+    return 0 if all(verdict.holds for verdict in run("recovery", study, options)) else 1
+
+
+@benchmark(app, "netboard bench recording --quick", "netboard bench recording -o results")
+def recording(options: "Options") -> None:
+    """Cost of recording: headroom and stalls of the logger, bytes per hour, time to read an hour and a trial."""
+    from netboard.benchmarks.harness.running import run
+    from netboard.benchmarks.recording.bench import study
+
+    run("recording", study, options)
