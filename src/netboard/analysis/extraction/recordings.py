@@ -18,7 +18,7 @@ from netboard.analysis.extraction.details import MOVEMENTS, PATHS, movements, pa
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.tables import DTYPES, PLACE, Columns, Group, columns_of, count, number, words
 from netboard.analysis.extraction.trials import RATE, Block, Take, columns_for
-from netboard.base.config import SIDES, Config, Side
+from netboard.base.config import SIDES, Side
 from netboard.base.errors import RecordingError
 from netboard.base.tables.forces import FORCE_WORDS
 from netboard.base.tick import TICK
@@ -106,7 +106,7 @@ def measure(run: Run, readings: Readings) -> Measured:
     """Return the tables of a recording."""
     name = run.path.stem
     with Recording(run.path) as recording:
-        columns, verdicts = _read(recording, run.config, readings)
+        columns, verdicts = _read(recording, readings)
         block = Block.of(recording, run.config, readings, columns)
         unknown = _unknown(recording, columns)
         repaired = bool(recording.recovery)
@@ -139,7 +139,7 @@ def place_of(name: str, take: Take) -> dict[str, Any]:
     return {"recording": name, "trial": take.attempt.trial, "attempt": take.attempt.attempt}
 
 
-def _read(recording: Recording, config: Config, readings: Readings) -> tuple[Columns, tuple[Verdict, ...]]:
+def _read(recording: Recording, readings: Readings) -> tuple[Columns, tuple[Verdict, ...]]:
     """Read the needed columns and check the attempts' quality in one pass, so chunks are decompressed once."""
     wanted = tuple(dict.fromkeys((*columns_for(readings), *_RENDERED)))
     columns = {name: np.empty(recording.counts["/ticks"], TICK[name]) for name in wanted}
@@ -152,7 +152,7 @@ def _read(recording: Recording, config: Config, readings: Readings) -> tuple[Col
             done += rows.size
             yield rows
 
-    return columns, judged_along(recording, config, portions())
+    return columns, judged_along(recording, portions())
 
 
 def _unknown(recording: Recording, columns: Columns) -> int:

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.config import Config, parse
+from netboard.base.config import Config
 from netboard.base.settings import tables as settings_tables
 from netboard.base.tick import TICK
 from netboard.network.protocol.records import ClockRecord, EventRecord, FrameRecord
-from netboard.recording.export.factors import Exported, configs_of, exported_factors
+from netboard.recording.export.factors import Exported, exported_factors
 from netboard.recording.export.task import ROLE_TEXT
 from netboard.recording.files.locate import sha256_of
 from netboard.recording.files.reader import Recording
@@ -43,7 +43,7 @@ class Subject:
     def __init__(self, recording: Recording) -> None:
         self.recording = recording
         self.name = recording.path.stem  # name of the recording in its rows: the file name without suffix
-        self.config = parse(recording.config_text, f"{recording.path} (its configuration)")
+        self.config = recording.config
         self.ticks = self.origin_ns = 0
         self.attempts: tuple[Attempt, ...] = attempts_along(self._counted())
 
@@ -322,5 +322,9 @@ TABLES = (TICKS, *SMALL)
 
 def small_tables(recordings: Sequence[Path]) -> tuple[Table, ...]:
     """Return the tables of `SMALL` for these recordings, with factor columns in the trials table."""
-    trials = with_factors(exported_factors(list(configs_of(recordings))))
+    configs = []
+    for path in recordings:
+        with Recording(path) as recording:
+            configs.append(recording.config)
+    trials = with_factors(exported_factors(configs))
     return tuple(trials if table is TRIALS else table for table in SMALL)
