@@ -11,7 +11,6 @@ import json
 import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -24,7 +23,7 @@ from netboard.analysis.cohort.virtual import Design, StudyTables, check, compile
 from netboard.analysis.cohort.workers import CODE, run_all
 from netboard.analysis.extraction.fingerprint import fingerprint
 from netboard.analysis.extraction.store import Store
-from netboard.analysis.extraction.tables import columns_of
+from netboard.analysis.extraction.tables import Kind, columns_of
 from netboard.base.config import resolve
 from netboard.base.errors import ConfigError, RecordingError
 from netboard.recording.export.formats import Progress
@@ -54,15 +53,6 @@ ABOUT = {
     "trials": "one attempt at a trial in a virtual study",
 }
 """Meaning of a row of each table."""
-
-
-@dataclass(frozen=True, slots=True)
-class Kind:
-    """A table of a cohort."""
-
-    name: str
-    about: str
-    fields: tuple[Field, ...]
 
 
 def manifest_of(design: Design) -> dict[str, Any]:

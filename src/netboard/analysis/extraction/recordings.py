@@ -189,7 +189,7 @@ def _paths(places: list[dict[str, Any]], takes: list[Take]) -> Columns:
     lengths = [len(part["time"]) for part in parts]
     whole: Columns = {}
     for field in PATHS:
-        if field.name in ("recording", "trial", "attempt"):
+        if field in PLACE:
             values = np.array([place[field.name] for place in places], DTYPES[field.kind])
             whole[field.name] = np.repeat(values, lengths)
         else:

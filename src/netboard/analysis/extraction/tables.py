@@ -5,13 +5,16 @@ A column holds integers, numbers (NaN: the attempt has no such measure) or texts
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from netboard.analysis.extraction.trials import Take
 from netboard.recording.format.channels import Field
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Columns = dict[str, NDArray[Any]]
 """Table in memory: columns of equal length by name [SI]."""
@@ -49,9 +52,26 @@ def columns_of(fields: tuple[Field, ...], rows: Sequence[Mapping[str, Any]]) -> 
     return {field.name: np.array([row[field.name] for row in rows], DTYPES[field.kind]) for field in fields}
 
 
+def written(frame: "pd.DataFrame", fields: Sequence[Field]) -> Columns:
+    """Return the columns of a table in their written form."""
+    return {field.name: frame[field.name].to_numpy(DTYPES[field.kind]) for field in fields}
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A table that is written: its name, the meaning of a row, and its columns."""
+
+    name: str
+    about: str
+    fields: tuple[Field, ...]
+
+
 PLACE = (
     words("recording", "name of the recording"),
     count("trial", "number of the trial in its block, from 1"),
     count("attempt", "number of the attempt at it, from 1"),
 )
 """Columns that locate a row of trials, movements and paths: recording, trial and attempt."""
+
+ATTEMPT_KEY = [field.name for field in PLACE]
+"""Names of the columns that identify an attempt."""

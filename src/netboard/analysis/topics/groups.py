@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from netboard.analysis.extraction.conditions import StudyFactor, names_of
 from netboard.analysis.extraction.study import Study, pooled
+from netboard.analysis.extraction.tables import ATTEMPT_KEY
 from netboard.analysis.measures.performance import ENDS, trial_times, window_sizes
 from netboard.analysis.statistics.estimates import Estimate, t_interval
 from netboard.analysis.topics.result import Result, kept
@@ -36,10 +37,6 @@ CONFIGURATIONS = ("bimanual", "dyadic")
 
 CLASSES = ("cooperative", "competitive", "single", "still")
 """Movement classes, in the order of `netboard.analysis.measures.movements`."""
-
-
-ATTEMPT = ["recording", "trial", "attempt"]
-"""Columns that identify an attempt."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,8 +167,8 @@ def counted(study: Study) -> pd.DataFrame:
 
 def excluded(study: Study) -> NDArray[np.bool_]:
     """Return whether each attempt of a study is excluded."""
-    left_out = pd.MultiIndex.from_frame(study.exclusions[ATTEMPT])
-    return np.asarray(pd.MultiIndex.from_frame(study.trials[ATTEMPT]).isin(left_out))
+    left_out = pd.MultiIndex.from_frame(study.exclusions[ATTEMPT_KEY])
+    return np.asarray(pd.MultiIndex.from_frame(study.trials[ATTEMPT_KEY]).isin(left_out))
 
 
 def with_team(study: Study, rows: pd.DataFrame) -> pd.Series:
