@@ -14,6 +14,7 @@ from netboard.analysis.extraction.conditions import (
     Levels,
     StudyFactor,
     names_of,
+    participants_of,
     partner_of,
     study_levels,
     value_columns,
@@ -229,6 +230,12 @@ def _joined(parts: Sequence[Columns]) -> pd.DataFrame:
     return pd.DataFrame({name: np.concatenate([part[name] for part in parts]) for name in parts[0]}, copy=False)
 
 
+def series_labels(readings: Readings) -> list[str]:
+    """Return the columns that identify a series: trials of a performer that the settings number together."""
+    condition = ["condition"] if readings.summaries.numbering == "condition" else []
+    return ["dyad", "performer", "configuration", *condition]
+
+
 def _placed(
     trials: pd.DataFrame, blocks: pd.DataFrame, left_out: pd.DataFrame, readings: Readings, levels: Levels
 ) -> pd.DataFrame:
@@ -244,11 +251,8 @@ def _placed(
     joined["counts"] = ((joined["outcome"] == "success") & kept).astype("int64")
     joined["order"] = 0
     counted = joined["counts"] == 1
-    labels = ["dyad", "performer", "configuration"]
-    if readings.summaries.numbering == "condition":
-        labels.append("condition")
     if counted.any():
-        columns = [joined.loc[counted, name].to_numpy() for name in labels]
+        columns = [joined.loc[counted, name].to_numpy() for name in series_labels(readings)]
         joined.loc[counted, "order"] = running_number(*columns)
     return joined.assign(**_factor_columns(levels, at, joined["trial"]))
 
@@ -301,7 +305,7 @@ def notes(study: Study) -> tuple[str, ...]:
 def _crowded(blocks: pd.DataFrame) -> Iterator[str]:
     """Yield a note for each dyad with more than two people, as if two dyads were recorded under one pseudonym."""
     for dyad, own in blocks.groupby("dyad"):
-        people = sorted({*own["left_by"], *own["right_by"]} - {"still", "robot", dyad})
+        people = participants_of(own)
         if len(people) > 2:
             yield (
                 f"dyad {dyad} has {len(people)} participants ({', '.join(people)}) and is taken for one dyad: if these "
