@@ -153,10 +153,17 @@ def study_levels(blocks: pd.DataFrame, analysed: pd.Series) -> Levels:
     return Levels(tuple(told), sequences)
 
 
-def _read(values: dict[str, Any]) -> BlockFactor:
-    of = values["of"]
-    declared = Declared(of["type"], tuple(of["levels"]), tuple(of["values"]), of["unit"])
-    return BlockFactor(values["name"], values["scope"], declared, tuple(values["sequence"]))
+def _read(values: Mapping[str, Any]) -> BlockFactor:
+    return BlockFactor(values["name"], values["scope"], _declared(values["of"]), tuple(values["sequence"]))
+
+
+def factor_read(values: Mapping[str, Any]) -> StudyFactor:
+    """Return a factor of a study from its JSON form."""
+    return StudyFactor(values["name"], values["scope"], _declared(values["of"]), values["told"])
+
+
+def _declared(of: Mapping[str, Any]) -> Declared:
+    return Declared(of["type"], tuple(of["levels"]), tuple(of["values"]), of["unit"])
 
 
 def _is_known(cells: Sequence[Sequence[Any]], own: Sequence[tuple[str, ...]]) -> bool:

@@ -129,10 +129,14 @@ def bounded(study: Study) -> tuple[Study, str]:
     return fewer, f"Pooled over {each}: the study has {cells} conditions, which tables and models distinguish."
 
 
+def of_blocks(study: Study) -> tuple[Condition, ...]:
+    """Return the conditions of blocks, without the levels of factors that vary within them."""
+    return conditions(pooled(study, [factor.name for factor in study.factors if factor.scope == "trial"]))
+
+
 def block_labels(study: Study) -> dict[str, str]:
     """Return the labels of all blocks' conditions, even if not analysed or with a factor that varies within."""
-    of_blocks = pooled(study, [factor.name for factor in study.factors if factor.scope == "trial"])
-    known = {one.name: one.label for one in conditions(of_blocks)}
+    known = {one.name: one.label for one in of_blocks(study)}
     return {name: known.get(name, name) for name in study.blocks["condition"]}
 
 
