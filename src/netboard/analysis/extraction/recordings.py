@@ -177,7 +177,7 @@ def attempt_row(
         "flags": " ".join(flags.get((attempt.trial, attempt.attempt), ())),
     }
     for group in groups:
-        row |= group.measure(take)
+        row |= group.of(take)
     if not take.knows("to_completion"):
         row |= dict.fromkeys(row.keys() & _TO_COMPLETION, np.nan)
     return row

@@ -22,10 +22,14 @@ Columns = dict[str, NDArray[Any]]
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """Measures of an attempt that are computed together."""
+    """Measures of an attempt that are computed together; `measure` returns none if the attempt does not allow them."""
 
     fields: tuple[Field, ...]
     measure: Callable[[Take], Mapping[str, float | int | str]]
+
+    def of(self, take: Take) -> Mapping[str, float | int | str]:
+        """Return the measures of an attempt; all NaN if it has none."""
+        return self.measure(take) or dict.fromkeys((field.name for field in self.fields), np.nan)
 
 
 def number(name: str, text: str, unit: str) -> Field:
