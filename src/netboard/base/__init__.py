@@ -11,4 +11,10 @@ Parameters
 ----------
 config : Config
     The whole configuration.
+cls : type
+    The dataclass of a table, or of the whole configuration.
+text : str
+    The TOML text; missing tables and keys take their defaults.
+source : str
+    Name of the file, for error messages.
 """

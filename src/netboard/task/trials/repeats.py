@@ -44,13 +44,7 @@ class Repeats:
         return self.asked[place] if 0 <= place < len(self.asked) else 0
 
     def ask(self, trial: int) -> "Repeats":
-        """Request the repeat of a trial.
-
-        Parameters
-        ----------
-        trial : int
-            Number of the trial [1].
-        """
+        """Request the repeat of a trial."""
         return replace(self, asked=(*self.asked, trial), vetoed=tuple(other for other in self.vetoed if other != trial))
 
     def veto(self, trial: int) -> "Repeats":
@@ -65,15 +59,7 @@ class Repeats:
         return replace(self, asked=self.asked[:place] + self.asked[place + 1 :], vetoed=(*self.vetoed, trial))
 
     def why_not_ask(self, trial: int, present: int) -> str:
-        """Return why a trial cannot be repeated, in a sentence; empty if it can.
-
-        Parameters
-        ----------
-        trial : int
-            Number of the trial [1].
-        present : int
-            Number of the current trial [1].
-        """
+        """Return why a trial cannot be repeated, in a sentence; empty if it can."""
         if not 1 <= trial < present:
             done = f"trials 1 to {present - 1} are done" if present > 1 else "no trial is done"
             return f"trial {trial} cannot be repeated: {done} in this block"
@@ -82,15 +68,7 @@ class Repeats:
         return ""
 
     def why_not_veto(self, trial: int, present: int) -> str:
-        """Return why the repeat of a trial cannot be cancelled, in a sentence; empty if it can.
-
-        Parameters
-        ----------
-        trial : int
-            Number of the trial [1].
-        present : int
-            Number of the current trial [1].
-        """
+        """Return why the repeat of a trial cannot be cancelled, in a sentence; empty if it can."""
         if trial in self._to_come(present):
             return ""
         if trial in self.asked:
@@ -98,13 +76,7 @@ class Repeats:
         return f"no repeat of trial {trial} was requested"
 
     def newest(self, present: int) -> int:
-        """Return the trial whose repeat was requested last and has not begun; 0 for none [1].
-
-        Parameters
-        ----------
-        present : int
-            Number of the current trial [1].
-        """
+        """Return the trial whose repeat was requested last and has not begun; 0 for none [1]."""
         return self._to_come(present)[-1] if self._to_come(present) else 0
 
     def _to_come(self, present: int) -> tuple[int, ...]:
@@ -123,8 +95,6 @@ def wants_repeat(rules: Quality, outcome: str, flags: tuple[str, ...], trial: in
         Outcome of the attempt.
     flags : tuple of str
         Flags of the attempt.
-    trial : int
-        Number of the trial [1].
     repeats : Repeats
         Repeats so far.
     """
