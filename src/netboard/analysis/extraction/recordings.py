@@ -16,7 +16,7 @@ from netboard.analysis.extraction.attempts import MODERN, PAPER
 from netboard.analysis.extraction.conditions import factors_text, kind_text, settings_text
 from netboard.analysis.extraction.details import MOVEMENTS, PATHS, movements, path
 from netboard.analysis.extraction.settings import Readings
-from netboard.analysis.extraction.tables import DTYPES, PLACE, Columns, Group, columns_of, count, number, words
+from netboard.analysis.extraction.tables import PLACE, Columns, Group, columns_of, count, number, words
 from netboard.analysis.extraction.trials import RATE, Block, Take, columns_for
 from netboard.base.config import SIDES, Side
 from netboard.base.errors import RecordingError
@@ -25,6 +25,7 @@ from netboard.base.tick import TICK
 from netboard.recording.export.runs import Run
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.backfill import unknown_ticks
+from netboard.recording.format.channels import DTYPES
 from netboard.recording.integrity.quality_check import judged_along
 from netboard.task.studies.factors import role_of, trial_role
 from netboard.task.trials.quality import SEEN, Verdict

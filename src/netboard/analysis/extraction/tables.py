@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.analysis.extraction.trials import Take
-from netboard.recording.format.channels import Field
+from netboard.recording.format.channels import DTYPES, Field
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -45,10 +45,6 @@ def count(name: str, text: str) -> Field:
 def words(name: str, text: str) -> Field:
     """Describe a column of texts."""
     return Field(name, "string", text, "")
-
-
-DTYPES = {"integer": np.dtype(np.int64), "number": np.dtype(np.float64), "string": np.dtype(object)}
-"""NumPy dtype of each kind of column."""
 
 
 def columns_of(fields: tuple[Field, ...], rows: Sequence[Mapping[str, Any]]) -> Columns:

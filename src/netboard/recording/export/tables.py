@@ -23,15 +23,13 @@ from netboard.recording.export.factors import Exported, exported_factors
 from netboard.recording.export.task import ROLE_TEXT
 from netboard.recording.files.locate import sha256_of
 from netboard.recording.files.reader import Recording
-from netboard.recording.format.channels import CHANNELS, Field
+from netboard.recording.format.channels import CHANNELS, DTYPES, Field
 from netboard.recording.format.summary import Attempt, attempts_along, from_release
 from netboard.recording.integrity.quality_check import judged
 from netboard.task.studies.factors import design_of, factors_of, trial_role
 
 Rows = Mapping[str, NDArray[Any]]
 """Columns of equal length by name: int64, float64, or text (objects)."""
-
-_DTYPES = {"integer": np.dtype(np.int64), "number": np.dtype(np.float64), "string": np.dtype(object)}
 
 
 class Subject:
@@ -70,7 +68,7 @@ class Table:
         for rows in self.rows(subject):
             count = len(next(iter(rows.values())))
             named = {"recording": np.full(count, subject.name, object), **rows}
-            yield {field.name: np.asarray(named[field.name], _DTYPES[field.kind]) for field in self.fields}
+            yield {field.name: np.asarray(named[field.name], DTYPES[field.kind]) for field in self.fields}
 
 
 _RECORDING = Field("recording", "string", "name of the recording", "")
@@ -221,7 +219,7 @@ def with_factors(factors: Sequence[Exported]) -> Table:
             yield {
                 **portion,
                 **{
-                    field.name: np.array([trial[place][field.name] for trial in levels], _DTYPES[field.kind])
+                    field.name: np.array([trial[place][field.name] for trial in levels], DTYPES[field.kind])
                     for place, one in enumerate(factors)
                     for field in one.fields
                 },
