@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from made_study import Block, made_study, random_movement, random_trial
 from netboard.analysis.extraction.details import PATHS
 from netboard.analysis.extraction.study import Study
-from netboard.analysis.extraction.tables import DTYPES
+from netboard.recording.format.channels import DTYPES
 
 Path = Mapping[str, NDArray[np.float64]]
 """Columns of the path of a trial, all but its place and the time."""

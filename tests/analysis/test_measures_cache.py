@@ -14,8 +14,8 @@ from netboard.analysis.extraction.recordings import FIELDS, Measured
 from netboard.analysis.extraction.settings import Exclusions, Filters, Readings, Summaries
 from netboard.analysis.extraction.store import ABANDONED, default_folder
 from netboard.analysis.extraction.store import TABLES as ENDING
-from netboard.analysis.extraction.tables import DTYPES
 from netboard.base.errors import RecordingError
+from netboard.recording.format.channels import DTYPES
 
 pytest.importorskip("pyarrow")
 

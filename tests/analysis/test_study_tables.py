@@ -11,7 +11,7 @@ from made_study import measured as made_block
 from netboard.analysis.extraction.exclusions import NO_COMPLETION, excluded
 from netboard.analysis.extraction.recordings import Measured
 from netboard.analysis.extraction.settings import Exclusions, Readings, parse
-from netboard.analysis.extraction.study import Study, notes, study_of
+from netboard.analysis.extraction.study import FIELDS_IN_STUDY, Study, notes, study_of
 from netboard.base.errors import ConfigError
 from rehearsed_study import measured, rehearse
 
@@ -50,7 +50,7 @@ def test_trials_are_numbered_within_each_performer_and_condition(folder: Path) -
     assert (found.trials.loc[found.trials["outcome"] != "success", "counts"] == 0).all()
     for name in ("blocks", "trials", "movements"):
         assert list(getattr(found, name)) == list(dict.fromkeys(getattr(found, name)))
-        assert set(getattr(found, name)) == {field.name for field in found.fields(name)}
+        assert set(getattr(found, name)) == {field.name for field in found.with_factor_fields(FIELDS_IN_STUDY[name])}
 
 
 @pytest.mark.slow

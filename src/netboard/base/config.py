@@ -66,10 +66,6 @@ def parse(text: str, source: str = "netboard.toml", overrides: Sequence[str] = (
 
     Parameters
     ----------
-    text : str
-        The TOML text; missing tables and keys take their defaults.
-    source : str
-        Name of the file, for error messages.
     overrides : sequence of str
         Settings as ``table.key=value`` that take precedence over those of the text.
 

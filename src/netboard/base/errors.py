@@ -13,6 +13,9 @@ Our own misuse is a ``ValueError`` or ``TypeError``. Expected conditions (a lost
 force, an aborted trial) are values, events or counters, never exceptions.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class NetboardError(Exception):
     """Base of all exceptions that netboard raises deliberately."""
@@ -44,3 +47,20 @@ class WireError(NetboardError):
 
 class RecordingError(NetboardError):
     """A recording cannot be written, read or trusted."""
+
+
+@contextmanager
+def writing(path: object, kind: type[NetboardError] = RecordingError) -> Iterator[None]:
+    """Convert an error of the disk into one that names what cannot be written.
+
+    Parameters
+    ----------
+    path : object
+        File or folder, as the message names it.
+    kind : type
+        Exception to raise.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise kind(f"{path}: cannot be written: {error.strerror or error}") from error

@@ -1,12 +1,12 @@
 """The figure that a command saves: refused before a long computation, and complete or absent after it."""
 
-import os
 from importlib.util import find_spec
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 from netboard.base.errors import NetboardError
+from netboard.base.new_file import new_file
 
 
 def refuse_figure(figure: Path | None) -> None:
@@ -24,16 +24,9 @@ def refuse_figure(figure: Path | None) -> None:
 
 
 def save_figure(figure: Any, path: Path, dpi: int) -> None:
-    """Save a figure of matplotlib under a temporary name, then rename it."""
+    """Save a figure of matplotlib."""
     data = BytesIO()
     figure.savefig(data, format=path.suffix[1:].lower(), dpi=dpi)
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        try:
-            part.write_bytes(data.getvalue())
-            refuse_figure(path)
-            part.rename(path)
-        finally:
-            part.unlink(missing_ok=True)
-    except OSError as error:
-        raise NetboardError(f"{path}: cannot be written: {error.strerror or error}") from error
+    with new_file(path) as part:
+        part.write_bytes(data.getvalue())
+        refuse_figure(path)

@@ -159,8 +159,6 @@ def tables(cls: type[Any], path: Path = ()) -> Iterator[Table]:
 
     Parameters
     ----------
-    cls : type
-        The dataclass.
     path : tuple of str
         Its own name in TOML.
 
@@ -226,12 +224,6 @@ def read(adapter: TypeAdapter[T], cls: type[T], text: str, source: str, override
     ----------
     adapter : TypeAdapter
         pydantic's validator of the dataclass.
-    cls : type
-        The dataclass.
-    text : str
-        The TOML text; missing tables and keys take their defaults.
-    source : str
-        Name of the file, for error messages.
     overrides : sequence of str
         Settings as ``table.key=value`` that override those of the text.
 
@@ -440,11 +432,6 @@ def write(settings: Any) -> str:
 
 def write_template(cls: type[Any]) -> str:
     """Write the defaults as TOML, with what every key is, its unit and its limits as comments.
-
-    Parameters
-    ----------
-    cls : type
-        The dataclass.
 
     Returns
     -------

@@ -15,7 +15,7 @@ h : float
     Step size [s].
 parts : Parts
     Structure of the scene; in kernels a compile-time constant.
-scene : SCENE record
+scene : SCENE record, or ndarray of SCENE, shape (1,)
     The scene.
 physics : Physics
     The scene as the configuration's table.
@@ -33,4 +33,6 @@ tables : tuple of ndarray of float64, shape (kinds, k, n, n), and int
     Tables from `Method.tables` for each step size, and the index of the current one; unused by methods without tables.
 loop : Loop
     The coupling's control loop.
+motion : Motion
+    The result of a simulation.
 """

@@ -222,13 +222,7 @@ def simulate(
 
 
 def is_stably_integrated(motion: Motion, physics: Physics, free: bool = True) -> bool:
-    """Tell whether the method was stable for the linearised scene and its friction; if not, the result is invalid.
-
-    Parameters
-    ----------
-    motion : Motion
-        The result.
-    """
+    """Tell whether the method was stable for the linearised scene and its friction; if not, the result is invalid."""
     matrix = board_matrix(parts_of(physics, free), pack_scene(physics)[0])
     method, step, rate = motion.steps.method, motion.longest, 0.0
     if free and physics.balls > 0:  # of a ball alone: where friction moves the board too, its rate is only larger
@@ -242,11 +236,6 @@ def is_stably_integrated(motion: Motion, physics: Physics, free: bool = True) ->
 
 def columns_of(motion: Motion) -> dict[str, NDArray[np.float64]]:
     """Name the columns of a result.
-
-    Parameters
-    ----------
-    motion : Motion
-        The result.
 
     Returns
     -------

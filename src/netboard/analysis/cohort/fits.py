@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from functools import partial
 from math import exp, log, nan
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -18,12 +17,11 @@ import pandas as pd
 from netboard.analysis.cohort.folder import MANIFEST, Cohort
 from netboard.analysis.cohort.power import Power, Rate, mean_width
 from netboard.analysis.cohort.workers import run_all
-from netboard.analysis.extraction.conditions import StudyFactor
+from netboard.analysis.extraction.conditions import factor_read
 from netboard.analysis.statistics.factors import INTERCEPT, PRACTICE
 from netboard.analysis.topics.models import Fit, fits_of, number_of, people_alone
 from netboard.base.errors import ConfigError
 from netboard.recording.export.formats import Progress
-from netboard.task.studies.factors import Declared
 
 Key = tuple[int, str, str, str]
 """Number of dyads, measure, effect, and method of inference."""
@@ -42,13 +40,6 @@ class Term:
     p: float
 
 
-def factor_of(values: Mapping[str, Any]) -> StudyFactor:
-    """Return a factor of the study from its JSON form."""
-    of = values["of"]
-    declared = Declared(of["type"], tuple(of["levels"]), tuple(of["values"]), of["unit"])
-    return StudyFactor(values["name"], values["scope"], declared, values["told"])
-
-
 def fitted(folder: Path, sizes: Sequence[int], alpha: float, trials: int, number: int) -> dict[Key, Term]:
     """Fit all models to a virtual study with each number of dyads.
 
@@ -62,7 +53,7 @@ def fitted(folder: Path, sizes: Sequence[int], alpha: float, trials: int, number
     if trials:
         attempts = attempts[attempts["order"] <= trials]
     dyad = attempts["dyad"].str[1:].astype(int)
-    factors = [factor_of(one) for one in packed.factors]
+    factors = list(map(factor_read, packed.factors))
     found: dict[Key, Term] = {}
     for size in sizes:
         own = attempts[dyad <= size]

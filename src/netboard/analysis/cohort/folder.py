@@ -11,7 +11,6 @@ import json
 import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -24,9 +23,9 @@ from netboard.analysis.cohort.virtual import Design, StudyTables, check, compile
 from netboard.analysis.cohort.workers import CODE, run_all
 from netboard.analysis.extraction.fingerprint import fingerprint
 from netboard.analysis.extraction.store import Store
-from netboard.analysis.extraction.tables import columns_of
+from netboard.analysis.extraction.tables import Kind, columns_of
 from netboard.base.config import resolve
-from netboard.base.errors import ConfigError, RecordingError
+from netboard.base.errors import ConfigError, RecordingError, writing
 from netboard.recording.export.formats import Progress
 from netboard.recording.export.tabular import open_csv, open_parquet, write_dictionary
 from netboard.recording.format.channels import Field
@@ -54,15 +53,6 @@ ABOUT = {
     "trials": "one attempt at a trial in a virtual study",
 }
 """Meaning of a row of each table."""
-
-
-@dataclass(frozen=True, slots=True)
-class Kind:
-    """A table of a cohort."""
-
-    name: str
-    about: str
-    fields: tuple[Field, ...]
 
 
 def manifest_of(design: Design) -> dict[str, Any]:
@@ -100,12 +90,10 @@ class Cohort:
         """Make a new folder."""
         if folder.exists():
             raise RecordingError(f"{folder}: already exists; continue it with --resume, or choose another --output")
-        try:
+        with writing(folder):
             folder.mkdir(parents=True)
             text = json.dumps(manifest_of(design), indent=1, ensure_ascii=False) + "\n"
             (folder / MANIFEST).write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise RecordingError(f"{folder}: cannot be written: {error.strerror or error}") from error
         return cls(folder)
 
     def require(self, design: Design) -> None:
@@ -155,14 +143,12 @@ class Cohort:
     def write_tables(self, studies: int, ending: Ending) -> None:
         """Join the tables of the first studies; a former join is replaced."""
         part = self.folder / f"{TABLES_IN}.part"
-        try:
+        with writing(part):
             shutil.rmtree(part, ignore_errors=True)
             part.mkdir()
             self._write(part, studies, ending)
             shutil.rmtree(self.folder / TABLES_IN, ignore_errors=True)
             part.rename(self.folder / TABLES_IN)
-        except OSError as error:
-            raise RecordingError(f"{part}: cannot be written: {error.strerror or error}") from error
 
     def _write(self, part: Path, studies: int, ending: Ending) -> None:
         """Write all tables, one study after the other."""

@@ -4,7 +4,7 @@ A row of `GROUPS` has means with their numbers of values, so that means over gro
 an analysis of all trials gives.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,10 +13,10 @@ import pandas as pd
 from netboard.analysis.cohort.block import TRIALS
 from netboard.analysis.extraction.details import PERCENT
 from netboard.analysis.extraction.study import PLACE_IN_STUDY, Study
-from netboard.analysis.extraction.tables import DTYPES, Columns, count, number
+from netboard.analysis.extraction.tables import ATTEMPT_KEY, count, number
 from netboard.analysis.measures.ellipses import groups_of
 from netboard.analysis.measures.performance import ENDS
-from netboard.analysis.topics.groups import CLASSES, counted
+from netboard.analysis.topics.groups import CLASSES, counted, excluded
 from netboard.analysis.topics.measures import MEASURES, Measure, rows_of
 from netboard.analysis.topics.models import number_of
 from netboard.recording.format.channels import Field
@@ -119,16 +119,8 @@ KEPT = tuple(CohortMeasure(one, *_KEPT[one.name]) for one in MEASURES if one.nam
 
 def fields_of(study: Study) -> dict[str, tuple[Field, ...]]:
     """Return the columns of each table, with those of the study's factors."""
-    with_factors = {}
-    for name, own in (("groups", GROUPS), ("trials", ATTEMPTS)):
-        there = {field.name for field in own}
-        with_factors[name] = (*own, *(field for field in study.factor_fields if field.name not in there))
-    return {"studies": STUDIES, **with_factors}
-
-
-def as_columns(frame: pd.DataFrame, fields: Sequence[Field]) -> Columns:
-    """Return the columns of a table in their written form."""
-    return {field.name: frame[field.name].to_numpy(DTYPES[field.kind]) for field in fields}
+    of_trials = {"groups": GROUPS, "trials": ATTEMPTS}
+    return {"studies": STUDIES, **{name: study.with_factor_fields(own) for name, own in of_trials.items()}}
 
 
 def group_rows(study: Study, number: int) -> pd.DataFrame:
@@ -178,8 +170,6 @@ def _of_movements(rows: pd.DataFrame) -> pd.DataFrame:
 
 def attempt_rows(study: Study, number: int) -> pd.DataFrame:
     """Return all attempts of a study, with their mean delay and whether they are excluded."""
-    keys = ["recording", "trial", "attempt"]
     moved = study.movements[study.movements["cooperative"] == 1]
-    delays = moved["delay_20"].abs().groupby([moved[key] for key in keys]).mean()
-    out = pd.MultiIndex.from_frame(study.trials[keys]).isin(pd.MultiIndex.from_frame(study.exclusions[keys]))
-    return study.trials.join(delays, on=keys).assign(excluded=out.astype(int), study=number)
+    delays = moved["delay_20"].abs().groupby([moved[key] for key in ATTEMPT_KEY]).mean()
+    return study.trials.join(delays, on=ATTEMPT_KEY).assign(excluded=excluded(study).astype(int), study=number)

@@ -12,11 +12,11 @@ from io import BytesIO
 from typing import Any
 
 from netboard.analysis.cohort.block import READINGS, measured, rehearse
-from netboard.analysis.cohort.rows import as_columns, attempt_rows, fields_of, group_rows
+from netboard.analysis.cohort.rows import attempt_rows, fields_of, group_rows
 from netboard.analysis.extraction.cache import Streams
 from netboard.analysis.extraction.study import Study as Tables
 from netboard.analysis.extraction.study import study_of
-from netboard.analysis.extraction.tables import Columns
+from netboard.analysis.extraction.tables import Columns, written
 from netboard.analysis.topics.contrasts import questions_of
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError
@@ -109,13 +109,13 @@ def simulate(design: Design, number: int) -> bytes:
         "given_up": given_up,
         "trials": len(study.counted),
         "attempts": len(study.trials),
-        "excluded": len(study.exclusions.drop_duplicates(["recording", "trial", "attempt"])),
+        "excluded": study.excluded_attempts,
         "duration": ticks * TICK_SECONDS,
     }
     fields = fields_of(study)
-    packed = {"groups": as_columns(group_rows(study, number), fields["groups"])}
+    packed = {"groups": written(group_rows(study, number), fields["groups"])}
     if design.keep_trials:
-        packed["trials"] = as_columns(attempt_rows(study, number), fields["trials"])
+        packed["trials"] = written(attempt_rows(study, number), fields["trials"])
     return _packed(whole, packed, fields, study)
 
 

@@ -5,16 +5,16 @@ task is lost: another process tries it once more. If that fails too, the running
 an error.
 """
 
-import multiprocessing
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TypeVar
 
-from netboard.analysis.extraction.workers import dask, leave_stopping
+from netboard.analysis.extraction.workers import dask
 from netboard.base.errors import NetboardError
+from netboard.base.workers import worker_processes
 
 T = TypeVar("T")
 
@@ -45,7 +45,7 @@ def run_all(
     with ExitStack() as stack:
 
         def process() -> Executor:
-            pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), leave_stopping)
+            pool = worker_processes(1)
             stack.callback(pool.shutdown, wait=False, cancel_futures=True)
             return pool
 

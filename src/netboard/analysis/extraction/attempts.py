@@ -164,8 +164,6 @@ STIFFNESSES = (50, 150, 300)
 PAIRS: tuple[tuple[Side, Side], ...] = (("left", "right"), ("right", "left"))
 """Pairs of active and passive side."""
 
-_PASSIVE = (*(f"passive_{k}{kind}" for k in STIFFNESSES for kind in ("", "_device")), "passive_friction")
-
 _LEAST = 3
 """Minimum number of samples for smoothness measures [1]."""
 
@@ -174,7 +172,7 @@ def _lag(take: Take) -> dict[str, float]:
     window = take.trial.window()
     left, right = take.found.left_vz[window], take.found.right_vz[window]
     if left.size < 2 * MAX_LAG * RATE:
-        return {"lag": np.nan, "lag_correlation": np.nan, "correlation": np.nan}
+        return {}
     found = lag_of(left, right, RATE, longest=MAX_LAG)
     return {"lag": found.delay, "lag_correlation": found.coefficient, "correlation": found.at_once}
 
@@ -182,7 +180,7 @@ def _lag(take: Take) -> dict[str, float]:
 def _smoothness(take: Take) -> dict[str, float]:
     speed = take.found.speed[take.trial.window()]
     if speed.size < _LEAST:
-        return {"sparc": np.nan, "ldlj": np.nan}
+        return {}
     return {"sparc": spectral_arc_length(speed, RATE), "ldlj": log_dimensionless_jerk(speed, RATE)}
 
 
@@ -197,7 +195,7 @@ def _reactions(take: Take) -> dict[str, float]:
 def _stays(take: Take) -> dict[str, float]:
     p, sizes = take.raw("p")[take.trial.window()], take.block.config.geometry
     if not p.size:
-        return {"in_target": np.nan, "overshoots": np.nan, "overshoot": np.nan}
+        return {}
     half = sizes.target_width / 2
     stays = time_in_target(p, RATE, centre=take.trial.target, half_width=half)
     beyond = overshoots(p, RATE, centre=take.trial.target, half_width=half)
@@ -234,14 +232,13 @@ def _passive_partner(take: Take) -> dict[str, float]:
 
     Computed without friction, and with the mechanics of the passive side's device.
     """
-    names = _PASSIVE
     config = take.block.config
     if config.block.configuration != "dyadic" or not config.block.haptics or config.physics.board != "free":
-        return dict.fromkeys(names, np.nan)
+        return {}
     window = take.trial.window()
     p = take.found.p[window]
     if p.size < _LEAST:
-        return dict.fromkeys(names, np.nan)
+        return {}
     held = take.block.mechanics
     gains = dict(zip(SIDES, gains_of(parts_of(config.physics), pack_scene(config.physics)[0]), strict=True))
     moved = {side: getattr(take.found, f"{side}_z")[window] for side in SIDES}

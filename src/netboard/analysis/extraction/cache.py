@@ -23,7 +23,7 @@ from netboard.analysis.extraction.recordings import FIELDS, Measured
 from netboard.analysis.extraction.settings import Readings, measured_with
 from netboard.analysis.extraction.store import LIMIT, TABLES, Store
 from netboard.analysis.extraction.tables import Columns
-from netboard.base.errors import RecordingError
+from netboard.base.errors import writing
 from netboard.recording.export.formats import library
 from netboard.recording.format.channels import Field
 
@@ -110,11 +110,8 @@ class PathTable(Mapping[str, pd.DataFrame]):
     def put(self, measured: Measured) -> None:
         """Store the paths of a recording."""
         place = self._folder / f"{len(self._places)}.paths"
-        try:
-            with place.open("wb") as file:
-                self._streams.write(file, measured.paths, FIELDS["paths"])
-        except OSError as error:
-            raise RecordingError(f"{place}: cannot be written: {error.strerror or error}") from error
+        with writing(place), place.open("wb") as file:
+            self._streams.write(file, measured.paths, FIELDS["paths"])
         self._places[measured.blocks["recording"][0]] = place
 
     def __getitem__(self, recording: str) -> pd.DataFrame:

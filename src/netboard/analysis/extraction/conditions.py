@@ -153,10 +153,17 @@ def study_levels(blocks: pd.DataFrame, analysed: pd.Series) -> Levels:
     return Levels(tuple(told), sequences)
 
 
-def _read(values: dict[str, Any]) -> BlockFactor:
-    of = values["of"]
-    declared = Declared(of["type"], tuple(of["levels"]), tuple(of["values"]), of["unit"])
-    return BlockFactor(values["name"], values["scope"], declared, tuple(values["sequence"]))
+def _read(values: Mapping[str, Any]) -> BlockFactor:
+    return BlockFactor(values["name"], values["scope"], _declared(values["of"]), tuple(values["sequence"]))
+
+
+def factor_read(values: Mapping[str, Any]) -> StudyFactor:
+    """Return a factor of a study from its JSON form."""
+    return StudyFactor(values["name"], values["scope"], _declared(values["of"]), values["told"])
+
+
+def _declared(of: Mapping[str, Any]) -> Declared:
+    return Declared(of["type"], tuple(of["levels"]), tuple(of["values"]), of["unit"])
 
 
 def _is_known(cells: Sequence[Sequence[Any]], own: Sequence[tuple[str, ...]]) -> bool:
@@ -206,10 +213,19 @@ def _unit_of(key: str) -> str:
     return next((one.unit for own in tables(Config) if own.name == table for one in own.keys if one.name == name), "")
 
 
+STAND_INS = ("robot", "still")
+"""Movers of a stylus that are not participants."""
+
+
 def partner_of(movers: Iterable[str]) -> str:
     """Return the partner if it is neither participant, such as ``robot partner``; otherwise empty."""
     there = set(movers)
-    return ", ".join(f"{kind} partner" for kind in ("robot", "still") if kind in there)
+    return ", ".join(f"{kind} partner" for kind in STAND_INS if kind in there)
+
+
+def participants_of(blocks: pd.DataFrame) -> list[str]:
+    """Return the pseudonyms of the participants in the blocks of a dyad, sorted."""
+    return sorted({*blocks["left_by"], *blocks["right_by"]} - {*STAND_INS, *blocks["dyad"]})
 
 
 def names_of(base: pd.DataFrame, told: Mapping[str, Sequence[str]], roles: Iterable[str] = ()) -> list[str]:

@@ -16,15 +16,16 @@ from netboard.analysis.extraction.attempts import MODERN, PAPER
 from netboard.analysis.extraction.conditions import factors_text, kind_text, settings_text
 from netboard.analysis.extraction.details import MOVEMENTS, PATHS, movements, path
 from netboard.analysis.extraction.settings import Readings
-from netboard.analysis.extraction.tables import DTYPES, PLACE, Columns, Group, columns_of, count, number, words
+from netboard.analysis.extraction.tables import PLACE, Columns, Group, columns_of, count, number, words
 from netboard.analysis.extraction.trials import RATE, Block, Take, columns_for
-from netboard.base.config import SIDES, Config, Side
+from netboard.base.config import SIDES, Side
 from netboard.base.errors import RecordingError
 from netboard.base.tables.forces import FORCE_WORDS
 from netboard.base.tick import TICK
 from netboard.recording.export.runs import Run
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.backfill import unknown_ticks
+from netboard.recording.format.channels import DTYPES
 from netboard.recording.integrity.quality_check import judged_along
 from netboard.task.studies.factors import role_of, trial_role
 from netboard.task.trials.quality import SEEN, Verdict
@@ -106,7 +107,7 @@ def measure(run: Run, readings: Readings) -> Measured:
     """Return the tables of a recording."""
     name = run.path.stem
     with Recording(run.path) as recording:
-        columns, verdicts = _read(recording, run.config, readings)
+        columns, verdicts = _read(recording, readings)
         block = Block.of(recording, run.config, readings, columns)
         unknown = _unknown(recording, columns)
         repaired = bool(recording.recovery)
@@ -139,7 +140,7 @@ def place_of(name: str, take: Take) -> dict[str, Any]:
     return {"recording": name, "trial": take.attempt.trial, "attempt": take.attempt.attempt}
 
 
-def _read(recording: Recording, config: Config, readings: Readings) -> tuple[Columns, tuple[Verdict, ...]]:
+def _read(recording: Recording, readings: Readings) -> tuple[Columns, tuple[Verdict, ...]]:
     """Read the needed columns and check the attempts' quality in one pass, so chunks are decompressed once."""
     wanted = tuple(dict.fromkeys((*columns_for(readings), *_RENDERED)))
     columns = {name: np.empty(recording.counts["/ticks"], TICK[name]) for name in wanted}
@@ -152,7 +153,7 @@ def _read(recording: Recording, config: Config, readings: Readings) -> tuple[Col
             done += rows.size
             yield rows
 
-    return columns, judged_along(recording, config, portions())
+    return columns, judged_along(recording, portions())
 
 
 def _unknown(recording: Recording, columns: Columns) -> int:
@@ -177,7 +178,7 @@ def attempt_row(
         "flags": " ".join(flags.get((attempt.trial, attempt.attempt), ())),
     }
     for group in groups:
-        row |= group.measure(take)
+        row |= group.of(take)
     if not take.knows("to_completion"):
         row |= dict.fromkeys(row.keys() & _TO_COMPLETION, np.nan)
     return row
@@ -189,7 +190,7 @@ def _paths(places: list[dict[str, Any]], takes: list[Take]) -> Columns:
     lengths = [len(part["time"]) for part in parts]
     whole: Columns = {}
     for field in PATHS:
-        if field.name in ("recording", "trial", "attempt"):
+        if field in PLACE:
             values = np.array([place[field.name] for place in places], DTYPES[field.kind])
             whole[field.name] = np.repeat(values, lengths)
         else:

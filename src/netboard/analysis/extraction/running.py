@@ -6,7 +6,7 @@ written to disk as they arrive.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from netboard.analysis.extraction.cache import Cache, key_of
 from netboard.analysis.extraction.recordings import Measured, measure
 from netboard.analysis.extraction.settings import Readings
+from netboard.analysis.extraction.store import digests_of
 from netboard.analysis.extraction.workers import WorkerPool
 from netboard.base.errors import NetboardError, RecordingError
 from netboard.base.process import peak_memory
@@ -71,7 +72,7 @@ def extract(
     measured and `skip` is false, or none remains.
     """
     runs, left_out = _readable(recordings) if skip else (runs_of(recordings), [])
-    digests = _digests([run.path for run in runs])
+    digests = digests_of([run.path for run in runs])
     keys = {run.path: key_of(run.path.stem, digests[run.path], readings) for run in runs}
     taken = _Collector(shelf, progress, len(runs))
     if cache is not None:
@@ -133,12 +134,6 @@ def _left_out(path: Path, error: Exception) -> LeftOut:
     """Return the reason, without the path of the file."""
     why = str(error).replace(str(path.absolute()), path.name).replace(str(path), path.name)
     return LeftOut(path.name, why.removeprefix(f"{path.name}: "))
-
-
-def _digests(paths: Sequence[Path]) -> dict[Path, str]:
-    """Return the SHA-256 of files, in hexadecimal."""
-    with ThreadPoolExecutor() as pool:
-        return dict(zip(paths, pool.map(sha256_of, paths), strict=True))
 
 
 def _take_kept(keys: Mapping[Path, str], cache: Cache, taken: _Collector) -> None:

@@ -149,11 +149,15 @@ def _version(name: str) -> str:
 
 def key_of_analysis(recordings: Sequence[Path], settings: bytes, options: Sequence[str]) -> str:
     """Return the cache key of an analysis from everything that affects its output."""
-    with ThreadPoolExecutor() as pool:
-        digests = list(pool.map(sha256_of, recordings))
-    named = [[str(path), digest] for path, digest in zip(recordings, digests, strict=True)]
+    named = [[str(path), digest] for path, digest in digests_of(recordings).items()]
     told = json.dumps([code_digest(), named, hashlib.sha256(settings).hexdigest(), list(options)])
     return hashlib.sha256(told.encode()).hexdigest()
+
+
+def digests_of(paths: Sequence[Path]) -> dict[Path, str]:
+    """Return the SHA-256 of files, in hexadecimal."""
+    with ThreadPoolExecutor() as pool:
+        return dict(zip(paths, pool.map(sha256_of, paths), strict=True))
 
 
 def keep(store: Store, key: str, folder: Path, words: Sequence[str]) -> None:

@@ -14,6 +14,7 @@ from netboard.analysis.extraction.conditions import (
     Levels,
     StudyFactor,
     names_of,
+    participants_of,
     partner_of,
     study_levels,
     value_columns,
@@ -21,7 +22,7 @@ from netboard.analysis.extraction.conditions import (
 from netboard.analysis.extraction.exclusions import excluded
 from netboard.analysis.extraction.recordings import FIELDS, Measured
 from netboard.analysis.extraction.settings import Readings
-from netboard.analysis.extraction.tables import Columns, count, words
+from netboard.analysis.extraction.tables import ATTEMPT_KEY, Columns, count, words
 from netboard.analysis.extraction.trials import RATE
 from netboard.analysis.measures.performance import running_number
 from netboard.recording.format.channels import Field
@@ -49,7 +50,6 @@ PLACE_IN_STUDY = (
 """Columns of a study's tables of trials and movements beside those of a recording."""
 
 _SHARED = tuple(field.name for field in PLACE_IN_STUDY)
-_KEYS = ["recording", "trial", "attempt"]
 _RAW = ("factors", "settings")
 
 
@@ -75,9 +75,8 @@ class Study:
         """Columns of the factors, which every table has in addition."""
         return tuple(field for factor in self.factors for field in factor.fields)
 
-    def fields(self, table: str) -> tuple[Field, ...]:
-        """Columns of a table."""
-        own = FIELDS_IN_STUDY[table]
+    def with_factor_fields(self, own: Sequence[Field]) -> tuple[Field, ...]:
+        """Return the columns of a table, followed by those of the factors that are not among them."""
         there = {field.name for field in own}
         return (*own, *(field for field in self.factor_fields if field.name not in there))
 
@@ -95,6 +94,11 @@ class Study:
     def counted(self) -> pd.DataFrame:
         """Successful trials that count, in the order of each dyad's sessions."""
         return self.trials[self.trials["counts"] == 1]
+
+    @property
+    def excluded_attempts(self) -> int:
+        """Number of excluded attempts [1]."""
+        return len(self.exclusions.drop_duplicates(ATTEMPT_KEY))
 
     @property
     def dyads(self) -> list[str]:
@@ -184,8 +188,8 @@ def _block_conditions(blocks: pd.DataFrame, levels: Levels) -> list[str]:
 
 def _moved(movements: pd.DataFrame, trials: pd.DataFrame, levels: Levels) -> pd.DataFrame:
     """Add the columns of its trial to each movement."""
-    shared = [*_KEYS, *_SHARED, "role", *_columns_of(levels)]
-    return movements.merge(trials[shared], on=_KEYS, how="left", validate="many_to_one")
+    shared = [*ATTEMPT_KEY, *_SHARED, "role", *_columns_of(levels)]
+    return movements.merge(trials[shared], on=ATTEMPT_KEY, how="left", validate="many_to_one")
 
 
 def _in_order(measured: Iterable[Measured]) -> list[Measured]:
@@ -226,6 +230,12 @@ def _joined(parts: Sequence[Columns]) -> pd.DataFrame:
     return pd.DataFrame({name: np.concatenate([part[name] for part in parts]) for name in parts[0]}, copy=False)
 
 
+def series_labels(readings: Readings) -> list[str]:
+    """Return the columns that identify a series: trials of a performer that the settings number together."""
+    condition = ["condition"] if readings.summaries.numbering == "condition" else []
+    return ["dyad", "performer", "configuration", *condition]
+
+
 def _placed(
     trials: pd.DataFrame, blocks: pd.DataFrame, left_out: pd.DataFrame, readings: Readings, levels: Levels
 ) -> pd.DataFrame:
@@ -236,16 +246,13 @@ def _placed(
     at = [places[one] for one in joined["recording"]]
     told = {one.name: levels.at(one, at, joined["trial"]) for one in levels.factors if one.told}
     joined["condition"] = names_of(joined, told, [role or "test" for role in joined["role"]])
-    out = pd.MultiIndex.from_frame(left_out[_KEYS])
-    kept = ~pd.MultiIndex.from_frame(joined[_KEYS]).isin(out)
+    out = pd.MultiIndex.from_frame(left_out[ATTEMPT_KEY])
+    kept = ~pd.MultiIndex.from_frame(joined[ATTEMPT_KEY]).isin(out)
     joined["counts"] = ((joined["outcome"] == "success") & kept).astype("int64")
     joined["order"] = 0
     counted = joined["counts"] == 1
-    labels = ["dyad", "performer", "configuration"]
-    if readings.summaries.numbering == "condition":
-        labels.append("condition")
     if counted.any():
-        columns = [joined.loc[counted, name].to_numpy() for name in labels]
+        columns = [joined.loc[counted, name].to_numpy() for name in series_labels(readings)]
         joined.loc[counted, "order"] = running_number(*columns)
     return joined.assign(**_factor_columns(levels, at, joined["trial"]))
 
@@ -298,7 +305,7 @@ def notes(study: Study) -> tuple[str, ...]:
 def _crowded(blocks: pd.DataFrame) -> Iterator[str]:
     """Yield a note for each dyad with more than two people, as if two dyads were recorded under one pseudonym."""
     for dyad, own in blocks.groupby("dyad"):
-        people = sorted({*own["left_by"], *own["right_by"]} - {"still", "robot", dyad})
+        people = participants_of(own)
         if len(people) > 2:
             yield (
                 f"dyad {dyad} has {len(people)} participants ({', '.join(people)}) and is taken for one dyad: if these "

@@ -5,13 +5,16 @@ A column holds integers, numbers (NaN: the attempt has no such measure) or texts
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from netboard.analysis.extraction.trials import Take
-from netboard.recording.format.channels import Field
+from netboard.recording.format.channels import DTYPES, Field
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Columns = dict[str, NDArray[Any]]
 """Table in memory: columns of equal length by name [SI]."""
@@ -19,10 +22,14 @@ Columns = dict[str, NDArray[Any]]
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """Measures of an attempt that are computed together."""
+    """Measures of an attempt that are computed together; `measure` returns none if the attempt does not allow them."""
 
     fields: tuple[Field, ...]
     measure: Callable[[Take], Mapping[str, float | int | str]]
+
+    def of(self, take: Take) -> Mapping[str, float | int | str]:
+        """Return the measures of an attempt; all NaN if it has none."""
+        return self.measure(take) or dict.fromkeys((field.name for field in self.fields), np.nan)
 
 
 def number(name: str, text: str, unit: str) -> Field:
@@ -40,13 +47,23 @@ def words(name: str, text: str) -> Field:
     return Field(name, "string", text, "")
 
 
-DTYPES = {"integer": np.dtype(np.int64), "number": np.dtype(np.float64), "string": np.dtype(object)}
-"""NumPy dtype of each kind of column."""
-
-
 def columns_of(fields: tuple[Field, ...], rows: Sequence[Mapping[str, Any]]) -> Columns:
     """Convert rows to columns."""
     return {field.name: np.array([row[field.name] for row in rows], DTYPES[field.kind]) for field in fields}
+
+
+def written(frame: "pd.DataFrame", fields: Sequence[Field]) -> Columns:
+    """Return the columns of a table in their written form."""
+    return {field.name: frame[field.name].to_numpy(DTYPES[field.kind]) for field in fields}
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A table that is written: its name, the meaning of a row, and its columns."""
+
+    name: str
+    about: str
+    fields: tuple[Field, ...]
 
 
 PLACE = (
@@ -55,3 +72,6 @@ PLACE = (
     count("attempt", "number of the attempt at it, from 1"),
 )
 """Columns that locate a row of trials, movements and paths: recording, trial and attempt."""
+
+ATTEMPT_KEY = [field.name for field in PLACE]
+"""Names of the columns that identify an attempt."""

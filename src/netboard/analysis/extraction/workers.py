@@ -4,11 +4,9 @@ An executor factory receives the recordings and checks that it can measure them 
 ends too early gives an error in one line.
 """
 
-import multiprocessing
 import os
-import signal
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import BrokenExecutor, CancelledError, Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
 from importlib.metadata import version
 from pathlib import Path
@@ -16,6 +14,7 @@ from typing import Any
 
 from netboard.analysis.extraction.fingerprint import ROOT, fingerprint
 from netboard.base.errors import ConfigError, NetboardError
+from netboard.base.workers import worker_processes
 from netboard.recording.export.formats import library
 
 WorkerPool = Callable[[Sequence[Path]], AbstractContextManager[Executor]]
@@ -38,8 +37,7 @@ def processes(workers: int) -> WorkerPool:
     @contextmanager
     def workers_of(recordings: Sequence[Path]) -> Iterator[Executor]:
         count = min(workers, len(recordings))
-        spawn = multiprocessing.get_context("spawn")
-        pool = ThreadPoolExecutor(1) if count == 1 else ProcessPoolExecutor(count, spawn, leave_stopping)
+        pool = ThreadPoolExecutor(1) if count == 1 else worker_processes(count)
         try:
             yield pool
         except BrokenExecutor as error:
@@ -50,11 +48,6 @@ def processes(workers: int) -> WorkerPool:
             pool.shutdown(cancel_futures=True)
 
     return workers_of
-
-
-def leave_stopping() -> None:
-    """Let Ctrl-C stop only the waiting process, which stops the others."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def dask(address: str, patience: float = TIMEOUT, root: str = ROOT) -> WorkerPool:

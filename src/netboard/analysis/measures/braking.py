@@ -63,10 +63,6 @@ def first_braking(
     ----------
     segments : Segments
         Movements of the board; only those that begin in the trial count.
-    theta : ndarray, shape (n,)
-        Tilt, + = right end up [rad].
-    p : ndarray, shape (n,)
-        Ball position along the board, + = right [m].
     vp : ndarray, shape (n,)
         Ball velocity [m/s].
     trial : Trial

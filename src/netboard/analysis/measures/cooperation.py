@@ -63,7 +63,6 @@ def contributions(
 
     Parameters
     ----------
-    segments : Segments
     left_z, right_z : ndarray, shape (n,)
         Height of the styluses [m].
     opposite : {"net", "majority"}
@@ -137,7 +136,6 @@ def delays(
 
     Parameters
     ----------
-    segments : Segments
     moved : Contributions
         Contribution of each side, from `contributions`.
     left_vz, right_vz : ndarray, shape (n,)

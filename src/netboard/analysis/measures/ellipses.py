@@ -152,9 +152,6 @@ def groups_of(order: NDArray[np.int64], size: int = GROUP) -> NDArray[np.int64]:
 
     Parameters
     ----------
-    order : ndarray of int64, shape (n,)
-        Position of each trial in its condition, from 1, from `netboard.analysis.measures.performance.running_number`
-        [1].
     size : int
         Number of trials in a group [1].
 

@@ -72,12 +72,8 @@ def supports(
 
     Parameters
     ----------
-    p : array_like, shape (n,)
-        Ball position along the board, + = right [m].
     board_mass, ball_mass : float
         Masses M and m; the ball mass is 0 while something else carries the ball [kg].
-    arm : float
-        Distance l from the board's centre to a control point [m].
     g : float
         Gravitational acceleration [m/s2].
 
@@ -131,12 +127,8 @@ def point_velocities(
     ----------
     vz : array_like, shape (n,)
         Vertical velocity of the board's centre [m/s].
-    theta : array_like, shape (n,)
-        Tilt, + = right end up [rad].
     omega : array_like, shape (n,)
         Angular velocity [rad/s].
-    arm : float
-        Distance l from the board's centre to a control point [m].
 
     Returns
     -------

@@ -144,10 +144,6 @@ def motion(
     ----------
     left_z, right_z : ndarray, shape (n,)
         Heights of the styluses [m].
-    theta : ndarray, shape (n,)
-        Tilt of the board, + = right end up [rad].
-    p : ndarray, shape (n,)
-        Ball position along the board, + = right [m].
     left_vz, right_vz : ndarray, shape (n,), optional
         Stylus velocities as the devices estimated them; they are filtered and used instead [m/s].
     placed : sequence of int
@@ -263,8 +259,6 @@ def find_completion(
         Centre of the target [m].
     inside : {"centre", "whole_ball"}
         Part of the ball that must be in the target, edges included: its centre, or all of it.
-    half_width : float
-        Half-width of the target [m].
     radius : float
         Radius of the ball [m].
     hold : float

@@ -140,8 +140,6 @@ def driven(force: ArrayLike, rate: float, hand: PassiveHand) -> NDArray[np.float
     ----------
     force : array_like, shape (n,)
         Force on the hand, + = up; linear between samples [N].
-    hand : PassiveHand
-        The hand, at rest at the first sample.
 
     Returns
     -------
@@ -211,10 +209,6 @@ def passive_partner(
     ----------
     active : array_like, shape (n,)
         Height of the partner's stylus [m].
-    p : array_like, shape (n,)
-        Ball position along the board [m].
-    hand : PassiveHand
-        The hand, at rest at the first sample.
     gains : Gains
         Gains of its side.
 
@@ -232,7 +226,6 @@ def linear_partner(rate: float, hand: PassiveHand, left: Gains, right: Gains) ->
 
     Parameters
     ----------
-    hand : PassiveHand
     left, right : Gains
         Gains of both sides.
     """

@@ -184,8 +184,6 @@ def first_and_last(
     ----------
     values : ndarray, shape (n,)
         One value for each trial [any].
-    order : ndarray of int64, shape (n,)
-        Position of each trial in its condition, from 1, from `running_number` [1].
     count : int
         Number of trials at each end [1].
     length : int, optional
@@ -237,8 +235,6 @@ def learning_curve(values: NDArray[np.float64], order: NDArray[np.int64]) -> Lea
     ----------
     values : ndarray, shape (n,)
         One value for each trial [any].
-    order : ndarray of int64, shape (n,)
-        Position of each trial in its condition, from 1 [1].
     """
     places = np.arange(1, int(order.max(initial=0)) + 1)
     parts = [summarise(values[order == place]) for place in places]

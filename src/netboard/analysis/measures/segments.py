@@ -108,8 +108,6 @@ def board_segments(
     ----------
     omega : ndarray, shape (n,)
         Angular velocity, filtered by the slow filter [rad/s].
-    theta : ndarray, shape (n,)
-        Tilt, + = right end up [rad].
     turning : {"one_way", "either_way"}
         Whether a movement ends where the board reverses, or only where it is slow. A filtered velocity passes zero in
         between, so the two hardly differ.

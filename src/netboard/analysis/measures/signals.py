@@ -103,8 +103,6 @@ class LowPass:
         ----------
         values : ndarray, shape (n,)
             Signal [any].
-        breaks : sequence of int
-            First samples after a jump [1].
 
         Returns
         -------
@@ -283,8 +281,6 @@ def derivative(values: NDArray[np.float64], rate: float, breaks: Breaks = ()) ->
     ----------
     values : ndarray, shape (n,)
         Signal [any].
-    breaks : sequence of int
-        First samples after a jump [1].
 
     Returns
     -------

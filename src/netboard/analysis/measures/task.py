@@ -109,8 +109,6 @@ def time_in_target(p: ArrayLike, rate: float, *, centre: float, half_width: floa
 
     Parameters
     ----------
-    p : array_like, shape (n,)
-        Ball position along the board [m].
     centre : float
         Centre of the target [m].
     half_width : float
@@ -144,8 +142,6 @@ def overshoots(
         Ball position along the board from the release; at least one sample [m].
     centre : float
         Centre of the target [m].
-    half_width : float
-        Half-width of the target [m].
     beyond : {"far_edge", "centre"}
         Limit: the target's far edge, beyond which the hold restarts, or its centre.
 
@@ -172,8 +168,6 @@ def fall_time(p: ArrayLike, rate: float, *, edge: float = 0.35) -> float:
 
     Parameters
     ----------
-    p : array_like, shape (n,)
-        Ball position along the board [m].
     edge : float
         Distance from the board's middle to its end [m].
     """

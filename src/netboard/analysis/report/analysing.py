@@ -152,11 +152,10 @@ def _in_words(study: "Study", found: "Extraction") -> Iterator[str]:
         yield f"  without an attempt: {len(silent)} of these, the first is {silent.iloc[0]}"
     from netboard.analysis.extraction.study import notes
 
-    left_out = study.exclusions
     failed = int((study.trials["outcome"] != "success").sum())
-    excluded = len(left_out.drop_duplicates(["recording", "trial", "attempt"]))
+    excluded = study.excluded_attempts
     yield f"{len(study.counted)} trials count; {failed} attempts failed; {excluded} attempts are excluded"
-    for why, count in left_out["why"].value_counts().sort_index().items():
+    for why, count in study.exclusions["why"].value_counts().sort_index().items():
         yield f"  excluded: {count} x {why}"
     yield from (f"  {note}" for note in notes(study))
 

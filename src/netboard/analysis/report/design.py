@@ -6,15 +6,13 @@ from typing import Any
 
 import pandas as pd
 
-from netboard.analysis.extraction.conditions import StudyFactor
+from netboard.analysis.extraction.conditions import STAND_INS, StudyFactor
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.report.grids import Cell, Column, Grid, grid, name, number
 from netboard.analysis.report.wording import amount, counted
 from netboard.analysis.topics.groups import FORCES
 from netboard.base.config import SIDES
 from netboard.task.studies.factors import level_text
-
-_NOBODY = ("still", "robot")
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +149,7 @@ def participants(study: Study, handedness: Mapping[str, str]) -> Grid:
     """Return the table of participants."""
     people: dict[tuple[str, str], list[dict[Any, Any]]] = {}
     for row in study.blocks.to_dict("records"):
-        for who in sorted({row["left_by"], row["right_by"]} - set(_NOBODY)):
+        for who in sorted({row["left_by"], row["right_by"]} - set(STAND_INS)):
             people.setdefault((row["dyad"], who), []).append(row)
     rows = [_person(who, dyad, mine, handedness.get(who, "not known")) for (dyad, who), mine in sorted(people.items())]
     columns = [

@@ -8,7 +8,7 @@ import json
 import platform
 import shlex
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from netboard.analysis.extraction.fingerprint import fingerprint
 from netboard.analysis.extraction.running import Extraction, LeftOut
 from netboard.analysis.extraction.settings import resolve
 from netboard.analysis.extraction.study import FIELDS_IN_STUDY, Study
-from netboard.analysis.extraction.tables import DTYPES, Columns, words
+from netboard.analysis.extraction.tables import Kind, words, written
 from netboard.analysis.report.html import write_report
 from netboard.analysis.topics.everything import NOT_COMPUTED, pictures, results_of
 from netboard.analysis.topics.figure import Picture, as_bytes
@@ -29,7 +29,6 @@ from netboard.analysis.topics.performers import PEOPLE, people_of
 from netboard.analysis.topics.result import RESULTS
 from netboard.recording.export.formats import Progress
 from netboard.recording.export.tabular import open_csv, open_parquet, write_dictionary
-from netboard.recording.format.channels import Field
 
 SOFTWARE = ("netboard", "numpy", "scipy", "numba", "pandas", "pyarrow", "matplotlib", "statsmodels")
 """Software whose versions are recorded."""
@@ -42,15 +41,6 @@ LEFT_OUT = (words("file", "file name of the recording"), words("why", "why it co
 
 PORTION = 20_000
 """Rows of a table that are written at a time [1]."""
-
-
-@dataclass(frozen=True, slots=True)
-class Kind:
-    """A table of an analysis."""
-
-    name: str
-    about: str
-    fields: tuple[Field, ...]
 
 
 TABLES = (
@@ -135,9 +125,7 @@ OF_TRIALS = ("blocks", "trials", "movements", "paths", "people", "exclusions")
 
 def _with_factors(kind: Kind, study: Study) -> Kind:
     """Return a table's description with the study's factor columns."""
-    there = {field.name for field in kind.fields}
-    more = [field for field in study.factor_fields if kind.name in OF_TRIALS and field.name not in there]
-    return replace(kind, fields=(*kind.fields, *more))
+    return replace(kind, fields=study.with_factor_fields(kind.fields)) if kind.name in OF_TRIALS else kind
 
 
 def _of_study(study: Study, name: str) -> pd.DataFrame:
@@ -150,7 +138,7 @@ def _write_paths(folder: Path, kind: Kind, study: Study) -> None:
     """Write the paths, as Parquet only, one recording after the other."""
     with open_parquet(folder / f"{kind.name}.parquet", kind) as put:
         for recording in study.blocks["recording"]:
-            put(_columns(study.with_factors(study.paths[recording]), kind))
+            put(written(study.with_factors(study.paths[recording]), kind.fields))
 
 
 def _write_table(folder: Path, kind: Kind, frame: pd.DataFrame) -> None:
@@ -158,12 +146,7 @@ def _write_table(folder: Path, kind: Kind, frame: pd.DataFrame) -> None:
     for ending, open_sheet in (("parquet", open_parquet), ("csv", open_csv)):
         with open_sheet(folder / f"{kind.name}.{ending}", kind) as put:
             for first in range(0, len(frame), PORTION):
-                put(_columns(frame.iloc[first : first + PORTION], kind))
-
-
-def _columns(frame: pd.DataFrame, kind: Kind) -> Columns:
-    """Return the columns of a table in their written form."""
-    return {field.name: frame[field.name].to_numpy(DTYPES[field.kind]) for field in kind.fields}
+                put(written(frame.iloc[first : first + PORTION], kind.fields))
 
 
 def _write_pictures(folder: Path, drawn: Sequence[Picture]) -> None:

@@ -8,8 +8,6 @@ figures with the same marks do not share them.
 """
 
 import base64
-import contextlib
-import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -32,6 +30,7 @@ from netboard.analysis.report.trials import HEIGHT, LEAD, LONGEST, listings, rea
 from netboard.analysis.report.wording import css_text, visible
 from netboard.analysis.topics.figure import Picture, as_bytes
 from netboard.base.errors import NetboardError
+from netboard.base.new_file import new_file
 
 NAME = "report.html"
 """Name of the report file."""
@@ -128,18 +127,11 @@ def _shown(value: Any) -> Any:
 
 def _write_new(path: Path, text: str) -> None:
     """Write a new file, completely or not at all."""
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
+    with new_file(path) as part:
         path.parent.mkdir(parents=True, exist_ok=True)
         part.write_text(text, encoding="utf-8", newline="\n")
         if path.exists():
             raise NetboardError(f"{path}: already exists; expected a folder without a report")
-        part.rename(path)
-    except OSError as error:
-        raise NetboardError(f"{path}: cannot be written: {error.strerror or error}") from error
-    finally:
-        with contextlib.suppress(OSError):
-            part.unlink(missing_ok=True)
 
 
 MAX_SVG = 400_000

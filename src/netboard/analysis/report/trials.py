@@ -14,6 +14,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.tables import ATTEMPT_KEY
 from netboard.analysis.report.wording import amount, command, counted
 
 LEAD = 0.5
@@ -146,7 +147,7 @@ def _listing(number: int, block: Mapping[Any, Any], rows: list[Row]) -> Listing:
 
 def _keys(table: pd.DataFrame) -> list[Key]:
     """Return the attempt key of each row."""
-    columns = (table[name].tolist() for name in ("recording", "trial", "attempt"))
+    columns = (table[name].tolist() for name in ATTEMPT_KEY)
     return [(recording, int(trial), int(attempt)) for recording, trial, attempt in zip(*columns, strict=True)]
 
 

@@ -27,4 +27,16 @@ unit : str
     Name of the unit of replication.
 rng : numpy.random.Generator
     Random generator.
+differences : array_like, shape (n,)
+    One difference for each unit; NaN are ignored [any].
+alternative : Alternative
+    Alternative hypothesis: ``two-sided``; ``greater``: differences tend to be positive, or the first mean is larger;
+    ``less``: the opposite.
+resamples : int
+    Number of bootstrap resamples, or of random arrangements where not all can be evaluated [1].
+slopes : Slopes
+    Random slopes: none, by dyad, or by dyad and performer, of each factor that varies within performers. Without
+    them the confidence interval of an effect that differs between dyads is too short.
+name : str
+    Name of the effect or contrast.
 """

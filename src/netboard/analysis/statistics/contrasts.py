@@ -94,9 +94,6 @@ def condition_contrast(
         Whether the value belongs to the first condition; otherwise to the second.
     rng : numpy.random.Generator
         Random generator for the bootstrap, and for permutations of more than 16 units.
-    name : str
-    resamples : int
-        Number of bootstrap resamples, and of random permutations where not all can be evaluated [1].
 
     Raises
     ------
@@ -131,11 +128,6 @@ def paired_t_test(differences: ArrayLike, *, unit: str = "dyad") -> Test:
     """Test whether the mean of paired normal differences is zero: Student's paired t test, two-sided.
 
     There is no p for fewer than two units, or if the differences vary only by rounding.
-
-    Parameters
-    ----------
-    differences : array_like, shape (n,)
-        One difference for each unit; NaN are ignored [any].
     """
     x = known(differences)
     if len(x) < 2 or _equal(x):

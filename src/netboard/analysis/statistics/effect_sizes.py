@@ -25,8 +25,6 @@ def paired_effect(
 
     Parameters
     ----------
-    differences : array_like, shape (n,)
-        One difference for each unit; NaN are ignored [any].
     correction : {"none", "hedges"}
         No correction, or multiplication of estimate and interval by the small-sample factor (`hedges_factor`).
 

@@ -212,10 +212,6 @@ class Model:
     def effect(self, name: str) -> Effect:
         """Return the effect with a name.
 
-        Parameters
-        ----------
-        name : str
-
         Raises
         ------
         ValueError
@@ -318,7 +314,6 @@ def interval_effect(
 
     Parameters
     ----------
-    name : str
     ends : tuple of float
         Coefficient, and lower and upper limit of its confidence interval [log of the response].
     error : float

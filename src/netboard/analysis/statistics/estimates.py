@@ -91,8 +91,6 @@ def cluster_mean(
         Mean of the units' means, or mean of all samples, which gives units with more samples more weight.
     method : {"percentile", "basic", "BCa"}
         As in `bootstrap`.
-    resamples : int
-        Number of bootstrap resamples [1].
     """
     samples = [x for x in map(known, clusters) if len(x)]
     sums, counts = np.array([x.sum() for x in samples]), np.array([float(len(x)) for x in samples])
@@ -144,8 +142,6 @@ def bootstrap(
     method : {"percentile", "basic", "BCa"}
         Percentiles of the bootstrap distribution, reflected percentiles, or bias-corrected and accelerated (Efron
         1987).
-    resamples : int
-        Number of bootstrap resamples [1].
 
     Raises
     ------

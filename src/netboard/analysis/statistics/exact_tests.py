@@ -68,8 +68,6 @@ def sign_test(differences: ArrayLike, *, alternative: Alternative = "two-sided",
     ----------
     differences : array_like, shape (n,)
         One difference for each unit; zeros and NaN are ignored [any].
-    alternative : {"two-sided", "greater", "less"}
-        Alternative hypothesis; "greater": more positive differences, "less": fewer.
     """
     x = known(differences)
     x = x[x != 0.0]
@@ -97,14 +95,8 @@ def permutation_test(
 
     Parameters
     ----------
-    differences : array_like, shape (n,)
-        One difference for each unit; NaN are ignored [any].
-    alternative : {"two-sided", "greater", "less"}
-        Alternative hypothesis; "greater": the mean is above zero, "less": below.
     rng : numpy.random.Generator or None
         Random generator for more than 16 units, which have too many arrangements to evaluate all.
-    resamples : int
-        Number of random arrangements then [1].
 
     Raises
     ------
@@ -174,12 +166,8 @@ def permutation_test_between(
     ----------
     first, second : array_like, shape (n,) and (m,)
         One value for each unit; NaN are ignored [any].
-    alternative : {"two-sided", "greater", "less"}
-        Alternative hypothesis; "greater": the first mean is larger, "less": smaller.
     rng : numpy.random.Generator or None
         Random generator for more than `MAX_EXACT` divisions.
-    resamples : int
-        Number of random arrangements then [1].
 
     Raises
     ------

@@ -72,9 +72,6 @@ def log_time_model(
     ----------
     times : array_like, shape (n,)
         Completion times of trials; NaN are ignored [s].
-    slopes : {"none", "dyad", "performer"}
-        Random slopes: none, by dyad, or by dyad and performer, of each factor that varies within performers. Without
-        them the confidence interval of an effect that differs between dyads is too short.
 
     Raises
     ------

@@ -37,11 +37,6 @@ def random_effects(design: Design, slopes: Slopes) -> tuple[dict[str, NDArray[np
     A random effect is identifiable if its covariance is not a linear combination of the others': the REML information
     about the variances, at equal ones, is not singular (Searle, Casella and McCulloch, Variance Components, 1992, 6.6).
 
-    Parameters
-    ----------
-    slopes : {"none", "dyad", "performer"}
-        Units with random slopes.
-
     Returns
     -------
     tuple
@@ -95,8 +90,6 @@ def mixed_model(fit: Specification, design: Design, slopes: Slopes) -> Model:
     ----------
     design : Design
         Trials of at least two dyads.
-    slopes : {"none", "dyad", "performer"}
-        Units with random slopes.
     """
     parts, notes = random_effects(design, slopes)
     if not parts:

@@ -88,8 +88,6 @@ class Specification:
         diagnostics : Diagnostics or None
         dispersion, correlation : float
             As in `Model` [1].
-        moments : Moments or None
-            Moments of a mixed model.
         effects : tuple of Effect or None
             Effects, if they cannot be derived from coefficients and covariance.
         """

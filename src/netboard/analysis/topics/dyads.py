@@ -35,6 +35,7 @@ from netboard.analysis.topics.figure import (
     draw_mean,
     due_count,
     look_of,
+    many,
     new_mosaic,
     styled,
     titled,
@@ -62,21 +63,17 @@ class Point:
 class Comparison:
     """All dyads in one haptic condition and one quantity; the mean gain is participants' mean minus dyad.
 
-    Each dyad with dyadic trials and bimanual trials of both participants has two points.
+    Each dyad with dyadic trials and bimanual trials of both participants has two points, and one of the `gains`.
     """
 
     quantity: Quantity
     condition: Condition
     points: tuple[Point, ...]
+    gains: pd.Series
     gain: Estimate
     better: int
     known: int
     test: Test
-
-    @property
-    def gains(self) -> pd.Series:
-        """Gain of each dyad [as the quantity]."""
-        return pd.Series({point.dyad: point.relative.gain for point in self.points}, dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +119,7 @@ def _compare(quantity: Quantity, condition: Condition, points: Iterator[Point]) 
     kept = tuple(points)
     gains = pd.Series({point.dyad: point.relative.gain for point in kept}, dtype=np.float64)
     better, known = better_dyads([point.relative for point in kept[::2]])
-    return Comparison(quantity, condition, kept, estimate(gains), better, known, sign_test(gains.to_numpy()))
+    return Comparison(quantity, condition, kept, gains, estimate(gains), better, known, sign_test(gains.to_numpy()))
 
 
 def _results(found: Comparison) -> Iterator[Result]:
@@ -130,8 +127,7 @@ def _results(found: Comparison) -> Iterator[Result]:
     note = "" if found.known else "no dyad performed in both configurations with this force"
     yield estimated(TOPIC, f"{quantity.name}: mean of the two minus dyad", group, found.gain, quantity.unit, note)
     if found.known:
-        dyads = "1 dyad" if found.test.n == 1 else f"{found.test.n} dyads"
-        tested = f"p = {found.test.p:.3g}; {dyads} can give no p below {found.test.least_p:.3g}"
+        tested = f"p = {found.test.p:.3g}; {many(found.test.n, 'dyad')} can give no p below {found.test.least_p:.3g}"
         note = f"sign test: {tested if found.test.n else 'no gain differs from zero'}"
     value = float(found.better) if found.known else nan
     name = f"{quantity.name}: dyads better than the mean of the two"

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from netboard.analysis.extraction.conditions import StudyFactor, names_of
 from netboard.analysis.extraction.study import Study, pooled
+from netboard.analysis.extraction.tables import ATTEMPT_KEY
 from netboard.analysis.measures.performance import ENDS, trial_times, window_sizes
 from netboard.analysis.statistics.estimates import Estimate, t_interval
 from netboard.analysis.topics.result import Result, kept
@@ -36,10 +37,6 @@ CONFIGURATIONS = ("bimanual", "dyadic")
 
 CLASSES = ("cooperative", "competitive", "single", "still")
 """Movement classes, in the order of `netboard.analysis.measures.movements`."""
-
-
-ATTEMPT = ["recording", "trial", "attempt"]
-"""Columns that identify an attempt."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,10 +129,14 @@ def bounded(study: Study) -> tuple[Study, str]:
     return fewer, f"Pooled over {each}: the study has {cells} conditions, which tables and models distinguish."
 
 
+def of_blocks(study: Study) -> tuple[Condition, ...]:
+    """Return the conditions of blocks, without the levels of factors that vary within them."""
+    return conditions(pooled(study, [factor.name for factor in study.factors if factor.scope == "trial"]))
+
+
 def block_labels(study: Study) -> dict[str, str]:
     """Return the labels of all blocks' conditions, even if not analysed or with a factor that varies within."""
-    of_blocks = pooled(study, [factor.name for factor in study.factors if factor.scope == "trial"])
-    known = {one.name: one.label for one in conditions(of_blocks)}
+    known = {one.name: one.label for one in of_blocks(study)}
     return {name: known.get(name, name) for name in study.blocks["condition"]}
 
 
@@ -170,8 +171,8 @@ def counted(study: Study) -> pd.DataFrame:
 
 def excluded(study: Study) -> NDArray[np.bool_]:
     """Return whether each attempt of a study is excluded."""
-    left_out = pd.MultiIndex.from_frame(study.exclusions[ATTEMPT])
-    return np.asarray(pd.MultiIndex.from_frame(study.trials[ATTEMPT]).isin(left_out))
+    left_out = pd.MultiIndex.from_frame(study.exclusions[ATTEMPT_KEY])
+    return np.asarray(pd.MultiIndex.from_frame(study.trials[ATTEMPT_KEY]).isin(left_out))
 
 
 def with_team(study: Study, rows: pd.DataFrame) -> pd.Series:

@@ -18,6 +18,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from netboard.analysis.extraction.conditions import STAND_INS
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.measures.information import Past, SurrogateComparison, chance_level, granger
 from netboard.analysis.statistics.estimates import mean
@@ -99,7 +100,7 @@ def influences(study: Study) -> Influences:
     for condition in conditions(study):
         trials = study.counted[study.counted["condition"] == condition.name]
         movers = study.blocks.loc[study.blocks["recording"].isin(trials["recording"]), ["left_by", "right_by"]]
-        if (movers["left_by"] != movers["right_by"]).all() and not movers.isin(["still", "robot"]).any(axis=None):
+        if (movers["left_by"] != movers["right_by"]).all() and not movers.isin(STAND_INS).any(axis=None):
             found += _in_condition(condition, trials, study.paths)
     return Influences(tuple(found))
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
+from netboard.analysis.extraction.conditions import STAND_INS
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.measures.lags import leadership
 from netboard.analysis.topics.figure import Picture, due_count, new_mosaic, styled, titled
@@ -69,7 +70,7 @@ def leaders(study: Study) -> Leaders:
 def _changed_seats(study: Study) -> tuple[str, ...]:
     """Return the dyads whose left seat was taken by more than one participant."""
     together = study.blocks[study.blocks["configuration"] == "dyadic"]
-    people = together[~together[["left_by", "right_by"]].isin(["still", "robot"]).any(axis=1)]
+    people = together[~together[["left_by", "right_by"]].isin(STAND_INS).any(axis=1)]
     seats = people.groupby("dyad")["left_by"].nunique()
     return tuple(seats.index[seats > 1])
 

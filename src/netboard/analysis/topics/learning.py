@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.study import Study, series_labels
 from netboard.analysis.measures.ellipses import groups_of
 from netboard.analysis.measures.performance import (
     FirstAndLast,
@@ -123,11 +123,8 @@ def learning(study: Study) -> Learning:
 
 
 def series_of(study: Study, rows: pd.DataFrame) -> pd.Series:
-    """Number the series: trials of a performer that the settings number together."""
-    labels = ["dyad", "performer", "configuration"]
-    if study.readings.summaries.numbering == "condition":
-        labels.append("condition")
-    return rows.groupby(labels, sort=False).ngroup()
+    """Number the series (`series_labels`)."""
+    return rows.groupby(series_labels(study.readings), sort=False).ngroup()
 
 
 def _learning(study: Study, team: str, rows: pd.DataFrame) -> TeamLearning:

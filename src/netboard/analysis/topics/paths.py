@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 
 from netboard.analysis.extraction.details import STEP
 from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.tables import ATTEMPT_KEY
 from netboard.analysis.extraction.trials import RATE
 from netboard.analysis.statistics.estimates import t_interval
 from netboard.analysis.topics.figure import BLACK, Picture, due_count, look_of, new_mosaic, styled, titled
-from netboard.analysis.topics.groups import ATTEMPT, Condition, conditions, estimated
+from netboard.analysis.topics.groups import Condition, conditions, estimated
 from netboard.analysis.topics.result import Result, kept
 from netboard.analysis.topics.units import read_in
 
@@ -94,11 +95,11 @@ def joined(trials: pd.DataFrame, paths: Mapping[str, pd.DataFrame]) -> Iterator[
     ``number`` counts the recording's trials from 0, and ``sample`` their samples. Recordings without paths are skipped.
     """
     for recording, own in trials.groupby("recording", sort=False):
-        told = own[[*ATTEMPT, "condition", "dyad", "target", "completion"]]
-        table = paths[str(recording)].merge(told, on=ATTEMPT, validate="many_to_one")
+        told = own[[*ATTEMPT_KEY, "condition", "dyad", "target", "completion"]]
+        table = paths[str(recording)].merge(told, on=ATTEMPT_KEY, validate="many_to_one")
         if len(table):
             samples = (table["time"] / PERIOD).round().astype("int64")
-            yield table.assign(number=table.groupby(ATTEMPT, sort=False).ngroup(), sample=samples)
+            yield table.assign(number=table.groupby(ATTEMPT_KEY, sort=False).ngroup(), sample=samples)
 
 
 def _courses(condition: Condition, study: Study, samples: int) -> list[Course]:

@@ -7,6 +7,7 @@ no partner. Values are means of the trials that count; failures are counted over
 import numpy as np
 import pandas as pd
 
+from netboard.analysis.extraction.conditions import participants_of
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.extraction.tables import count, number, words
 from netboard.analysis.measures.movements import mean_shares
@@ -89,7 +90,7 @@ def _partners(study: Study) -> dict[tuple[str, str], str]:
     """Return the partner of each participant in a dyad: the other who performed alone, or sat at the same board."""
     found: dict[tuple[str, str], str] = {}
     for dyad, blocks in study.blocks.groupby("dyad"):
-        people = sorted({*blocks["left_by"], *blocks["right_by"]} - {"still", "robot", dyad})
+        people = participants_of(blocks)
         if len(people) == 2:
             found |= {(dyad, people[0]): people[1], (dyad, people[1]): people[0]}
     return found

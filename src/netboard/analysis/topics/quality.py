@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from netboard.analysis.extraction.study import Study, pooled
+from netboard.analysis.extraction.study import Study
 from netboard.analysis.statistics.estimates import Estimate, t_interval
-from netboard.analysis.topics.figure import Picture, look_of, new_mosaic, styled, titled
-from netboard.analysis.topics.groups import Condition, block_labels, conditions, estimated, excluded
+from netboard.analysis.topics.figure import Picture, look_of, many, new_mosaic, styled, titled
+from netboard.analysis.topics.groups import block_labels, estimated, excluded, of_blocks
 from netboard.analysis.topics.measures import exponential, legend
 from netboard.analysis.topics.result import Result, plain
 
@@ -135,11 +135,6 @@ def picture(study: Study) -> Picture:
     return Picture("quality", TITLE, _caption(found, dyads), figure)
 
 
-def of_blocks(study: Study) -> tuple[Condition, ...]:
-    """Return the conditions of blocks, without the levels of factors that vary within them."""
-    return conditions(pooled(study, [factor.name for factor in study.factors if factor.scope == "trial"]))
-
-
 def _counts(axes: "Axes", found: Quality, column: str) -> None:
     """Draw a square for each block, darker for higher counts; blocks without a recording are empty."""
     table = found.blocks.pivot(index="dyad", columns="block", values=column)
@@ -193,7 +188,7 @@ def _caption(found: Quality, dyads: int) -> str:
     total = found.blocks[["attempts", "success", "fell", "timed_out", "excluded", "counts", "missing"]].sum()
     reasons = "; ".join(f"{why}: {number}" for why, number in found.reasons.items())
     return (
-        f"Blocks of {dyads} {'dyad' if dyads == 1 else 'dyads'}: {total['attempts']} attempts, of which "
+        f"Blocks of {many(dyads, 'dyad')}: {total['attempts']} attempts, of which "
         f"{total['success']} succeeded, {total['fell']} fell and {total['timed_out']} timed out; {total['excluded']} "
         f"are excluded{f' ({reasons})' if reasons else ''}, {total['counts']} trials count, {total['missing']} ticks "
         "are missing. A, B: counts in each block. C: geometric mean of the included trials of each block, a line for "

@@ -76,7 +76,7 @@ def read_block(run: Run, readings: Readings) -> Block:
 def update_measures(base: Measured, takes: Sequence[Take], groups: tuple[Group, ...] = PAPER) -> Measured:
     """Replace the paper's measures by those of other takes, and copy all else from `base`."""
     fields = tuple(field for group in groups for field in group.fields)
-    rows = [{name: value for group in groups for name, value in group.measure(take).items()} for take in takes]
+    rows = [{name: value for group in groups for name, value in group.of(take).items()} for take in takes]
     moves = [
         {"recording": name, "trial": take.attempt.trial, "attempt": take.attempt.attempt} | dict(row)
         for name, take in zip(base.trials["recording"], takes, strict=True)

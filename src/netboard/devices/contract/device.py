@@ -13,7 +13,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from math import isfinite
 from pathlib import Path
-from types import TracebackType
 from typing import NamedTuple, Self, TypeVar, final
 
 from netboard.base import settings
@@ -209,7 +208,7 @@ class Device(ABC):
             self.open()
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     @abstractmethod

@@ -3,7 +3,6 @@
 import os
 import sys
 from select import select
-from types import TracebackType
 from typing import Any, Self
 
 ARROWS = {b"\x1b[A": "up", b"\x1b[B": "down", b"\x1b[C": "right", b"\x1b[D": "left"}
@@ -33,9 +32,7 @@ class Keyboard:
             tty.setcbreak(sys.stdin)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         if self.there:
             import termios  # noqa: PLC0415
 

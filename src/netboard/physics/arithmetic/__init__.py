@@ -4,4 +4,6 @@ Parameters
 ----------
 lanes, one, other : lanes
     A vector register of floats, in any unit.
+array : ndarray of float64
+    C-contiguous.
 """

@@ -278,8 +278,6 @@ def lanes_at(array: Array, offset: int, count: int) -> Any:
 
     Parameters
     ----------
-    array : ndarray of float64
-        C-contiguous.
     offset : int
         Where the first is, counted through the whole array [1].
     count : int
@@ -293,8 +291,6 @@ def pair_at(array: Array, offset: int, count: int) -> tuple[Any, Any]:
 
     Parameters
     ----------
-    array : ndarray of float64
-        C-contiguous.
     offset : int
         Where the first of the first set is, counted through the whole array [1].
     count : int
@@ -309,8 +305,6 @@ def put(array: Array, offset: int, lanes: Any) -> None:
 
     Parameters
     ----------
-    array : ndarray of float64
-        C-contiguous.
     offset : int
         Where the first goes, counted through the whole array [1].
     lanes : lanes

@@ -54,8 +54,6 @@ def moving(z: float, vz: float, az: float, k: float, c: float) -> tuple[float, f
     ----------
     z, vz, az : float
         Height, velocity and acceleration of the stylus at the start [m, m/s, m/s2].
-    k, c : float
-        Stiffness and damping of the coupling [N/m, N s/m].
 
     Returns
     -------
@@ -73,8 +71,6 @@ def resting(z: float, vz: float, k: float, c: float) -> tuple[float, float, floa
     ----------
     z, vz : float
         Height of the stylus and its rate, as sampled [m, m/s].
-    k, c : float
-        Stiffness and damping of the coupling [N/m, N s/m].
 
     Returns
     -------
@@ -98,8 +94,6 @@ def between(
         The same at the end [m, m/s].
     gap : float
         Time from the start to the end [s].
-    k, c : float
-        Stiffness and damping of the coupling [N/m, N s/m].
 
     Returns
     -------

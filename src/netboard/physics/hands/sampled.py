@@ -224,8 +224,6 @@ def drives_along(held: Held, ticks: NDArray[np.int64], scene: NDArray[Any]) -> N
         The hands.
     ticks : ndarray of int64, shape (n,)
         The times, in ticks [1/scale s].
-    scene : ndarray of SCENE, shape (1,)
-        The scene.
 
     Returns
     -------

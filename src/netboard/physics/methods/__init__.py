@@ -1,1 +1,7 @@
-"""Integrators: one-step explicit, implicit and exponential methods, and the loop that applies them."""
+"""Integrators: one-step explicit, implicit and exponential methods, and the loop that applies them.
+
+Parameters
+----------
+known : int
+    Structure flags of the scene (`known_of`) [1].
+"""

@@ -55,8 +55,6 @@ def make_grid(
         Length of each interval [s].
     counts : ndarray of int64, shape (n,)
         Number of equal steps in each interval [1].
-    scene : ndarray of SCENE, shape (1,)
-        The scene.
 
     Returns
     -------
@@ -182,8 +180,6 @@ def run(
         Polynomials of both drives for each interval, or their values at the nodes of the method [N].
     grid : Grid
         The steps.
-    scene : ndarray of SCENE, shape (1,)
-        The scene.
 
     Returns
     -------
@@ -220,8 +216,6 @@ def forces_along(
         The states [SI].
     drives : ndarray of float64, shape (n, 2)
         Drives of the left and of the right hand at the same times [N].
-    scene : ndarray of SCENE, shape (1,)
-        The scene.
 
     Returns
     -------

@@ -59,8 +59,6 @@ def columns_of(row: int, length: int, known: int) -> list[int]:
     ----------
     row : int
         The row [1].
-    known : int
-        Structure flags of the scene (`known_of`) [1].
 
     Returns
     -------
@@ -72,11 +70,6 @@ def columns_of(row: int, length: int, known: int) -> list[int]:
 
 def kicked_rows(length: int, known: int) -> list[int]:
     """Return the rows in which N is not 0.
-
-    Parameters
-    ----------
-    known : int
-        Structure flags of the scene (`known_of`) [1].
 
     Returns
     -------
@@ -91,11 +84,6 @@ def needed_rows(length: int, known: int) -> list[int]:
 
     In the paper's model without friction, N is independent of the speeds of balls, and with equal couplings of the
     heave. Fixed balls have no rows.
-
-    Parameters
-    ----------
-    known : int
-        Structure flags of the scene (`known_of`) [1].
 
     Returns
     -------

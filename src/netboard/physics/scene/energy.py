@@ -254,8 +254,6 @@ def stored_along(
         The states [SI].
     hands : ndarray of float64, shape (n, 4)
         left_z, left_vz, right_z, right_vz of the styluses at the same times [m, m/s].
-    scene : ndarray of SCENE, shape (1,)
-        The scene.
 
     Returns
     -------
@@ -287,8 +285,6 @@ def work_along(
         The states [SI].
     hands : ndarray of float64, shape (n, 4)
         left_z, left_vz, right_z, right_vz of the styluses at the same times [m, m/s].
-    scene : ndarray of SCENE, shape (1,)
-        The scene.
 
     Returns
     -------

@@ -125,8 +125,6 @@ def force_on_hand(
         Gains of the hand, for a free or a fixed ball.
     scale : float
         Factor of the force [1].
-    felt : Rendering
-        Structure of the rendering; a compile-time constant.
 
     Returns
     -------
@@ -161,8 +159,6 @@ def is_catch(trial: int, numbers: Any, felt: Rendering) -> bool:
         Its number in the block [1].
     numbers : RENDERING record
         Parameters of the commanded forces.
-    felt : Rendering
-        Structure of the rendering; a compile-time constant.
     """
     return felt.catches and is_listed(trial, numbers["catch"])
 
@@ -177,8 +173,6 @@ def scale_in(trial: int, numbers: Any, felt: Rendering) -> float:
         Its number in the block [1].
     numbers : RENDERING record
         Parameters of the commanded forces.
-    felt : Rendering
-        Structure of the rendering; a compile-time constant.
     """
     if felt.varies and 0 < trial < TRIAL_ENTRIES:
         return float(numbers["scales"][trial])

@@ -1,1 +1,9 @@
-"""Largest stable step and delay of a scene, and the method chosen from them."""
+"""Largest stable step and delay of a scene, and the method chosen from them.
+
+Parameters
+----------
+a : ndarray of float64, shape (4, 4)
+    Matrix of the board [SI].
+solved : ndarray of float64, shape (4, 4), optional
+    Matrix that an exponential method solves exactly, if it is another one: that of the level board [SI].
+"""

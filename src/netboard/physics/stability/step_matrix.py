@@ -105,13 +105,6 @@ def solved_matrix(parts: Parts, scene: Any, balls: int, h: float) -> Matrix:
 def step_matrix(method: str, a: Matrix, h: float, solved: Matrix | None = None) -> Matrix:
     """Return the matrix of one step for a linear board.
 
-    Parameters
-    ----------
-    a : ndarray of float64, shape (4, 4)
-        Matrix of the board [SI].
-    solved : ndarray of float64, shape (4, 4), optional
-        Matrix that an exponential method solves exactly, if it is another one: that of the level board [SI].
-
     Returns
     -------
     ndarray of float64, shape (4, 4)
@@ -221,13 +214,6 @@ _EXPONENTIAL: dict[str, Callable[[Matrix, Matrix, float], Matrix]] = {
 def spectral_radius(method: str, a: Matrix, h: float, solved: Matrix | None = None) -> float:
     """Return the spectral radius of one step: the largest growth factor of a mode; above 1 the method is unstable.
 
-    Parameters
-    ----------
-    a : ndarray of float64, shape (4, 4)
-        Matrix of the board [SI].
-    solved : ndarray of float64, shape (4, 4), optional
-        Matrix that an exponential method solves exactly, if that is another one [SI].
-
     Returns
     -------
     float
@@ -271,11 +257,6 @@ def _modulus(s: Matrix) -> float:
 def stiffness(a: Matrix, h: float) -> float:
     """Return the stiffness of a step: its size in units of the fastest time constant.
 
-    Parameters
-    ----------
-    a : ndarray of float64, shape (4, 4)
-        Matrix of the board [SI].
-
     Returns
     -------
     float
@@ -285,15 +266,7 @@ def stiffness(a: Matrix, h: float) -> float:
 
 
 def is_stable(method: str, a: Matrix, h: float, solved: Matrix | None = None) -> bool:
-    """Tell whether a step size is stable for a linear board.
-
-    Parameters
-    ----------
-    a : ndarray of float64, shape (4, 4)
-        Matrix of the board [SI].
-    solved : ndarray of float64, shape (4, 4), optional
-        Matrix that an exponential method solves exactly, if that is another one [SI].
-    """
+    """Tell whether a step size is stable for a linear board."""
     return spectral_radius(method, a, h, solved) <= 1 + ROUNDING
 
 
@@ -302,13 +275,6 @@ def largest_step(method: str, a: Matrix, solved: Matrix | None = None) -> float:
 
     Some methods have several stable ranges. Therefore sizes are tried from small to large, 40 per decade, and the first
     failure is refined by bisection.
-
-    Parameters
-    ----------
-    a : ndarray of float64, shape (4, 4)
-        Matrix of the board [SI].
-    solved : ndarray of float64, shape (4, 4), optional
-        Matrix that an exponential method solves exactly, if that is another one [SI].
 
     Returns
     -------

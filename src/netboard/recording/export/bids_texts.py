@@ -7,7 +7,7 @@ from typing import Any
 from netboard.base.tables.forces import FORCE_WORDS
 from netboard.recording.export.factors import Exported
 from netboard.recording.export.signals import FRAME, FRAME_TEXT, Signal
-from netboard.recording.export.task import ATTEMPT_TEXTS, HAPPENED_TEXTS, TASK_TEXT
+from netboard.recording.export.task import ATTEMPT_TEXTS, HAPPENED_TEXTS, KEYWORDS, TASK_TEXT
 from netboard.task.studies.factors import level_text
 
 MISSING = "n/a"
@@ -31,7 +31,7 @@ def description(studies: Sequence[str]) -> dict[str, Any]:
         "Name": f"Board and ball: {named}" if named else "Board and ball",
         "BIDSVersion": BIDS_VERSION,
         "DatasetType": "raw",
-        "Keywords": ["haptics", "dyad", "joint action", "motor control"],
+        "Keywords": list(KEYWORDS),
         "GeneratedBy": [
             {"Name": "netboard", "Version": version("netboard"), "Description": "exported from its recordings"}
         ],
@@ -106,6 +106,15 @@ _CHANNELS = {
 
 _UNITS = {"completion_time": "s", "force_delay_ms": "ms"}
 
+
+def _described(words: dict[str, str]) -> dict[str, Any]:
+    """Return a sidecar that describes columns."""
+    return {
+        name: {"Description": text} | ({"Units": _UNITS[name]} if name in _UNITS else {})
+        for name, text in words.items()
+    }
+
+
 _EVENTS = {
     "trial_type": {
         "Description": (
@@ -118,10 +127,7 @@ _EVENTS = {
             **HAPPENED_TEXTS,
         },
     },
-    **{
-        name: {"Description": text} | ({"Units": _UNITS[name]} if name in _UNITS else {})
-        for name, text in ATTEMPT_TEXTS.items()
-    },
+    **_described(ATTEMPT_TEXTS),
     "StimulusPresentation": {"SoftwareName": "netboard", "SoftwareVersion": version("netboard")},
 }
 
@@ -167,14 +173,6 @@ _SESSION_TEXTS = {
     "session_name": "name of the session",
     "partner": "the other participant, who has a session of the same label; n/a if in no run",
 }
-
-
-def _described(words: dict[str, str]) -> dict[str, Any]:
-    """Return a sidecar that describes columns."""
-    return {
-        name: {"Description": text} | ({"Units": _UNITS[name]} if name in _UNITS else {})
-        for name, text in words.items()
-    }
 
 
 SIDECARS: dict[str, dict[str, Any]] = {

@@ -16,7 +16,7 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any, TypeVar
 
-from netboard.base.errors import ConfigError, RecordingError
+from netboard.base.errors import ConfigError, RecordingError, writing
 
 Progress = Callable[[str, int, int], None]
 """Progress callback: current step, amount done and total [1]."""
@@ -91,7 +91,7 @@ def new_folder(folder: Path) -> Iterator[Path]:
     """Create a folder that gets its name only when it is complete; after an error, nothing is left."""
     refuse_existing(folder)
     part = folder.with_name(f".{folder.name}.{os.getpid()}.part")
-    try:
+    with writing(folder):
         folder.parent.mkdir(parents=True, exist_ok=True)
         part.mkdir()
         try:
@@ -100,8 +100,6 @@ def new_folder(folder: Path) -> Iterator[Path]:
             part.rename(folder)
         finally:
             shutil.rmtree(part, ignore_errors=True)
-    except OSError as error:
-        raise RecordingError(f"{folder}: cannot be written: {error.strerror or error}") from error
 
 
 def refuse_existing(folder: Path) -> None:

@@ -22,15 +22,12 @@ from netboard.recording.export.formats import Progress, library
 from netboard.recording.export.runs import HandDevice, Person, Run, devices_of, runs_of
 from netboard.recording.export.signals import FRAME_TEXT, Signal, signals_of
 from netboard.recording.export.survey import PORTION, Survey
-from netboard.recording.export.task import ATTEMPT_TEXTS, HAPPENED_TEXTS, TASK_TEXT
+from netboard.recording.export.task import ATTEMPT_TEXTS, HAPPENED_TEXTS, KEYWORDS, TASK_TEXT
 from netboard.recording.files.reader import Recording
 from netboard.task.studies.factors import factors_of, trial_role
 
 Filled = list[tuple[Any, tuple[str, ...]]]
 """Allocated data sets, and the tick fields that fill each."""
-
-_KEYWORDS = ("haptics", "dyad", "joint action", "motor control")
-"""Keywords for searches."""
 
 _UNITS = {
     "m": "meters",
@@ -127,7 +124,7 @@ class Layout:
             session_start_time=survey.began,
             session_id=run.session,
             experiment_description=f"Study {session.study}" if session.study else "No study: a single block",
-            keywords=list(_KEYWORDS),
+            keywords=list(KEYWORDS),
             data_collection=f"Exported from {run.path.name}. Configuration (TOML):\n{recording.config_text}",
             was_generated_by=[["netboard", run.metadata["netboard"]]],
         )

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from netboard.base.config import SIDES, Config, Side, parse
+from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import RecordingError
 from netboard.recording.files.reader import Recording
 
@@ -61,7 +61,7 @@ def runs_of(recordings: Sequence[Path]) -> tuple[Run, ...]:
                 raise RecordingError(f"{path}: contains no ticks and cannot be exported; leave it out")
             if lost := [name for name in _NEEDED if name not in recording.metadata]:
                 raise RecordingError(f"{path}: lost its {', '.join(lost)} when it was damaged; leave it out")
-            config = parse(recording.config_text, f"{path} (its configuration)")
+            config = recording.config
             opened = int(recording.metadata["opened_log_ns"])
             who = config.session.dyad, config.session.name
             sessions.setdefault(who, []).append((opened, path, recording.metadata, config))

@@ -15,23 +15,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.config import Config, parse
+from netboard.base.config import Config
 from netboard.base.settings import tables as settings_tables
 from netboard.base.tick import TICK
 from netboard.network.protocol.records import ClockRecord, EventRecord, FrameRecord
-from netboard.recording.export.factors import Exported, configs_of, exported_factors
+from netboard.recording.export.factors import Exported, exported_factors
 from netboard.recording.export.task import ROLE_TEXT
 from netboard.recording.files.locate import sha256_of
 from netboard.recording.files.reader import Recording
-from netboard.recording.format.channels import CHANNELS, Field
+from netboard.recording.format.channels import CHANNELS, DTYPES, Field
 from netboard.recording.format.summary import Attempt, attempts_along, from_release
 from netboard.recording.integrity.quality_check import judged
 from netboard.task.studies.factors import design_of, factors_of, trial_role
 
 Rows = Mapping[str, NDArray[Any]]
 """Columns of equal length by name: int64, float64, or text (objects)."""
-
-_DTYPES = {"integer": np.dtype(np.int64), "number": np.dtype(np.float64), "string": np.dtype(object)}
 
 
 class Subject:
@@ -43,7 +41,7 @@ class Subject:
     def __init__(self, recording: Recording) -> None:
         self.recording = recording
         self.name = recording.path.stem  # name of the recording in its rows: the file name without suffix
-        self.config = parse(recording.config_text, f"{recording.path} (its configuration)")
+        self.config = recording.config
         self.ticks = self.origin_ns = 0
         self.attempts: tuple[Attempt, ...] = attempts_along(self._counted())
 
@@ -70,7 +68,7 @@ class Table:
         for rows in self.rows(subject):
             count = len(next(iter(rows.values())))
             named = {"recording": np.full(count, subject.name, object), **rows}
-            yield {field.name: np.asarray(named[field.name], _DTYPES[field.kind]) for field in self.fields}
+            yield {field.name: np.asarray(named[field.name], DTYPES[field.kind]) for field in self.fields}
 
 
 _RECORDING = Field("recording", "string", "name of the recording", "")
@@ -221,7 +219,7 @@ def with_factors(factors: Sequence[Exported]) -> Table:
             yield {
                 **portion,
                 **{
-                    field.name: np.array([trial[place][field.name] for trial in levels], _DTYPES[field.kind])
+                    field.name: np.array([trial[place][field.name] for trial in levels], DTYPES[field.kind])
                     for place, one in enumerate(factors)
                     for field in one.fields
                 },
@@ -322,5 +320,9 @@ TABLES = (TICKS, *SMALL)
 
 def small_tables(recordings: Sequence[Path]) -> tuple[Table, ...]:
     """Return the tables of `SMALL` for these recordings, with factor columns in the trials table."""
-    trials = with_factors(exported_factors(list(configs_of(recordings))))
+    configs = []
+    for path in recordings:
+        with Recording(path) as recording:
+            configs.append(recording.config)
+    trials = with_factors(exported_factors(configs))
     return tuple(trials if table is TRIALS else table for table in SMALL)

@@ -9,6 +9,9 @@ TASK_TEXT = (
 )
 """Description of the task."""
 
+KEYWORDS = ("haptics", "dyad", "joint action", "motor control")
+"""Keywords for searches."""
+
 _HAPPENED = (
     (Cause.START, "start", "the operator starts the block"),
     (Cause.LEVEL, "release", "the board was level for long enough: the ball is released"),

@@ -18,7 +18,6 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.config import parse
 from netboard.network.protocol.records import EventRecord
 from netboard.recording.export.factors import design_note
 from netboard.recording.export.formats import Progress, reporting
@@ -90,7 +89,7 @@ class _Writer:
         header = Element("info")
         _put(header, version="1.0", datetime=recording.metadata.get("opened_utc", ""))
         self._chunk(FILE_HEADER, _xml(header))
-        design = design_note(parse(recording.config_text, f"{recording.path} (its configuration)"))
+        design = design_note(recording.config)
         for number, stream in enumerate(STREAMS, start=1):
             self._chunk(STREAM_HEADER, _xml(_information(stream, recording.metadata, design)), number)
 

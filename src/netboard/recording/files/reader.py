@@ -12,13 +12,12 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.config import SIDES
+from netboard.base.config import SIDES, Config, parse
 from netboard.base.errors import RecordingError
 from netboard.base.tick import ROW_BYTES, TICK
 from netboard.network.protocol.records import BackfillRecord, ClockRecord, EventRecord, FrameRecord
@@ -135,9 +134,7 @@ class Recording:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     @property
@@ -152,6 +149,11 @@ class Recording:
         if self._config is None:
             raise RecordingError(f"{self.path}: its configuration was lost when it was damaged, see its metadata")
         return older.config_of(self._config.decode(), self._version)
+
+    @cached_property
+    def config(self) -> Config:
+        """The resolved configuration; the same errors as `config_text`, or ConfigError if it is invalid."""
+        return parse(self.config_text, f"{self.path} (its configuration)")
 
     @cached_property
     def counts(self) -> dict[str, int]:

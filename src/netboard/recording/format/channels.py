@@ -62,6 +62,9 @@ class Field:
 _DECODING = {"folded": True, "constants": CONSTANTS, "predictions": PREDICTIONS}
 """What a reader must know to decode the columns of a batch, beside the columns themselves."""
 
+DTYPES = {"integer": np.dtype(np.int64), "number": np.dtype(np.float64), "string": np.dtype(object)}
+"""NumPy dtype of each kind of column in a table."""
+
 _NUMPY = {"integer": "<i8", "number": "<f8"}
 
 

@@ -15,7 +15,7 @@ from typing import Any
 
 from mcap.writer import CompressionType, Writer
 
-from netboard.base.errors import RecordingError
+from netboard.base.errors import RecordingError, writing
 from netboard.recording.format.channels import CHANNELS, Stamped
 from netboard.recording.format.disk import allocate, sync_directory
 
@@ -37,15 +37,6 @@ _RESERVE_FOR_CHUNK = 512
 def part_path(path: Path) -> Path:
     """Return the path of an unfinished recording."""
     return path.with_name(path.name + ".part")
-
-
-@contextmanager
-def _disk(path: Path) -> Iterator[None]:
-    """Convert an error of the disk into a `RecordingError` that names the file."""
-    try:
-        yield
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
 def publish(part: Path, path: Path) -> None:
@@ -84,7 +75,7 @@ class PartFile:
             raise RecordingError(f"{path}: exists already, and a recording is never overwritten")
         if self.part.exists():
             raise RecordingError(f"{self.part}: an unfinished recording of this name exists; see `netboard recover`")
-        with _disk(self.part):
+        with writing(self.part):
             self._file = self.part.open("x+b")
         # Only this class closes chunks: the library's own limit would let a chunk grow beyond its size.
         self._mcap: Any = Writer(
@@ -105,7 +96,7 @@ class PartFile:
     def _writing(self) -> Iterator[None]:
         """Close the file at the first disk error; keep the data that were complete before it."""
         try:
-            with _disk(self.part):
+            with writing(self.part):
                 yield
                 self._file.flush()
                 self._whole = self._file.tell()
@@ -122,7 +113,7 @@ class PartFile:
         """Free space on the file's disk, in bytes."""
         if self.is_open:
             self._require_name()
-        with _disk(self.path.parent):
+        with writing(self.path.parent):
             return shutil.disk_usage(self.path.parent).free
 
     @property
@@ -176,7 +167,7 @@ class PartFile:
         with self._writing():
             os.fsync(self._file.fileno())
         self._require_name()
-        with _disk(self.part):
+        with writing(self.part):
             self._reserve()
 
     def finish(self) -> None:
@@ -199,7 +190,7 @@ class PartFile:
             raise RecordingError(
                 f"{self.part}: {astray} while it was being written; the file itself is complete at its new place"
             )
-        with _disk(self.part):
+        with writing(self.part):
             publish(self.part, self.path)
 
     def abandon(self) -> None:
@@ -214,7 +205,7 @@ class PartFile:
     def discard(self) -> None:
         """Delete the part file, which has no data yet."""
         self.abandon()
-        with _disk(self.part):
+        with writing(self.part):
             self.part.unlink(missing_ok=True)
 
     def _require_name(self) -> None:

@@ -9,7 +9,6 @@ requested. Numbers are written so that they read back bit for bit.
 import csv
 import difflib
 import json
-import os
 import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -18,7 +17,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.errors import ConfigError, NetboardError
+from netboard.base.errors import ConfigError
+from netboard.base.new_file import new_file
 from netboard.physics.hands.sampled import GAP_RATIO, Hands, find_gaps
 from netboard.recording.export.formats import library
 from netboard.recording.importing.tables import ROWS, TableFile
@@ -237,23 +237,16 @@ def _refuse_existing(path: Path, force: bool) -> None:
 def write_table(
     path: Path, columns: Mapping[str, NDArray[np.float64]], about: Mapping[str, str], force: bool = False
 ) -> None:
-    """Write a table under a temporary name, then rename it.
+    """Write a table, complete or not at all.
 
     ``about``: provenance of the table; a Parquet file stores it in its metadata, under "netboard", as JSON. ``force``:
     replace an existing file.
     """
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
     write = _write_parquet if path.suffix.lower() == ".parquet" else _write_csv
-    try:
+    with new_file(path) as part:
         path.parent.mkdir(parents=True, exist_ok=True)
         write(part, columns, about)
         _refuse_existing(path, force)
-        part.replace(path)
-    except OSError as error:
-        raise NetboardError(f"{path}: cannot be written: {error.strerror or error}") from error
-    finally:
-        with suppress(OSError):
-            part.unlink(missing_ok=True)
 
 
 def _write_csv(path: Path, columns: Mapping[str, NDArray[np.float64]], about: Mapping[str, str]) -> None:

@@ -5,17 +5,16 @@ the same options is kept, so an interrupted import can be repeated.
 """
 
 import json
-import multiprocessing
-import signal
 import time
 from collections.abc import Callable
-from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, as_completed
+from concurrent.futures import BrokenExecutor, as_completed
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from netboard.base.config import Config, parse, resolve
 from netboard.base.errors import ConfigError, NetboardError, RecordingError
+from netboard.base.workers import worker_processes
 from netboard.recording.files.locate import sha256_of
 from netboard.recording.files.offline_writer import name_of
 from netboard.recording.files.reader import Recording
@@ -126,31 +125,27 @@ def run(
     folder.mkdir(parents=True, exist_ok=True)
     done: dict[int, Imported] = {}
     failed: dict[int, str] = {}
-    with TemporaryDirectory(prefix=UNNAMED, dir=folder) as unnamed:
-        spawn = multiprocessing.get_context("spawn")
-        with ProcessPoolExecutor(min(workers, len(plan.jobs)), spawn, _leave_stopping) as pool:
-            try:
-                asked = {pool.submit(work or import_one, job, Path(unnamed)): k for k, job in enumerate(plan.jobs)}
-                for answer in as_completed(asked):
-                    place = asked[answer]
-                    try:
-                        done[place] = answer.result()
-                    except (ConfigError, RecordingError) as error:
-                        failed[place] = f"{plan.jobs[place].where}: {error}"  # the other tables continue
-                    tell(plan.jobs[place].source.name, len(done) + len(failed), len(plan.jobs))
-            except BrokenExecutor as error:
-                raise NetboardError(
-                    f"an import process was killed, perhaps because memory ran out: {len(done)} of {len(plan.jobs)} "
-                    "recordings are complete; run the same command again for the rest, with fewer --workers"
-                ) from error
-            finally:
-                pool.shutdown(cancel_futures=True)
+    with (
+        TemporaryDirectory(prefix=UNNAMED, dir=folder) as unnamed,
+        worker_processes(min(workers, len(plan.jobs))) as pool,
+    ):
+        try:
+            asked = {pool.submit(work or import_one, job, Path(unnamed)): k for k, job in enumerate(plan.jobs)}
+            for answer in as_completed(asked):
+                place = asked[answer]
+                try:
+                    done[place] = answer.result()
+                except (ConfigError, RecordingError) as error:
+                    failed[place] = f"{plan.jobs[place].where}: {error}"  # the other tables continue
+                tell(plan.jobs[place].source.name, len(done) + len(failed), len(plan.jobs))
+        except BrokenExecutor as error:
+            raise NetboardError(
+                f"an import process was killed, perhaps because memory ran out: {len(done)} of {len(plan.jobs)} "
+                "recordings are complete; run the same command again for the rest, with fewer --workers"
+            ) from error
+        finally:
+            pool.shutdown(cancel_futures=True)
     return [done[place] for place in sorted(done)], [failed[place] for place in sorted(failed)]
-
-
-def _leave_stopping() -> None:
-    """Ignore Ctrl-C in a worker; the waiting process receives it and stops the workers."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def import_one(job: Job, unnamed: Path) -> Imported:

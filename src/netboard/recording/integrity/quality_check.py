@@ -9,7 +9,6 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from netboard.base.config import Config, parse
 from netboard.network.protocol.motion import Safeguard
 from netboard.recording.files.reader import Recording
 from netboard.task.trials.quality import SEEN, Referee, Verdict
@@ -20,16 +19,15 @@ _PORTION = 100
 
 def judged(recording: Recording) -> tuple[Verdict, ...]:
     """Judge every completed attempt in a recording."""
-    config = parse(recording.config_text, f"{recording.path} (its configuration)")
-    return judged_along(recording, config, recording.batches(names=SEEN, as_sent=True))
+    return judged_along(recording, recording.batches(names=SEEN, as_sent=True))
 
 
-def judged_along(recording: Recording, config: Config, portions: Iterable[NDArray[Any]]) -> tuple[Verdict, ...]:
+def judged_along(recording: Recording, portions: Iterable[NDArray[Any]]) -> tuple[Verdict, ...]:
     """Judge every completed attempt while the ticks are read for another purpose.
 
     ``portions``: all ticks in order, with at least the fields in `netboard.task.trials.quality.SEEN`.
     """
-    referee = Referee(config, Safeguard.CLAMPED)
+    referee = Referee(recording.config, Safeguard.CLAMPED)
     frames = sorted(recording.frames(), key=attrgetter("tick"))
     verdicts: list[Verdict] = []
     told = 0

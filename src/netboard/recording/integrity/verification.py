@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.config import parse
 from netboard.base.errors import RecordingError
 from netboard.base.tick import OUTPUT, STATE, TICK
 from netboard.recording.files.reader import Recording
@@ -156,7 +155,7 @@ def verify_recording(recording: Recording) -> Verification:
     recording.check()
     if why := why_not(recording):
         raise RecordingError(f"{recording.path}: {why}")
-    stage = make_stage(parse(recording.config_text, f"{recording.path} (its configuration)"))
+    stage = make_stage(recording.config)
     result = verify_portions(stage, recording.batches(as_sent=True))
     if not result.checked:
         raise RecordingError(f"{recording.path}: has no tick to verify")

@@ -6,7 +6,6 @@ from pathlib import Path
 
 from rich.console import Group, RenderableType
 
-from netboard.base.config import parse
 from netboard.base.errors import RecordingError
 from netboard.base.terminal import FittedTable, numbers
 from netboard.recording.files.reader import Recording
@@ -111,7 +110,7 @@ def marks_table(recording: LoadedRecording) -> FittedTable:
 
 def provenance_table(recording: Recording) -> FittedTable:
     """Return a table of the recording's provenance."""
-    config = parse(recording.config_text, f"{recording.path} (its configuration)")
+    config = recording.config
     block, design = config.block, design_of(config)
     said = recording.metadata
     rows = {

@@ -44,13 +44,7 @@ class Repeats:
         return self.asked[place] if 0 <= place < len(self.asked) else 0
 
     def ask(self, trial: int) -> "Repeats":
-        """Request the repeat of a trial.
-
-        Parameters
-        ----------
-        trial : int
-            Number of the trial [1].
-        """
+        """Request the repeat of a trial."""
         return replace(self, asked=(*self.asked, trial), vetoed=tuple(other for other in self.vetoed if other != trial))
 
     def veto(self, trial: int) -> "Repeats":
@@ -67,15 +61,8 @@ class Repeats:
     def why_not_ask(self, trial: int, present: int, *, under_way: bool = False) -> str:
         """Return why a trial cannot be repeated, in a sentence; empty if it can.
 
-        Parameters
-        ----------
-        trial : int
-            Number of the trial [1].
-        present : int
-            Number of the current trial [1].
-        under_way : bool
-            Whether the ball of the current trial is free. It can then be repeated, too: after the last trial of a
-            block it would be too late.
+        ``under_way``: whether the ball of the current trial is free. It can then be repeated, too: after the last trial
+        of a block it would be too late.
         """
         if not 1 <= trial < present + under_way:
             done = f"trials 1 to {present - 1} are done" if present > 1 else "no trial is done"
@@ -85,15 +72,7 @@ class Repeats:
         return ""
 
     def why_not_veto(self, trial: int, present: int) -> str:
-        """Return why the repeat of a trial cannot be cancelled, in a sentence; empty if it can.
-
-        Parameters
-        ----------
-        trial : int
-            Number of the trial [1].
-        present : int
-            Number of the current trial [1].
-        """
+        """Return why the repeat of a trial cannot be cancelled, in a sentence; empty if it can."""
         if trial in self._to_come(present):
             return ""
         if trial in self.asked:
@@ -101,13 +80,7 @@ class Repeats:
         return f"no repeat of trial {trial} was requested"
 
     def newest(self, present: int) -> int:
-        """Return the trial whose repeat was requested last and has not begun; 0 for none [1].
-
-        Parameters
-        ----------
-        present : int
-            Number of the current trial [1].
-        """
+        """Return the trial whose repeat was requested last and has not begun; 0 for none [1]."""
         return self._to_come(present)[-1] if self._to_come(present) else 0
 
     def _to_come(self, present: int) -> tuple[int, ...]:
@@ -126,8 +99,6 @@ def wants_repeat(rules: Quality, outcome: str, flags: tuple[str, ...], trial: in
         Outcome of the attempt.
     flags : tuple of str
         Flags of the attempt.
-    trial : int
-        Number of the trial [1].
     repeats : Repeats
         Repeats so far.
     """

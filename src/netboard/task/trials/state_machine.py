@@ -266,8 +266,6 @@ def is_level(z: float, theta: float, omega: float, rules: Any) -> bool:
         Tilt [rad].
     omega : float
         Angular velocity [rad/s].
-    rules : RULES record
-        The rules of the trial.
     """
     flat = abs(theta) <= rules["level_angle"] and abs(z) <= rules["level_height"]
     return bool(flat and abs(omega) <= rules["level_rate"])
@@ -281,8 +279,6 @@ def is_over(block_ticks: int, rules: Any) -> bool:
     ----------
     block_ticks : int
         Duration of the block so far, in ticks [1].
-    rules : RULES record
-        The rules of the trial.
     """
     return bool(0 < rules["block_ticks"] <= block_ticks)
 
@@ -293,14 +289,10 @@ def is_last(trial: int, extra: int, block_ticks: int, rules: Any) -> bool:
 
     Parameters
     ----------
-    trial : int
-        Number of the trial in the block, from 1 [1].
     extra : int
         Trials added to the block [1].
     block_ticks : int
         Duration of the block so far, in ticks [1].
-    rules : RULES record
-        The rules of the trial.
     """
     return bool(trial >= rules["trials"] + extra or is_over(block_ticks, rules))
 
@@ -315,8 +307,6 @@ def wished(command: int, trial: int, extra: int, block_ticks: int, rules: Any) -
         A `Cause`, or any other number [1].
     trial, extra, block_ticks : int
         As for `is_last` [1].
-    rules : RULES record
-        The rules of the trial.
 
     Returns
     -------
@@ -356,8 +346,6 @@ def sense(
         Ticks since the release [1].
     trial, extra, block_ticks : int
         As for `is_last` [1].
-    rules : RULES record
-        The rules of the trial.
 
     Returns
     -------

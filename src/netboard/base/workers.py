@@ -1,0 +1,15 @@
+"""Processes that work for this one."""
+
+import signal
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+
+
+def worker_processes(count: int) -> ProcessPoolExecutor:
+    """Return a pool of new processes; Ctrl-C stops only the waiting process, which stops them."""
+    return ProcessPoolExecutor(count, get_context("spawn"), _leave_stopping)
+
+
+def _leave_stopping() -> None:
+    """Ignore Ctrl-C in a worker."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
