@@ -61,8 +61,11 @@ class Repeats:
     def why_not_ask(self, trial: int, present: int, *, under_way: bool = False) -> str:
         """Return why a trial cannot be repeated, in a sentence; empty if it can.
 
-        ``under_way``: whether the ball of the current trial is free. It can then be repeated, too: after the last trial
-        of a block it would be too late.
+        Parameters
+        ----------
+        under_way : bool
+            Whether the ball of the current trial is free. It can then be repeated, too: after the last trial of a
+            block it would be too late.
         """
         if not 1 <= trial < present + under_way:
             done = f"trials 1 to {present - 1} are done" if present > 1 else "no trial is done"
