@@ -275,7 +275,7 @@ def _copy(
     """Write the new file chunk by chunk; return message counts by topic, and the ticks."""
     counts: Counter[str] = Counter()
     numbers: list[int] = []
-    out = PartFile(target, LIBRARY, _CHUNK_BYTES)
+    out = PartFile(target, LIBRARY, _CHUNK_BYTES, repeatable=True)
     stream = TickStream(out, _CHUNK_BYTES, _constants_of(config, version))
     log_ns = 0
     try:
@@ -303,7 +303,6 @@ def _copy(
         out.finish()
     except BaseException:
         out.abandon()
-        out.part.unlink(missing_ok=True)
         raise
     return counts, numbers
 
