@@ -86,11 +86,14 @@ class PartFile:
         self._chunks = 0
         self._whole = 0
         self._reserved: float = 0
-        if path.exists():
-            raise RecordingError(f"{path}: exists already, and a recording is never overwritten")
-        if self.part.exists():
-            raise RecordingError(f"{self.part}: an unfinished recording of this name exists; see `netboard recover`")
+        with _disk(path):
+            if path.exists():
+                raise RecordingError(f"{path}: exists already, and a recording is never overwritten")
         with _disk(self.part):
+            if self.part.exists():
+                raise RecordingError(
+                    f"{self.part}: an unfinished recording of this name exists; see `netboard recover`"
+                )
             self._file = self.part.open("x+b")
         # Only this class closes chunks: the library's own limit would let a chunk grow beyond its size.
         self._mcap: Any = Writer(

@@ -5,10 +5,11 @@ own chunk. Data between two valid chunks that are not complete records are repor
 """
 
 import mmap
+import os
 import struct
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -150,15 +151,14 @@ def recover(path: Path, output: Path | None = None) -> Report:
 @contextmanager
 def mapped(path: Path) -> "Iterator[mmap.mmap | bytes]":
     """Map a file into memory, read-only."""
-    try:
-        with path.open("rb") as file:
-            if path.stat().st_size == 0:
-                yield b""
-                return
-            with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-                yield data
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
+    with ExitStack() as stack:
+        try:
+            file = stack.enter_context(path.open("rb"))
+            size = os.fstat(file.fileno()).st_size
+            data = stack.enter_context(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)) if size else b""
+        except OSError as error:
+            raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
+        yield data
 
 
 def _find_chunks(data: mmap.mmap | bytes) -> Iterator[Span]:
