@@ -1,13 +1,11 @@
 """Factors of the exported recordings: their columns, and the values of these in each trial."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import nan
-from pathlib import Path
 from typing import Any
 
-from netboard.base.config import Config, parse
-from netboard.recording.files.reader import Recording
+from netboard.base.config import Config
 from netboard.recording.format.channels import Field
 from netboard.task.studies.factors import (
     BlockFactor,
@@ -82,10 +80,3 @@ def design_note(config: Config) -> dict[str, str]:
     """
     said = {"role": role_of(config)} | ({"kind": kind} if (kind := design_of(config).kind) else {})
     return said | {column_of(one.name): one.summary for one in factors_of(config)}
-
-
-def configs_of(recordings: Sequence[Path]) -> Iterator[Config]:
-    """Yield the configurations of recordings."""
-    for path in recordings:
-        with Recording(path) as recording:
-            yield parse(recording.config_text, f"{path} (its configuration)")

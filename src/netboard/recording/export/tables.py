@@ -19,7 +19,8 @@ from netboard.base.config import Config, parse
 from netboard.base.settings import tables as settings_tables
 from netboard.base.tick import TICK
 from netboard.network.protocol.records import ClockRecord, EventRecord, FrameRecord
-from netboard.recording.export.factors import Exported, configs_of, exported_factors
+from netboard.recording.export.factors import Exported, exported_factors
+from netboard.recording.export.runs import refuse_copies
 from netboard.recording.export.task import ROLE_TEXT
 from netboard.recording.files.locate import sha256_of
 from netboard.recording.files.reader import Recording
@@ -321,6 +322,15 @@ TABLES = (TICKS, *SMALL)
 
 
 def small_tables(recordings: Sequence[Path]) -> tuple[Table, ...]:
-    """Return the tables of `SMALL` for these recordings, with factor columns in the trials table."""
-    trials = with_factors(exported_factors(list(configs_of(recordings))))
+    """Return the tables of `SMALL` for these recordings, with factor columns in the trials table.
+
+    Raises `RecordingError` if a recording is unreadable or repeated.
+    """
+    configs, said = [], []
+    for path in recordings:
+        with Recording(path) as recording:
+            configs.append(parse(recording.config_text, f"{path} (its configuration)"))
+            said.append((path, recording.metadata))
+    refuse_copies(said)
+    trials = with_factors(exported_factors(configs))
     return tuple(trials if table is TRIALS else table for table in SMALL)
