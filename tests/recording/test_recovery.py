@@ -26,6 +26,7 @@ from netboard.base.tick import TICK
 from netboard.network.protocol.records import BLOCK_BEGAN, EventRecord
 from netboard.recording.export.runs import runs_of
 from netboard.recording.files.locate import find_unfinished
+from netboard.recording.files.provenance import CONFIG_NAME, METADATA, METADATA_END, METADATA_FIRST
 from netboard.recording.files.reader import Recording
 from netboard.recording.files.writer import RecordingWriter
 from netboard.recording.format.partfile import PartFile
@@ -226,6 +227,31 @@ def test_lost_configuration_comes_from_the_event_that_began_the_block(tmp_path: 
     with Recording(report.output) as recording:
         assert recording.config_text == CONFIG_TEXT
         assert recording.recovery["config"] == "recovered"
+
+
+@pytest.mark.parametrize("lost", ["", METADATA, CONFIG_NAME, METADATA_FIRST, METADATA_END])
+def test_damaged_record_outside_chunks_costs_only_itself(tmp_path: Path, whole: Path, lost: str) -> None:
+    """The file has no event that begins its block, as the second file of a block."""
+    data = bytearray(whole.read_bytes())
+    stored = len(lost).to_bytes(4, "little") + lost.encode()
+    place = data.index(stored, 40)  # behind the header, whose profile is stored alike
+    at = {"": 8, CONFIG_NAME: place - 25}.get(lost, place - 9)
+    data[at + 2] ^= 1  # its length
+    ticks, report = recovered_ticks(tmp_path, bytes(data))
+    assert ticks == ROWS["tick"].tolist()
+    assert [part.offset for part in report.damage] == [at]
+    assert report.has_config == (lost != CONFIG_NAME)
+    with Recording(report.output) as recording:
+        assert (recording.metadata["session"] == "unknown") == (lost == METADATA)
+        assert (recording.first_record is None) == (lost == METADATA_FIRST)
+        assert (recording.end == {}) == (lost == METADATA_END)
+
+
+def test_damaged_configuration_is_not_taken_for_sound_without_its_hash(tmp_path: Path, whole: Path) -> None:
+    data = bytearray(whole.read_bytes())
+    data[data.index(METADATA.encode(), 40) - 11] ^= 1
+    data[data.index(CONFIG_TEXT.encode()) + 3] ^= 1
+    assert not recovered_ticks(tmp_path, bytes(data))[1].has_config
 
 
 def test_destroyed_first_bytes_cost_no_tick(tmp_path: Path, whole: Path) -> None:
