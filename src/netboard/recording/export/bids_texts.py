@@ -109,8 +109,9 @@ _UNITS = {"completion_time": "s", "force_delay_ms": "ms"}
 _EVENTS = {
     "trial_type": {
         "Description": (
-            "Events of the types levelling and attempt have a duration: they cover the rows of their phase. All "
-            "others are instants, at the row that caused them, the last of the previous phase"
+            "Events of the types levelling and attempt have a duration: they cover the rows of their phase, and an "
+            "attempt begins with the release of the ball even if its row is missing. All others are instants, at the "
+            "row that caused them, the last of the previous phase"
         ),
         "Levels": {
             "levelling": "the ball is fixed opposite the target, until the board is level",
