@@ -81,15 +81,15 @@ class PartFile:
         # The leftover of a killed process must not look like a recording to recover, nor block the next try.
         self.part = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part") if repeatable else part_path(path)
         self._repeatable = repeatable
+        self._named = path if repeatable else self.part  # the file that an error names
         self._chunk_bytes = chunk_bytes
         self._pending = 0
         self._chunks = 0
         self._whole = 0
         self._reserved: float = 0
-        with _disk(path):
+        with _disk(self._named):
             if path.exists():
                 raise RecordingError(f"{path}: exists already, and a recording is never overwritten")
-        with _disk(self.part):
             if self.part.exists():
                 raise RecordingError(
                     f"{self.part}: an unfinished recording of this name exists; see `netboard recover`"
@@ -114,7 +114,7 @@ class PartFile:
     def _writing(self) -> Iterator[None]:
         """Close the file at the first disk error; keep the data that were complete before it."""
         try:
-            with _disk(self.part):
+            with _disk(self._named):
                 yield
                 self._file.flush()
                 self._whole = self._file.tell()
@@ -185,7 +185,7 @@ class PartFile:
         with self._writing():
             os.fsync(self._file.fileno())
         self._require_name()
-        with _disk(self.part):
+        with _disk(self._named):
             self._reserve()
 
     def finish(self) -> None:
@@ -208,7 +208,7 @@ class PartFile:
             raise RecordingError(
                 f"{self.part}: {astray} while it was being written; the file itself is complete at its new place"
             )
-        with _disk(self.part):
+        with _disk(self._named):
             try:
                 publish(self.part, self.path)
             except RecordingError as error:
@@ -232,7 +232,7 @@ class PartFile:
         self._delete()
 
     def _delete(self) -> None:
-        with _disk(self.part):
+        with _disk(self._named):
             self.part.unlink(missing_ok=True)
 
     def _require_name(self) -> None:
