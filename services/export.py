@@ -21,14 +21,17 @@ def export(
 ) -> None:
     """Export recordings to the formats of other tools."""
     from netboard.base.bars import telling
+    from netboard.base.process import interrupted_by_stop_signals
     from netboard.recording.export import formats
-    from netboard.recording.files.locate import find_recordings
+    from netboard.recording.files.locate import UNFINISHED, find_recordings, find_unfinished
 
     found = find_recordings(recordings)
     folder = output or Path(f"{recordings[0].resolve().stem}_{to}")
-    with telling() as tell:
+    with interrupted_by_stop_signals(), telling() as tell:
         formats.export(found, to, folder, tell)
     files = [path for path in folder.rglob("*") if path.is_file()]
     count = "1 recording" if len(found) == 1 else f"{len(found)} recordings"
     size = sum(path.stat().st_size for path in files) / 1e6
     typer.echo(f"{folder}: {len(files)} files of {count}, {size:.1f} MB")
+    for part in find_unfinished(recordings):
+        typer.echo(f"left out: {part} {UNFINISHED}", err=True)

@@ -1,7 +1,7 @@
 """Errors and exit codes of all commands: 0 clean, 1 fault, 2 wrong configuration or usage.
 
-An expected error (`NetboardError`) and a library that is not installed are one line on stderr; ``--debug`` shows the
-traceback.
+An expected error (`NetboardError`), a file that the system refuses and a library that is not installed are one line on
+stderr; ``--debug`` shows the traceback.
 """
 
 import re
@@ -30,6 +30,11 @@ class Guarded(TyperGroup):
                 raise
             typer.secho(f"netboard: {error}", err=True, fg=typer.colors.RED)
             raise typer.Exit(WRONG if isinstance(error, ConfigError) else FAULT) from None
+        except OSError as error:  # such as a file name that is too long, or a folder that may not be read
+            if ctx.params["debug"] or error.filename is None:
+                raise
+            typer.secho(f"netboard: {error.filename}: {error.strerror}", err=True, fg=typer.colors.RED)
+            raise typer.Exit(FAULT) from None
         except ModuleNotFoundError as error:
             advice = missing_extra(error)
             if ctx.params["debug"] or not advice:

@@ -63,6 +63,7 @@ def import_(
     if manifest is not None and others:
         raise ConfigError(f"--manifest: found with {', '.join(others)}; set these in {manifest} instead")
     from netboard.base.bars import telling
+    from netboard.base.process import interrupted_by_stop_signals
     from netboard.recording.importing.table_import import ImportOptions, import_table, in_words
 
     if manifest is not None:
@@ -70,7 +71,7 @@ def import_(
     rig = load(config, settings)
     chosen = ImportOptions(tuple(names or ()), tuple(units or ()), simulate, interpolation, gap)
     for table in tables or ():
-        with telling() as tell:
+        with interrupted_by_stop_signals(), telling() as tell:
             found = import_table(table, output, rig, chosen, time.time_ns(), tell)
         typer.echo("\n".join(in_words([found])))
 
@@ -79,11 +80,12 @@ def import_study(manifest: Path, folder: Path, workers: int | None) -> int:
     """Import the tables that a manifest lists, several at a time."""
     from netboard.analysis.extraction.workers import cores
     from netboard.base.bars import telling
+    from netboard.base.process import interrupted_by_stop_signals
     from netboard.recording.importing.study_import import examine, run
     from netboard.recording.importing.table_import import in_words
 
     began = time.perf_counter()
-    with telling() as tell:
+    with interrupted_by_stop_signals(), telling() as tell:
         plan = examine(manifest, folder, tell)
         done, failed = run(plan, folder, workers or cores(), tell) if plan.jobs else ([], [])
     total = f"{len(done)} imported, {len(plan.there)} already there, {len(failed)} failed"

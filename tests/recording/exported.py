@@ -60,12 +60,12 @@ def without_payloads(rows: NDArray[np.void]) -> NDArray[np.void]:
     return plain
 
 
-def write(path: Path, rows: NDArray[np.void], config: Config | None = None) -> Path:
+def write(path: Path, rows: NDArray[np.void], config: Config | None = None, part: int = 1) -> Path:
     """Write a recording of rows, with some records of every other kind."""
     text = resolve(config or Config())
     welcome = Welcome("3f2a9c1e00000000", 1, 7, text)
     writer = RecordingWriter(
-        path, provenance(welcome, Config(), 1, UTC_NS, 42), text, Recording(chunk_bytes=8192), UTC_NS
+        path, provenance(welcome, Config(), part, UTC_NS, 42), text, Recording(chunk_bytes=8192), UTC_NS
     )
     records = [
         EventRecord(0, -1, START_NS - MS, "note", {"text": ODD}),

@@ -34,7 +34,7 @@ def quiet(what: str, done: int, total: int) -> None:
 @pytest.fixture(scope="module")
 def two(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     folder = tmp_path_factory.mktemp("made")
-    return [write(folder / "S01.mcap", make_rows(1)), write(folder / "S02.mcap", make_rows(2))]
+    return [write(folder / "S01.mcap", make_rows(1)), write(folder / "S02.mcap", make_rows(2), part=2)]
 
 
 def test_parquet_keeps_bits_types_and_units(two: list[Path], tmp_path: Path) -> None:
@@ -199,6 +199,23 @@ def test_export_command_accepts_folders(two: list[Path], tmp_path: Path) -> None
         assert kept == recording.config_text
     for table in TABLES[1:]:
         assert (tmp_path / "out" / f"{table.name}.csv").is_file()
+
+
+def test_export_command_lists_unfinished_recordings(two: list[Path], tmp_path: Path) -> None:
+    shutil.copy(two[0], tmp_path)
+    (tmp_path / "S03.mcap.part").touch()
+    result = CliRunner().invoke(app, ["export", str(tmp_path), "--to", "xdf", "-o", str(tmp_path / "out")])
+    assert result.exit_code == 0
+    assert "S03.mcap.part is unfinished; netboard recover makes a recording of it" in result.stderr
+
+
+@pytest.mark.parametrize("name", ["csv", "mat", "bids"])
+def test_copies_of_a_recording_are_refused(two: list[Path], tmp_path: Path, name: str) -> None:
+    copy = tmp_path / "copy.mcap"
+    shutil.copy(two[0], copy)
+    with pytest.raises(RecordingError, match=r"S01\.mcap and .*copy\.mcap: are the same part of the same block"):
+        export([two[0], copy], name, tmp_path / "out", quiet)
+    assert list(tmp_path.iterdir()) == [copy]
 
 
 def test_export_command_refuses_equal_names_and_missing_files(two: list[Path], tmp_path: Path) -> None:

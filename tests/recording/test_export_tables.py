@@ -14,6 +14,7 @@ from made_recordings import recorded, two_trials
 from netboard.base.config import Config, parse
 from netboard.base.errors import RecordingError
 from netboard.base.tick import TICK
+from netboard.recording.export.survey import Survey
 from netboard.recording.export.tables import (
     CLOCKS,
     EVENTS,
@@ -149,3 +150,18 @@ def test_attempt_with_a_missing_release_begins_with_it(tmp_path: Path) -> None:
     np.testing.assert_array_equal(holed_ticks["since_release"], np.delete(ticks["since_release"], hole))
     for name in ("tick", "duration", "completion"):
         np.testing.assert_array_equal(holed_trials[name], trials[name])
+
+
+@pytest.mark.parametrize("hole", [slice(5990, 6300), slice(0, 1500)])
+def test_survey_of_a_recording_without_a_release_has_its_time(tmp_path: Path, hole: slice) -> None:
+    """The survey is what Motion-BIDS and NWB write of an attempt."""
+    rows = two_trials()
+    with Recording(recorded(tmp_path, rows)) as recording:
+        whole_one = Survey(recording)
+    with Recording(recorded(tmp_path, np.delete(rows, hole))) as recording:
+        holed = Survey(recording)
+    late = (holed.origin_ns - whole_one.origin_ns) / 1e9
+    for one, same in zip(holed.attempts, whole_one.attempts, strict=True):
+        assert (one.tick, one.duration) == (same.tick, same.duration)
+        assert holed.seconds(one.tick) == pytest.approx(whole_one.seconds(same.tick) - late, abs=1e-12)
+        assert set(whole_one.flags[same.tick]) <= set(holed.flags[one.tick])

@@ -25,7 +25,7 @@ from netboard.recording.format.disk import (
     require_space,
 )
 from netboard.recording.recovery.recover import recover
-from samples import MS, OPENED_NS, fill, new_writer, random_rows, records
+from samples import MS, OPENED_NS, fill, new_writer, random_rows, records, write_recording
 
 ROWS = random_rows(3000)
 MEGABYTE = 2**20
@@ -184,3 +184,18 @@ def test_part_at_the_file_size_limit_is_recoverable_to_its_last_chunk(tmp_path: 
     report = recover(tmp_path / "a.mcap.part")
     assert report.damage == ()
     assert sum(report.messages.values()) >= (durable or 0) > 100
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no such limit there")
+def test_recovery_at_the_file_size_limit_names_its_output_and_leaves_nothing(tmp_path: Path) -> None:
+    import resource
+
+    whole = write_recording(tmp_path / "whole.mcap", random_rows(500))
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (whole.stat().st_size // 2, limits[1]))
+    try:
+        with pytest.raises(RecordingError, match=r"/out\.mcap: cannot be written: File too large"):
+            recover(whole, tmp_path / "out.mcap")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert list(tmp_path.iterdir()) == [whole]

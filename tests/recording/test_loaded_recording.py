@@ -34,6 +34,17 @@ def test_marks_show_trials_and_their_outcomes():
     ]
 
 
+@pytest.mark.parametrize("lost", [slice(3900, 6300), slice(0, 1500)])
+def test_mark_of_an_attempt_whose_release_is_missing_says_so(lost):
+    found = loaded_recording(np.delete(two_trials(), lost))
+    second = lost.start > 0
+    told = [(mark.trial, mark.label) for mark in found.marks if mark.kind == "trial"]
+    unreleased = [(trial, label) for trial, label in told if label.endswith(", its release is not recorded")]
+    assert unreleased == [told[second]]
+    assert unreleased[0][0] == 1 + second
+    assert [one.tick for one in found.attempts] == [one.tick for one in RECORDING.attempts]
+
+
 def test_marks_show_notes_events_and_gaps_without_duplicates():
     ticks = np.delete(two_trials(), slice(3000, 3200))
     events = (

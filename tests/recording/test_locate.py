@@ -20,6 +20,9 @@ def test_empty_folder_and_equal_names_are_refused(tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     with pytest.raises(RecordingError, match="empty: there is no recording"):
         find_recordings([tmp_path / "empty"])
+    (tmp_path / "empty" / "a.mcap.part").touch()
+    with pytest.raises(RecordingError, match=r"in this folder; a\.mcap\.part is unfinished; netboard recover makes"):
+        find_recordings([tmp_path / "empty"])
     with pytest.raises(RecordingError, match="have the same name"):
         find_recordings([tmp_path / "x" / "a.mcap", tmp_path / "y" / "a.mcap"])
 

@@ -17,15 +17,22 @@ from mcap.reader import make_reader
 from mcap.records import Chunk, Message
 from mcap.stream_reader import breakup_chunk
 from numpy.typing import NDArray
+from typer.testing import CliRunner
 
 from netboard.base.errors import RecordingError
+from netboard.base.process import STOP_SIGNALS
 from netboard.base.tables.rig import Recording as Settings
 from netboard.base.tick import TICK
 from netboard.network.protocol.records import BLOCK_BEGAN, EventRecord
 from netboard.recording.export.runs import runs_of
+from netboard.recording.files.locate import find_unfinished
+from netboard.recording.files.provenance import CONFIG_NAME, METADATA, METADATA_END, METADATA_FIRST
 from netboard.recording.files.reader import Recording
+from netboard.recording.files.writer import RecordingWriter
+from netboard.recording.format.partfile import PartFile
 from netboard.recording.format.summary import Gap
 from netboard.recording.recovery.recover import Report, recover, recovered_path
+from netboard.services.cli import app
 from samples import CONFIG_TEXT, OPENED_NS, fill, metadata, new_writer, random_rows, records, write_recording
 
 ROWS = random_rows(60, seed=2)
@@ -222,6 +229,31 @@ def test_lost_configuration_comes_from_the_event_that_began_the_block(tmp_path: 
         assert recording.recovery["config"] == "recovered"
 
 
+@pytest.mark.parametrize("lost", ["", METADATA, CONFIG_NAME, METADATA_FIRST, METADATA_END])
+def test_damaged_record_outside_chunks_costs_only_itself(tmp_path: Path, whole: Path, lost: str) -> None:
+    """The file has no event that begins its block, as the second file of a block."""
+    data = bytearray(whole.read_bytes())
+    stored = len(lost).to_bytes(4, "little") + lost.encode()
+    place = data.index(stored, 40)  # behind the header, whose profile is stored alike
+    at = {"": 8, CONFIG_NAME: place - 25}.get(lost, place - 9)
+    data[at + 2] ^= 1  # its length
+    ticks, report = recovered_ticks(tmp_path, bytes(data))
+    assert ticks == ROWS["tick"].tolist()
+    assert [part.offset for part in report.damage] == [at]
+    assert report.has_config == (lost != CONFIG_NAME)
+    with Recording(report.output) as recording:
+        assert (recording.metadata["session"] == "unknown") == (lost == METADATA)
+        assert (recording.first_record is None) == (lost == METADATA_FIRST)
+        assert (recording.end == {}) == (lost == METADATA_END)
+
+
+def test_damaged_configuration_is_not_taken_for_sound_without_its_hash(tmp_path: Path, whole: Path) -> None:
+    data = bytearray(whole.read_bytes())
+    data[data.index(METADATA.encode(), 40) - 11] ^= 1
+    data[data.index(CONFIG_TEXT.encode()) + 3] ^= 1
+    assert not recovered_ticks(tmp_path, bytes(data))[1].has_config
+
+
 def test_destroyed_first_bytes_cost_no_tick(tmp_path: Path, whole: Path) -> None:
     ticks, report = recovered_ticks(tmp_path, bytes(8) + whole.read_bytes()[8:])
     assert ticks == ROWS["tick"].tolist()
@@ -253,6 +285,63 @@ def test_recovery_never_overwrites_a_file(tmp_path: Path, whole: Path) -> None:
     assert sorted(file.name for file in tmp_path.iterdir()) == ["a.mcap", "a.recovered.mcap"]
 
 
+def unfinished(path: Path) -> None:
+    """Leave an unfinished recording, as a killed logger does."""
+    writer = new_writer(path)
+    fill(writer, ROWS)
+    writer.abandon()
+
+
+def test_leftover_of_a_killed_recovery_neither_blocks_the_next_one_nor_is_recovered(tmp_path: Path) -> None:
+    unfinished(tmp_path / "a.mcap")
+    target = tmp_path / "a.recovered.mcap"
+    killed = RecordingWriter(target, metadata(), CONFIG_TEXT, Settings(), OPENED_NS, repeatable=True)
+    fill(killed, ROWS)
+    left = killed.part.read_bytes()
+    killed.abandon()
+    assert not killed.part.exists()
+    killed.part.write_bytes(left)
+    assert find_unfinished([tmp_path]) == (tmp_path / "a.mcap.part",)
+    assert CliRunner().invoke(app, ["recover", str(tmp_path)]).exit_code == 0
+    assert {path.name for path in tmp_path.glob("*.mcap*")} - {killed.part.name} == {"a.mcap.part", target.name}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+@pytest.mark.parametrize("number", STOP_SIGNALS)
+def test_interrupted_recovery_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: signal.Signals
+) -> None:
+    unfinished(tmp_path / "a.mcap")
+    finish = PartFile.finish
+
+    def interrupted(out: PartFile) -> None:
+        os.kill(os.getpid(), number)
+        finish(out)
+
+    monkeypatch.setattr(PartFile, "finish", interrupted)
+    outside = signal.signal(number, signal.SIG_DFL)  # a test run in the background may ignore Ctrl-C
+    try:
+        assert "interrupted" in CliRunner().invoke(app, ["recover", str(tmp_path)]).output
+    finally:
+        signal.signal(number, outside)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.mcap.part"]
+
+
+def test_file_that_appears_during_the_recovery_is_not_overwritten(
+    tmp_path: Path, whole: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    target, finish = tmp_path / "out.mcap", PartFile.finish
+
+    def finish_later(out: PartFile) -> None:
+        target.write_bytes(b"theirs")
+        finish(out)
+
+    monkeypatch.setattr(PartFile, "finish", finish_later)
+    with pytest.raises(RecordingError, match=r"out\.mcap: exists already$"):
+        recover(whole, target)
+    assert [(path.name, path.read_bytes()) for path in tmp_path.iterdir()] == [("out.mcap", b"theirs")]
+
+
 def test_recovered_file_name_follows_from_the_source() -> None:
     for name in ("a_b.mcap", "a_b.mcap.part"):
         assert recovered_path(Path("x") / name) == Path("x/a_b.recovered.mcap")
@@ -267,8 +356,6 @@ def test_recovery_of_a_file_that_is_not_mcap_is_refused(tmp_path: Path, content:
 
 
 def test_recovery_of_an_unknown_format_version_is_refused(tmp_path: Path) -> None:
-    from netboard.recording.files.writer import RecordingWriter
-
     path = tmp_path / "a.mcap"
     RecordingWriter(path, metadata() | {"format": "99"}, CONFIG_TEXT, Settings(), OPENED_NS).finish(OPENED_NS)
     with pytest.raises(RecordingError, match="format version 99"):

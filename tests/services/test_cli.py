@@ -38,6 +38,8 @@ COMMANDS = (
     ),
     *("up", "status", "doctor", "keys", "devices", "cohort", "power"),
 )
+GOLDEN = Path(__file__).parents[1] / "data" / "recordings" / "format-4.mcap"
+
 BENCHES = ("physics", "stability", "loop", "servo", "soak", "faults", "fuzz", "recovery", "recording")
 
 
@@ -98,6 +100,29 @@ def test_version_option_prints_netboard_and_python_versions() -> None:
 )
 def test_wrong_usage_exits_with_2(words: str) -> None:
     assert runner.invoke(app, words.split()).exit_code == 2
+
+
+LONG = "x" * 300
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        f"recover {LONG}.mcap",
+        f"recover {GOLDEN} -o {LONG}.mcap",
+        f"export {GOLDEN} --to csv -o {LONG}",
+        f"check {LONG}.mcap",
+        f"sessions {LONG}",
+        f"replay {GOLDEN} --screenshot {LONG}.png",
+        f"whatif {GOLDEN} -o {LONG}.mcap",
+        f"whatif {GOLDEN} --figure {LONG}.png",
+        f"plan check {LONG}",
+    ],
+)
+def test_file_name_that_is_too_long_is_one_line_that_names_it(words: str) -> None:
+    result = runner.invoke(app, words.split())
+    assert result.exit_code == 1
+    assert re.fullmatch(rf"netboard: {LONG}[^\n]*: File name too long\n", result.stderr)
 
 
 def test_importing_the_command_line_loads_no_heavy_module() -> None:

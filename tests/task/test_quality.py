@@ -158,6 +158,17 @@ def test_tilt_above_1_5_deg_at_the_release_is_flagged(tilt_deg: float) -> None:
     assert flags(rows[LEVEL + 1 :]) == ()
 
 
+@pytest.mark.parametrize("first", [LEVEL - 5, LEVEL, LEVEL + 500])
+def test_more_than_20_missing_ticks_are_flagged(first: int) -> None:
+    rows = attempt()
+    lost = max(LEVEL, first) - first + 20  # those of the levelling do not count
+    assert flags(np.delete(rows, slice(first, first + lost))) == ()
+    assert flags(np.delete(rows, slice(first, first + lost + 1))) == ("missing_ticks",)
+    scattered = np.arange(max(LEVEL, first), LEVEL + LENGTH - 1, 100)[:21]
+    assert flags(np.delete(rows, scattered)) == ("missing_ticks",)
+    assert flags(np.delete(rows, scattered), Config(quality=Quality(missing_ticks=21))) == ()
+
+
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_stylus_without_motion_for_2_s_is_flagged(side: str) -> None:
     rows = attempt()

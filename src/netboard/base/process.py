@@ -131,8 +131,12 @@ class Supervisor:
 
 @contextmanager
 def interrupted_by_stop_signals() -> Iterator[None]:
-    """Let every stop signal interrupt as Ctrl-C does, so that a device is sent zero force before the process ends."""
-    before = {number: signal.signal(number, signal.default_int_handler) for number in STOP_SIGNALS}
+    """Let every stop signal interrupt as Ctrl-C does, so that a device gets zero force, and no unfinished file is left.
+
+    A signal that this process was started to ignore, as by nohup, stays ignored.
+    """
+    heeded = [number for number in STOP_SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
+    before = {number: signal.signal(number, signal.default_int_handler) for number in heeded}
     try:
         yield
     finally:

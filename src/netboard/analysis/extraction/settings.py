@@ -28,6 +28,7 @@ from netboard.task.trials.quality import WORDS
 Flag = Literal[
     "late_ticks",
     "lost_samples",
+    "missing_ticks",
     "clipped",
     "saturated",
     "start_tilt",

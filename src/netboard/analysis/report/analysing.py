@@ -22,7 +22,7 @@ from netboard.base.bars import telling
 from netboard.base.errors import ConfigError
 from netboard.base.process import peak_memory
 from netboard.recording.export.formats import Progress, need, new_folder, refuse_existing
-from netboard.recording.files.locate import find_recordings, find_unfinished
+from netboard.recording.files.locate import UNFINISHED, find_recordings, find_unfinished
 
 if TYPE_CHECKING:
     from netboard.analysis.extraction.running import Extraction
@@ -32,9 +32,6 @@ if TYPE_CHECKING:
 
 LIBRARIES = ("pandas", "pyarrow", "matplotlib", "jinja2", "statsmodels")
 """Packages that an analysis needs beyond those of a session."""
-
-UNFINISHED = "is unfinished; netboard recover makes a recording of it"
-"""Why a file that a logger has not finished is left out."""
 
 PLACEHOLDER = "@command-of-this-analysis@"
 """Stands for the command until all other files, which do not depend on it, are written."""

@@ -130,6 +130,9 @@ class Quality:
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
     late_ticks: Annotated[int, about("largest number of deadline misses in a trial", "1", ge=0, le=1_000_000)] = 20
     lost_share: Annotated[float, about("largest share of a trial without a fresh sample", "1", ge=0, le=1)] = 0.02
+    missing_ticks: Annotated[
+        int, about("largest number of ticks of a trial that are missing in the recording", "1", ge=0, le=1_000_000)
+    ] = 20
     clipped_share: Annotated[float, about("largest share with a force at its limit", "1", ge=0, le=1)] = 0.05
     saturated_share: Annotated[
         float, about("largest share with a stylus at the edge of its range", "1", ge=0, le=1)

@@ -86,15 +86,20 @@ def rehearse(job: Job, tell: Callable[[int], object] = lambda successes: None) -
     }
     writer = None if job.folder is None else BlockWriter(job.folder, job.config, job.session, begun_ns, said)
     ticks = 0
-    for rows in rehearsal.pieces():
+    try:
+        for rows in rehearsal.pieces():
+            if writer is not None:
+                writer.take(rows)
+            ticks += len(rows)
+            tell(rehearsal.successes)
+            if not job.fast:
+                time.sleep(max(0.0, began + ticks * TICK_SECONDS - time.perf_counter()))
         if writer is not None:
-            writer.take(rows)
-        ticks += len(rows)
-        tell(rehearsal.successes)
-        if not job.fast:
-            time.sleep(max(0.0, began + ticks * TICK_SECONDS - time.perf_counter()))
-    if writer is not None:
-        writer.finish()
+            writer.finish()
+    except BaseException:
+        if writer is not None:
+            writer.abandon()
+        raise
     summary, block = rehearsal.summary(), job.config.block
     return BlockResult(
         session=job.config.session.name,

@@ -172,7 +172,7 @@ def save(
         "source_session": source["session"],
     }
     opened_ns = int(source.get("opened_log_ns", 0))  # a recovered recording may have lost it
-    writer = RecordingWriter(path, metadata, text, config.recording, opened_ns)
+    writer = RecordingWriter(path, metadata, text, config.recording, opened_ns, repeatable=True)
     rows = attempts_of(found)
     number = events = 0
     now_ns = opened_ns
@@ -190,6 +190,5 @@ def save(
         writer.finish(now_ns)
     except BaseException:
         writer.abandon()
-        writer.part.unlink(missing_ok=True)  # computed data, which are not worth a recovery
         raise
     return len(rows)

@@ -118,8 +118,9 @@ def _described(words: dict[str, str]) -> dict[str, Any]:
 _EVENTS = {
     "trial_type": {
         "Description": (
-            "Events of the types levelling and attempt have a duration: they cover the rows of their phase. All "
-            "others are instants, at the row that caused them, the last of the previous phase"
+            "Events of the types levelling and attempt have a duration: they cover the rows of their phase, and an "
+            "attempt begins with the release of the ball even if its row is missing. All others are instants, at the "
+            "row that caused them, the last of the previous phase"
         ),
         "Levels": {
             "levelling": "the ball is fixed opposite the target, until the board is level",

@@ -7,7 +7,7 @@ has it. Runs are numbered in order of time, jointly for both persons, so equal r
 """
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -117,14 +117,20 @@ def _refuse_repeats(runs: Sequence[Run]) -> None:
     """Raise an error for repeated recordings and colliding labels."""
     _refuse(runs, lambda run: [("session", run.session, (run.config.session.dyad, run.config.session.name))])
     _refuse(runs, lambda run: [("participant", person.label, _identity(run, person)) for person in run.people])
-    seen: dict[tuple[str, ...], Path] = {}
+    refuse_copies((run.path, run.metadata) for run in runs)
     for run in runs:
-        key = tuple(run.metadata[name] for name in ("session", "block", "part"))
-        if key in seen:
-            raise RecordingError(f"{seen[key]} and {run.path}: are the same part of the same block; leave one out")
-        seen[key] = run.path
         if len({person.label for person in run.people}) < len(run.people):
             raise RecordingError(f"{run.path}: both participants are called {run.people[0].label}; expected two names")
+
+
+def refuse_copies(recordings: Iterable[tuple[Path, Mapping[str, str]]]) -> None:
+    """Raise an error for two files with the same ticks, from their paths and metadata."""
+    seen: dict[tuple[str, ...], Path] = {}
+    for path, metadata in recordings:
+        key = tuple(metadata.get(name, "") for name in ("session", "block", "part"))
+        if key in seen and all(key):  # a recovered recording may have lost some
+            raise RecordingError(f"{seen[key]} and {path}: are the same part of the same block; leave one out")
+        seen[key] = path
 
 
 def _identity(run: Run, person: Person) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ from netboard.network.protocol.records import kind_of_peer
 from netboard.recording.export.formats import Progress, reporting
 from netboard.recording.export.task import HAPPENED
 from netboard.recording.files.reader import Recording
-from netboard.recording.format.summary import Attempt, attempts_along
+from netboard.recording.format.summary import Attempt, find_attempts, from_release, turns_along
 from netboard.recording.integrity.quality_check import judged
 
 PORTION = 16_384
@@ -48,10 +48,13 @@ class Survey:
         self._last = 0
         self._jumps: list[tuple[int, int]] = []
         found: list[PhaseChange] = []
-        self.attempts: tuple[Attempt, ...] = attempts_along(self._watched(recording, found))
+        turns = turns_along(self._watched(recording, found))
+        recorded = find_attempts(turns)
+        self.attempts: tuple[Attempt, ...] = from_release(recorded, turns["tick"], turns["run_ticks"])
         self.happenings = tuple(found)
+        flags = {verdict.release: verdict.flags for verdict in judged(recording)}
         # Quality flags of each completed attempt, by the tick of its release.
-        self.flags = {verdict.release: verdict.flags for verdict in judged(recording)}
+        self.flags = {one.tick: flags.get(at.tick, ()) for one, at in zip(self.attempts, recorded, strict=True)}
         first, lead_ns = self._jumps[0]
         self._first, self.origin_ns = first, first * TICK_NS + lead_ns
         self.duration = self.span(first, self._last + 1)  # time from the first tick to the end of the last [s]

@@ -20,6 +20,7 @@ from netboard.base.settings import tables as settings_tables
 from netboard.base.tick import TICK
 from netboard.network.protocol.records import ClockRecord, EventRecord, FrameRecord
 from netboard.recording.export.factors import Exported, exported_factors
+from netboard.recording.export.runs import refuse_copies
 from netboard.recording.export.task import ROLE_TEXT
 from netboard.recording.files.locate import sha256_of
 from netboard.recording.files.reader import Recording
@@ -319,10 +320,15 @@ TABLES = (TICKS, *SMALL)
 
 
 def small_tables(recordings: Sequence[Path]) -> tuple[Table, ...]:
-    """Return the tables of `SMALL` for these recordings, with factor columns in the trials table."""
-    configs = []
+    """Return the tables of `SMALL` for these recordings, with factor columns in the trials table.
+
+    Raises `RecordingError` if a recording is unreadable or repeated.
+    """
+    configs, said = [], []
     for path in recordings:
         with Recording(path) as recording:
             configs.append(recording.config)
+            said.append((path, recording.metadata))
+    refuse_copies(said)
     trials = with_factors(exported_factors(configs))
     return tuple(trials if table is TRIALS else table for table in SMALL)

@@ -9,6 +9,9 @@ from pathlib import Path
 
 from netboard.base.errors import RecordingError
 
+UNFINISHED = "is unfinished; netboard recover makes a recording of it"
+"""Why an unfinished recording is left out."""
+
 
 def find_recordings(paths: Sequence[Path]) -> tuple[Path, ...]:
     """Return the recordings that the paths name.
@@ -20,7 +23,8 @@ def find_recordings(paths: Sequence[Path]) -> tuple[Path, ...]:
     for path in paths:
         here = sorted(path.glob("*.mcap")) if path.is_dir() else [path]
         if not here:
-            raise RecordingError(f"{path}: there is no recording (.mcap) in this folder")
+            words = "".join(f"; {part.name} {UNFINISHED}" for part in find_unfinished([path])[:1])
+            raise RecordingError(f"{path}: there is no recording (.mcap) in this folder{words}")
         found += here
     names: dict[str, Path] = {}
     for path in dict.fromkeys(found):

@@ -49,7 +49,7 @@ class BlockWriter:
         metadata = provenance(welcome, config, 1, utc_ns, start_ns) | dict(said)
         self._details = TrialDetails(config)
         self._log_time_minus_server = utc_ns - start_ns
-        self._writer = RecordingWriter(self.path, metadata, text, config.recording, utc_ns)
+        self._writer = RecordingWriter(self.path, metadata, text, config.recording, utc_ns, repeatable=True)
         self._events = self._records = 0
         self._time_ns = start_ns
         self._note(0, start_ns, "session_started", {"session": session, **said})
@@ -73,7 +73,7 @@ class BlockWriter:
         self._writer.finish(self._time_ns + self._log_time_minus_server)
 
     def abandon(self) -> None:
-        """Close the unfinished file and leave it as it is."""
+        """Delete the unfinished file."""
         self._writer.abandon()
 
     def _note(self, tick: int, time_ns: int, name: str, details: dict[str, str]) -> None:

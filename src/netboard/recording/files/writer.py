@@ -31,6 +31,7 @@ class RecordingWriter:
 
     ``path``: final name, ending in ``.mcap``; until `finish` the file is ``NAME.mcap.part``. ``opened_ns``: log time of
     opening [ns]. ``recovery``: the ``netboard.recovery`` metadata record, for a file rebuilt from another one.
+    ``repeatable``: the recording can be made again from other files; its unfinished file has a temporary name.
     """
 
     def __init__(
@@ -41,6 +42,8 @@ class RecordingWriter:
         settings: Recording,
         opened_ns: int,
         recovery: Mapping[str, str] | None = None,
+        *,
+        repeatable: bool = False,
     ) -> None:
         constants = constants_of(parse(config_text, f"{path} (its configuration)"))
         self.path = path
@@ -52,7 +55,7 @@ class RecordingWriter:
         self._flush_ns = round(settings.flush_ms * 1e6)
         self._flushed_ns = opened_ns
         self._consumption = DiskUse()
-        self._file = PartFile(path, LIBRARY, settings.chunk_bytes)
+        self._file = PartFile(path, LIBRARY, settings.chunk_bytes, repeatable=repeatable)
         self._ticks = TickStream(self._file, settings.chunk_bytes, constants)
         try:
             self._file.add_metadata(METADATA, metadata)
@@ -154,5 +157,5 @@ class RecordingWriter:
         self.durable = self.next_record
 
     def abandon(self) -> None:
-        """Close the unfinished file and leave it as it is."""
+        """Close the unfinished file and leave it as it is, or delete it if the recording is repeatable."""
         self._file.abandon()

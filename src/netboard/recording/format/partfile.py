@@ -1,12 +1,15 @@
 """A recording while it is being written: ``NAME.mcap.part``, renamed to ``NAME.mcap`` when it is complete.
 
-No file is ever overwritten. A chunk has a size limit and goes to the operating system as soon as it is closed, so a
-killed process loses at most one chunk. `sync` makes all written data survive a power cut, and reserves space after the
-end, so that a full disk is noticed while the index still fits. Only `finish` gives the final name. A disk error never
-damages chunks that were already complete. This module handles MCAP and disks, but not ticks or sessions.
+A recording that can be made again from other files has a temporary name instead, and nothing is left of it if it is not
+completed. No file is ever overwritten. A chunk has a size limit and goes to the operating system as soon as it is
+closed, so a killed process loses at most one chunk. `sync` makes all written data survive a power cut, and reserves
+space after the end, so that a full disk is noticed while the index still fits. Only `finish` gives the final name. A
+disk error never damages chunks that were already complete. This module handles MCAP and disks, but not ticks or
+sessions.
 """
 
 import os
+import secrets
 import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -44,11 +47,11 @@ def publish(part: Path, path: Path) -> None:
     try:
         os.link(part, path)
     except FileExistsError:
-        raise RecordingError(f"{path}: exists already; the finished recording stays in {part.name}") from None
+        raise RecordingError(f"{path}: exists already") from None
     except OSError:
         # The file system has no hard links. Renaming is atomic too, but on POSIX it silently replaces: check first.
         if path.exists():
-            raise RecordingError(f"{path}: exists already; the finished recording stays in {part.name}") from None
+            raise RecordingError(f"{path}: exists already") from None
         part.rename(path)
     else:
         part.unlink()
@@ -59,23 +62,29 @@ class PartFile:
     """An unfinished MCAP file with netboard's channels.
 
     ``chunk_bytes``: maximum size of a chunk before compression, in bytes. A longer message gets its own chunk.
+    ``repeatable``: the recording can be made again from other files.
     """
 
-    def __init__(self, path: Path, library: str, chunk_bytes: int) -> None:
+    def __init__(self, path: Path, library: str, chunk_bytes: int, *, repeatable: bool = False) -> None:
         if path.suffix != ".mcap":
             raise RecordingError(f"{path}: the name of a recording ends in .mcap")
         self.path = path
-        self.part = part_path(path)
+        # The leftover of a killed process must not look like a recording to recover, nor block the next try.
+        self.part = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part") if repeatable else part_path(path)
+        self._repeatable = repeatable
+        self._named = path if repeatable else self.part  # the file that an error names
         self._chunk_bytes = chunk_bytes
         self._pending = 0
         self._chunks = 0
         self._whole = 0
         self._reserved: float = 0
-        if path.exists():
-            raise RecordingError(f"{path}: exists already, and a recording is never overwritten")
-        if self.part.exists():
-            raise RecordingError(f"{self.part}: an unfinished recording of this name exists; see `netboard recover`")
-        with writing(self.part):
+        with writing(self._named):
+            if path.exists():
+                raise RecordingError(f"{path}: exists already, and a recording is never overwritten")
+            if self.part.exists():
+                raise RecordingError(
+                    f"{self.part}: an unfinished recording of this name exists; see `netboard recover`"
+                )
             self._file = self.part.open("x+b")
         # Only this class closes chunks: the library's own limit would let a chunk grow beyond its size.
         self._mcap: Any = Writer(
@@ -96,7 +105,7 @@ class PartFile:
     def _writing(self) -> Iterator[None]:
         """Close the file at the first disk error; keep the data that were complete before it."""
         try:
-            with writing(self.part):
+            with writing(self._named):
                 yield
                 self._file.flush()
                 self._whole = self._file.tell()
@@ -167,7 +176,7 @@ class PartFile:
         with self._writing():
             os.fsync(self._file.fileno())
         self._require_name()
-        with writing(self.part):
+        with writing(self._named):
             self._reserve()
 
     def finish(self) -> None:
@@ -190,22 +199,31 @@ class PartFile:
             raise RecordingError(
                 f"{self.part}: {astray} while it was being written; the file itself is complete at its new place"
             )
-        with writing(self.part):
-            publish(self.part, self.path)
+        with writing(self._named):
+            try:
+                publish(self.part, self.path)
+            except RecordingError as error:
+                if self._repeatable:
+                    raise
+                raise RecordingError(f"{error}; the finished recording stays in {self.part.name}") from None
 
     def abandon(self) -> None:
-        """Close the unfinished file as it is; it can be recovered up to the last complete chunk."""
-        if self._file.closed:
-            return
-        with suppress(OSError):  # a failing disk may fail here too; recovery finds the end without it
-            os.ftruncate(self._file.fileno(), self._whole)
-        # The buffer may hold data that the disk has just refused; closing the raw file drops it instead of retrying.
-        self._file.raw.close()
+        """Close the unfinished file: it can be recovered up to the last complete chunk, or is deleted if repeatable."""
+        if not self._file.closed:
+            with suppress(OSError):  # a failing disk may fail here too; recovery finds the end without it
+                os.ftruncate(self._file.fileno(), self._whole)
+            # The buffer may hold data that the disk has just refused; closing the raw file drops it, without a retry.
+            self._file.raw.close()
+        if self._repeatable:
+            self._delete()
 
     def discard(self) -> None:
         """Delete the part file, which has no data yet."""
         self.abandon()
-        with writing(self.part):
+        self._delete()
+
+    def _delete(self) -> None:
+        with writing(self._named):
             self.part.unlink(missing_ok=True)
 
     def _require_name(self) -> None:

@@ -115,6 +115,11 @@ def find_attempts(ticks: NDArray[Any]) -> tuple[Attempt, ...]:
 
 def attempts_along(portions: Iterable[NDArray[Any]]) -> tuple[Attempt, ...]:
     """Return all attempts of a recording that is read in batches."""
+    return find_attempts(turns_along(portions))
+
+
+def turns_along(portions: Iterable[NDArray[Any]]) -> NDArray[Any]:
+    """Return the first and the last row of each phase of a recording that is read in batches."""
     kept: list[NDArray[Any]] = []
     for rows in portions:
         # The first and last row of each phase suffice to describe an attempt and the levelling before it.
@@ -122,7 +127,7 @@ def attempts_along(portions: Iterable[NDArray[Any]]) -> tuple[Attempt, ...]:
         turns = np.any(np.diff(keys) != 0, axis=0)
         ends = np.concatenate([[True], turns]) | np.concatenate([turns, [True]])
         kept.append(rows[ends])
-    return find_attempts(joined(kept))
+    return joined(kept)
 
 
 def from_release(

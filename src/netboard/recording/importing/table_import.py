@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from netboard.base.config import Config, parse
 from netboard.base.errors import ConfigError
 from netboard.recording.files.locate import sha256_of
-from netboard.recording.files.offline_writer import BlockWriter, name_of
+from netboard.recording.files.offline_writer import BlockWriter
 from netboard.recording.importing.columns import COLUMNS, TASK
 from netboard.recording.importing.resampling import Interpolation, resampled, segments
 from netboard.recording.importing.rows import measured, simulated
@@ -140,7 +140,6 @@ def _keep(
     first = next(pieces, None)
     if first is None:
         raise ConfigError(f"{said['imported_from']}: has no rows")
-    path = folder / name_of(config, said["imported_sha256"])
     folder.mkdir(parents=True, exist_ok=True)
     writer = BlockWriter(folder, config, said["imported_sha256"], utc_ns, said, int(first["time_ns"][0]))
     done = 0
@@ -152,6 +151,5 @@ def _keep(
         writer.finish()
     except BaseException:
         writer.abandon()
-        path.with_name(f"{path.name}.part").unlink(missing_ok=True)
         raise
-    return Imported(path, said["imported"], done, notes)
+    return Imported(writer.path, said["imported"], done, notes)

@@ -5,10 +5,12 @@ own chunk. Data between two valid chunks that are not complete records are repor
 """
 
 import mmap
+import os
 import struct
+import zlib
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -17,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Metadata
+from mcap.records import Attachment, Header, Metadata
 from numpy.typing import NDArray
 
 from netboard.base.config import parse
@@ -42,12 +44,23 @@ from netboard.recording.format.partfile import PartFile
 from netboard.recording.format.predictions import UNKNOWN, constants_of
 from netboard.recording.format.summary import Gap, find_gaps
 
+
+def _stored(name: str) -> bytes:
+    """Return a name as MCAP stores it: after its length."""
+    return struct.pack("<I", len(name)) + name.encode()
+
+
 _SIGNATURE = struct.pack("<I", 4) + b"zstd"
 _TO_SIGNATURE = RECORD_HEAD.size + 8 + 8 + 8 + 4
 _COPIED_METADATA = (METADATA, METADATA_FIRST, METADATA_END)
 _RECOVERABLE = ("2", "3", FORMAT_VERSION)
 _CHUNK_BYTES = 2**18
 
+_NAMED = (
+    *((Opcode.METADATA, _stored(name), RECORD_HEAD.size) for name in (*_COPIED_METADATA, METADATA_RECOVERY)),
+    (Opcode.ATTACHMENT, _stored(CONFIG_NAME), RECORD_HEAD.size + 16),
+)
+"""Records outside chunks with which reading continues after damage: opcode, name as stored, its place in the record."""
 
 _TOPICS = {number: topic for topic, number in IDS.items()}
 _TICKS = CHANNELS[0].topic
@@ -150,15 +163,14 @@ def recover(path: Path, output: Path | None = None) -> Report:
 @contextmanager
 def mapped(path: Path) -> "Iterator[mmap.mmap | bytes]":
     """Map a file into memory, read-only."""
-    try:
-        with path.open("rb") as file:
-            if path.stat().st_size == 0:
-                yield b""
-                return
-            with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-                yield data
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
+    with ExitStack() as stack:
+        try:
+            file = stack.enter_context(path.open("rb"))
+            size = os.fstat(file.fileno()).st_size
+            data = stack.enter_context(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)) if size else b""
+        except OSError as error:
+            raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
+        yield data
 
 
 def _find_chunks(data: mmap.mmap | bytes) -> Iterator[Span]:
@@ -197,8 +209,10 @@ def _survey(
         while position < stop:
             record = _whole_record(data, Span(position, stop))
             if isinstance(record, str):
-                damage.append(Damage(position, stop - position, record))
-                break
+                following = _next_named(data, Span(position + 1, stop))
+                damage.append(Damage(position, following - position, record))
+                position = following
+                continue
             opcode, body = record
             if opcode == Opcode.METADATA:
                 named = Metadata.read(ReadDataStream(BytesIO(body)))
@@ -215,6 +229,20 @@ def _survey(
     return metadata, config, damage, False
 
 
+def _next_named(data: mmap.mmap | bytes, span: Span) -> int:
+    """Return the start of the next whole metadata record or configuration in a span, or the end of the span."""
+    starts = [span.stop]
+    for opcode, name, before in _NAMED:
+        found = data.find(name, span.start + before, span.stop)
+        while found >= 0:
+            start = found - before
+            if data[start] == opcode and not isinstance(_whole_record(data, Span(start, span.stop)), str):
+                starts.append(start)
+                break
+            found = data.find(name, found + 1, span.stop)
+    return min(starts)
+
+
 def _config_of_event(data: mmap.mmap | bytes, chunks: Sequence[Span]) -> Attachment | None:
     """Return the copy of the configuration in the event with which the server began the block; None without one."""
     for chunk in chunks:
@@ -227,6 +255,9 @@ def _config_of_event(data: mmap.mmap | bytes, chunks: Sequence[Span]) -> Attachm
 _EXPECTED = frozenset(
     (Opcode.HEADER, Opcode.CHUNK, Opcode.MESSAGE_INDEX, Opcode.METADATA, Opcode.ATTACHMENT, Opcode.DATA_END)
 )
+
+
+_READERS = {Opcode.HEADER: Header.read, Opcode.METADATA: Metadata.read, Opcode.ATTACHMENT: Attachment.read}
 
 
 def _whole_record(data: mmap.mmap | bytes, span: Span) -> tuple[int, bytes] | str:
@@ -242,13 +273,16 @@ def _whole_record(data: mmap.mmap | bytes, span: Span) -> tuple[int, bytes] | st
     if opcode == Opcode.CHUNK:
         return _why_unsound(data, Span(span.start, stop)) or "a damaged chunk"
     body = data[span.start + RECORD_HEAD.size : stop]
-    try:
-        if opcode == Opcode.METADATA:
-            Metadata.read(ReadDataStream(BytesIO(body)))
-        elif opcode == Opcode.ATTACHMENT:
-            Attachment.read(ReadDataStream(BytesIO(body)))
-    except UNSOUND as error:
-        return f"a damaged record: {error}"
+    if opcode in _READERS:
+        stream = ReadDataStream(BytesIO(body))
+        try:
+            _READERS[opcode](stream)
+        except UNSOUND as error:
+            return f"a damaged record: {error}"
+        if stream.count != len(body):
+            return "a damaged record: wrong length"
+    if opcode == Opcode.ATTACHMENT and zlib.crc32(body[:-4]) != int.from_bytes(body[-4:], "little"):
+        return "a damaged record: wrong checksum"
     return opcode, body
 
 
@@ -275,7 +309,7 @@ def _copy(
     """Write the new file chunk by chunk; return message counts by topic, and the ticks."""
     counts: Counter[str] = Counter()
     numbers: list[int] = []
-    out = PartFile(target, LIBRARY, _CHUNK_BYTES)
+    out = PartFile(target, LIBRARY, _CHUNK_BYTES, repeatable=True)
     stream = TickStream(out, _CHUNK_BYTES, _constants_of(config, version))
     log_ns = 0
     try:
@@ -303,7 +337,6 @@ def _copy(
         out.finish()
     except BaseException:
         out.abandon()
-        out.part.unlink(missing_ok=True)
         raise
     return counts, numbers
 

@@ -83,7 +83,6 @@ class _Blocks:
         except BaseException:
             for writer in self._made:
                 writer.abandon()
-                writer.part.unlink(missing_ok=True)
                 if writer in self._finished:  # otherwise a file of that name is somebody else's
                     writer.path.unlink(missing_ok=True)
             raise
@@ -101,6 +100,7 @@ class _Blocks:
             config.recording,
             self._now,
             account_for(self._path, len(self._data), self._damage, True),
+            repeatable=True,
         )
         self._made.append(writer)
         self._batches.append(0)

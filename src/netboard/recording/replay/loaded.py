@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from netboard.base.config import Config, Side, parse
 from netboard.base.errors import RecordingError
 from netboard.network.protocol.records import BLOCK_BEGAN, EventRecord
-from netboard.recording.format.summary import Attempt, find_attempts, find_gaps
+from netboard.recording.format.summary import Attempt, find_attempts, find_gaps, from_release
 from netboard.recording.replay.marks import Mark, gap_in_words, marks, seconds
 from netboard.stage.curtain import PHASE_NAMES, make_curtain, view_of
 from netboard.stage.view import View
@@ -46,7 +46,7 @@ class LoadedRecording:
         self.config: Config = parse(self.text, self.name)
         self.curtain = make_curtain(self.config)
         self.ticks, self.times = ticks, seconds(ticks)
-        self.attempts: tuple[Attempt, ...] = find_attempts(ticks)
+        self.attempts: tuple[Attempt, ...] = from_release(find_attempts(ticks), ticks["tick"], ticks["run_ticks"])
         self.gaps = find_gaps(ticks["tick"])
         self.marks: tuple[Mark, ...] = marks(ticks, self.attempts, self.gaps, material.events)
         self.length = float(self.times[-1])  # time of the last tick [s]

@@ -62,11 +62,15 @@ def marks(
     """Return the marks of a recording."""
     times = seconds(ticks)
 
-    def mark(tick: int, kind: str, label: str) -> Mark:
+    def mark(tick: int, kind: str, label: str, trial: int | None = None) -> Mark:
         row = min(max(int(np.searchsorted(ticks["tick"], tick, side="right")) - 1, 0), len(ticks) - 1)
-        return Mark(float(times[row]), tick, kind, label, int(ticks["trial"][row]))
+        return Mark(float(times[row]), tick, kind, label, int(ticks["trial"][row]) if trial is None else trial)
 
-    found = [mark(attempt.began, "trial", _attempt_in_words(attempt)) for attempt in attempts]
+    released = np.isin([attempt.tick for attempt in attempts], ticks["tick"])
+    found = [
+        mark(one.began, "trial", _attempt_in_words(one) + ", its release is not recorded" * (not known), one.trial)
+        for one, known in zip(attempts, released, strict=True)
+    ]
     for row in np.flatnonzero(ticks["event"]):
         cause = int(ticks["event"][row])
         if cause in _KINDS:

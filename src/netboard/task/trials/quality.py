@@ -29,6 +29,7 @@ last ticks of an attempt cannot be used to judge displays; in a success, the bal
 WORDS: dict[str, str] = {
     "late_ticks": "too many deadline misses of the server (later than half a millisecond)",
     "lost_samples": "a stylus had no fresh sample for too large a share of the time",
+    "missing_ticks": "too many ticks are missing in the recording",
     "clipped": "a force was at its limit for too large a share of the time",
     "saturated": "a stylus was at the edge of its range for too large a share of the time",
     "start_tilt": "the board was tilted when the ball was released",
@@ -47,6 +48,7 @@ TALLY = np.dtype(
         ("trial", "<i8"),  # number of the trial in the block, from 1
         ("attempt", "<i8"),  # number of the attempt at that trial, from 1
         ("release", "<i8"),  # first tick with a free ball
+        ("since_release", "<i8"),  # ticks from the true release to that one; 0 unless its tick is missing
         ("last", "<i8"),  # newest tick counted
         ("cause", "<i8"),  # the netboard.task.trials.state_machine.Cause that ended the attempt
         ("mark_ticks", "<i8"),  # ticks from the release to the ball's newest entry into the target
@@ -92,7 +94,7 @@ def _begin(t: Any, row: Any) -> None:
     """Reset the counts for a new attempt."""
     t["under_way"], t["ended"], t["cause"] = 1, 0, 0
     t["trial"], t["attempt"], t["release"] = row["trial"], row["attempt"], row["tick"]
-    t["ticks"], t["late"] = 0, 0
+    t["ticks"], t["late"], t["since_release"] = 0, 0, row["run_ticks"]
     t["start_tilt"] = row["theta"] if row["run_ticks"] == 0 else np.nan
     for side in range(2):
         t["lost"][side], t["clipped"][side], t["saturated"][side] = 0, 0, 0
@@ -209,6 +211,7 @@ def judge(t: Any, completion: float, frame_gap: float, rules: Quality, block: Bl
     """Apply the rules to an attempt.
 
     A side that is held still has no samples and no force, so it is skipped. Only the stylus of a person can be stuck.
+    Ticks can be missing only in a recording, never live.
 
     Parameters
     ----------
@@ -235,9 +238,11 @@ def judge(t: Any, completion: float, frame_gap: float, rules: Quality, block: Bl
     def share(name: str) -> float:
         return max(int(t[name][side]) for side in moved) / max(int(t["ticks"]), 1)
 
+    whole = int(t["since_release"]) + int(t["last"]) + 1 - int(t["release"])
     found = {
         "late_ticks": t["late"] > rules.late_ticks,
         "lost_samples": share("lost") > rules.lost_share,
+        "missing_ticks": whole - int(t["ticks"]) > rules.missing_ticks,
         "clipped": share("clipped") > rules.clipped_share,
         "saturated": share("saturated") > rules.saturated_share,
         "start_tilt": abs(t["start_tilt"]) > np.radians(rules.start_tilt_deg),
