@@ -141,9 +141,11 @@ def test_values_beyond_limits_and_infinity_are_refused(table: Table, key: Key) -
     [
         (
             '[physics]\nM = "10 g"',
-            '[physics] M: found "10 g", expected a number > 0 and <= 10 [kg] (mass of the board)',
+            '[physics] M: found "10 g", expected a number >= 1e-09 and <= 10 [kg] (mass of the board)',
         ),
         ("[physics]\nM = true", "[physics] M: found true, expected a number"),
+        ("[physics]\nM = 5e-324", "[physics] M: found 5e-324, expected a number >= 1e-09 "),
+        ("[physics]\nI = 1e-20", "[physics] I: found 1e-20, expected a number >= 1e-12 "),
         ("[block]\ntrials = 1.5", "[block] trials: found 1.5, expected a whole number >= 1 and <= 10000 "),
         ("[session]\npilot = 1", "[session] pilot: found 1, expected true or false "),
         ('[block]\nfirst_target = "up"', 'found "up", expected "left" or "right" or "random" '),
