@@ -232,7 +232,7 @@ def effects_shown(fit: Fit) -> list[Effect]:
 
 def _terms(axes: "Axes", shown: Sequence[Fit]) -> None:
     """Draw the ratios of all models, a row for each term."""
-    from matplotlib.ticker import LogLocator, NullLocator
+    from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
     names = list(dict.fromkeys(effect.name for fit in shown for effect in effects_shown(fit)))
     axes.axvline(1.0, color="#888888", linewidth=0.8, zorder=1)
@@ -244,7 +244,10 @@ def _terms(axes: "Axes", shown: Sequence[Fit]) -> None:
         axes.plot([], [], linestyle="none", marker=look.marker, color=look.colour, label=f"{fit.measure}, {fit.ratio}")
     axes.set_xscale("log")
     low, high = axes.get_xlim()
-    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0) if high < 30 * low else (1.0,)))
+    if high < 3 * low:
+        axes.xaxis.set_major_locator(MaxNLocator(6))
+    else:
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0) if high < 30 * low else (1.0,)))
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
     axes.xaxis.set_minor_locator(NullLocator())
     axes.tick_params(axis="x", labelsize=7)
