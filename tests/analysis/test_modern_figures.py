@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Callable
-from dataclasses import replace
 from itertools import pairwise
 
 import matplotlib as mpl
@@ -14,9 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from made_modern import Path, modern_blocks, modern_study, with_paths
-from made_study import Block, made_study, measured, random_block, rows_of, times
-from netboard.analysis.extraction.conditions import factors_text
-from netboard.analysis.extraction.recordings import BLOCKS
+from made_study import Block, declared, made_study, random_block, times
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.study import Study, study_of
 from netboard.analysis.topics import contrasts, delay, influence, models, passive
@@ -33,7 +30,6 @@ from netboard.analysis.topics.paths import courses
 from netboard.analysis.topics.quality import quality as find_quality
 from netboard.analysis.topics.result import table_of
 from netboard.analysis.topics.units import read_in
-from netboard.base.config import Config
 from netboard.base.tables.experiment import Design
 
 FORCES = ("full", "partner_only", "environment_only", "none", "unrelated")
@@ -125,7 +121,7 @@ def masses() -> Study:
     names, values = ("light", "middle", "heavy"), (0.02, 0.05, 0.08)
     for dyad in ("D01", "D02", "D03"):
         for name in names:
-            block = measured(random_block(chance, dyad, dyad, "dyadic", "full", 10, f"{dyad}B"), len(found) + 1)
+            block = random_block(chance, dyad, dyad, "dyadic", "full", 10, f"{dyad}B")
             design = Design(
                 factors={"mass": name},
                 levels={"mass": names},
@@ -133,9 +129,7 @@ def masses() -> Study:
                 units={"mass": "kg"},
                 values={"mass": values},
             )
-            row = {key: column[0] for key, column in block.blocks.items()}
-            row |= {"factors": factors_text(replace(Config(), design=design)), "left_by": f"{dyad}A"}
-            found.append(replace(block, blocks=rows_of(BLOCKS, [row])))
+            found.append(declared(block, len(found) + 1, design))
     return with_paths(study_of(found, Readings()), any_path)
 
 

@@ -6,7 +6,7 @@ every other factor that the study declares or that differs between its blocks. A
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import floor, log10
 from typing import TYPE_CHECKING
 
@@ -146,10 +146,15 @@ def _labels(
     return rows["dyad"], rows["performer"], factors_of(rows, others), rows["order"]
 
 
+_COLUMNS = ("dyads", "performers", "order")
+"""Names of the columns that a model has besides its factors."""
+
+
 def factors_of(rows: pd.DataFrame, others: Sequence[StudyFactor] = ()) -> tuple[Factor, ...]:
     """Return the fixed factors of the models: haptics or force, configuration, and the study's own.
 
-    Those that force, configuration and partner determine are left out.
+    Those that force, configuration and partner determine are left out. A factor of the study with a name that the model
+    has already is called "factor NAME".
     """
     found = list(paper_factors(rows["haptics"] == 1, rows["configuration"] == "dyadic"))
     felt = [force for force in FORCES if force in set(rows["force"])]
@@ -158,7 +163,8 @@ def factors_of(rows: pd.DataFrame, others: Sequence[StudyFactor] = ()) -> tuple[
     own = [_own(rows, one) for one in others if one.told]
     if own:  # with only the paper's factors, notes state what the study lacks
         found = [one for one in found if len(set(one.values)) > 1]
-    return (*found, *own)
+    taken = {*_COLUMNS, *(one.name for one in found)}
+    return (*found, *(replace(one, name=f"factor {one.name}") if one.name in taken else one for one in own))
 
 
 def _named(name: str, values: pd.Series, levels: Sequence[str]) -> Factor:
