@@ -1,15 +1,18 @@
 """Synthetic studies: tables of recordings written by hand, joined as measured ones are."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from netboard.analysis.extraction.conditions import factors_text
 from netboard.analysis.extraction.recordings import BLOCKS, FIELDS, Measured
 from netboard.analysis.extraction.settings import Readings, parse
 from netboard.analysis.extraction.study import Study, study_of
 from netboard.analysis.extraction.tables import columns_of
+from netboard.base.config import Config
+from netboard.base.tables.experiment import Design
 from netboard.recording.format.channels import Field
 
 NOTHING = {"integer": 0, "number": float("nan"), "string": ""}
@@ -67,6 +70,14 @@ def measured(block: Block, number: int) -> Measured:
         rows_of(FIELDS["movements"], movements),
         rows_of(FIELDS["paths"], []),
     )
+
+
+def declared(block: Block, number: int, design: Design) -> Measured:
+    """Write the tables of a recording whose block has levels of declared factors."""
+    found = measured(block, number)
+    row = {name: column[0] for name, column in found.blocks.items()}
+    row["factors"] = factors_text(replace(Config(), design=design))
+    return replace(found, blocks=rows_of(BLOCKS, [row]))
 
 
 def made_study(blocks: Sequence[Block], *overrides: str) -> Study:

@@ -72,17 +72,17 @@ OPTIONS = st.dictionaries(st.text(), st.text() | st.booleans() | st.integers(-(2
 
 @pytest.mark.slow
 @given(
-    mass=st.floats(1e-300, 10.0, exclude_min=True),
+    stiffness=st.floats(0.0, 10.0),
     zero=st.floats(-1, 1),
     seed=st.integers(0, 2**31 - 1),
     folder=st.text(min_size=1),
     options=OPTIONS,
 )
 def test_configuration_round_trip_is_bit_exact(
-    mass: float, zero: float, seed: int, folder: str, options: dict[str, Any]
+    stiffness: float, zero: float, seed: int, folder: str, options: dict[str, Any]
 ) -> None:
     config = Config(
-        physics=Physics(M=mass),
+        physics=Physics(k_h=stiffness),
         agents=Agents(left=Agent(device=folder, zero=zero, options=options)),
         block=replace(Config().block, seed=seed),
         recording=replace(Config().recording, directory=folder),
@@ -142,9 +142,11 @@ def test_values_beyond_limits_and_infinity_are_refused(table: Table, key: Key) -
     [
         (
             '[physics]\nM = "10 g"',
-            '[physics] M: found "10 g", expected a number > 0 and <= 10 [kg] (mass of the board)',
+            '[physics] M: found "10 g", expected a number >= 1e-09 and <= 10 [kg] (mass of the board)',
         ),
         ("[physics]\nM = true", "[physics] M: found true, expected a number"),
+        ("[physics]\nM = 5e-324", "[physics] M: found 5e-324, expected a number >= 1e-09 "),
+        ("[physics]\nI = 1e-20", "[physics] I: found 1e-20, expected a number >= 1e-12 "),
         ("[block]\ntrials = 1.5", "[block] trials: found 1.5, expected a whole number >= 1 and <= 10000 "),
         ("[session]\npilot = 1", "[session] pilot: found 1, expected true or false "),
         ('[block]\nfirst_target = "up"', 'found "up", expected "left" or "right" or "random" '),

@@ -361,7 +361,8 @@ def test_exact_method_agrees_for_a_level_board() -> None:
     [
         (Physics(balls=2), COLD, True, r"p0, v0: found 1 balls, expected 2 \(physics.balls\)"),
         (Physics(), (np.nan, *COLD[1:]), True, "the initial state is not finite"),
-        (Physics(board="hinged"), (0.0, 0.1, *COLD[2:]), True, "vz0: found 0.1, expected 0: a hinged board"),
+        (Physics(board="hinged"), (0.0, 0.1, *COLD[2:]), True, "z0, vz0: found 0 and 0.1, expected 0: a hinged board"),
+        (Physics(board="hinged"), (0.1, 0.0, *COLD[2:]), True, "z0, vz0: found 0.1 and 0, expected 0: a hinged board"),
         (Physics(board="level"), (0.0, 0.0, 0.1, *COLD[3:]), True, "theta0, omega0: found 0.1 and 0, expected 0"),
         (Physics(), (*COLD[:5], 0.2), False, "v0: found 0.2, expected 0: the ball is fixed"),
         (Physics(ball_stop=0.02), COLD, True, "p0: found -0.03, expected within the stops, 0.02 m from the centre"),

@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 
 from made_modern import modern_blocks, modern_study
-from made_study import Block, made_study, times
-from netboard.analysis.extraction.study import Study
+from made_study import Block, declared, made_study, times
+from netboard.analysis.extraction.settings import Readings
+from netboard.analysis.extraction.study import Study, study_of
 from netboard.analysis.statistics.factors import paper_factors
 from netboard.analysis.statistics.models import log_time_model
 from netboard.analysis.topics.models import Fits, fits
 from netboard.analysis.topics.result import table_of
+from netboard.base.tables.experiment import Design
 
 
 def _columns(study: Study) -> tuple[Any, ...]:
@@ -139,3 +141,18 @@ def test_single_condition_of_one_dyad_reports_what_is_missing(force: str) -> Non
     table = table_of(found.results)
     assert np.isnan(table.loc[table["group"] == "haptics", "value"]).all()
     assert (table.loc[table["value"].isna(), "note"] != "").all()
+
+
+@pytest.mark.parametrize("name", ["haptics", "configuration", "order"])
+def test_factor_of_the_study_may_have_a_name_that_the_model_uses(name: str) -> None:
+    """The force does not determine the level, so the factor is a term of its own."""
+    levels, found = {"off": "none", "weak": "full", "full": "full"}, []
+    for dyad in ("D01", "D02", "D03"):
+        for number, (level, force) in enumerate(levels.items(), start=1):
+            design = Design(factors={name: level}, levels={name: (*levels,)})
+            block = Block(dyad, dyad, "dyadic", force, times(*(number + 0.1 * k for k in range(6))))
+            found.append(declared(block, len(found) + 1, design))
+    model = fits(study_of(found, Readings())).fits[0].model
+    assert model.fitted
+    own = name if name == "configuration" else f"factor {name}"
+    assert any(one.name.startswith(own) and np.isfinite(one.ratio.value) for one in model.effects)

@@ -2,21 +2,25 @@
 
 import re
 from collections.abc import Callable
+from itertools import pairwise
 
+import matplotlib as mpl
 import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from made_modern import Path, modern_blocks, modern_study, with_paths
-from made_study import Block, made_study, random_block, times
-from netboard.analysis.extraction.study import Study
-from netboard.analysis.topics import contrasts, influence, models, passive
+from made_study import Block, declared, made_study, random_block, times
+from netboard.analysis.extraction.settings import Readings
+from netboard.analysis.extraction.study import Study, study_of
+from netboard.analysis.topics import contrasts, delay, influence, models, passive
 from netboard.analysis.topics.contrasts import comparisons
 from netboard.analysis.topics.everything import MODERN as FOUND
 from netboard.analysis.topics.everything import MODERN_FIGURES as MODERN
-from netboard.analysis.topics.figure import Picture, as_bytes
+from netboard.analysis.topics.figure import STYLE, Picture, as_bytes
 from netboard.analysis.topics.influence import influences
 from netboard.analysis.topics.leadership import leaders
 from netboard.analysis.topics.measures import overview
@@ -26,6 +30,7 @@ from netboard.analysis.topics.paths import courses
 from netboard.analysis.topics.quality import quality as find_quality
 from netboard.analysis.topics.result import table_of
 from netboard.analysis.topics.units import read_in
+from netboard.base.tables.experiment import Design
 
 FORCES = ("full", "partner_only", "environment_only", "none", "unrelated")
 NAMES = [draw.__module__.rpartition(".")[2] for draw in MODERN]
@@ -75,7 +80,8 @@ def points(axes: Axes, label: str) -> np.ndarray:
 
 
 def panel(picture: Picture, title: str) -> Axes:
-    (only,) = [axes for axes in figure_of(picture).axes if axes.get_title("left").endswith(title)]
+    titles = {axes: axes.get_title("left").replace("\n", " ") for axes in figure_of(picture).axes}
+    (only,) = [axes for axes, found in titles.items() if found.endswith(title)]
     return only
 
 
@@ -96,6 +102,53 @@ def test_captions_state_the_number_of_dyads(name: str, drawn: dict[str, Picture]
 
 def test_figures_are_named_after_their_modules(drawn: dict[str, Picture]) -> None:
     assert list(drawn) == NAMES
+
+
+@pytest.mark.parametrize("name", ["measures", "differences"])
+def test_titles_of_small_panels_are_no_wider_than_the_panel(name: str, drawn: dict[str, Picture]) -> None:
+    figure = figure_of(drawn[name])
+    with mpl.rc_context(STYLE):
+        figure.draw_without_rendering()
+        for axes in figure.axes:
+            (title,) = [text for text in axes.get_children() if isinstance(text, Text) and text.get_fontsize() == 7.5]
+            assert title.get_window_extent().x1 <= axes.bbox.x1 + 1.0, title.get_text()
+
+
+@pytest.fixture(scope="module")
+def masses() -> Study:
+    """Dyads with balls of three masses: a factor that makes the names of conditions long."""
+    found, chance = [], np.random.default_rng(3)
+    names, values = ("light", "middle", "heavy"), (0.02, 0.05, 0.08)
+    for dyad in ("D01", "D02", "D03"):
+        for name in names:
+            block = random_block(chance, dyad, dyad, "dyadic", "full", 10, f"{dyad}B")
+            design = Design(
+                factors={"mass": name},
+                levels={"mass": names},
+                types={"mass": "numeric"},
+                units={"mass": "kg"},
+                values={"mass": values},
+            )
+            found.append(declared(block, len(found) + 1, design))
+    return with_paths(study_of(found, Readings()), any_path)
+
+
+@pytest.mark.parametrize("draw", [delay.picture, influence.picture])
+def test_names_of_conditions_do_not_overlap(draw: Callable[[Study], Picture], masses: Study) -> None:
+    figure = figure_of(draw(masses))
+    with mpl.rc_context(STYLE):
+        figure.draw_without_rendering()
+        for axes in figure.axes:
+            shown = [label for label in axes.get_xticklabels() if label.get_visible() and not label.get_rotation()]
+            boxes = [label.get_window_extent() for label in shown if label.get_text()]
+            assert all(one.x1 < next_one.x0 for one, next_one in pairwise(boxes)), [one.get_text() for one in shown]
+
+
+def test_axis_of_ratios_has_several_ticks_in_a_narrow_range(masses: Study) -> None:
+    axes = figure_of(models.picture(masses)).axes[0]
+    low, high = axes.get_xlim()
+    assert high < 3 * low
+    assert sum(low <= tick <= high for tick in axes.get_xticks()) >= 3
 
 
 @pytest.mark.parametrize("draw", [influence.picture, passive.picture])

@@ -54,6 +54,13 @@ def test_paper_scene_uses_one_rk4_step_per_tick() -> None:
 
 
 @pytest.mark.parametrize("model", ["paper", "lagrangian"])
+def test_smallest_accepted_board_under_the_heaviest_balls_has_a_stable_method(model: Any) -> None:
+    choice = choose(Physics(M=1e-9, I=1e-12, l=1e-3, m=10.0, balls=4, model=model), H)
+    assert choice.method == "etdrk4"
+    assert choice.radius <= 1.0 + 1e-6
+
+
+@pytest.mark.parametrize("model", ["paper", "lagrangian"])
 @pytest.mark.parametrize("scales", [(1, 1), (1000, 1000), (1000, 0)], ids=str)
 def test_level_board_uses_the_exact_method(model: Any, scales: tuple[float, float]) -> None:
     assert chosen(scaled(*scales, board="level", model=model)) == ("exact", 1)

@@ -148,8 +148,8 @@ def check_start(physics: Physics, start: State, free: bool) -> None:
         raise ConfigError(f"p0, v0: found {len(start) // 2 - 2} balls, expected {physics.balls} (physics.balls)")
     if not np.all(np.isfinite(start)):
         raise ConfigError("the initial state is not finite")
-    if physics.board == "hinged" and start[1] != 0.0:
-        raise ConfigError(f"vz0: found {start[1]:g}, expected 0: a hinged board cannot heave")
+    if physics.board == "hinged" and start[:2] != (0.0, 0.0):
+        raise ConfigError(f"z0, vz0: found {start[0]:g} and {start[1]:g}, expected 0: a hinged board cannot heave")
     if physics.board == "level" and start[2:4] != (0.0, 0.0):
         raise ConfigError(f"theta0, omega0: found {start[2]:g} and {start[3]:g}, expected 0: a level board cannot tilt")
     for p, vp in zip(start[4::2], start[5::2], strict=True):

@@ -27,6 +27,7 @@ from netboard.analysis.topics.figure import (
     draw_dyads,
     draw_mean,
     due_count,
+    fit_beside,
     in_lines,
     listed,
     look_of,
@@ -216,7 +217,8 @@ def picture(study: Study) -> Picture:
     shown = [one for one in found.conditions if any(np.isfinite(mean.value) for mean in one.as_set.means)]
     if not shown:
         return Picture("delay", TITLE, "No included trial has a cooperative movement, so there are no delays.", None)
-    few = len(shown) <= _FEW
+    names = [in_lines(one.condition) for one in shown]
+    few = len(shown) <= _FEW and fit_beside(names, 0.5)
     layout = [["set", "set"], ["own", "signed"]] if few else [["set"], ["own"], ["signed"]]
     figure, axes = new_mosaic(5.0 if few else 7.2, layout, height_ratios=[1.25, 1] if few else None)
     panels: tuple[tuple[str, str, Callable[[ConditionDelay], Delays]], ...] = (
@@ -251,8 +253,9 @@ def _panel(axes: "Axes", shown: list[ConditionDelay], delays: Callable[[Conditio
             draw_dyads(axes, np.full(len(units), place + offset + _BESIDE), _MS * units, look.colour, f"{label}, units")
             face = "white" if look.face == "white" else grey
             draw_mean(axes, place + offset, mean, Look(grey, look.marker, face, look.line), label, scale=_MS)
-    if len(shown) <= _FEW:
-        axes.set_xticks(range(len(shown)), [in_lines(one.condition) for one in shown], fontsize=7.5)
+    names = [in_lines(one.condition) for one in shown]
+    if len(shown) <= _FEW and fit_beside(names):
+        axes.set_xticks(range(len(shown)), names, fontsize=7.5)
     else:
         axes.set_xticks(range(len(shown)), [one.condition.label for one in shown], fontsize=7.5, rotation=90)
     axes.set_xlim(-0.5, len(shown) - 0.5)

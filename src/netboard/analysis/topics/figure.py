@@ -167,8 +167,8 @@ _SHAPES = dict(zip(FORCES, _MARKS, strict=False))
 
 _OTHER = ("X", "", ":")
 
-_TITLE = 92
-"""Characters of a title over the full width of a figure [1]."""
+_TITLE, _LABELS = 92, 104
+"""Characters of a title, and of the labels of an axis, over the full width of a figure [1]."""
 
 
 @cache
@@ -358,6 +358,12 @@ def apart(places: Sequence[float], least: float) -> list[float]:
 def in_lines(condition: Condition) -> str:
     """Return the label of a condition for a narrow axis."""
     return condition.label.replace(", ", "\n")
+
+
+def fit_beside(labels: Sequence[str], share: float = 1.0) -> bool:
+    """Return whether labels of several lines fit beside each other on an axis with a share of the figure's width."""
+    longest = max((len(line) for label in labels for line in label.splitlines()), default=0)
+    return longest * len(labels) <= share * _LABELS
 
 
 def many(count: int, word: str) -> str:

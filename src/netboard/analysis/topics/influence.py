@@ -22,7 +22,7 @@ from netboard.analysis.extraction.conditions import STAND_INS
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.measures.information import Past, SurrogateComparison, chance_level, granger
 from netboard.analysis.statistics.estimates import mean
-from netboard.analysis.topics.figure import Picture, look_of, many, new_mosaic, styled
+from netboard.analysis.topics.figure import Picture, fit_beside, look_of, many, new_mosaic, styled
 from netboard.analysis.topics.groups import Condition, conditions
 from netboard.analysis.topics.paths import joined
 from netboard.analysis.topics.result import Result, kept, plain
@@ -180,7 +180,7 @@ def picture(study: Study) -> Picture:
         _column(axes["all"], place, one)
     names = [f"{one.condition.felt}\n{one.direction}" for one in found]
     axes["all"].set_xticks(range(len(found)), names, fontsize=7)
-    if len(found) > FEW:
+    if len(found) > FEW or not fit_beside(names):
         for label in axes["all"].get_xticklabels():
             label.set(rotation=35, ha="right", rotation_mode="anchor")
     axes["all"].set_xlim(-0.6, len(found) - 0.4)

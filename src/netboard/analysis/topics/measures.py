@@ -7,6 +7,7 @@ weight, whatever its number of trials, and is the unit of all confidence interva
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from textwrap import fill
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -305,6 +306,9 @@ BESIDE = 0.22
 _WIDE = 100
 """Characters of labels in a row of a legend [1]."""
 
+_TITLE = 20
+"""Characters in a line of a panel's title [1]."""
+
 
 @styled
 def picture(study: Study) -> Picture:
@@ -362,7 +366,7 @@ def _panel(axes: "Axes", found: Sequence[Levels], at: dict[str, float]) -> None:
     unit = read_in(measure.unit, measure.name)
     draw_levels(axes, found, at, unit.scale)
     axes.margins(y=0.08)
-    axes.set_title(measure.name, loc="left", fontsize=7.5)
+    axes.set_title(fill(measure.name, _TITLE), loc="left", fontsize=7.5)
     axes.set_ylabel(unit.in_brackets, fontsize=7)
     axes.tick_params(axis="y", labelsize=6.5)
     axes.set_xlim(-0.6, max(at.values()) + 0.6)

@@ -6,7 +6,7 @@ every other factor that the study declares or that differs between its blocks. A
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import floor, log10
 from typing import TYPE_CHECKING
 
@@ -146,10 +146,15 @@ def _labels(
     return rows["dyad"], rows["performer"], factors_of(rows, others), rows["order"]
 
 
+_COLUMNS = ("dyads", "performers", "order")
+"""Names of the columns that a model has besides its factors."""
+
+
 def factors_of(rows: pd.DataFrame, others: Sequence[StudyFactor] = ()) -> tuple[Factor, ...]:
     """Return the fixed factors of the models: haptics or force, configuration, and the study's own.
 
-    Those that force, configuration and partner determine are left out.
+    Those that force, configuration and partner determine are left out. A factor of the study with a name that the model
+    has already is called "factor NAME".
     """
     found = list(paper_factors(rows["haptics"] == 1, rows["configuration"] == "dyadic"))
     felt = [force for force in FORCES if force in set(rows["force"])]
@@ -158,7 +163,8 @@ def factors_of(rows: pd.DataFrame, others: Sequence[StudyFactor] = ()) -> tuple[
     own = [_own(rows, one) for one in others if one.told]
     if own:  # with only the paper's factors, notes state what the study lacks
         found = [one for one in found if len(set(one.values)) > 1]
-    return (*found, *own)
+    taken = {*_COLUMNS, *(one.name for one in found)}
+    return (*found, *(replace(one, name=f"factor {one.name}") if one.name in taken else one for one in own))
 
 
 def _named(name: str, values: pd.Series, levels: Sequence[str]) -> Factor:
@@ -232,7 +238,7 @@ def effects_shown(fit: Fit) -> list[Effect]:
 
 def _terms(axes: "Axes", shown: Sequence[Fit]) -> None:
     """Draw the ratios of all models, a row for each term."""
-    from matplotlib.ticker import LogLocator, NullLocator
+    from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
     names = list(dict.fromkeys(effect.name for fit in shown for effect in effects_shown(fit)))
     axes.axvline(1.0, color="#888888", linewidth=0.8, zorder=1)
@@ -244,7 +250,10 @@ def _terms(axes: "Axes", shown: Sequence[Fit]) -> None:
         axes.plot([], [], linestyle="none", marker=look.marker, color=look.colour, label=f"{fit.measure}, {fit.ratio}")
     axes.set_xscale("log")
     low, high = axes.get_xlim()
-    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0) if high < 30 * low else (1.0,)))
+    if high < 3 * low:
+        axes.xaxis.set_major_locator(MaxNLocator(6))
+    else:
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0) if high < 30 * low else (1.0,)))
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
     axes.xaxis.set_minor_locator(NullLocator())
     axes.tick_params(axis="x", labelsize=7)

@@ -16,14 +16,14 @@ class Physics:
     """The virtual board and ball, in the paper's symbols (its Table I)."""
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
-    M: Annotated[float, about("mass of the board", "kg", gt=0, le=10)] = 0.01
-    m: Annotated[float, about("mass of the ball", "kg", gt=0, le=10)] = 0.05
+    M: Annotated[float, about("mass of the board", "kg", ge=1e-9, le=10)] = 0.01
+    m: Annotated[float, about("mass of the ball", "kg", ge=1e-9, le=10)] = 0.05
     g: Annotated[float, about("gravitational acceleration", "m/s2", ge=0, le=30)] = 9.81
     k_h: Annotated[float, about("stiffness of the virtual coupling", "N/m", ge=0, le=10_000)] = 200.0
     c_h: Annotated[float, about("damping of the virtual coupling", "N s/m", ge=0, le=100)] = 2.0
     k_s: Annotated[float, about("stiffness of the spring from board centre to origin", "N/m", ge=0, le=10_000)] = 140.0
-    l: Annotated[float, about("control point to board centre", "m", gt=0, le=2)] = 0.25  # noqa: E741
-    I: Annotated[float, about("moment of inertia of the board", "kg m2", gt=0, le=10)] = 0.0004  # noqa: E741
+    l: Annotated[float, about("control point to board centre", "m", ge=1e-3, le=2)] = 0.25  # noqa: E741
+    I: Annotated[float, about("moment of inertia of the board", "kg m2", ge=1e-12, le=10)] = 0.0004  # noqa: E741
     ball_sign: Annotated[
         Literal["downhill", "printed"],
         about("sign of the ball's equation: downhill (-g sin theta) or as printed in the paper (+)"),
