@@ -42,7 +42,7 @@ linux = pytest.mark.skipif(sys.platform != "linux", reason="what Linux offers")
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
 @pytest.mark.parametrize("number", STOP_SIGNALS)
 def test_first_stop_signal_is_handled_and_the_next_interrupts_for_cleanup(number: signal.Signals) -> None:
-    before = [signal.getsignal(each) for each in STOP_SIGNALS]
+    outside = {each: signal.signal(each, signal.SIG_DFL) for each in STOP_SIGNALS}  # nohup lets a test run ignore one
     with Stopping() as stopping:
         assert not stopping()
         os.kill(os.getpid(), number)
@@ -50,7 +50,9 @@ def test_first_stop_signal_is_handled_and_the_next_interrupts_for_cleanup(number
         for second in STOP_SIGNALS:  # a closing terminal sends two: neither may end a process that renders a force
             with pytest.raises(KeyboardInterrupt):
                 os.kill(os.getpid(), second)
-    assert [signal.getsignal(each) for each in STOP_SIGNALS] == before
+    assert {signal.getsignal(each) for each in STOP_SIGNALS} == {signal.SIG_DFL}
+    for each, handler in outside.items():
+        signal.signal(each, handler)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
@@ -66,11 +68,14 @@ def test_every_stop_signal_can_interrupt_for_cleanup(number: signal.Signals) -> 
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
-def test_ignored_stop_signal_stays_ignored() -> None:
+def test_closing_terminal_stays_ignored() -> None:
     outside = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup does
     try:
         with interrupted_by_stop_signals():
             os.kill(os.getpid(), signal.SIGHUP)
+        with Stopping() as stopping:
+            os.kill(os.getpid(), signal.SIGHUP)
+            assert not stopping()
     finally:
         signal.signal(signal.SIGHUP, outside)
 

@@ -129,14 +129,18 @@ class Supervisor:
         return True
 
 
+def _heeded() -> list[signal.Signals]:
+    """Return the stop signals, without that of a closing terminal if `nohup` lets this process ignore it."""
+    return [one for one in STOP_SIGNALS if one.name != "SIGHUP" or signal.getsignal(one) is not signal.SIG_IGN]
+
+
 @contextmanager
 def interrupted_by_stop_signals() -> Iterator[None]:
     """Let every stop signal interrupt as Ctrl-C does, so that a device gets zero force, and no unfinished file is left.
 
-    A signal that this process was started to ignore, as by nohup, stays ignored.
+    A closing terminal that `nohup` lets this process ignore stays ignored.
     """
-    heeded = [number for number in STOP_SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
-    before = {number: signal.signal(number, signal.default_int_handler) for number in heeded}
+    before = {number: signal.signal(number, signal.default_int_handler) for number in _heeded()}
     try:
         yield
     finally:
@@ -148,7 +152,8 @@ class Stopping:
     """Context in which a stop signal sets a flag instead of interrupting; calling the instance returns the flag.
 
     A second signal interrupts as Ctrl-C does, whichever it is: a closing terminal sends two, and an agent that ended at
-    once would leave its device with the last force. Every loop polls the flag, so each call also reports to the
+    once would leave its device with the last force. A closing terminal that `nohup` lets this process ignore stays
+    ignored. Every loop polls the flag, so each call also reports to the
     supervisor that the process is alive.
     """
 
@@ -166,7 +171,7 @@ class Stopping:
         return stop
 
     def __enter__(self) -> Self:
-        for number in STOP_SIGNALS:
+        for number in _heeded():
             self._before[number] = signal.signal(number, self._ask)
         return self
 
