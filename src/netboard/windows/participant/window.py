@@ -7,7 +7,17 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import cast
 
-from PySide6.QtCore import QEventLoop, QMessageLogContext, Qt, QTimer, QtMsgType, Signal, qInstallMessageHandler
+from PySide6.QtCore import (
+    QEventLoop,
+    QMargins,
+    QMessageLogContext,
+    QSize,
+    Qt,
+    QTimer,
+    QtMsgType,
+    Signal,
+    qInstallMessageHandler,
+)
 from PySide6.QtGui import QCloseEvent, QGuiApplication, QKeyEvent, QScreen
 from PySide6.QtWidgets import QApplication, QVBoxLayout, QWidget
 
@@ -24,6 +34,12 @@ WATCH_MS = 50
 
 USELESS = "This plugin does not support propagateSizeHints()"
 """Qt logs this for every window of the offscreen platform."""
+
+FRAME = QMargins(4, 40, 4, 4)
+"""Space reserved for the title bar and the frame of a window [pixels]."""
+
+UNLIMITED = 2**24 - 1
+"""Largest width and height of a widget in Qt [pixels]."""
 
 
 def _log_qt_message(kind: QtMsgType, _where: QMessageLogContext, words: str) -> None:
@@ -44,6 +60,22 @@ def application() -> QApplication:
     app.setApplicationName("netboard")
     app.setStyle("Fusion")
     return app
+
+
+def scale_to_screen(width: int, height: int) -> None:
+    """Scale down this process's windows if one of this size [pixels] does not fit on the primary screen.
+
+    Call it before `application`: Qt reads the scale when it starts. Only a running Qt knows the screen, so Qt is
+    started and shut down here.
+    """
+    if QApplication.instance() is not None:
+        return
+    app = application()
+    room = room_on(QGuiApplication.primaryScreen())
+    scale = min(room.width() / width, room.height() / height)
+    if scale < 1:
+        os.environ["QT_SCALE_FACTOR"] = f"{scale * float(os.environ.get('QT_SCALE_FACTOR') or 1):.4f}"
+        app.shutdown()
 
 
 def work(seconds: float) -> None:
@@ -154,6 +186,13 @@ def numbered_screen(number: int) -> QScreen:
     return there[number]
 
 
+def room_on(screen: QScreen) -> QSize:
+    """Return the largest size of a window on a screen, beside panels and its own title bar; offscreen without limit."""
+    if os.environ.get("QT_QPA_PLATFORM") == "offscreen":
+        return QSize(UNLIMITED, UNLIMITED)
+    return screen.availableSize().shrunkBy(FRAME)
+
+
 def in_words(number: int, screen: QScreen) -> str:
     """Describe a screen in one line."""
     size, mm = screen.size() * screen.devicePixelRatio(), screen.physicalSize()
@@ -181,11 +220,12 @@ class BoardWindow(Window):
     def present(self, display: Display) -> None:
         """Open the window with the configured screen, size and scale."""
         self.board.mm_per_pixel = display.mm_per_pixel
-        self.resize(display.width, display.height)
+        screen = numbered_screen(display.screen)
+        self.resize(QSize(display.width, display.height).boundedTo(room_on(screen)))
         if display.screen > 0:
-            self.move(numbered_screen(display.screen).availableGeometry().topLeft())
+            self.move(screen.availableGeometry().topLeft())
         if display.fullscreen:
-            self.fill_screen(True)
+            self.fill_screen(True, screen)
         else:
             self.show()
 
@@ -199,15 +239,15 @@ class BoardWindow(Window):
             room.translate(room.width(), 0)
         self.setGeometry(room)
 
-    def fill_screen(self, full: bool) -> None:
-        """Enter full screen, without frame and mouse pointer, or leave it.
+    def fill_screen(self, full: bool, screen: QScreen | None = None) -> None:
+        """Enter full screen on a screen, or on that of the window, without frame and mouse pointer; or leave it.
 
         The size is set explicitly too, because a bare X server has no window manager to do it.
         """
         if full:
             self._windowed = self.geometry()
             self.setCursor(Qt.CursorShape.BlankCursor)
-            self.setGeometry(screen_of(self).geometry())
+            self.setGeometry((screen or screen_of(self)).geometry())
             self.showFullScreen()
         else:
             self.unsetCursor()
