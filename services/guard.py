@@ -1,7 +1,7 @@
 """Errors and exit codes of all commands: 0 clean, 1 fault, 2 wrong configuration or usage.
 
-An expected error (`NetboardError`) and a library that is not installed are one line on stderr; ``--debug`` shows the
-traceback.
+An expected error (`NetboardError`), a file or folder that cannot be used, and a library that is missing are one line on
+stderr; ``--debug`` shows the traceback.
 """
 
 import re
@@ -14,6 +14,9 @@ from netboard.base.errors import ConfigError, NetboardError
 
 IMPORTED_AS = {"hid": "hidapi", "usb": "pyusb"}
 """Packages whose module has another name."""
+
+BINARIES = (".so", ".pyd", ".dylib")
+"""Suffixes of compiled modules, which may need libraries of the system."""
 
 OK, FAULT, WRONG = 0, 1, 2
 
@@ -36,6 +39,20 @@ class Guarded(TyperGroup):
                 raise
             typer.secho(f"netboard: {advice}", err=True, fg=typer.colors.RED)
             raise typer.Exit(WRONG) from None
+        except ImportError as error:
+            if ctx.params["debug"] or not (error.path or "").endswith(BINARIES):
+                raise
+            typer.secho(
+                f"netboard: {error.name} cannot be loaded: {error}; install that library: deploy/setup.sh run",
+                err=True,
+                fg=typer.colors.RED,
+            )
+            raise typer.Exit(WRONG) from None
+        except OSError as error:
+            if ctx.params["debug"] or error.filename is None:
+                raise
+            typer.secho(f"netboard: {error.filename}: {error.strerror}", err=True, fg=typer.colors.RED)
+            raise typer.Exit(FAULT) from None
         except KeyboardInterrupt:
             typer.secho("netboard: interrupted", err=True, fg=typer.colors.RED)
             raise typer.Exit(FAULT) from None
