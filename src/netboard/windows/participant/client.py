@@ -68,7 +68,7 @@ class DisplayClient(QObject):
     ) -> None:
         super().__init__(window)
         self._words = load_words(config.display.language)
-        markers = open_markers(config.display.markers, station)
+        markers = open_markers(config.display.markers, station, f"{config.network.host}:{config.network.port}")
         self.own = config.display
         self.station = station
         self.window = window
