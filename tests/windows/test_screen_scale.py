@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from display_parts import VIEW, WORDS
@@ -133,7 +134,9 @@ def run_on(folder, screens, code):
         made["name"] = str(number)  # Qt sorts them by name
     description = {"synchronousWindowSystemEvents": False, "windowFrameMargins": True, "screens": screens}
     (folder / "screens.json").write_text(json.dumps(description))
-    environment = os.environ | {"QT_QPA_PLATFORM": f"offscreen:configfile={folder / 'screens.json'}"}
+    places = os.pathsep.join((str(Path(__file__).parent), *sys.path))
+    platform = f"offscreen:configfile={folder / 'screens.json'}"
+    environment = os.environ | {"QT_QPA_PLATFORM": platform, "PYTHONPATH": places}
     ran = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False)
     assert ran.returncode == 0, ran.stderr
     return ran.stdout.split()
@@ -180,3 +183,28 @@ def test_display_opens_on_its_screen_and_within_it(app, tmp_path):
     left, width = map(int, found[4:])
     assert left == 0
     assert width <= 1280
+
+
+MOVED = """
+from display_parts import VIEW, WORDS
+from netboard.base.config import Config
+from netboard.base.tables.rig import Display
+from netboard.windows.participant.screens import compose
+from netboard.windows.participant.window import BoardWindow, application
+
+app = application()
+window = BoardWindow("a test")
+window.present(Display(width=800, height=500, mm_per_pixel=0.25))
+window.board.show_picture(compose(VIEW, Config(), WORDS))
+app.processEvents()
+for place in (10, 1300):
+    window.move(place, 10)
+    app.processEvents()
+    left, right = (window.board.pixel_at(point).x() for point in ((-0.1, 0.0), (0.1, 0.0)))
+    print(window.devicePixelRatioF(), round((right - left) * window.devicePixelRatioF() * 0.25))
+"""
+
+
+def test_board_keeps_its_true_size_on_a_screen_with_finer_pixels(app, tmp_path):
+    found = run_on(tmp_path, [screen(1280, 720), screen(1920, 1080, x=1280, dpi=192)], MOVED)
+    assert found == ["1.0", "200", "2.0", "200"]
