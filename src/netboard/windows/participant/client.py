@@ -74,6 +74,8 @@ class DisplayClient(QObject):
         self.window = window
         self.showing = Showing(station, config, self._words, markers, window, player)
         self.tally = self.showing.tally
+        if player is None:  # who plays with the keyboard or the mouse ends the display with Esc
+            window.in_trial = lambda: self.linked and self.showing.in_trial
         self.session = ""
         self.linked = False
         self._seen = False
@@ -108,6 +110,7 @@ class DisplayClient(QObject):
         """Report the last frames, send `Goodbye`, and close the sockets; a second call does nothing."""
         if self._views.closed:
             return
+        self.linked = False
         self._round.stop()
         for notifier in self._notifiers:
             notifier.setEnabled(False)

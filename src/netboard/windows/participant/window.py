@@ -32,6 +32,9 @@ log = logging.getLogger(__name__)
 WATCH_MS = 50
 """Interval at which a running window checks whether the process is asked to stop [ms]."""
 
+LEAVE_MS = 5000
+"""Time for the second key or click that closes the window of a display in a trial [ms]."""
+
 USELESS = "This plugin does not support propagateSizeHints()"
 """Qt logs this for every window of the offscreen platform."""
 
@@ -104,7 +107,7 @@ def run(window: Window, stopping: Callable[[], bool], look: Callable[[], object]
     def watch() -> None:
         look()
         if stopping():
-            app.quit()
+            app.exit()  # unlike quit, this asks no window
 
     timer = QTimer(window, interval=WATCH_MS)
     timer.timeout.connect(watch)
@@ -146,7 +149,7 @@ class ScreenshotTimer:
         if self._ready_ns is not None and now_ns() - self._ready_ns >= (self._after or 0.0) * 1e9:
             self.take()
             if self._after is None:
-                application().quit()
+                application().exit()
 
     def take(self) -> None:
         """Take the screenshot, unless it was taken before."""
@@ -205,10 +208,15 @@ def in_words(number: int, screen: QScreen) -> str:
 
 
 class BoardWindow(Window):
-    """A window that shows a `BoardView`. Esc or Q closes it; F11 toggles full screen."""
+    """A window that shows a `BoardView`. Esc or Q closes it; F11 toggles full screen.
+
+    While `in_trial` returns true, a key or click that closes the window must be repeated: it may be an accident.
+    """
 
     def __init__(self, title: str) -> None:
         super().__init__()
+        self.in_trial: Callable[[], bool] = lambda: False
+        self._leaving = False
         self.setWindowTitle(title)
         self.board = BoardView(self)
         self._windowed = self.geometry()
@@ -253,6 +261,19 @@ class BoardWindow(Window):
             self.unsetCursor()
             self.showNormal()
             self.setGeometry(self._windowed)
+
+    def closeEvent(self, event: QCloseEvent) -> None:  # noqa: N802  (Qt's name)
+        """Emit `closed`; in a trial, wait for a second close first."""
+        if self.isVisible() and self.in_trial() and not self._leaving:
+            self._leaving = True
+            QTimer.singleShot(LEAVE_MS, self, self._stay)
+            log.warning("a trial is running: close the window once more to end the display")
+            event.ignore()
+            return
+        super().closeEvent(event)
+
+    def _stay(self) -> None:
+        self._leaving = False
 
     def keyPressEvent(self, event: QKeyEvent) -> None:  # noqa: N802  (Qt's name)
         """Close the window, or toggle full screen."""
