@@ -73,9 +73,11 @@ def check(
 
 def recordings_in(paths: Sequence[Path]) -> Iterator[Path]:
     """Yield the files, and the recordings in folders, sorted by name."""
+    from netboard.recording.files.locate import files_below
+
     for path in paths:
         if path.is_dir():
-            found = sorted(file for file in path.rglob("*") if file.suffix in ENDINGS and file.is_file())
+            found = files_below(path, ENDINGS)
             if not found:
                 raise RecordingError(f"{path}: no recording in this folder (.mcap, .mcap.part, .spill)")
             yield from found

@@ -1,6 +1,6 @@
 """Errors and exit codes of all commands: 0 clean, 1 fault, 2 wrong configuration or usage.
 
-An expected error (`NetboardError`), a file that the system refuses and a library that is not installed are one line on
+An expected error (`NetboardError`), a file or folder that cannot be used, and a library that is missing are one line on
 stderr; ``--debug`` shows the traceback.
 """
 
@@ -15,6 +15,9 @@ from netboard.base.errors import ConfigError, NetboardError
 IMPORTED_AS = {"hid": "hidapi", "usb": "pyusb"}
 """Packages whose module has another name."""
 
+BINARIES = (".so", ".pyd", ".dylib")
+"""Suffixes of compiled modules, which may need libraries of the system."""
+
 OK, FAULT, WRONG = 0, 1, 2
 
 
@@ -25,25 +28,30 @@ class Guarded(TyperGroup):
         """Run the subcommand."""
         try:
             return super().invoke(ctx)
-        except NetboardError as error:
-            if ctx.params["debug"]:
+        except (NetboardError, OSError, ImportError) as error:
+            words, code = expected(error)
+            if ctx.params["debug"] or not words:
                 raise
-            typer.secho(f"netboard: {error}", err=True, fg=typer.colors.RED)
-            raise typer.Exit(WRONG if isinstance(error, ConfigError) else FAULT) from None
-        except OSError as error:  # such as a file name that is too long, or a folder that may not be read
-            if ctx.params["debug"] or error.filename is None:
-                raise
-            typer.secho(f"netboard: {error.filename}: {error.strerror}", err=True, fg=typer.colors.RED)
-            raise typer.Exit(FAULT) from None
-        except ModuleNotFoundError as error:
-            advice = missing_extra(error)
-            if ctx.params["debug"] or not advice:
-                raise
-            typer.secho(f"netboard: {advice}", err=True, fg=typer.colors.RED)
-            raise typer.Exit(WRONG) from None
         except KeyboardInterrupt:
-            typer.secho("netboard: interrupted", err=True, fg=typer.colors.RED)
-            raise typer.Exit(FAULT) from None
+            words, code = "interrupted", FAULT
+        typer.secho(f"netboard: {words}", err=True, fg=typer.colors.RED)
+        raise typer.Exit(code)
+
+
+def expected(error: NetboardError | OSError | ImportError) -> tuple[str, int]:
+    """Return what an error tells the user, and the exit code; no words if it is a fault of netboard itself."""
+    match error:
+        case ConfigError():
+            return str(error), WRONG
+        case NetboardError():
+            return str(error), FAULT
+        case OSError():  # such as a file name that is too long, or a folder that may not be read
+            return "" if error.filename is None else f"{error.filename}: {error.strerror}", FAULT
+        case ModuleNotFoundError():
+            return missing_extra(error), WRONG
+        case ImportError() if (error.path or "").endswith(BINARIES):
+            return f"{error.name} cannot be loaded: {error}; install that library: deploy/setup.sh run", WRONG
+    return "", FAULT
 
 
 def missing_extra(error: ModuleNotFoundError) -> str:

@@ -24,7 +24,10 @@ app = typer.Typer()
 def trace(
     recording: RecordingFile,
     late: Annotated[
-        float, typer.Option(min=0, metavar="MS", help="A tick stutters if it begins this long after its deadline [ms].")
+        float,
+        typer.Option(
+            min=0, max=60_000, metavar="MS", help="A tick stutters if it begins this long after its deadline [ms]."
+        ),
     ] = 0.5,
     worst: Annotated[int, typer.Option(min=0, help="Number of episodes to list.")] = 10,
     figure: Annotated[

@@ -150,8 +150,17 @@ def test_lost_and_discarded_samples_are_reported_in_the_stream(layer: Layer) -> 
     outlets.set_clock(0, 1000)
     entries = {event["name"]: event["details"] for event in layer.events()}
     assert entries["lsl_lost"] == {"first": "10", "count": "3"}
-    assert entries["lsl_unsent"] == {"ticks": str(MAX_WAITING + 1000)}
+    assert entries["lsl_unsent"] == {"ticks": str(MAX_WAITING + 1000), "events": "0"}
     assert layer.pushed["netboard.ticks"] == []
+
+
+def test_samples_of_a_session_that_ends_before_its_clock_is_known_are_reported(layer: Layer) -> None:
+    outlets = Outlets("netboard", 5550)
+    outlets.begin(WELCOME)
+    outlets.take(rows(0, 10), [event(0)])
+    outlets.begin(WELCOME)
+    assert [event["name"] for event in layer.events()] == ["lsl_session", "lsl_unsent", "lsl_session"]
+    assert layer.events()[1]["details"] == {"ticks": "10", "events": "1"}
 
 
 def test_every_channel_is_described(layer: Layer) -> None:

@@ -109,6 +109,29 @@ def test_unchanged_view_is_sent_at_the_keep_alive_rate(rig: Rig) -> None:
     assert rig.stations["left"].sent[-1].trial == 2
 
 
+def hands_move(rig: Rig, side: Side, ticks: int) -> None:
+    """Move one hand only, beside a board at rest."""
+    for _ in range(ticks):
+        rig.rows[f"{side}_used_z"] += 1e-5
+        rig.run(1, moving=False)
+
+
+def test_times_of_views_do_not_reveal_whether_the_partner_moves(rig: Rig) -> None:
+    """Before a block and in a pause, the board may rest while a hand moves."""
+    hands_move(rig, "right", 1000)
+    assert set(np.diff(rig.sent_ticks("left"))) == {SAME_VIEW_TICKS}
+    assert set(np.diff(rig.sent_ticks("right"))) == {10}
+
+
+def test_times_of_views_reveal_nothing_to_a_station_without_a_task(rig: Rig) -> None:
+    rig.curtain = make_curtain(parse('[block]\nconfiguration = "bimanual"'))
+    rig.run(500)
+    rig.rows["failures"], rig.rows["attempt"], rig.rows["phase"] = 1, 2, Phase.FAILED
+    rig.run(500)
+    assert set(np.diff(rig.sent_ticks("right"))) == {SAME_VIEW_TICKS}
+    assert set(np.diff(rig.sent_ticks("left"))) == {10}
+
+
 def test_unchanged_view_is_sent_again_in_a_new_block(rig: Rig, config: Config) -> None:
     rig.run(100, moving=False)
     before = len(rig.sent_ticks("left"))

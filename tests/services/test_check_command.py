@@ -1,7 +1,10 @@
 """The commands check, sessions and whatif with printed and JSON output."""
 
+import errno
 import json
+import os
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -51,6 +54,24 @@ def test_missing_files_and_folders_are_reported() -> None:
     Path("empty").mkdir()
     assert "no recording in this folder" in runner.invoke(app, ["check", "empty"]).stderr
     assert "no such folder" in runner.invoke(app, ["sessions", "nowhere"]).stderr
+
+
+@pytest.mark.parametrize("command", ["check", "sessions"])
+def test_subfolder_that_cannot_be_read_does_not_pass_for_an_empty_one(
+    command: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    Path("recordings/of-another-user").mkdir()
+    really = os.scandir
+
+    def scandir(path: Any) -> Any:
+        if Path(path).name == "of-another-user":
+            raise PermissionError(errno.EACCES, "Permission denied", os.fspath(path))
+        return really(path)
+
+    monkeypatch.setattr(os, "scandir", scandir)
+    result = runner.invoke(app, [command, "recordings"])
+    assert result.exit_code == 1, result.output
+    assert result.stderr == "netboard: recordings/of-another-user: cannot be read: Permission denied\n"
 
 
 def test_sessions_lists_the_configured_folder() -> None:

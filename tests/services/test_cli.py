@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 from importlib import resources
+from importlib.machinery import EXTENSION_SUFFIXES
 from importlib.metadata import version
 from pathlib import Path
 from typing import get_args
@@ -338,3 +339,38 @@ def test_missing_library_is_reported_with_its_install_command(
     assert result.exit_code == 2, result.output
     assert f"netboard[{extra}]" in result.output
     assert "pip install" in result.output
+
+
+@pytest.mark.parametrize(
+    ("command", "where"),
+    [("keys init --set network.keys=FILE/keys", "FILE/keys"), ("keys add console --to FILE", "FILE")],
+)
+def test_folder_that_cannot_be_made_is_one_line(command: str, where: str) -> None:
+    assert runner.invoke(app, ["keys", "init"]).exit_code == 0
+    Path("FILE").touch()
+    result = runner.invoke(app, command.split())
+    assert result.exit_code == 1
+    assert re.fullmatch(f"netboard: {where}: (Not a directory|File exists)\n", result.stderr)
+    assert "name" not in Path("keys/authorized.toml").read_text().split()
+
+
+def test_limit_without_an_end_is_refused() -> None:
+    Path("S01.mcap").touch()
+    result = runner.invoke(app, ["trace", "S01.mcap", "--late", "inf"])
+    assert result.exit_code == 2
+    assert "less than or equal to 60000" in result.stderr
+
+
+def test_qt_without_a_library_of_the_system_is_one_line(tmp_path: Path) -> None:
+    broken = tmp_path / "PySide6"
+    broken.mkdir()
+    (broken / "__init__.py").touch()
+    (broken / f"QtCore{EXTENSION_SUFFIXES[-1]}").write_text("cannot be loaded")
+    places = os.pathsep.join((str(tmp_path), *sys.path))
+    command = [sys.executable, "-m", "netboard.services.cli", "console"]
+    ran = subprocess.run(
+        command, env=os.environ | {"PYTHONPATH": places}, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert ran.returncode == 2
+    assert ran.stderr.startswith("netboard: QtCore cannot be loaded: ")
+    assert ran.stderr.count("\n") == 1

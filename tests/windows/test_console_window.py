@@ -393,13 +393,14 @@ def test_closing_the_window_during_a_block_needs_confirmation(console: ConsoleRi
     assert console.window.close()
 
 
-def test_screenshot_is_taken_at_the_first_status(app, server: ConsoleServer, tmp_path) -> None:
+@pytest.mark.parametrize("state", ["ready", "running"])
+def test_screenshot_is_taken_at_the_first_status(app, server: ConsoleServer, tmp_path, state: str) -> None:
     from PySide6.QtCore import QTimer
 
     from netboard.base.errors import NetboardError
     from netboard.windows.operator.client import run
 
-    server.show("ready")
+    server.show(state)
     turns = QTimer(interval=1)
     turns.timeout.connect(server.turn)
     turns.start()

@@ -94,6 +94,34 @@ def test_display_waits_joins_shows_views_and_reports_frames(rig):
     assert 0 < received_ns <= painted_ns
 
 
+def test_closing_the_window_in_a_trial_needs_a_second_key(rig, monkeypatch):
+    from PySide6.QtCore import Qt
+    from PySide6.QtTest import QTest
+
+    monkeypatch.setattr("netboard.windows.participant.window.LEAVE_MS", 100)
+    rig.serve()
+    rig.welcome()
+    assert rig.shows(PictureState.RUN, tick=5)
+    QTest.keyClick(rig.window, Qt.Key.Key_Escape)
+    assert rig.window.isVisible()
+    QTest.qWait(200)
+    QTest.keyClick(rig.window, Qt.Key.Key_Q)
+    assert rig.window.isVisible(), "that was too late to confirm the first"
+    QTest.keyClick(rig.window, Qt.Key.Key_Escape)
+    assert not rig.window.isVisible()
+
+
+def test_window_closes_with_one_key_between_trials(rig):
+    from PySide6.QtCore import Qt
+    from PySide6.QtTest import QTest
+
+    rig.serve()
+    rig.welcome()
+    assert rig.shows(PictureState.PAUSED, tick=5, phase="paused")
+    QTest.keyClick(rig.window, Qt.Key.Key_Escape)
+    assert not rig.window.isVisible()
+
+
 def test_board_geometry_comes_from_the_servers_configuration(rig):
     rig.serve()
     rig.welcome(replace(Config(), geometry=Geometry(ball_radius=0.04)))

@@ -133,6 +133,19 @@ def test_two_recordings_play_side_by_side_on_one_timeline(app):
     window.close()
 
 
+def test_long_names_and_events_do_not_make_the_window_wider(app):
+    from netboard.windows.replay.player import PlayerWindow
+
+    names = (f"{which}_of_the_recordings_of_a_session_with_a_long_name.part03.mcap" for which in ("one", "other"))
+    window = PlayerWindow([loaded_recording(two_trials(), name=name) for name in names], "left", now=Clock())
+    window.present(CONFIG.display)
+    window.seek(4.5)
+    app.processEvents()
+    assert window.width() == CONFIG.display.width
+    assert window.minimumSizeHint().width() <= 700
+    window.close()
+
+
 def test_dragging_or_clicking_the_timeline_seeks(app, player):
     from PySide6.QtCore import Qt
     from PySide6.QtTest import QTest

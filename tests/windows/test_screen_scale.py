@@ -1,6 +1,11 @@
 """True scale, selection of a screen, and the calibration with a card."""
 
+import json
+import os
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from display_parts import VIEW, WORDS
@@ -113,3 +118,93 @@ def test_screen_commands_print_the_screens_and_the_pixel_size(app, capsys, monke
     assert "mm_per_pixel = 0.2768" in capsys.readouterr().out
     monkeypatch.setattr(screen_size, "calibrate", lambda _: (None, "0: a screen"))
     assert display.measure_pixels(CONFIG) == 1
+
+
+def screen(width, height, x=0, dpi=96):
+    """Description of a screen for Qt's offscreen platform [pixels]."""
+    return {
+        "x": x, "y": 0, "width": width, "height": height,
+        "logicalDpi": dpi, "logicalBaseDpi": 96, "dpr": 1.0,
+    }  # fmt: skip
+
+
+def run_on(folder, screens, code):
+    """Run Python code on a computer with these screens, the primary one first; return what it prints."""
+    for number, made in enumerate(screens):
+        made["name"] = str(number)  # Qt sorts them by name
+    description = {"synchronousWindowSystemEvents": False, "windowFrameMargins": True, "screens": screens}
+    (folder / "screens.json").write_text(json.dumps(description))
+    places = os.pathsep.join((str(Path(__file__).parent), *sys.path))
+    platform = f"offscreen:configfile={folder / 'screens.json'}"
+    environment = os.environ | {"QT_QPA_PLATFORM": platform, "PYTHONPATH": places}
+    ran = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, ran.stderr
+    return ran.stdout.split()
+
+
+CONSOLE = """
+from netboard.base.config import Config
+from netboard.windows.operator.client import run
+from netboard.windows.participant.window import application, screen_of
+
+def stop():
+    window = application().activeWindow() or application().topLevelWidgets()[0]
+    room, frame = screen_of(window).availableGeometry(), window.frameGeometry()
+    print(room.contains(frame), window.geometry().contains(window.bar.mapTo(window, window.bar.rect().bottomRight())))
+    return True
+
+run(Config(), stop)
+"""
+
+
+@pytest.mark.parametrize(("width", "height", "dpi"), [(1366, 768, 96), (1366, 768, 192), (1280, 1024, 96)])
+def test_whole_console_fits_on_a_small_screen(app, tmp_path, width, height, dpi):
+    assert run_on(tmp_path, [screen(width, height, dpi=dpi)], CONSOLE)[:2] == ["True", "True"]
+
+
+DISPLAY = """
+from netboard.base.tables.rig import Display
+from netboard.windows.participant.window import BoardWindow, application
+
+app = application()
+for number, fullscreen in ((0, True), (1, True), (1, False)):
+    window = BoardWindow("a test")
+    window.present(Display(screen=number, fullscreen=fullscreen, width=2000, height=1600))
+    app.processEvents()
+    place = window.frameGeometry()
+    print(place.left(), place.width())
+"""
+
+
+def test_display_opens_on_its_screen_and_within_it(app, tmp_path):
+    """The main screen is the right one, and a window may be configured larger than a screen."""
+    found = run_on(tmp_path, [screen(1920, 1080, x=1280), screen(1280, 720)], DISPLAY)
+    assert found[:4] == ["1280", "1920", "0", "1280"]
+    left, width = map(int, found[4:])
+    assert left == 0
+    assert width <= 1280
+
+
+MOVED = """
+from display_parts import VIEW, WORDS
+from netboard.base.config import Config
+from netboard.base.tables.rig import Display
+from netboard.windows.participant.screens import compose
+from netboard.windows.participant.window import BoardWindow, application
+
+app = application()
+window = BoardWindow("a test")
+window.present(Display(width=800, height=500, mm_per_pixel=0.25))
+window.board.show_picture(compose(VIEW, Config(), WORDS))
+app.processEvents()
+for place in (10, 1300):
+    window.move(place, 10)
+    app.processEvents()
+    left, right = (window.board.pixel_at(point).x() for point in ((-0.1, 0.0), (0.1, 0.0)))
+    print(window.devicePixelRatioF(), round((right - left) * window.devicePixelRatioF() * 0.25))
+"""
+
+
+def test_board_keeps_its_true_size_on_a_screen_with_finer_pixels(app, tmp_path):
+    found = run_on(tmp_path, [screen(1280, 720), screen(1920, 1080, x=1280, dpi=192)], MOVED)
+    assert found == ["1.0", "200", "2.0", "200"]

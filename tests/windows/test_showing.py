@@ -120,7 +120,7 @@ def test_invisible_change_is_marked_without_a_paint(app, make):
 @pytest.mark.skipif(sys.platform == "win32", reason="serial ports are POSIX's here")
 def test_serial_port_gets_the_phases_of_a_trial(app, make):
     ours, theirs = os.openpty()
-    showing = make(open_markers(os.ttyname(theirs), "left"))
+    showing = make(open_markers(os.ttyname(theirs), "left", "127.0.0.1:5550"))
     for number, phase in enumerate(("levelling", "running", "holding")):
         take(showing, number, phase=phase, p=0.15)
         assert until(app, lambda: showing.tally.painted > number)  # noqa: B023  (called at once)

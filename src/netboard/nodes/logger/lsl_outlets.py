@@ -100,7 +100,7 @@ class Outlets:
     def begin(self, welcome: Welcome) -> None:
         """Begin a session, with a server whose clock is not known yet."""
         self._shift_ns, self._exact = None, False
-        self._waiting.clear()
+        self._discard()
         log.info("session %s", welcome.session)
         self._remark("lsl_session", {"session": welcome.session, "config": welcome.config})
 
@@ -133,11 +133,16 @@ class Outlets:
             self._send(self._shift_ns, ticks, events)
             return
         self._waiting.append((ticks, events))
-        waiting = sum(len(held) for held, _ in self._waiting)
-        if waiting > MAX_WAITING:
-            log.warning("%d ticks were not sent: the offset of the server's clock is unknown", waiting)
-            self._remark("lsl_unsent", {"ticks": str(waiting)})
-            self._waiting.clear()
+        if sum(len(held) for held, _ in self._waiting) > MAX_WAITING:
+            self._discard()
+
+    def _discard(self) -> None:
+        """Discard what waits for the clock offset, and report it."""
+        ticks, events = (sum(len(waiting[which]) for waiting in self._waiting) for which in (0, 1))
+        self._waiting.clear()
+        if ticks or events:
+            log.warning("%d ticks and %d events were not sent: the server's clock is unknown", ticks, events)
+            self._remark("lsl_unsent", {"ticks": str(ticks), "events": str(events)})
 
     def _send(self, shift_ns: int, ticks: NDArray[Any], events: list[EventRecord]) -> None:
         if len(ticks):

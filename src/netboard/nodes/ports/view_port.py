@@ -1,24 +1,25 @@
 """The server's endpoint of the two view channels: each station gets what its participant may see, at the view rate."""
 
+from dataclasses import fields
 from math import ceil
-from operator import itemgetter
+from operator import attrgetter
 from typing import Any
 
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES, Side
 from netboard.base.tables.rig import Network
-from netboard.base.tick import TICK
 from netboard.network.protocol.codec import encode
 from netboard.network.transport import channels, sockets
 from netboard.network.transport.authenticator import Authenticator
 from netboard.stage.curtain import Curtain, view_of
+from netboard.stage.view import View
 
 SAME_VIEW_TICKS = 50
 """Ticks after which an unchanged view is sent again, so that a display knows that the link is alive [1]."""
 
-_SHOWN = ("phase", "z", "theta", "p", "target", "trial", "attempt", "failures", "completion", "counted")
-_seen = itemgetter(*map((TICK.names or ()).index, (*_SHOWN, "left_used_z", "right_used_z")))
-"""Takes from the values of a row those that determine the views: while they are the same, so are the views."""
+_ALWAYS_NEW = ("tick", "sent_ns", "seq", "rest")
+_content = attrgetter(*(field.name for field in fields(View) if field.name not in _ALWAYS_NEW))
+"""Takes from a view what its station sees; the remaining rest is counted in seconds, so it may be a little late."""
 
 
 class ViewPort:
@@ -68,13 +69,18 @@ class ViewPort:
         best: float | None,
         rest: float | None,
     ) -> None:
-        """Publish a station's view if it has changed, or has not been sent for long."""
+        """Publish a station's view if it has changed, or has not been sent for long.
+
+        Only what this station may see counts as a change: otherwise the times of its views would reveal when the
+        partner's hand moves.
+        """
         sent_tick, sent = self._seen[side]
-        seen = _seen(values)
-        if seen == sent and following - sent_tick < SAME_VIEW_TICKS:
+        view = view_of(curtain, values, side, best, now_ns(), self._seq[side], rest)
+        content = _content(view)
+        if content == sent and following - sent_tick < SAME_VIEW_TICKS:
             return
-        self._seen[side] = following, seen
-        self._views[side].send(encode(view_of(curtain, values, side, best, now_ns(), self._seq[side], rest)))
+        self._seen[side] = following, content
+        self._views[side].send(encode(view))
         self._seq[side] += 1
 
     def close(self) -> None:

@@ -4,6 +4,7 @@ This module imports no numerical library.
 """
 
 import hashlib
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -32,6 +33,20 @@ def find_recordings(paths: Sequence[Path]) -> tuple[Path, ...]:
         if other != path:
             raise RecordingError(f"{other} and {path} have the same name; take them one at a time, or rename one")
     return tuple(names.values())
+
+
+def files_below(folder: Path, endings: tuple[str, ...]) -> list[Path]:
+    """Return the files in a folder and its subfolders whose names have one of these endings, sorted.
+
+    Raises `RecordingError` if a subfolder cannot be read: its files must not pass for absent.
+    """
+
+    def refuse(error: OSError) -> None:
+        raise RecordingError(f"{error.filename}: cannot be read: {error.strerror}") from error
+
+    walked = os.walk(folder, onerror=refuse)
+    found = (Path(place, name) for place, _, names in walked for name in names if name.endswith(endings))
+    return sorted(path for path in found if path.is_file())
 
 
 def sha256_of(path: Path) -> str:

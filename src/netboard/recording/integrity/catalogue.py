@@ -17,6 +17,7 @@ from mcap.stream_reader import StreamReader
 from netboard.base.config import Config, parse
 from netboard.base.errors import NetboardError
 from netboard.network.protocol.joining import Welcome
+from netboard.recording.files.locate import files_below
 from netboard.recording.files.provenance import CONFIG_NAME, METADATA
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.chunks import UNSOUND
@@ -88,8 +89,7 @@ class Filter:
 
 def files_in(folder: Path) -> list[Path]:
     """List the files below a folder that belong in a catalogue."""
-    endings = (".mcap", ".mcap.part", ".spill", JOURNAL)
-    return sorted(path for path in folder.rglob("*") if path.name.endswith(endings) and path.is_file())
+    return files_below(folder, (".mcap", ".mcap.part", ".spill", JOURNAL))
 
 
 def entry_of(path: Path) -> Entry:

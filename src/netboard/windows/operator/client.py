@@ -25,7 +25,7 @@ from netboard.nodes.ports.emergency import LACKING, RELEASE, STOP
 from netboard.windows.operator.changes import RecentCounts, StatusHistory
 from netboard.windows.operator.commands import COMMANDS, RELEASING
 from netboard.windows.operator.lamps import limits_of
-from netboard.windows.operator.window import ConsoleWindow, State
+from netboard.windows.operator.window import SMALLEST, ConsoleWindow, State
 from netboard.windows.operator.words import Line, Tone
 from netboard.windows.participant import window as windows
 
@@ -161,8 +161,10 @@ def run(config: Config, stopping: Callable[[], bool], picture: Path | None = Non
     at the first status and the console ends.
     """
     windows.require_new(picture)
+    windows.scale_to_screen(*SMALLEST)
     windows.application()
     window = ConsoleWindow(config, limits_of(config, version("netboard")), NAME)
+    window.resize(window.size().boundedTo(windows.room_on(windows.screen_of(window))))
     window.show()
     with sockets.open_context() as context:
         client = ConsoleClient(config, context, window)

@@ -41,6 +41,9 @@ from netboard.windows.operator.strips import Point, StripCharts
 from netboard.windows.operator.words import Attempt, Line, Tone
 from netboard.windows.participant.window import Window
 
+SMALLEST = 1200, 920
+"""Size of the window that shows everything [pixels]; on a smaller screen, everything is drawn smaller."""
+
 CONFIRM_MS = 5000
 """Timeout for the second press [ms]."""
 

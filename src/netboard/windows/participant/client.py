@@ -68,12 +68,14 @@ class DisplayClient(QObject):
     ) -> None:
         super().__init__(window)
         self._words = load_words(config.display.language)
-        markers = open_markers(config.display.markers, station)
+        markers = open_markers(config.display.markers, station, f"{config.network.host}:{config.network.port}")
         self.own = config.display
         self.station = station
         self.window = window
         self.showing = Showing(station, config, self._words, markers, window, player)
         self.tally = self.showing.tally
+        if player is None:  # who plays with the keyboard or the mouse ends the display with Esc
+            window.in_trial = lambda: self.linked and self.showing.in_trial
         self.session = ""
         self.linked = False
         self._seen = False
@@ -108,6 +110,7 @@ class DisplayClient(QObject):
         """Report the last frames, send `Goodbye`, and close the sockets; a second call does nothing."""
         if self._views.closed:
             return
+        self.linked = False
         self._round.stop()
         for notifier in self._notifiers:
             notifier.setEnabled(False)

@@ -5,6 +5,7 @@ There are three outlets: none, a Lab Streaming Layer (LSL) stream, or a serial p
 """
 
 import os
+import platform
 from collections.abc import Callable
 from typing import Protocol
 
@@ -47,9 +48,13 @@ class NoMarkers:
 
 
 class LslMarkers:
-    """An LSL outlet with one channel of strings, of type ``Markers``, named ``netboard.left`` or ``netboard.right``."""
+    """An LSL outlet with one channel of strings, of type ``Markers``, named ``netboard.left`` or ``netboard.right``.
 
-    def __init__(self, station: Side) -> None:
+    Its source id names this computer and the server: a recorder that loses the stream continues with one of the same
+    source id, which must not be that of another dyad.
+    """
+
+    def __init__(self, station: Side, server: str) -> None:
         try:
             import pylsl  # noqa: PLC0415  (optional, and slow to load)
         except (ImportError, RuntimeError) as error:
@@ -58,7 +63,9 @@ class LslMarkers:
                 f'pip install "netboard[lsl]" ({error})'
             ) from None
         name = f"netboard.{station}"
-        info = pylsl.StreamInfo(name, "Markers", 1, pylsl.IRREGULAR_RATE, pylsl.cf_string, name)
+        info = pylsl.StreamInfo(
+            name, "Markers", 1, pylsl.IRREGULAR_RATE, pylsl.cf_string, f"{name}@{platform.node()}:{server}"
+        )
         self._push: Callable[[list[str]], None] = pylsl.StreamOutlet(info).push_sample
 
     def mark(self, event: str) -> None:
@@ -109,11 +116,11 @@ class SerialMarkers:
         os.close(self._file)
 
 
-def open_markers(outlet: str, station: Side) -> Markers:
-    """Open the outlet of a display: ``none``, ``lsl`` or a serial port, as in ``[display] markers``."""
+def open_markers(outlet: str, station: Side, server: str) -> Markers:
+    """Open the outlet of a display of a server: ``none``, ``lsl`` or a serial port, as in ``[display] markers``."""
     match outlet:
         case "none":
             return NoMarkers()
         case "lsl":
-            return LslMarkers(station)
+            return LslMarkers(station, server)
     return SerialMarkers(outlet)

@@ -31,7 +31,7 @@ NOTICES = ("", "again")
 """Notices that a view may carry."""
 
 IN_TRIAL = ("running", "holding")
-"""Phases in which the photodiode patch is white."""
+"""Phases in which the ball is free, and the photodiode patch white."""
 
 
 def compose(view: View, config: Config, words: DisplayTexts, result: str = "") -> Picture:

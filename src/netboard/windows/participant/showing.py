@@ -24,7 +24,7 @@ from netboard.windows.participant.frames import FrameTally
 from netboard.windows.participant.markers import Markers
 from netboard.windows.participant.motion import Motion, motion_after
 from netboard.windows.participant.scene import Grip, Picture
-from netboard.windows.participant.screens import check, compose
+from netboard.windows.participant.screens import IN_TRIAL, check, compose
 from netboard.windows.participant.trial_events import TrialEvents, events_after
 from netboard.windows.participant.window import BoardWindow, screen_of
 from netboard.windows.participant.words import DisplayTexts
@@ -85,6 +85,11 @@ class Showing(QObject):
     def refresh_hz(self) -> float:
         """Refresh rate of the screen [Hz]."""
         return 1e9 / self._refresh_ns
+
+    @property
+    def in_trial(self) -> bool:
+        """Whether the newest view is of a running attempt, or of the levelling before it."""
+        return self._motion is not None and self._motion.view.phase in ("levelling", *IN_TRIAL)
 
     def read_refresh_rate(self) -> None:
         """Read the refresh rate of the screen that the window is on."""

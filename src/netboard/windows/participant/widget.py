@@ -8,7 +8,7 @@ uses (docs/decisions/0025-painting-without-a-scene.md). Only the rectangle in wh
 from functools import cache, lru_cache
 from math import ceil
 
-from PySide6.QtCore import QPointF, QRect, QRectF, Qt, Signal
+from PySide6.QtCore import QEvent, QPointF, QRect, QRectF, Qt, Signal
 from PySide6.QtGui import (
     QColor,
     QFont,
@@ -101,6 +101,12 @@ class BoardView(QWidget):
         dirty &= self.rect()
         self.update(dirty if not dirty.isEmpty() else self.rect())  # callers wait for `painted`
         return True
+
+    def event(self, event: QEvent) -> bool:
+        """Adapt scale and layout to another screen, whose pixels may have another size."""
+        if event.type() == QEvent.Type.DevicePixelRatioChange:
+            self._rearrange()
+        return super().event(event)
 
     def resizeEvent(self, event: QResizeEvent) -> None:  # noqa: N802  (Qt's name)
         """Adapt scale and layout to the new size."""

@@ -7,7 +7,17 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import cast
 
-from PySide6.QtCore import QEventLoop, QMessageLogContext, Qt, QTimer, QtMsgType, Signal, qInstallMessageHandler
+from PySide6.QtCore import (
+    QEventLoop,
+    QMargins,
+    QMessageLogContext,
+    QSize,
+    Qt,
+    QTimer,
+    QtMsgType,
+    Signal,
+    qInstallMessageHandler,
+)
 from PySide6.QtGui import QCloseEvent, QGuiApplication, QKeyEvent, QScreen
 from PySide6.QtWidgets import QApplication, QVBoxLayout, QWidget
 
@@ -22,8 +32,17 @@ log = logging.getLogger(__name__)
 WATCH_MS = 50
 """Interval at which a running window checks whether the process is asked to stop [ms]."""
 
+LEAVE_MS = 5000
+"""Time for the second key or click that closes the window of a display in a trial [ms]."""
+
 USELESS = "This plugin does not support propagateSizeHints()"
 """Qt logs this for every window of the offscreen platform."""
+
+FRAME = QMargins(4, 40, 4, 4)
+"""Space reserved for the title bar and the frame of a window [pixels]."""
+
+UNLIMITED = 2**24 - 1
+"""Largest width and height of a widget in Qt [pixels]."""
 
 
 def _log_qt_message(kind: QtMsgType, _where: QMessageLogContext, words: str) -> None:
@@ -44,6 +63,22 @@ def application() -> QApplication:
     app.setApplicationName("netboard")
     app.setStyle("Fusion")
     return app
+
+
+def scale_to_screen(width: int, height: int) -> None:
+    """Scale down this process's windows if one of this size [pixels] does not fit on the primary screen.
+
+    Call it before `application`: Qt reads the scale when it starts. Only a running Qt knows the screen, so Qt is
+    started and shut down here.
+    """
+    if QApplication.instance() is not None:
+        return
+    app = application()
+    room = room_on(QGuiApplication.primaryScreen())
+    scale = min(room.width() / width, room.height() / height)
+    if scale < 1:
+        os.environ["QT_SCALE_FACTOR"] = f"{scale * float(os.environ.get('QT_SCALE_FACTOR') or 1):.4f}"
+        app.shutdown()
 
 
 def work(seconds: float) -> None:
@@ -72,7 +107,7 @@ def run(window: Window, stopping: Callable[[], bool], look: Callable[[], object]
     def watch() -> None:
         look()
         if stopping():
-            app.quit()
+            app.exit()  # unlike quit, this asks no window
 
     timer = QTimer(window, interval=WATCH_MS)
     timer.timeout.connect(watch)
@@ -114,7 +149,7 @@ class ScreenshotTimer:
         if self._ready_ns is not None and now_ns() - self._ready_ns >= (self._after or 0.0) * 1e9:
             self.take()
             if self._after is None:
-                application().quit()
+                application().exit()
 
     def take(self) -> None:
         """Take the screenshot, unless it was taken before."""
@@ -154,6 +189,13 @@ def numbered_screen(number: int) -> QScreen:
     return there[number]
 
 
+def room_on(screen: QScreen) -> QSize:
+    """Return the largest size of a window on a screen, beside panels and its own title bar; offscreen without limit."""
+    if os.environ.get("QT_QPA_PLATFORM") == "offscreen":
+        return QSize(UNLIMITED, UNLIMITED)
+    return screen.availableSize().shrunkBy(FRAME)
+
+
 def in_words(number: int, screen: QScreen) -> str:
     """Describe a screen in one line."""
     size, mm = screen.size() * screen.devicePixelRatio(), screen.physicalSize()
@@ -166,10 +208,15 @@ def in_words(number: int, screen: QScreen) -> str:
 
 
 class BoardWindow(Window):
-    """A window that shows a `BoardView`. Esc or Q closes it; F11 toggles full screen."""
+    """A window that shows a `BoardView`. Esc or Q closes it; F11 toggles full screen.
+
+    While `in_trial` returns true, a key or click that closes the window must be repeated: it may be an accident.
+    """
 
     def __init__(self, title: str) -> None:
         super().__init__()
+        self.in_trial: Callable[[], bool] = lambda: False
+        self._leaving = False
         self.setWindowTitle(title)
         self.board = BoardView(self)
         self._windowed = self.geometry()
@@ -181,11 +228,12 @@ class BoardWindow(Window):
     def present(self, display: Display) -> None:
         """Open the window with the configured screen, size and scale."""
         self.board.mm_per_pixel = display.mm_per_pixel
-        self.resize(display.width, display.height)
+        screen = numbered_screen(display.screen)
+        self.resize(QSize(display.width, display.height).boundedTo(room_on(screen)))
         if display.screen > 0:
-            self.move(numbered_screen(display.screen).availableGeometry().topLeft())
+            self.move(screen.availableGeometry().topLeft())
         if display.fullscreen:
-            self.fill_screen(True)
+            self.fill_screen(True, screen)
         else:
             self.show()
 
@@ -199,20 +247,33 @@ class BoardWindow(Window):
             room.translate(room.width(), 0)
         self.setGeometry(room)
 
-    def fill_screen(self, full: bool) -> None:
-        """Enter full screen, without frame and mouse pointer, or leave it.
+    def fill_screen(self, full: bool, screen: QScreen | None = None) -> None:
+        """Enter full screen on a screen, or on that of the window, without frame and mouse pointer; or leave it.
 
         The size is set explicitly too, because a bare X server has no window manager to do it.
         """
         if full:
             self._windowed = self.geometry()
             self.setCursor(Qt.CursorShape.BlankCursor)
-            self.setGeometry(screen_of(self).geometry())
+            self.setGeometry((screen or screen_of(self)).geometry())
             self.showFullScreen()
         else:
             self.unsetCursor()
             self.showNormal()
             self.setGeometry(self._windowed)
+
+    def closeEvent(self, event: QCloseEvent) -> None:  # noqa: N802  (Qt's name)
+        """Emit `closed`; in a trial, wait for a second close first."""
+        if self.isVisible() and self.in_trial() and not self._leaving:
+            self._leaving = True
+            QTimer.singleShot(LEAVE_MS, self, self._stay)
+            log.warning("a trial is running: close the window once more to end the display")
+            event.ignore()
+            return
+        super().closeEvent(event)
+
+    def _stay(self) -> None:
+        self._leaving = False
 
     def keyPressEvent(self, event: QKeyEvent) -> None:  # noqa: N802  (Qt's name)
         """Close the window, or toggle full screen."""

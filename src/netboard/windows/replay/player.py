@@ -94,6 +94,8 @@ class PlayerWindow(windows.BoardWindow):
         colours = COLOURS[PictureState.RUN]
         self.line.setStyleSheet(f"background: {colours.background}; color: {colours.detail}; padding: 4px 12px 0px;")
         keys.setStyleSheet(f"background: {colours.background}; color: {colours.quiet}; padding: 0px 12px 4px;")
+        for line in (self.line, keys):
+            line.setMinimumWidth(1)
         for row in (self.bar, self.line, keys):
             self.rows.addWidget(row)
         self._frames = QTimer(self, interval=FRAME_MS, timerType=Qt.TimerType.PreciseTimer)
@@ -121,6 +123,7 @@ class PlayerWindow(windows.BoardWindow):
         for pane in self.panes:
             column, caption = QVBoxLayout(), QLabel(self)
             caption.setStyleSheet(f"background: {colours.background}; color: {colours.detail}; padding: 4px 12px;")
+            caption.setMinimumWidth(1)  # a long line must not make the window wider
             column.setSpacing(0)
             column.addWidget(caption)
             column.addWidget(pane.board, 1)
