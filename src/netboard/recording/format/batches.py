@@ -14,7 +14,6 @@ chunks is built. A reader can then find a trial without reading the whole record
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
-from itertools import groupby
 from math import isnan, nan
 from typing import Any
 
@@ -26,6 +25,7 @@ from netboard.base.errors import RecordingError
 from netboard.base.tick import TICK, TICK_NS, joined
 from netboard.recording.format.channels import IDS, PLOTTED, PLOTTED_EVERY, TICK_FIELDS, Stamped, unpack
 from netboard.recording.format.partfile import PartFile
+from netboard.recording.format.planes import WORD, join, split
 from netboard.recording.format.predictions import CONSTANTS, PREDICTIONS, known, predict, uses
 from netboard.recording.format.summary import Attempt, find_attempts
 
@@ -39,7 +39,6 @@ PLACES = np.dtype([("chunk", "<i8"), ("first", "<i8"), ("last", "<i8"), ("count"
 """One chunk with ticks: its file offset, its first and last tick number, and its tick count."""
 
 _SHARE_OF_CHUNK = 0.75
-_WORD = 8
 _BITS = np.dtype("<i8")
 _KEYS = ("phase", "trial", "attempt")
 _PLOT = np.dtype(
@@ -56,16 +55,7 @@ def pack(rows: NDArray[Any], constants: Mapping[str, float]) -> bytes:
         wrong[_PLACE[name]] -= guess
     for smooth in _rounds(_ORDERS):
         wrong[smooth, 1:] = np.diff(wrong[smooth], axis=1)
-    folded = (wrong << 1) ^ (wrong >> 63)
-    return folded.view(np.uint8).reshape(*words.shape, _WORD).transpose(0, 2, 1).tobytes()
-
-
-def _joined(planes: NDArray[np.uint8]) -> NDArray[np.int64]:
-    """Join byte planes, shape (..., 8, n), into 64-bit integers, pairwise in three steps (faster than bytewise)."""
-    words: NDArray[Any] = planes
-    for kind, bits in ((np.uint16, 8), (np.uint32, 16), (np.uint64, 32)):
-        words = words[..., 0::2, :].astype(kind) | np.left_shift(words[..., 1::2, :], bits, dtype=kind)
-    return words[..., 0, :].view(np.int64)
+    return split(wrong)
 
 
 def _rounds(orders: NDArray[np.int64]) -> Iterator[NDArray[np.intp]]:
@@ -103,17 +93,17 @@ class Layout:
         there = np.flatnonzero([name in needed for name in self._names])
         batches = [self._batch(message) for message in messages]
         counts = np.array([planes.shape[2] for planes, _ in batches], np.int64)
-        alike = [[planes for planes, _ in group] for _, group in groupby(batches, lambda batch: batch[0].shape[2])]
-        words = np.concatenate(
-            [np.empty((len(there), 0), np.int64), *(self._summed(planes, there) for planes in alike)], axis=1
-        )
+        starts = np.cumsum(counts) - counts
+        words = np.empty((len(there), counts.sum()), np.int64)
+        for (planes, _), start in zip(batches, starts, strict=True):
+            join(planes, there, self._orders[there], self._folded, words, start)
         stored = [self._names[place] for place in there]
         columns = {name: column.view(self._kinds[name]) for name, column in zip(stored, words, strict=True)}
         predictions = {name: text for name, text in self._predictions.items() if name in needed}
         if predictions and batches:
             rows = np.repeat([constants for _, constants in batches], counts, axis=0)
             constants = dict(zip(self._constants, rows.T, strict=True))
-            for name, guess in predict(predictions, columns, constants, np.cumsum(counts) - counts):
+            for name, guess in predict(predictions, columns, constants, starts):
                 columns[name].view(np.int64)[:] += guess
         zero = np.zeros(int(counts.sum()), np.int64)
         return {name: columns[name] if name in columns else zero.view(TICK[name]) for name in names}
@@ -130,20 +120,11 @@ class Layout:
         """Decompose a message into the byte planes of its columns, shape (columns, 8, n), and its constants."""
         values = unpack(message)
         data, count, constants = values.get("columns"), values.get("count"), values.get("constants", [])
-        if not isinstance(data, bytes) or not isinstance(count, int) or len(data) != len(self._names) * _WORD * count:
+        if not isinstance(data, bytes) or not isinstance(count, int) or len(data) != len(self._names) * WORD * count:
             raise RecordingError("a batch of ticks whose length contradicts its header")
         if not isinstance(constants, list) or [type(one) for one in constants] != [float] * len(self._constants):
             raise RecordingError("a batch of ticks whose constants contradict the schema")
-        return np.frombuffer(data, np.uint8).reshape(len(self._names), _WORD, count), constants
-
-    def _summed(self, batches: Sequence[NDArray[np.uint8]], there: NDArray[np.intp]) -> NDArray[np.int64]:
-        """Join the byte planes of some columns of batches of one length, and undo the differences in each batch."""
-        words = _joined(np.stack([planes[there] for planes in batches], axis=1))
-        if self._folded:
-            words = (words.view(np.uint64) >> 1).view(np.int64) ^ -(words & 1)
-        for smooth in _rounds(self._orders[there]):
-            words[smooth] = np.cumsum(words[smooth], axis=2)
-        return words.reshape(len(there), -1)
+        return np.frombuffer(data, np.uint8).reshape(len(self._names), WORD, count), constants
 
 
 def attempt_values(attempt: Attempt) -> dict[str, Any]:
@@ -186,7 +167,7 @@ class TickStream:
             )
         self._held_log_ns = log_time_ns
         self._held.append(row)
-        self.last = int.from_bytes(row[:_WORD], "little", signed=True)
+        self.last = int.from_bytes(row[:WORD], "little", signed=True)
         if len(self._held) >= self._most:
             self.close_batch()
 
