@@ -128,7 +128,9 @@ def test_intact_chunks_of_a_truncated_or_damaged_file_are_readable(tmp_path: Pat
     assert np.array_equal(cut.view(np.int64), samples(rows[: len(cut)]).view(np.int64))
     whole[len(whole) // 5 : len(whole) // 5 + 100_000] = bytes(100_000)
     file.write_bytes(whole)
-    kept = streams_of(file)["netboard.ticks"]["time_series"][:, 0].astype(int)
+    found = streams_of(file)["netboard.ticks"]["time_series"][:, 0]
+    kept = found[np.isin(found, np.arange(len(rows)))]  # pyxdf may take damaged bytes for a few samples
+    assert len(found) - len(kept) < xdf.CHUNK
     assert len(rows) * 0.5 < len(kept) < len(rows)
     assert kept[-1] == len(rows) - 1
 

@@ -179,4 +179,4 @@ class Recording:
     flush_ms: Annotated[float, about("a chunk is written and synced at least this often", "ms", gt=0, le=5000)] = 400.0
     chunk_bytes: Annotated[
         int, about("a chunk is written when it grows to this size, in bytes", "1", ge=1024, le=2**24)
-    ] = 262_144
+    ] = 393_216
