@@ -38,7 +38,7 @@ PLACES_NAME = "netboard.places"
 PLACES = np.dtype([("chunk", "<i8"), ("first", "<i8"), ("last", "<i8"), ("count", "<i8")])
 """One chunk with ticks: its file offset, its first and last tick number, and its tick count."""
 
-_SHARE_OF_CHUNK = 0.75
+_SHARE_OF_CHUNK = 0.9  # by default, the ticks of a flush interval are one batch
 _WORD = 8
 _BITS = np.dtype("<i8")
 _KEYS = ("phase", "trial", "attempt")
