@@ -128,7 +128,7 @@ def test_intact_chunks_of_a_truncated_or_damaged_file_are_readable(tmp_path: Pat
     assert np.array_equal(cut.view(np.int64), samples(rows[: len(cut)]).view(np.int64))
     whole[len(whole) // 5 : len(whole) // 5 + 100_000] = bytes(100_000)
     file.write_bytes(whole)
-    kept = streams_of(file)["netboard.ticks"]["time_series"][:, 0].astype(int)
+    kept = streams_of(file)["netboard.ticks"]["time_series"][:, 0]  # a chunk at the edge of the damage reads as garbage
     assert len(rows) * 0.5 < len(kept) < len(rows)
     assert kept[-1] == len(rows) - 1
 
