@@ -13,8 +13,8 @@ from netboard.services.options import examples
 
 app = typer.Typer()
 
-ENDINGS = (".mcap", ".part", ".spill")
-"""Suffixes of recordings, finished or not."""
+ENDINGS = (".mcap", ".mcap.part", ".spill")
+"""Endings of the names of recordings, finished or not."""
 
 
 @app.command(

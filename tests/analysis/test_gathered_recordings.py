@@ -100,7 +100,7 @@ def unreadable(folder: Path, recordings: tuple[Path, ...]) -> list[Path]:
 
 def test_unreadable_recordings_are_refused_or_left_out(recordings: tuple[Path, ...], tmp_path: Path) -> None:
     paths = unreadable(tmp_path, recordings)
-    for path, why in zip(paths[1:], ("is damaged", "cut short", "not an MCAP file", "has no ticks"), strict=True):
+    for path, why in zip(paths[1:], ("is damaged", "cut short", "not an MCAP file", "contains no ticks"), strict=True):
         with pytest.raises(RecordingError, match=rf"{path.name}: .*{why}") as caught:
             gathered([paths[0], path], Readings())
         assert "\n" not in str(caught.value)
@@ -116,7 +116,7 @@ def test_unreadable_recordings_are_refused_or_left_out(recordings: tuple[Path, .
 def test_file_that_changes_during_measuring_is_refused(
     recordings: tuple[Path, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(running, "_digests", lambda paths: dict.fromkeys(paths, "0" * 64))
+    monkeypatch.setattr(running, "digests_of", lambda paths: dict.fromkeys(paths, "0" * 64))
     with pytest.raises(RecordingError, match="has changed since the start"):
         gathered(recordings[:1], Readings())
 

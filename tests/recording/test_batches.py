@@ -155,6 +155,14 @@ def test_stored_attempts_and_index_match_those_of_all_ticks(
     assert places["count"].sum() == len(rows)
 
 
+def test_ticks_of_a_flush_interval_are_one_batch_by_default(tmp_path: Path, rows: np.ndarray) -> None:
+    settings = Settings()
+    path = written(tmp_path / "a.mcap", rows[:800], settings.chunk_bytes, round(settings.flush_ms * 1e6 / TICK_NS))
+    with path.open("rb") as file:
+        messages = make_reader(file).iter_messages(topics=["/ticks"])
+        assert [msgpack.unpackb(message.data)["count"] for _, _, message in messages] == [400, 400]
+
+
 def test_plot_channel_holds_every_nth_tick(tmp_path: Path, rows: np.ndarray) -> None:
     path = written(tmp_path / "a.mcap", rows, 262_144, 200)
     with path.open("rb") as file:

@@ -218,6 +218,25 @@ def test_copies_of_a_recording_are_refused(two: list[Path], tmp_path: Path, name
     assert list(tmp_path.iterdir()) == [copy]
 
 
+def test_simulations_of_the_same_hands_with_two_configurations_are_no_copies(tmp_path: Path) -> None:
+    table = tmp_path / "hands.csv"
+    table.write_text("time,left_z,right_z\n" + "".join(f"{k / 100},0.01,{k * 1e-5}\n" for k in range(30)))
+    rig = Config()
+    made = [
+        import_table(
+            table,
+            tmp_path / "made",
+            replace(rig, session=replace(rig.session, name=name), physics=replace(rig.physics, k_h=k_h)),
+            ImportOptions(simulate=True),
+            UTC_NS,
+            lambda *progress: None,
+        ).path
+        for name, k_h in (("S01", 200.0), ("S02", 150.0))
+    ]
+    export(made, "csv", tmp_path / "out", quiet)
+    assert {path.stem for path in (tmp_path / "out" / "ticks").iterdir()} == {path.stem for path in made}
+
+
 def test_export_command_refuses_equal_names_and_missing_files(two: list[Path], tmp_path: Path) -> None:
     other = tmp_path / "S01.mcap"
     other.write_bytes(two[0].read_bytes())

@@ -56,22 +56,45 @@ def test_missing_files_and_folders_are_reported() -> None:
     assert "no such folder" in runner.invoke(app, ["sessions", "nowhere"]).stderr
 
 
-@pytest.mark.parametrize("command", ["check", "sessions"])
-def test_subfolder_that_cannot_be_read_does_not_pass_for_an_empty_one(
-    command: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    Path("recordings/of-another-user").mkdir()
+def deny(folder: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make a folder in `recordings` that may not be read."""
+    Path("recordings", folder).mkdir()
     really = os.scandir
 
     def scandir(path: Any) -> Any:
-        if Path(path).name == "of-another-user":
+        if Path(path).name == folder:
             raise PermissionError(errno.EACCES, "Permission denied", os.fspath(path))
         return really(path)
 
     monkeypatch.setattr(os, "scandir", scandir)
+
+
+@pytest.mark.parametrize("command", ["check", "sessions"])
+def test_subfolder_that_cannot_be_read_does_not_pass_for_an_empty_one(
+    command: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    deny("of-another-user", monkeypatch)
     result = runner.invoke(app, [command, "recordings"])
     assert result.exit_code == 1, result.output
     assert result.stderr == "netboard: recordings/of-another-user: cannot be read: Permission denied\n"
+
+
+@pytest.mark.parametrize("command", ["check", "sessions"])
+@pytest.mark.parametrize("folder", ["lost+found", ".Trash-0"])
+def test_folders_of_the_disk_itself_need_not_be_readable(
+    command: str, folder: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    deny(folder, monkeypatch)
+    result = runner.invoke(app, [command, "recordings"])
+    assert result.exit_code == 0, result.output
+    assert "whole" in result.stdout
+
+
+def test_temporary_files_of_killed_commands_are_no_recordings() -> None:
+    Path("recordings/.whole.recovered.mcap.1a2b3c4d.part").write_bytes(b"half")
+    Path("recordings/.figure.png.42.part").write_bytes(b"half")
+    result = runner.invoke(app, ["check", "recordings"])
+    assert result.exit_code == 0, result.output
 
 
 def test_sessions_lists_the_configured_folder() -> None:

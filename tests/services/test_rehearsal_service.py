@@ -1,6 +1,11 @@
 """Rehearsal of blocks: printed table or JSON output, with or without recordings."""
 
 import json
+import os
+import signal
+import subprocess
+import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -43,3 +48,25 @@ def test_rehearsal_writes_verifiable_recordings_listed_in_json(
     assert len(list((tmp_path / "new").iterdir())) == 2
     with pytest.raises(NetboardError, match="block01"):
         rehearsal.rehearse_blocks(blocks(), 1, 1, folder=tmp_path / "new")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C reaches a process group on POSIX only")
+def test_interrupt_ends_all_workers_and_leaves_nothing(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "netboard.services.cli", "session", "rehearse", "paper", "--real-time"]
+    with subprocess.Popen(
+        [*command, "--workers", "2", "--output", str(tmp_path)],
+        start_new_session=True,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    ) as started:
+        try:
+            until = time.monotonic() + 300
+            while len(list(tmp_path.iterdir())) < 2 and time.monotonic() < until:
+                time.sleep(0.1)
+            os.killpg(started.pid, signal.SIGINT)
+            assert started.wait(60) == 1
+        finally:
+            if started.poll() is None:
+                os.killpg(started.pid, signal.SIGKILL)
+    assert not list(tmp_path.iterdir())

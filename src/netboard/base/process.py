@@ -153,8 +153,7 @@ class Stopping:
 
     A second signal interrupts as Ctrl-C does, whichever it is: a closing terminal sends two, and an agent that ended at
     once would leave its device with the last force. A closing terminal that `nohup` lets this process ignore stays
-    ignored. Every loop polls the flag, so each call also reports to the
-    supervisor that the process is alive.
+    ignored. Every loop polls the flag, so each call also reports to the supervisor that the process is alive.
     """
 
     def __init__(self) -> None:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from pathlib import Path
 from statistics import fmean
+from threading import Event
 
 from netboard.base.config import Config, digest
 from netboard.base.tables.simulated import Participant
@@ -128,7 +129,25 @@ def rehearse_all(
             done(results[-1])
         return results
     with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
-        asked = [pool.submit(rehearse, job) for job in jobs]
-        for answer in as_completed(asked):
-            done(answer.result())
+        asked = [pool.submit(_rehearse_in_worker, job) for job in jobs]
+        try:
+            for answer in as_completed(asked):
+                done(answer.result())
+        finally:
+            pool.shutdown(cancel_futures=True)
         return [answer.result() for answer in asked]
+
+
+_interrupted = Event()
+"""Whether Ctrl-C has stopped this worker."""
+
+
+def _rehearse_in_worker(job: Job) -> BlockResult:
+    """Rehearse one block in a worker, which begins no other after Ctrl-C."""
+    if _interrupted.is_set():
+        raise KeyboardInterrupt
+    try:
+        return rehearse(job)
+    except KeyboardInterrupt:
+        _interrupted.set()
+        raise

@@ -124,11 +124,14 @@ def _refuse_repeats(runs: Sequence[Run]) -> None:
 
 
 def refuse_copies(recordings: Iterable[tuple[Path, Mapping[str, str]]]) -> None:
-    """Raise an error for two files with the same ticks, from their paths and metadata."""
+    """Raise an error for two files with the same ticks, from their paths and metadata.
+
+    Recordings that were simulated from the same table of hands with two configurations are no copies.
+    """
     seen: dict[tuple[str, ...], Path] = {}
     for path, metadata in recordings:
-        key = tuple(metadata.get(name, "") for name in ("session", "block", "part"))
-        if key in seen and all(key):  # a recovered recording may have lost some
+        key = tuple(metadata.get(name, "") for name in ("session", "block", "part", "config_sha256"))
+        if key in seen and all(key[:3]):  # a recovered recording may have lost some
             raise RecordingError(f"{seen[key]} and {path}: are the same part of the same block; leave one out")
         seen[key] = path
 

@@ -13,6 +13,9 @@ from netboard.base.errors import RecordingError
 UNFINISHED = "is unfinished; netboard recover makes a recording of it"
 """Why an unfinished recording is left out."""
 
+_OF_THE_DISK = ("lost+found", "System Volume Information", "$RECYCLE.BIN")
+"""Folders at the top of a disk that belong to the file system, and that only an administrator may read."""
+
 
 def find_recordings(paths: Sequence[Path]) -> tuple[Path, ...]:
     """Return the recordings that the paths name.
@@ -38,10 +41,14 @@ def find_recordings(paths: Sequence[Path]) -> tuple[Path, ...]:
 def files_below(folder: Path, endings: tuple[str, ...]) -> list[Path]:
     """Return the files in a folder and its subfolders whose names have one of these endings, sorted.
 
-    Raises `RecordingError` if a subfolder cannot be read: its files must not pass for absent.
+    Raises `RecordingError` if a subfolder cannot be read: its files must not pass for absent. A disk's own folders, and
+    hidden ones such as its trash, may be unreadable.
     """
 
     def refuse(error: OSError) -> None:
+        where = Path(error.filename)
+        if where != folder and (where.name in _OF_THE_DISK or where.name.startswith(".")):
+            return
         raise RecordingError(f"{error.filename}: cannot be read: {error.strerror}") from error
 
     walked = os.walk(folder, onerror=refuse)

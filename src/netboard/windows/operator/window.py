@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from functools import partial
 
 from PySide6.QtCore import Qt, QTimer, Signal
-from PySide6.QtGui import QCloseEvent, QColor, QKeySequence, QPalette, QShortcut
+from PySide6.QtGui import QColor, QKeySequence, QPalette, QShortcut
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QSplitter, QStackedWidget, QVBoxLayout, QWidget
 
 from netboard.base.clock import now_ns
@@ -89,7 +89,6 @@ class ConsoleWindow(Window):
         self._asked_ns = 0
         self._confirm_timer = QTimer(self, singleShot=True, interval=CONFIRM_MS)
         self._confirm_timer.timeout.connect(self._cancel_confirmation)
-        self._leaving = False
         self._make(config)
         self._lay_out()
         self._connect()
@@ -222,19 +221,12 @@ class ConsoleWindow(Window):
 
     # --- Qt ----------------------------------------------------------------------------------------------------
 
-    def closeEvent(self, event: QCloseEvent) -> None:  # noqa: N802  (Qt's name)
-        """Emit `closed`; while a block is running, ask for a second close first."""
-        status = self.state.status
-        if not self._leaving and self.isVisible() and status is not None and status.phase in ACTIVE:
-            self._leaving = True
-            QTimer.singleShot(CONFIRM_MS, self, self._stay)
+    def ask_again(self) -> bool:
+        """Ask for a second close while a block is running."""
+        running = self.state.status is not None and self.state.status.phase in ACTIVE
+        if running:
             self.say(Line("The block continues without this window. Close it once more to leave.", Tone.WATCH))
-            event.ignore()
-            return
-        super().closeEvent(event)
-
-    def _stay(self) -> None:
-        self._leaving = False
+        return running
 
     def _make(self, config: Config) -> None:
         """Create the widgets."""

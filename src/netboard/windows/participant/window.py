@@ -33,7 +33,7 @@ WATCH_MS = 50
 """Interval at which a running window checks whether the process is asked to stop [ms]."""
 
 LEAVE_MS = 5000
-"""Time for the second key or click that closes the window of a display in a trial [ms]."""
+"""Time for the second key or click that closes a window during a trial or block [ms]."""
 
 USELESS = "This plugin does not support propagateSizeHints()"
 """Qt logs this for every window of the offscreen platform."""
@@ -90,14 +90,30 @@ def work(seconds: float) -> None:
 
 
 class Window(QWidget):
-    """A top-level window that emits `closed`."""
+    """A top-level window that emits `closed`; during a trial or block, only if it is closed twice."""
 
     closed = Signal()
 
+    def __init__(self) -> None:
+        super().__init__()
+        self._leaving = False
+
+    def ask_again(self) -> bool:
+        """Ask for a second close if the first may be an accident; return whether it may."""
+        return False
+
     def closeEvent(self, event: QCloseEvent) -> None:  # noqa: N802  (Qt's name)
-        """Emit `closed`."""
+        """Emit `closed`, or wait for a second close first."""
+        if self.isVisible() and not self._leaving and self.ask_again():
+            self._leaving = True
+            QTimer.singleShot(LEAVE_MS, self, self._stay)
+            event.ignore()
+            return
         super().closeEvent(event)
         self.closed.emit()
+
+    def _stay(self) -> None:
+        self._leaving = False
 
 
 def run(window: Window, stopping: Callable[[], bool], look: Callable[[], object] = lambda: None) -> None:
@@ -216,7 +232,6 @@ class BoardWindow(Window):
     def __init__(self, title: str) -> None:
         super().__init__()
         self.in_trial: Callable[[], bool] = lambda: False
-        self._leaving = False
         self.setWindowTitle(title)
         self.board = BoardView(self)
         self._windowed = self.geometry()
@@ -262,18 +277,12 @@ class BoardWindow(Window):
             self.showNormal()
             self.setGeometry(self._windowed)
 
-    def closeEvent(self, event: QCloseEvent) -> None:  # noqa: N802  (Qt's name)
-        """Emit `closed`; in a trial, wait for a second close first."""
-        if self.isVisible() and self.in_trial() and not self._leaving:
-            self._leaving = True
-            QTimer.singleShot(LEAVE_MS, self, self._stay)
+    def ask_again(self) -> bool:
+        """Ask for a second close while a trial is running."""
+        running = self.in_trial()
+        if running:
             log.warning("a trial is running: close the window once more to end the display")
-            event.ignore()
-            return
-        super().closeEvent(event)
-
-    def _stay(self) -> None:
-        self._leaving = False
+        return running
 
     def keyPressEvent(self, event: QKeyEvent) -> None:  # noqa: N802  (Qt's name)
         """Close the window, or toggle full screen."""
