@@ -73,6 +73,6 @@ def control(
     elif not reply.accepted:
         raise NetboardError(reply.reason)
     else:
-        words = reply.reason or ("the server is stopping" if command == "end" else f"the trial is {status.phase}")
+        words = reply.reason or ("the server is stopping" if command == "end" else shell.state_text(status))
         typer.echo(f"{command}: {words}")
     raise typer.Exit(0 if reply.accepted and until in (None, status.phase) else 1)

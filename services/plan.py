@@ -23,6 +23,7 @@ app = typer.Typer(
     )
 )
 def show(
+    argument: Annotated[str, typer.Argument(metavar="STUDY", help="The study, instead of --study.")] = "",
     study: Annotated[str, typer.Option(metavar="STUDY", help=STUDY_HELP)] = "paper",
     dyad: Annotated[int | None, typer.Option(min=1, help="Show the blocks of this dyad.")] = None,
     dyads: Annotated[
@@ -40,7 +41,7 @@ def show(
     from netboard.task.plans.plan import plan_of
     from netboard.task.plans.tables import examine, plan_as_json, plan_in_words, refuse
 
-    found, console = load_study(study), Console()
+    found, console = load_study(argument or study), Console()
     shown = plan_of(found, seed, dyad or 1, (settings.session.hand_a, settings.session.hand_b))
     counted = [plan_of(found, seed, number) for number in range(1, dyads + 1)] if dyads else [shown]
     balance, problems = examine(settings, found, counted, [shown])

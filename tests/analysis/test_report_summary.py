@@ -106,6 +106,13 @@ def test_robot_partner_is_named() -> None:
     assert found.endswith("the whole interval is below 1.")
 
 
+def test_level_of_a_factor_is_no_partner() -> None:
+    (found,) = summary_of(row(0.9, 0.8, 0.95, group="dyadic, still partner, mass light, haptics on vs off")).sentences
+    assert "dyadic trials with a still partner, mass light took 0.90 times" in found
+    (found,) = summary_of(row(0.9, 0.8, 0.95, group="dyadic, mass light, haptics on vs off")).sentences
+    assert "dyadic trials with mass light took 0.90 times" in found
+
+
 def test_level_is_stated_only_without_a_difference() -> None:
     share = {"topic": "classes", "quantity": "share of cooperative movement"}
     level = row(0.503, 0.412, 0.594, group="dyadic, haptics on", **share)

@@ -8,9 +8,11 @@ from netboard.analysis.extraction.conditions import factors_text, settings_text
 from netboard.analysis.extraction.recordings import BLOCKS
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.study import Study, study_of
+from netboard.analysis.topics.contrasts import questions_of
 from netboard.analysis.topics.groups import conditions
 from netboard.base.config import Config
 from netboard.base.tables.experiment import Design
+from netboard.base.tables.forces import Force
 
 TRIALS = 6
 
@@ -19,7 +21,7 @@ def study_with(configs: Iterable[Config]) -> Study:
     """Make a study of one block of each configuration."""
     found = []
     for number, config in enumerate(configs, start=1):
-        block = measured(Block("D01", "D01", "dyadic", "full", times(*[2.0] * TRIALS)), number)
+        block = measured(Block("D01", "D01", "dyadic", config.block.force, times(*[2.0] * TRIALS)), number)
         row = {name: values[0] for name, values in block.blocks.items()}
         row |= {"factors": factors_text(config), "settings": settings_text(config)}
         found.append(replace(block, blocks=rows_of(BLOCKS, [row])))
@@ -34,6 +36,46 @@ def with_gains(*gains: float) -> Config:
 def with_mass(mass: float) -> Config:
     config = Config()
     return replace(config, physics=replace(config.physics, m=mass))
+
+
+def with_lag(lag: str, force: Force, *between: str, **others: str) -> Config:
+    config = Config()
+    every = {"lag": ("off", "still", "direct", "late"), "mass": ("light", "heavy")}
+    design = Design(factors={"lag": lag, **others}, levels=every, between=between)
+    return replace(config, design=design, block=replace(config.block, force=force))
+
+
+def asked(*configs: Config) -> list[str]:
+    return [one.name for one in questions_of(study_with(configs))]
+
+
+def test_levels_that_differ_in_force_are_compared_with_the_level_without_it() -> None:
+    assert asked(with_lag("off", "none"), with_lag("direct", "full"), with_lag("late", "full")) == [
+        "dyadic, lag direct, haptics on vs off",
+        "dyadic, lag late, haptics on vs off",
+        "lag late vs direct, dyadic, haptics on",
+    ]
+
+
+def test_force_is_not_compared_with_another_mass() -> None:
+    late = (with_lag("late", "full", mass=mass) for mass in ("light", "heavy"))
+    found = asked(with_lag("off", "none", mass="heavy"), with_lag("direct", "full", mass="heavy"), *late)
+    assert [name for name in found if name.endswith("vs off")] == [
+        "dyadic, lag direct, mass heavy, haptics on vs off",
+        "dyadic, lag late, mass heavy, haptics on vs off",
+    ]
+
+
+def test_force_is_not_compared_if_two_levels_have_none() -> None:
+    assert asked(*(with_lag(lag, "none") for lag in ("off", "still")), with_lag("late", "full")) == [
+        "lag still vs off, dyadic, haptics off"
+    ]
+
+
+def test_force_is_not_compared_between_dyads() -> None:
+    assert asked(with_lag("off", "none", "lag"), *(with_lag(lag, "full", "lag") for lag in ("direct", "late"))) == [
+        "lag late vs direct, dyadic, haptics on"
+    ]
 
 
 def test_undeclared_gains_of_trials_are_conditions() -> None:

@@ -1,5 +1,7 @@
 """The event log of a session: records before it is open are held and not lost."""
 
+import logging
+
 import pytest
 
 from netboard.network.protocol.codec import decode
@@ -80,3 +82,9 @@ def test_log_sums_consecutive_stalls_and_the_recording_has_each(caplog: pytest.L
         "stood_still milliseconds=7 times=1",
     ]
     assert sum(name == "stood_still" for _, _, name in events_in(sink)) == 12
+
+
+def test_printed_event_leaves_out_what_fills_the_screen(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.INFO)
+    EventLog(RecordSink()).note(3, "agent_joined", {"side": "left", "policy_parameters": "{}", "config": "[block]"})
+    assert caplog.messages == ["agent_joined side=left"]

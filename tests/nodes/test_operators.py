@@ -167,6 +167,12 @@ def test_note_has_the_tick_at_which_typing_began() -> None:
     assert note_of("sneezed", 9) == ("sneezed", 9)
 
 
+@pytest.mark.parametrize("note", ["", " ", '{"text": " ", "tick": 7}', "{}"])
+def test_empty_note_is_refused(note: str) -> None:
+    with pytest.raises(ConfigError, match="the note"):
+        note_of(note, 9)
+
+
 @pytest.mark.parametrize(
     "note",
     ['{"text": 1}', '{"text": "", "tick": true}', '{"text": "", "tick": -1}', f'{{"text": "", "tick": {10**30}}}'],

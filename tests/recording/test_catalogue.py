@@ -66,3 +66,11 @@ def test_filters_select_entries_by_dyad_study_verdict_pilot_and_date(folder: Pat
 def test_files_are_grouped_by_session(folder: Path) -> None:
     groups = dict(in_order(entry_of(path) for path in files_in(folder)))
     assert set(groups) == {("D01", "S01"), ("D02", "S01"), ("", "")}
+
+
+def test_blocks_are_listed_by_number_and_their_parts_by_time(folder: Path) -> None:
+    whole = entry_of(folder / "whole.mcap")
+    places = [(1, "2026-09-01T10:00"), (2, "2026-09-01T09:00"), (2, "2026-09-01T11:00")]
+    entries = [replace(whole, block=block, opened=opened) for block, opened in places]
+    (listed,) = dict(in_order(reversed(entries))).values()
+    assert [(one.block, one.opened) for one in listed] == places

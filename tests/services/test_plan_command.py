@@ -112,7 +112,9 @@ def test_show_lists_factor_levels_with_their_settings_and_units() -> None:
         "[factors.mass]\nlevels.light.physics.M = 0.01\nlevels.heavy.physics.M = 0.05\n"
         '[factors.felt]\nlevels.on.block.force = "full"\nlevels.on.block.force_delay_ms = 20\nlevels.off = {}\n'
     )
-    output = " ".join(runner.invoke(app, ["plan", "show", "--study", "own.toml"]).output.split())
+    shown = runner.invoke(app, ["plan", "show", "own.toml"]).output
+    assert shown == runner.invoke(app, ["plan", "show", "--study", "own.toml"]).output
+    output = " ".join(shown.split())
     assert "mass light physics.M = 0.01 kg" in output
     assert "heavy physics.M = 0.05 kg" in output
     assert "felt on block.force = full, block.force_delay_ms = 20 ms" in output

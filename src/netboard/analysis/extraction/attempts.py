@@ -152,7 +152,7 @@ PAPER = (
         _strategy,
     ),
 )
-"""All groups of measures."""
+"""The measures of the paper, by groups."""
 
 
 MAX_LAG = 0.5
@@ -344,4 +344,4 @@ MODERN = (
         _passive_partner,
     ),
 )
-"""All groups of measures."""
+"""The measures beyond the paper, by groups."""

@@ -12,6 +12,7 @@ from typing import Any
 
 import pandas as pd
 
+from netboard.analysis.extraction.conditions import STAND_INS
 from netboard.analysis.report.grids import Column, Grid, grid, name, number
 from netboard.analysis.report.numbers import after, between, records, unit_of, written
 from netboard.analysis.report.wording import amount, counted
@@ -243,8 +244,10 @@ def _sentences(patterns: Sequence[SentencePattern], rows: Sequence[Mapping[str, 
 
 def _trials(team: str) -> str:
     """Return a phrase for the trials of a team."""
-    configuration, _, partner = team.partition(", ")
-    return f"{configuration} trials{f' with a {partner}' if partner else ''}"
+    configuration, *others = team.split(", ")
+    partners = [f"{kind} partner" for kind in STAND_INS]
+    said = [f"a {one}" if one in partners else one for one in others]
+    return f"{configuration} trials" + (f" with {', '.join(said)}" if said else "")
 
 
 def _clause(pattern: SentencePattern, row: Mapping[str, Any], words: Mapping[str, str]) -> str:

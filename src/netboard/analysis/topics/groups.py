@@ -235,11 +235,36 @@ def paired_levels(performers: pd.DataFrame, every: Iterable[Condition], names: S
 
 
 def with_base(every: tuple[Condition, ...]) -> Iterator[tuple[Condition, Condition]]:
-    """Yield each condition with haptic feedback, and the same team's condition without it."""
-    bases = {one.team: one for one in every if one.force == "none"}
+    """Yield each condition with haptic feedback, and the same team's condition without it.
+
+    The level of a factor that determines the force, such as ``none``, ``direct`` and ``delayed``, differs between them.
+    """
+    tied = _that_determine_the_force(every)
+    bases: dict[object, list[Condition]] = {}
     for one in every:
-        if one.force != "none" and one.team in bases:
-            yield one, bases[one.team]
+        if one.force == "none":
+            bases.setdefault(_beside(one, tied), []).append(one)
+    for one in every:
+        found = bases.get(_beside(one, tied), [])
+        if one.force != "none" and len(found) == 1:
+            yield one, found[0]
+
+
+def _that_determine_the_force(every: Iterable[Condition]) -> set[str]:
+    """Return the factors within dyads whose levels have one force each, one of them none and one another."""
+    forces: dict[str, dict[str, set[str]]] = {}
+    for one in every:
+        for factor, level in one.levels:
+            if factor.scope != "dyad":
+                forces.setdefault(factor.name, {}).setdefault(level, set()).add(one.force)
+    found = {name: list(of.values()) for name, of in forces.items() if all(len(own) == 1 for own in of.values())}
+    return {name for name, of in found.items() if {"none"} in of and of.count({"none"}) < len(of)}
+
+
+def _beside(one: Condition, tied: set[str]) -> object:
+    """Return what two conditions share that may differ only in the force and in the levels of these factors."""
+    levels = [(factor.name, "" if factor.name in tied else level) for factor, level in one.levels]
+    return one.configuration, one.partner, tuple(levels), one.role
 
 
 def comparisons(every: tuple[Condition, ...], values: Mapping[str, pd.Series]) -> Iterator[tuple[str, pd.Series]]:

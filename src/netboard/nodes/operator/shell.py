@@ -107,3 +107,9 @@ def plain(status: Status) -> dict[str, object]:
 def _known(value: object) -> object:
     """Return None for NaN, which JSON does not have."""
     return None if isinstance(value, float) and isnan(value) else value
+
+
+def state_text(status: Status) -> str:
+    """Return the phase of the trial, and what the server waits for."""
+    waiting = f"; waiting for {', '.join(status.waiting_for)}" if status.waiting_for else ""
+    return f"the trial is {status.phase}{waiting}"

@@ -17,10 +17,13 @@ def status_tables(status: Status) -> RenderableType:
 def _lines(status: Status) -> list[Text]:
     lines = [
         Text(f"session {status.session[:8]}   {status.phase}, trial {status.trial} of {status.trials}", style="bold"),
+        Text(f"block {status.block} of {status.blocks}: {status.label or status.condition}"),
         Text(
             f"tick {status.tick}   {status.successes} done, {status.failures} failed   {status.late_ticks} late ticks"
         ),
     ]
+    if status.pending:
+        lines.append(Text(status.pending))
     if status.waiting_for:
         lines.append(Text("waiting for " + ", ".join(status.waiting_for), style="yellow"))
     if status.notice:

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from netboard.base.clock import now_ns
+from netboard.nodes.server.event_log import printable
 from netboard.recording.files.reader import Recording
 
 NAP = 0.05
@@ -25,5 +26,5 @@ def print_events(path: Path, speed: float, stopping: Callable[[], bool], say: Ca
             if stopping():
                 return
             time.sleep(min(left, NAP))
-        details = "  ".join(f"{key}={value}" for key, value in event.details.items())
-        say(f"{(event.time_ns - first_ns) * 1e-9:9.3f} s  tick {event.tick:8d}  {event.name:16s}  {details}")
+        when = f"{(event.time_ns - first_ns) * 1e-9:9.3f} s  tick {event.tick:8d}"
+        say(f"{when}  {event.name:16s}  {printable(event.details)}")

@@ -22,6 +22,9 @@ log = logging.getLogger(__name__)
 SUMMED = "stood_still"
 """Event whose consecutive repeats are summed in the process log, because a machine that stalls tends to stall again."""
 
+UNPRINTED = ("config", "policy_parameters")
+"""Details of hundreds of words, which only a recording contains."""
+
 
 class EventLog:
     """Numbers the events of a session and appends them to the log."""
@@ -45,7 +48,7 @@ class EventLog:
             self._count_stall(int(details["milliseconds"]))
             return
         self._report_stalls()
-        log.info("%s %s", name, printable({key: value for key, value in details.items() if key != "config"}))
+        log.info("%s %s", name, printable(details))
 
     def _count_stall(self, milliseconds: int) -> None:
         """Count a stall; log the first of a series, then the sum at the second, fourth, eighth and so on."""
@@ -89,8 +92,8 @@ class EventLog:
 
 
 def printable(details: dict[str, str]) -> str:
-    """Return the details of an event as one line."""
-    return printable_line(" ".join(f"{key}={value}" for key, value in details.items()))
+    """Return the details of an event as one line, without those that fill the screen."""
+    return printable_line(" ".join(f"{key}={value}" for key, value in details.items() if key not in UNPRINTED))
 
 
 def printable_line(words: str) -> str:

@@ -169,12 +169,12 @@ def form_of(text: str, known: Session) -> Session:
 
 def note_of(text: str, tick: int) -> tuple[str, int]:
     """Read a note: plain text, or a JSON object with ``text`` and the ``tick`` at which the operator began to write."""
-    if not text.lstrip().startswith("{"):
-        return text, tick
-    note = _object(text, "the note")
+    note = _object(text, "the note") if text.lstrip().startswith("{") else {"text": text}
     words, at = note.get("text"), note.get("tick", tick)
     if not isinstance(words, str) or type(at) is not int or not 0 <= at < MAX_TICK:
         raise ConfigError("the note: expected a text and the number of a tick")
+    if not words.strip():
+        raise ConfigError("the note is empty")
     return words, at
 
 

@@ -243,4 +243,4 @@ def in_order(entries: Iterable[Entry]) -> Iterator[tuple[tuple[str, str], list[E
     for entry in entries:
         groups.setdefault((entry.dyad, entry.session), []).append(entry)
     for name in sorted(groups):
-        yield name, sorted(groups[name], key=lambda e: (e.kind != "journal", e.opened, e.block, e.path.name))
+        yield name, sorted(groups[name], key=lambda e: (e.kind != "journal", e.block, e.opened, e.path.name))
