@@ -27,6 +27,7 @@ from netboard.network.protocol.records import ClockRecord, EventRecord, FrameRec
 from netboard.network.transport import channels, sockets
 from netboard.network.transport.ports import free_port
 from netboard.nodes.ports.log_port import LogPort
+from netboard.nodes.server.session import HOUSEKEEPING_TICKS
 from netboard.recording.recovery.spill import Spill
 
 START_SECONDS = 60.0
@@ -101,9 +102,9 @@ class Feeder:
             time.sleep(TICK_SECONDS)
 
     def feed(self, seconds: float, rate: int = 1, look: Callable[[], object] = lambda: None) -> None:
-        """Send the records of a period as they become due."""
-        due = now_ns()
-        for _ in range(round(seconds * 1e3)):
+        """Send the records of a period as they become due, in portions as long as those of a server at this rate."""
+        due, portion = now_ns(), max(1, HOUSEKEEPING_TICKS // rate)
+        for tick in range(round(seconds * 1e3)):
             due += TICK_NS
             time.sleep(max(0.0, (due - now_ns()) * 1e-9))
             self.behind_ns = max(self.behind_ns, now_ns() - due)
@@ -111,7 +112,8 @@ class Feeder:
                 for record in next(self._log):
                     self.port.append(record)
             self.ticks += rate
-            self.port.pump(now_ns())
+            if tick % portion == 0:
+                self.port.pump(now_ns())
             look()
 
     def end(self) -> None:
