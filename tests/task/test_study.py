@@ -94,7 +94,7 @@ def test_overrides_are_converted_like_configuration_values() -> None:
         (SMALL + "performers = 'C'", '[kinds.duo] performers: found "C", expected "dyad" or "A"'),
         (SMALL + "block.trials = 0", "[kinds.duo.block] trials: found 0, expected a whole number >= 1"),
         (SMALL + "block.trails = 1", "[kinds.duo.block] trails: unknown key; did you mean trials"),
-        (SMALL + "physics.M = nan", "[kinds.duo.physics] M: found nan, expected a number > 0"),
+        (SMALL + "physics.M = nan", "[kinds.duo.physics] M: found nan, expected a number >= 1e-09"),
         (SMALL + "physics = 3", "[kinds.duo.physics]: found 3, expected a table"),
         (SMALL + "block.seed = 3", "[kinds.duo.block] seed: follows from the plan and is not set here"),
         (SMALL + "catch = -1", "[kinds.duo] catch: found -1, expected a number >= 0"),
