@@ -25,6 +25,7 @@ let heardNs = now();
 let limitMs = 500;
 let lengthM = 1;
 let following = null;
+let phase = null;
 const counts = { views: 0, missed: 0, frames: 0, dropped: 0, pings: 0, partner_seen: 0 };
 
 /** The board, the ball and the target, from one end of the line to the other. */
@@ -45,6 +46,9 @@ function paint() {
   picture = draw(view);
   shown.push([view.tick, received, now()]);
   counts.frames += 1;
+  if (view.phase === phase) return;
+  phase = view.phase; // a phase can be shorter than the time between two reports
+  tell();
 }
 
 async function watch() {
