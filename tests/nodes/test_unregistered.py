@@ -72,6 +72,16 @@ def test_unregistered_peer_is_answered_at_intervals_but_hello_always(rig: Motion
     assert rig.router.received_by(b"x") == [Refusal("say hello first")]
 
 
+def test_hello_repeated_while_the_server_was_busy_is_no_refusal(rig: MotionRig) -> None:
+    for _ in range(100):
+        rig.router.send_from(A, hello("agent", "left"))
+    for tick in range(100):
+        rig.drain(lambda now=tick * MS: now)
+    assert isinstance(rig.router.received_by(A)[0], Welcome)
+    assert {name for name, _ in rig.port.news} == {"agent_joined"}
+    assert not rig.port.refusals.totals
+
+
 def test_agent_registers_among_any_number_of_unregistered_peers(rig: MotionRig) -> None:
     strangers = [b"stranger %d" % number for number in range(300)]
     for tick in range(1000):
@@ -90,14 +100,13 @@ def test_agent_registers_among_any_number_of_unregistered_peers(rig: MotionRig) 
 
 
 def test_refusals_name_a_limited_number_of_peers_but_count_all(rig: MotionRig) -> None:
-    for number in range(400):
+    for number in range(200):
         rig.router.send_from(b"stranger %d" % number, b"\x00")
         rig.drain(lambda now=number * MS: now)
-        rig.router.disconnect(b"stranger %d" % number)
     rig.port.refusals.settle()
     totals = {details["peer"]: int(details["times"]) for _, details in rig.port.news}
     assert len(totals) == MAX_KINDS + 1
-    assert sum(totals.values()) == 400
+    assert sum(totals.values()) == 200
 
 
 def test_frames_handled_per_call_are_limited(rig: MotionRig) -> None:

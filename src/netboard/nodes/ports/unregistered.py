@@ -54,7 +54,8 @@ def keep(unregistered: Any, fast: Any, frame: Any, now_ns: int) -> None:
     """Keep a frame of an unregistered peer for later, or only count it.
 
     The rate is limited for each name, with `Hello` counted apart from all other messages. A peer that says hello is
-    thus received however much others send.
+    thus received however much others send. A `Hello` that repeats a kept one is no refusal: while the server compiles,
+    several of them arrive from each agent.
     """
     us, them = fast[0], unregistered[0]
     size = us["size"]
@@ -62,9 +63,13 @@ def keep(unregistered: Any, fast: Any, frame: Any, now_ns: int) -> None:
     place = 2166136261
     for k in range(us["name_size"]):
         place = ((place ^ us["name"][k]) * 16777619) & 0xFFFFFFFF
-    place = (2 * place + (size > 1 and frame[1] == _HELLO)) % SENDER_SLOTS
+    says_hello = size > 1 and frame[1] == _HELLO
+    place = (2 * place + says_hello) % SENDER_SLOTS
     row = them["kept"]
-    if now_ns < them["deaf_until_ns"][place] or row >= UNREGISTERED_CAPACITY or size > UNREGISTERED_FRAME_SIZE:
+    if now_ns < them["deaf_until_ns"][place]:
+        them["dropped"] += not says_hello
+        return
+    if row >= UNREGISTERED_CAPACITY or size > UNREGISTERED_FRAME_SIZE:
         them["dropped"] += 1
         return
     them["deaf_until_ns"][place] = now_ns + UNREGISTERED_INTERVAL_NS
