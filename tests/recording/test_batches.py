@@ -163,6 +163,20 @@ def test_ticks_of_a_flush_interval_are_one_batch_by_default(tmp_path: Path, rows
         assert [msgpack.unpackb(message.data)["count"] for _, _, message in messages] == [400, 400]
 
 
+@pytest.mark.parametrize("chunk_bytes", [20_000, 262_144])
+@pytest.mark.parametrize("piece", [1, 77, 1000])
+def test_ticks_written_together_make_the_same_file(
+    tmp_path: Path, rows: np.ndarray, chunk_bytes: int, piece: int
+) -> None:
+    one_by_one = written(tmp_path / "a.mcap", rows, chunk_bytes, 10**6)
+    writer = RecordingWriter(tmp_path / "b.mcap", metadata(), CONFIG_TEXT, Settings(chunk_bytes=chunk_bytes), OPENED_NS)
+    log_times_ns = OPENED_NS + np.arange(len(rows))
+    for first in range(0, len(rows), piece):
+        writer.write_ticks(rows[first : first + piece], first, log_times_ns[first : first + piece])
+    writer.finish(OPENED_NS + len(rows))
+    assert writer.path.read_bytes() == one_by_one.read_bytes()
+
+
 def test_plot_channel_holds_every_nth_tick(tmp_path: Path, rows: np.ndarray) -> None:
     path = written(tmp_path / "a.mcap", rows, 262_144, 200)
     with path.open("rb") as file:

@@ -15,7 +15,7 @@ from netboard.base.config import Config, resolve
 from netboard.base.tick import START_NS, TICK_SECONDS
 from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION
-from netboard.network.protocol.records import EventRecord, TickRecord
+from netboard.network.protocol.records import EventRecord
 from netboard.recording.files.provenance import provenance
 from netboard.recording.files.writer import RecordingWriter
 from netboard.stage.curtain import PHASE_NAMES
@@ -56,12 +56,12 @@ class BlockWriter:
 
     def take(self, rows: NDArray[Any]) -> None:
         """Write the next ticks and the events in them."""
-        happened = set(np.flatnonzero(is_edge(rows)).tolist())
-        for place, row in enumerate(rows):
-            self._time_ns = int(row["time_ns"])
-            self._write(TickRecord(row.tobytes()))
-            if place in happened:
-                self._note(int(row["tick"]), self._time_ns, *self._event_of(row))
+        *ended, rest = np.split(rows, np.flatnonzero(is_edge(rows)) + 1)
+        for part in ended:
+            self._write_ticks(part)
+            self._note(int(part["tick"][-1]), self._time_ns, *self._event_of(part[-1]))
+        if len(rest):
+            self._write_ticks(rest)
 
     def _event_of(self, row: Any) -> tuple[str, dict[str, str]]:
         name, details = event_of(row)
@@ -77,12 +77,15 @@ class BlockWriter:
         self._writer.abandon()
 
     def _note(self, tick: int, time_ns: int, name: str, details: dict[str, str]) -> None:
-        self._write(EventRecord(self._events, tick, time_ns, name, details))
+        event = EventRecord(self._events, tick, time_ns, name, details)
+        self._writer.write(event, self._records, self._time_ns + self._log_time_minus_server)
         self._events += 1
-
-    def _write(self, record: TickRecord | EventRecord) -> None:
-        self._writer.write(record, self._records, self._time_ns + self._log_time_minus_server)
         self._records += 1
+
+    def _write_ticks(self, rows: NDArray[Any]) -> None:
+        self._writer.write_ticks(rows, self._records, rows["time_ns"] + self._log_time_minus_server)
+        self._time_ns = int(rows["time_ns"][-1])
+        self._records += len(rows)
 
 
 def name_of(config: Config, session: str) -> str:

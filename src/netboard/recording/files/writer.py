@@ -6,6 +6,10 @@ chunk in memory, and *durable* after the next `flush`. Only durable records may 
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from netboard.base.config import parse
 from netboard.base.errors import RecordingError
@@ -99,6 +103,13 @@ class RecordingWriter:
             self._file.add(IDS[message.topic], message, log_time_ns)
         self.next_record = number + 1
         self._written += 1
+
+    def write_ticks(self, rows: NDArray[Any], number: int, log_times_ns: NDArray[np.int64]) -> None:
+        """Write the records of consecutive ticks, each with its log time [ns]; ``number`` is that of the first."""
+        self._begin(number)
+        self._ticks.extend(rows, log_times_ns)
+        self.next_record = number + len(rows)
+        self._written += len(rows)
 
     def note_lost(self, first: int, count: int, log_time_ns: int) -> None:
         """Record that these records are permanently lost."""

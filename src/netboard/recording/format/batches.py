@@ -150,6 +150,7 @@ class TickStream:
         self._constants = constants
         self._most = max(1, int(chunk_bytes * _SHARE_OF_CHUNK) // TICK.itemsize)
         self._held: list[bytes] = []
+        self._count = 0
         self._held_log_ns = 0
         self._places: list[tuple[int, int, int, int]] = []
         self._edges: list[NDArray[Any]] = []
@@ -165,10 +166,21 @@ class TickStream:
                 f"a tick record of {len(row)} bytes where {TICK.itemsize} are expected: "
                 "server and logger are of different versions; install the same netboard on both"
             )
-        self._held_log_ns = log_time_ns
-        self._held.append(row)
-        self.last = int.from_bytes(row[:WORD], "little", signed=True)
-        if len(self._held) >= self._most:
+        self._hold(row, 1, int.from_bytes(row[:WORD], "little", signed=True), log_time_ns)
+
+    def extend(self, rows: NDArray[Any], log_times_ns: NDArray[np.int64]) -> None:
+        """Add ticks, each with its log time [ns]."""
+        while len(rows):
+            now = min(len(rows), self._most - self._count)
+            self._hold(rows[:now].tobytes(), now, int(rows["tick"][now - 1]), int(log_times_ns[now - 1]))
+            rows, log_times_ns = rows[now:], log_times_ns[now:]
+
+    def _hold(self, rows: bytes, count: int, last: int, log_time_ns: int) -> None:
+        """Keep the rows of at most a batch in memory, and write the batch once it is full."""
+        self._held.append(rows)
+        self._count += count
+        self.last, self._held_log_ns = last, log_time_ns
+        if self._count >= self._most:
             self.close_batch()
 
     def close_batch(self) -> None:
@@ -177,6 +189,7 @@ class TickStream:
             return
         rows = np.frombuffer(b"".join(self._held), TICK)
         self._held.clear()
+        self._count = 0
         first, time_ns, log_ns = int(rows["tick"][0]), int(rows["time_ns"][0]), self._held_log_ns
         columns = pack(rows, self._constants)
         values = {
@@ -189,10 +202,9 @@ class TickStream:
         chunk = self._file.add(IDS["/ticks"], Stamped("/ticks", first, time_ns, msgpack.packb(values)), log_ns)
         self._note_place(chunk, first, int(rows["tick"][-1]), len(rows))
         with np.errstate(all="ignore"):
-            plotted = rows[list(_PLOT.names or ())][rows["tick"] % PLOTTED_EVERY == 0].astype(_PLOT)
-        for row in plotted:
-            # By its number: across a stall of the server, tick times differ by more than the log times do.
-            self._plot(row, log_ns - (self.last - int(row["tick"])) * TICK_NS)
+            plotted = rows[rows["tick"] % PLOTTED_EVERY == 0][list(_PLOT.names or ())].astype(_PLOT)
+        for row in plotted.tolist():
+            self._plot(dict(zip(_PLOT.names or (), row, strict=True)), log_ns)
         self._keep_edges(rows)
 
     def _note_place(self, chunk: int, first: int, last: int, count: int) -> None:
@@ -202,9 +214,12 @@ class TickStream:
             count += before
         self._places.append((chunk, first, last, count))
 
-    def _plot(self, row: Any, log_time_ns: int) -> None:
-        values = {field.name: row[field.name].item() for field in PLOTTED}
-        stamp = Stamped("/plot", values["tick"], int(row["time_ns"]), msgpack.packb(values, use_single_float=True))
+    def _plot(self, row: dict[str, Any], newest_ns: int) -> None:
+        """Write a row for viewers. ``newest_ns``: log time of the newest tick [ns]."""
+        time_ns = row.pop("time_ns")
+        stamp = Stamped("/plot", row["tick"], time_ns, msgpack.packb(row, use_single_float=True))
+        # By its number: across a stall of the server, tick times differ by more than the log times do.
+        log_time_ns = newest_ns - (self.last - row["tick"]) * TICK_NS
         self._file.add(IDS["/plot"], stamp, min(max(log_time_ns, 0), 2**64 - 1))
 
     def _keep_edges(self, rows: NDArray[Any]) -> None:
