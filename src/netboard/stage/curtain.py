@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from netboard.base.compiled import kernel
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.tables.experiment import Block
-from netboard.base.tick import TICK
+from netboard.base.tick import TICK_WORDS
 from netboard.stage.view import View
 from netboard.task.trials.state_machine import Phase, ticks
 
@@ -94,7 +94,7 @@ _SHOWN = (
     *("phase", "attempt", "target", "tick", "z", "theta", "p", "left_used_z", "right_used_z"),
     *("trial", "failures", "completion", "counted", "extra"),
 )
-_shown = itemgetter(*((TICK.names or ()).index(name) for name in _SHOWN))
+_shown = itemgetter(*(TICK_WORDS[name] for name in _SHOWN))
 """Takes what views are made of from the values of a row."""
 
 
@@ -167,9 +167,8 @@ CURTAIN = np.dtype(
 )
 """What one station may see, for the kernels."""
 
-_AT = {name: place for place, name in enumerate(TICK.names or ())}
 _PHASE, _TARGET, _Z, _THETA, _P, _LEFT, _RIGHT = (
-    _AT[name] for name in ("phase", "target", "z", "theta", "p", "left_used_z", "right_used_z")
+    TICK_WORDS[name] for name in ("phase", "target", "z", "theta", "p", "left_used_z", "right_used_z")
 )
 
 

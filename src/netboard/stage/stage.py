@@ -21,7 +21,7 @@ from netboard.base.compiled import borrowed, inlined, kernel, specialised
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError
 from netboard.base.tables.declared import number_of
-from netboard.base.tick import STATE, TICK, TICK_SECONDS
+from netboard.base.tick import STATE, TICK, TICK_SECONDS, TICK_WORDS
 from netboard.physics.arithmetic.vectors import State, calm
 from netboard.physics.hands.extrapolation import later
 from netboard.physics.methods.catalogue import METHODS, NUMBER, advance
@@ -80,7 +80,7 @@ def _settle(s: Any, x: State) -> bool:
     return sound
 
 
-_TRIAL = (TICK.names or ()).index("trial")
+_TRIAL = TICK_WORDS["trial"]
 _STATE_NAMES = tuple(STATE.names or ())
 
 

@@ -9,13 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.config import SIDES, Config, Side
-from netboard.base.tick import TICK
+from netboard.base.tick import TICK_WORDS
 from netboard.nodes.rehearsal.body import Body, plan
 from netboard.nodes.rehearsal.closed_loop import DECISION_TICKS, SimulatedParticipant
 from netboard.participants.policy import SIMULATED_PARTICIPANT, identity_of
 
-_AT = {name: place for place, name in enumerate(TICK.names or ())}
-_TICK, _TIME = _AT["tick"], _AT["time_ns"]
+_TICK, _TIME = TICK_WORDS["tick"], TICK_WORDS["time_ns"]
 
 
 class Robot:

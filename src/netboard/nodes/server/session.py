@@ -14,7 +14,7 @@ import numpy as np
 
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES
-from netboard.base.tick import HEARTBEAT_TICKS, TICK, TICK_NS
+from netboard.base.tick import HEARTBEAT_TICKS, TICK, TICK_NS, TICK_WORDS
 from netboard.network.protocol.codec import encode
 from netboard.network.protocol.records import TickRecord
 from netboard.network.transport import sockets
@@ -53,8 +53,7 @@ DEADLINE_MARGIN_NS, MAX_POSTPONED = 400_000, 4
 ANSWER_NS = 4_000_000
 """Interval between answers to operators, one answer at a time; an answer takes a fifth of a tick [ns]."""
 
-_AT = {name: place for place, name in enumerate(TICK.names or ())}
-_COMMAND, _EVENT, _TICK, _TIME = (_AT[name] for name in ("command", "event", "tick", "time_ns"))
+_COMMAND, _EVENT, _TICK, _TIME = (TICK_WORDS[name] for name in ("command", "event", "tick", "time_ns"))
 _STOPPED, _TRIPPED = 3 * samples.STOPPED, 3 * samples.TRIPPED
 _RECORD_HEAD = encode(TickRecord(bytes(TICK.itemsize)))[: -TICK.itemsize]
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from netboard.base.compiled import composed, kernel, machine_code, waiting
-from netboard.base.tick import LATE_NS, TICK, TICK_NS
+from netboard.base.tick import LATE_NS, TICK, TICK_NS, TICK_WORDS
 from netboard.network.protocol import fixed
 from netboard.network.transport import fastpath
 from netboard.nodes.ports import samples
@@ -53,7 +53,7 @@ RUN = np.dtype(
 """A run of undisturbed ticks."""
 
 _BEHIND_NS = CATCH_UP_TICKS * TICK_NS
-_EVENT, _TRIAL = ((TICK.names or ()).index(name) for name in ("event", "trial"))
+_EVENT, _TRIAL = TICK_WORDS["event"], TICK_WORDS["trial"]
 _HEAD, _MARKERS = fixed.FORCE[:2]
 _SAMPLE_HEAD, _SAMPLE_MARKERS = fixed.STYLUS[:2]
 _BROKEN = fastpath.FAILED

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.errors import RecordingError
-from netboard.base.tick import TICK, TICK_NS, joined
+from netboard.base.tick import TICK, TICK_NS, TICK_WORDS, joined
 from netboard.recording.format.channels import IDS, PLOTTED, PLOTTED_EVERY, TICK_FIELDS, Stamped, unpack
 from netboard.recording.format.partfile import PartFile
 from netboard.recording.format.planes import WORD, join, split
@@ -52,7 +52,7 @@ def pack(rows: NDArray[Any], constants: Mapping[str, float]) -> bytes:
     columns = {field.name: column.view(TICK[field.name]) for field, column in zip(TICK_FIELDS, words, strict=True)}
     wrong = words.copy()
     for name, guess in predict(PREDICTIONS, columns, constants, np.zeros(1, np.int64)):
-        wrong[_PLACE[name]] -= guess
+        wrong[TICK_WORDS[name]] -= guess
     for smooth in _rounds(_ORDERS):
         wrong[smooth, 1:] = np.diff(wrong[smooth], axis=1)
     return split(wrong)
@@ -65,7 +65,6 @@ def _rounds(orders: NDArray[np.int64]) -> Iterator[NDArray[np.intp]]:
 
 
 _ORDERS = np.array([field.differences for field in TICK_FIELDS])
-_PLACE = {field.name: place for place, field in enumerate(TICK_FIELDS)}
 
 
 class Layout:
