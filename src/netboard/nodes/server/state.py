@@ -93,7 +93,7 @@ class SessionState:
     def enter_block(self) -> None:
         """Make the current block of the sequence that of the session."""
         block = self.block = self.sequence.block
-        self.stage = block.stage.initial(**self.attempts.place(block.config.block.number))
+        self.stage = block.stage.initial(**self.attempts.start_of(block.config.block.number))
         self._phase_word = self.stage.view(np.int64)[(STATE.names or ()).index("phase") :]
         for side in SIDES:  # with a force delay the first ticks would otherwise send forces of the last block
             self.rows[f"{side}_force"] = 0.0

@@ -15,12 +15,10 @@ from pydantic import TypeAdapter, ValidationError
 
 from netboard.base.errors import RecordingError
 from netboard.base.settings import FORBID_UNKNOWN_KEYS
+from netboard.task.trials.state_machine import Outcome
 
 FORMAT = 1
 """Version of the journal's format, incremented when an older reader would misread a line [1]."""
-
-Outcome: TypeAlias = Literal["success", "fell", "timed_out", "aborted", "paused", "skipped"]
-"""Outcome of an attempt."""
 
 
 @dataclass(frozen=True, slots=True)

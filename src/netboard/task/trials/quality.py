@@ -20,7 +20,7 @@ from netboard.base.compiled import inlined, kernel
 from netboard.base.config import SIDES, Config
 from netboard.base.tables.experiment import Block, Quality
 from netboard.base.tick import LATE_NS, TICK, TICK_NS, TICK_SECONDS
-from netboard.task.trials.state_machine import SUCCESSOR, Cause, Phase
+from netboard.task.trials.state_machine import OUTCOMES, SUCCESSOR, Cause, Phase
 
 REPORT_TICKS = 700
 """Longest delay with which the server learns of a painted frame, in ticks: displays report twice a second [1]. So the
@@ -255,18 +255,6 @@ def judge(t: Any, completion: float, frame_gap: float, rules: Quality, block: Bl
     return tuple(word for word in WORDS if found[word])
 
 
-_OUTCOMES = {
-    Cause.HELD: "success",
-    Cause.FELL: "fell",
-    Cause.TIMED_OUT: "timed_out",
-    Cause.ABORT: "aborted",
-    Cause.STOP: "aborted",
-    Cause.PAUSE: "paused",
-    Cause.FAULT: "paused",
-}
-"""Outcome of an attempt by the cause that ended it; any other cause means that the trial was skipped."""
-
-
 @dataclass(frozen=True, slots=True)
 class Verdict:
     """Quality of an attempt that has ended.
@@ -296,7 +284,7 @@ class Verdict:
     @property
     def outcome(self) -> str:
         """Outcome of the attempt, as in `netboard.network.protocol.control.Outcomes`."""
-        return _OUTCOMES.get(self.cause, "skipped")
+        return OUTCOMES[self.cause]
 
 
 class Referee:

@@ -11,7 +11,7 @@ The diagram in the documentation is drawn from `TABLE`.
 """
 
 from enum import IntEnum
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +58,22 @@ class Cause(IntEnum):
     VETO = 16  # operator: one added trial less
     SKIP = 17  # operator: count this trial as done, without success
 
+
+Outcome: TypeAlias = Literal["success", "fell", "timed_out", "aborted", "paused", "skipped"]
+"""Outcome of an attempt."""
+
+OUTCOMES: dict[Cause, Outcome] = {
+    Cause.HELD: "success",
+    Cause.FELL: "fell",
+    Cause.TIMED_OUT: "timed_out",
+    Cause.ABORT: "aborted",
+    Cause.STOP: "aborted",
+    Cause.PAUSE: "paused",
+    Cause.FAULT: "paused",
+    Cause.SKIP: "skipped",
+    Cause.LAST: "skipped",  # an attempt under way at the end of the block: the last trial was skipped
+}
+"""Outcome of an attempt, by the cause that ends it."""
 
 STAGE_FAULT = "the stage: a value was not finite, or the board stood upright"
 """Reason of a fault that the stage itself detected."""
