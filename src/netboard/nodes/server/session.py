@@ -86,7 +86,7 @@ class Session:
         self.sleeps = False  # whether no other session runs in the loop
         self._undisturbed = False  # whether the next ticks can be run in one call
         self._run = np.zeros(1, RUN)
-        self._unhandled, self._deferred_due_ns, self._answer_ns = False, 0, 0
+        self._control_unread, self._deferred_due_ns, self._answer_ns = False, 0, 0
         self._postponed = 0
 
     @property
@@ -122,19 +122,19 @@ class Session:
             self.records.continue_ending(now)
             clock.wake_ns = now + TICK_NS
             return
-        self._unhandled |= control
+        self._control_unread |= control
         ended = self._run_undisturbed() if self._undisturbed else None
         if ended == WAITS:
             clock.wake_ns = int(self._run["wake_ns"][0])
             return
-        if ended == STEPS:
-            self._tick(clock.due_ns, int(self._run["late_ns"][0]), int(self._run["found"][0]))
-        elif ended != DONE:
-            self._tick_if_due(motion)
-        if ended == DONE:  # all has been read
+        if ended == DONE:  # the compiled call has read the motion channel until it was empty
             self._motion.probe_clocks()
             complete = bool(self._run["wake_ns"] < self._run["due_ns"])
         else:
+            if ended == STEPS:
+                self._tick(clock.due_ns, int(self._run["late_ns"][0]), int(self._run["found"][0]))
+            else:
+                self._tick_if_due(motion)
             complete = self._motion.drain(now_ns, clock.due_ns)
         self._do_deferred_work(now_ns())
         if state.end_requested:
@@ -161,7 +161,7 @@ class Session:
         """Set when the session runs next; a run that sleeps itself begins at once."""
         clock, idle = self._clock, self._state.idle
         clock.sleep(idle, complete, alone=idle and self._state.alone)
-        if self._unhandled or self._motion.unhandled:
+        if self._control_unread or self._motion.unhandled:
             clock.wake_ns = min(clock.wake_ns, self._deferred_due_ns)
         if self._undisturbed and self.sleeps:
             clock.wake_ns = 0
@@ -185,7 +185,7 @@ class Session:
         self._deferred_due_ns = now + TICK_NS
         self._motion.attend(now, self._clock.due_ns)
         # Its signal comes only once, so it is read until drain() says that nothing is left.
-        self._unhandled = self._unhandled and self._control.drain(now_ns)
+        self._control_unread = self._control_unread and self._control.drain(now_ns)
         if now >= self._answer_ns:
             self._answer_ns = now + ANSWER_NS
             self._control.answer(self._answers)
@@ -222,14 +222,14 @@ class Session:
         assert state.block.run is not None
         if state.end_requested:
             run["until"] = run["number"]
-        elif self._unhandled:
+        elif self._control_unread:
             run["until"] = run["number"] + 1
-        self._motion.fast.watch(NO_FILE if self._unhandled else self.files[1])
+        self._motion.fast.watch(NO_FILE if self._control_unread else self.files[1])
         scene = (state.stage, state.rows, state.words, stage.book, stage.tables)
         ended = self._motion.run(state.block.run, scene, self._run, stage.delay)
         if ended == WAITS:
             return ended
-        self._unhandled |= ended == INTERRUPTED
+        self._control_unread |= ended == INTERRUPTED
         clock.late_ticks += int(run["late_ticks"])
         run["late_ticks"] = 0
         if count := int(run["number"]) - state.number:
@@ -240,15 +240,9 @@ class Session:
             self._motion.read_other_frame(now_ns(), clock.due_ns)
         return ended
 
-    def _tick(self, due_ns: int, late_ns: int, found: int = -1) -> None:
-        """Run one tick by steps; ``found``: what its samples tell if they have been taken, -1 if not."""
-        self._tick_by_steps(self._state.number, due_ns, late_ns, found)
-        self._clock.began(late_ns)
-        self._follow_up(1)
-
     def _follow_up(self, count: int) -> None:
-        """Do what follows some ticks."""
-        self._count(count)
+        """Finish some ticks, and do the periodic work if it is due."""
+        self._finish_ticks(count)
         if (self._state.number - 1) % HOUSEKEEPING_TICKS == 0:
             self._housekeeping()
         else:
@@ -273,9 +267,13 @@ class Session:
             return False
         return (state.felt or state.number % HEARTBEAT_TICKS != 0) and self._no_command_due
 
-    def _tick_by_steps(self, number: int, due_ns: int, late_ns: int, found: int) -> None:
-        """Run one tick; ``found``: what its samples tell if they have been taken, -1 if not."""
+    def _tick(self, due_ns: int, late_ns: int, found: int = -1) -> None:
+        """Run one tick step by step.
+
+        ``found``: what `samples.fill` returned for it; -1 if the samples have not been taken yet.
+        """
         state = self._state
+        number = state.number
         self._blocks.change_if_due(number)
         block = state.block
         words = state.words[number % RING_ROWS]
@@ -296,6 +294,8 @@ class Session:
             self._motion.send_heartbeat(number, now_ns(), at_once=active and halted)
         for robot in block.robots:
             robot.take(words)
+        self._clock.began(late_ns)
+        self._follow_up(1)
 
     def _idle_ticks(self, now: int) -> None:
         """Run all due ticks together; a command takes effect at the last one."""
@@ -309,7 +309,7 @@ class Session:
         self._advance_idle(first, count - 1)
         state.words[last % RING_ROWS, _COMMAND] = self._command(0)
         state.block.stage.advance(state.stage, state.rows, last, 1)
-        self._count(1)
+        self._finish_ticks(1)
         self._housekeeping()
 
     def _fill_idle(self, first: int, count: int, due_ns: int) -> None:
@@ -331,7 +331,7 @@ class Session:
         state.block.stage.advance(state.stage, state.rows, first, count)
         words = state.words[np.arange(first, first + count) % RING_ROWS]
         if words[:, _EVENT].any():
-            self._count(count)
+            self._finish_ticks(count)
             return
         if state.operators.opened and count:
             rows = words.data.cast("B")
@@ -340,7 +340,7 @@ class Session:
         state.number += count
         self._clock.advance(count)
 
-    def _count(self, count: int) -> None:
+    def _finish_ticks(self, count: int) -> None:
         """Log the finished ticks, handle their events, and publish the views."""
         state = self._state
         for number in range(state.number, state.number + count):
@@ -414,5 +414,5 @@ class Session:
         state.attempts.poll(state.rows, state.number)
         state.missing = state.find_missing()
         self._control.pump(now)
-        self._unhandled = True  # look at the control channel even without a signal, which may have been missed
+        self._control_unread = True  # look at the control channel even without a signal, which may have been missed
         self.records.keep(now)
