@@ -56,12 +56,12 @@ def keep(unregistered: Any, fast: Any, frame: Any, now_ns: int) -> None:
     The rate is limited for each name, with `Hello` counted apart from all other messages. A peer that says hello is
     thus received however much others send.
     """
-    us, them = fast[0], unregistered[0]
-    size = us["size"]
+    path, them = fast[0], unregistered[0]
+    size = path["size"]
     # FNV-1a hash of the name: senders share a fixed number of places, whatever they call themselves.
     place = 2166136261
-    for k in range(us["name_size"]):
-        place = ((place ^ us["name"][k]) * 16777619) & 0xFFFFFFFF
+    for k in range(path["name_size"]):
+        place = ((place ^ path["name"][k]) * 16777619) & 0xFFFFFFFF
     place = (2 * place + (size > 1 and frame[1] == _HELLO)) % SENDER_SLOTS
     row = them["kept"]
     if now_ns < them["deaf_until_ns"][place] or row >= UNREGISTERED_CAPACITY or size > UNREGISTERED_FRAME_SIZE:
@@ -69,9 +69,9 @@ def keep(unregistered: Any, fast: Any, frame: Any, now_ns: int) -> None:
         return
     them["deaf_until_ns"][place] = now_ns + UNREGISTERED_INTERVAL_NS
     stranger = them["strangers"][row]
-    stranger["size"], stranger["name_size"] = size, us["name_size"]
-    fastpath.copy(stranger["name"], us["name"], len(us["name"]))
-    fastpath.copy(stranger["key"], us["key"], len(us["key"]))
-    fastpath.copy(stranger["address"], us["address"], len(us["address"]))
+    stranger["size"], stranger["name_size"] = size, path["name_size"]
+    fastpath.copy(stranger["name"], path["name"], len(path["name"]))
+    fastpath.copy(stranger["key"], path["key"], len(path["key"]))
+    fastpath.copy(stranger["address"], path["address"], len(path["address"]))
     fastpath.copy(stranger["frame"], frame, size)
     them["kept"] = row + 1
