@@ -216,13 +216,13 @@ def judge(t: Any, completion: float, frame_gap: float, rules: Quality, block: Bl
     Parameters
     ----------
     t : TALLY record
-        Counts of the attempt.
+        Counts of the ended attempt.
     completion : float
         Completion time; NaN without a success [s].
     frame_gap : float
         Longest time for which a display showed nothing new [s].
     rules : Quality
-        The rules.
+        The limits of the block's table ``[quality]``.
     block : Block
         The block; it says who moves each side.
 
@@ -292,8 +292,6 @@ class Referee:
 
     Parameters
     ----------
-    config : Config
-        The block's configuration.
     clamped : int
         Bit of the safeguards for a force at its limit [1].
 
@@ -324,9 +322,9 @@ class Referee:
         Parameters
         ----------
         station : str
-            ``left`` or ``right``.
+            Station of the display, ``left`` or ``right``.
         tick : int
-            Tick of the view [1].
+            Number of the tick that the frame shows [1].
         painted_ns : int
             Paint time on the display's clock [ns].
         """
@@ -336,7 +334,7 @@ class Referee:
                 frames.append((tick, painted_ns))
 
     def watch(self, rows: NDArray[Any], first: int, count: int) -> list[Verdict]:
-        """Count finished ticks; call it once per tick, in order.
+        """Count finished ticks: each tick once, in order.
 
         Parameters
         ----------
