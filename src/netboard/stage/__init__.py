@@ -23,8 +23,8 @@ config : Config
     The configuration of the rig and of one block.
 curtain : Curtain, or record of netboard.stage.curtain.CURTAIN
     What the participants of a block may see.
-station : {"left", "right"}
-    Where the participant sits who sees the view.
+station : str
+    ``left`` or ``right``: the seat of the participant who sees the view.
 number : int
     Number of a tick, from 0 [1].
 delay : int
