@@ -88,10 +88,10 @@ class Operators:
         if not self.opened and command not in BEFORE_OPENING:
             return Decision(False, "the session is not open: fill in its form first (open)")
         if command in CAUSES:
-            return self._machine(command, now)
+            return self._trial_command(command, now)
         return self._session_command(command, now)
 
-    def _machine(self, command: str, now: Situation) -> Decision:
+    def _trial_command(self, command: str, now: Situation) -> Decision:
         """Decide on a command for the trial state machine."""
         cause = CAUSES[command]
         if command == "pause" and now.phase == Phase.PAUSED:  # a fault may have been faster than the operator

@@ -150,7 +150,7 @@ class Session:
         clock, idle = self._clock, self._state.idle
         complete = self._motion.drain(now_ns, clock.due_ns, motion)
         now = now_ns()
-        if moved_ns := clock.catch_up(now, idle):
+        if moved_ns := clock.skip_backlog(now, idle):
             self._state.note("stood_still", {"milliseconds": f"{moved_ns / TICK_NS:.0f}"})
         if idle:
             self._idle_ticks(now)

@@ -145,7 +145,7 @@ class SessionState:
         return self.ports.log.trouble if self.block.config.network.require_logger else ""
 
     def update_arming(self, events: list[Event]) -> None:
-        """Record the events of an emergency stop; the next heartbeat carries it to the devices."""
+        """Allow or forbid arming, as the next heartbeat tells the devices; record the events of an emergency stop."""
         self.ports.motion.may_arm = self.operators.armed and not self.emergency_stop.halted
         for name, details in events:
             self.note(name, details)
