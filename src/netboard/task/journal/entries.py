@@ -147,7 +147,7 @@ class AttemptEnded:
     completion : float or None
         Completion time; None without a success [s].
     flags : tuple of str
-        Flags from `netboard.task.trials.quality.WORDS`.
+        Flags from `netboard.task.trials.quality.FLAGS`.
     repeats : int
         Number of the trial that this one repeats; 0 for none [1].
     again : bool
