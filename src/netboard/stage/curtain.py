@@ -194,7 +194,7 @@ def glimpse(curtain: Any, words: Any, numbers: Any, when: float, shown: Any) -> 
     when : float
         Time at which the station displays the tick [s].
     shown : record of netboard.participants.senses.SEEN
-        What is seen, written; NaN for what is hidden.
+        What is seen, written; NaN for what is hidden, phase -1 for a participant who is away.
     """
     away = curtain["away"]
     shown["time"], shown["phase"] = when, -1 if away else words[_PHASE]

@@ -25,8 +25,8 @@ class Robot:
 
     def __init__(self, config: Config, side: Side) -> None:
         self.side = side
-        moved = config.block.left if side == "left" else config.block.right
-        who = None if moved == "still" else config.participant
+        mover = config.block.left if side == "left" else config.block.right
+        who = None if mover == "still" else config.participant
         self.identity = identity_of("held still" if who is None else SIMULATED_PARTICIPANT, who)
         seed = (config.block.seed, config.block.number, SIDES.index(side))
         Body(config, side, config.participant, np.random.default_rng(seed)).warm()
@@ -49,10 +49,10 @@ class Robot:
         """Take what the hand sees and feels in a finished tick, and perhaps begin a movement."""
         if self._participant is None:
             return
-        told = self._body.apply_force(words)
+        force = self._body.apply_force(words)
         tick = int(words[_TICK])
         if tick % DECISION_TICKS == 0:
-            moves = self._participant.decide(words, told)
+            moves = self._participant.decide(words, force)
             plan(self._body.bodies, moves, len(moves))
         if self._participant.shown(tick + 1) == tick:
             self._participant.see(words)
