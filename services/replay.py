@@ -93,6 +93,6 @@ def replay(
         from netboard.recording.replay.loading import load_with_progress
         from netboard.windows.replay.player import run
 
-        reels = [load_with_progress(path) for path in recordings]
+        loaded = [load_with_progress(path) for path in recordings]
         with Stopping() as stopping:
-            run(reels, station, stopping, speed, screenshot, sync, at)
+            run(loaded, station, stopping, speed, screenshot, sync, at)

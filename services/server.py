@@ -75,7 +75,7 @@ def server(
     from netboard.nodes.server.planned import Planned, StudySession, confirm
 
     planned = Planned(settings[0], load_study(study), StudySession(study, dyad, session, seed, blocks, trials))
-    opened = planned.resumed(confirm(yes)) if resume else planned.begun()
+    opened = planned.resume(confirm(yes)) if resume else planned.begin()
     raise typer.Exit(serve([opened], autostart=autostart is True))
 
 

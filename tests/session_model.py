@@ -15,13 +15,13 @@ from netboard.task.journal.entries import (
     Header,
     Note,
     Opened,
-    Outcome,
     Repeat,
     Resumed,
     Veto,
 )
 from netboard.task.journal.progress import Progress, Row, progress_of
 from netboard.task.trials.repeats import wants_repeat
+from netboard.task.trials.state_machine import Outcome
 
 HEADER = Header(
     format=1,

@@ -7,11 +7,11 @@ import pytest
 from netboard.analysis.extraction.settings import Exclusions, Readings, Summaries, measured_with, parse, resolve
 from netboard.base.errors import ConfigError
 from netboard.base.settings import tables
-from netboard.task.trials.quality import WORDS
+from netboard.task.trials.quality import FLAGS
 
 
 def test_exclusions_accept_every_quality_flag() -> None:
-    for word in WORDS:
+    for word in FLAGS:
         assert parse("", overrides=[f'exclusions.flags=["{word}"]']).exclusions.flags == (word,)
 
 

@@ -13,7 +13,7 @@ from netboard.network.protocol.motion import Safeguard
 from netboard.recording.export.runs import runs_of
 from netboard.recording.files.reader import Recording
 from netboard.recording.integrity.quality_check import judged
-from netboard.task.trials.quality import SEEN, Referee, empty_tally, tally
+from netboard.task.trials.quality import FIELDS_NEEDED, Referee, empty_tally, tally
 
 pytestmark = pytest.mark.slow
 
@@ -32,8 +32,8 @@ def test_tally_of_partial_fields_equals_that_of_whole_ticks(seed: int) -> None:
     generator = np.random.default_rng(seed)
     rows = np.frombuffer(bytearray(generator.bytes(400 * TICK.itemsize)), TICK)
     rows["phase"], rows["event"] = generator.integers(0, 7, 400), generator.integers(0, 12, 400)
-    few = np.zeros(400, np.dtype([(name, TICK[name]) for name in SEEN]))
-    for name in SEEN:
+    few = np.zeros(400, np.dtype([(name, TICK[name]) for name in FIELDS_NEEDED]))
+    for name in FIELDS_NEEDED:
         few[name] = rows[name]
     whole, part = empty_tally(), empty_tally()
     first = 0

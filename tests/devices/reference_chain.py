@@ -33,10 +33,10 @@ def size_of(vector: Vector) -> float:
 class ReferenceSafety:
     """The safety chain of one device, as its rules state it."""
 
-    def __init__(self, limits: Limits, max_device_force: float, lasting_device_force: float) -> None:
+    def __init__(self, limits: Limits, max_device_force: float, continuous_device_force: float) -> None:
         self._limits = limits
         self._clamp = min(limits.max_force, max_device_force)
-        self._lasting = min(limits.mean_force, lasting_device_force, self._clamp)
+        self._mean_limit = min(limits.mean_force, continuous_device_force, self._clamp)
         self._mean = 0.0
         self._guard = Guard.DISARMED
         self._cause = _NONE
@@ -105,11 +105,11 @@ class ReferenceSafety:
 
     def _most(self) -> float:
         """Return the current force limit: the clamp, or less while the mean is near its limit [N]."""
-        if self._mean <= (1.0 - MARGIN) * self._lasting:
+        if self._mean <= (1.0 - MARGIN) * self._mean_limit:
             return self._clamp
-        reserve = MARGIN * self._lasting
-        share = max(self._lasting - self._mean, 0.0) / reserve if reserve > 0.0 else 0.0
-        return self._lasting + (self._clamp - self._lasting) * share
+        reserve = MARGIN * self._mean_limit
+        share = max(self._mean_limit - self._mean, 0.0) / reserve if reserve > 0.0 else 0.0
+        return self._mean_limit + (self._clamp - self._mean_limit) * share
 
     def _watch(self, age: float | None, too_fast: bool, fz: float) -> None:
         """Follow the first edge of the table that the current conditions trigger, if any."""

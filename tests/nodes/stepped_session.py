@@ -41,7 +41,7 @@ class SteppedSession:
         own = (f"network.port={free_port()}", f"recording.directory={folder}", f"session.pilot={str(pilot).lower()}")
         config = parse("", "rig", (*own, *SETTINGS, *settings))
         self.planned = Planned(config, parse_study(STUDY), StudySession("small", 1))
-        self.session = Session(*self.planned.begun(), context, None, autostart=autostart)
+        self.session = Session(*self.planned.begin(), context, None, autostart=autostart)
         self.state = self.session._state
         self.state.ports.motion.find_missing = lambda now_ns, needed: []  # type: ignore[method-assign]
         self.state.ports.control.is_there = lambda who: True  # type: ignore[method-assign]

@@ -49,7 +49,7 @@ class BlockRun:
         self.attempts, self.tick = attempts, tick
         self.config = config_of(block, *settings)
         self.stage = make_stage(self.config)
-        self.state = self.stage.initial(**attempts.place(block.number))
+        self.state = self.stage.initial(**attempts.start_of(block.number))
         self.rows = np.zeros(64, TICK)
         self.decisions: list[tuple[str, dict[str, str]]] = []
         attempts.begin(self.config, tick)
@@ -251,7 +251,7 @@ def test_session_without_a_journal_keeps_its_outcomes() -> None:
     block_run.succeed()
     attempts.note("all well", block_run.tick)
     assert outcomes(attempts) == [(2, 1, 1, "success")]
-    assert (attempts.trouble, attempts.opened, attempts.place(2)) == ("", False, {})
+    assert (attempts.trouble, attempts.opened, attempts.start_of(2)) == ("", False, {})
     assert attempts.counts("left") == attempts.counts("right")
     attempts.close()
 

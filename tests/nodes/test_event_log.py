@@ -35,8 +35,8 @@ def test_events_of_an_unopened_session_are_recorded_when_it_opens() -> None:
     assert sink.messages == []
     event_log.opened = True
     event_log.note(9, "block_began", {})
-    event_log.catch_up(9)
-    event_log.catch_up(10)
+    event_log.record_held(9)
+    event_log.record_held(10)
     assert events_in(sink) == [(0, 9, "block_began"), (1, 9, "agent_joined")]
 
 

@@ -47,9 +47,9 @@ def test_ticks_beyond_the_late_threshold_are_counted(clock: TickClock) -> None:
 
 @pytest.mark.parametrize(("idle", "most"), [(False, CATCH_UP_TICKS), (True, CATCH_UP_TICKS + NO_PEER_TICKS)])
 def test_stall_shifts_deadlines_by_whole_ticks_and_is_reported_once(clock: TickClock, *, idle: bool, most: int) -> None:
-    assert clock.catch_up(DUE + most * TICK_NS, idle) == 0
+    assert clock.skip_backlog(DUE + most * TICK_NS, idle) == 0
     assert (clock.due_ns, clock.gap) == (DUE, "")
-    moved = clock.catch_up(DUE + most * TICK_NS + 1, idle)
+    moved = clock.skip_backlog(DUE + most * TICK_NS + 1, idle)
     assert moved == most * TICK_NS
     assert clock.due_ns == DUE + moved
     assert clock.take_gap() == f"the server stalled for {most} ms"

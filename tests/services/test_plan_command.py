@@ -124,11 +124,11 @@ def test_show_lists_factor_levels_with_their_settings_and_units() -> None:
 @pytest.mark.slow
 def test_server_start_reports_an_existing_journal_of_the_session(capsys: pytest.CaptureFixture[str]) -> None:
     planned = Planned(Config(), load_study("pilot"), StudySession("pilot", 1))
-    planned.begun()
+    planned.begin()
     assert capsys.readouterr().out == ""
     planned.path.parent.mkdir()
     planned.path.write_text("begun before")
-    planned.begun()
+    planned.begin()
     printed = capsys.readouterr().out
     assert f"{planned.path}: exists already" in printed
     assert "--resume" in printed

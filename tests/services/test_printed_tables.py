@@ -40,7 +40,7 @@ from netboard.recording.replay.text import quality_table
 from netboard.services import power
 from netboard.services.cli import app
 from netboard.task.studies import library
-from netboard.task.trials.quality import WORDS, Verdict
+from netboard.task.trials.quality import FLAGS, Verdict
 from netboard.task.trials.state_machine import Cause
 
 pytestmark = pytest.mark.slow
@@ -62,7 +62,7 @@ RESULTS = [
     for session in (1, 2)
     for block, level in enumerate(("light", "heavy", "light again"), start=1)
 ]
-VERDICTS = [Verdict(trial, attempt, 0, 1, Cause.FELL, nan, tuple(WORDS)) for trial in (1, 12) for attempt in (1, 2, 3)]
+VERDICTS = [Verdict(trial, attempt, 0, 1, Cause.FELL, nan, tuple(FLAGS)) for trial in (1, 12) for attempt in (1, 2, 3)]
 LISTING = Listing(
     devices=(
         *(

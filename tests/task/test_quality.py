@@ -17,8 +17,8 @@ from netboard.network.protocol.motion import Safeguard
 from netboard.recording.format.summary import find_attempts
 from netboard.stage.stage import make_stage
 from netboard.task.trials.quality import (
+    FLAGS,
     REPORT_TICKS,
-    WORDS,
     Referee,
     Verdict,
     empty_tally,
@@ -212,7 +212,7 @@ def test_flags_are_listed_in_a_fixed_order() -> None:
     rows["theta"], rows["late_ns"], rows["left_live"] = 1.0, 10**6, 0
     (found,) = verdicts(rows, Config(quality=Quality(shortest=1.0)))
     assert found.flags == ("late_ticks", "lost_samples", "start_tilt", "too_short")
-    assert tuple(word for word in WORDS if word in found.flags) == found.flags
+    assert tuple(word for word in FLAGS if word in found.flags) == found.flags
 
 
 def test_quality_limits_are_configurable() -> None:
@@ -298,7 +298,7 @@ def test_arbitrary_rows_give_only_known_flags(seed: int) -> None:
     rows = np.frombuffer(np.random.default_rng(seed).bytes(200 * TICK.itemsize), TICK).copy()
     rows["phase"] = np.random.default_rng(seed).integers(-1, 9, 200)
     referee = Referee(Config(), CLAMPED)
-    assert all(set(found.flags) <= set(WORDS) for found in referee.watch(rows, 0, 200))
+    assert all(set(found.flags) <= set(FLAGS) for found in referee.watch(rows, 0, 200))
 
 
 def test_referee_finds_the_attempts_of_a_simulated_block() -> None:
@@ -411,4 +411,4 @@ def test_frames_outside_attempts_are_discarded() -> None:
 
 def test_documentation_lists_every_flag() -> None:
     page = (Path(__file__).parents[2] / "docs" / "explanation" / "quality.md").read_text(encoding="utf-8")
-    assert re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE) == list(WORDS)
+    assert re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE) == list(FLAGS)

@@ -146,6 +146,9 @@ RENDERED = np.dtype(
 TICK = _concatenated(INPUT, STATE, OUTPUT, SERVICE)
 """One row of the tick stream, in memory, on the log channel and (by name) in a recording."""
 
+TICK_WORDS = {name: place for place, name in enumerate(TICK.names or ())}
+"""Place of each field among the words of a row."""
+
 ROW_BYTES = np.dtype((np.void, TICK.itemsize))
 """A row as plain bytes, for moving rows: numpy moves and compares structured types field by field."""
 

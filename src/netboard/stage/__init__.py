@@ -19,4 +19,14 @@ scene : record of netboard.physics.scene.parameters.SCENE
     Constants of the scene [SI].
 rules : record of netboard.task.trials.state_machine.RULES
     Constants of the task [SI].
+config : Config
+    The configuration of the rig and of one block.
+curtain : Curtain, or record of netboard.stage.curtain.CURTAIN
+    What the participants of a block may see.
+station : str
+    ``left`` or ``right``: the seat of the participant who sees the view.
+number : int
+    Number of a tick, from 0 [1].
+delay : int
+    Delay of the commanded force, in ticks [1].
 """

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from netboard.base.compiled import kernel
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.tables.experiment import Block
-from netboard.base.tick import TICK
+from netboard.base.tick import TICK_WORDS
 from netboard.stage.view import View
 from netboard.task.trials.state_machine import Phase, ticks
 
@@ -32,7 +32,7 @@ PHASE_NAMES = {int(phase): phase.name.lower() for phase in Phase}
 
 @dataclass(frozen=True, slots=True)
 class Curtain:
-    """Visible parts of the scene in a block, and which station may see which hand.
+    """What the participants of a block may see: the parts of the scene, and whose hand.
 
     Attributes
     ----------
@@ -48,8 +48,8 @@ class Curtain:
         Number of the block in its plan, from 1, and how many there are [1].
     away : tuple of str
         Stations whose participant has nothing to do.
-    lasting : dict of int
-        For each phase that must last: how many ticks [1].
+    durations : dict of int
+        Ticks for which a phase must last, by phase [1].
     """
 
     dyadic: bool
@@ -59,18 +59,12 @@ class Curtain:
     block: int
     blocks: int
     away: tuple[Side, ...]
-    lasting: dict[int, int]
+    durations: dict[int, int]
 
 
 def make_curtain(config: Config) -> Curtain:
-    """Take from the configuration what the curtain needs.
-
-    Parameters
-    ----------
-    config : Config
-        The whole configuration.
-    """
-    block = config.block
+    """Take from the configuration what the curtain needs."""
+    block, task = config.block, config.task
     return Curtain(
         dyadic=block.configuration == "dyadic",
         ball=config.physics.balls > 0,
@@ -79,7 +73,10 @@ def make_curtain(config: Config) -> Curtain:
         block=block.number,
         blocks=block.blocks,
         away=tuple(side for side in SIDES if _is_away(block, side)),
-        lasting={int(Phase.LEVELLING): ticks(config.task.level_time), int(Phase.HOLDING): ticks(config.task.hold_time)},
+        durations={
+            int(Phase.LEVELLING): ticks(task.level_time),
+            int(Phase.HOLDING): ticks(task.hold_time),
+        },
     )
 
 
@@ -94,7 +91,7 @@ _SHOWN = (
     *("phase", "attempt", "target", "tick", "z", "theta", "p", "left_used_z", "right_used_z"),
     *("trial", "failures", "completion", "counted", "extra"),
 )
-_shown = itemgetter(*((TICK.names or ()).index(name) for name in _SHOWN))
+_shown = itemgetter(*(TICK_WORDS[name] for name in _SHOWN))
 """Takes what views are made of from the values of a row."""
 
 
@@ -111,26 +108,22 @@ def view_of(
 
     Parameters
     ----------
-    curtain : Curtain
-        Who may see what.
     row : netboard.base.tick.TICK record, or tuple
         The tick, or its values (`numpy.ndarray.item`).
-    station : str
-        ``left`` or ``right``.
     best : float or None
         Best completion time of the block so far [s].
     sent_ns : int
-        Server time of sending [ns].
+        Server time at which the view is sent [ns].
     seq : int
         Number of the view at its station: one more than that of the view sent before [1].
     rest : float or None
-        What is left of the rest before the block; None without one [s].
+        Remaining rest before the block; None without one [s].
     """
     phase, attempt, target, tick, z, theta, p, left, right, trial, failures, completion, counted, extra = _shown(
         row if isinstance(row, tuple) else row.item()
     )
     away = station in curtain.away
-    lasting = curtain.lasting.get(phase, 0)
+    duration = curtain.durations.get(phase, 0)
     return View(
         station=station,
         tick=tick,
@@ -149,7 +142,7 @@ def view_of(
         best=None if away else best,
         notice=AGAIN if phase == Phase.LEVELLING and attempt > 1 and not away else "",
         seq=seq,
-        share=min(max(counted / lasting, 0.0), 1.0) if lasting and not away else 0.0,
+        share=min(max(counted / duration, 0.0), 1.0) if duration and not away else 0.0,
         block=curtain.block,
         blocks=curtain.blocks,
         rest=rest,
@@ -167,21 +160,13 @@ CURTAIN = np.dtype(
 )
 """What one station may see, for the kernels."""
 
-_AT = {name: place for place, name in enumerate(TICK.names or ())}
 _PHASE, _TARGET, _Z, _THETA, _P, _LEFT, _RIGHT = (
-    _AT[name] for name in ("phase", "target", "z", "theta", "p", "left_used_z", "right_used_z")
+    TICK_WORDS[name] for name in ("phase", "target", "z", "theta", "p", "left_used_z", "right_used_z")
 )
 
 
 def pack_curtain(curtain: Curtain, station: Side) -> NDArray[Any]:
     """Pack for the kernels what one station may see.
-
-    Parameters
-    ----------
-    curtain : Curtain
-        Who may see what.
-    station : {"left", "right"}
-        The station.
 
     Returns
     -------
@@ -202,16 +187,14 @@ def glimpse(curtain: Any, words: Any, numbers: Any, when: float, shown: Any) -> 
 
     Parameters
     ----------
-    curtain : record of CURTAIN
-        What the station may see.
     words : ndarray of int64, shape (n,)
         The row of the tick as words.
     numbers : ndarray of float64, shape (n,)
         The same memory as numbers.
     when : float
-        Time of display [s].
+        Time at which the station displays the tick [s].
     shown : record of netboard.participants.senses.SEEN
-        What is seen, written; NaN for what is hidden.
+        What is seen, written; NaN for what is hidden, phase -1 for a participant who is away.
     """
     away = curtain["away"]
     shown["time"], shown["phase"] = when, -1 if away else words[_PHASE]

@@ -21,7 +21,7 @@ from netboard.base.compiled import borrowed, inlined, kernel, specialised
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError
 from netboard.base.tables.declared import number_of
-from netboard.base.tick import STATE, TICK, TICK_SECONDS
+from netboard.base.tick import STATE, TICK, TICK_SECONDS, TICK_WORDS
 from netboard.physics.arithmetic.vectors import State, calm
 from netboard.physics.hands.extrapolation import later
 from netboard.physics.methods.catalogue import METHODS, NUMBER, advance
@@ -80,7 +80,7 @@ def _settle(s: Any, x: State) -> bool:
     return sound
 
 
-_TRIAL = (TICK.names or ()).index("trial")
+_TRIAL = TICK_WORDS["trial"]
 _STATE_NAMES = tuple(STATE.names or ())
 
 
@@ -100,7 +100,7 @@ def _keep_compiled(row: Any, s: Any) -> Any:
 
 @cache
 def _make_ticks(
-    METHOD: int, SUBSTEPS: int, HOLD: int, FREE: Parts, FIXED: Parts, HANDS: Rendering
+    METHOD: int, SUBSTEPS: int, HOLD: int, FREE: Parts, FIXED: Parts, FELT: Rendering
 ) -> Callable[..., None]:
     """Compile the ticks of a kind of block: method, scene with the ball free and fixed, and commanded forces."""
     STEP = TICK_SECONDS / SUBSTEPS
@@ -118,7 +118,7 @@ def _make_ticks(
             sense_left(s, row, limit, HOLD)
             sense_right(s, row, limit, HOLD)
             hands = drives(row, HOLD, scene)
-            _force(s, row, hands, FIXED, HANDS, numbers, scene)
+            _force(s, row, hands, FIXED, FELT, numbers, scene)
             cause = decide(s, row["command"], rules)
             rolls = s["phase"] == _RUNNING or s["phase"] == _HOLDING
             x: State = (s["z"], s["vz"], s["theta"], s["omega"], s["p"], s["vp"] if rolls else 0.0)
@@ -156,14 +156,10 @@ def commanded_tick(number: int, delay: int, trial: int, catch: Any) -> int:
 
     Parameters
     ----------
-    number : int
-        Number of the tick [1].
-    delay : int
-        Delay of the commanded force, in ticks [1].
     trial : int
         Number of the tick's trial [1].
     catch : ndarray
-        ``catch`` of RENDERING [1].
+        1 for each catch trial, by number: ``catch`` of RENDERING [1].
     """
     return number if is_listed(trial, catch) else number - delay
 
@@ -181,7 +177,7 @@ class Stage:
     tables : ndarray of float64, shape (2, k, 6, 6)
         Tables of the method for a free ball and for a fixed one [SI].
     ticks : callable
-        The compiled ticks.
+        The kernel of `advance`, compiled for this kind of block.
     first_target : int
         Side of the first target, that of trial 1: -1 left, +1 right [1].
     delay : int
@@ -258,8 +254,6 @@ class Stage:
         ----------
         rows : ndarray of TICK, shape (n,)
             A ring buffer of rows, or of their words, longer than `delay`; rows before the first tick are zeros.
-        number : int
-            Number of the tick [1].
 
         Returns
         -------
@@ -277,17 +271,7 @@ class Stage:
 
 
 def make_stage(config: Config) -> Stage:
-    """Pack a configuration for the kernels.
-
-    Parameters
-    ----------
-    config : Config
-        The whole configuration.
-
-    Returns
-    -------
-    Stage
-        The stage of its block.
+    """Pack a configuration for the kernels, as the stage of its block.
 
     Raises
     ------
@@ -331,8 +315,6 @@ def commanded_forces(ticks: NDArray[Any], delay: int, catch: Sequence[int] = ())
     ----------
     ticks : ndarray of TICK, shape (n,)
         The recorded ticks, in order; some may be missing.
-    delay : int
-        Delay of the commanded force, in ticks [1].
     catch : sequence of int
         Numbers of the catch trials [1].
 
@@ -342,14 +324,14 @@ def commanded_forces(ticks: NDArray[Any], delay: int, catch: Sequence[int] = ())
         For the left and the right hand, + = up; 0 in a pause, in a catch trial, or where the undelayed tick does not
         exist [N].
     """
-    told = np.zeros((len(ticks), 2))
+    forces = np.zeros((len(ticks), 2))
     if len(ticks):
         then = np.searchsorted(ticks["tick"], ticks["tick"] - delay)
         known = (ticks["tick"][then] == ticks["tick"] - delay) & _active(ticks["phase"])
         known &= ~np.isin(ticks["trial"], catch)
         for place, side in enumerate(("left", "right")):
-            told[known, place] = ticks[f"{side}_force"][then[known]]
-    return told
+            forces[known, place] = ticks[f"{side}_force"][then[known]]
+    return forces
 
 
 def _active(phases: NDArray[np.int64]) -> NDArray[np.bool_]:

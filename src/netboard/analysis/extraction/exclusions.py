@@ -14,7 +14,7 @@ from netboard.analysis.extraction.settings import Exclusions
 from netboard.analysis.extraction.tables import PLACE, words
 from netboard.analysis.extraction.trials import UNRELEASED
 from netboard.base.errors import ConfigError
-from netboard.task.trials.quality import WORDS
+from netboard.task.trials.quality import FLAGS
 
 EXCLUSIONS = (*PLACE, words("why", "why the attempt is excluded"))
 """Columns of the table of exclusions: one row for each reason, so an attempt may have several rows."""
@@ -94,6 +94,6 @@ def _reasons(
         yield "a catch trial"
     for flag in str(row["flags"]).split():
         if flag in rules.flags and not (block["simulated"] and flag in _STUCK):
-            yield WORDS[flag]
+            yield FLAGS[flag]
     if (row["recording"], row["trial"]) in named:
         yield f"excluded by the experimenter: {named[row['recording'], row['trial']]}"

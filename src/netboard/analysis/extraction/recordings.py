@@ -28,7 +28,7 @@ from netboard.recording.format.backfill import unknown_ticks
 from netboard.recording.format.channels import DTYPES
 from netboard.recording.integrity.quality_check import judged_along
 from netboard.task.studies.factors import role_of, trial_role
-from netboard.task.trials.quality import SEEN, Verdict
+from netboard.task.trials.quality import FIELDS_NEEDED, Verdict
 
 BLOCKS = (
     words("recording", "name of the recording"),
@@ -147,7 +147,7 @@ def _read(recording: Recording, readings: Readings) -> tuple[Columns, tuple[Verd
 
     def portions() -> Iterator[NDArray[Any]]:
         done = 0
-        for rows in recording.batches(names=tuple(dict.fromkeys((*wanted, *SEEN))), as_sent=True):
+        for rows in recording.batches(names=tuple(dict.fromkeys((*wanted, *FIELDS_NEEDED))), as_sent=True):
             for name, column in columns.items():
                 column[done : done + rows.size] = rows[name]
             done += rows.size

@@ -23,7 +23,7 @@ from netboard.analysis.measures.segments import Angle, Turning
 from netboard.analysis.measures.signals import CutoffOf, OrderOf, Padding
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, about, read, write, write_template
 from netboard.base.tables.experiment import Role
-from netboard.task.trials.quality import WORDS
+from netboard.task.trials.quality import FLAGS
 
 Flag = Literal[
     "late_ticks",
@@ -38,9 +38,9 @@ Flag = Literal[
     "too_long",
     "frozen_display",
 ]
-"""A word of `netboard.task.trials.quality.WORDS`."""
+"""A flag of `netboard.task.trials.quality.FLAGS`."""
 
-TECHNICAL = tuple(word for word in WORDS if word != "too_long")
+TECHNICAL = tuple(word for word in FLAGS if word != "too_long")
 """Flags of technical faults, which participants did not cause. A long duration is a result, not a fault."""
 
 

@@ -10,7 +10,7 @@ from netboard.analysis.extraction.study import Study
 from netboard.analysis.report.grids import Column, Grid, Link, code, grid, name, number
 from netboard.analysis.report.trials import anchors, flag_words, reasons
 from netboard.analysis.report.wording import amount, counted
-from netboard.task.trials.quality import WORDS
+from netboard.task.trials.quality import FLAGS
 
 UNUSUAL = 5
 """Number of unusual attempts of each kind that are shown [1]."""
@@ -127,7 +127,7 @@ def _flags(study: Study) -> Grid:
     out = set(reasons(study))
     keys = list(zip(trials["recording"], trials["trial"], trials["attempt"], strict=True))
     rows = []
-    for word, meaning in WORDS.items():
+    for word, meaning in FLAGS.items():
         has = [word in str(flags).split() for flags in trials["flags"]]
         n = sum(has)
         if n:

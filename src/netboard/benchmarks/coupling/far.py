@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.tables.rig import Agent, Agents, Fixture
 from netboard.base.tables.scene import Physics
-from netboard.base.tick import START_NS, TICK, TICK_NS
+from netboard.base.tick import START_NS, TICK, TICK_NS, TICK_WORDS
 from netboard.devices.safety.chain import Guard, Safety
 from netboard.devices.safety.passivity import Passivity
 from netboard.devices.safety.virtual_coupling import hand_force
@@ -37,7 +37,7 @@ READY = 10
 ARMED = 1e-3
 """Duration of the force ramp; it ends within the first armed tick [s]."""
 
-_COMMAND = (TICK.names or ()).index("command")
+_COMMAND = TICK_WORDS["command"]
 _STYLUS, _FORCE, _POINT = (fixed.packer_of(message) for message in (Stylus, Force, Point))
 
 

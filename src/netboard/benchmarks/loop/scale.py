@@ -37,7 +37,7 @@ WARM_SECONDS = 4.0
 
 
 @dataclass(frozen=True)
-class Company:
+class Peers:
     """The peers of a server."""
 
     agents: bool = True
@@ -70,29 +70,29 @@ class Crowd(Workers):
         self._folder = folder
         self._agents, self._watchers = (self.start(role, CROWD, role, folder=folder) for role in ("agents", "watchers"))
 
-    def serve(self, config: Config, dyads: int, company: Company, seconds: float) -> Served:
+    def serve(self, config: Config, dyads: int, peers: Peers, seconds: float) -> Served:
         """Run a server of some dyads with these peers."""
         configs = own_configs(config, self._folder, dyads)
         files = [str(file) for file in write_configs(configs, self._folder)]
         with Launcher(self._folder, {}) as launcher:
             words = [word for file in files for word in ("-c", file)]
-            launcher.start("server", "server", *words, *([] if company.trial else ["--no-autostart"]))
+            launcher.start("server", "server", *words, *([] if peers.trial else ["--no-autostart"]))
             with sockets.open_context() as context:
                 operator = Operator(configs[-1].network, context)  # the context closes its socket
                 await_status(launcher, operator)
             from_ns = now_ns() + round(WARM_SECONDS * 1e9)
             until_ns = from_ns + round(seconds * 1e9)
             order: dict[str, Any] = {"files": files, "from_ns": from_ns, "until_ns": until_ns}
-            self._watchers.order(**order, loggers=company.loggers, displays=company.displays)
-            if company.agents:
-                self._agents.order(**order, moving=company.moving)
+            self._watchers.order(**order, loggers=peers.loggers, displays=peers.displays)
+            if peers.agents:
+                self._agents.order(**order, moving=peers.moving)
             cost, process = Cost(), launcher.process_id("server")
             _sleep_until(from_ns)
             before = read_usage(process)
             _sleep_until(until_ns)
             cost.add(before, read_usage(process))
             seen = self._watchers.answer()
-            felt = self._agents.answer() if company.agents else {"counts": {}, "late_ns": []}
+            felt = self._agents.answer() if peers.agents else {"counts": {}, "late_ns": []}
             os.kill(process, signal.SIGKILL)  # its recording is not needed
         return Served(
             cost,
@@ -141,7 +141,7 @@ def measure_scale(config: Config, crowd: Crowd, dyads: Sequence[int], seconds: f
     found: dict[int, Served] = {}
     for step, count in enumerate(sorted(dyads)):
         tell(f"dyads at one server: {count}", step / len(dyads))
-        found[count] = crowd.serve(on_cores(config), count, Company(), seconds)
+        found[count] = crowd.serve(on_cores(config), count, Peers(), seconds)
         if not holds(found[count]):
             break
     return found
@@ -203,8 +203,8 @@ def _verdicts(found: Mapping[int, Served]) -> list[Verdict]:
 
 
 WAITING = {
-    "agents, loggers, no trial": Company(trial=False),
-    "no peers": Company(agents=False, loggers=False, trial=False),
+    "agents, loggers, no trial": Peers(trial=False),
+    "no peers": Peers(agents=False, loggers=False, trial=False),
 }
 """Kinds of idle dyads, by the peers that are connected."""
 
@@ -212,9 +212,9 @@ WAITING = {
 def measure_waiting(config: Config, crowd: Crowd, dyads: int, seconds: float, tell: Tell) -> dict[str, Served]:
     """Measure idle dyads."""
     found = {}
-    for step, (name, company) in enumerate(WAITING.items()):
+    for step, (name, peers) in enumerate(WAITING.items()):
         tell(f"idle dyads: {name}", step / len(WAITING))
-        found[name] = crowd.serve(on_cores(config), dyads, company, seconds)
+        found[name] = crowd.serve(on_cores(config), dyads, peers, seconds)
     return found
 
 

@@ -11,7 +11,7 @@ from netboard.base.config import Config
 from netboard.base.tick import TICK, TICK_NS, TICK_SECONDS
 from netboard.benchmarks.harness.results import Part, Value, Verdict
 from netboard.benchmarks.harness.running import Tell
-from netboard.benchmarks.loop.scale import Company, Crowd, Served, core_share, on_cores
+from netboard.benchmarks.loop.scale import Crowd, Peers, Served, core_share, on_cores
 from netboard.benchmarks.loop.usage import LOOP, TRANSPORT
 from netboard.stage.stage import make_stage
 from netboard.task.trials.state_machine import Phase
@@ -21,7 +21,7 @@ from netboard.task.trials.state_machine import Phase
 class Case:
     """A part that may be omitted."""
 
-    company: Company
+    peers: Peers
     haptics: bool = True
     logger: bool = True
 
@@ -37,14 +37,14 @@ class Case:
 FULL, WAITING, AT_REST, NOBODY = "everything, in a trial", "no trial", "no trial, hands at rest", "no peers"
 NO_FORCES = "no forces"
 CASES = {
-    FULL: Case(Company(displays=True)),
-    NO_FORCES: Case(Company(displays=True), haptics=False),
-    "no displays": Case(Company()),
-    "no logger": Case(Company(displays=True, loggers=False), logger=False),
-    WAITING: Case(Company(displays=True, trial=False)),
-    AT_REST: Case(Company(displays=True, trial=False, moving=False)),
-    "no agents": Case(Company(agents=False, displays=True, trial=False)),
-    NOBODY: Case(Company(agents=False, loggers=False, trial=False)),
+    FULL: Case(Peers(displays=True)),
+    NO_FORCES: Case(Peers(displays=True), haptics=False),
+    "no displays": Case(Peers()),
+    "no logger": Case(Peers(displays=True, loggers=False), logger=False),
+    WAITING: Case(Peers(displays=True, trial=False)),
+    AT_REST: Case(Peers(displays=True, trial=False, moving=False)),
+    "no agents": Case(Peers(agents=False, displays=True, trial=False)),
+    NOBODY: Case(Peers(agents=False, loggers=False, trial=False)),
 }
 
 
@@ -53,7 +53,7 @@ def measure_skips(config: Config, crowd: Crowd, seconds: float, tell: Tell) -> d
     found = {}
     for step, (name, case) in enumerate(CASES.items()):
         tell(f"work done: {name}", step / len(CASES))
-        found[name] = crowd.serve(case.of(on_cores(config)), 1, case.company, seconds)
+        found[name] = crowd.serve(case.of(on_cores(config)), 1, case.peers, seconds)
     return found
 
 

@@ -41,7 +41,7 @@ MARGIN = 0.1
 """The clamp decreases while the mean is within this fraction of its limit [1]."""
 
 NEVER_NS = -(2**62)
-"""Reception time of a force that never came [ns]."""
+"""Time of what has never happened: a step, or the reception of a force [ns]."""
 
 Vector = tuple[float, float, float]
 
@@ -127,7 +127,7 @@ CHAIN = np.dtype(
         ("fz", "<f8"),
         ("mean", "<f8"),  # mean force [N]
         ("clamp", "<f8"),  # limits; those not explained here as in netboard.base.tables.rig.Safety
-        ("lasting", "<f8"),  # limit of the mean force [N]
+        ("mean_limit", "<f8"),  # of the mean force [N]
         ("max_slew", "<f8"),
         ("max_speed", "<f8"),
         ("stale_after_ms", "<f8"),
@@ -169,7 +169,7 @@ _STALE, _TOO_FAST, _WORN, _NOT_FINITE = map(
 
 
 @inlined
-def _size(x: float, y: float, z: float) -> float:
+def _norm(x: float, y: float, z: float) -> float:
     """Return the length of a vector."""
     return sqrt(x * x + y * y + z * z)
 
@@ -217,13 +217,13 @@ def _watch(chain: Any, age_ms: float, too_fast: bool, fz: float) -> bool:
 
 
 @inlined
-def _most(c: Any) -> float:
+def _force_limit(c: Any) -> float:
     """Return the current force limit: the clamp, or less while the mean is near its limit [N]."""
-    if c["mean"] <= (1.0 - MARGIN) * c["lasting"]:
+    if c["mean"] <= (1.0 - MARGIN) * c["mean_limit"]:
         return float(c["clamp"])
-    reserve = MARGIN * c["lasting"]  # 0 for the smallest of all floats, too
-    share = max(c["lasting"] - c["mean"], 0.0) / reserve if reserve > 0.0 else 0.0
-    return float(c["lasting"] + (c["clamp"] - c["lasting"]) * share)
+    reserve = MARGIN * c["mean_limit"]  # 0 for the smallest of all floats, too
+    share = max(c["mean_limit"] - c["mean"], 0.0) / reserve if reserve > 0.0 else 0.0
+    return float(c["mean_limit"] + (c["clamp"] - c["mean_limit"]) * share)
 
 
 @inlined
@@ -257,7 +257,7 @@ def _aim(chain: Any, dt: float, fx: float, fy: float, fz: float, vz: float) -> t
     fx, fy, fz = c["lateral_gain"] * fx, c["lateral_gain"] * fy, c["vertical_gain"] * fz
     if c["guard"] == _HOLDS:
         fz = _damped(c, fz, vz)
-    size, most = _size(fx, fy, fz), _most(c)
+    size, most = _norm(fx, fy, fz), _force_limit(c)
     if size > most:
         share = most / size
         fx, fy, fz = share * fx, share * fy, share * fz
@@ -271,7 +271,7 @@ def _slew(chain: Any, dt: float, fx: float, fy: float, fz: float) -> int:
     c = chain[0]
     most = c["max_slew"] * min(dt, MAX_STEP_NS * 1e-9)
     dx, dy, dz = fx - c["fx"], fy - c["fy"], fz - c["fz"]
-    size = _size(dx, dy, dz)
+    size = _norm(dx, dy, dz)
     if size <= most:
         c["fx"], c["fy"], c["fz"] = fx, fy, fz
         return 0
@@ -294,7 +294,7 @@ def limit(
     if not (isfinite(fx) and isfinite(fy) and isfinite(fz) and isfinite(vx) and isfinite(vy) and isfinite(vz)):
         fail(chain, _NOT_FINITE)
     age_ms = inf if fresh_ns == NEVER_NS else max(now_ns - fresh_ns, 0) * 1e-6
-    too_fast = c["guard"] != _FAILED and _size(vx, vy, vz) > c["max_speed"]
+    too_fast = c["guard"] != _FAILED and _norm(vx, vy, vz) > c["max_speed"]
     _watch(chain, age_ms, too_fast, fz)
     bits = c["cause"] | (_TOO_FAST if too_fast else 0) | (_STALE if c["guard"] == _HOLDS else 0)
     if _IS_LIVE[c["guard"]]:
@@ -304,20 +304,12 @@ def limit(
         fx = fy = fz = 0.0
     if c["guard"] not in (_FAILED, _DISARMED):
         bits |= _slew(chain, dt, fx, fy, fz)
-    c["mean"] += (_size(c["fx"], c["fy"], c["fz"]) - c["mean"]) * min(dt / MEAN_TIME, 1.0)
+    c["mean"] += (_norm(c["fx"], c["fy"], c["fz"]) - c["mean"]) * min(dt / MEAN_TIME, 1.0)
     return int(bits)
 
 
 class Limited(NamedTuple):
-    """A limited force, ready for the device.
-
-    Attributes
-    ----------
-    fx, fy, fz : float
-        Force on the hand [N].
-    safeguards : int
-        Actions and state of the chain: `Safeguard` bits.
-    """
+    """A limited force on the hand, ready for the device [N], and what the chain did: `Safeguard` bits."""
 
     fx: float
     fy: float
@@ -326,24 +318,14 @@ class Limited(NamedTuple):
 
 
 class Safety:
-    """The safety chain of one device.
+    """The safety chain of one device; the device's peak and continuous force bound the configured limits [N]."""
 
-    Parameters
-    ----------
-    limits : netboard.base.tables.rig.Safety
-        Configured limits.
-    max_device_force : float
-        Peak force of the device; the smaller of this and the configured limit is the clamp [N].
-    lasting_device_force : float
-        Continuous force of the device; the smaller of this and the configured limit bounds the mean [N].
-    """
-
-    def __init__(self, limits: Limits, max_device_force: float, lasting_device_force: float) -> None:
+    def __init__(self, limits: Limits, max_device_force: float, continuous_device_force: float) -> None:
         self.chain = np.zeros(1, CHAIN)
         c = self.chain[0]
         c["guard"], c["now_ns"] = Guard.DISARMED, NEVER_NS
         c["clamp"] = min(limits.max_force, max_device_force)
-        c["lasting"] = min(limits.mean_force, lasting_device_force, c["clamp"])
+        c["mean_limit"] = min(limits.mean_force, continuous_device_force, c["clamp"])
         for name in _LIMITS:
             c[name] = getattr(limits, name)
 
@@ -353,13 +335,7 @@ class Safety:
         return Guard(self.chain[0]["guard"])
 
     def arm(self) -> bool:
-        """Request forces.
-
-        Returns
-        -------
-        bool
-            True if the chain is now armed: it waits for the gate, then ramps. False unless it was disarmed.
-        """
+        """Request forces; return whether the chain was disarmed, and now waits for the gate, then ramps."""
         return trip(self.chain, int(Trip.ARM))
 
     def disarm(self) -> None:
@@ -375,24 +351,10 @@ class Safety:
         fail(self.chain, int(Safeguard.DEVICE_LOST))
 
     def step(self, now_ns: int, wanted: Vector, fresh_ns: int | None, velocity: Vector) -> Limited:
-        """Limit one wanted force.
+        """Limit one wanted force; return the force to write.
 
-        Parameters
-        ----------
-        now_ns : int
-            Current time [ns].
-        wanted : tuple of float
-            Wanted force x, y, z: the fixture's force and the latest commanded force of the server [N].
-        fresh_ns : int or None
-            Reception time of the server's latest force or of its message that there is none; None before the first
-            [ns].
-        velocity : tuple of float
-            Velocity of the stylus [m/s].
-
-        Returns
-        -------
-        Limited
-            Force to write.
+        ``wanted``: x, y from the fixture, z from the server's latest command [N]. ``fresh_ns``: when that command was
+        received, or the server's message that there is none; None before the first. ``velocity``: of the stylus [m/s].
         """
         bits = limit(self.chain, now_ns, *wanted, NEVER_NS if fresh_ns is None else fresh_ns, *velocity)
         c = self.chain[0]

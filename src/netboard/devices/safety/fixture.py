@@ -19,9 +19,6 @@ def lateral_force(reading: Reading, fixture: Fixture) -> tuple[float, float]:
 def fixture_force(k: float, c: float, place: float, rate: float) -> float:
     """Return the force of the fixture along one axis [N].
 
-    Parameters
-    ----------
-    place, rate : float
-        Distance of the stylus from the line, and its rate of change [m, m/s].
+    ``place``, ``rate``: distance of the stylus from the line, and its rate of change [m, m/s].
     """
     return -k * place - c * rate

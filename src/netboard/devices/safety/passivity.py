@@ -41,10 +41,7 @@ REMEMBERED = 256
 class Passivity:
     """Passivity observer and controller of one hand.
 
-    Attributes
-    ----------
-    energy : float
-        Energy into the network minus energy out of it; below zero the network has generated energy [J].
+    ``energy``: energy into the network minus energy out of it; below zero the network has generated energy [J].
     """
 
     def __init__(self) -> None:
@@ -58,37 +55,14 @@ class Passivity:
         self._open = False
 
     def remember(self, seq: int, height: float) -> None:
-        """Store the height of the stylus in a sample.
-
-        Parameters
-        ----------
-        seq : int
-            Sample number [1].
-        height : float
-            Height of the stylus [m].
-        """
+        """Store the height of the stylus in a sample [m]."""
         self._heights[seq % REMEMBERED] = height
 
     def step(self, force: float, seq: int, height: float, velocity: float, rendered: float) -> float:
-        """Limit one force of the server.
+        """Limit the server's latest commanded force; return the wanted force for the safety chain [N].
 
-        Parameters
-        ----------
-        force : float
-            Latest commanded force from the server [N].
-        seq : int
-            Number of the sample that the force answers [1].
-        height : float
-            Height of the stylus now [m].
-        velocity : float
-            Vertical velocity of the stylus [m/s].
-        rendered : float
-            Force on the hand since the previous step [N].
-
-        Returns
-        -------
-        float
-            Wanted force for the safety chain [N].
+        ``seq``: number of the sample that the force answers. ``height``, ``velocity``: of the stylus now [m, m/s].
+        ``rendered``: force on the hand since the previous step [N].
         """
         answered = self._heights[seq % REMEMBERED]
         if self._open:

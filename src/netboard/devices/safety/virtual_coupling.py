@@ -21,10 +21,7 @@ REACH = 0.005
 def hand_force(point: Point, received_ns: int, reading: Reading) -> float:
     """Return the force of the virtual coupling on the hand [N].
 
-    Parameters
-    ----------
-    received_ns : int
-        Reception time of the point, used if the server does not know the agent's clock [ns].
+    ``received_ns``: when the point was received, used if the server does not know the agent's clock.
     """
     age = (reading.stamp_ns - (point.stamp_ns or received_ns)) * 1e-9
     ahead = min(max(age, -REACH), REACH)

@@ -166,12 +166,12 @@ def _clear(target: Any) -> None:
 @kernel
 def _known(fast: Any) -> int:
     """Return the place of the newest frame's sender, or `OTHER`."""
-    us = fast[0]
-    size = us["name_size"]
+    path = fast[0]
+    name, size = path["name"].ctypes.data, path["name_size"]
     for place in range(PLACES):
-        if us["known"][place] != size or _memcmp(us["names"][place].ctypes.data, us["name"].ctypes.data, size) != 0:
+        if path["known"][place] != size or _memcmp(path["names"][place].ctypes.data, name, size) != 0:
             continue
-        if us["keyed"] and _memcmp(us["keys"][place].ctypes.data, us["key"].ctypes.data, KEY_SIZE) != 0:
+        if path["keyed"] and _memcmp(path["keys"][place].ctypes.data, path["key"].ctypes.data, KEY_SIZE) != 0:
             continue
         return place
     return OTHER
@@ -180,30 +180,30 @@ def _known(fast: Any) -> int:
 @kernel
 def _note_sender(fast: Any) -> None:
     """Store the key and the address of the newest frame's sender."""
-    us = fast[0]
-    message = us["message"].ctypes.data
-    _clear(us["key"])
-    _clear(us["address"])
-    user = _msg_gets(message, us["user_id"].ctypes.data)
+    path = fast[0]
+    message = path["message"].ctypes.data
+    _clear(path["key"])
+    _clear(path["address"])
+    user = _msg_gets(message, path["user_id"].ctypes.data)
     if user != 0:
-        _strncpy(us["key"].ctypes.data, user, KEY_SIZE)
-    address = _msg_gets(message, us["peer_address"].ctypes.data)
+        _strncpy(path["key"].ctypes.data, user, KEY_SIZE)
+    address = _msg_gets(message, path["peer_address"].ctypes.data)
     if address != 0:
-        _strncpy(us["address"].ctypes.data, address, ADDRESS_ROOM - 1)
+        _strncpy(path["address"].ctypes.data, address, ADDRESS_ROOM - 1)
 
 
 @kernel
 def _skip_parts(fast: Any) -> bool:
     """Skip the rest of a multipart message, a bounded number of parts; return whether nothing is left of it."""
-    us = fast[0]
-    message = us["message"].ctypes.data
+    path = fast[0]
+    message = path["message"].ctypes.data
     for _ in range(MAX_PARTS):
-        if us["more"] == 0:
+        if path["more"] == 0:
             return True
         _msg_init(message)
-        us["more"] = _msg_recv(message, us["socket"], _DONTWAIT) >= 0 and _msg_more(message) != 0
+        path["more"] = _msg_recv(message, path["socket"], _DONTWAIT) >= 0 and _msg_more(message) != 0
         _msg_close(message)
-    return bool(us["more"] == 0)
+    return bool(path["more"] == 0)
 
 
 @kernel
@@ -217,26 +217,26 @@ def receive(fast: Any, frame: Any) -> int:
     """
     if not _skip_parts(fast):
         return NOTHING
-    us = fast[0]
-    socket = us["socket"]
-    size = _zmq_recv(socket, us["name"].ctypes.data, NAME_ROOM, _DONTWAIT)
+    path = fast[0]
+    socket = path["socket"]
+    size = _zmq_recv(socket, path["name"].ctypes.data, NAME_ROOM, _DONTWAIT)
     if size < 0:
         return _no_frame()
-    us["name_size"] = size
-    message = us["message"].ctypes.data
+    path["name_size"] = size
+    message = path["message"].ctypes.data
     _msg_init(message)
     size = _msg_recv(message, socket, _DONTWAIT)
     if size < 0:
         _msg_close(message)
         return FAILED
-    if us["keyed"]:
+    if path["keyed"]:
         _note_sender(fast)
     whole = size <= len(frame) and _msg_more(message) == 0
     if whole:
         _memcpy(frame.ctypes.data, _msg_data(message), size)
-    us["more"] = _msg_more(message) != 0
+    path["more"] = _msg_more(message) != 0
     _msg_close(message)
-    us["size"] = size if whole else 0
+    path["size"] = size if whole else 0
     return _known(fast)
 
 
@@ -246,13 +246,13 @@ def send_to(fast: Any, place: int, frame: Any) -> int:
 
     Returns `SENT`, `NOT_SENT` if the peer is muted or gone or its queue is full, or `FAILED`.
     """
-    us = fast[0]
-    if us["muted"][place]:
+    path = fast[0]
+    if path["muted"][place]:
         return NOT_SENT
-    name = us["names"][place]
-    if _zmq_send(us["socket"], name.ctypes.data, us["known"][place], _DONTWAIT | _SNDMORE) < 0:
+    name = path["names"][place]
+    if _zmq_send(path["socket"], name.ctypes.data, path["known"][place], _DONTWAIT | _SNDMORE) < 0:
         return _not_sent()  # refused here or not at all
-    return SENT if _zmq_send(us["socket"], frame.ctypes.data, len(frame), _DONTWAIT) >= 0 else _not_sent()
+    return SENT if _zmq_send(path["socket"], frame.ctypes.data, len(frame), _DONTWAIT) >= 0 else _not_sent()
 
 
 @kernel
@@ -281,8 +281,8 @@ def sleep(fast: Any, longest_ns: int) -> bool:
     The socket must have been read until it was empty, because only then its file signals again. Returns whether the
     watched file has signalled.
     """
-    us = fast[0]
-    file, watched, files, time = us["file"], us["watched"], us["files"], us["sleep"]
+    path = fast[0]
+    file, watched, files, time = path["file"], path["watched"], path["files"], path["sleep"]
     _clear(files)
     files[file // 64] = np.uint64(1) << np.uint64(file % 64)
     if watched != NO_FILE:
@@ -322,19 +322,19 @@ class FastPath:
 
     def __init__(self, socket: Socket | None, keyed: bool = False) -> None:
         self.record = np.zeros(1, FAST_PATH)
-        us = self.record[0]
-        us["socket"], us["keyed"] = 0 if socket is None else socket.underlying, keyed
-        us["file"] = 0 if socket is None else _waitable(socket.fileno())
-        us["watched"], us["set_ns"] = NO_FILE, MACHINES
+        path = self.record[0]
+        path["socket"], path["keyed"] = 0 if socket is None else socket.underlying, keyed
+        path["file"] = 0 if socket is None else _waitable(socket.fileno())
+        path["watched"], path["set_ns"] = NO_FILE, MACHINES
         for name, text in (("user_id", b"User-Id"), ("peer_address", b"Peer-Address")):
-            us[name][: len(text)] = np.frombuffer(text, np.uint8)
+            path[name][: len(text)] = np.frombuffer(text, np.uint8)
 
     def know(self, place: int, name: bytes, key: str) -> None:
         """Register a peer at a place, by name and key."""
-        us = self.record[0]
-        us["known"][place] = len(name)
-        us["names"][place][: len(name)] = np.frombuffer(name, np.uint8)
-        us["keys"][place] = np.frombuffer(key.encode().ljust(KEY_SIZE, b"\0"), np.uint8)
+        path = self.record[0]
+        path["known"][place] = len(name)
+        path["names"][place][: len(name)] = np.frombuffer(name, np.uint8)
+        path["keys"][place] = np.frombuffer(key.encode().ljust(KEY_SIZE, b"\0"), np.uint8)
 
     def watch(self, file: int) -> None:
         """Let signals of another socket's file end a sleep; `NO_FILE` for none."""

@@ -77,28 +77,18 @@ def await_limited_force(
     vy: float,
     vz: float,
 ) -> tuple[int, float, float, float, int]:
-    """Wait for an answer as `wait_for_answer` does; of a commanded force, return what the safety chain lets through.
+    """Wait for an answer as `wait_for_answer` does, and pass a commanded force through the safety chain, in one call.
 
-    This is the way of a force through the agent, in one call.
-
-    Parameters
-    ----------
-    limits : bool
-        Whether a commanded force is limited here; otherwise Python does it.
-    k, c : float
-        Stiffness and damping of the fixture [N/m, N s/m].
-
-    Returns
-    -------
-    tuple of int and float
-        `LIMITED`, force x, y, z [N] and safeguards; or a result of `wait_for_answer` and zeros.
+    ``limits``: whether to limit a force here; otherwise Python does it. ``k``, ``c``: of the fixture [N/m, N s/m].
+    ``x`` to ``vz``: of the stylus. Returns `LIMITED`, the force x, y, z [N] and the safeguards; or a result of
+    `wait_for_answer` and zeros.
     """
     came = wait_for_answer(fast, frame, link, until_ns)
-    us = link[0]
-    if came != NEWER or not limits or us["kind"] != FORCE:
+    state = link[0]
+    if came != NEWER or not limits or state["kind"] != FORCE:
         return came, 0.0, 0.0, 0.0, 0
-    fx, fy, fz = fixture_force(k, c, x, vx), fixture_force(k, c, y, vy), us["words"].view(np.float64)[3]
-    safeguards = limit(chain, fastpath.now_ns(fast), fx, fy, fz, us["received_ns"], vx, vy, vz)
+    fx, fy, fz = fixture_force(k, c, x, vx), fixture_force(k, c, y, vy), state["words"].view(np.float64)[3]
+    safeguards = limit(chain, fastpath.now_ns(fast), fx, fy, fz, state["received_ns"], vx, vy, vz)
     ready = chain[0]
     return LIMITED, ready["fx"], ready["fy"], ready["fz"], safeguards
 

@@ -18,6 +18,7 @@ from netboard.base.errors import WireError
 from netboard.base.process import RateLimitedLog
 from netboard.base.tick import TICK_NS
 from netboard.devices.contract.device import Reading
+from netboard.devices.safety.chain import NEVER_NS
 from netboard.network.protocol import fixed
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import Goodbye, Hello, Refusal, Welcome
@@ -34,9 +35,6 @@ REMEMBERED = 256
 
 GOODBYE_ATTEMPTS = 50
 """Attempts to send the goodbye after a lost device, one each millisecond [1]."""
-
-NEVER_NS = -(2**62)
-"""Time of what has not happened [ns]."""
 
 NONE, FORCE, POINT, BEAT = range(4)
 """Kinds of the newest answer."""
@@ -81,23 +79,23 @@ def _is_fresh(link: Any, seq: int) -> bool:
 
     Messages that arrived while the agent stalled thus do not count as fresh.
     """
-    us = link[0]
+    state = link[0]
     if seq < 0:
         return True
-    age_ns = us["heard_ns"] - us["stamps"][seq % REMEMBERED]
-    return bool(us["sent"] - seq < REMEMBERED and age_ns < us["timeout_ns"])
+    age_ns = state["heard_ns"] - state["stamps"][seq % REMEMBERED]
+    return bool(state["sent"] - seq < REMEMBERED and age_ns < state["timeout_ns"])
 
 
 @kernel
 def take(link: Any, kind: int, lead_ns: int, now_ns: int) -> bool:
     """Take an answer, whose words are in ``came``; return False if it is not newer than the newest one."""
-    us = link[0]
-    if not us["in_session"] or (us["kind"] != NONE and us["came"][0] <= us["words"][0]):
+    state = link[0]
+    if not state["in_session"] or (state["kind"] != NONE and state["came"][0] <= state["words"][0]):
         return False
-    us["kind"], us["lead_ns"], us["heard_ns"] = kind, lead_ns, now_ns
-    fastpath.copy(us["words"], us["came"], _LENGTH)
-    if _is_fresh(link, us["came"][2]):
-        us["received_ns"] = now_ns
+    state["kind"], state["lead_ns"], state["heard_ns"] = kind, lead_ns, now_ns
+    fastpath.copy(state["words"], state["came"], _LENGTH)
+    if _is_fresh(link, state["came"][2]):
+        state["received_ns"] = now_ns
     return True
 
 
@@ -145,17 +143,17 @@ def send_sample(
     rendered: float,
 ) -> int:
     """Send a sample by `netboard.network.transport.fastpath.send_one`; without a session, only remember its stamp."""
-    us = link[0]
-    us["stamps"][seq % REMEMBERED], us["sent"] = stamp_ns, seq
-    if not us["in_session"]:
+    state = link[0]
+    state["stamps"][seq % REMEMBERED], state["sent"] = stamp_ns, seq
+    if not state["in_session"]:
         return fastpath.NOT_SENT
     words = np.empty(len(_SEND_FORM[1]), np.int64)
     numbers = words.view(np.float64)
     words[0], words[1] = seq, stamp_ns
     numbers[2], numbers[3], numbers[4], numbers[5], numbers[6], numbers[7] = x, y, z, vx, vy, vz
     words[8], words[9], numbers[10] = buttons, safeguards, rendered
-    words[11], words[12] = (us["words"][0], us["words"][1]) if us["kind"] != NONE else (-1, 0)
-    words[13], words[14], words[15] = us["heard_ns"], fastpath.now_ns(fast), us["loop_ns"]
+    words[11], words[12] = (state["words"][0], state["words"][1]) if state["kind"] != NONE else (-1, 0)
+    words[13], words[14], words[15] = state["heard_ns"], fastpath.now_ns(fast), state["loop_ns"]
     fixed.write(frame, _SEND_FORM[0], _SEND_FORM[1], words)
     return fastpath.send_one(fast, frame)
 
@@ -163,34 +161,23 @@ def send_sample(
 @kernel
 def close_loop(link: Any, at_ns: int) -> None:
     """Note that the newest answer was rendered, which closes the loop of the sample it was computed from."""
-    us = link[0]
-    seq = us["words"][2]
-    if us["kind"] in (FORCE, POINT) and seq > us["looped"]:
-        us["looped"] = seq
-        us["loop_ns"] = at_ns - us["stamps"][seq % REMEMBERED]
+    state = link[0]
+    seq = state["words"][2]
+    if state["kind"] in (FORCE, POINT) and seq > state["looped"]:
+        state["looped"] = seq
+        state["loop_ns"] = at_ns - state["stamps"][seq % REMEMBERED]
 
 
 class Link:
     """The agent's endpoint of the motion channel.
 
-    Parameters
-    ----------
-    timeout_ns : int
-        Age of a sample from which an answer to it is not fresh [ns].
-
-    Attributes
-    ----------
-    fast, frame, state : ndarray
-        What kernels take: the socket, a buffer for what arrives, and the state (`LINK`).
-    block : str
-        Configuration of the block that has begun; the reader empties it.
-    asked : BackfillRequest or None
-        The server's open request about an interruption; see `answer`.
+    ``timeout_ns``: age of a sample from which an answer to it is not fresh. Kernels take ``fast``, ``frame`` and
+    ``state``: the socket, a buffer for what arrives, and the state (`LINK`).
     """
 
     def __init__(self, socket: sockets.Socket, hello: Hello, timeout_ns: int) -> None:
-        self.block = ""
-        self.asked: BackfillRequest | None = None
+        self.block = ""  # configuration of the block that has begun; the reader empties it
+        self.asked: BackfillRequest | None = None  # the server's open request about an interruption; see `answer`
         self._socket = socket
         self._path = fastpath.FastPath(socket)
         self.fast, self.frame, self.state = self._path.record, np.zeros(sockets.MAX_FRAME, np.uint8), empty()

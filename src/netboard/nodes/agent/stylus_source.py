@@ -99,10 +99,7 @@ class ViewReceiver:
 class LiveController:
     """A controller with one or two hands; it moves the hand on this device directly, the other one by messages.
 
-    Parameters
-    ----------
-    moves_socket : zmq.Socket or None
-        Channel to the other hand, if this participant has two.
+    ``moves_socket``: channel to the other hand, if this participant has two.
     """
 
     def __init__(

@@ -24,7 +24,7 @@ from netboard.network.protocol.records import LogAck, LogBatch, LogEnd, LogReque
 from netboard.nodes.logger.log_link import SILENCE_TIMEOUT_NS, Connection, Link
 from netboard.recording.files.provenance import next_recording, provenance
 from netboard.recording.files.writer import RecordingWriter
-from netboard.recording.format.channels import begun, record_of
+from netboard.recording.format.channels import block_config, record_of
 from netboard.recording.format.disk import Space, require_space
 
 log = logging.getLogger(__name__)
@@ -218,7 +218,7 @@ class Logger:
             log.error("record %d cannot be read: %s", number, error)
             writer.note_unreadable(frame, number, str(error), now)
             return
-        if writer.next_record is not None and (config := begun(record)):
+        if writer.next_record is not None and (config := block_config(record)):
             writer = self._begin_another(writer, config)
         writer.write(record, number, self._log_time())
 

@@ -14,7 +14,7 @@ import numpy as np
 from netboard.base.compiled import kernel
 from netboard.base.config import SIDES
 from netboard.base.tables.scene import Physics
-from netboard.base.tick import KNOWN_NS, TICK, TICK_NS
+from netboard.base.tick import KNOWN_NS, TICK_NS, TICK_WORDS
 from netboard.network.protocol import fixed
 from netboard.network.protocol.motion import Safeguard, Stylus
 from netboard.network.transport import fastpath
@@ -74,7 +74,6 @@ TRIPS = (
 
 _TRIP_BITS = int(TRIPS)
 
-_ROW = {name: place for place, name in enumerate(TICK.names or ())}
 _COPIED = {
     "seq": "seq",
     "stamp_ns": "server_stamp_ns",
@@ -91,12 +90,12 @@ _COPIED = {
 """Fields of a row, without their side, and the fields of the agent's row from which they are filled."""
 
 _FROM = np.array([_AT[name] for name in _COPIED.values()])
-_TO = np.array([[_ROW[f"{side}_{name}"] for name in _COPIED] for side in SIDES])
-_LIVE = np.array([_ROW[f"{side}_live"] for side in SIDES])
-_RENDERED = np.array([_ROW[f"{side}_rendered"] for side in SIDES])
-_ROW_FORCE = np.array([_ROW[f"{side}_force"] for side in SIDES])
-_TICK, _TIME, _LATE = _ROW["tick"], _ROW["time_ns"], _ROW["late_ns"]
-_HEIGHT, _CLIMB, _TILT, _TURN = (_ROW[name] for name in ("z", "vz", "theta", "omega"))
+_TO = np.array([[TICK_WORDS[f"{side}_{name}"] for name in _COPIED] for side in SIDES])
+_LIVE = np.array([TICK_WORDS[f"{side}_live"] for side in SIDES])
+_RENDERED = np.array([TICK_WORDS[f"{side}_rendered"] for side in SIDES])
+_ROW_FORCE = np.array([TICK_WORDS[f"{side}_force"] for side in SIDES])
+_TICK, _TIME, _LATE = TICK_WORDS["tick"], TICK_WORDS["time_ns"], TICK_WORDS["late_ns"]
+_HEIGHT, _CLIMB, _TILT, _TURN = (TICK_WORDS[name] for name in ("z", "vz", "theta", "omega"))
 
 MAX_FRAMES = 64
 """Frames taken at once, so that no sender can hold up a tick [1]."""
@@ -350,7 +349,7 @@ def warm() -> None:
     """Compile or load the kernels, so that the first sample is not delayed."""
     fast, frame = fastpath.FastPath(None).record, np.zeros(fixed.FORCE.size, np.uint8)
     row, agents, sample = (
-        np.zeros(len(_ROW), np.int64),
+        np.zeros(len(TICK_WORDS), np.int64),
         np.zeros((2, WORDS), np.int64),
         np.zeros(SAMPLE_WORDS, np.int64),
     )

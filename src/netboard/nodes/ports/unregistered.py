@@ -57,12 +57,12 @@ def keep(unregistered: Any, fast: Any, frame: Any, now_ns: int) -> None:
     thus received however much others send. A `Hello` that repeats a kept one is no refusal: while the server compiles,
     several of them arrive from each agent.
     """
-    us, them = fast[0], unregistered[0]
-    size = us["size"]
+    path, them = fast[0], unregistered[0]
+    size = path["size"]
     # FNV-1a hash of the name: senders share a fixed number of places, whatever they call themselves.
     place = 2166136261
-    for k in range(us["name_size"]):
-        place = ((place ^ us["name"][k]) * 16777619) & 0xFFFFFFFF
+    for k in range(path["name_size"]):
+        place = ((place ^ path["name"][k]) * 16777619) & 0xFFFFFFFF
     says_hello = size > 1 and frame[1] == _HELLO
     place = (2 * place + says_hello) % SENDER_SLOTS
     row = them["kept"]
@@ -74,9 +74,9 @@ def keep(unregistered: Any, fast: Any, frame: Any, now_ns: int) -> None:
         return
     them["deaf_until_ns"][place] = now_ns + UNREGISTERED_INTERVAL_NS
     stranger = them["strangers"][row]
-    stranger["size"], stranger["name_size"] = size, us["name_size"]
-    fastpath.copy(stranger["name"], us["name"], len(us["name"]))
-    fastpath.copy(stranger["key"], us["key"], len(us["key"]))
-    fastpath.copy(stranger["address"], us["address"], len(us["address"]))
+    stranger["size"], stranger["name_size"] = size, path["name_size"]
+    fastpath.copy(stranger["name"], path["name"], len(path["name"]))
+    fastpath.copy(stranger["key"], path["key"], len(path["key"]))
+    fastpath.copy(stranger["address"], path["address"], len(path["address"]))
     fastpath.copy(stranger["frame"], frame, size)
     them["kept"] = row + 1

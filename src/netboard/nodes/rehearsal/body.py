@@ -16,7 +16,7 @@ from netboard.base.compiled import inlined
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant
-from netboard.base.tick import TICK, TICK_NS
+from netboard.base.tick import TICK_NS, TICK_WORDS
 from netboard.devices.contract.velocity import AXES, SAMPLES, SLACK, taken
 from netboard.devices.safety.fixture import fixture_force
 from netboard.devices.simulated.virtual import encoder_position, within
@@ -51,13 +51,12 @@ _BEFORE = LEAD_NS // STEP_NS
 
 _ARMED, _CLAMPED = int(Safeguard.ARMED), int(Safeguard.CLAMPED)
 
-_AT = {name: place for place, name in enumerate(TICK.names or ())}
-_TICK, _TIME, _PHASE, _TRIAL = _AT["tick"], _AT["time_ns"], _AT["phase"], _AT["trial"]
+_TICK, _TIME, _PHASE, _TRIAL = (TICK_WORDS[name] for name in ("tick", "time_ns", "phase", "trial"))
 
 
 def _places(field: str) -> tuple[int, int]:
     """Return where a row has a field of the left and of the right side."""
-    return _AT[f"{SIDES[0]}_{field}"], _AT[f"{SIDES[1]}_{field}"]
+    return TICK_WORDS[f"{SIDES[0]}_{field}"], TICK_WORDS[f"{SIDES[1]}_{field}"]
 
 
 _LIVE, _SEQ, _STAMP, _Z, _VZ = map(_places, ("live", "seq", "stamp_ns", "sent_z", "sent_vz"))
@@ -292,7 +291,7 @@ class Body:
 
     def warm(self) -> None:
         """Compile or load the kernels by running a tick of this body, which changes its state."""
-        words = np.zeros(len(_AT), np.int64)
+        words = np.zeros(len(TICK_WORDS), np.int64)
         self.fill(words)
         self.apply_force(words)
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from netboard.base.compiled import kernel, machine_code
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.tables.simulated import Participant
-from netboard.base.tick import TICK, TICK_NS, TICK_SECONDS
+from netboard.base.tick import TICK_NS, TICK_SECONDS, TICK_WORDS
 from netboard.participants.controller import DECISION_INTERVAL, MOVE, Controller, decide
 from netboard.participants.senses import SEEN
 from netboard.stage.curtain import glimpse, make_curtain, pack_curtain
@@ -25,8 +25,7 @@ from netboard.task.trials.state_machine import is_active
 DECISION_TICKS = round(DECISION_INTERVAL / TICK_SECONDS)
 """A participant decides after each tick whose number is a multiple of this [1]."""
 
-_AT = {name: place for place, name in enumerate(TICK.names or ())}
-_TICK, _TIME, _PHASE, _TRIAL = (_AT[name] for name in ("tick", "time_ns", "phase", "trial"))
+_TICK, _TIME, _PHASE, _TRIAL = (TICK_WORDS[name] for name in ("tick", "time_ns", "phase", "trial"))
 
 
 class SimulatedParticipant:
@@ -54,7 +53,7 @@ class SimulatedParticipant:
 
     def warm(self) -> None:
         """Compile or load `decide_in_tick`: to look it up by the types of its arguments takes 0.6 ms each time."""
-        self._decide = machine_code(decide_in_tick, self.parts, np.zeros(len(_AT), np.int64), 0.0)
+        self._decide = machine_code(decide_in_tick, self.parts, np.zeros(len(TICK_WORDS), np.int64), 0.0)
 
     def shown(self, tick: int) -> int:
         """Return the newest tick that has been seen when a tick is done.

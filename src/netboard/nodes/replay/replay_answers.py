@@ -34,7 +34,7 @@ _LIMITED = int(Safeguard.CLAMPED)
 class ReplayState:
     """A recording and its playback."""
 
-    reel: LoadedRecording
+    recording: LoadedRecording
     playback: Playback
     # Id of this run; not that of the recording, because numbering restarts.
     session: str = field(default_factory=lambda: uuid.uuid4().hex)
@@ -42,7 +42,7 @@ class ReplayState:
     @property
     def index(self) -> int:
         """The row that is shown now [1]."""
-        return self.reel.at(self.playback.at(now_ns() * 1e-9))
+        return self.recording.at(self.playback.at(now_ns() * 1e-9))
 
 
 class ReplayAnswers:
@@ -50,13 +50,13 @@ class ReplayAnswers:
 
     def __init__(self, state: ReplayState, control: ControlPort) -> None:
         self._state, self._control = state, control
-        self._late = np.cumsum(state.reel.ticks["late_ns"] > LATE_NS)
+        self._late = np.cumsum(state.recording.ticks["late_ns"] > LATE_NS)
 
     def status(self) -> Status:
         """Return the status of the recorded session."""
-        state, reel, now = self._state, self._state.reel, now_ns()
+        state, recording, now = self._state, self._state.recording, now_ns()
         index = state.index
-        row, config, outcomes = reel.ticks[index], reel.config, reel.outcomes(index)
+        row, config, outcomes = recording.ticks[index], recording.config, recording.outcomes(index)
         return Status(
             session=state.session,
             tick=int(row["tick"]) + 1,
@@ -69,14 +69,14 @@ class ReplayAnswers:
             late_ticks=int(self._late[index]),
             waiting_for=(),
             peers=self._control.peers,
-            notice=f"{REPLAY_OF}{reel.name}: {in_words(state.playback, reel, now * 1e-9)}",
+            notice=f"{REPLAY_OF}{recording.name}: {in_words(state.playback, recording, now * 1e-9)}",
             links=tuple(self._control.links(now)),
             loops=(),
             **plan_of(config),
             opened=True,
             armed=False,
             commander="",
-            rest=reel.rest(index) or 0.0,
+            rest=recording.rest(index) or 0.0,
             pending="",
             outcomes=len(outcomes),
             recordings=(),
@@ -86,7 +86,7 @@ class ReplayAnswers:
 
     def _station(self, side: Side, index: int) -> tuple[str, float, int, float, int, int]:
         """Return the state of a station as an item of `Status.stations`."""
-        ticks = self._state.reel.ticks
+        ticks = self._state.recording.ticks
         row = ticks[index]
         age = (int(row["time_ns"]) - int(row[f"{side}_stamp_ns"])) * 1e-9 if row[f"{side}_live"] else nan
         bits = ticks[f"{side}_safeguards"][max(index + 1 - SAFEGUARD_TICKS, 0) : index + 1]
@@ -97,7 +97,7 @@ class ReplayAnswers:
 
     def _begun(self, index: int) -> int:
         """Return the index of the row with which the current attempt began; that of the next row without an attempt."""
-        ticks = self._state.reel.ticks
+        ticks = self._state.recording.ticks
         if int(ticks["phase"][index]) not in BALL_FREE:
             return index + 1
         return max(int(np.searchsorted(ticks["tick"], ticks["tick"][index] - ticks["run_ticks"][index])), 0)
@@ -105,12 +105,12 @@ class ReplayAnswers:
     def outcomes(self, first: int) -> Outcomes:
         """Return the outcomes so far, starting with attempt number `first`."""
         first = max(first, 0)
-        known = self._state.reel.outcomes(self._state.index)
+        known = self._state.recording.outcomes(self._state.index)
         return Outcomes(first, tuple(known[first:][:MAX_ROWS]))
 
     def trace(self, after: int) -> Trace:
         """Return the ticks after this one, up to the current one."""
-        reel, index = self._state.reel, self._state.index
-        rows = reel.ticks[max(index + 1 - TRACE_TICKS, 0) : index + 1]
+        recording, index = self._state.recording, self._state.index
+        rows = recording.ticks[max(index + 1 - TRACE_TICKS, 0) : index + 1]
         rows = rows[(rows["tick"] > after) & (rows["tick"] % TRACE_EVERY == 0)]
-        return trace_of(rows, rows["tick"].tolist(), ball=reel.curtain.ball)
+        return trace_of(rows, rows["tick"].tolist(), ball=recording.curtain.ball)

@@ -79,24 +79,24 @@ class ReplayServer:
 
     def __init__(
         self,
-        reel: LoadedRecording,
+        recording: LoadedRecording,
         network: Network,
         context: sockets.Context,
         authenticator: Authenticator | None,
         speed: float = 1.0,
         at: float | None = None,
     ) -> None:
-        begin = min(reel.begin if at is None else at, reel.length)
-        self.state = ReplayState(reel, Playback(reel.length, begin, now_ns() * 1e-9, speed))
+        begin = min(recording.begin if at is None else at, recording.length)
+        self.state = ReplayState(recording, Playback(recording.length, begin, now_ns() * 1e-9, speed))
         self._authenticator = authenticator
         self._over = False
         where = channels.addresses(network, authenticator)
         control = sockets.control_server(context, where.listen(channels.CONTROL))
-        welcome = Welcome(self.state.session, PROTOCOL_VERSION, now_ns(), reel.text)
+        welcome = Welcome(self.state.session, PROTOCOL_VERSION, now_ns(), recording.text)
         self.control = ControlPort(control, welcome)
         self._answers = ReplayAnswers(self.state, self.control)
         self._views = ViewPort(network, context, authenticator)
-        what = f"this is a replay of {reel.name}"
+        what = f"this is a replay of {recording.name}"
         motion = sockets.motion_server(context, where.listen(channels.MOTION))
         records = sockets.log_server(context, where.listen(channels.LOG))
         self._closed = (
@@ -141,8 +141,9 @@ class ReplayServer:
 
     def _show(self, milliseconds: int) -> None:
         """Send each station its view, if it is due."""
-        index, reel = self.state.index, self.state.reel
-        self._views.show(milliseconds, reel.curtain, reel.ticks[index], reel.best(index), reel.rest(index))
+        index, recording = self.state.index, self.state.recording
+        best, rest = recording.best(index), recording.rest(index)
+        self._views.show(milliseconds, recording.curtain, recording.ticks[index], best, rest)
 
     def _grant(self, request: CommandRequest) -> str:
         """Carry out a command and reply to it."""
@@ -157,13 +158,13 @@ class ReplayServer:
         if order.name == "take":
             return True, "every operator may command a replay"
         try:
-            state.playback = run_command(state.playback, state.reel, now, order)
+            state.playback = run_command(state.playback, state.recording, now, order)
         except NetboardError as error:
             return False, str(error)
         self._views.renew()
         self._over = order.name == "end"
         log.info("%s", printable_line(f"{order.name} {order.argument} by {by}"))
-        return True, "the replay ends" if self._over else in_words(state.playback, state.reel, now)
+        return True, "the replay ends" if self._over else in_words(state.playback, state.recording, now)
 
     def housekeeping(self) -> None:
         """Check the peers and the authentication."""
@@ -204,11 +205,11 @@ def serve_recording(path: Path, network: Network, speed: float, at: float | None
         keys.refuse_open_network(network)
     authenticator = keys.make_authenticator(network)
     console = Console(highlight=False)
-    reel = load_with_progress(path)
+    recording = load_with_progress(path)
     log_to_stderr("replay")
     with Stopping() as stopping, sockets.open_context() as context, Keyboard() as keyboard:
-        server = ReplayServer(reel, network, context, authenticator, speed, at)
-        console.print(f"{reel.name} is replayed at {network.bind}:{network.port}")
+        server = ReplayServer(recording, network, context, authenticator, speed, at)
+        console.print(f"{recording.name} is replayed at {network.bind}:{network.port}")
         if keyboard.there:
             console.print(KEYS_LINE)
         server.run(

@@ -25,7 +25,6 @@ from netboard.task.journal.entries import (
     Entry,
     Note,
     Opened,
-    Outcome,
     Repeat,
     Resumed,
     Veto,
@@ -33,28 +32,13 @@ from netboard.task.journal.entries import (
 from netboard.task.journal.progress import Progress, Row
 from netboard.task.trials.quality import Referee, Verdict
 from netboard.task.trials.repeats import Repeats, wants_repeat
-from netboard.task.trials.state_machine import BALL_FREE, TABLE, Cause, Phase
+from netboard.task.trials.state_machine import BALL_FREE, OUTCOMES, TABLE, Cause, Phase
 
 MAX_ROWS = 200
 """Largest number of attempts in one answer to an operator [1]."""
 
-OUTCOMES: dict[Cause, Outcome] = {
-    Cause.HELD: "success",
-    Cause.FELL: "fell",
-    Cause.TIMED_OUT: "timed_out",
-    Cause.ABORT: "aborted",
-    Cause.STOP: "aborted",
-    Cause.LAST: "aborted",
-    Cause.PAUSE: "paused",
-    Cause.FAULT: "paused",
-    Cause.SKIP: "skipped",
-}
-"""Outcome of an attempt, by the cause that ends it."""
-
 _NUMBER = re.compile("[0-9]{1,9}")
 """Number of a trial as an operator writes it; int() would refuse other digits, and very long numbers."""
-
-_UNDER_WAY = (Phase.LEVELLING, Phase.RUNNING, Phase.HOLDING)
 
 Event = tuple[str, dict[str, str]]
 
@@ -79,11 +63,11 @@ class Attempts:
         self._run = ""
         self._block = 0
         self._repeats = Repeats(1)
-        self._rules: Config | None = None
+        self._config: Config | None = None
         self._referee: Referee | None = None
-        self._seen = 0
-        self._verdict: Verdict | None = None
-        self._left: Literal["stopped", "given_up"] = "stopped"
+        self._seen = 0  # next tick for the quality rules
+        self._verdict: Verdict | None = None  # of the attempt that ends at the present tick
+        self._cut_short: Literal["stopped", "given_up"] = "stopped"  # how the block ends if not with its last trial
         self._stopped = False
 
     @property
@@ -112,7 +96,7 @@ class Attempts:
         else:
             self._write(Opened(run, {name: str(value) for name, value in asdict(config.session).items()}))
 
-    def place(self, block: int) -> dict[str, int]:
+    def start_of(self, block: int) -> dict[str, int]:
         """Return the state in which a block starts: empty, or as an earlier run of the server left it."""
         so_far = self._progress
         if so_far is None or so_far.block != block:
@@ -123,13 +107,13 @@ class Attempts:
     def begin(self, config: Config, tick: int) -> None:
         """Begin a block at a tick."""
         so_far = self._progress if self._progress and self._progress.block == config.block.number else None
-        self._block, self._rules = config.block.number, config
+        self._block, self._config = config.block.number, config
         self._repeats = so_far.repeats if so_far else Repeats(config.block.trials)
         self.completions = list(so_far.completions) if so_far else []
         self._referee = Referee(config, int(Safeguard.CLAMPED))
         self._referee.warm()
         self._seen, self._verdict, self.wanted = tick, None, 0
-        self._left, self._stopped = "stopped", False
+        self._cut_short, self._stopped = "stopped", False
         start = (so_far.trial, so_far.attempt) if so_far else (1, 1)
         self._write(BlockBegan(self._block, *start, self._run, tick))
 
@@ -158,19 +142,18 @@ class Attempts:
         self._verdict = None
         self.poll(rows, number + 1)
         events = []
-        if int(row["command"]) == Cause.SKIP and cause == Cause.LAST:  # the operator skipped the last trial
-            cause, over = Cause.SKIP, True
-        else:
-            over = cause == Cause.LAST
-        ended = cause in OUTCOMES and (int(row["phase"]) in _UNDER_WAY or cause == Cause.SKIP)
+        over = cause == Cause.LAST
+        if over and int(row["command"]) == Cause.SKIP:  # the operator skipped the last trial
+            cause = Cause.SKIP
+        ended = cause in OUTCOMES and (int(row["phase"]) in (Phase.LEVELLING, *BALL_FREE) or cause == Cause.SKIP)
         if ended:
             events.append(self._end_attempt(cause, row, state, number))
         then = int(state["phase"])
         if then == Phase.LEVELLING and (ended or cause in (Cause.START, Cause.NEXT, Cause.RESUME)):
             self._write(AttemptBegan(self._block, int(state["trial"]), int(state["attempt"]), self._run, number))
         if then == Phase.FINISHED:
-            self._stopped = not over and self._left == "stopped"
-            self._write(BlockEnded(self._block, "finished" if over else self._left))
+            self._stopped = not over and self._cut_short == "stopped"
+            self._write(BlockEnded(self._block, "finished" if over else self._cut_short))
         return events
 
     def _end_attempt(self, cause: Cause, row: Any, state: Any, number: int) -> Event:
@@ -180,9 +163,9 @@ class Attempts:
         completion = float(state["completion"]) if cause == Cause.HELD else None
         if completion is not None:
             self.completions.append(completion)
-        assert self._rules is not None
-        again = wants_repeat(self._rules.quality, outcome, flags, trial, self._repeats)
-        repeats, words = self._repeats.repeated_by(trial), ",".join(flags)
+        assert self._config is not None
+        again = wants_repeat(self._config.quality, outcome, flags, trial, self._repeats)
+        repeats, flag_text = self._repeats.repeated_by(trial), ",".join(flags)
         self._write(
             AttemptEnded(
                 block=self._block,
@@ -198,15 +181,13 @@ class Attempts:
                 block_ticks=int(state["block_ticks"]),
             )
         )
-        nothing = float("nan") if completion is None else completion
-        self.finished.append((self._block, trial, attempt, outcome, nothing, words, repeats))
+        row_time = float("nan") if completion is None else completion
+        self.finished.append((self._block, trial, attempt, outcome, row_time, flag_text, repeats))
         if again:
             self._repeats = self._repeats.ask(trial)
             self.wanted += 1
-        told = {"trial": str(trial), "attempt": str(attempt), "outcome": outcome, "flags": words}
-        if repeats:
-            told["repeats"] = str(repeats)
-        return "attempt_ended", told
+        details = {"trial": str(trial), "attempt": str(attempt), "outcome": outcome, "flags": flag_text}
+        return "attempt_ended", details | ({"repeats": str(repeats)} if repeats else {})
 
     # --- questions and commands of operators -----------------------------------------------------------------------
 
@@ -243,7 +224,7 @@ class Attempts:
 
     def give_up(self) -> None:
         """Note that the rest of the block is skipped."""
-        self._left = "given_up"
+        self._cut_short = "given_up"
         if self._stopped:
             self._write(BlockEnded(self._block, "given_up"))
 

@@ -31,7 +31,7 @@ class BlockChanges:
         state.attempts.open(state.sequence.block.config, state.session)  # if refused, nothing of the form is kept
         state.operators.opened = state.event_log.opened = True
         self._begin_block()
-        state.event_log.catch_up(state.number)
+        state.event_log.record_held(state.number)
 
     def details_of(self, trial: int) -> dict[str, str]:
         """Return what the plan says of a trial, as event details."""

@@ -63,7 +63,7 @@ class EventLog:
             log.info("%s milliseconds=%d times=%d", SUMMED, self._stalled_ms, self._stalls)
         self._stalls = self._stalled_ms = 0
 
-    def catch_up(self, tick: int) -> None:
+    def record_held(self, tick: int) -> None:
         """Record the held events, stamped with this tick."""
         held, self._held = self._held, []
         for name, details in held:

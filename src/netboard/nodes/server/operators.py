@@ -13,7 +13,7 @@ from netboard.base.settings import check
 from netboard.base.tables.experiment import Session
 from netboard.network.protocol.control import REPLAY_COMMANDS
 from netboard.nodes.ports import emergency
-from netboard.task.trials.state_machine import TABLE, Cause, Phase
+from netboard.task.trials.state_machine import BALL_FREE, TABLE, Cause, Phase
 
 CAUSES = {
     "start": Cause.START,
@@ -35,8 +35,6 @@ BEFORE_OPENING = ("open", "end", emergency.STOP, emergency.RELEASE, "note", "tak
 
 MAX_TICK = 2**63
 """Numbers of ticks are below this, so that they fit 64 bits [1]."""
-
-_UNDER_WAY = (Phase.RUNNING, Phase.HOLDING)
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,10 +88,10 @@ class Operators:
         if not self.opened and command not in BEFORE_OPENING:
             return Decision(False, "the session is not open: fill in its form first (open)")
         if command in CAUSES:
-            return self._machine(command, now)
+            return self._trial_command(command, now)
         return self._session_command(command, now)
 
-    def _machine(self, command: str, now: Situation) -> Decision:
+    def _trial_command(self, command: str, now: Situation) -> Decision:
         """Decide on a command for the trial state machine."""
         cause = CAUSES[command]
         if command == "pause" and now.phase == Phase.PAUSED:  # a fault may have been faster than the operator
@@ -129,21 +127,21 @@ class Operators:
                 return Decision(True, "the session ends after this block" if self.end_after else "taken back")
             case "next" if now.last:
                 return Decision(False, "cannot continue to the next block: this is the last one")
-            case "next" if now.phase in (*_UNDER_WAY, Phase.SUCCEEDED, Phase.FAILED):
+            case "next" if now.phase in (*BALL_FREE, Phase.SUCCEEDED, Phase.FAILED):
                 return Decision(False, "cannot abandon the block in a trial: pause first")
         return Decision(True)
 
     def _pause_after(self, now: Situation) -> Decision:
         if Cause.PAUSE not in TABLE[now.phase]:
             return Decision(False, _not_now("pause", now.phase))
-        if now.phase not in _UNDER_WAY:
+        if now.phase not in BALL_FREE:
             return Decision(True, cause=Cause.PAUSE)
         self.pause_after = not self.pause_after
         return Decision(True, "paused after this trial" if self.pause_after else "taken back")
 
     def due(self, phase: Phase) -> Cause:
         """Return the cause that was asked for earlier and is now due, or `Cause.NONE`."""
-        if self.pause_after and phase not in _UNDER_WAY and Cause.PAUSE in TABLE[phase]:
+        if self.pause_after and phase not in BALL_FREE and Cause.PAUSE in TABLE[phase]:
             self.pause_after = False
             return Cause.PAUSE
         return Cause.NONE

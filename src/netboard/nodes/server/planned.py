@@ -57,7 +57,7 @@ class StudySession:
 
 
 class Planned:
-    """One session of a plan on a rig; raise ConfigError if the plan has no such session, or it does not fit the rig."""
+    """One session of a plan on a rig; a plan that has no such session, or does not fit the rig, is a `ConfigError`."""
 
     def __init__(self, config: Config, study: Study, wanted: StudySession) -> None:
         self.study, self.wanted = study, wanted
@@ -112,7 +112,7 @@ class Planned:
             return whole
         return hashlib.sha256(f"{whole} {wanted.blocks} {wanted.trials}".encode()).hexdigest()
 
-    def begun(self) -> tuple[BlockSequence, Attempts]:
+    def begin(self) -> tuple[BlockSequence, Attempts]:
         """Begin the session."""
         if self.path.exists() and not self.config.session.ready:
             console.print(
@@ -123,7 +123,7 @@ class Planned:
         attempts = Attempts(lambda config: Journal.create(self._path(config), self.header(config.session)))
         return BlockSequence(self.blocks(self.config.session), self.blocks), attempts
 
-    def resumed(self, ask: Callable[[str], bool]) -> tuple[BlockSequence, Attempts]:
+    def resume(self, ask: Callable[[str], bool]) -> tuple[BlockSequence, Attempts]:
         """Resume the session where it was interrupted, if `ask` confirms what it is shown."""
         journal, header, entries, torn = Journal.reopen(self.path)
         try:

@@ -9,13 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.config import SIDES, Config, Side
-from netboard.base.tick import TICK
+from netboard.base.tick import TICK_WORDS
 from netboard.nodes.rehearsal.body import Body, plan
 from netboard.nodes.rehearsal.closed_loop import DECISION_TICKS, SimulatedParticipant
 from netboard.participants.policy import SIMULATED_PARTICIPANT, identity_of
 
-_AT = {name: place for place, name in enumerate(TICK.names or ())}
-_TICK, _TIME = _AT["tick"], _AT["time_ns"]
+_TICK, _TIME = TICK_WORDS["tick"], TICK_WORDS["time_ns"]
 
 
 class Robot:
@@ -26,8 +25,8 @@ class Robot:
 
     def __init__(self, config: Config, side: Side) -> None:
         self.side = side
-        moved = config.block.left if side == "left" else config.block.right
-        who = None if moved == "still" else config.participant
+        mover = config.block.left if side == "left" else config.block.right
+        who = None if mover == "still" else config.participant
         self.identity = identity_of("held still" if who is None else SIMULATED_PARTICIPANT, who)
         seed = (config.block.seed, config.block.number, SIDES.index(side))
         Body(config, side, config.participant, np.random.default_rng(seed)).warm()
@@ -50,10 +49,10 @@ class Robot:
         """Take what the hand sees and feels in a finished tick, and perhaps begin a movement."""
         if self._participant is None:
             return
-        told = self._body.apply_force(words)
+        force = self._body.apply_force(words)
         tick = int(words[_TICK])
         if tick % DECISION_TICKS == 0:
-            moves = self._participant.decide(words, told)
+            moves = self._participant.decide(words, force)
             plan(self._body.bodies, moves, len(moves))
         if self._participant.shown(tick + 1) == tick:
             self._participant.see(words)

@@ -14,7 +14,7 @@ import numpy as np
 
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES
-from netboard.base.tick import HEARTBEAT_TICKS, TICK, TICK_NS
+from netboard.base.tick import HEARTBEAT_TICKS, TICK, TICK_NS, TICK_WORDS
 from netboard.network.protocol.codec import encode
 from netboard.network.protocol.records import TickRecord
 from netboard.network.transport import sockets
@@ -53,8 +53,7 @@ DEADLINE_MARGIN_NS, MAX_POSTPONED = 400_000, 4
 ANSWER_NS = 4_000_000
 """Interval between answers to operators, one answer at a time; an answer takes a fifth of a tick [ns]."""
 
-_AT = {name: place for place, name in enumerate(TICK.names or ())}
-_COMMAND, _EVENT, _TICK, _TIME = (_AT[name] for name in ("command", "event", "tick", "time_ns"))
+_COMMAND, _EVENT, _TICK, _TIME = (TICK_WORDS[name] for name in ("command", "event", "tick", "time_ns"))
 _STOPPED, _TRIPPED = 3 * samples.STOPPED, 3 * samples.TRIPPED
 _RECORD_HEAD = encode(TickRecord(bytes(TICK.itemsize)))[: -TICK.itemsize]
 
@@ -87,7 +86,7 @@ class Session:
         self.sleeps = False  # whether no other session runs in the loop
         self._undisturbed = False  # whether the next ticks can be run in one call
         self._run = np.zeros(1, RUN)
-        self._unhandled, self._deferred_due_ns, self._answer_ns = False, 0, 0
+        self._control_unread, self._deferred_due_ns, self._answer_ns = False, 0, 0
         self._postponed = 0
 
     @property
@@ -123,19 +122,19 @@ class Session:
             self.records.continue_ending(now)
             clock.wake_ns = now + TICK_NS
             return
-        self._unhandled |= control
+        self._control_unread |= control
         ended = self._run_undisturbed() if self._undisturbed else None
         if ended == WAITS:
             clock.wake_ns = int(self._run["wake_ns"][0])
             return
-        if ended == STEPS:
-            self._tick(clock.due_ns, int(self._run["late_ns"][0]), int(self._run["found"][0]))
-        elif ended != DONE:
-            self._tick_if_due(motion)
-        if ended == DONE:  # all has been read
+        if ended == DONE:  # the compiled call has read the motion channel until it was empty
             self._motion.probe_clocks()
             complete = bool(self._run["wake_ns"] < self._run["due_ns"])
         else:
+            if ended == STEPS:
+                self._tick(clock.due_ns, int(self._run["late_ns"][0]), int(self._run["found"][0]))
+            else:
+                self._tick_if_due(motion)
             complete = self._motion.drain(now_ns, clock.due_ns)
         self._do_deferred_work(now_ns())
         if state.end_requested:
@@ -151,7 +150,7 @@ class Session:
         clock, idle = self._clock, self._state.idle
         complete = self._motion.drain(now_ns, clock.due_ns, motion)
         now = now_ns()
-        if moved_ns := clock.catch_up(now, idle):
+        if moved_ns := clock.skip_backlog(now, idle):
             self._state.note("stood_still", {"milliseconds": f"{moved_ns / TICK_NS:.0f}"})
         if idle:
             self._idle_ticks(now)
@@ -162,7 +161,7 @@ class Session:
         """Set when the session runs next; a run that sleeps itself begins at once."""
         clock, idle = self._clock, self._state.idle
         clock.sleep(idle, complete, alone=idle and self._state.alone)
-        if self._unhandled or self._motion.unhandled:
+        if self._control_unread or self._motion.unhandled:
             clock.wake_ns = min(clock.wake_ns, self._deferred_due_ns)
         if self._undisturbed and self.sleeps:
             clock.wake_ns = 0
@@ -186,7 +185,7 @@ class Session:
         self._deferred_due_ns = now + TICK_NS
         self._motion.attend(now, self._clock.due_ns)
         # Its signal comes only once, so it is read until drain() says that nothing is left.
-        self._unhandled = self._unhandled and self._control.drain(now_ns)
+        self._control_unread = self._control_unread and self._control.drain(now_ns)
         if now >= self._answer_ns:
             self._answer_ns = now + ANSWER_NS
             self._control.answer(self._answers)
@@ -223,14 +222,14 @@ class Session:
         assert state.block.run is not None
         if state.end_requested:
             run["until"] = run["number"]
-        elif self._unhandled:
+        elif self._control_unread:
             run["until"] = run["number"] + 1
-        self._motion.fast.watch(NO_FILE if self._unhandled else self.files[1])
+        self._motion.fast.watch(NO_FILE if self._control_unread else self.files[1])
         scene = (state.stage, state.rows, state.words, stage.book, stage.tables)
         ended = self._motion.run(state.block.run, scene, self._run, stage.delay)
         if ended == WAITS:
             return ended
-        self._unhandled |= ended == INTERRUPTED
+        self._control_unread |= ended == INTERRUPTED
         clock.late_ticks += int(run["late_ticks"])
         run["late_ticks"] = 0
         if count := int(run["number"]) - state.number:
@@ -241,15 +240,9 @@ class Session:
             self._motion.read_other_frame(now_ns(), clock.due_ns)
         return ended
 
-    def _tick(self, due_ns: int, late_ns: int, found: int = -1) -> None:
-        """Run one tick by steps; ``found``: what its samples tell if they have been taken, -1 if not."""
-        self._tick_by_steps(self._state.number, due_ns, late_ns, found)
-        self._clock.began(late_ns)
-        self._follow_up(1)
-
     def _follow_up(self, count: int) -> None:
-        """Do what follows some ticks."""
-        self._count(count)
+        """Finish some ticks, and do the periodic work if it is due."""
+        self._finish_ticks(count)
         if (self._state.number - 1) % HOUSEKEEPING_TICKS == 0:
             self._housekeeping()
         else:
@@ -274,9 +267,13 @@ class Session:
             return False
         return (state.felt or state.number % HEARTBEAT_TICKS != 0) and self._no_command_due
 
-    def _tick_by_steps(self, number: int, due_ns: int, late_ns: int, found: int) -> None:
-        """Run one tick; ``found``: what its samples tell if they have been taken, -1 if not."""
+    def _tick(self, due_ns: int, late_ns: int, found: int = -1) -> None:
+        """Run one tick step by step.
+
+        ``found``: what `samples.fill` returned for it; -1 if the samples have not been taken yet.
+        """
         state = self._state
+        number = state.number
         self._blocks.change_if_due(number)
         block = state.block
         words = state.words[number % RING_ROWS]
@@ -297,6 +294,8 @@ class Session:
             self._motion.send_heartbeat(number, now_ns(), at_once=active and halted)
         for robot in block.robots:
             robot.take(words)
+        self._clock.began(late_ns)
+        self._follow_up(1)
 
     def _idle_ticks(self, now: int) -> None:
         """Run all due ticks together; a command takes effect at the last one."""
@@ -310,7 +309,7 @@ class Session:
         self._advance_idle(first, count - 1)
         state.words[last % RING_ROWS, _COMMAND] = self._command(0)
         state.block.stage.advance(state.stage, state.rows, last, 1)
-        self._count(1)
+        self._finish_ticks(1)
         self._housekeeping()
 
     def _fill_idle(self, first: int, count: int, due_ns: int) -> None:
@@ -332,7 +331,7 @@ class Session:
         state.block.stage.advance(state.stage, state.rows, first, count)
         words = state.words[np.arange(first, first + count) % RING_ROWS]
         if words[:, _EVENT].any():
-            self._count(count)
+            self._finish_ticks(count)
             return
         if state.operators.opened and count:
             rows = words.data.cast("B")
@@ -341,7 +340,7 @@ class Session:
         state.number += count
         self._clock.advance(count)
 
-    def _count(self, count: int) -> None:
+    def _finish_ticks(self, count: int) -> None:
         """Log the finished ticks, handle their events, and publish the views."""
         state = self._state
         for number in range(state.number, state.number + count):
@@ -415,5 +414,5 @@ class Session:
         state.attempts.poll(state.rows, state.number)
         state.missing = state.find_missing()
         self._control.pump(now)
-        self._unhandled = True  # look at the control channel even without a signal, which may have been missed
+        self._control_unread = True  # look at the control channel even without a signal, which may have been missed
         self.records.keep(now)

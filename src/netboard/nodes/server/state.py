@@ -93,7 +93,7 @@ class SessionState:
     def enter_block(self) -> None:
         """Make the current block of the sequence that of the session."""
         block = self.block = self.sequence.block
-        self.stage = block.stage.initial(**self.attempts.place(block.config.block.number))
+        self.stage = block.stage.initial(**self.attempts.start_of(block.config.block.number))
         self._phase_word = self.stage.view(np.int64)[(STATE.names or ()).index("phase") :]
         for side in SIDES:  # with a force delay the first ticks would otherwise send forces of the last block
             self.rows[f"{side}_force"] = 0.0
@@ -145,7 +145,7 @@ class SessionState:
         return self.ports.log.trouble if self.block.config.network.require_logger else ""
 
     def update_arming(self, events: list[Event]) -> None:
-        """Record the events of an emergency stop; the next heartbeat carries it to the devices."""
+        """Allow or forbid arming, as the next heartbeat tells the devices; record the events of an emergency stop."""
         self.ports.motion.may_arm = self.operators.armed and not self.emergency_stop.halted
         for name, details in events:
             self.note(name, details)

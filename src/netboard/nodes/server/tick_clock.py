@@ -52,7 +52,7 @@ class TickClock:
         """Count a tick that began this long after its deadline [ns], if that is a deadline miss."""
         self.late_ticks += late_ns > LATE_NS
 
-    def catch_up(self, now_ns: int, idle: bool) -> int:
+    def skip_backlog(self, now_ns: int, idle: bool) -> int:
         """Move the deadlines if the loop was held up too long; return by how much [ns]."""
         behind_ns = now_ns - self.due_ns
         if behind_ns <= (CATCH_UP_TICKS + (NO_PEER_TICKS if idle else 0)) * TICK_NS:

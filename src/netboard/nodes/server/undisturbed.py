@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from netboard.base.compiled import composed, kernel, machine_code, waiting
-from netboard.base.tick import LATE_NS, TICK, TICK_NS
+from netboard.base.tick import LATE_NS, TICK, TICK_NS, TICK_WORDS
 from netboard.network.protocol import fixed
 from netboard.network.transport import fastpath
 from netboard.nodes.ports import samples
@@ -53,7 +53,7 @@ RUN = np.dtype(
 """A run of undisturbed ticks."""
 
 _BEHIND_NS = CATCH_UP_TICKS * TICK_NS
-_EVENT, _TRIAL = ((TICK.names or ()).index(name) for name in ("event", "trial"))
+_EVENT, _TRIAL = TICK_WORDS["event"], TICK_WORDS["trial"]
 _HEAD, _MARKERS = fixed.FORCE[:2]
 _SAMPLE_HEAD, _SAMPLE_MARKERS = fixed.STYLUS[:2]
 _BROKEN = fastpath.FAILED
@@ -78,47 +78,47 @@ def _wake(agents: Any, due_ns: int) -> int:
     return due_ns if awaited(agents) else due_ns - EARLIEST_NS
 
 
-def _run(motion: Any, stage: Any, run: Any, delay: int, timeout_ns: int) -> int:
+def _run(motion: Any, stage: Any, runs: Any, delay: int, timeout_ns: int) -> int:
     """Run ticks while their samples are in order, and send both forces of each.
 
-    ``motion``, ``stage``: as in `run_of`. Returns why it returns.
+    ``motion``, ``stage``, ``runs``: as in `run_of`. Returns why it returns.
     """
     fast, agents, gains, _, _, unregistered, frame, numbers = motion
     state, rows, words, book, tables = stage
-    us = run[0]
-    while us["number"] < us["until"]:
-        due_ns = us["due_ns"]
+    run = runs[0]
+    while run["number"] < run["until"]:
+        due_ns = run["due_ns"]
         found = _take(motion, due_ns, True)
-        us["wake_ns"] = _wake(agents, due_ns)
-        wait_ns = us["wake_ns"] - fastpath.now_ns(fast)
+        run["wake_ns"] = _wake(agents, due_ns)
+        wait_ns = run["wake_ns"] - fastpath.now_ns(fast)
         begins = wait_ns <= 0 and not found & _UNREAD
         if begins:
-            number = us["number"]
+            number = run["number"]
             row, late_ns = words[number % len(words)], fastpath.now_ns(fast) - due_ns
             if late_ns > _BEHIND_NS:
                 return INTERRUPTED
-            us["late_ns"], us["found"] = late_ns, fill(row, agents, number, due_ns, late_ns, timeout_ns)
-            if us["found"] & us["relevant"] != us["fine"]:
+            run["late_ns"], run["found"] = late_ns, fill(row, agents, number, due_ns, late_ns, timeout_ns)
+            if run["found"] & run["relevant"] != run["fine"]:
                 return STEPS
             _ticks(state, rows, number, 1, book, tables)
             sent = commanded_tick(number, delay, row[_TRIAL], book[0]["rendering"]["catch"])
             commanded, form = words[sent % len(words)], (_HEAD, _MARKERS)
-            if us["forces"] and send_forces(fast, frame, row, commanded, agents, gains, *form, numbers) == _BROKEN:
+            if run["forces"] and send_forces(fast, frame, row, commanded, agents, gains, *form, numbers) == _BROKEN:
                 return FAILED
-            us["late_ticks"] += late_ns > LATE_NS
-            us["number"], us["due_ns"] = number + 1, due_ns + TICK_NS
+            run["late_ticks"] += late_ns > LATE_NS
+            run["number"], run["due_ns"] = number + 1, due_ns + TICK_NS
             if row[_EVENT]:
-                us["until"] = number + 1
-        if begins or (us["wake_ns"] < due_ns and not found & _UNREAD):  # an unread message must not be overwritten
-            found = _take(motion, us["due_ns"], False)  # the socket signals again once it is empty
-            us["wake_ns"] = _wake(agents, us["due_ns"])
+                run["until"] = number + 1
+        if begins or (run["wake_ns"] < due_ns and not found & _UNREAD):  # an unread message must not be overwritten
+            found = _take(motion, run["due_ns"], False)  # the socket signals again once it is empty
+            run["wake_ns"] = _wake(agents, run["due_ns"])
         if found & _UNREAD:
             return FAILED if found & samples.FAILED else MESSAGE
         if unregistered[0]["kept"] or unregistered[0]["dropped"]:
             return INTERRUPTED
         if begins:
             continue
-        if not us["sleeps"]:
+        if not run["sleeps"]:
             return WAITS
         if fastpath.sleep(fast, wait_ns):
             return INTERRUPTED

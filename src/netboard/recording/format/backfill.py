@@ -26,14 +26,14 @@ class Backfilled:
     """All reports of a recording's agents on ticks without a sample."""
 
     def __init__(self, records: Iterable[BackfillRecord]) -> None:
-        told: dict[str, list[NDArray[Any]]] = {side: [] for side in SIDES}
+        reported: dict[str, list[NDArray[Any]]] = {side: [] for side in SIDES}
         for record in records:
-            if record.side not in told or len(record.rows) % RENDERED.itemsize:
+            if record.side not in reported or len(record.rows) % RENDERED.itemsize:
                 raise RecordingError(f"backfill record {record.seq}: not made of whole rows of one side")
             rows = np.frombuffer(record.rows, RENDERED).copy()
             rows["stamp_ns"] -= record.offset_ns
-            told[record.side].append(rows)
-        self._rows = {side: _sorted(parts) for side, parts in told.items()}
+            reported[record.side].append(rows)
+        self._rows = {side: _sorted(parts) for side, parts in reported.items()}
 
     def fill(self, ticks: Mapping[str, NDArray[Any]] | NDArray[Any]) -> None:
         """Fill in the known rendered forces and safeguards, in place.

@@ -12,7 +12,7 @@ chunks is built. A reader can then find a trial without reading the whole record
 """
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from math import isnan, nan
 from typing import Any
@@ -21,12 +21,12 @@ import msgpack
 import numpy as np
 from numpy.typing import NDArray
 
+from netboard.base.compiled import waiting
 from netboard.base.errors import RecordingError
-from netboard.base.tick import TICK, TICK_NS, joined
+from netboard.base.tick import TICK, TICK_NS, TICK_WORDS, joined
 from netboard.recording.format.channels import IDS, PLOTTED, PLOTTED_EVERY, TICK_FIELDS, Stamped, unpack
 from netboard.recording.format.partfile import PartFile
-from netboard.recording.format.planes import WORD, join, split
-from netboard.recording.format.predictions import CONSTANTS, PREDICTIONS, known, predict, uses
+from netboard.recording.format.predictions import CONSTANTS, PREDICTIONS, predict, require_known, uses
 from netboard.recording.format.summary import Attempt, find_attempts
 
 ATTEMPTS_NAME = "netboard.attempts.json"
@@ -38,8 +38,15 @@ PLACES_NAME = "netboard.places"
 PLACES = np.dtype([("chunk", "<i8"), ("first", "<i8"), ("last", "<i8"), ("count", "<i8")])
 """One chunk with ticks: its file offset, its first and last tick number, and its tick count."""
 
-_SHARE_OF_CHUNK = 0.75
+WORD = 8
+"""Size of a word, in bytes [1]."""
+
+_SHARE_OF_CHUNK = 0.75  # that a batch may take, which leaves room for its plotted ticks and other messages
 _BITS = np.dtype("<i8")
+_ORDERS = np.array([field.differences for field in TICK_FIELDS])
+_DIFFERENCED = [np.flatnonzero(times < _ORDERS) for times in range(_ORDERS.max())]
+"""Columns that each pass of differencing takes: those of first order and above, of second and above, and so on."""
+
 _KEYS = ("phase", "trial", "attempt")
 _PLOT = np.dtype(
     [("time_ns", "<i8"), *((field.name, "<i8" if field.kind == "integer" else "<f4") for field in PLOTTED)]
@@ -50,22 +57,37 @@ def pack(rows: NDArray[Any], constants: Mapping[str, float]) -> bytes:
     """Encode ticks as the columns of a batch. ``constants``: numbers that predictions use."""
     words = rows.view(_BITS).reshape(len(rows), len(TICK_FIELDS)).T.copy()
     columns = {field.name: column.view(TICK[field.name]) for field, column in zip(TICK_FIELDS, words, strict=True)}
-    wrong = words.copy()
+    residuals = words.copy()
     for name, guess in predict(PREDICTIONS, columns, constants, np.zeros(1, np.int64)):
-        wrong[_PLACE[name]] -= guess
-    for smooth in _rounds(_ORDERS):
-        wrong[smooth, 1:] = np.diff(wrong[smooth], axis=1)
-    return split(wrong)
+        residuals[TICK_WORDS[name]] -= guess
+    for smooth in _DIFFERENCED:
+        residuals[smooth, 1:] = np.diff(residuals[smooth], axis=1)
+    folded = (residuals << 1) ^ (residuals >> 63)
+    return folded.view(np.uint8).reshape(*folded.shape, WORD).transpose(0, 2, 1).tobytes()
 
 
-def _rounds(orders: NDArray[np.int64]) -> Iterator[NDArray[np.intp]]:
-    """Yield the columns to difference in each pass."""
-    for times in range(1, 1 + max(orders, default=0)):
-        yield np.flatnonzero(orders >= times)
+@waiting
+def unpack_columns(planes: Any, places: Any, orders: Any, folded: bool, words: Any, first: int) -> None:
+    """Decode some columns of a batch: join their byte planes, unfold the signs, and undo the differences.
 
-
-_ORDERS = np.array([field.differences for field in TICK_FIELDS])
-_PLACE = {field.name: place for place, field in enumerate(TICK_FIELDS)}
+    ``planes``: uint8 of shape (columns, WORD, n). ``places``: the k columns to read. ``orders``: how often each was
+    differenced. ``words``: int64 of shape (k, m), where they are written from ``first`` on.
+    """
+    count = planes.shape[2]
+    for c in range(len(places)):
+        column = planes[places[c]]
+        for k in range(count):
+            word = np.uint64(0)
+            for byte in range(WORD):
+                word |= np.uint64(column[byte, k]) << np.uint64(8 * byte)
+            words[c, first + k] = np.int64(word)
+        if folded:
+            for k in range(first, first + count):
+                word = np.uint64(words[c, k])
+                words[c, k] = np.int64(word >> np.uint64(1)) ^ -np.int64(word & np.uint64(1))
+        for _ in range(orders[c]):
+            for k in range(first + 1, first + count):
+                words[c, k] += words[c, k - 1]
 
 
 class Layout:
@@ -78,9 +100,9 @@ class Layout:
             self._names = [str(column["name"]) for column in columns]
             self._orders = np.array([int(column["differences"]) for column in columns], np.int64)
             self._kinds = {str(column["name"]): np.dtype(str(column["type"])) for column in columns}
-            self._predictions = known(described.get("predictions", {}), (*self._names, *described.get("constants", ())))
-            self._folded = bool(described.get("folded", False))
             self._constants = tuple(described.get("constants", ()))
+            self._predictions = require_known(described.get("predictions", {}), (*self._names, *self._constants))
+            self._folded = bool(described.get("folded", False))
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise RecordingError(f"the schema of its ticks does not describe their columns ({error})") from None
         for name, kind in self._kinds.items():
@@ -96,7 +118,7 @@ class Layout:
         starts = np.cumsum(counts) - counts
         words = np.empty((len(there), counts.sum()), np.int64)
         for (planes, _), start in zip(batches, starts, strict=True):
-            join(planes, there, self._orders[there], self._folded, words, start)
+            unpack_columns(planes, there, self._orders[there], self._folded, words, start)
         stored = [self._names[place] for place in there]
         columns = {name: column.view(self._kinds[name]) for name, column in zip(stored, words, strict=True)}
         predictions = {name: text for name, text in self._predictions.items() if name in needed}

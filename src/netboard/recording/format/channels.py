@@ -377,7 +377,7 @@ def record_of(frame: bytes) -> Record:
     return record
 
 
-def begun(record: Record) -> str:
+def block_config(record: Record) -> str:
     """Return the configuration of the block that begins with this record, or an empty string if none does."""
     return record.details.get("config", "") if isinstance(record, EventRecord) and record.name == BLOCK_BEGAN else ""
 

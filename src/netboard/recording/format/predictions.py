@@ -103,7 +103,7 @@ def constants_of(config: Config) -> dict[str, float]:
     return found
 
 
-def known(predictions: Mapping[str, str], given: Iterable[str]) -> dict[str, str]:
+def require_known(predictions: Mapping[str, str], given: Iterable[str]) -> dict[str, str]:
     """Return the predictions of a file's schema; refuse those that this version does not have, or cannot evaluate.
 
     ``given``: names of the file's columns and constants. A reader must never execute a text from a file.

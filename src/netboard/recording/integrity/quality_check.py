@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from netboard.network.protocol.motion import Safeguard
 from netboard.recording.files.reader import Recording
-from netboard.task.trials.quality import SEEN, Referee, Verdict
+from netboard.task.trials.quality import FIELDS_NEEDED, Referee, Verdict
 
 _PORTION = 100
 """Ticks per batch: fewer than the delay after which the server knows every frame [1]."""
@@ -19,13 +19,13 @@ _PORTION = 100
 
 def judged(recording: Recording) -> tuple[Verdict, ...]:
     """Judge every completed attempt in a recording."""
-    return judged_along(recording, recording.batches(names=SEEN, as_sent=True))
+    return judged_along(recording, recording.batches(names=FIELDS_NEEDED, as_sent=True))
 
 
 def judged_along(recording: Recording, portions: Iterable[NDArray[Any]]) -> tuple[Verdict, ...]:
     """Judge every completed attempt while the ticks are read for another purpose.
 
-    ``portions``: all ticks in order, with at least the fields in `netboard.task.trials.quality.SEEN`.
+    ``portions``: all ticks in order, with at least the fields in `netboard.task.trials.quality.FIELDS_NEEDED`.
     """
     referee = Referee(recording.config, Safeguard.CLAMPED)
     frames = sorted(recording.frames(), key=attrgetter("tick"))

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.errors import RecordingError
-from netboard.base.tick import OUTPUT, STATE, TICK
+from netboard.base.tick import OUTPUT, STATE, TICK, TICK_WORDS
 from netboard.recording.files.reader import Recording
 from netboard.stage.stage import Stage, make_stage
 
@@ -40,7 +40,6 @@ class Verification:
 
 _STATE = STATE.names or ()
 _RESULTS = [*_STATE, *(OUTPUT.names or ())]
-_PLACES = {name: place for place, name in enumerate(TICK.names or ())}
 
 
 def verify(stage: Stage, ticks: NDArray[Any]) -> Verification:
@@ -138,7 +137,7 @@ def _first_difference(recorded: NDArray[Any], computed: NDArray[Any]) -> tuple[i
     """Return row index and field of the first value that is not bit-identical, in the order of the computation."""
     differs = as_words(recorded) != as_words(computed)
     i = int(np.argmax(differs.any(axis=1)))
-    return i, next(name for name in _RESULTS if differs[i, _PLACES[name]])
+    return i, next(name for name in _RESULTS if differs[i, TICK_WORDS[name]])
 
 
 def why_not(recording: Recording) -> str:

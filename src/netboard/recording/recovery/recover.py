@@ -38,7 +38,7 @@ from netboard.recording.files.provenance import (
 )
 from netboard.recording.format import older
 from netboard.recording.format.batches import Layout, TickStream
-from netboard.recording.format.channels import CHANNELS, FORMAT_VERSION, IDS, Stamped, begun, unpack
+from netboard.recording.format.channels import CHANNELS, FORMAT_VERSION, IDS, Stamped, block_config, unpack
 from netboard.recording.format.chunks import MAGIC, RECORD_HEAD, UNSOUND, messages, unpack_chunk
 from netboard.recording.format.partfile import PartFile
 from netboard.recording.format.predictions import UNKNOWN, constants_of
@@ -247,7 +247,7 @@ def _config_of_event(data: mmap.mmap | bytes, chunks: Sequence[Span]) -> Attachm
     """Return the copy of the configuration in the event with which the server began the block; None without one."""
     for chunk in chunks:
         for entry in messages(unpack_chunk(data[chunk.start + RECORD_HEAD.size : chunk.stop])):
-            if _TOPICS.get(entry.channel_id) == "/event" and (text := begun(EventRecord(**unpack(entry.data)))):
+            if _TOPICS.get(entry.channel_id) == "/event" and (text := block_config(EventRecord(**unpack(entry.data)))):
                 return Attachment(entry.log_time_ns, entry.log_time_ns, CONFIG_NAME, "application/toml", text.encode())
     return None
 

@@ -27,7 +27,7 @@ from netboard.network.protocol.records import (
 from netboard.recording.files.provenance import provenance
 from netboard.recording.files.reader import Recording
 from netboard.recording.files.writer import RecordingWriter
-from netboard.recording.format.channels import begun, record_of, stamped
+from netboard.recording.format.channels import block_config, record_of, stamped
 from netboard.recording.format.summary import find_gaps
 from netboard.recording.recovery.recover import Damage, Report, account_for, mapped, recover, recovered_path
 from netboard.recording.recovery.spill import MAGIC, OPENED, read_spill
@@ -135,7 +135,7 @@ class _Blocks:
             return
         if not isinstance(record, FrameRecord | BackfillRecord):  # time stamps of these two refer to the past
             self._now = max(self._now, _server_ns(record) + self._utc_ns - self._opened.time_ns)
-        if writer.next_record is not None and (config := begun(record)):
+        if writer.next_record is not None and (config := block_config(record)):
             self._finish()
             self._open(config)
         self._made[-1].write(record, number, self._now)

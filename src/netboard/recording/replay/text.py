@@ -15,7 +15,7 @@ from netboard.recording.integrity.verification import Verification
 from netboard.recording.replay.loaded import LoadedRecording
 from netboard.recording.replay.position import clock
 from netboard.task.studies.factors import BlockFactor, design_of, factors_of, role_of
-from netboard.task.trials.quality import WORDS, Verdict
+from netboard.task.trials.quality import FLAGS, Verdict
 
 _SIDES = {-1: "left", 0: "unknown", 1: "right"}
 
@@ -142,7 +142,7 @@ def quality_table(verdicts: Sequence[Verdict]) -> FittedTable:
     title = f"Flagged attempts: {len(flagged)} of {len(verdicts)}"
     table = FittedTable(*numbers("trial", "attempt"), "outcome", "flag", "reason", title=title, header=bool(flagged))
     for verdict in flagged:
-        words, sentences = "\n".join(verdict.flags), "\n".join(WORDS[word] for word in verdict.flags)
+        words, sentences = "\n".join(verdict.flags), "\n".join(FLAGS[word] for word in verdict.flags)
         table.add_row(str(verdict.trial), str(verdict.attempt), verdict.outcome, words, sentences)
     return table
 

@@ -15,12 +15,10 @@ from pydantic import TypeAdapter, ValidationError
 
 from netboard.base.errors import RecordingError
 from netboard.base.settings import FORBID_UNKNOWN_KEYS
+from netboard.task.trials.state_machine import Outcome
 
 FORMAT = 1
 """Version of the journal's format, incremented when an older reader would misread a line [1]."""
-
-Outcome: TypeAlias = Literal["success", "fell", "timed_out", "aborted", "paused", "skipped"]
-"""Outcome of an attempt."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +147,7 @@ class AttemptEnded:
     completion : float or None
         Completion time; None without a success [s].
     flags : tuple of str
-        Flags from `netboard.task.trials.quality.WORDS`.
+        Flags from `netboard.task.trials.quality.FLAGS`.
     repeats : int
         Number of the trial that this one repeats; 0 for none [1].
     again : bool

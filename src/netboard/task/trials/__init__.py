@@ -8,4 +8,14 @@ trial : int
     Number of the trial in the block, from 1 [1].
 present : int
     Number of the current trial [1].
+phase : int
+    The present `netboard.task.trials.state_machine.Phase` [1].
+extra : int
+    Trials that operators have added to the block [1].
+block_ticks : int
+    Duration of the block so far, in ticks [1].
+config : Config
+    The configuration of the block.
+outcome : str
+    A `netboard.task.trials.state_machine.Outcome`.
 """

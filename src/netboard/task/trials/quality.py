@@ -1,7 +1,7 @@
 """Flag attempts by quality rules declared in advance (`netboard.base.tables.experiment.Quality`).
 
 A `Referee` gets the rows of the ticks, in chunks of any size, and the frames that the displays have painted. At the
-tick that ends an attempt it returns a `Verdict` with the flags that apply, from `WORDS`. The server does this live;
+tick that ends an attempt it returns a `Verdict` with the flags that apply, from `FLAGS`. The server does this live;
 `netboard.recording.integrity.quality_check` does it over a recording, with the same result.
 
 Here an attempt lasts from the release of the ball to its end, the hold included. Its counts are in one record of
@@ -20,13 +20,13 @@ from netboard.base.compiled import inlined, kernel
 from netboard.base.config import SIDES, Config
 from netboard.base.tables.experiment import Block, Quality
 from netboard.base.tick import LATE_NS, TICK, TICK_NS, TICK_SECONDS
-from netboard.task.trials.state_machine import SUCCESSOR, Cause, Phase
+from netboard.task.trials.state_machine import OUTCOMES, SUCCESSOR, Cause, Phase
 
 REPORT_TICKS = 700
 """Longest delay with which the server learns of a painted frame, in ticks: displays report twice a second [1]. So the
 last ticks of an attempt cannot be used to judge displays; in a success, the ball is then already in the hold."""
 
-WORDS: dict[str, str] = {
+FLAGS: dict[str, str] = {
     "late_ticks": "too many deadline misses of the server (later than half a millisecond)",
     "lost_samples": "a stylus had no fresh sample for too large a share of the time",
     "missing_ticks": "too many ticks are missing in the recording",
@@ -66,11 +66,11 @@ TALLY = np.dtype(
 )
 """Counts of an attempt, and the state kept from the previous tick."""
 
-SEEN = (
+FIELDS_NEEDED = (
     *("tick", "trial", "attempt", "phase", "event", "run_ticks", "mark_ticks", "theta", "late_ns"),
     *(f"{side}_{name}" for name in ("live", "stamp_ns", "sent_z", "used_z", "safeguards") for side in SIDES),
 )
-"""Fields of a tick that the rules need."""
+"""Fields of a tick that the rules read."""
 
 _RUNNING, _HOLDING = int(Phase.RUNNING), int(Phase.HOLDING)
 _CAUSES = len(Cause)
@@ -127,7 +127,7 @@ def tally(acc: Any, rows: Any, first: int, count: int, stylus_range: float, clam
     acc : ndarray of TALLY, shape (1,)
         Counts so far; changed in place. ``ended`` is 1 if the last counted tick has ended the attempt.
     rows : ndarray of TICK, shape (n,)
-        Ring buffer of rows with their outputs; the fields of `SEEN` are enough.
+        Ring buffer of rows with their outputs; the fields of `FIELDS_NEEDED` are enough.
     first : int
         Number of the first tick; its row is ``first % n`` [1].
     count : int
@@ -216,20 +216,20 @@ def judge(t: Any, completion: float, frame_gap: float, rules: Quality, block: Bl
     Parameters
     ----------
     t : TALLY record
-        Counts of the attempt.
+        Counts of the ended attempt.
     completion : float
         Completion time; NaN without a success [s].
     frame_gap : float
         Longest time for which a display showed nothing new [s].
     rules : Quality
-        The rules.
+        The limits of the block's table ``[quality]``.
     block : Block
         The block; it says who moves each side.
 
     Returns
     -------
     tuple of str
-        Flags, in the order of `WORDS`; empty if no rule applies.
+        Flags, in the order of `FLAGS`; empty if no rule applies.
     """
     movers = (block.left, block.right)
     moved = [side for side, mover in enumerate(movers) if mover != "still"]
@@ -252,19 +252,7 @@ def judge(t: Any, completion: float, frame_gap: float, rules: Quality, block: Bl
         "too_long": completion > rules.longest,
         "frozen_display": frame_gap * 1e3 > rules.frozen_ms,
     }
-    return tuple(word for word in WORDS if found[word])
-
-
-_OUTCOMES = {
-    Cause.HELD: "success",
-    Cause.FELL: "fell",
-    Cause.TIMED_OUT: "timed_out",
-    Cause.ABORT: "aborted",
-    Cause.STOP: "aborted",
-    Cause.PAUSE: "paused",
-    Cause.FAULT: "paused",
-}
-"""Outcome of an attempt by the cause that ended it; any other cause means that the trial was skipped."""
+    return tuple(word for word in FLAGS if found[word])
 
 
 @dataclass(frozen=True, slots=True)
@@ -282,7 +270,7 @@ class Verdict:
     completion : float
         Completion time; NaN without a success [s].
     flags : tuple of str
-        Flags from `WORDS`.
+        Flags from `FLAGS`.
     """
 
     trial: int
@@ -296,7 +284,7 @@ class Verdict:
     @property
     def outcome(self) -> str:
         """Outcome of the attempt, as in `netboard.network.protocol.control.Outcomes`."""
-        return _OUTCOMES.get(self.cause, "skipped")
+        return OUTCOMES[self.cause]
 
 
 class Referee:
@@ -304,8 +292,6 @@ class Referee:
 
     Parameters
     ----------
-    config : Config
-        The block's configuration.
     clamped : int
         Bit of the safeguards for a force at its limit [1].
 
@@ -336,9 +322,9 @@ class Referee:
         Parameters
         ----------
         station : str
-            ``left`` or ``right``.
+            Station of the display, ``left`` or ``right``.
         tick : int
-            Tick of the view [1].
+            Number of the tick that the frame shows [1].
         painted_ns : int
             Paint time on the display's clock [ns].
         """
@@ -348,12 +334,12 @@ class Referee:
                 frames.append((tick, painted_ns))
 
     def watch(self, rows: NDArray[Any], first: int, count: int) -> list[Verdict]:
-        """Count finished ticks; call it once per tick, in order.
+        """Count finished ticks: each tick once, in order.
 
         Parameters
         ----------
         rows : ndarray of TICK, shape (n,)
-            Ring buffer of rows; the fields of `SEEN` are enough.
+            Ring buffer of rows; the fields of `FIELDS_NEEDED` are enough.
         first : int
             Number of the first tick; its row is ``first % n`` [1].
         count : int

@@ -97,13 +97,11 @@ def wants_repeat(rules: Quality, outcome: str, flags: tuple[str, ...], trial: in
     Parameters
     ----------
     rules : Quality
-        The rules of the block.
-    outcome : str
-        Outcome of the attempt.
+        The quality rules of the block.
     flags : tuple of str
-        Flags of the attempt.
+        The quality flags of the attempt.
     repeats : Repeats
-        Repeats so far.
+        The repeats that were requested or vetoed before.
     """
     wanted = rules.repeat == "flagged" and outcome == "success" and bool(flags)
     return wanted and trial <= repeats.trials and trial not in (*repeats.asked, *repeats.vetoed)

@@ -11,7 +11,7 @@ The diagram in the documentation is drawn from `TABLE`.
 """
 
 from enum import IntEnum
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +58,22 @@ class Cause(IntEnum):
     VETO = 16  # operator: one added trial less
     SKIP = 17  # operator: count this trial as done, without success
 
+
+Outcome: TypeAlias = Literal["success", "fell", "timed_out", "aborted", "paused", "skipped"]
+"""Outcome of an attempt."""
+
+OUTCOMES: dict[Cause, Outcome] = {
+    Cause.HELD: "success",
+    Cause.FELL: "fell",
+    Cause.TIMED_OUT: "timed_out",
+    Cause.ABORT: "aborted",
+    Cause.STOP: "aborted",
+    Cause.PAUSE: "paused",
+    Cause.FAULT: "paused",
+    Cause.SKIP: "skipped",
+    Cause.LAST: "skipped",  # an attempt under way at the end of the block: the last trial was skipped
+}
+"""Outcome of an attempt, by the cause that ends it."""
 
 STAGE_FAULT = "the stage: a value was not finite, or the board stood upright"
 """Reason of a fault that the stage itself detected."""
@@ -158,17 +174,12 @@ RULES = np.dtype(
 
 
 def ticks(seconds: float) -> int:
-    """Return the number of ticks in a duration.
+    """Return the nearest whole number of ticks in a duration [1].
 
     Parameters
     ----------
     seconds : float
-        Duration [s].
-
-    Returns
-    -------
-    int
-        Nearest whole number of ticks [1].
+        The duration [s].
     """
     return round(seconds / TICK_SECONDS)
 
@@ -179,7 +190,7 @@ def pack_rules(task: Task, geometry: Geometry, block: Block) -> NDArray[Any]:
     Parameters
     ----------
     task, geometry, block
-        Tables of the configuration.
+        The configuration's tables ``[task]``, ``[geometry]`` and ``[block]``.
 
     Returns
     -------
@@ -205,11 +216,6 @@ def first_target(config: Config) -> int:
     """Return the side of the first target of the block: -1 left, +1 right [1].
 
     A random side is drawn from the block's seed, so it is reproducible.
-
-    Parameters
-    ----------
-    config : Config
-        The whole configuration.
     """
     match config.block.first_target:
         case "left":
@@ -244,13 +250,7 @@ _NEXT, _LAST, _START, _SKIP = int(Cause.NEXT), int(Cause.LAST), int(Cause.START)
 
 @kernel
 def is_active(phase: int) -> bool:
-    """Return whether a trial is under way, so that haptic feedback is allowed: not before, after or in a pause.
-
-    Parameters
-    ----------
-    phase : int
-        The present `Phase` [1].
-    """
+    """Return whether a trial is under way, so that haptic feedback is allowed: not before, after or in a pause."""
     return _LEVELLING <= phase <= _FAILED
 
 
@@ -262,10 +262,8 @@ def is_level(z: float, theta: float, omega: float, rules: Any) -> bool:
     ----------
     z : float
         Height of the board's centre [m].
-    theta : float
-        Tilt [rad].
-    omega : float
-        Angular velocity [rad/s].
+    theta, omega : float
+        Tilt of the board and its rate [rad, rad/s].
     """
     flat = abs(theta) <= rules["level_angle"] and abs(z) <= rules["level_height"]
     return bool(flat and abs(omega) <= rules["level_rate"])
@@ -273,27 +271,13 @@ def is_level(z: float, theta: float, omega: float, rules: Any) -> bool:
 
 @kernel
 def is_over(block_ticks: int, rules: Any) -> bool:
-    """Return whether the time limit of the block has passed, so that the current attempt is the last.
-
-    Parameters
-    ----------
-    block_ticks : int
-        Duration of the block so far, in ticks [1].
-    """
+    """Return whether the time limit of the block has passed, so that the current attempt is the last."""
     return bool(0 < rules["block_ticks"] <= block_ticks)
 
 
 @kernel
 def is_last(trial: int, extra: int, block_ticks: int, rules: Any) -> bool:
-    """Return whether this trial is the last of the block.
-
-    Parameters
-    ----------
-    extra : int
-        Trials added to the block [1].
-    block_ticks : int
-        Duration of the block so far, in ticks [1].
-    """
+    """Return whether this trial is the last of the block."""
     return bool(trial >= rules["trials"] + extra or is_over(block_ticks, rules))
 
 
@@ -305,8 +289,6 @@ def wished(command: int, trial: int, extra: int, block_ticks: int, rules: Any) -
     ----------
     command : int
         A `Cause`, or any other number [1].
-    trial, extra, block_ticks : int
-        As for `is_last` [1].
 
     Returns
     -------
@@ -334,18 +316,12 @@ def sense(
 
     Parameters
     ----------
-    phase : int
-        The present `Phase` [1].
-    p : float
-        Ball position [m].
-    centre : float
-        Centre of the target [m].
+    p, centre : float
+        Positions of the ball and of the centre of the target, along the board [m].
     counted : int
         Ticks of a level board (levelling) or of the ball in the target (holding), up to and including this one [1].
     run_ticks : int
-        Ticks since the release [1].
-    trial, extra, block_ticks : int
-        As for `is_last` [1].
+        Ticks since the release, up to and including this one [1].
 
     Returns
     -------

@@ -52,19 +52,19 @@ KEYS = (
 class Pane:
     """One recording in the window."""
 
-    def __init__(self, reel: LoadedRecording, station: Side, board: BoardView) -> None:
-        self.reel, self.board = reel, board
+    def __init__(self, recording: LoadedRecording, station: Side, board: BoardView) -> None:
+        self.recording, self.board = recording, board
         self._station = station
-        language = reel.config.display.language
+        language = recording.config.display.language
         self._words = load_words(language if language in LANGUAGES else LANGUAGES[0])
         self._events: TrialEvents | None = None
 
     def show(self, position: float) -> View:
         """Show the view at a position [s], and return it."""
-        view = self.reel.view(self.reel.at(position), self._station)
+        view = self.recording.view(self.recording.at(position), self._station)
         near_by = self._events is not None and 0 <= view.tick - self._events.view.tick < NEAR_TICKS
         self._events = events_after(self._events if near_by else None, view)
-        self.board.show_picture(compose(view, self.reel.config, self._words, self._events.result))
+        self.board.show_picture(compose(view, self.recording.config, self._words, self._events.result))
         return view
 
 
@@ -73,22 +73,22 @@ class PlayerWindow(windows.BoardWindow):
 
     def __init__(
         self,
-        reels: Sequence[LoadedRecording],
+        recordings: Sequence[LoadedRecording],
         station: Side,
         speed: float = 1.0,
         sync: Sync = "time",
         now: Callable[[], float] = lambda: now_ns() * 1e-9,
     ) -> None:
-        super().__init__("netboard replay: " + ", ".join(reel.name for reel in reels))
+        super().__init__("netboard replay: " + ", ".join(recording.name for recording in recordings))
         self._station, self._now = station, now
-        self.pairing = pair(reels, sync)
-        self._marks = self._all_marks(reels)
+        self.pairing = pair(recordings, sync)
+        self._marks = self._all_marks(recordings)
         self.playback = Playback(self.pairing.length, self.pairing.begin, now(), speed)
-        self.panes = [Pane(reels[0], station, self.board)]
+        self.panes = [Pane(recordings[0], station, self.board)]
         self._captions: list[QLabel] = []
-        if len(reels) > 1:
-            self._put_side_by_side(reels)
-        self.bar = TimeBar(reels, self.pairing, self)
+        if len(recordings) > 1:
+            self._put_side_by_side(recordings)
+        self.bar = TimeBar(recordings, self.pairing, self)
         self.bar.sought.connect(self.seek)
         self.line, keys = QLabel(self), QLabel(KEYS, self)
         colours = COLOURS[PictureState.RUN]
@@ -102,19 +102,19 @@ class PlayerWindow(windows.BoardWindow):
         self._frames.timeout.connect(self.refresh)
         self.refresh()
 
-    def _all_marks(self, reels: Sequence[LoadedRecording]) -> list[Mark]:
+    def _all_marks(self, recordings: Sequence[LoadedRecording]) -> list[Mark]:
         """Return the marks of all recordings, on the common time line."""
         found = [
             replace(mark, time=self.pairing.of(which, mark.time))
-            for which, reel in enumerate(reels)
-            for mark in reel.marks
+            for which, recording in enumerate(recordings)
+            for mark in recording.marks
         ]
         return sorted(found, key=lambda mark: mark.time)
 
-    def _put_side_by_side(self, reels: Sequence[LoadedRecording]) -> None:
+    def _put_side_by_side(self, recordings: Sequence[LoadedRecording]) -> None:
         """Give each recording a board and a caption."""
         colours = COLOURS[PictureState.RUN]
-        self.panes += [Pane(reel, self._station, BoardView(self)) for reel in reels[1:]]
+        self.panes += [Pane(recording, self._station, BoardView(self)) for recording in recordings[1:]]
         boards = QWidget(self)
         across = QHBoxLayout(boards)
         across.setContentsMargins(0, 0, 0, 0)
@@ -137,7 +137,7 @@ class PlayerWindow(windows.BoardWindow):
         positions = self.pairing.at(self.playback.position)
         views = [pane.show(position) for pane, position in zip(self.panes, positions, strict=True)]
         for caption, pane, position in zip(self._captions, self.panes, positions, strict=False):
-            caption.setText(f"{pane.reel.name}   {clock(position)}   {pane.reel.where(position)}")
+            caption.setText(f"{pane.recording.name}   {clock(position)}   {pane.recording.where(position)}")
         self.bar.point_at(self.playback.position)
         self.bar.show_loop(self.playback.loop)
         self.line.setText(self._in_words(positions[0], views[0]))
@@ -155,7 +155,7 @@ class PlayerWindow(windows.BoardWindow):
             texts.append(f"\u21bb {clock(here.loop[0])}\u2013{clock(here.loop[1])}")
         texts.append(f"{self._station} station")
         if not self._captions:
-            texts += [f"tick {view.tick}", view.phase, f"trial {view.trial}", self.panes[0].reel.gap_at(position)]
+            texts += [f"tick {view.tick}", view.phase, f"trial {view.trial}", self.panes[0].recording.gap_at(position)]
         return "   ".join(filter(None, texts))
 
     def toggle(self) -> None:
@@ -220,7 +220,7 @@ class PlayerWindow(windows.BoardWindow):
 
 
 def run(
-    reels: Sequence[LoadedRecording],
+    recordings: Sequence[LoadedRecording],
     station: Side,
     stopping: Callable[[], bool],
     speed: float = 1.0,
@@ -231,9 +231,9 @@ def run(
     """Play recordings from a position [s], or from the start of the block, until the window is closed."""
     windows.require_new(picture)
     app = windows.application()
-    window = PlayerWindow(reels, station, speed, sync)
-    shown = reels[0].config.display
-    window.present(replace(shown, screen=0, mm_per_pixel=0.0, width=min(shown.width * len(reels), MAX_WIDE)))
+    window = PlayerWindow(recordings, station, speed, sync)
+    shown = recordings[0].config.display
+    window.present(replace(shown, screen=0, mm_per_pixel=0.0, width=min(shown.width * len(recordings), MAX_WIDE)))
     if at is not None:
         window.seek(at)
     if picture is not None:
