@@ -298,6 +298,15 @@ def test_config_check_refuses_a_scene_too_stiff_for_the_tick() -> None:
     assert "too stiff" in result.output
 
 
+def test_config_check_refuses_unknown_devices_and_options_of_both_sides() -> None:
+    wrong = ("agents.left.device=vitual", "agents.right.device=mouse", "agents.right.options.stifness=200")
+    result = runner.invoke(app, ["config", "check", *(word for one in wrong for word in ("--set", one))])
+    assert result.exit_code == 2
+    left, right = result.stderr.splitlines()
+    assert "[agents.left] device: there is no device backend 'vitual'; there are: " in left
+    assert right.startswith("[agents.right.options] stifness: unknown key; did you mean stiffness")
+
+
 def test_config_check_takes_one_file_and_checks_the_recording_folder(tmp_path: Path) -> None:
     Path("rig.toml").write_text("[block]\ntrials = 6\n")
     for words in (["rig.toml"], ["-c", "rig.toml"]):
