@@ -307,6 +307,14 @@ def test_config_check_refuses_unknown_devices_and_options_of_both_sides() -> Non
     assert right.startswith("[agents.right.options] stifness: unknown key; did you mean stiffness")
 
 
+@pytest.mark.parametrize("words", ["control strat", "control start --until strat"])
+def test_mistyped_choice_lists_what_is_possible(words: str) -> None:
+    result = runner.invoke(app, words.split())
+    assert result.exit_code == 2
+    assert re.search(r"Invalid value for '\S+':\s+'strat'\s+is", result.stderr)
+    assert "paused" in result.stderr or "pause_after_trial" in result.stderr
+
+
 def test_config_check_takes_one_file_and_checks_the_recording_folder(tmp_path: Path) -> None:
     Path("rig.toml").write_text("[block]\ntrials = 6\n")
     for words in (["rig.toml"], ["-c", "rig.toml"]):
