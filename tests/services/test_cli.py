@@ -315,6 +315,13 @@ def test_mistyped_choice_lists_what_is_possible(words: str) -> None:
     assert "paused" in result.stderr or "pause_after_trial" in result.stderr
 
 
+@pytest.mark.parametrize("way", ["--headless", "--serve", "--markers", "--verify"])
+def test_replay_without_a_window_refuses_a_screenshot(way: str) -> None:
+    result = runner.invoke(app, ["replay", "none.mcap", way, "--screenshot", "a.png"])
+    assert result.exit_code == 2
+    assert result.stderr == f"netboard: --screenshot: found with {way}, which opens no window; expected one of them\n"
+
+
 def test_config_check_takes_one_file_and_checks_the_recording_folder(tmp_path: Path) -> None:
     Path("rig.toml").write_text("[block]\ntrials = 6\n")
     for words in (["rig.toml"], ["-c", "rig.toml"]):
