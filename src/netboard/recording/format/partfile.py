@@ -65,8 +65,8 @@ def require_new(path: Path) -> None:
     with writing(path):
         if path.exists():
             raise RecordingError(f"{path}: exists already, and a recording is never overwritten")
-    if not path.parent.is_dir():
-        raise RecordingError(f"{path}: cannot be written: there is no folder {path.parent}")
+        if not path.parent.is_dir():
+            raise RecordingError(f"{path}: cannot be written: there is no folder {path.parent}")
 
 
 class PartFile:
