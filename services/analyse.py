@@ -60,6 +60,7 @@ def analyse(
     from rich.console import Console
 
     from netboard.analysis.report import analysing
+    from netboard.base.process import interrupted_by_stop_signals
 
     if cache is not None and no_cache:
         raise ConfigError("--cache and --no-cache: expected one of them")
@@ -67,5 +68,7 @@ def analyse(
     asked = analysing.GivenSettings(settings, tuple(overrides or ()))
     read = lambda: load_readings(settings, overrides)  # noqa: E731
     console = Console(highlight=False, soft_wrap=True)
-    for line in analysing.analyse(recordings, output, asked, chosen, read):
+    with interrupted_by_stop_signals():
+        lines = analysing.analyse(recordings, output, asked, chosen, read)
+    for line in lines:
         console.print(line, markup=False)

@@ -50,10 +50,11 @@ def cohort(
     from netboard.analysis.cohort.virtual import Design
     from netboard.analysis.extraction.workers import cores
     from netboard.base.bars import telling
+    from netboard.base.process import interrupted_by_stop_signals
 
     design = Design(load_study(study), settings, dyads, seed, trials is not None)
     began = time.perf_counter()
-    with telling() as tell:
+    with interrupted_by_stop_signals(), telling() as tell:
         made = make_cohort(
             design,
             studies,

@@ -20,6 +20,7 @@ def check(
 ) -> None:
     """Check the configuration, and list every error."""
     from netboard.base.config import digest
+    from netboard.devices.contract import registry
     from netboard.recording.format.disk import require_writable
     from netboard.stage.stage import make_stage
 
@@ -28,6 +29,7 @@ def check(
     config = config or file
     settings = load(config, overrides)
     make_stage(settings)
+    registry.check(settings)
     require_writable(Path(settings.recording.directory), "[recording] directory")
     source = config or (DEFAULT_FILE if DEFAULT_FILE.exists() else "defaults")
     block = settings.block

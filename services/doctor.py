@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from netboard.base.errors import NetboardError
 from netboard.services.loading import load
 from netboard.services.options import ConfigFile, Overrides, examples
 
@@ -39,7 +40,14 @@ def doctor(
         )
     console.print(findings_table("This computer", report.findings))
     console.print(report.summary)
+    problems = []
     for path in filter(None, (doctor_report_path(), json)):
-        report.save(path)
-        console.print(f"report  {path}")
+        try:
+            report.save(path)
+        except NetboardError as error:  # the other file is written nevertheless
+            problems.append(str(error))
+        else:
+            console.print(f"report  {path}")
+    if problems:
+        raise NetboardError("\n".join(problems))
     raise typer.Exit(0 if report.fit else 1)

@@ -18,6 +18,9 @@ IMPORTED_AS = {"hid": "hidapi", "usb": "pyusb"}
 BINARIES = (".so", ".pyd", ".dylib")
 """Suffixes of compiled modules, which may need libraries of the system."""
 
+PYDANTIC = "Value error, "
+"""What pydantic, by which typer checks a choice, writes before the message."""
+
 OK, FAULT, WRONG = 0, 1, 2
 
 
@@ -32,6 +35,9 @@ class Guarded(TyperGroup):
             words, code = expected(error)
             if ctx.params["debug"] or not words:
                 raise
+        except typer.BadParameter as error:
+            error.message = error.message.removeprefix(PYDANTIC)
+            raise
         except KeyboardInterrupt:
             words, code = "interrupted", FAULT
         typer.secho(f"netboard: {words}", err=True, fg=typer.colors.RED)

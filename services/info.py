@@ -25,6 +25,6 @@ def info(recording: RecordingFile) -> None:
     console = Console(highlight=False)
     with Recording(recording) as opened:
         console.print(provenance_table(opened))
-        console.print(summary_tables(summary_of(opened)))
+        console.print(summary_tables(summary_of(opened), opened.config))
         console.print(quality_table(judged(opened)))
     console.print(account_table(recording))

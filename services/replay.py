@@ -58,6 +58,8 @@ def replay(
     chosen = [name for name, wanted in ways.items() if wanted]
     if len(chosen) > 1:
         raise ConfigError(f"{' and '.join(chosen)}: expected one of them")
+    if chosen and screenshot is not None:
+        raise ConfigError(f"--screenshot: found with {chosen[0]}, which opens no window; expected one of them")
     if len(recordings) > (1 if chosen else 2):
         raise ConfigError(f"replay: found {len(recordings)} recordings, expected one, or two to show side by side")
     path = recordings[0]

@@ -67,6 +67,7 @@ def simulate(
     """Simulate a scene with recorded hands, offline and as exactly as the samples allow."""
     from rich.console import Console
 
+    from netboard.base.process import interrupted_by_stop_signals
     from netboard.recording.importing.hand_simulation import SimulationOptions, load_scene, simulate_files
 
     chosen = SimulationOptions(
@@ -83,5 +84,6 @@ def simulate(
     )
     settings = load_scene(scene, changes_of(overrides, model))
     console = Console(highlight=False)
-    for line in simulate_files([*inputs, *(more or ())], output, settings, chosen, force):
-        console.print(line)
+    with interrupted_by_stop_signals():
+        for line in simulate_files([*inputs, *(more or ())], output, settings, chosen, force):
+            console.print(line)

@@ -49,9 +49,12 @@ def whatif(
     from netboard.recording.counterfactual.table import EXPLANATION, as_data, table_of
     from netboard.recording.counterfactual.what_if import save, what_if
     from netboard.recording.files.reader import Recording
+    from netboard.recording.format.partfile import require_new
     from netboard.stage.stage import make_stage
 
     refuse_figure(figure)
+    if output is not None:
+        require_new(output)
     changes = changes_of(overrides, model)
     console = Console(highlight=False)
     with Recording(recording) as opened, Console(stderr=True).status("computing the attempts"):

@@ -165,6 +165,16 @@ def test_energy_option_adds_balanced_energy_columns() -> None:
     assert simulate("-i", "a.csv", "-o", "b.csv", "--energy", "--hold", "ca").exit_code == 2
 
 
+def test_energy_of_a_board_too_stiff_for_the_rows_is_refused() -> None:
+    light = (f"physics.{key}" for key in ("M=1e-9", "I=1e-12", "c_h=100", "k_h=10000", "l=2"))
+    scene = [word for one in light for word in ("--set", one)]
+    start = ("--method", "etdrk4", "--theta0", "0.5")
+    result = simulate("-i", "a.csv", "-o", "out.csv", "--energy", *start, *scene)
+    assert result.exit_code == 2
+    assert "a.csv: --energy: " in result.output
+    assert not Path("out.csv").exists()
+
+
 def test_parquet_metadata_give_the_provenance() -> None:
     parquet = pytest.importorskip("pyarrow.parquet")
     assert simulate("-i", "a.csv", "-o", "out.csv", "--p0", "0.1").exit_code == 0

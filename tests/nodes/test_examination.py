@@ -213,6 +213,18 @@ def test_examination_runs_every_check_and_reports_progress() -> None:
     assert all(bool(finding["advice"]) == (finding["colour"] != "green") for finding in parsed["findings"])
 
 
+def test_doctor_command_writes_its_json_even_if_the_state_folder_is_not_writable(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("netboard.nodes.doctor.report.examine", lambda *given: report(GREEN))
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "file"))
+    result = runner.invoke(app, ["doctor", "--json", "copy.json"])
+    assert result.exit_code == 1
+    assert "doctor.json: cannot be written" in result.stderr
+    assert json.loads((tmp_path / "copy.json").read_text(encoding="utf-8"))["findings"][0]["name"] == "a"
+
+
 @pytest.mark.slow
 def test_doctor_command_prints_and_saves_its_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("netboard.nodes.doctor.report.QUICK", SHORT)

@@ -210,6 +210,17 @@ def test_block_does_not_start_by_itself_after_an_emergency_stop(automatic: Stepp
     assert (automatic.block, automatic.phase) == (2, Phase.RUNNING)
 
 
+def test_devices_cannot_be_armed_during_an_emergency_stop(stepped: SteppedSession) -> None:
+    """Otherwise the release would arm devices that were disarmed before the stop."""
+    assert stepped.do("emergency_stop")[0]
+    why = "cannot arm during an emergency stop: release it first (emergency_release)"
+    assert stepped.do("arm") == (False, why)
+    assert stepped.do("emergency_release")[0]
+    assert not stepped.state.ports.motion.may_arm
+    assert stepped.do("arm")[0]
+    assert stepped.state.ports.motion.may_arm
+
+
 def test_release_without_an_emergency_stop_delays_nothing(automatic: SteppedSession) -> None:
     assert automatic.do("emergency_release")[0]
     automatic.tick(2 * READY_TICKS)

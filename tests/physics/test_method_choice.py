@@ -166,6 +166,17 @@ def test_rejection_message_in_full() -> None:
     )
 
 
+@pytest.mark.parametrize(("key", "value"), [("b_z", 50.0), ("b_theta", 1.0)])
+def test_rejection_names_the_damping_of_the_board_that_causes_it(key: str, value: float) -> None:
+    physics = replace(Physics(method="rk4", substeps=1), **{key: value})
+    with pytest.raises(ConfigError) as refusal:
+        choose(physics, H)
+    assert f"physics.c_h = 2, physics.{key} = {value:g}: too stiff" in str(refusal.value)
+    last = offered_changes(str(refusal.value))[-1]
+    assert set(last) == {key}
+    choose(replace(physics, **last), H)
+
+
 def test_exact_method_is_rejected_for_a_tilting_board() -> None:
     with pytest.raises(ConfigError, match=r'physics.method = "exact": for physics.board = "level" alone, found "free"'):
         choose(Physics(method="exact"), H)

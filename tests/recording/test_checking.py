@@ -1,5 +1,6 @@
 """Integrity checks: every kind of damage is found, and reported losses are not damage."""
 
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -80,7 +81,7 @@ def test_check_of_a_truncated_file_reports_the_recoverable_ticks(tmp_path: Path,
     path = tmp_path / "cut.mcap"
     path.write_bytes(sound.read_bytes()[: sound.stat().st_size * 2 // 3])
     report = check(path)
-    assert "was not finished, or is cut short" in findings_text(report)
+    assert "is unfinished or cut short" in findings_text(report)
     assert report.ticks == recover(path).messages["/ticks"] > 0
 
 
@@ -91,6 +92,21 @@ def test_check_of_an_unfinished_part_reports_the_recoverable_ticks(tmp_path: Pat
     report = check(tmp_path / "a.mcap.part")
     assert (report.result, report.ticks) == ("damaged", 1000)
     assert "recoverable: 1000 ticks, 0 to 999" in findings_text(report)
+
+
+def test_check_says_if_a_file_may_be_growing_or_was_recovered(tmp_path: Path) -> None:
+    writer = proofs.writer_of(tmp_path / "a.mcap", proofs.config(), {})
+    writer.flush(proofs.fill(writer, proofs.rows()[:100]))
+    part = tmp_path / "a.mcap.part"
+    assert f"may still be writing it; after its session, run: netboard recover {part}" in findings_text(check(part))
+    writer.abandon()
+    os.utime(part, (0, 0))
+    assert f"is unfinished or cut short; run: netboard recover {part}" in findings_text(check(part))
+    recover(part)
+    os.utime(part)
+    found = findings_text(check(part))
+    assert f"it was recovered as {tmp_path / 'a.recovered.mcap'}" in found
+    assert "run:" not in found
 
 
 def test_check_of_another_file_type_finds_nothing_to_recover(tmp_path: Path) -> None:

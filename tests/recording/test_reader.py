@@ -79,7 +79,7 @@ def test_unfinished_part_is_refused_with_the_recover_command(tmp_path: Path) -> 
     fill(writer, ROWS[:20])
     writer.flush(OPENED_NS)
     writer.abandon()
-    with pytest.raises(RecordingError, match=r"a\.mcap\.part: was not finished.*netboard recover .*a\.mcap\.part"):
+    with pytest.raises(RecordingError, match=r"a\.mcap\.part: is unfinished.*netboard recover .*a\.mcap\.part"):
         Recording(tmp_path / "a.mcap.part")
 
 

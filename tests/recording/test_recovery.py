@@ -25,13 +25,13 @@ from netboard.base.tables.rig import Recording as Settings
 from netboard.base.tick import TICK
 from netboard.network.protocol.records import BLOCK_BEGAN, EventRecord
 from netboard.recording.export.runs import runs_of
-from netboard.recording.files.locate import find_unfinished
+from netboard.recording.files.locate import find_unfinished, recovered_path
 from netboard.recording.files.provenance import CONFIG_NAME, METADATA, METADATA_END, METADATA_FIRST
 from netboard.recording.files.reader import Recording
 from netboard.recording.files.writer import RecordingWriter
 from netboard.recording.format.partfile import PartFile
 from netboard.recording.format.summary import Gap
-from netboard.recording.recovery.recover import Report, recover, recovered_path
+from netboard.recording.recovery.recover import Report, recover
 from netboard.services.cli import app
 from samples import CONFIG_TEXT, OPENED_NS, fill, metadata, new_writer, random_rows, records, write_recording
 

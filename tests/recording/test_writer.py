@@ -293,7 +293,7 @@ def test_moved_file_is_noticed_and_finished_in_its_new_place(tmp_path: Path) -> 
 
 
 def test_missing_folder_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match="cannot be written: No such file"):
+    with pytest.raises(RecordingError, match="cannot be written: there is no folder"):
         new_writer(tmp_path / "nowhere" / "a.mcap")
 
 

@@ -122,6 +122,21 @@ def test_whatif_without_a_change_is_identical() -> None:
     assert json.loads(result.stdout)["identical"] is True
 
 
+def test_whatif_refuses_its_output_before_the_computation(monkeypatch: pytest.MonkeyPatch) -> None:
+    def compute(*given: object) -> None:
+        raise AssertionError("computed before the refusal")
+
+    monkeypatch.setattr("netboard.recording.counterfactual.what_if.what_if", compute)
+    Path("there.mcap").touch()
+    for output, why in (
+        ("there.mcap", "exists already"),
+        ("recording.csv", "ends in .mcap"),
+        ("nowhere/new.mcap", "there is no folder nowhere"),
+    ):
+        result = runner.invoke(app, ["whatif", "recordings/whole.mcap", "--output", output])
+        assert (result.exit_code, why in result.stderr) == (1, True), result.output
+
+
 def test_check_verifies_the_output_of_whatif() -> None:
     command = ["whatif", "recordings/whole.mcap", "--model", "lagrangian", "--output", "b.mcap"]
     assert runner.invoke(app, command).exit_code == 0

@@ -3,6 +3,7 @@
 import inspect
 import os
 import re
+import signal
 import subprocess
 import sys
 from importlib import resources
@@ -296,6 +297,59 @@ def test_config_check_refuses_a_scene_too_stiff_for_the_tick() -> None:
     )
     assert result.exit_code == 2
     assert "too stiff" in result.output
+
+
+def test_config_check_refuses_unknown_devices_and_options_of_both_sides() -> None:
+    wrong = ("agents.left.device=vitual", "agents.right.device=mouse", "agents.right.options.stifness=200")
+    result = runner.invoke(app, ["config", "check", *(word for one in wrong for word in ("--set", one))])
+    assert result.exit_code == 2
+    left, right = result.stderr.splitlines()
+    assert "[agents.left] device: there is no device backend 'vitual'; there are: " in left
+    assert right.startswith("[agents.right.options] stifness: unknown key; did you mean stiffness")
+
+
+@pytest.mark.parametrize("words", ["control strat", "control start --until strat"])
+def test_mistyped_choice_lists_what_is_possible(words: str) -> None:
+    result = runner.invoke(app, words.split())
+    assert result.exit_code == 2
+    assert re.search(r"Invalid value for '\S+':\s+'strat'\s+is", result.stderr)
+    assert "paused" in result.stderr or "pause_after_trial" in result.stderr
+
+
+@pytest.mark.parametrize("way", ["--headless", "--serve", "--markers", "--verify"])
+def test_replay_without_a_window_refuses_a_screenshot(way: str) -> None:
+    result = runner.invoke(app, ["replay", "none.mcap", way, "--screenshot", "a.png"])
+    assert result.exit_code == 2
+    assert result.stderr == f"netboard: --screenshot: found with {way}, which opens no window; expected one of them\n"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+@pytest.mark.parametrize(
+    ("command", "work"),
+    [
+        ("analyse recordings -o out", "netboard.analysis.report.analysing.analyse"),
+        ("cohort paper -o out", "netboard.analysis.cohort.folder.make_cohort"),
+        ("simulate -i a.csv -o b.csv", "netboard.recording.importing.hand_simulation.simulate_files"),
+    ],
+)
+def test_long_commands_clean_up_when_they_are_stopped(command: str, work: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """SIGTERM, as a batch system sends it, interrupts as Ctrl-C does, so that no temporary file is left."""
+
+    def stop(*given: object, **others: object) -> list[str]:
+        os.kill(os.getpid(), signal.SIGTERM)
+        raise AssertionError("not interrupted")
+
+    def die(number: int, frame: object) -> None:
+        raise AssertionError("ended without a clean-up")
+
+    monkeypatch.setattr(work, stop)
+    outside = signal.signal(signal.SIGTERM, die)
+    try:
+        result = runner.invoke(app, command.split())
+        assert (result.exit_code, result.stderr) == (1, "netboard: interrupted\n"), result.exception
+        assert signal.getsignal(signal.SIGTERM) is die
+    finally:
+        signal.signal(signal.SIGTERM, outside)
 
 
 def test_config_check_takes_one_file_and_checks_the_recording_folder(tmp_path: Path) -> None:

@@ -1,11 +1,13 @@
 """`netboard info` and `netboard recover` over real files."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import proofs
 from netboard.base.config import Config, resolve
 from netboard.base.tick import TICK
 from netboard.network.protocol.joining import Welcome
@@ -47,6 +49,16 @@ def test_info_describes_a_recording(writer: RecordingWriter) -> None:
     account = f"{TICKS}: 0 to {TICKS - 1}"
     for words in ("S01, dyad D01, run a1b2c3d4", "dyadic, haptics on, 60 trials", "complete", str(TICKS), account):
         assert words in result.output
+
+
+def test_info_marks_catch_trials() -> None:
+    config = replace(proofs.config(), block=replace(proofs.config().block, catch=(2,)))
+    proofs.write(Path("S01.mcap"), proofs.rows(), config)
+    result = runner.invoke(app, ["info", "S01.mcap"])
+    assert result.exit_code == 0, result.exception
+    table = result.output.partition("Trials")[2].partition("Timing")[0]
+    rows = [line.replace("│", " ").split() for line in table.splitlines()]
+    assert {(row[0], row[-1]) for row in rows if row and row[0].isdigit()} == {("1", "test"), ("2", "catch")}
 
 
 def test_info_of_an_unfinished_file_suggests_recover(writer: RecordingWriter) -> None:

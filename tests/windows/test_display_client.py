@@ -194,6 +194,18 @@ def test_display_rejoins_when_the_server_asks_for_a_hello(rig):
     assert rig.client.session == "s2"
 
 
+def test_display_rejoins_at_the_first_view_of_another_server(rig):
+    """Its board may be another one; before, the display asked only after the next report of frames."""
+    rig.serve()
+    rig.welcome()
+    assert rig.shows(PictureState.RUN, tick=5, seq=10**6)
+    rig.server.close()
+    rig.serve()
+    assert rig.shows(PictureState.HOLD, tick=1, phase="holding")
+    rig.welcome(replace(Config(), geometry=WIDE), session="s2")
+    assert rig.client.config.geometry == WIDE
+
+
 def test_refusal_is_shown_before_the_first_view(rig):
     server = rig.serve()
     assert until(rig.app, lambda: server.has_received(Hello))

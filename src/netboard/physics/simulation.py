@@ -265,11 +265,22 @@ def energies_of(motion: Motion, hands: Hands, physics: Physics, free: bool = Tru
         E_ and the fields of `netboard.physics.scene.energy.StoredEnergy`, W_ and those of
         `netboard.physics.scene.energy.Powers` (W_friction only with friction of balls). Except for the integration
         error and impacts at stops, the sum of all E less that of all W is constant [J].
+
+    Raises
+    ------
+    ConfigError
+        If the rows are so far apart for the scene that the work is not finite.
     """
     parts, scene, held = parts_of(physics, free), pack_scene(physics), hold_hands(hands, "hermite")
     styluses = styluses_along(held, np.rint(motion.t * held.scale).astype(np.int64))
     stored = stored_along(motion.states, styluses, parts, scene)
     works = work_along(motion.t, motion.states, styluses, parts, scene)
+    if not np.isfinite(works).all():
+        raise ConfigError(
+            f"--energy: work is integrated from row to row, and the fastest motion of this scene "
+            f"({motion.steps.fastest:.3g} /s) is too quick for rows {np.diff(motion.t).max():.3g} s apart; use a "
+            "smaller --dt, or leave --energy out"
+        )
     columns = {f"E_{name}": stored[:, i] for i, name in enumerate(StoredEnergy._fields)}
     flows = [name for name in Powers._fields if name != "friction" or parts.resisted]
     return {**columns, **{f"W_{name}": works[:, Powers._fields.index(name)] for name in flows}}

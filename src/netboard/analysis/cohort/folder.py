@@ -146,7 +146,11 @@ class Cohort:
         with writing(part):
             shutil.rmtree(part, ignore_errors=True)
             part.mkdir()
-            self._write(part, studies, ending)
+            try:
+                self._write(part, studies, ending)
+            except BaseException:
+                shutil.rmtree(part, ignore_errors=True)
+                raise
             shutil.rmtree(self.folder / TABLES_IN, ignore_errors=True)
             part.rename(self.folder / TABLES_IN)
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 
-from netboard.base.config import Config, Side
-from netboard.base.errors import DeviceNotFound
+from netboard.base.config import SIDES, Config, Side
+from netboard.base.errors import ConfigError, DeviceNotFound
 from netboard.devices.contract.device import Device
 
 GROUP = "netboard.devices"
@@ -89,6 +89,23 @@ def make(side: Side, config: Config) -> Device:
     """Create the device of one side, not yet open."""
     agent = config.agents.left if side == "left" else config.agents.right
     return find(agent.device)(side, config)
+
+
+def check(config: Config) -> None:
+    """Check the names of both devices and their options, without opening a device.
+
+    Raises `ConfigError` with every problem.
+    """
+    problems = []
+    for side in SIDES:
+        try:
+            make(side, config)
+        except ConfigError as error:
+            problems.append(str(error))
+        except DeviceNotFound as error:
+            problems.append(f"[agents.{side}] device: {error}")
+    if problems:
+        raise ConfigError("\n".join(problems))
 
 
 def _plugins() -> dict[str, EntryPoint]:

@@ -185,7 +185,7 @@ def show(directory: Path, session: str, words: Path, began: float) -> int:
             summary = summary_of(recording)
             verdict = verify_recording(recording)
         if len(paths) == 1:
-            console.print(summary_tables(summary))
+            console.print(summary_tables(summary, recording.config))
         console.print(verification_line(verdict))
         good &= verdict.identical and not summary.missing_ticks
         console.print(f"recording   {path}")

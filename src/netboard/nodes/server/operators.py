@@ -114,6 +114,8 @@ class Operators:
         match command:
             case "open" if self.opened:
                 return Decision(False, "the session is open already")
+            case "arm" if emergency.LACKING in now.missing:  # otherwise the release would arm the devices at once
+                return Decision(False, f"cannot arm during an emergency stop: release it first ({emergency.RELEASE})")
             case "arm":
                 self.armed = True
             case "disarm":

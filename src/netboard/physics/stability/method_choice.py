@@ -183,9 +183,10 @@ def _refusal(physics: Physics, h: float, choice: Choice) -> str:
     """Return why a scene is refused, and accepted alternatives."""
     more = choice.radius - 1.0
     growth = f"1 + {more:.2g}" if more < 1e-2 else f"{choice.radius:.3g}"
+    named = ", ".join(f"physics.{key} = {getattr(physics, key):g}" for key in _stiffening(physics))
     return (
-        f"physics.k_h = {physics.k_h:g}, physics.c_h = {physics.c_h:g}: too stiff for a board of M = {physics.M:g} kg, "
-        f"I = {physics.I:g} kg m2 in ticks of {h * 1e3:g} ms, {_counted(choice.substeps)} of {choice.method} each: "
+        f"{named}: too stiff for a board of M = {physics.M:g} kg, I = {physics.I:g} kg m2 in ticks of {h * 1e3:g} ms, "
+        f"{_counted(choice.substeps)} of {choice.method} each: "
         f"every tick would multiply its motion by {growth} (spectral radius; at most 1 is stable); "
         f"accepted: {', or '.join(_offers(physics, h))}"
     )
@@ -200,8 +201,14 @@ def _offers(physics: Physics, h: float) -> Iterator[str]:
     for method in ("auto", "midpoint"):
         if _holds(replace(physics, method=method, substeps=0), h):
             yield f'physics.method = "{method}"' + (" and physics.substeps = 0" if physics.substeps > 0 else "")
-    singly = [_softened(physics, h, (key,)) for key in ("c_h", "k_h")]
-    yield from filter(None, singly if any(singly) else [_softened(physics, h, ("k_h", "c_h"))])
+    keys = _stiffening(physics)
+    singly = [_softened(physics, h, (key,)) for key in keys]
+    yield from filter(None, singly if any(singly) else [_softened(physics, h, keys)])
+
+
+def _stiffening(physics: Physics) -> tuple[str, ...]:
+    """Return the keys that can make a board stiff: the virtual coupling, and the board's own damping if it has any."""
+    return ("k_h", "c_h", *(key for key in ("b_z", "b_theta") if getattr(physics, key) > 0))
 
 
 def _softened(physics: Physics, h: float, keys: tuple[str, ...]) -> str:

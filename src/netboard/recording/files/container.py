@@ -19,6 +19,7 @@ from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, Channel, ChunkIndex, Header, Metadata, MetadataIndex, Schema, Statistics
 
 from netboard.base.errors import RecordingError
+from netboard.recording.files.locate import recovery_advice
 from netboard.recording.format.chunks import MAGIC, RECORD_HEAD, UNSOUND, unpack_chunk
 
 _FOOTER = struct.Struct("<BQQQI")
@@ -61,7 +62,7 @@ class Container:
             raise RecordingError(f"{self.path}: not an MCAP file")
         end = self._read(max(size - len(MAGIC), len(MAGIC)), len(MAGIC))
         if self.path.suffix == ".part" or end != MAGIC:
-            raise RecordingError(f"{self.path}: was not finished, or is cut short; run: netboard recover {self.path}")
+            raise RecordingError(f"{self.path}: is unfinished or cut short; {recovery_advice(self.path)}")
 
     @contextmanager
     def sound(self) -> Iterator[None]:
@@ -70,7 +71,7 @@ class Container:
             yield
         except (*UNSOUND, ValueError, RecordingError, OSError) as error:
             reason = str(error) or type(error).__name__
-            raise RecordingError(f"{self.path}: is damaged ({reason}); run: netboard recover {self.path}") from error
+            raise RecordingError(f"{self.path}: is damaged ({reason}); {recovery_advice(self.path)}") from error
 
     def _read(self, offset: int, length: int) -> bytes:
         with self._lock:

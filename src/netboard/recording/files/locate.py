@@ -5,6 +5,7 @@ This module imports no numerical library.
 
 import hashlib
 import os
+import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,6 +13,9 @@ from netboard.base.errors import RecordingError
 
 UNFINISHED = "is unfinished; netboard recover makes a recording of it"
 """Why an unfinished recording is left out."""
+
+GROWING_S = 10.0
+"""An unfinished recording written to within this time may still be growing; a logger writes at least every 5 s [s]."""
 
 _OF_THE_DISK = ("lost+found", "System Volume Information", "$RECYCLE.BIN")
 """Folders at the top of a disk that belong to the file system, and that only an administrator may read."""
@@ -68,8 +72,19 @@ def sha256_of(path: Path) -> str:
 def find_unfinished(paths: Sequence[Path]) -> tuple[Path, ...]:
     """Return the unfinished recordings in the folders among the paths that have not been recovered."""
     found = sorted(part for path in paths if path.is_dir() for part in path.glob("*.mcap.part"))
-    return tuple(part for part in found if not part.with_name(f"{_stem(part)}.recovered.mcap").exists())
+    return tuple(part for part in found if not recovered_path(part).exists())
 
 
-def _stem(part: Path) -> str:
-    return part.name.removesuffix(".mcap.part")
+def recovered_path(path: Path) -> Path:
+    """Return the recovered file's path: ``X.mcap.part``, ``X.mcap`` or ``X.spill`` becomes ``X.recovered.mcap``."""
+    whole = path.with_suffix("") if path.suffix == ".part" else path
+    return whole.with_suffix(".recovered.mcap")
+
+
+def recovery_advice(path: Path) -> str:
+    """Return what to do about an unfinished or damaged recording."""
+    recovered = recovered_path(path)
+    if recovered.exists():
+        return f"it was recovered as {recovered}"
+    growing = path.suffix == ".part" and abs(time.time() - path.stat().st_mtime) < GROWING_S
+    return "a logger may still be writing it; after its session, " * growing + f"run: netboard recover {path}"

@@ -22,6 +22,7 @@ from netboard.base.errors import RecordingError
 from netboard.base.tick import ROW_BYTES, TICK
 from netboard.network.protocol.records import BackfillRecord, ClockRecord, EventRecord, FrameRecord
 from netboard.recording.files.container import Container
+from netboard.recording.files.locate import recovery_advice
 from netboard.recording.files.provenance import (
     CONFIG_NAME,
     METADATA,
@@ -99,7 +100,7 @@ class Recording:
             for key in damaged_numbers(name, values):
                 raise RecordingError(
                     f"{self.path}: is damaged (metadata {name}, {key}: found {values[key]!r}, expected a whole "
-                    f"number); run: netboard recover {self.path}"
+                    f"number); {recovery_advice(self.path)}"
                 )
         self.metadata = records[METADATA]
         self.end = records.get(METADATA_END, {})
@@ -115,7 +116,7 @@ class Recording:
         self._in_batches = self._version not in READABLE[:2]
         self._config = self._file.attachment(CONFIG_NAME)
         if self._config is not None and config_sha256(self._config) != self.metadata.get("config_sha256"):
-            raise RecordingError(f"{self.path}: its configuration is damaged; run: netboard recover {self.path}")
+            raise RecordingError(f"{self.path}: its configuration is damaged; {recovery_advice(self.path)}")
 
     def check(self) -> None:
         """Verify the checksum of the whole file, metadata included, if its writer stored one.

@@ -58,6 +58,17 @@ def publish(part: Path, path: Path) -> None:
     sync_directory(path.parent)
 
 
+def require_new(path: Path) -> None:
+    """Refuse a path at which no recording can be begun; for a command, before a long computation."""
+    if path.suffix != ".mcap":
+        raise RecordingError(f"{path}: the name of a recording ends in .mcap")
+    with writing(path):
+        if path.exists():
+            raise RecordingError(f"{path}: exists already, and a recording is never overwritten")
+        if not path.parent.is_dir():
+            raise RecordingError(f"{path}: cannot be written: there is no folder {path.parent}")
+
+
 class PartFile:
     """An unfinished MCAP file with netboard's channels.
 
@@ -66,8 +77,7 @@ class PartFile:
     """
 
     def __init__(self, path: Path, library: str, chunk_bytes: int, *, repeatable: bool = False) -> None:
-        if path.suffix != ".mcap":
-            raise RecordingError(f"{path}: the name of a recording ends in .mcap")
+        require_new(path)
         self.path = path
         # The leftover of a killed process must not look like a recording to recover, nor block the next try.
         self.part = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part") if repeatable else part_path(path)
@@ -79,8 +89,6 @@ class PartFile:
         self._whole = 0
         self._reserved: float = 0
         with writing(self._named):
-            if path.exists():
-                raise RecordingError(f"{path}: exists already, and a recording is never overwritten")
             if self.part.exists():
                 raise RecordingError(
                     f"{self.part}: an unfinished recording of this name exists; see `netboard recover`"

@@ -134,11 +134,11 @@ def simulate_file(
         motion = simulate(
             hands, physics, start, free=free, hold=chosen.hold, dt=chosen.dt, steps=steps, progress=progress
         )
+        energies = energies_of(motion, hands, physics, free) if chosen.energy else {}
     except ConfigError as fault:
         raise ConfigError(f"{path}: {fault}") from None
     columns, sheet = columns_of(motion), sheet_of(path, hands, motion)
     if chosen.energy:
-        energies = energies_of(motion, hands, physics, free)
         columns.update(energies)
         sheet["energy"] = balance(energies)
     tell("writing", 1.0)

@@ -4,7 +4,6 @@ A recording gets its name when it is complete. An existing one that is undamaged
 the same options is kept, so an interrupted import can be repeated.
 """
 
-import json
 import time
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, as_completed
@@ -104,15 +103,7 @@ def _is_there(job: Job) -> bool:
         raise RecordingError(f"{job.path}: exists but is damaged ({found.why}); move it away to import it again")
     with Recording(job.path) as recording:
         said, text = recording.metadata, recording.config_text
-    ours = {
-        "imported_names": json.dumps(job.options.names),
-        "imported_units": json.dumps(job.options.units),
-        "imported_interpolation": job.options.interpolation,
-        "imported_gap_s": repr(job.options.gap),
-        "imported_rate": repr(job.options.rate),
-        "imported": "simulated" if job.options.simulate else "measured",
-    }
-    same = said.get("imported") == "ticks" or all(said.get(name) == value for name, value in ours.items())
+    same = said.get("imported") == "ticks" or job.options.metadata.items() <= said.items()
     if not same or text != resolve(job.config):
         raise RecordingError(f"{job.path}: exists, and was imported with other settings; move it away")
     return True

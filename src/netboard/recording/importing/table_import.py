@@ -36,6 +36,18 @@ class ImportOptions:
     gap: float = 0.1  # longest sample interval that is not a gap [s]
     rate: float | None = None  # sample rate, which times are checked against and missing ones computed from [Hz]
 
+    @property
+    def metadata(self) -> dict[str, str]:
+        """What a recording says of them."""
+        return {
+            "imported": "simulated" if self.simulate else "measured",
+            "imported_names": json.dumps(self.names),
+            "imported_units": json.dumps(self.units),
+            "imported_interpolation": self.interpolation,
+            "imported_gap_s": repr(self.gap),
+            "imported_rate": repr(self.rate),
+        }
+
 
 @dataclass(frozen=True, slots=True)
 class Imported:
@@ -91,14 +103,9 @@ def import_table(
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
     said |= {
-        "imported": "simulated" if options.simulate else "measured",
+        **options.metadata,
         "imported_columns": json.dumps(sorted(("time", *samples.columns))),
-        "imported_names": json.dumps(options.names),
-        "imported_units": json.dumps(options.units),
         "imported_samples": str(samples.time.size),
-        "imported_interpolation": options.interpolation,
-        "imported_gap_s": repr(options.gap),
-        "imported_rate": repr(options.rate),
     }
     pieces = (rows[first : first + PIECE] for first in range(0, rows.size, PIECE))
     return _keep(pieces, folder, config, said, utc_ns, progress, tuple(notes), rows.size)

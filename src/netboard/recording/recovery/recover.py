@@ -26,6 +26,7 @@ from netboard.base.config import parse
 from netboard.base.errors import ConfigError, RecordingError
 from netboard.base.tick import TICK
 from netboard.network.protocol.records import EventRecord
+from netboard.recording.files.locate import recovered_path
 from netboard.recording.files.provenance import (
     CONFIG_NAME,
     LIBRARY,
@@ -104,12 +105,6 @@ class Report:
     def lost_bytes(self) -> int:
         """Number of unusable bytes [1]."""
         return sum(damage.length for damage in self.damage)
-
-
-def recovered_path(path: Path) -> Path:
-    """Return the recovered file's path: ``X.mcap.part``, ``X.mcap`` or ``X.spill`` becomes ``X.recovered.mcap``."""
-    whole = path.with_suffix("") if path.suffix == ".part" else path
-    return whole.with_suffix(".recovered.mcap")
 
 
 def recover(path: Path, output: Path | None = None) -> Report:

@@ -24,12 +24,13 @@ from netboard.network.protocol.records import (
     LogBatch,
     TickRecord,
 )
+from netboard.recording.files.locate import recovered_path
 from netboard.recording.files.provenance import provenance
 from netboard.recording.files.reader import Recording
 from netboard.recording.files.writer import RecordingWriter
 from netboard.recording.format.channels import block_config, record_of, stamped
 from netboard.recording.format.summary import find_gaps
-from netboard.recording.recovery.recover import Damage, Report, account_for, mapped, recover, recovered_path
+from netboard.recording.recovery.recover import Damage, Report, account_for, mapped, recover
 from netboard.recording.recovery.spill import MAGIC, OPENED, read_spill
 
 

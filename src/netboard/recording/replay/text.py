@@ -6,6 +6,7 @@ from pathlib import Path
 
 from rich.console import Group, RenderableType
 
+from netboard.base.config import Config
 from netboard.base.errors import RecordingError
 from netboard.base.terminal import FittedTable, numbers
 from netboard.recording.files.reader import Recording
@@ -14,7 +15,7 @@ from netboard.recording.integrity.account import NumberRange, account_of, parts_
 from netboard.recording.integrity.verification import Verification
 from netboard.recording.replay.loaded import LoadedRecording
 from netboard.recording.replay.position import clock
-from netboard.task.studies.factors import BlockFactor, design_of, factors_of, role_of
+from netboard.task.studies.factors import BlockFactor, design_of, factors_of, role_of, trial_role
 from netboard.task.trials.quality import FLAGS, Verdict
 
 _SIDES = {-1: "left", 0: "unknown", 1: "right"}
@@ -25,9 +26,9 @@ def summary_of(recording: Recording) -> Summary:
     return summarise(recording.ticks(), recording.events(), recording.clocks(), recording.frames(), recording.remarks())
 
 
-def summary_tables(summary: Summary) -> RenderableType:
+def summary_tables(summary: Summary, config: Config) -> RenderableType:
     """Return tables of trials, timing and losses."""
-    return Group(_trials(summary.attempts), _timing(summary), _counts(summary))
+    return Group(_trials(summary.attempts, config), _timing(summary), _counts(summary))
 
 
 def verification_line(result: Verification) -> str:
@@ -41,11 +42,13 @@ def verification_line(result: Verification) -> str:
     )
 
 
-def _trials(attempts: tuple[Attempt, ...]) -> FittedTable:
-    table = FittedTable(*numbers("trial", "attempt"), "target", "outcome", *numbers("completion time"), title="Trials")
+def _trials(attempts: tuple[Attempt, ...], config: Config) -> FittedTable:
+    numbered, completion = numbers("trial", "attempt"), numbers("completion time")
+    table = FittedTable(*numbered, "target", "outcome", *completion, "role", title="Trials")
     for a in attempts:
         time = f"{a.completion:.3f} s" if a.outcome == "success" else "-"
-        table.add_row(str(a.trial), str(a.attempt), _SIDES[a.target], a.outcome, time)
+        role = trial_role(config, a.trial)
+        table.add_row(str(a.trial), str(a.attempt), _SIDES[a.target], a.outcome, time, role)
     return table
 
 

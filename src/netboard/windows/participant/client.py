@@ -79,6 +79,7 @@ class DisplayClient(QObject):
         self.session = ""
         self.linked = False
         self._seen = False
+        self._seq = 0
         self._over = False
         self._trouble = ""
         self._said = RateLimitedLog(log)
@@ -142,6 +143,10 @@ class DisplayClient(QObject):
         if not self.linked:
             log.info("receiving views")
         self.linked = self._seen = True
+        if newest.seq < self._seq:  # another server, which numbers its views from 0, and may have another board
+            self.session = ""
+            self._hello(now)
+        self._seq = newest.seq
 
     # --- control -----------------------------------------------------------------------------------------------
 
@@ -202,8 +207,9 @@ class DisplayClient(QObject):
             self._said.log(trouble)
             self._trouble = trouble
 
-    def _hello(self) -> None:
+    def _hello(self, now: int) -> None:
         """Send `Hello`."""
+        self._hello_ns = now
         details = {"refresh_hz": f"{self.showing.refresh_hz:.2f}", "platform": application().platformName()}
         hello = Hello("display", self.station, PROTOCOL_VERSION, NAME, version("netboard"), details)
         sockets.send_or_renew(self._control, encode(hello))
@@ -227,8 +233,7 @@ class DisplayClient(QObject):
         if now - self._view_ns > self._link_timeout_ns:
             self._blank()
         if (not self.session or not self.linked) and now - self._hello_ns >= HELLO_INTERVAL_NS:
-            self._hello_ns = now
-            self._hello()
+            self._hello(now)
         if self.session and now - self._report_ns >= REPORT_NS:
             self._report_ns = now
             self._report()
