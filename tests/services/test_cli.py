@@ -304,7 +304,7 @@ def test_config_check_refuses_unknown_devices_and_options_of_both_sides() -> Non
     result = runner.invoke(app, ["config", "check", *(word for one in wrong for word in ("--set", one))])
     assert result.exit_code == 2
     left, right = result.stderr.splitlines()
-    assert "[agents.left] device: there is no device backend 'vitual'; there are: " in left
+    assert "[agents.left] device: this machine has no device backend 'vitual'; it has: " in left
     assert right.startswith("[agents.right.options] stifness: unknown key; did you mean stiffness")
 
 

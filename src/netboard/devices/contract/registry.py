@@ -73,7 +73,7 @@ def find(name: str) -> type[Device]:
     """Return the class of a backend."""
     plugins = _plugins()
     if name not in BACKENDS and name not in plugins:
-        raise DeviceNotFound(f"there is no device backend {name!r}; there are: {', '.join(names())}")
+        raise DeviceNotFound(f"this machine has no device backend {name!r}; it has: {', '.join(names())}")
     target = BACKENDS[name].target if name in BACKENDS else plugins[name].value
     module, _, attribute = target.partition(":")
     try:
