@@ -54,7 +54,7 @@ def test_every_built_in_backend_can_be_loaded() -> None:
 
 
 def test_unknown_backend_error_lists_available_ones() -> None:
-    with pytest.raises(DeviceNotFound, match=r"'vitual'.*there are: .*virtual"):
+    with pytest.raises(DeviceNotFound, match=r"'vitual'.*it has: .*virtual"):
         registry.find("vitual")
 
 
