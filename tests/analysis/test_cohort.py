@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from netboard.analysis.cohort.folder import Cohort, make_cohort
-from netboard.analysis.cohort.power import condition_means
+from netboard.analysis.cohort.power import performer_means
 from netboard.analysis.cohort.rows import KEPT
 from netboard.analysis.cohort.virtual import LAST_SEED, Design, jobs_of_dyad
 from netboard.analysis.extraction.recordings import measure
@@ -76,7 +76,8 @@ def test_cohort_measures_equal_those_of_analysed_recordings(cohort: Cohort, anal
 @pytest.mark.slow
 @pytest.mark.parametrize("kept", KEPT, ids=lambda kept: kept.measure.name)
 def test_dyad_levels_equal_those_of_analysed_recordings(cohort: Cohort, analysed: Tables, kept) -> None:
-    found = condition_means(pd.DataFrame(cohort.get(1).tables["groups"]), kept)
+    performers = performer_means(pd.DataFrame(cohort.get(1).tables["groups"]), kept)
+    found = performers.groupby("dyad").mean()
     expected = levels(analysed, kept.measure).pivot(index="dyad", columns="condition", values="level")
     assert found.to_numpy() == pytest.approx(expected.to_numpy(), rel=1e-12)
     assert list(found.index) == ["D01", "D02"]

@@ -32,7 +32,15 @@ from netboard.analysis.topics.figure import (
     styled,
     titled,
 )
-from netboard.analysis.topics.groups import Condition, by_factor, conditions, estimated, paired_levels, with_base
+from netboard.analysis.topics.groups import (
+    Condition,
+    by_factor,
+    conditions,
+    estimated,
+    paired_levels,
+    performed_by,
+    with_base,
+)
 from netboard.analysis.topics.measures import Measure, as_read, exponential, levels_of_performers
 from netboard.analysis.topics.result import Result, kept, plain
 
@@ -164,7 +172,7 @@ def _symmetry(contrast: Contrast) -> str:
 def comparisons(study: Study) -> Comparisons:
     """Compute, for every compared measure, all contrasts that some dyad has."""
     rng = np.random.default_rng(SEED)
-    questions, every = questions_of(study), conditions(study)
+    questions, who = questions_of(study), performed_by(conditions(study))
     found: list[Comparison] = []
     for measure in as_read(study):
         if measure.compared:
@@ -173,7 +181,7 @@ def comparisons(study: Study) -> Comparisons:
             for question in questions:
                 names = [*question.first, *question.second]
                 if set(names) <= set(performers.columns):
-                    table = paired_levels(performers, every, names)
+                    table = paired_levels(performers, who, names)
                     if table.notna().all(axis=1).any():
                         found.append(_compare(measure, question, table, rng))
     return Comparisons(_corrected(found))
