@@ -217,3 +217,11 @@ def test_dyad_of_more_than_two_people_is_noted() -> None:
     assert notes(made_study([*blocks, together])) == ()
     (note,) = notes(made_study([*blocks, together, Block("D01", "P3", "bimanual", "full", times(1.0))]))
     assert note.startswith("dyad D01 has 3 participants (P1, P2, P3)")
+
+
+def test_participant_of_two_dyads_is_noted() -> None:
+    """Their dyads are not independent, and a robot partner is nobody."""
+    pairs = [("D01", "P1", "P2"), ("D02", "P3", "P1"), ("D03", "P4", "robot"), ("D04", "P5", "robot")]
+    blocks = [Block(dyad, left, "dyadic", "full", times(1.0), right_by=right) for dyad, left, right in pairs]
+    (note,) = notes(made_study(blocks))
+    assert note.startswith("participant P1 is in 2 dyads (D01, D02)")

@@ -146,7 +146,7 @@ class Comparisons:
 
 def _rows(one: Comparison) -> Iterator[Result]:
     contrast = one.contrast
-    note = "; ".join(filter(None, (one.measure.note, *contrast.notes)))
+    note = "; ".join(filter(None, (one.measure.note, *contrast.notes, _left_out(contrast))))
     group = one.question.name
     yield estimated("contrasts", one.what, group, one.difference, one.unit, note)
     yield estimated("contrasts", f"{one.what}, bootstrap", group, one.bootstrap, one.unit, note)
@@ -159,6 +159,12 @@ def _rows(one: Comparison) -> Iterator[Result]:
         yield plain("contrasts", name, group, test.p, "1", test.n, "dyad", f"{least}{shape}")
     family = f"all contrasts of all measures of {one.measure.family}, permutation tests; {_symmetry(contrast)}"
     yield plain("contrasts", f"{one.measure.name}: p, Holm", group, one.corrected, "1", contrast.n, "dyad", family)
+
+
+def _left_out(contrast: Contrast) -> str:
+    """Return a note on the dyads that cannot be compared; empty if all can."""
+    dyads = ", ".join(map(str, contrast.left_out))
+    return f"left out, because a value is missing in a condition: {dyads}" if dyads else ""
 
 
 def _symmetry(contrast: Contrast) -> str:
