@@ -203,12 +203,19 @@ def test_blocks_of_several_plans_are_numbered_consecutively() -> None:
     found = study_of([*one, *other], Readings())
     assert list(found.blocks["recording"]) == ["b1", "b2", "a1", "a2"]
     assert list(found.blocks["block"]) == list(found.trials["block"]) == [1, 2, 3, 4]
-    imported = [
+
+
+def test_blocks_without_a_plan_are_numbered_consecutively() -> None:
+    """Haptics on, off, on (in two parts), off: four blocks, though each recording says that it is the first."""
+    recordings = [
         one_trial_recording("i1", 1, "09:00"),
         one_trial_recording("i2", 1, "09:10", force="none"),
         one_trial_recording("i3", 1, "09:20"),
+        one_trial_recording("i3_part2", 1, "09:25", part=2),
+        one_trial_recording("i4", 1, "09:30", force="none"),
     ]
-    assert list(study_of(imported, Readings()).blocks["block"]) == [1, 2, 1]
+    found = study_of(recordings, Readings())
+    assert list(found.blocks["block"]) == list(found.trials["block"]) == [1, 2, 3, 3, 4]
 
 
 def test_dyad_of_more_than_two_people_is_noted() -> None:

@@ -217,12 +217,16 @@ def _in_order(measured: Iterable[Measured]) -> list[Measured]:
 
 
 def _numbers(blocks: pd.DataFrame) -> pd.Series:
-    """Number the blocks as planned; consecutively for dyads with duplicate numbers: two sessions, plans or imports."""
+    """Number the blocks as planned; consecutively for dyads with duplicate numbers: two sessions, plans or imports.
+
+    Consecutive recordings of one block are its parts, as after an interruption.
+    """
     same = ["dyad", "session", "block", "study", "condition", "performer"]
     each = blocks.drop_duplicates(same)
     several = each.loc[each.duplicated(["dyad", "block"]), "dyad"]
-    through = blocks.groupby(same, sort=False).ngroup().groupby(blocks["dyad"])
-    return blocks["block"].where(~blocks["dyad"].isin(several), through.transform(lambda own: pd.factorize(own)[0] + 1))
+    through = blocks.groupby(same, sort=False).ngroup()
+    begins = through != through.shift()
+    return blocks["block"].where(~blocks["dyad"].isin(several), begins.groupby(blocks["dyad"]).cumsum())
 
 
 def _joined(parts: Sequence[Columns]) -> pd.DataFrame:
