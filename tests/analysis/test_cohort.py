@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 
 from netboard.analysis.cohort.folder import Cohort, make_cohort
+from netboard.analysis.cohort.planning import Request, answer
 from netboard.analysis.cohort.power import performer_means
 from netboard.analysis.cohort.rows import KEPT
 from netboard.analysis.cohort.virtual import LAST_SEED, Design, jobs_of_dyad
@@ -160,3 +161,13 @@ def test_designs_without_dyads_or_with_too_large_a_seed_are_refused() -> None:
     with pytest.raises(ConfigError, match="--seed: found 99999"):
         replace(DESIGN, seed=99_999)
     assert np.iinfo(np.int32).max >= replace(DESIGN, seed=LAST_SEED).seed_of(999_999)
+
+
+def test_power_of_a_cohort_without_trials_is_refused(tmp_path: Path) -> None:
+    """With so short a time limit nobody succeeds or falls."""
+    study = parse_study(PLAN.replace("block.trials = 2", "block.trials = 2\ntask.time_limit = 0.5"), "short")
+    design = replace(DESIGN, study=study)
+    whole = make_cohort(design, 1, tmp_path / "cohort", workers=1, progress=check_progress)
+    request = Request(study, design.config, (2,), (0,), 1, design.seed, 0.05)
+    with pytest.raises(ConfigError, match="no dyad of this study has both conditions of a contrast"):
+        answer(request, tmp_path / "power", whole.folder, workers=1, dask=None, progress=check_progress)

@@ -89,6 +89,16 @@ def test_fewer_trials_use_the_first_groups() -> None:
         differences([groups(3)], asked, 45)
 
 
+def test_virtual_study_without_trials_has_no_differences() -> None:
+    """If nobody ever succeeds or falls, as with a short time limit, its table of groups is empty."""
+    asked = [{"name": "on vs off", "first": ["on"], "second": ["off"]}]
+    nothing, some = groups(3).iloc[:0], groups(3)
+    assert differences([nothing], asked) == []
+    for frames in ([nothing, some], [some, nothing]):
+        (time,) = (one for one in differences(frames, asked) if one.measure == "completion time")
+        assert [np.isfinite(gaps).all() for gaps in time.gaps] == [len(frame) > 0 for frame in frames]
+
+
 def test_differences_are_those_of_an_analysed_study_also_if_a_performer_lacks_a_condition() -> None:
     """A performer's own speed is no effect: only performers with both conditions count, as in the analysis."""
     blocks = [one for one in random_blocks(dyads=3, trials=5) if (one.performer, one.force) != ("D02A", "none")]

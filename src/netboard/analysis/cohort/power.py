@@ -125,12 +125,13 @@ def differences(
         for one in KEPT:
             parts[one.measure.name].append(performer_means(named, one))
     in_order = sorted(dyads, key=lambda dyad: int(dyad[1:]))
-    labels = [f"{number} {dyad}" for number in range(len(parts[KEPT[0].measure.name])) for dyad in in_order]
+    studies = len(parts[KEPT[0].measure.name])
+    labels = [f"{number} {dyad}" for number in range(studies) for dyad in in_order]
     found = []
     for one in KEPT:
         performers = pd.concat(parts[one.measure.name])
         for contrast in contrasts:
-            gaps = _gaps(performers, who, contrast).reindex(labels).to_numpy().reshape(-1, len(in_order))
+            gaps = _gaps(performers, who, contrast).reindex(labels).to_numpy().reshape(studies, len(in_order))
             if np.isfinite(gaps).any():
                 unit = "1" if one.measure.ratio else one.measure.unit
                 found.append(Differences(one.measure.name, str(contrast["name"]), unit, one.measure.ratio, gaps))
