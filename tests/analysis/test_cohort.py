@@ -10,7 +10,8 @@ import pandas as pd
 import pytest
 
 from netboard.analysis.cohort.folder import Cohort, make_cohort
-from netboard.analysis.cohort.power import condition_means
+from netboard.analysis.cohort.planning import Request, answer
+from netboard.analysis.cohort.power import performer_means
 from netboard.analysis.cohort.rows import KEPT
 from netboard.analysis.cohort.virtual import LAST_SEED, Design, jobs_of_dyad
 from netboard.analysis.extraction.recordings import measure
@@ -76,7 +77,8 @@ def test_cohort_measures_equal_those_of_analysed_recordings(cohort: Cohort, anal
 @pytest.mark.slow
 @pytest.mark.parametrize("kept", KEPT, ids=lambda kept: kept.measure.name)
 def test_dyad_levels_equal_those_of_analysed_recordings(cohort: Cohort, analysed: Tables, kept) -> None:
-    found = condition_means(pd.DataFrame(cohort.get(1).tables["groups"]), kept)
+    performers = performer_means(pd.DataFrame(cohort.get(1).tables["groups"]), kept)
+    found = performers.groupby("dyad").mean()
     expected = levels(analysed, kept.measure).pivot(index="dyad", columns="condition", values="level")
     assert found.to_numpy() == pytest.approx(expected.to_numpy(), rel=1e-12)
     assert list(found.index) == ["D01", "D02"]
@@ -159,3 +161,13 @@ def test_designs_without_dyads_or_with_too_large_a_seed_are_refused() -> None:
     with pytest.raises(ConfigError, match="--seed: found 99999"):
         replace(DESIGN, seed=99_999)
     assert np.iinfo(np.int32).max >= replace(DESIGN, seed=LAST_SEED).seed_of(999_999)
+
+
+def test_power_of_a_cohort_without_trials_is_refused(tmp_path: Path) -> None:
+    """With so short a time limit nobody succeeds or falls."""
+    study = parse_study(PLAN.replace("block.trials = 2", "block.trials = 2\ntask.time_limit = 0.5"), "short")
+    design = replace(DESIGN, study=study)
+    whole = make_cohort(design, 1, tmp_path / "cohort", workers=1, progress=check_progress)
+    request = Request(study, design.config, (2,), (0,), 1, design.seed, 0.05)
+    with pytest.raises(ConfigError, match="no dyad of this study has both conditions of a contrast"):
+        answer(request, tmp_path / "power", whole.folder, workers=1, dask=None, progress=check_progress)

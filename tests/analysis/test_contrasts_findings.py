@@ -119,6 +119,20 @@ def test_missing_block_of_one_participant_makes_no_effect() -> None:
     assert (one.difference.value, one.contrast.n) == (pytest.approx(1.0), 6)
 
 
+def test_dyads_without_a_condition_are_named() -> None:
+    """D3 has no trials with haptics, so its contrast is one of two dyads."""
+    blocks = [
+        Block(f"D{k}", f"D{k}", "dyadic", force, times(3.0 + k, 4.0))
+        for k in range(1, 4)
+        for force in ("none", "full")
+        if (k, force) != (3, "full")
+    ]
+    rows = [one for one in comparisons(made_study(blocks)).results if one.quantity.startswith("completion time: ratio")]
+    assert {(one.n, one.note.rpartition("; ")[2]) for one in rows} == {
+        (2, "left out, because a value is missing in a condition: D3")
+    }
+
+
 @pytest.mark.daily(2, of="contrasts")
 def test_confidence_intervals_cover_zero_without_an_effect() -> None:
     """About 5 % of the 95 % intervals miss it; bootstrap intervals of ten dyads are slightly too narrow."""

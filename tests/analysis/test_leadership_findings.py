@@ -73,6 +73,7 @@ def test_results_note_where_partners_changed_seats() -> None:
     blocks = [
         Block("D01", "D01A", "dyadic", "full", times(3.0), moves(0.1), "D01B"),
         Block("D01", "D01B", "dyadic", "full", times(3.0), moves(0.1), "D01A"),
+        Block("D01", "D01A", "bimanual", "full", times(3.0), moves(0.1)),
         Block("D02", "D02A", "dyadic", "full", times(3.0), moves(0.1), "D02B"),
         Block("D02", "D02B", "dyadic", "full", times(3.0), moves(0.1), "robot"),
     ]

@@ -1,5 +1,6 @@
 """Power of contrasts: the closed form of a paired t test, Wilson's interval, and clear errors."""
 
+from dataclasses import asdict
 from math import gamma, sqrt
 from pathlib import Path
 
@@ -11,9 +12,12 @@ from statsmodels.stats.power import TTestPower
 from statsmodels.stats.proportion import proportion_confint
 from typer.testing import CliRunner
 
+from made_study import made_study, random_blocks
 from netboard.analysis.cohort.power import PERMUTATION, T_TEST, Differences, Rate, differences, powers
 from netboard.analysis.cohort.report import Assumptions, flat, sentence, write
+from netboard.analysis.cohort.rows import group_rows
 from netboard.analysis.statistics.contrasts import condition_contrast
+from netboard.analysis.topics.contrasts import comparisons, questions_of
 from netboard.base.errors import ConfigError, RecordingError
 from netboard.services.cli import app
 
@@ -71,6 +75,7 @@ def groups(dyads: int) -> pd.DataFrame:
         (f"D{dyad:02d}", force, group) for dyad in range(1, dyads + 1) for force in ("on", "off") for group in (1, 2)
     ]
     table = pd.DataFrame(rows, columns=["dyad", "condition", "group"]).assign(performer="P", trials=30, attempts=30)
+    table = table.assign(configuration="dyadic", partner="")
     names = ("falls", "movements", "peaks", "cooperative", "competitive", "single", "still", "delay_20")
     return table.assign(**dict.fromkeys(names, 1.0), log_completion=table["group"] * (table["condition"] == "on"))
 
@@ -84,6 +89,32 @@ def test_fewer_trials_use_the_first_groups() -> None:
         differences([groups(3)], asked, 45)
 
 
+def test_virtual_study_without_trials_has_no_differences() -> None:
+    """If nobody ever succeeds or falls, as with a short time limit, its table of groups is empty."""
+    asked = [{"name": "on vs off", "first": ["on"], "second": ["off"]}]
+    nothing, some = groups(3).iloc[:0], groups(3)
+    assert differences([nothing], asked) == []
+    for frames in ([nothing, some], [some, nothing]):
+        (time,) = (one for one in differences(frames, asked) if one.measure == "completion time")
+        assert [np.isfinite(gaps).all() for gaps in time.gaps] == [len(frame) > 0 for frame in frames]
+
+
+def test_differences_are_those_of_an_analysed_study_also_if_a_performer_lacks_a_condition() -> None:
+    """A performer's own speed is no effect: only performers with both conditions count, as in the analysis."""
+    blocks = [one for one in random_blocks(dyads=3, trials=5) if (one.performer, one.force) != ("D02A", "none")]
+    study = made_study(blocks)
+    found = differences([group_rows(study, 1)] * 2, [asdict(one) for one in questions_of(study)])
+    expected = {(one.measure.name, one.question.name): one.contrast for one in comparisons(study).comparisons}
+    lacking = {"dyadic vs bimanual, haptics off", "haptics on vs off, dyadic vs bimanual"}
+    assert len({one.contrast for one in found}) == 5
+    for one in found:
+        contrast = expected[one.measure, one.contrast]
+        of_dyads = dict(zip(contrast.labels, contrast.differences, strict=True))
+        gaps = [of_dyads.get(dyad, np.nan) for dyad in ("D01", "D02", "D03")]
+        np.testing.assert_allclose(one.gaps, [gaps, gaps], rtol=1e-9, atol=1e-12)
+        assert np.isnan(gaps[1]) == (one.contrast in lacking)
+
+
 def test_results_state_their_assumptions(tmp_path: Path) -> None:
     found = list(powers([drawn()], [4, 24]))[::2]
     text = sentence(found, ASSUMED)
@@ -91,11 +122,24 @@ def test_results_state_their_assumptions(tmp_path: Path) -> None:
     assert "400 virtual studies of the plan short with 24 simulated dyads each" in text
     assert "below 0.8" in sentence(found[:1], ASSUMED)
     write(tmp_path, found, ASSUMED)
+    assert "its 95 % confidence interval is" in text
     table = pd.read_csv(tmp_path / "power.csv")
     assert table["power"].tolist() == [flat(one)["power"] for one in found]
     assert (tmp_path / "power.png").read_bytes().startswith(b"\x89PNG")
     with pytest.raises(RecordingError, match=r"power.csv: already exists"):
         write(tmp_path, found, ASSUMED)
+
+
+def test_sentence_has_no_interval_where_there_is_none() -> None:
+    """The width has no mean over one virtual study, and a permutation test has no interval."""
+    one_study = Differences("peaks", "on vs off", "1", False, drawn().gaps[:1, :8])
+    alone, _ = powers([one_study], [8])
+    _, permutation = powers([drawn()], [8])
+    for one in (alone, permutation):
+        text = sentence([one], ASSUMED)
+        assert "nan" not in text
+        assert "its 95 % confidence interval" not in text
+        assert f"has a power of {one.power.value:.2f}" in text
 
 
 @pytest.mark.parametrize(

@@ -203,12 +203,19 @@ def test_blocks_of_several_plans_are_numbered_consecutively() -> None:
     found = study_of([*one, *other], Readings())
     assert list(found.blocks["recording"]) == ["b1", "b2", "a1", "a2"]
     assert list(found.blocks["block"]) == list(found.trials["block"]) == [1, 2, 3, 4]
-    imported = [
+
+
+def test_blocks_without_a_plan_are_numbered_consecutively() -> None:
+    """Haptics on, off, on (in two parts), off: four blocks, though each recording says that it is the first."""
+    recordings = [
         one_trial_recording("i1", 1, "09:00"),
         one_trial_recording("i2", 1, "09:10", force="none"),
         one_trial_recording("i3", 1, "09:20"),
+        one_trial_recording("i3_part2", 1, "09:25", part=2),
+        one_trial_recording("i4", 1, "09:30", force="none"),
     ]
-    assert list(study_of(imported, Readings()).blocks["block"]) == [1, 2, 1]
+    found = study_of(recordings, Readings())
+    assert list(found.blocks["block"]) == list(found.trials["block"]) == [1, 2, 3, 3, 4]
 
 
 def test_dyad_of_more_than_two_people_is_noted() -> None:
@@ -217,3 +224,11 @@ def test_dyad_of_more_than_two_people_is_noted() -> None:
     assert notes(made_study([*blocks, together])) == ()
     (note,) = notes(made_study([*blocks, together, Block("D01", "P3", "bimanual", "full", times(1.0))]))
     assert note.startswith("dyad D01 has 3 participants (P1, P2, P3)")
+
+
+def test_participant_of_two_dyads_is_noted() -> None:
+    """Their dyads are not independent, and a robot partner is nobody."""
+    pairs = [("D01", "P1", "P2"), ("D02", "P3", "P1"), ("D03", "P4", "robot"), ("D04", "P5", "robot")]
+    blocks = [Block(dyad, left, "dyadic", "full", times(1.0), right_by=right) for dyad, left, right in pairs]
+    (note,) = notes(made_study(blocks))
+    assert note.startswith("participant P1 is in 2 dyads (D01, D02)")

@@ -95,7 +95,7 @@ def suitable(request: Request, folder: Path) -> tuple[Cohort, int]:
 def _of_contrasts(request: Request, cohort: Cohort, studies: int, trials: int) -> list[Power]:
     """Return the powers of the chosen contrasts with a number of trials."""
     first = cohort.get(1)
-    most = SIZE * int(first.tables["groups"]["group"].max())
+    most = SIZE * int(first.tables["groups"]["group"].max(initial=0))
     if trials > most:
         raise ConfigError(f"--trials: found {trials}, expected at most {most}, those of a condition")
     found = differences(cohort.frames("groups", studies), first.contrasts, trials)

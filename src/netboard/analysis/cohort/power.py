@@ -9,7 +9,7 @@ construction, and spread and skewness are those of the simulated dyads. For the 
 of the confidence interval.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import nan, sqrt
 from typing import Literal
@@ -22,6 +22,7 @@ from scipy.special import stdtrit
 
 from netboard.analysis.cohort.rows import KEPT, SIZE, CohortMeasure
 from netboard.analysis.statistics.exact_tests import permutation_p
+from netboard.analysis.topics.groups import paired_levels
 from netboard.base.errors import ConfigError
 
 Array = NDArray[np.float64]
@@ -113,38 +114,47 @@ def differences(
     """
     if trials % SIZE:
         raise ConfigError(f"--trials: found {trials}, expected a multiple of {SIZE}, the trials in a group")
-    found: dict[tuple[str, str], list[Array]] = {}
-    for frame in frames:
+    parts: dict[str, list[pd.DataFrame]] = {one.measure.name: [] for one in KEPT}
+    who: dict[str, object] = {}
+    dyads: set[str] = set()
+    for number, frame in enumerate(frames):
+        who |= zip(frame["condition"], zip(frame["configuration"], frame["partner"], strict=True), strict=True)
+        dyads |= set(frame["dyad"])
         kept = frame[frame["group"] <= trials // SIZE] if trials else frame
-        for measure in KEPT:
-            levels = condition_means(kept, measure)
-            for contrast in contrasts:
-                first, second = (_level(levels, contrast[place]) for place in ("first", "second"))
-                found.setdefault((measure.measure.name, str(contrast["name"])), []).append(first - second)
-    return [
-        Differences(name, contrast, "1" if one.measure.ratio else one.measure.unit, one.measure.ratio, gaps)
-        for one in KEPT
-        for (name, contrast), rows in found.items()
-        if name == one.measure.name and np.isfinite(gaps := np.array(rows)).any()
-    ]
+        named = kept.assign(dyad=f"{number} " + kept["dyad"])
+        for one in KEPT:
+            parts[one.measure.name].append(performer_means(named, one))
+    in_order = sorted(dyads, key=lambda dyad: int(dyad[1:]))
+    studies = len(parts[KEPT[0].measure.name])
+    labels = [f"{number} {dyad}" for number in range(studies) for dyad in in_order]
+    found = []
+    for one in KEPT:
+        performers = pd.concat(parts[one.measure.name])
+        for contrast in contrasts:
+            gaps = _gaps(performers, who, contrast).reindex(labels).to_numpy().reshape(studies, len(in_order))
+            if np.isfinite(gaps).any():
+                unit = "1" if one.measure.ratio else one.measure.unit
+                found.append(Differences(one.measure.name, str(contrast["name"]), unit, one.measure.ratio, gaps))
+    return found
 
 
-def condition_means(groups: pd.DataFrame, kept: CohortMeasure) -> pd.DataFrame:
-    """Return the level of each dyad (rows, in their order) in each condition, as `topics.measures.levels` does."""
+def performer_means(groups: pd.DataFrame, kept: CohortMeasure) -> pd.DataFrame:
+    """Return the level of each dyad and performer (rows) in each condition (columns)."""
     value, weight = kept.value(groups), groups[kept.weight]
     known = np.isfinite(value) & (weight > 0)
     table = groups.loc[known, ["dyad", "performer", "condition"]].assign(sum=value * weight, weight=weight)
     sums = table.groupby(["dyad", "performer", "condition"])[["sum", "weight"]].sum()
-    levels = (sums["sum"] / sums["weight"]).groupby(level=["dyad", "condition"]).mean().unstack("condition")
-    dyads = sorted(groups["dyad"].unique(), key=lambda dyad: int(dyad[1:]))
-    return levels.reindex(index=dyads)
+    return (sums["sum"] / sums["weight"]).unstack("condition")
 
 
-def _level(levels: pd.DataFrame, conditions: object) -> Array:
-    """Return the level of each dyad in a condition, or the difference of two; NaN where a condition is missing."""
-    assert isinstance(conditions, list | tuple)
-    columns = [levels[one].to_numpy() if one in levels else np.full(len(levels), nan) for one in conditions]
-    return np.asarray(columns[0] if len(columns) == 1 else columns[0] - columns[1])
+def _gaps(performers: pd.DataFrame, who: Mapping[str, object], contrast: Mapping[str, object]) -> pd.Series:
+    """Return the difference of each dyad that has both conditions; each of them may be a difference of two."""
+    first, second = (list(contrast[place]) for place in ("first", "second"))  # type: ignore[call-overload]
+    if not {*first, *second} <= set(performers):
+        return pd.Series(dtype=np.float64)
+    levels = paired_levels(performers, who, [*first, *second])
+    one, other = (levels[own[0]] - (levels[own[1]] if len(own) > 1 else 0.0) for own in (first, second))
+    return one - other
 
 
 def divided(gaps: Array, dyads: int) -> Array:

@@ -132,12 +132,15 @@ def sentence(found: Sequence[Power], assumptions: Assumptions) -> str:
     trials = f" and {one.trials} trials per condition" if one.trials else ""
     reached = "" if enough else f", below {ENOUGH:g} with each simulated number of dyads"
     unit = f" {one.unit}" if one.unit != "1" else ""
-    wide = f"spans a factor of {one.width:.3g}" if one.scale == "ratio" else f"is {one.width:.3g}{unit} wide"
+    wide = ""
+    if one.test != PERMUTATION and isfinite(one.width):  # a permutation test has no interval of its own
+        span = f"spans a factor of {one.width:.3g}" if one.scale == "ratio" else f"is {one.width:.3g}{unit} wide"
+        wide = f"; its {100 * (1 - assumptions.alpha):g} % confidence interval {span} on average"
     return (
         f"With {one.dyads} dyads{trials}, a {one.test} of {one.measure} ({one.contrast}; {one.scale} "
         f"{one.effect:.3g}{unit}) at the level {assumptions.alpha:g} has a power of {one.power.value:.2f} (95 % Monte "
-        f"Carlo confidence interval {one.power.low:.2f} to {one.power.high:.2f}){reached}; its "
-        f"{100 * (1 - assumptions.alpha):g} % confidence interval {wide} on average. Simulated: {assumptions}."
+        f"Carlo confidence interval {one.power.low:.2f} to {one.power.high:.2f}){reached}{wide}. "
+        f"Simulated: {assumptions}."
     )
 
 
@@ -180,7 +183,7 @@ def parts(found: Sequence[Power], assumptions: Assumptions) -> list[dict[str, An
         rows = []
         for (measure, contrast, test, trials), own in by_test(found).items():
             if name == "precision" and test == PERMUTATION:
-                continue  # it has no interval of its own
+                continue
             cells = {one.dyads: str(cell(one)) for one in own}
             unit = "" if own[0].unit == "1" else f" {own[0].unit}"
             head = [measure, contrast, test, trials or "all", f"{own[0].effect:.3g}{unit}"]

@@ -217,12 +217,16 @@ def _in_order(measured: Iterable[Measured]) -> list[Measured]:
 
 
 def _numbers(blocks: pd.DataFrame) -> pd.Series:
-    """Number the blocks as planned; consecutively for dyads with duplicate numbers: two sessions, plans or imports."""
+    """Number the blocks as planned; consecutively for dyads with duplicate numbers: two sessions, plans or imports.
+
+    Consecutive recordings of one block are its parts, as after an interruption.
+    """
     same = ["dyad", "session", "block", "study", "condition", "performer"]
     each = blocks.drop_duplicates(same)
     several = each.loc[each.duplicated(["dyad", "block"]), "dyad"]
-    through = blocks.groupby(same, sort=False).ngroup().groupby(blocks["dyad"])
-    return blocks["block"].where(~blocks["dyad"].isin(several), through.transform(lambda own: pd.factorize(own)[0] + 1))
+    through = blocks.groupby(same, sort=False).ngroup()
+    begins = through != through.shift()
+    return blocks["block"].where(~blocks["dyad"].isin(several), begins.groupby(blocks["dyad"]).cumsum())
 
 
 def _joined(parts: Sequence[Columns]) -> pd.DataFrame:
@@ -278,7 +282,7 @@ NEAR = 1.5 / RATE
 
 
 def notes(study: Study) -> tuple[str, ...]:
-    """Return notes on dyads of more than two people, and on completion times that are not those of the samples.
+    """Return notes on who is in a dyad, and on completion times that are not those of the samples.
 
     A recorded time replaces the computed one if the samples show no hold. Each note names the columns of the table of
     trials to compare.
@@ -287,7 +291,7 @@ def notes(study: Study) -> tuple[str, ...]:
     from_recording = int((done["completion_source"] == "recording").sum())
     apart = np.abs(done["completion"] - done["recorded_completion"])
     differ = apart[(done["completion_source"] == "samples") & (apart > NEAR)]
-    told = list(_crowded(study.blocks))
+    told = [*_crowded(study.blocks), *_in_several_dyads(study.blocks)]
     if from_recording:
         told.append(
             f"{from_recording} of {len(done)} completion times are those of the recording (completion_source in the "
@@ -310,4 +314,19 @@ def _crowded(blocks: pd.DataFrame) -> Iterator[str]:
             yield (
                 f"dyad {dyad} has {len(people)} participants ({', '.join(people)}) and is taken for one dyad: if these "
                 "are several dyads, or several names of one person, this analysis mixes them."
+            )
+
+
+def _in_several_dyads(blocks: pd.DataFrame) -> Iterator[str]:
+    """Yield a note for each participant of more than one dyad: these dyads are not independent."""
+    dyads: dict[str, list[str]] = {}
+    for dyad, own in blocks.groupby("dyad"):
+        for name in participants_of(own):
+            dyads.setdefault(name, []).append(str(dyad))
+    for name, own in sorted(dyads.items()):
+        if len(own) > 1:
+            yield (
+                f"participant {name} is in {len(own)} dyads ({', '.join(own)}), which every confidence interval, test "
+                f"and model takes for independent: if {name} is one person, they are not; if {name} is the name of "
+                "several people, nothing is wrong."
             )

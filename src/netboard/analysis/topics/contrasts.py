@@ -32,7 +32,15 @@ from netboard.analysis.topics.figure import (
     styled,
     titled,
 )
-from netboard.analysis.topics.groups import Condition, by_factor, conditions, estimated, paired_levels, with_base
+from netboard.analysis.topics.groups import (
+    Condition,
+    by_factor,
+    conditions,
+    estimated,
+    paired_levels,
+    performed_by,
+    with_base,
+)
 from netboard.analysis.topics.measures import Measure, as_read, exponential, levels_of_performers
 from netboard.analysis.topics.result import Result, kept, plain
 
@@ -138,7 +146,7 @@ class Comparisons:
 
 def _rows(one: Comparison) -> Iterator[Result]:
     contrast = one.contrast
-    note = "; ".join(filter(None, (one.measure.note, *contrast.notes)))
+    note = "; ".join(filter(None, (one.measure.note, *contrast.notes, _left_out(contrast))))
     group = one.question.name
     yield estimated("contrasts", one.what, group, one.difference, one.unit, note)
     yield estimated("contrasts", f"{one.what}, bootstrap", group, one.bootstrap, one.unit, note)
@@ -153,6 +161,12 @@ def _rows(one: Comparison) -> Iterator[Result]:
     yield plain("contrasts", f"{one.measure.name}: p, Holm", group, one.corrected, "1", contrast.n, "dyad", family)
 
 
+def _left_out(contrast: Contrast) -> str:
+    """Return a note on the dyads that cannot be compared; empty if all can."""
+    dyads = ", ".join(map(str, contrast.left_out))
+    return f"left out, because a value is missing in a condition: {dyads}" if dyads else ""
+
+
 def _symmetry(contrast: Contrast) -> str:
     """Return a note on the permutation test's symmetry assumption and the skewness of the differences."""
     if contrast.n < MIN_FOR_SKEWNESS or not np.isfinite(contrast.effect.value):
@@ -164,7 +178,7 @@ def _symmetry(contrast: Contrast) -> str:
 def comparisons(study: Study) -> Comparisons:
     """Compute, for every compared measure, all contrasts that some dyad has."""
     rng = np.random.default_rng(SEED)
-    questions, every = questions_of(study), conditions(study)
+    questions, who = questions_of(study), performed_by(conditions(study))
     found: list[Comparison] = []
     for measure in as_read(study):
         if measure.compared:
@@ -173,7 +187,7 @@ def comparisons(study: Study) -> Comparisons:
             for question in questions:
                 names = [*question.first, *question.second]
                 if set(names) <= set(performers.columns):
-                    table = paired_levels(performers, every, names)
+                    table = paired_levels(performers, who, names)
                     if table.notna().all(axis=1).any():
                         found.append(_compare(measure, question, table, rng))
     return Comparisons(_corrected(found))

@@ -210,7 +210,12 @@ def over_the_same(performers: pd.DataFrame) -> pd.DataFrame:
     return performers.dropna().groupby(level="dyad").mean()
 
 
-def paired_levels(performers: pd.DataFrame, every: Iterable[Condition], names: Sequence[str]) -> pd.DataFrame:
+def performed_by(every: Iterable[Condition]) -> dict[str, object]:
+    """Return who performs each condition, by name: equal for conditions with the same performers."""
+    return {one.name: (one.configuration, one.partner) for one in every}
+
+
+def paired_levels(performers: pd.DataFrame, who: Mapping[str, object], names: Sequence[str]) -> pd.DataFrame:
     """Return the levels of each dyad in conditions that are compared; NaN where nothing can be compared.
 
     Only performers with a value in all of these conditions of their configuration count: else a performer's own speed
@@ -220,8 +225,9 @@ def paired_levels(performers: pd.DataFrame, every: Iterable[Condition], names: S
     ----------
     performers : DataFrame
         Level of each dyad and performer (rows) in each condition (columns, by name).
+    who : mapping
+        Who performs each condition, as from `performed_by`.
     """
-    who = {one.name: (one.configuration, one.partner) for one in every}
     compared = {who[name]: [other for other in names if who[other] == who[name]] for name in names}
     parts = []
     for own, chosen in compared.items():
@@ -273,10 +279,10 @@ def comparisons(every: tuple[Condition, ...], values: Mapping[str, pd.Series]) -
     Such as ``dyadic, haptics on vs off`` for each haptic condition minus haptics off; or ``bimanual vs dyadic``,
     over the haptic conditions that both have; or as in `by_factor`.
     """
-    performers = pd.DataFrame(values).rename_axis(["dyad", "performer"])
+    performers, who = pd.DataFrame(values).rename_axis(["dyad", "performer"]), performed_by(every)
 
     def difference(first: Sequence[str], second: Sequence[str]) -> pd.Series:
-        levels = paired_levels(performers, every, [*first, *second])
+        levels = paired_levels(performers, who, [*first, *second])
         each = [levels[one] - levels[other] for one, other in zip(first, second, strict=True)]
         return pd.concat(each, axis=1).mean(axis=1, skipna=False).dropna()
 

@@ -57,8 +57,9 @@ class Leaders:
     def _rows(self, lead: Levels) -> Iterator[Result]:
         question, group, sides = lead.measure, lead.condition.label, "+ = right first"
         yield estimated("leadership", question.name, group, lead.mean, question.unit, sides)
+        changed = self.changed if lead.condition.configuration == "dyadic" else ()
         for dyad, value in zip(lead.dyads, lead.values, strict=True):
-            note = f"{sides}; partners changed seats" if dyad in self.changed else sides
+            note = f"{sides}; partners changed seats" if dyad in changed else sides
             yield plain("leadership", question.name, f"{group}, {dyad}", float(value), question.unit, 1, "dyad", note)
 
 
