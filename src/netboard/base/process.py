@@ -25,6 +25,7 @@ from threading import Event, Thread
 from types import FrameType
 from typing import Self, TextIO
 
+from netboard.base.errors import ConfigError
 from netboard.base.tables.rig import Realtime
 
 if sys.platform != "win32":
@@ -369,6 +370,14 @@ def _memory(process: int | str, kind: str) -> float:
     status = Path(f"/proc/{process}/status")
     lines = status.read_text(encoding="utf-8").splitlines() if status.exists() else []
     return next((float(line.split()[1]) * 1024 for line in lines if line.startswith(kind)), float("nan"))
+
+
+def home_folder() -> Path:
+    """Return the user's home folder; raise ConfigError if there is none, as for an unnamed user of a container."""
+    try:
+        return Path.home()
+    except RuntimeError:
+        raise ConfigError("this user has no home folder; set the environment variable HOME") from None
 
 
 def log_to_stderr(name: str) -> None:

@@ -14,7 +14,8 @@ from ctypes import byref, c_int32
 from pathlib import Path
 from typing import TypeVar
 
-from netboard.base.errors import DeviceError, DeviceNotFound
+from netboard.base.errors import ConfigError, DeviceError, DeviceNotFound
+from netboard.base.process import home_folder
 from netboard.devices.contract.device import Box, DeviceInfo, Found
 from netboard.devices.touch.api import Calibration, Capability, Fault, Library, Parameter, Style
 from netboard.devices.touch.library import OpenDevice, Rig
@@ -81,9 +82,13 @@ def config_folders() -> list[Path]:
     home = os.environ.get("GTDD_HOME")
     if home:
         return [Path(home, "config")]
-    return (
-        [] if sys.platform == "win32" else [Path.home() / ".3dsystems" / "config", Path("/usr/share/3DSystems/config")]
-    )
+    if sys.platform == "win32":
+        return []
+    shared = Path("/usr/share/3DSystems/config")
+    try:
+        return [home_folder() / ".3dsystems" / "config", shared]
+    except ConfigError:
+        return [shared]
 
 
 def find(rig: Rig, serial: str, name: str) -> OpenDevice:
