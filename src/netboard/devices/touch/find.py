@@ -14,8 +14,7 @@ from ctypes import byref, c_int32
 from pathlib import Path
 from typing import TypeVar
 
-from netboard.base.errors import ConfigError, DeviceError, DeviceNotFound
-from netboard.base.process import home_folder
+from netboard.base.errors import DeviceError, DeviceNotFound
 from netboard.devices.contract.device import Box, DeviceInfo, Found
 from netboard.devices.touch.api import Calibration, Capability, Fault, Library, Parameter, Style
 from netboard.devices.touch.library import OpenDevice, Rig
@@ -86,8 +85,8 @@ def config_folders() -> list[Path]:
         return []
     shared = Path("/usr/share/3DSystems/config")
     try:
-        return [home_folder() / ".3dsystems" / "config", shared]
-    except ConfigError:
+        return [Path.home() / ".3dsystems" / "config", shared]
+    except RuntimeError:  # the user has no home folder
         return [shared]
 
 
