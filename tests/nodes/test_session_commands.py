@@ -195,6 +195,16 @@ def test_status_of_a_long_block_with_many_peers_fits_its_message(stepped: Steppe
     assert len(said.links) == 2 * MAX_PEERS + 12
 
 
+def test_status_before_a_trial_gives_the_reason_of_a_logger_that_left(stepped: SteppedSession) -> None:
+    log, reason = stepped.state.ports.log, "the logger has left: /data: only 4 MB free"
+    log._farewell = "/data: only 4 MB free"
+    log.trouble = reason
+    stepped.state.supervisor.notice = "waiting for the logger"
+    assert stepped.session._answers.status().notice == f"waiting for the logger; {reason}"
+    stepped.state.supervisor.notice = f"paused: {reason}"
+    assert stepped.session._answers.status().notice == f"paused: {reason}"
+
+
 def test_block_does_not_start_by_itself_after_an_emergency_stop(automatic: SteppedSession) -> None:
     assert automatic.do("emergency_stop")[0]
     automatic.tick(2 * READY_TICKS)
