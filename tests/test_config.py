@@ -150,7 +150,10 @@ def test_values_beyond_limits_and_infinity_are_refused(table: Table, key: Key) -
         ("[block]\ntrials = 1.5", "[block] trials: found 1.5, expected a whole number >= 1 and <= 10000 "),
         ("[session]\npilot = 1", "[session] pilot: found 1, expected true or false "),
         ('[block]\nfirst_target = "up"', 'found "up", expected "left" or "right" or "random" '),
-        ('[session]\nname = "a b"', 'found "a b", expected text of letters, digits, - and _, such as D03 (label'),
+        (
+            '[session]\nname = "a b"',
+            'found "a b", expected text of at most 80 letters, digits, - and _, such as D03 (label',
+        ),
         ('[network]\nhost = ""', 'found "", expected text of at least one character '),
         ("[agents.left.options]\nx = [1]", "[agents.left] options.x: found a list, expected text, a number, "),
         ("physics = 3", "[physics]: found 3, expected a table"),

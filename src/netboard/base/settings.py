@@ -50,8 +50,8 @@ class Form(NamedTuple):
     words: str
 
 
-LABEL = Form("^[A-Za-z0-9_-]+$", "of letters, digits, - and _, such as D03")
-"""Form of a name that is part of the names of files and columns."""
+LABEL = Form("^[A-Za-z0-9_-]{1,80}$", "of at most 80 letters, digits, - and _, such as D03")
+"""Form of a name that is part of the names of files and columns; two of them fit the name of a recording."""
 
 
 def about(text: str, unit: str = "", *, form: Form | None = None, **limits: Any) -> FieldInfo:
