@@ -283,6 +283,7 @@ def test_override_takes_precedence_over_the_file(override: str, value: Any) -> N
     [
         ("trials=6", "--set trials=6: write table.key=value"),
         ("block.trials", "--set block.trials: write table.key=value"),
+        ("block.label=gr\udcfc", "--set block.label=gr?: expected text in UTF-8"),
         ("block.trials=six", '--set: [block] trials: found "six", expected a whole number'),
         ("block.trails=6", "--set: [block] trails: unknown key; did you mean trials ("),
         ("blok.trials=6", "--set: [blok]: unknown table; did you mean [block]?"),

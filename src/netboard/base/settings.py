@@ -308,6 +308,8 @@ def _checked(
 
 def _override(values: dict[str, Any], word: str, known: dict[Path, Table]) -> Path:
     """Put one ``table.key=value`` into the values read from the file; give the path of the key."""
+    if not word.isascii() and word != word.encode(errors="replace").decode():
+        raise ConfigError(f"--set {word.encode(errors='replace').decode()}: expected text in UTF-8")
     name, equals, value = (part.strip() for part in word.partition("="))
     path = tuple(name.split("."))
     if not equals or len(path) < 2 or not all(path):
