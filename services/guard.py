@@ -4,6 +4,7 @@ An expected error (`NetboardError`), a file or folder that cannot be used, and a
 stderr; ``--debug`` shows the traceback.
 """
 
+import logging
 import re
 from typing import Any
 
@@ -40,6 +41,8 @@ class Guarded(TyperGroup):
             raise
         except KeyboardInterrupt:
             words, code = "interrupted", FAULT
+        for handler in logging.getLogger().handlers:
+            handler.flush()  # the error is the last line
         typer.secho(f"netboard: {words}", err=True, fg=typer.colors.RED)
         raise typer.Exit(code)
 

@@ -5,6 +5,7 @@ let systemd run each service (docs/how-to/two-stations.md).
 """
 
 from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -40,13 +41,11 @@ def up(
     """Start all processes of this machine, and stop them in order on Ctrl-C."""
     settings = load(config, overrides)
     wanted = processes(config, overrides or (), server=server, station=station, autostart=autostart, insecure=insecure)
-    if server:
-        require_free(settings.network)
     from netboard.base.process import Stopping, log_to_stderr
     from netboard.nodes.operator.launcher import supervise
 
     log_to_stderr("up")
-    with Stopping() as stopping:
+    with free_address(settings.network) if server else nullcontext(), Stopping() as stopping:
         raise typer.Exit(supervise(wanted, stopping))
 
 
@@ -77,8 +76,8 @@ def processes(
     return wanted
 
 
-def require_free(network: "Network") -> None:
-    """Check that no other server is running: logger, agents and displays would join its session."""
+def free_address(network: "Network") -> AbstractContextManager[None]:
+    """Hold the server's address; raise an error if another server has it: all processes would join its session."""
     from netboard.network.transport import channels, sockets
 
-    sockets.require_free(channels.addresses(network).listen(channels.MOTION))
+    return sockets.free_address(channels.addresses(network).listen(channels.MOTION))

@@ -150,7 +150,10 @@ def test_values_beyond_limits_and_infinity_are_refused(table: Table, key: Key) -
         ("[block]\ntrials = 1.5", "[block] trials: found 1.5, expected a whole number >= 1 and <= 10000 "),
         ("[session]\npilot = 1", "[session] pilot: found 1, expected true or false "),
         ('[block]\nfirst_target = "up"', 'found "up", expected "left" or "right" or "random" '),
-        ('[session]\nname = "a b"', 'found "a b", expected text of letters, digits, - and _, such as D03 (label'),
+        (
+            '[session]\nname = "a b"',
+            'found "a b", expected text of at most 80 letters, digits, - and _, such as D03 (label',
+        ),
         ('[network]\nhost = ""', 'found "", expected text of at least one character '),
         ("[agents.left.options]\nx = [1]", "[agents.left] options.x: found a list, expected text, a number, "),
         ("physics = 3", "[physics]: found 3, expected a table"),
@@ -280,6 +283,7 @@ def test_override_takes_precedence_over_the_file(override: str, value: Any) -> N
     [
         ("trials=6", "--set trials=6: write table.key=value"),
         ("block.trials", "--set block.trials: write table.key=value"),
+        ("block.label=gr\udcfc", "--set block.label=gr?: expected text in UTF-8"),
         ("block.trials=six", '--set: [block] trials: found "six", expected a whole number'),
         ("block.trails=6", "--set: [block] trails: unknown key; did you mean trials ("),
         ("blok.trials=6", "--set: [blok]: unknown table; did you mean [block]?"),

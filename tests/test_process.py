@@ -348,3 +348,43 @@ def test_resident_memory_equals_the_resident_pages() -> None:
     assert resident_memory() == pytest.approx(pages * os.sysconf("SC_PAGE_SIZE"), rel=0.05)
     assert resident_memory(os.getpid()) <= peak_memory()
     assert math.isnan(resident_memory("no process"))
+
+
+@linux
+def test_a_terminal_that_accepts_nothing_delays_no_log_line_and_gets_all_of_them_later() -> None:
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+    filled = 0
+    with contextlib.suppress(BlockingIOError):
+        while True:
+            filled += os.write(writing, b"x")
+    os.set_blocking(writing, True)
+    log = logging.getLogger("test.background")
+    log.propagate = False
+    with os.fdopen(writing, "w") as terminal:
+        background = process.BackgroundLog(terminal)
+        log.addHandler(background)
+        for number in range(3):
+            log.error("line %d", number)  # would wait for ever in this thread
+        assert os.read(reading, filled) == b"x" * filled
+        background.flush()
+        assert os.read(reading, 100).splitlines() == [b"line 0", b"line 1", b"line 2"]
+        log.removeHandler(background)
+        background.close()
+    os.close(reading)
+
+
+def test_log_lines_beyond_the_limit_and_a_closed_terminal_are_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(process, "MAX_LOG_LINES", 2)
+    monkeypatch.setattr(process, "FLUSH_S", 0.01)
+    reading, writing = os.pipe()
+    os.close(reading)
+    line = logging.LogRecord("test", logging.ERROR, __file__, 1, "a line", None, None)
+    with os.fdopen(writing, "w") as terminal:
+        for stream in (terminal, None):
+            background = process.BackgroundLog(stream)
+            for _ in range(100):
+                background.emit(line)
+            background.flush()
+            background.close()
+        terminal.buffer.raw.close()  # type: ignore[attr-defined]  # what is buffered cannot be written any more

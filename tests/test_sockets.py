@@ -127,10 +127,11 @@ def test_port_in_use_is_reported_clearly(made: Made) -> None:
 @pytest.mark.parametrize("everywhere", ["0.0.0.0", "*"])
 def test_server_on_every_address_is_found_before_another_starts(made: Made, everywhere: str) -> None:
     where = channels.addresses(Network(bind=everywhere, port=free_port())).listen(channels.MOTION)
-    sockets.require_free(where)
+    with sockets.free_address(where):
+        pass
     made.motion_server(where)
-    with pytest.raises(NetboardError, match="another server listens on"):
-        sockets.require_free(where)
+    with pytest.raises(NetboardError, match="another server listens on"), sockets.free_address(where):
+        pass
 
 
 @pytest.mark.parametrize("host", ["::1", "[::1]"])
@@ -142,7 +143,8 @@ def test_server_may_have_an_ipv6_address(made: Made, host: str) -> None:
         pytest.skip("this machine has no IPv6")
     where = channels.addresses(Network(host=host, bind=host, port=port))
     assert where.listen(channels.MOTION).address == f"tcp://[::1]:{port}"
-    sockets.require_free(where.listen(channels.MOTION))
+    with sockets.free_address(where.listen(channels.MOTION)):
+        pass
     server = made.motion_server(where.listen(channels.MOTION))
     agent = made.motion_agent(where.reach(channels.MOTION), "agent.left@test")
     assert until(lambda: sockets.send(agent, b"frame"))
@@ -154,8 +156,11 @@ def test_server_may_have_an_ipv6_address(made: Made, host: str) -> None:
     assert until(publisher.wanted)
     publisher.send(b"view")
     assert until(lambda: sockets.receive(display)) == b"view"
-    with pytest.raises(NetboardError, match="another server listens on"):
-        sockets.require_free(where.listen(channels.MOTION))
+    with (
+        pytest.raises(NetboardError, match="another server listens on"),
+        sockets.free_address(where.listen(channels.MOTION)),
+    ):
+        pass
 
 
 def test_nothing_is_queued_for_an_absent_server(made: Made) -> None:

@@ -447,3 +447,12 @@ def test_error_names_invalid_option(fake: Fake, options: dict[str, str | float])
     (name,) = options
     with pytest.raises(ConfigError, match=rf"\[agents\.left\.options\] {name}: found"):
         make_device(fake, **options)
+
+
+def test_user_without_a_home_folder_has_the_shared_configuration_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    def homeless() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.delenv("GTDD_HOME", raising=False)
+    monkeypatch.setattr(Path, "home", homeless)
+    assert find.config_folders() == [Path("/usr/share/3DSystems/config")]

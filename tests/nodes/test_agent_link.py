@@ -10,7 +10,7 @@ from netboard.base.clock import now_ns
 from netboard.devices.contract.device import Reading
 from netboard.network.protocol import fixed
 from netboard.network.protocol.codec import decode, encode
-from netboard.network.protocol.joining import Hello, Welcome
+from netboard.network.protocol.joining import HELLO_FIRST, Hello, Refusal, Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
 from netboard.network.protocol.motion import Force, Heartbeat, Point
 from netboard.network.transport import channels, sockets
@@ -119,3 +119,17 @@ def test_empty_frame_is_ignored(pair: Pair) -> None:
     assert pair.router.send(pair.agent, b"")
     assert not pair.link.receive()
     assert pair.link.newest == force(1, 1)
+
+
+def test_agent_that_the_server_has_forgotten_sends_no_samples_until_it_is_welcomed(pair: Pair) -> None:
+    pair.send(1, now_ns())
+    assert pair.router.receive() is not None
+    assert pair.deliver(force(5, 1))
+    assert not pair.deliver(Refusal(HELLO_FIRST))
+    pair.send(2, now_ns())
+    assert pair.router.receive() is None
+    assert not pair.deliver(force(6, 1))
+    assert not pair.deliver(Welcome("session", PROTOCOL_VERSION, 0, ""))
+    pair.send(3, now_ns())
+    assert pair.router.receive() is not None
+    assert pair.deliver(force(7, 3))

@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from netboard.base.config import Config
-from netboard.base.errors import NetboardError
+from netboard.base.errors import ConfigError, NetboardError
 from netboard.base.finding import Finding
 from netboard.base.tables.rig import Network, Recording
 from netboard.network import keys
@@ -179,6 +179,18 @@ def test_report_is_embedded_in_recordings_with_its_age() -> None:
 def test_recording_without_a_report_states_so() -> None:
     result = provenance(Welcome("s", 1, 0, ""), Config(), 1, 10**18, 0)
     assert (result["doctor"], result["doctor_report"]) == ("not asked", "")
+
+
+def test_user_without_a_home_folder_can_record(monkeypatch: pytest.MonkeyPatch) -> None:
+    def homeless() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.delenv("XDG_STATE_HOME")
+    monkeypatch.setattr(Path, "home", homeless)
+    result = provenance(Welcome("s", 1, 0, ""), Config(), 1, 10**18, 0)
+    assert (result["doctor"], result["doctor_report"]) == ("not asked", "")
+    with pytest.raises(ConfigError, match="this user has no home folder; set the environment variable HOME"):
+        doctor_report_path()
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"summary": "x", "utc": "yesterday"}', '{"summary": "x", "utc": 3}'])

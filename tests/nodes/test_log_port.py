@@ -139,9 +139,9 @@ def test_departed_logger_is_reported_and_its_backlog_kept(rig: Rig) -> None:
     assert not rig.port.done
     assert rig.names() == ["logger_joined", "logger_left"]
     assert rig.port.store.backlog == 3
-    assert rig.port.trouble == "the logger has left: done"
+    assert rig.port.trouble == rig.port.notice == "the logger has left: done"
     rig.join(M)
-    assert rig.port.trouble == ""
+    assert rig.port.trouble == rig.port.notice == ""
 
 
 def test_unauthorised_peers_and_messages_are_refused(rig: Rig) -> None:

@@ -7,7 +7,7 @@ import pytest
 from fakes import STATUS
 from netboard.base.tables.rig import Network
 from netboard.network.protocol.codec import decode, encode
-from netboard.network.protocol.control import StatusRequest
+from netboard.network.protocol.control import Command, StatusRequest
 from netboard.network.protocol.joining import HELLO_FIRST, Hello, Refusal, Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
 from netboard.network.transport import channels, endpoints, sockets
@@ -70,5 +70,24 @@ def test_operator_says_hello_again_after_hello_first_refusal() -> None:
                 break
         assert answered == STATUS
         assert hello_count == 2
+        console.leave()
+        router.close_after_goodbye()
+
+
+def test_text_that_is_not_utf_8_is_sent_with_question_marks() -> None:
+    network = replace(Network(), port=free_port())
+    with sockets.open_context() as context:
+        router = sockets.control_server(context, channels.addresses(network).listen(channels.CONTROL))
+        console = Operator(network, context)
+        sent: list[Message] = []
+        for _ in range(TRIES):
+            if not sent:
+                console.command("note", "gr\udcfcn")  # as Python reads a note from a terminal with another coding
+            console.ask(0.02)
+            sent += [message for _, message in received_messages(router) if isinstance(message, Command)]
+            if sent:
+                break
+        assert isinstance(sent[0], Command)
+        assert sent[0].argument == "gr?n"
         console.leave()
         router.close_after_goodbye()

@@ -195,6 +195,30 @@ def test_status_of_a_long_block_with_many_peers_fits_its_message(stepped: Steppe
     assert len(said.links) == 2 * MAX_PEERS + 12
 
 
+def test_status_before_a_trial_gives_the_reason_of_a_logger_that_left(stepped: SteppedSession) -> None:
+    log, reason = stepped.state.ports.log, "the logger has left: /data: only 4 MB free"
+    log._farewell = "/data: only 4 MB free"
+    log.trouble = reason
+    stepped.state.supervisor.notice = "waiting for the logger"
+    assert stepped.session._answers.status().notice == f"waiting for the logger; {reason}"
+    stepped.state.supervisor.notice = f"paused: {reason}"
+    assert stepped.session._answers.status().notice == f"paused: {reason}"
+
+
+def test_device_replaced_in_a_trial_is_recorded_and_awaits_the_operator(automatic: SteppedSession) -> None:
+    state, seen = automatic.state, []
+    state.note = lambda name, details: seen.append((name, details))  # type: ignore[method-assign]
+    device = {"side": "left", "device": "virtual", "model": "virtual Touch", "serial": "1"}
+    for serial, phase in (("1", Phase.IDLE), ("2", Phase.IDLE), ("2", Phase.PAUSED), ("3", Phase.PAUSED)):
+        state._phase_word[0] = phase
+        state.ports.motion.news.append(("agent_joined", device | {"serial": serial}))
+        automatic.session.records.keep(now_ns())
+    replaced = [details for name, details in seen if name == "device_replaced"]
+    assert replaced == [{"side": "left", "before": "virtual virtual Touch 2", "now": "virtual virtual Touch 3"}]
+    assert state.supervisor._replaced == "the left device was replaced by another one"
+    state._phase_word[0] = Phase.IDLE
+
+
 def test_block_does_not_start_by_itself_after_an_emergency_stop(automatic: SteppedSession) -> None:
     assert automatic.do("emergency_stop")[0]
     automatic.tick(2 * READY_TICKS)

@@ -97,6 +97,20 @@ def test_reopened_journal_continues_after_its_entries(journal: Journal, path: Pa
     assert again.durable == 2
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="no file locks")
+def test_journal_of_a_running_server_is_refused_to_another(journal: Journal, path: Path) -> None:
+    for _ in range(2):
+        with pytest.raises(RecordingError, match="another server runs this session; end it first"):
+            Journal.reopen(path)
+    journal.append(ENTRIES[0])
+    journal.close()
+    again, _, entries, _ = Journal.reopen(path)
+    assert entries == (ENTRIES[0],)
+    with pytest.raises(RecordingError, match="another server runs this session"):
+        Journal.reopen(path)
+    again.close()
+
+
 def test_reopening_a_missing_journal_is_refused(path: Path) -> None:
     with pytest.raises(RecordingError, match=r"this session was never started \(leave out --resume\), or its form"):
         Journal.reopen(path)

@@ -13,8 +13,8 @@ from mcap.reader import NonSeekingReader, make_reader
 from mcap.records import Chunk, Message
 from mcap.stream_reader import StreamReader
 
-from netboard.base.config import Config
-from netboard.base.errors import RecordingError
+from netboard.base.config import Config, parse
+from netboard.base.errors import ConfigError, RecordingError
 from netboard.base.tables.rig import Recording
 from netboard.base.tick import TICK
 from netboard.network.protocol.records import TickRecord
@@ -22,6 +22,7 @@ from netboard.recording.files.provenance import config_sha256, next_recording
 from netboard.recording.files.reader import Recording as Reader
 from netboard.recording.format.channels import PLOTTED_EVERY
 from netboard.recording.format.chunks import messages, payloads, unpack_chunk
+from netboard.recording.format.partfile import PartFile
 from samples import (
     CONFIG_TEXT,
     MS,
@@ -337,3 +338,14 @@ def test_losses_are_noted_with_the_preceding_tick(tmp_path: Path) -> None:
     assert first.details == {"first": "0", "count": "7", "after_tick": "-1"}
     assert unreadable.details == {"number": number, "reason": "no message of kind 106", "hex": "006a756e6b"}
     assert second.details == {"first": number, "count": "1", "after_tick": "19"}
+
+
+def test_longest_labels_fit_the_name_of_a_recording(tmp_path: Path) -> None:
+    longest = ("session.name=" + "n" * 80, "session.dyad=" + "d" * 80, "block.number=1000", "block.blocks=1000")
+    path, _ = next_recording(tmp_path, parse("", "test", longest), SESSION, OPENED_NS)
+    recovered = path.with_name(f"{path.stem}_part100.recovered.mcap")
+    part = PartFile(recovered, "test", 1000, repeatable=True)
+    part.finish()
+    assert recovered.exists()
+    with pytest.raises(ConfigError, match="expected text of at most 80 letters"):
+        parse("", "test", ("session.name=" + "n" * 81,))

@@ -45,20 +45,34 @@ def test_up_requires_a_server_or_a_station() -> None:
 @pytest.mark.parametrize("transport", ["tcp", "ipc"])
 def test_up_refuses_to_start_if_another_server_listens(transport: str) -> None:
     network = parse("", "test", (f"network.port={free_port()}", f"network.transport={transport}")).network
-    up.require_free(network)
+    with up.free_address(network):
+        pass
     with sockets.open_context() as context:
         endpoint = channels.addresses(network).listen(channels.MOTION)
         server = sockets.motion_server(context, endpoint)
-        with pytest.raises(NetboardError, match="another server listens on"):
-            up.require_free(network)
+        with pytest.raises(NetboardError, match="another server listens on"), up.free_address(network):
+            pass
         server.socket.close()
 
 
 def test_unavailable_bind_address_is_reported_by_the_server() -> None:
     network = parse("", "test", ("network.bind=192.0.2.7",)).network
-    up.require_free(network)
-    with sockets.open_context() as context, pytest.raises(NetboardError, match=r"cannot listen on .*192\.0\.2\.7"):
+    refused = pytest.raises(NetboardError, match=r"cannot listen on .*192\.0\.2\.7")
+    with up.free_address(network), sockets.open_context() as context, refused:
         sockets.motion_server(context, channels.addresses(network).listen(channels.MOTION))
+
+
+@pytest.mark.parametrize("bind", ["127.0.0.1", "*"])
+def test_up_refuses_to_start_while_another_one_starts_its_server(bind: str) -> None:
+    network = parse("", "test", (f"network.port={free_port()}", f"network.bind={bind}")).network
+    with up.free_address(network):
+        with pytest.raises(NetboardError, match="another server listens on"), up.free_address(network):
+            pass
+        with sockets.open_context() as context:
+            server = sockets.motion_server(context, channels.addresses(network).listen(channels.MOTION))
+            server.socket.close()
+    with up.free_address(network):
+        pass
 
 
 @pytest.mark.slow

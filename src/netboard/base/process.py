@@ -16,13 +16,16 @@ import socket
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from enum import IntEnum
 from functools import partial
 from pathlib import Path
+from queue import Full, Queue
+from threading import Event, Thread
 from types import FrameType
-from typing import Self
+from typing import Self, TextIO
 
+from netboard.base.errors import ConfigError
 from netboard.base.tables.rig import Realtime
 
 if sys.platform != "win32":
@@ -37,6 +40,12 @@ NAME = f"{platform.node()}:{os.getpid()}"
 
 LOG_INTERVAL_S = 1.0
 """Interval between log lines of a repeated event [s]."""
+
+MAX_LOG_LINES = 1000
+"""Log lines that wait for a terminal that takes none; later ones are dropped [1]."""
+
+FLUSH_S = 1.0
+"""Longest wait for such a terminal when the process ends [s]."""
 
 OK, OFF = "ok", "off"
 """Result of a request: granted, or not requested; any other text is the reason of a refusal."""
@@ -363,9 +372,65 @@ def _memory(process: int | str, kind: str) -> float:
     return next((float(line.split()[1]) * 1024 for line in lines if line.startswith(kind)), float("nan"))
 
 
+def home_folder() -> Path:
+    """Return the user's home folder; raise ConfigError if there is none, as for an unnamed user of a container."""
+    try:
+        return Path.home()
+    except RuntimeError:
+        raise ConfigError("this user has no home folder; set the environment variable HOME") from None
+
+
 def log_to_stderr(name: str) -> None:
     """Log to standard error, with the name of the process in each line."""
-    logging.basicConfig(level=logging.INFO, format=f"%(relativeCreated)8d ms  {name}  %(message)s", force=True)
+    logging.basicConfig(
+        level=logging.INFO,
+        format=f"%(relativeCreated)8d ms  {name}  %(message)s",
+        handlers=[BackgroundLog(sys.stderr)],
+        force=True,
+    )
+
+
+class BackgroundLog(logging.Handler):
+    """Writes log lines in a thread of its own, so that no loop waits for a terminal.
+
+    A terminal stopped by Ctrl-S, or a pipe that nobody reads, accepts nothing. A server that waited for it would stop
+    both hands' forces, and an agent would leave its device with the last force.
+    """
+
+    def __init__(self, stream: TextIO | None) -> None:
+        super().__init__()
+        self._stream = stream
+        self._lines: Queue[str | Event | None] = Queue(MAX_LOG_LINES)
+        Thread(target=self._write, name="log", daemon=True).start()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Pass a line to the thread; drop it if too many wait."""
+        with suppress(Full):
+            self._lines.put_nowait(self.format(record))
+
+    def flush(self) -> None:
+        """Wait until all lines so far are written, or the terminal has accepted none for some time."""
+        written = Event()
+        with suppress(Full):
+            self._lines.put_nowait(written)
+            written.wait(FLUSH_S)
+
+    def close(self) -> None:
+        """End the thread after the last line."""
+        with suppress(Full):
+            self._lines.put_nowait(None)
+        super().close()
+
+    def _write(self) -> None:
+        while (line := self._lines.get()) is not None:
+            if isinstance(line, Event):
+                line.set()
+                continue
+            beside_loop()
+            with suppress(OSError, ValueError):  # the other end of the pipe, or the stream, was closed
+                if self._stream is not None:
+                    self._stream.write(line + "\n")
+                    self._stream.flush()
 
 
 class RateLimitedLog:

@@ -50,8 +50,8 @@ class Form(NamedTuple):
     words: str
 
 
-LABEL = Form("^[A-Za-z0-9_-]+$", "of letters, digits, - and _, such as D03")
-"""Form of a name that is part of the names of files and columns."""
+LABEL = Form("^[A-Za-z0-9_-]{1,80}$", "of at most 80 letters, digits, - and _, such as D03")
+"""Form of a name that is part of the names of files and columns; two of them fit the name of a recording."""
 
 
 def about(text: str, unit: str = "", *, form: Form | None = None, **limits: Any) -> FieldInfo:
@@ -308,6 +308,8 @@ def _checked(
 
 def _override(values: dict[str, Any], word: str, known: dict[Path, Table]) -> Path:
     """Put one ``table.key=value`` into the values read from the file; give the path of the key."""
+    if not word.isascii() and word != word.encode(errors="replace").decode():
+        raise ConfigError(f"--set {word.encode(errors='replace').decode()}: expected text in UTF-8")
     name, equals, value = (part.strip() for part in word.partition("="))
     path = tuple(name.split("."))
     if not equals or len(path) < 2 or not all(path):

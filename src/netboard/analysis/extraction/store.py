@@ -28,6 +28,7 @@ from pathlib import Path
 from tempfile import NamedTemporaryFile
 
 from netboard.base.errors import RecordingError
+from netboard.base.process import home_folder
 from netboard.recording.files.locate import sha256_of
 
 LIMIT = 2_000_000_000
@@ -47,7 +48,7 @@ _DIGEST_BYTES = 32
 def default_folder() -> Path:
     """Return the user's cache folder."""
     chosen = os.environ.get("XDG_CACHE_HOME")
-    return (Path(chosen) if chosen else Path.home() / ".cache") / "netboard" / "measures"
+    return (Path(chosen) if chosen else home_folder() / ".cache") / "netboard" / "measures"
 
 
 class Store:

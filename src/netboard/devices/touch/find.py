@@ -81,9 +81,13 @@ def config_folders() -> list[Path]:
     home = os.environ.get("GTDD_HOME")
     if home:
         return [Path(home, "config")]
-    return (
-        [] if sys.platform == "win32" else [Path.home() / ".3dsystems" / "config", Path("/usr/share/3DSystems/config")]
-    )
+    if sys.platform == "win32":
+        return []
+    shared = Path("/usr/share/3DSystems/config")
+    try:
+        return [Path.home() / ".3dsystems" / "config", shared]
+    except RuntimeError:  # the user has no home folder
+        return [shared]
 
 
 def find(rig: Rig, serial: str, name: str) -> OpenDevice:

@@ -2,6 +2,8 @@
 
 import random
 import socket as net
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from netboard.base.errors import NetboardError
 from netboard.network.transport.channels import CHANNELS
@@ -12,10 +14,32 @@ _guards: list[net.socket] = []
 
 def try_to_bind(host: str, port: int) -> None:
     """Bind a port as a server would, and release it; raise an OSError if that fails."""
-    host = "" if host == "*" else host.strip("[]")
-    with net.socket(net.AF_INET6 if ":" in host else net.AF_INET) as probe:
+    host = _bound(host)
+    with net.socket(_family(host)) as probe:
         probe.setsockopt(net.SOL_SOCKET, net.SO_REUSEADDR, 1)
         probe.bind((host, port))
+
+
+@contextmanager
+def reserved(host: str, port: int) -> Iterator[None]:
+    """Reserve a port for a server that is started within this context; raise an OSError if another process has it.
+
+    The server binds the TCP port only seconds later. Until then the UDP port of this number is held, which netboard
+    does not use otherwise.
+    """
+    host = _bound(host)
+    with net.socket(_family(host), net.SOCK_DGRAM) as guard:
+        guard.bind((host, port))
+        yield
+
+
+def _bound(host: str) -> str:
+    """Return an address of the configuration as the system takes it."""
+    return "" if host == "*" else host.strip("[]")
+
+
+def _family(host: str) -> net.AddressFamily:
+    return net.AF_INET6 if ":" in host else net.AF_INET
 
 
 def free_port() -> int:

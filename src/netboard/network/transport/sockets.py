@@ -16,7 +16,7 @@ import socket as net
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TypeAlias
 from weakref import WeakKeyDictionary
@@ -29,7 +29,7 @@ from netboard.network.transport import authenticator
 from netboard.network.transport.authenticator import Authenticator, Credentials, readable
 from netboard.network.transport.channels import CHANNELS, CONTROL, LOG, VIEW_LEFT, VIEW_RIGHT, Endpoint
 from netboard.network.transport.endpoints import GOODBYE_LINGER_MS, Publisher, Router
-from netboard.network.transport.ports import try_to_bind
+from netboard.network.transport.ports import reserved, try_to_bind
 
 log = logging.getLogger(__name__)
 
@@ -207,20 +207,27 @@ def _bind(context: Context, socket: Socket, endpoint: Endpoint) -> Socket:
     return socket
 
 
-def require_free(endpoint: Endpoint) -> None:
-    """Raise an error if another server listens on a channel, before processes start that would join its session."""
-    try:
-        _refuse_taken(endpoint.address)
-        if endpoint.address.startswith("tcp://"):
-            host, _, port = endpoint.address.removeprefix("tcp://").rpartition(":")
-            try_to_bind(host, int(port))
-    except (OSError, ZMQError) as error:
-        if error.errno == errno.EADDRINUSE:
-            raise NetboardError(
-                f"another server listens on {endpoint.address}, perhaps another user's; "
-                "end it, or choose another [network] port"
-            ) from error
-        # The server itself reports any other error of the address.
+@contextmanager
+def free_address(endpoint: Endpoint) -> Iterator[None]:
+    """Hold an address while its server and other processes are started, which would join another server's session.
+
+    Raises `NetboardError` if another server listens there, or is being started in the same way.
+    """
+    with ExitStack() as held:
+        try:
+            _refuse_taken(endpoint.address)
+            if endpoint.address.startswith("tcp://"):
+                host, _, port = endpoint.address.removeprefix("tcp://").rpartition(":")
+                try_to_bind(host, int(port))
+                held.enter_context(reserved(host, int(port)))
+        except (OSError, ZMQError) as error:
+            if error.errno == errno.EADDRINUSE:
+                raise NetboardError(
+                    f"another server listens on {endpoint.address}, perhaps another user's; "
+                    "end it, or choose another [network] port"
+                ) from error
+            # The server itself reports any other error of the address.
+        yield
 
 
 def _is_ipv6(endpoint: Endpoint) -> bool:

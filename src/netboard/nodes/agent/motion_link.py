@@ -21,7 +21,7 @@ from netboard.devices.contract.device import Reading
 from netboard.devices.safety.chain import NEVER_NS
 from netboard.network.protocol import fixed
 from netboard.network.protocol.codec import decode, encode
-from netboard.network.protocol.joining import Goodbye, Hello, Refusal, Welcome
+from netboard.network.protocol.joining import HELLO_FIRST, Goodbye, Hello, Refusal, Welcome
 from netboard.network.protocol.motion import Backfill, BackfillRequest, Force, Heartbeat, Point
 from netboard.network.transport import fastpath, sockets
 
@@ -287,6 +287,8 @@ class Link:
                 self.block = block
             case Goodbye(reason=reason):
                 log.info("the server ended the connection: %s", reason)
+                self._set_session("", forget=False)
+            case Refusal(reason=reason) if reason == HELLO_FIRST:  # it has forgotten this agent: samples are in vain
                 self._set_session("", forget=False)
             case Refusal(reason=reason) if reason != self._refused:
                 self._refused = reason

@@ -90,7 +90,10 @@ class Operator:
     def command(self, name: str, argument: str = "") -> int:
         """Send a command; return the number with which to ask for its `reply`."""
         self._number += 1
-        self._send(Command(name, argument, self._number))
+        sendable = argument.encode(
+            errors="replace"
+        ).decode()  # half of a character, from a terminal with another coding
+        self._send(Command(name, sendable, self._number))
         return self._number
 
     def reply(self, number: int) -> Reply | None:

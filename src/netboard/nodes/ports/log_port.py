@@ -107,10 +107,17 @@ class LogPort:
     @property
     def notice(self) -> str:
         """What an operator should know; empty if nothing."""
+        if self._parting:
+            return self._parting
         if self._space_is_low:
             return f"the logger's disk has only {self.free_bytes / 1e9:.1f} GB left"
         spilled_to = self.store.spilled_to
         return f"no logger takes the records: they go to {spilled_to}" if spilled_to and not self.loggers else ""
+
+    @property
+    def _parting(self) -> str:
+        """Why the last logger has left, if it said so and none has come since."""
+        return f"the logger has left: {self._farewell}" if self._farewell and not self.loggers else ""
 
     def links(self, now_ns: int) -> list[Link]:
         """Return the connections of the loggers and the subscribers."""
@@ -317,6 +324,4 @@ class LogPort:
             self.store.report_lost(first, count)
 
     def _find_trouble(self) -> str:
-        if self._farewell and not self.loggers:
-            return f"the logger has left: {self._farewell}"
-        return "the logger is too far behind" if self.store.behind else ""
+        return self._parting or ("the logger is too far behind" if self.store.behind else "")

@@ -42,7 +42,8 @@ class SessionAnswers:
         now = now_ns()
         agents = tuple(f"agent.{side}" for side in SIDES if ports.motion.agents[side].hello is not None)
         loggers = ("logger",) * ports.log.loggers + ("listener",) * len(ports.log.subscribers)
-        said = session.supervisor.notice or session.attempts.trouble or ports.log.notice or delays.notice
+        asked, said = session.questionnaires and f"ask now: {session.questionnaires}", session.supervisor.notice
+        troubles = session.attempts.trouble, ports.log.notice, delays.notice
         return Status(
             session=session.session,
             tick=session.number,
@@ -55,7 +56,7 @@ class SessionAnswers:
             late_ticks=session.clock.late_ticks,
             waiting_for=session.missing,
             peers=(*agents, *loggers, *ports.control.peers),
-            notice="; ".join(filter(None, (session.questionnaires and f"ask now: {session.questionnaires}", said))),
+            notice="; ".join(filter(None, (asked, said, *(one for one in troubles if one not in said)))),
             links=(*ports.motion.links(now), *ports.log.links(now), *ports.control.links(now)),
             loops=self._loops(),
             **plan_of(config),

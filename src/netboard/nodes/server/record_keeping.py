@@ -5,6 +5,7 @@ import logging
 from netboard.base.clock import now_ns
 from netboard.nodes.ports.backfill import Backfiller
 from netboard.nodes.server.state import SessionState
+from netboard.task.trials.state_machine import Phase
 
 log = logging.getLogger(__name__)
 
@@ -13,6 +14,9 @@ CLOCKS_NS = 1_000_000_000
 
 FRAMES_A_TICK = 4
 """Painted frames recorded after each tick; displays paint at most one frame in several ticks [1]."""
+
+DEVICE = ("device", "model", "serial")
+"""Details of an agent that identify its device."""
 
 CLOSING_NS = 200_000_000
 """Time before the control channel closes, so that its peers can read the last messages [ns]."""
@@ -29,6 +33,7 @@ class RecordKeeping:
         self._log = state.ports.log
         self._backfiller = Backfiller()
         self._started = False  # whether a trial has started: before, nothing is lost if there is no logger
+        self._devices: dict[str, str] = {}  # by side
         self._clocks_ns = 0
         self._ended_ns = self._ending_until_ns = 0
         self._log_closing = False
@@ -83,10 +88,19 @@ class RecordKeeping:
                 state.note(name, details)
                 if name == "agent_joined":
                     delays.know("left" if details["side"] == "left" else "right", details)
+                    self._know_device(details)
             port.news.clear()
         for details in state.authenticator.reports(now) if state.authenticator is not None else ():
             state.note("refused", details)
         self._log.pump(now)
+
+    def _know_device(self, details: dict[str, str]) -> None:
+        """Compare the device of an agent that has joined with the side's last one; in a trial it must be the same."""
+        side, device = details["side"], " ".join(filter(None, map(details.get, DEVICE)))
+        before, self._devices[side] = self._devices.get(side, device), device
+        if device != before and self._state.phase not in (Phase.IDLE, Phase.FINISHED):
+            self._state.supervisor.device_replaced(side)
+            self._state.note("device_replaced", {"side": side, "before": before, "now": device})
 
     def end(self) -> None:
         """Record what is left of the peers, say goodbye, and let the loggers bring everything to disk."""

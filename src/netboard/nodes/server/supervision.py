@@ -24,6 +24,7 @@ class Supervisor:
     _ready_since: int | None = None
     _faulted: bool = False
     _released: bool = False
+    _replaced: str = ""
     _cause: str = ""
     _trouble: str = ""
     _trouble_since: int = 0
@@ -47,7 +48,7 @@ class Supervisor:
             self._pause(trouble)
             return Cause.FAULT
         ready = self._ready_since is not None and tick - self._ready_since >= READY_TICKS
-        if self.autostart and ready and not self._released:
+        if self.autostart and ready and not (self._released or self._replaced):
             return self._by_itself(phase)
         if self._refused_when != self._seen:
             self._refused_when = None
@@ -58,7 +59,7 @@ class Supervisor:
         """Note that a command was carried out: older notices no longer apply."""
         self._faulted, self._refused_when = False, None
         self._released = self._released and cause not in (Cause.START, Cause.RESUME)
-        self.notice = self._cause = ""
+        self.notice = self._cause = self._replaced = ""
 
     def refused(self, reason: str) -> None:
         """Note that an operator's command was refused: show the reason until the situation changes."""
@@ -71,6 +72,10 @@ class Supervisor:
     def stop_released(self) -> None:
         """Start and resume only on an operator's command, because an emergency stop was released."""
         self._faulted, self._released = False, True
+
+    def device_replaced(self, side: str) -> None:
+        """Note that a side has another device: resume only on an operator's command, who knows who holds it."""
+        self._faulted, self._replaced = False, f"the {side} device was replaced by another one"
 
     def faulted(self, reason: str) -> None:
         """Note that the stage itself has paused the trial."""
@@ -89,7 +94,8 @@ class Supervisor:
         elif phase == Phase.PAUSED:
             if trouble and tick - self._trouble_since >= PERSISTENT_TICKS:
                 self._cause = trouble
-            ready = f"ready to resume (paused: {self._cause})" if self._cause else ""
+            cause = self._replaced or self._cause
+            ready = f"ready to resume (paused: {cause})" if cause else ""
             self.notice = f"paused: {trouble or waiting}" if trouble or waiting else ready
         else:
             self.notice = ""

@@ -17,6 +17,8 @@ from pathlib import Path
 import mcap
 
 from netboard.base.config import Config
+from netboard.base.errors import ConfigError
+from netboard.base.process import home_folder
 from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION
 from netboard.recording.format.channels import FORMAT_VERSION
@@ -91,7 +93,7 @@ def provenance(welcome: Welcome, config: Config, part: int, utc_ns: int, monoton
 def doctor_report_path() -> Path:
     """Return the path where `netboard doctor` stores its latest report, one per user and computer."""
     state = os.environ.get("XDG_STATE_HOME")
-    return (Path(state) if state else Path.home() / ".local" / "state") / "netboard" / "doctor.json"
+    return (Path(state) if state else home_folder() / ".local" / "state") / "netboard" / "doctor.json"
 
 
 def _doctor_said(utc_ns: int) -> dict[str, str]:
@@ -101,7 +103,7 @@ def _doctor_said(utc_ns: int) -> dict[str, str]:
         report = json.loads(text)
         age = datetime.fromtimestamp(utc_ns // 1_000_000_000, UTC) - datetime.fromisoformat(report["utc"])
         return {"doctor": f"{report['summary']}; {age.total_seconds() / 3600:.1f} h before", "doctor_report": text}
-    except FileNotFoundError:
+    except (FileNotFoundError, ConfigError):
         return {"doctor": "not asked", "doctor_report": ""}
     except (OSError, ValueError, KeyError, TypeError) as error:
         return {"doctor": f"its report cannot be read: {type(error).__name__}", "doctor_report": ""}

@@ -1,13 +1,14 @@
 """Journal of a session: an append-only file from which a session resumes after any crash.
 
-A journal is never overwritten. Appending does not wait for the disk: a separate thread writes and syncs the entries one
-by one, in order, so a power cut can truncate only the last line. An entry that counts as durable is on disk, and so is
-the file's directory entry. If the disk reports an error, the thread retries; `Journal.trouble` holds the message until
-the entry is written.
+A journal is never overwritten, and only one server has it open. Appending does not wait for the disk: a separate thread
+writes and syncs the entries one by one, in order, so a power cut can truncate only the last line. An entry that counts
+as durable is on disk, and so is the file's directory entry. If the disk reports an error, the thread retries;
+`Journal.trouble` holds the message until the entry is written.
 """
 
 import logging
 import os
+import sys
 import time
 from datetime import UTC, datetime
 from pathlib import Path
@@ -19,6 +20,9 @@ from netboard.base.config import Config
 from netboard.base.errors import RecordingError
 from netboard.recording.format.disk import sync_directory
 from netboard.task.journal.entries import Entry, Header, line_of, read_lines
+
+if sys.platform != "win32":
+    import fcntl
 
 RETRY_SECONDS = 0.5
 """Interval of retries after a disk error [s]."""
@@ -76,8 +80,13 @@ class Journal:
         Returns the journal, its header and entries, and the torn line, empty if there is none.
         """
         try:
-            lines = read_lines(path.read_bytes(), str(path))
             handle = os.open(path, os.O_RDWR | _BINARY)
+            try:
+                _lock(handle, path)
+                lines = read_lines(path.read_bytes(), str(path))
+            except BaseException:
+                os.close(handle)
+                raise
         except FileNotFoundError:
             raise RecordingError(
                 f"{path}: does not exist: this session was never started (leave out --resume), or its form gave it "
@@ -155,6 +164,7 @@ def _new(path: Path, data: bytes) -> int:
     path.parent.mkdir(parents=True, exist_ok=True)
     handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | _BINARY, 0o644)
     try:
+        _lock(handle, path)
         _write(handle, 0, data)
         sync_directory(path.parent)
     except OSError:
@@ -162,6 +172,18 @@ def _new(path: Path, data: bytes) -> int:
         path.unlink(missing_ok=True)
         raise
     return handle
+
+
+def _lock(handle: int, path: Path) -> None:
+    """Lock an open journal until it is closed or the process ends: two servers would overwrite each other's entries."""
+    if sys.platform == "win32":
+        return
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise RecordingError(f"{path}: another server runs this session; end it first") from None
+    except OSError as error:  # a file system without locks
+        log.warning("%s: cannot be locked (%s); do not run this session twice", path, error.strerror)
 
 
 def _write(handle: int, place: int, line: bytes) -> None:
