@@ -5,6 +5,7 @@ from pathlib import Path
 from netboard.base.config import parse
 from netboard.network.protocol.codec import decode
 from netboard.network.protocol.control import Command
+from netboard.network.protocol.messages import Message
 from netboard.network.protocol.records import EventRecord
 from netboard.network.transport import sockets
 from netboard.network.transport.ports import free_port
@@ -110,11 +111,14 @@ class SteppedSession:
             self.succeed()
             self.tick()
 
+    def records(self) -> list[Message]:
+        """Return the records so far."""
+        ring = self.state.ports.log.ring
+        return [decode(frame) for frame in ring.batch(ring.first, ring.next, 2**30).records]
+
     def events(self) -> list[EventRecord]:
         """Return the events so far."""
-        ring = self.state.ports.log.ring
-        records = [decode(frame) for frame in ring.batch(ring.first, ring.next, 2**30).records]
-        return [record for record in records if isinstance(record, EventRecord)]
+        return [record for record in self.records() if isinstance(record, EventRecord)]
 
     def close(self) -> None:
         """Close the sockets and the journal."""

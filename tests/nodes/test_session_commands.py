@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from fake_router import hello
 from motion_rig import Peers
@@ -10,12 +11,15 @@ from stepped_session import SteppedSession
 
 from netboard.base.clock import now_ns
 from netboard.base.tables.experiment import MAX_TRIALS
+from netboard.base.tick import RENDERED, TICK_NS
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.control import Status
 from netboard.network.protocol.joining import Goodbye, Hello
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
-from netboard.network.protocol.motion import Force, Heartbeat
+from netboard.network.protocol.motion import BackfillRequest, Force, Heartbeat
+from netboard.network.protocol.records import BackfillRecord, EventRecord
 from netboard.network.transport import channels, sockets
+from netboard.nodes.agent.rendered_buffer import RenderedRing
 from netboard.nodes.ports.control_port import MAX_PEERS
 from netboard.nodes.ports.peer import Peer
 from netboard.nodes.server.block_changes import PAGE_TICKS
@@ -156,28 +160,88 @@ def test_end_stops_the_block_in_every_phase(stepped: SteppedSession, bring: Call
 AGENT = b"agent.left@1"
 
 
-def test_session_ends_with_a_heartbeat_that_commands_no_force(
-    stepped: SteppedSession, context: sockets.Context
-) -> None:
-    address = channels.addresses(stepped.state.block.config.network).listen(channels.MOTION).address
-    peers, motion = Peers(context, address), stepped.state.ports.motion
+class LeftAgent:
+    """The left agent of a session, with its connection."""
+
+    def __init__(self, stepped: SteppedSession, context: sockets.Context) -> None:
+        address = channels.addresses(stepped.state.block.config.network).listen(channels.MOTION).address
+        self.peers, self.motion = Peers(context, address), stepped.state.ports.motion
+        self.received: list[Message] = []
+        self.send(hello("agent", "left"))
+        while not self.received:  # the welcome
+            self.read()
+
+    def send(self, message: Message) -> None:
+        """Send a message to the session."""
+        self.peers.send_from(AGENT, message)
+
+    def read(self) -> None:
+        """Let the session take what has arrived, and take what it has sent."""
+        self.motion.drain(now_ns, 0)
+        self.motion.attend(now_ns(), 0)
+        self.received += self.peers.received_by(AGENT)
+
+    def close(self) -> None:
+        """Disconnect."""
+        self.peers.disconnect(AGENT)
+
+
+@pytest.fixture
+def left(stepped: SteppedSession, context: sockets.Context) -> Iterator[LeftAgent]:
+    """The left agent of a session with a running trial."""
     stepped.start()
     stepped.until(Phase.RUNNING)
-    peers.send_from(AGENT, hello("agent", "left"))
-    received: list[Message] = []
-    while not received:  # the welcome
-        motion.drain(now_ns, 0)
-        motion.attend(now_ns(), 0)
-        received += peers.received_by(AGENT)
+    agent = LeftAgent(stepped, context)
+    yield agent
+    agent.close()
+
+
+def test_session_ends_with_a_heartbeat_that_commands_no_force(stepped: SteppedSession, left: LeftAgent) -> None:
+    stepped.tick()
     stepped.session._end()
-    while not isinstance(received[-1], Goodbye):
-        received += peers.received_by(AGENT)
-    force, heartbeat = received[-3:-1]
+    while not isinstance(left.received[-1], Goodbye):
+        left.received += left.peers.received_by(AGENT)
+    force, heartbeat = left.received[-3:-1]
     assert isinstance(force, Force)
     assert isinstance(heartbeat, Heartbeat)
     assert heartbeat.tick > force.tick
     assert not heartbeat.arm
-    peers.disconnect(AGENT)
+
+
+@pytest.fixture
+def after_a_cut(stepped: SteppedSession) -> SteppedSession:
+    """A session whose left agent, with a known clock, has not yet sent what it rendered during an interruption."""
+    stepped.state.ports.motion.knows_clock = lambda side: side == "left"  # type: ignore[method-assign]
+    stepped.session.records._backfiller._gaps["left"].open.append(BackfillRequest(0, 100))
+    return stepped
+
+
+def test_session_ends_after_the_agent_has_sent_what_it_rendered_during_a_cut(
+    after_a_cut: SteppedSession, left: LeftAgent
+) -> None:
+    ring = RenderedRing()
+    for seq in range(100):
+        ring.add(seq, seq * TICK_NS, 0.01 * seq, 0)
+    while not after_a_cut.session._end():
+        left.read()
+        for message in left.received:
+            if isinstance(message, BackfillRequest):
+                left.send(ring.answer(message))
+        left.received.clear()
+    records = after_a_cut.records()
+    backfilled = b"".join(record.rows for record in records if isinstance(record, BackfillRecord))
+    np.testing.assert_array_equal(np.frombuffer(backfilled, RENDERED)["rendered"], 0.01 * np.arange(100))
+    last = records[-1]
+    assert isinstance(last, EventRecord)
+    assert last.name == "session_ended"
+
+
+def test_session_ends_without_a_silent_agent(after_a_cut: SteppedSession, left: LeftAgent) -> None:
+    session = after_a_cut.session
+    assert not session._end()
+    session.records._backfill_until_ns = now_ns()
+    assert session._end()
+    assert session.records.ending
 
 
 def test_status_of_a_long_block_with_many_peers_fits_its_message(stepped: SteppedSession) -> None:

@@ -75,6 +75,10 @@ class Backfiller:
                 motion.ask(side, request)
         return [record for record in taken if record is not None]
 
+    def pending(self, motion: MotionPort) -> bool:
+        """Return whether an agent that is connected still has rows to send."""
+        return any(self._gaps[side].open and motion.knows_clock(side) for side in SIDES)
+
     def poll(self, rows: Any, number: int) -> None:
         """Scan the ticks since the last call."""
         places = np.arange(max(self._looked, number - len(rows)), number) % len(rows)

@@ -18,6 +18,9 @@ FRAMES_A_TICK = 4
 DEVICE = ("device", "model", "serial")
 """Details of an agent that identify its device."""
 
+BACKFILL_NS = 5_000_000_000
+"""Longest wait at the end for what agents rendered during an interruption; two minutes of it take 4 s [ns]."""
+
 CLOSING_NS = 200_000_000
 """Time before the control channel closes, so that its peers can read the last messages [ns]."""
 
@@ -35,7 +38,7 @@ class RecordKeeping:
         self._started = False  # whether a trial has started: before, nothing is lost if there is no logger
         self._devices: dict[str, str] = {}  # by side
         self._clocks_ns = 0
-        self._ended_ns = self._ending_until_ns = 0
+        self._backfill_until_ns = self._ended_ns = self._ending_until_ns = 0
         self._log_closing = False
 
     @property
@@ -74,10 +77,15 @@ class RecordKeeping:
             self._clocks_ns = now + CLOCKS_NS
             for port in (state.ports.motion, state.ports.control, self._log):
                 state.event_log.record_probes(port.clock_records(state.event_log.probes))
+        self._backfill(now)
+        self._record_news(now)
+
+    def _backfill(self, now: int) -> None:
+        """Ask the agents what they rendered during an interruption, and record their answers [ns]."""
+        state = self._state
         if state.operators.opened:
             for record in self._backfiller.attend(state.ports.motion, state.rows, state.number, now):
                 state.event_log.record(record)
-        self._record_news(now)
 
     def _record_news(self, now: int) -> None:
         """Record the news of all ports, and send records to the loggers."""
@@ -101,6 +109,12 @@ class RecordKeeping:
         if device != before and self._state.phase not in (Phase.IDLE, Phase.FINISHED):
             self._state.supervisor.device_replaced(side)
             self._state.note("device_replaced", {"side": side, "before": before, "now": device})
+
+    def backfilling(self, now: int) -> bool:
+        """Ask on, before the session ends; return whether agents still have something to send [ns]."""
+        self._backfill_until_ns = self._backfill_until_ns or now + BACKFILL_NS
+        self._backfill(now)
+        return now < self._backfill_until_ns and self._backfiller.pending(self._state.ports.motion)
 
     def end(self) -> None:
         """Record what is left of the peers, say goodbye, and let the loggers bring everything to disk."""

@@ -137,8 +137,7 @@ class Session:
                 self._tick_if_due(motion)
             complete = self._motion.drain(now_ns, clock.due_ns)
         self._do_deferred_work(now_ns())
-        if state.end_requested:
-            self._end()
+        if state.end_requested and self._end():
             return
         self._undisturbed = self._can_run_in_one_call
         if self._undisturbed:
@@ -193,14 +192,22 @@ class Session:
         if self._state.authenticator is not None:
             self._state.authenticator.answer_handshakes()
 
-    def _end(self) -> None:
-        """Stop the block, and begin to end."""
-        self._stopping, self._undisturbed = True, False
+    def _end(self) -> bool:
+        """Stop the block, and begin to end once the agents have sent what they rendered during an interruption."""
+        if not self._stopping:
+            self._stop_block()
+        if self.records.backfilling(now_ns()):
+            return False
+        self.records.end()
+        return True
+
+    def _stop_block(self) -> None:
+        """Stop the block, and tell the agents that no force is commanded."""
+        self._stopping = True
         while self._state.phase != Phase.FINISHED:  # two ticks just after a trial, when no command has an effect
             self._tick(self._clock.due_ns, max(0, now_ns() - self._clock.due_ns))
         self._motion.may_arm = False
         self._motion.send_heartbeat(self._state.number, now_ns(), at_once=True)  # else the last force would have to age
-        self.records.end()
 
     # --- ticks -----------------------------------------------------------------------------------------------------
 
