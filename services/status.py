@@ -20,7 +20,7 @@ ROUND_SECONDS = 1.2
 def status(
     config: ConfigFile = None,
     overrides: Overrides = None,
-    watch: Annotated[bool, typer.Option("--watch", help="Update until Ctrl-C.")] = False,
+    watch: Annotated[bool, typer.Option("--watch", help="Update until Ctrl-C; with --json, one line each.")] = False,
     json: Json = False,
 ) -> None:
     """Show a running session and its peers: connection, round-trip time, clock, rate, losses, version."""
@@ -37,12 +37,18 @@ def status(
         shell.status_of(operator, settings.network)
         operator.attend(ROUND_SECONDS)
         answer = shell.status_of(operator, settings.network)
-        if json:
-            typer.echo(jsonlib.dumps(shell.plain(answer)))
-        elif not watch:
-            console.print(status_tables(answer))
-        else:
+        if watch and console.is_terminal and not json:
             with Live(status_tables(answer), console=console, auto_refresh=False) as live:
                 while not stopping():
                     operator.attend(ROUND_SECONDS)
                     live.update(status_tables(shell.status_of(operator, settings.network)), refresh=True)
+            return
+        while True:
+            if json:
+                typer.echo(jsonlib.dumps(shell.plain(answer)))
+            else:
+                console.print(status_tables(answer))
+            if not watch or stopping():
+                return
+            operator.attend(ROUND_SECONDS)
+            answer = shell.status_of(operator, settings.network)

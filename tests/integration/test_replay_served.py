@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -183,6 +184,11 @@ def test_replay_is_controlled_from_a_shell(rig: Rig, recording: LoadedRecording)
     status = json.loads(run(rig, "status", "--json").stdout)
     assert status["notice"].startswith(f"replay of {recording.name}: paused at ")
     assert not status["armed"]
+    rig.start("status", "status", "--watch", "--json")
+    rig.until(lambda status: rig.said("status").count("\n") >= 2)
+    rig.send_signal("status", signal.SIGINT)
+    assert rig.wait("status") == 0
+    assert {json.loads(line)["tick"] for line in rig.said("status").splitlines()} == {status["tick"]}
     refused = run(rig, "control", "arm")
     assert refused.returncode == 1
     assert "cannot arm: this is a replay" in refused.stderr
