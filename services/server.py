@@ -93,7 +93,7 @@ def serve(sessions: Sequence[tuple["BlockSequence", "Attempts"]], *, autostart: 
     wanted = configs[0].realtime  # real-time settings apply to the process
     granted = prepare(wanted, Priority.SERVER, cpus_for("server", wanted))
     io_thread = io_priority(granted, Priority.SERVER)
-    network = sockets.open_context(io_thread, apart=True, loop_priority=Priority.SERVER)
+    network = sockets.open_context(io_thread, best_effort=True, loop_priority=Priority.SERVER)
     with Stopping() as stopping, network as context:
         server = Server(sessions, context, authenticators, autostart=autostart)
         server.run(stopping, granted)

@@ -10,7 +10,7 @@ from netboard.base.config import SIDES, Config
 from netboard.network.protocol import control
 from netboard.network.protocol.control import REPLAY_COMMANDS, REPLAY_OF, Status
 from netboard.network.protocol.motion import Safeguard
-from netboard.nodes.ports.emergency import LACKING, STOP
+from netboard.nodes.ports.emergency import AWAITING_RELEASE, STOP
 from netboard.windows.operator import words
 from netboard.windows.operator.changes import RecentCounts, StatusHistory, minutes_left
 from netboard.windows.operator.commands import COMMANDS, RELEASING, STOP_KEYS, refusal
@@ -262,7 +262,7 @@ def test_possible_commands_depend_on_the_state() -> None:
     assert {"resume", "skip"} <= possible(replace(RUNNING, phase="paused"))
     assert "emergency_release" in possible(STATES["stopped"])
     assert "resume" not in possible(STATES["stopped"])
-    assert "arm" not in possible(replace(IDLE, waiting_for=(LACKING,)))
+    assert "arm" not in possible(replace(IDLE, waiting_for=(AWAITING_RELEASE,)))
     assert "repeat" in possible(replace(RUNNING, outcomes=1))
 
 

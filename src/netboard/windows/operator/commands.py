@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from netboard.network.protocol.control import Status
-from netboard.nodes.ports.emergency import LACKING, RELEASE, STOP
+from netboard.nodes.ports.emergency import AWAITING_RELEASE, RELEASE, STOP
 from netboard.windows.operator.lamps import ACTIVE, replayed
 
 STOP_KEYS = ("Esc", "Space")
@@ -46,7 +46,7 @@ def _in(*phases: str) -> Refused:
 
 
 def _halted(status: Status) -> str:
-    return "release the emergency stop first: Ctrl+R" if LACKING in status.waiting_for else ""
+    return "release the emergency stop first: Ctrl+R" if AWAITING_RELEASE in status.waiting_for else ""
 
 
 def _arm(status: Status) -> str:
@@ -126,7 +126,7 @@ RELEASING = Command(
     "Release the stop",
     "Ctrl+R",
     "Release the emergency stop: devices may be armed again.",
-    lambda status: "" if LACKING in status.waiting_for else "there is no emergency stop",
+    lambda status: "" if AWAITING_RELEASE in status.waiting_for else "there is no emergency stop",
     twice=True,
 )
 """Release of the emergency stop; its button is beside that of the stop."""

@@ -11,7 +11,7 @@ from math import isfinite
 
 from netboard.base.config import Config
 from netboard.network.protocol.control import REPLAY_OF, Status
-from netboard.nodes.ports.emergency import LACKING
+from netboard.nodes.ports.emergency import AWAITING_RELEASE
 from netboard.windows.operator.changes import LATELY, RecentCounts
 
 ACTIVE = ("levelling", "running", "holding", "succeeded", "failed")
@@ -188,7 +188,7 @@ def _late(status: Status, recently: int, limits: Limits) -> Reading:
 
 
 def _forces(status: Status) -> Reading:
-    if LACKING in status.waiting_for:
+    if AWAITING_RELEASE in status.waiting_for:
         return Level.BAD, "STOPPED", "All forces are zero until the emergency stop is released."
     if status.armed:
         return Level.GOOD, "allowed", "Devices may render forces."
@@ -221,7 +221,7 @@ def alarm(status: Status | None, silence: float, recent: RecentCounts, unconfirm
         return f"NO REPLY FROM THE SERVER FOR {silence:.0f} s" + (": let go of the styluses" if active else "")
     if active and not recorded(status):
         return "RUNNING BUT NOT RECORDING: pause now (F5), then check the logger"
-    if LACKING in status.waiting_for:
+    if AWAITING_RELEASE in status.waiting_for:
         return "EMERGENCY STOP: all forces are zero. To release it, press Ctrl+R twice"
     if active and recent.minutes < MINUTES_BAD:
         return f"DISK FULL IN {recent.minutes:.0f} MINUTES: stop after this block (F12)"

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from math import isnan, nan
 
 from netboard.base.config import Side
-from netboard.network.protocol.control import Status
-from netboard.network.protocol.motion import Safeguard
-from netboard.nodes.ports.emergency import LACKING, WORDS
+from netboard.network.protocol.control import LinkStatus, Status
+from netboard.network.protocol.motion import TRIP_CAUSES, Safeguard
+from netboard.nodes.ports.emergency import AWAITING_RELEASE
 from netboard.windows.operator.changes import LATELY, RecentCounts
 from netboard.windows.operator.lamps import Lamp, Level, Limits, Reading, milliseconds
 
@@ -21,7 +21,7 @@ class _Station:
 
     side: Side
     status: Status
-    link: tuple[str, str, str, float, float, float, float, float, int]
+    link: LinkStatus
     age: float
     bits: Safeguard
     rendered: float
@@ -161,12 +161,12 @@ _TRIPS = (
 def _safety(now: _Station, _limits: Limits) -> Reading:
     for cause, words in _TRIPS:
         if cause in now.bits:
-            return Level.BAD, words, f"Force reduced or zero: {WORDS[cause]}."
+            return Level.BAD, words, f"Force reduced or zero: {TRIP_CAUSES[cause]}."
     if Safeguard.RAMPING in now.bits:
         return Level.WATCH, "arming", "Just armed: the force increases over one second."
     if Safeguard.ARMED in now.bits:
         return Level.GOOD, "ARMED", "The device renders forces."
-    if now.status.armed and LACKING not in now.status.waiting_for:
+    if now.status.armed and AWAITING_RELEASE not in now.status.waiting_for:
         return Level.WATCH, "not armed", "No force although allowed: see the lamps above."
     return Level.OFF, "disarmed", "The device renders no force."
 

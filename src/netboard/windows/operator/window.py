@@ -16,7 +16,7 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QSplitter, QStackedWidget, QV
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES, Config
 from netboard.base.tables.experiment import Session
-from netboard.network.protocol.control import Status
+from netboard.network.protocol.control import AttemptOutcome, Status, TracePoint
 from netboard.nodes.ports.emergency import STOP
 from netboard.windows.operator import words
 from netboard.windows.operator.attempts import AttemptTable
@@ -37,8 +37,8 @@ from netboard.windows.operator.lamp_widget import (
 )
 from netboard.windows.operator.lamps import ACTIVE, SESSION_LAMPS, SILENT, Limits, alarm, faded, session_lamps
 from netboard.windows.operator.stations import STATION_LAMPS, station_lamps
-from netboard.windows.operator.strips import Point, StripCharts
-from netboard.windows.operator.words import Attempt, Line, Tone
+from netboard.windows.operator.strips import StripCharts
+from netboard.windows.operator.words import Line, Tone
 from netboard.windows.participant.window import Window
 
 SMALLEST = 1200, 920
@@ -62,8 +62,8 @@ class State:
     silence: float = float("inf")  # time since the last status; infinite before the first [s]
     recent: RecentCounts = field(default_factory=RecentCounts)
     unconfirmed: bool = False  # whether the server has failed to confirm an emergency stop in time
-    attempts: Sequence[Attempt] = ()
-    points: Sequence[Point] = ()
+    attempts: Sequence[AttemptOutcome] = ()
+    points: Sequence[TracePoint] = ()
     session: Session | None = None  # as the server is configured; None while unknown
 
 

@@ -25,7 +25,7 @@ from netboard.base.errors import ConfigError, WireError
 from netboard.base.process import NAME, RateLimitedLog
 from netboard.network import keys
 from netboard.network.protocol.codec import decode, encode
-from netboard.network.protocol.joining import Goodbye, Hello, Ping, Pong, Refusal, Welcome
+from netboard.network.protocol.joining import HELLO_INTERVAL_NS, Goodbye, Hello, Ping, Pong, Refusal, Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
 from netboard.network.transport import channels, sockets
 from netboard.stage.view import View
@@ -41,9 +41,6 @@ log = logging.getLogger(__name__)
 
 ROUND_MS = 50
 """Interval of the periodic work [ms]."""
-
-HELLO_INTERVAL_NS = 500_000_000
-"""Interval between two `Hello` messages while the display is not connected [ns]."""
 
 REPORT_NS = 500_000_000
 """Interval between two reports of frames [ns]."""
