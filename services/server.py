@@ -70,8 +70,8 @@ def server(
     from netboard.nodes.server.blocks import BlockSequence
 
     if study is None:
-        blocks_alone = [(BlockSequence([one]), Attempts()) for one in settings]
-        raise typer.Exit(serve(blocks_alone, autostart=autostart is not False))
+        single_blocks = [(BlockSequence([one]), Attempts()) for one in settings]
+        raise typer.Exit(serve(single_blocks, autostart=autostart is not False))
     from netboard.nodes.server.planned import Planned, StudySession, confirm
 
     planned = Planned(settings[0], load_study(study), StudySession(study, dyad, session, seed, blocks, trials))
