@@ -164,7 +164,7 @@ def run(config: Config, stopping: Callable[[], bool], picture: Path | None = Non
     windows.scale_to_screen(*SMALLEST)
     windows.application()
     window = ConsoleWindow(config, limits_of(config, version("netboard")), NAME)
-    window.resize(window.size().boundedTo(windows.room_on(windows.screen_of(window))))
+    window.resize(window.size().boundedTo(windows.largest_size(windows.screen_of(window))))
     window.show()
     with sockets.open_context() as context:
         client = ConsoleClient(config, context, window)

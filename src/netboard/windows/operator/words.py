@@ -124,16 +124,16 @@ def advice(status: Status | None, where: str) -> Line:
         return Line(status.notice)
     if not status.opened and status.phase == "idle":
         return Line("Fill in the session form: F3")
-    lacking = [what for what in status.waiting_for if what != AWAITING_RELEASE and status.phase not in ACTIVE]
-    waits = lacking and "waiting for" not in status.notice  # often the notice says it already
-    said = (
+    missing = [what for what in status.waiting_for if what != AWAITING_RELEASE and status.phase not in ACTIVE]
+    parts = (
         status.notice,
-        "Waiting for " + ", ".join(lacking) if waits else "",
-        "" if lacking else _next(status),
+        # Often the notice says it already.
+        "Waiting for " + ", ".join(missing) if missing and "waiting for" not in status.notice else "",
+        "" if missing else _next(status),
         f"Next: {status.pending}" if status.pending else "",
     )
-    told = status.notice or lacking or status.pending
-    return Line("; ".join(filter(None, said)), Tone.WATCH if told else Tone.PLAIN)
+    urgent = status.notice or missing or status.pending
+    return Line("; ".join(filter(None, parts)), Tone.WATCH if urgent else Tone.PLAIN)
 
 
 def _next(status: Status) -> str:
@@ -156,13 +156,13 @@ def worst(lamps: Sequence[tuple[str, Lamp]]) -> Line:
     return Line(f"{named}: {lamp.words}{others}. {lamp.tip}", Tone.BAD if lamp.level == Level.BAD else Tone.WATCH)
 
 
-def commander(status: Status | None, own: str) -> Line:
+def commander(status: Status | None, console: str) -> Line:
     """Return who the commander is."""
     if status is None:
         return Line("", Tone.QUIET)
     if replayed(status):
         return Line("Every console may control a replay", Tone.PLAIN)
-    if status.commander == own:
+    if status.commander == console:
         return Line("You are in command", Tone.GOOD)
     if status.commander:
         return Line(f"{status.commander} is in command. Press T to take over", Tone.WATCH)
