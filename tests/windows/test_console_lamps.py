@@ -1,6 +1,7 @@
 """Lamps, texts and commands of the console for each status, without Qt."""
 
 import math
+import re
 from dataclasses import replace
 
 import pytest
@@ -87,6 +88,12 @@ def test_station_lamp_shows_the_level_and_text_of_a_fault(
 ) -> None:
     lamp = of(left(**changes), name)
     assert (lamp.level, lamp.words) == (level, text)
+
+
+def test_tip_of_arming_states_no_duration_because_each_agent_sets_its_own() -> None:
+    lamp = of(left(bits=int(Safeguard.RAMPING | Safeguard.ARMED)), "Safety")
+    assert "second" not in lamp.tip
+    assert not re.search(r"\d", lamp.tip)
 
 
 def test_latency_lamp_compares_the_loop_latency_with_its_stable_limit() -> None:

@@ -163,7 +163,7 @@ def _safety(station: _Station, _limits: Limits) -> LampState:
         if cause in station.bits:
             return Level.BAD, words, f"Force reduced or zero: {TRIP_CAUSES[cause]}."
     if Safeguard.RAMPING in station.bits:
-        return Level.WATCH, "arming", "Just armed: the force increases over one second."
+        return Level.WATCH, "arming", "Just armed: the force is increasing to its full value."
     if Safeguard.ARMED in station.bits:
         return Level.GOOD, "ARMED", "The device renders forces."
     if station.status.armed and AWAITING_RELEASE not in station.status.waiting_for:
