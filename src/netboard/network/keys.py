@@ -39,6 +39,7 @@ OPENS: dict[str, tuple[str, ...]] = {
 """Roles whose keys open each channel. An agent gets its station's view for the simulated participant at it."""
 
 SERVER = "server"
+HOW_TO_INIT = "make it with: netboard keys init"
 LIST = "authorized.toml"
 LIST_HEAD = "# Who may connect to this server: public keys, each for one role and side. Written by: netboard keys\n"
 
@@ -138,7 +139,7 @@ class KeyRing:
     """The server's own key, and the role of each peer's key as the files say now."""
 
     def __init__(self, folder: Path) -> None:
-        self.secret = _read_key(key_path(folder, SERVER), "make it with: netboard keys init").secret
+        self.secret = _read_key(key_path(folder, SERVER), HOW_TO_INIT).secret
         self._list = folder / LIST
         self._stamp: tuple[int, int, int] | None = None
         self._peers: dict[str, Peer] = {}
@@ -214,7 +215,7 @@ def add(folder: Path, role: Role, side: str, to: Path) -> tuple[Peer, Path]:
     """Make a peer's key and authorise it. ``to``: folder for its file; created if missing."""
     if (role in ROLES_WITH_SIDE) != (side in SIDES):
         raise ConfigError(f"{role}: expected a side, left or right" if not side else f"{role}: has no side")
-    server = _read_key(key_path(folder, SERVER), "make it with: netboard keys init")
+    server = _read_key(key_path(folder, SERVER), HOW_TO_INIT)
     with _changed_list(folder) as peers:
         taken = {peer.name for peer in peers}
         names = (role_and_side(role, side) + (f"-{number}" if number > 1 else "") for number in count(1))
@@ -243,7 +244,7 @@ def revoke(folder: Path, name: str) -> Peer:
 def read_list(folder: Path) -> tuple[Peer, ...]:
     """Read the list of peers."""
     path = folder / LIST
-    peers = _parse(path, _read(path, "make it with: netboard keys init"), _LIST_ADAPTER).peer
+    peers = _parse(path, _read(path, HOW_TO_INIT), _LIST_ADAPTER).peer
     for peer in peers:
         if (peer.role in ROLES_WITH_SIDE) != (peer.side in SIDES):
             raise ConfigError(

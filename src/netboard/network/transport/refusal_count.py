@@ -1,7 +1,7 @@
 """Counts of refusals by kind, reported when a kind first occurs, then less and less often, and finally in full.
 
 A flood of refusals must cost neither the tick nor the recording. A report has the count so far. Reports of one kind are
-one second apart, then two, four and so on; kinds beyond the first few hundred are counted together.
+one second apart, then two, four and so on. Kinds beyond the first `MAX_KINDS` are counted by channel and reason alone.
 Pure: time is an argument.
 """
 

@@ -76,8 +76,8 @@ def preemption(root: Path = ROOT) -> Finding:
         return Finding(name, "green", "PREEMPT_RT")
     _, _, rest = text_of(root / "sys/kernel/debug/sched/preempt").partition("(")
     chosen, _, _ = rest.partition(")")
-    asked = [word.partition("=")[2] for word in text_of(root / "proc/cmdline").split() if word.startswith("preempt=")]
-    model = chosen or (asked[-1] if asked else "")
+    options = [word.partition("=")[2] for word in text_of(root / "proc/cmdline").split() if word.startswith("preempt=")]
+    model = chosen or (options[-1] if options else "")
     if model in {"none", "voluntary"} or "PREEMPT" not in version:
         return Finding(name, "yellow", model or "none", "boot with preempt=full, or a PREEMPT_RT kernel")
     return Finding(name, "green", model or ("chosen at boot" if "PREEMPT_DYNAMIC" in version else "full"))

@@ -114,10 +114,10 @@ def _problem(key: str, text: Any) -> str:
         return f"found {text!r}, expected a text that is not empty"
     wanted = FILLED.get(key, set())
     try:
-        asked = {name for _, name, *_ in string.Formatter().parse(text) if name is not None}
+        placeholders = {name for _, name, *_ in string.Formatter().parse(text) if name is not None}
     except ValueError as error:
         return f"found {text!r}: {error}"
-    if asked != wanted:
+    if placeholders != wanted:
         listed = " and ".join(f"{{{name}}}" for name in sorted(wanted))
         return f"found {text!r}, expected {listed or 'no'} placeholders"
     try:
