@@ -79,7 +79,7 @@ def recordings_in(paths: Sequence[Path]) -> Iterator[Path]:
         if path.is_dir():
             found = files_below(path, ENDINGS)
             if not found:
-                raise RecordingError(f"{path}: no recording in this folder (.mcap, .mcap.part, .spill)")
+                raise RecordingError(f"{path}: no recording in this folder ({', '.join(ENDINGS)})")
             yield from found
         elif path.is_file():
             yield path

@@ -47,12 +47,12 @@ def demo(
         raise ConfigError(f"--no-displays: found with --play {play}, which needs a window to play in")
     if play in ("left", "right") and bimanual:
         raise ConfigError(f"--bimanual: found with --play {play}, expected --play both: one person moves both hands")
-    own = demo_settings(
+    demo_options = demo_settings(
         trials=trials or 6, haptics=haptics, bimanual=bimanual, seed=seed, directory=directory, play=play
     )
     if study is not None:
-        own.append("session.pilot=true")
-    settings = load(config, [*own, *(overrides or ())])
+        demo_options.append("session.pilot=true")
+    settings = load(config, [*demo_options, *(overrides or ())])
     from netboard.nodes.operator.demo import run
     from netboard.nodes.server.planned import StudySession
 

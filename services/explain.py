@@ -79,7 +79,7 @@ def _find(path: Path, trial: int, attempt: int | None, readings: "Readings") -> 
     found = [take for take in takes if attempt in (None, take.attempt.attempt)]
     if not found:
         what = f"trial {trial}" if attempt is None else f"attempt {attempt} at trial {trial}"
-        there = sorted({one.trial for one in block.attempts})
-        numbers = f"trials {there[0]} to {there[-1]} are there" if there else "there is no trial"
+        trials = sorted({one.trial for one in block.attempts})
+        numbers = f"trials {trials[0]} to {trials[-1]} are there" if trials else "there is no trial"
         raise RecordingError(f"{path}: {what} has no end that can be measured; {numbers}")
     return found[-1]

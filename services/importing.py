@@ -56,8 +56,8 @@ def import_(
     ),
 ) -> None:
     """Import tables as recordings: measurements from other systems, or an exported table of ticks."""
-    said = {"--config": config, "--set": settings, "--map": names, "--unit": units, "--simulate": simulate}
-    others = [option for option, value in said.items() if value]
+    given = {"--config": config, "--set": settings, "--map": names, "--unit": units, "--simulate": simulate}
+    others = [option for option, value in given.items() if value]
     if bool(tables) == (manifest is not None):
         raise ConfigError("import: expected either TABLE... or --manifest")
     if manifest is not None and others:

@@ -4,10 +4,11 @@ Keys are created, listed and revoked at the server; each process gets its own. S
 """
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
+from netboard.network.protocol.joining import Role
 from netboard.services.loading import load
 from netboard.services.options import ConfigFile, Overrides, Side, examples
 
@@ -39,7 +40,7 @@ def init(config: ConfigFile = None, overrides: Overrides = None) -> None:
 )
 def add(
     role: Annotated[
-        Literal["agent", "display", "logger", "console", "listener"],
+        Role,
         typer.Argument(
             help="Process that uses the key. console: also for netboard status, control and stop; listener: for "
             "netboard lsl."
@@ -57,7 +58,7 @@ def add(
 
     folder = folder_of(config, overrides)
     peer, path = keys.add(folder, role, side or "", to or folder)
-    typer.echo(f"{path}: created, {keys.fingerprint(peer.public)}; move it to the computer of {peer.what}")
+    typer.echo(f"{path}: created, {keys.fingerprint(peer.public)}; move it to the computer of {peer.role_and_side}")
 
 
 @app.command("list", epilog=examples("netboard keys list"))

@@ -63,7 +63,7 @@ def power(
     from netboard.analysis.extraction.workers import cores
     from netboard.base.bars import telling
 
-    asked = Request(
+    request = Request(
         load_study(study),
         settings,
         numbers("--dyads", dyads, 2),
@@ -75,7 +75,7 @@ def power(
         models,
     )
     with telling() as tell:
-        found = answer(asked, output, cohort, workers=workers or cores(), dask=dask, progress=tell)
+        found = answer(request, output, cohort, workers=workers or cores(), dask=dask, progress=tell)
     console = Console(highlight=False, soft_wrap=True)
     for part in found.parts[:2]:  # the others are in power.json
         console.print(table_of(part))

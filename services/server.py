@@ -70,8 +70,8 @@ def server(
     from netboard.nodes.server.blocks import BlockSequence
 
     if study is None:
-        blocks_alone = [(BlockSequence([one]), Attempts()) for one in settings]
-        raise typer.Exit(serve(blocks_alone, autostart=autostart is not False))
+        single_blocks = [(BlockSequence([one]), Attempts()) for one in settings]
+        raise typer.Exit(serve(single_blocks, autostart=autostart is not False))
     from netboard.nodes.server.planned import Planned, StudySession, confirm
 
     planned = Planned(settings[0], load_study(study), StudySession(study, dyad, session, seed, blocks, trials))
@@ -93,7 +93,7 @@ def serve(sessions: Sequence[tuple["BlockSequence", "Attempts"]], *, autostart: 
     wanted = configs[0].realtime  # real-time settings apply to the process
     granted = prepare(wanted, Priority.SERVER, cpus_for("server", wanted))
     io_thread = io_priority(granted, Priority.SERVER)
-    network = sockets.open_context(io_thread, apart=True, loop_priority=Priority.SERVER)
+    network = sockets.open_context(io_thread, best_effort=True, loop_priority=Priority.SERVER)
     with Stopping() as stopping, network as context:
         server = Server(sessions, context, authenticators, autostart=autostart)
         server.run(stopping, granted)

@@ -79,6 +79,6 @@ def attempt_at(found: "WhatIf", trial: int, path: Path) -> "Comparison":
     """Return the last attempt at a trial."""
     attempts = [one for one in found.comparisons if one.then.trial == trial]
     if not attempts:
-        there = sorted({one.then.trial for one in found.comparisons})
-        raise RecordingError(f"{path}: contains no attempt at trial {trial}; found trials {there[0]} to {there[-1]}")
+        trials = sorted({one.then.trial for one in found.comparisons})
+        raise RecordingError(f"{path}: contains no attempt at trial {trial}; found trials {trials[0]} to {trials[-1]}")
     return attempts[-1]

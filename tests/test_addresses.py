@@ -35,7 +35,7 @@ def test_moves_channel_is_local_and_has_no_keys() -> None:
     where = channels.addresses(Network(host="10.0.0.1", bind="0.0.0.0", port=6000), credentials)
     for moves in (where.listen(channels.MOVES), where.reach(channels.MOVES)):
         assert moves == channels.Endpoint("tcp://127.0.0.1:6005", channels.MOVES)
-    assert where.reach(channels.LOG).lock is credentials
+    assert where.reach(channels.LOG).security is credentials
     assert "ssss" not in repr(credentials)
 
 
@@ -45,5 +45,5 @@ def test_pointer_and_force_channels_are_local_and_use_no_port() -> None:
         network = Network(host="10.0.0.1", bind="0.0.0.0", port=6000, transport=transport)  # type: ignore[arg-type]
         where = channels.addresses(network, credentials)
         ends = [end(side) for end in (where.pointer, where.felt) for side in ("left", "right")]
-        assert all(end.address.startswith("ipc:///tmp/netboard-") and end.lock is None for end in ends)
+        assert all(end.address.startswith("ipc:///tmp/netboard-") and end.security is None for end in ends)
         assert len({end.address for end in ends}) == 4

@@ -28,7 +28,7 @@ class FastPathRig:
         self.fast = FastPath(self.router.socket)
         self.frame = np.zeros(64, np.uint8)
         self.dealers = {name: self.dealer(name) for name in (A, B)}
-        self.fast.know(1, A, "")
+        self.fast.register(1, A, "")
 
     def dealer(self, name: bytes) -> sockets.Socket:
         socket = self.context.socket(zmq.DEALER)
@@ -63,8 +63,8 @@ def test_frame_of_a_known_peer_has_its_place_and_of_others_the_name(rig: FastPat
 
 
 def test_forgotten_peer_is_unknown(rig: FastPathRig) -> None:
-    rig.fast.know(0, B, "")
-    rig.fast.forget(1)
+    rig.fast.register(0, B, "")
+    rig.fast.unregister(1)
     for name in (A, B):
         rig.dealers[name].send(name[:3])
     assert sorted([rig.receive(), rig.receive()]) == [(OTHER, b"age"), (0, b"\xff\xff\xff")]
@@ -86,7 +86,7 @@ def test_frame_as_large_as_the_buffer_is_received_whole(rig: FastPathRig) -> Non
 
 def test_send_reports_delivery_and_a_full_queue(rig: FastPathRig) -> None:
     record = rig.fast.record
-    rig.fast.know(0, b"nobody", "")
+    rig.fast.register(0, b"nobody", "")
     assert fastpath.send_to(record, 0, bytes_of(b"force")) == NOT_SENT
     rig.dealers[A].send(b"here")
     rig.receive()
@@ -129,7 +129,7 @@ def test_closed_fast_path_fails_harmlessly(rig: FastPathRig) -> None:
     assert fastpath.send_one(record, rig.frame) == FAILED
     assert fastpath.send_to(record, 1, rig.frame) == FAILED
     with pytest.raises(NetboardError, match="the motion channel failed: "):
-        rig.fast.fail("motion")
+        rig.fast.raise_failure("motion")
     assert rig.router.receive() == (A, b"one")
 
 
@@ -137,7 +137,7 @@ def test_fast_path_time_is_the_clocks_or_the_set_time(rig: FastPathRig) -> None:
     before = now_ns()
     read = fastpath.now_ns(rig.fast.record)
     assert before <= read <= now_ns()
-    rig.fast.record["set_ns"] = 5
+    rig.fast.record["simulated_ns"] = 5
     assert fastpath.now_ns(rig.fast.record) == 5
 
 

@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 from netboard.base.errors import ConfigError
 from netboard.base.tables.rig import Network
 from netboard.network import keys
+from netboard.network.protocol.joining import Role
 from netboard.network.transport import authenticator, channels
 from netboard.services.cli import app
 
@@ -72,8 +73,8 @@ def test_authorised_list_contains_no_secret_keys(ring: keys.KeyRing, folder: Pat
 def test_key_opens_the_channels_of_its_role_and_side(
     ring: keys.KeyRing, folder: Path, channel: str, opened_by: set[str]
 ) -> None:
-    assert {peer for peer in PEERS if not ring.refuses(public(folder, peer), channel)} == opened_by
-    assert "not known" in ring.refuses("x" * 40, channel)
+    assert {peer for peer in PEERS if not ring.channel_refusal(public(folder, peer), channel)} == opened_by
+    assert "not known" in ring.channel_refusal("x" * 40, channel)
 
 
 def test_all_channels_except_moves_have_keys() -> None:
@@ -83,10 +84,10 @@ def test_all_channels_except_moves_have_keys() -> None:
 def test_key_is_bound_to_its_role_and_side(ring: keys.KeyRing, folder: Path) -> None:
     key = public(folder, "display.left")
     assert ring.owner(key) == "display.left"
-    assert ring.forbids(key, "display", "left") == ""
+    assert ring.role_refusal(key, "display", "left") == ""
     for role, side in (("agent", "left"), ("display", "right"), ("console", ""), ("display", "")):
-        assert "the key of display.left is not that of" in ring.forbids(key, role, side)
-    assert "not known" in ring.forbids("x" * 40, "display", "left")
+        assert "the key of display.left is not that of" in ring.role_refusal(key, role, side)
+    assert "not known" in ring.role_refusal("x" * 40, "display", "left")
     assert ring.owner("x" * 40) == ""
 
 
@@ -95,13 +96,13 @@ def test_revoked_key_is_refused_at_once_and_its_successor_accepted(
 ) -> None:
     key = public(folder, "agent.left")
     assert keys.revoke(folder, "agent.left").revoked is not None
-    for reason in (ring.refuses(key, "motion"), ring.forbids(key, "agent", "left")):
+    for reason in (ring.channel_refusal(key, "motion"), ring.role_refusal(key, "agent", "left")):
         assert reason == "the key of agent.left has been revoked"
     peer, path = keys.add(folder, "agent", "left", tmp_path / "carry")
     assert peer.name == "agent.left-2"
     assert path == tmp_path / "carry" / "agent.left.key"
-    assert ring.refuses(peer.public, "motion") == ""
-    assert ring.refuses(key, "motion") != ""
+    assert ring.channel_refusal(peer.public, "motion") == ""
+    assert ring.channel_refusal(key, "motion") != ""
     with pytest.raises(ConfigError, match=r"no key agent\.left to revoke; valid keys: agent\.right, .*agent\.left-2"):
         keys.revoke(folder, "agent.left")
 
@@ -111,15 +112,15 @@ def test_broken_list_refuses_everybody_until_repaired(ring: keys.KeyRing, folder
     path, key = folder / "authorized.toml", public(folder, "agent.left")
     good = path.read_text()
     path.write_text(text)
-    assert "authorized.toml: " in ring.refuses(key, "motion")
-    assert "authorized.toml: " in ring.forbids(key, "agent", "left")
+    assert "authorized.toml: " in ring.channel_refusal(key, "motion")
+    assert "authorized.toml: " in ring.role_refusal(key, "agent", "left")
     path.unlink()
-    assert ring.refuses(key, "motion") != ""
+    assert ring.channel_refusal(key, "motion") != ""
     path.write_text(good)
     path.chmod(0o644)
-    assert "chmod 600" in ring.refuses(key, "motion")
+    assert "chmod 600" in ring.channel_refusal(key, "motion")
     path.chmod(0o600)
-    assert ring.refuses(key, "motion") == ""
+    assert ring.channel_refusal(key, "motion") == ""
 
 
 @pytest.mark.parametrize(
@@ -208,7 +209,7 @@ def test_file_without_a_valid_key_is_refused(ring: keys.KeyRing, folder: Path) -
 @pytest.mark.parametrize(
     ("role", "side", "problem"), [("agent", "", "expected a side"), ("logger", "left", "has no side")]
 )
-def test_side_is_required_or_forbidden_by_the_role(folder: Path, role: keys.Role, side: str, problem: str) -> None:
+def test_side_is_required_or_forbidden_by_the_role(folder: Path, role: Role, side: str, problem: str) -> None:
     keys.init(folder)
     with pytest.raises(ConfigError, match=problem):
         keys.add(folder, role, side, folder)
@@ -234,11 +235,11 @@ def test_encryption_is_on_if_another_machine_can_be_reached(settings: dict[str, 
 
 def test_addresses_carry_the_keys_if_encryption_is_on(ring: keys.KeyRing, folder: Path) -> None:
     network = Network(bind="0.0.0.0", keys=str(folder))
-    lock = keys.reach(network, "agent.left").reach(channels.MOTION).lock
+    lock = keys.reach(network, "agent.left").reach(channels.MOTION).security
     assert lock == keys.credentials(folder, "agent.left")
     assert keys.make_authenticator(network) is not None
     off = replace(network, curve="off")
-    assert keys.reach(off, "agent.left").reach(channels.MOTION).lock is None
+    assert keys.reach(off, "agent.left").reach(channels.MOTION).security is None
     assert keys.make_authenticator(off) is None
 
 

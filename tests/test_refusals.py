@@ -24,8 +24,8 @@ def test_refusals_are_reported_at_once_then_less_often_and_in_total_last() -> No
         count.count(("x", "why"), details("why"))
         reported += [(millisecond, report["times"]) for report in count.reports(millisecond * 1_000_000)]
     assert reported == [(0, "1"), (1000, "1001"), (3000, "3001"), (7000, "7001")]
-    assert count.rest() == [details("why") | {"times": "10000"}]
-    assert count.rest() == []
+    assert count.final_reports() == [details("why") | {"times": "10000"}]
+    assert count.final_reports() == []
     assert count.totals == {"why": 10_000}
 
 
@@ -54,7 +54,7 @@ def test_kinds_and_reasons_beyond_the_maximum_are_counted_together() -> None:
     count = RefusalCount()
     for number in range(4 * MAX_KINDS):
         count.count((str(number),), {"channel": "log"} | details(f"why {number}", str(number)))
-    rest = count.rest()
+    rest = count.final_reports()
     assert len(rest) == 2 * MAX_KINDS + 1
     assert rest[-1] == {"channel": "log", "peer": OTHERS, "reason": OTHER_REASONS, "times": str(2 * MAX_KINDS)}
     assert sum(int(report["times"]) for report in rest) == 4 * MAX_KINDS
@@ -66,6 +66,6 @@ def test_excess_unknown_peers_are_counted_by_channel_and_reason() -> None:
     count = RefusalCount()
     for number in range(400):
         count.count((str(number),), {"channel": "motion"} | details("its key is not known here", str(number)))
-    rest = count.rest()
+    rest = count.final_reports()
     assert rest[-1]["times"] == str(400 - MAX_KINDS)
     assert rest[-1]["reason"] == "its key is not known here"

@@ -83,7 +83,7 @@ def test_sockets_have_the_options_of_their_channels(made: Made) -> None:
         assert raw(end).getsockopt(zmq.SNDHWM) == raw(end).getsockopt(zmq.RCVHWM) == sockets.MOTION_HWM
         assert raw(end).getsockopt(zmq.LINGER) == 0
     for end in (log, made.control_server(ANYWHERE)):
-        assert raw(end).getsockopt(zmq.RCVHWM) == sockets.HEARD_HWM
+        assert raw(end).getsockopt(zmq.RCVHWM) == sockets.SERVER_RECEIVE_HWM
     for end in (log, logger):
         assert raw(end).getsockopt(zmq.LINGER) == sockets.LOG_LINGER_MS > 0
         assert raw(end).getsockopt(zmq.SNDHWM) == sockets.LOG_HWM
@@ -189,7 +189,7 @@ def test_frames_go_both_ways_and_multipart_messages_count_as_empty(made: Made) -
     assert until(server.receive) == (b"console@test", b"")
     assert until(server.receive) == (b"console@test", b"good")
     assert server.receive() is None
-    assert server.key == server.forbids("agent", "left") == ""
+    assert server.key == server.role_refusal("agent", "left") == ""
     assert server.send(b"console@test", b"answer")
     assert poller.wait_readable(peer, TIMEOUT)
     assert sockets.receive(peer) == b"answer"
@@ -268,10 +268,10 @@ class SmallRing:
     def lock(self) -> authenticator.Credentials:
         return authenticator.Credentials(self.known, self._secret, self.public)
 
-    def refuses(self, key: str, channel: str) -> str:
+    def channel_refusal(self, key: str, channel: str) -> str:
         return "" if key == self.known else "unknown"
 
-    def forbids(self, key: str, role: str, side: str) -> str:
+    def role_refusal(self, key: str, role: str, side: str) -> str:
         return "" if f"{role}.{side}" == self._owner else "somebody else"
 
     def owner(self, key: str) -> str:
@@ -316,14 +316,14 @@ class TestAuthenticator:
         assert peer.startswith(b"agent.left@test.")
         assert len(peer) > len("agent.left@test.") + 10, "the suffix is too short to be unguessable"
         assert server.key == ring.known
-        assert server.forbids("agent", "left") == ""
-        assert server.forbids("agent", "right") == "somebody else"
+        assert server.role_refusal("agent", "left") == ""
+        assert server.role_refusal("agent", "right") == "somebody else"
 
     def test_frame_under_another_name_is_refused_without_revealing_the_name(
         self, made: Made, ring: SmallRing, own: authenticator.Authenticator, server: endpoints.Router
     ) -> None:
         self.let_in(own, self.agent(made, server, ring.lock(), "agent.lefty@test"))
-        assert until(server.receive) == endpoints.NOBODY
+        assert until(server.receive) == endpoints.REFUSED
         (report,) = reports_of(own)
         assert re.fullmatch(r"it calls itself agent\.lefty@test\.[0-9a-f]{4}\.\.\.", report["reason"])
         assert report["address"] == "127.0.0.1"
@@ -342,7 +342,7 @@ class TestAuthenticator:
             return fastpath.receive(fast.record, frame)
 
         for key, place in ((ring.known, 1), ("k" * fastpath.KEY_SIZE, fastpath.OTHER), ("", fastpath.OTHER)):
-            fast.know(1, name, key)
+            fast.register(1, name, key)
             assert comes() == place
             assert frame[: fast.size].tobytes() == b"sample"
             assert fast.sender == (name, ring.known, "127.0.0.1")
@@ -504,8 +504,8 @@ def test_queued_message_can_be_cancelled(made: Made) -> None:
     name, _ = until(server.receive)
     until(lambda: not server.send(name, bytes(60_000)))
     server.send_or_queue(name, b"another block")
-    server.cancel(name)
-    server.cancel(b"a stranger")
+    server.drop_queued(name)
+    server.drop_queued(b"a stranger")
 
     def read() -> bool:
         server.send_queued()
@@ -532,7 +532,7 @@ def test_io_threads_have_low_priority_while_requested() -> None:
     with sockets.open_context() as context:
         context.set_low_priority(True)  # without a priority there is nothing to lower
         assert context.threads == ()
-    able = hasattr(os, "sched_setscheduler") and sockets._granted(
+    able = hasattr(os, "sched_setscheduler") and sockets._is_granted(
         "SCHED_FIFO", lambda: os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(3))
     )
     if not able:

@@ -33,7 +33,7 @@ def benchmark(app: typer.Typer, *lines: str) -> Callable[[Callable[..., int | No
     """
 
     def register(function: Callable[..., int | None]) -> Callable[..., None]:
-        common, own = signature(_common), signature(function)
+        common, benchmark_options = signature(_common), signature(function)
         names = list(common.parameters)
 
         @wraps(function)
@@ -43,8 +43,8 @@ def benchmark(app: typer.Typer, *lines: str) -> Callable[[Callable[..., int | No
             options = Options(**{name: values.pop(name) for name in names})
             raise typer.Exit(function(options, **values) or 0)
 
-        parameters = [*common.parameters.values(), *list(own.parameters.values())[1:]]
-        vars(command)["__signature__"] = own.replace(parameters=parameters)
+        parameters = [*common.parameters.values(), *list(benchmark_options.parameters.values())[1:]]
+        vars(command)["__signature__"] = benchmark_options.replace(parameters=parameters)
         command.__annotations__ = {one.name: one.annotation for one in parameters}
         return app.command(epilog=examples(*lines))(command)
 

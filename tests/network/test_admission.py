@@ -6,9 +6,8 @@ import pytest
 
 from netboard.base.errors import WireError
 from netboard.network.protocol.admission import admit
-from netboard.network.protocol.joining import ROLES, Hello
+from netboard.network.protocol.joining import ROLES, Hello, role_and_side
 from netboard.network.protocol.messages import PROTOCOL_VERSION
-from netboard.nodes.ports.peer import what
 
 HELLO = Hello("agent", "left", PROTOCOL_VERSION, "lab-pc-1", "0.1.0", {})
 
@@ -26,7 +25,7 @@ HELLO = Hello("agent", "left", PROTOCOL_VERSION, "lab-pc-1", "0.1.0", {})
 def test_admitted_peer_is_named_by_role_and_side(role: str, side: str, name: str) -> None:
     hello = dataclasses.replace(HELLO, role=role, side=side)
     admit(hello, "motion", ROLES)
-    assert what(hello) == name
+    assert role_and_side(hello.role, hello.side) == name
 
 
 @pytest.mark.parametrize(

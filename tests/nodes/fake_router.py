@@ -41,10 +41,10 @@ class FakeRouter:
     def send_queued(self) -> None:
         self.queued = {peer: frame for peer, frame in self.queued.items() if not self.send(peer, frame)}
 
-    def cancel(self, peer: bytes) -> None:
+    def drop_queued(self, peer: bytes) -> None:
         self.queued.pop(peer, None)
 
-    def forbids(self, role: str, side: str) -> str:
+    def role_refusal(self, role: str, side: str) -> str:
         return self.forbidden
 
     def close_after_goodbye(self) -> None:

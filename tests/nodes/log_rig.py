@@ -11,7 +11,8 @@ from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import Ping, Welcome
 from netboard.network.protocol.messages import Message
 from netboard.network.protocol.records import LogAck, LogBatch, LogRequest, TickRecord
-from netboard.nodes.ports.log_port import SILENCE_TIMEOUT_NS, LogPort
+from netboard.nodes.ports.log_port import LogPort
+from netboard.nodes.ports.subscribers import SILENCE_TIMEOUT_NS
 from netboard.recording.recovery.spill import Spill
 
 L, M = b"logger@1", b"logger@2"

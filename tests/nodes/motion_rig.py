@@ -64,7 +64,7 @@ class MotionRig:
 
     def drain(self, clock: Callable[[], int], due_ns: int = 0) -> bool:
         """Handle everything that has arrived, at one time, and return whether the tick is complete."""
-        self.port.fast.record["set_ns"] = clock()
+        self.port.fast.record["simulated_ns"] = clock()
         for _ in range(ROUNDS):
             complete = self.port.drain(clock, due_ns)
             self.port.attend(clock(), due_ns)

@@ -45,7 +45,7 @@ class SteppedSession:
         self.session = Session(*self.planned.begin(), context, None, autostart=autostart)
         self.state = self.session._state
         self.state.ports.motion.find_missing = lambda now_ns, needed: []  # type: ignore[method-assign]
-        self.state.ports.control.is_there = lambda who: True  # type: ignore[method-assign]
+        self.state.ports.control.is_present = lambda who: True  # type: ignore[method-assign]
         self.replies: list[tuple[str, bool, str]] = []
         self.state.ports.control.reply = self._reply  # type: ignore[method-assign]
         self.session.begin(10**12, {})

@@ -1,14 +1,15 @@
 """Emergency stops; each trip of a device's safety chain is reported once."""
 
-from netboard.network.protocol.motion import Safeguard
-from netboard.nodes.ports.emergency import RELEASE, REPEAT_INTERVAL_NS, STOP, WORDS, EmergencyStop
-from netboard.nodes.ports.samples import STOPPED, TRIPPED, TRIPS
+from netboard.network.protocol.motion import TRIP_CAUSES, Safeguard
+from netboard.nodes.ports.emergency import RELEASE, REPEAT_INTERVAL_NS, STOP, EmergencyStop
+from netboard.nodes.ports.samples import STOPPED, TRIPPED
 
 FINE = {"left": 0, "right": 0}
 
 
 def test_every_safety_trip_has_a_description() -> None:
-    assert set(WORDS) == {trip for trip in Safeguard if trip & TRIPS}
+    no_trip = {Safeguard.ARMED, Safeguard.RAMPING, Safeguard.CLAMPED, Safeguard.SLEWED}
+    assert set(TRIP_CAUSES) == set(Safeguard) - no_trip
 
 
 def test_emergency_stop_holds_until_released() -> None:
@@ -33,7 +34,7 @@ def test_safety_trip_is_reported_with_its_cause_at_intervals() -> None:
     bits = {"left": Safeguard.ARMED.value, "right": (Safeguard.TOO_FAST | Safeguard.STALE).value}
     events = alarm.poll(TRIPPED << 1, bits, 0)
     assert [name for name, _ in events] == ["safeguard"] * 2
-    assert {event["cause"] for _, event in events} == {WORDS[Safeguard.TOO_FAST], WORDS[Safeguard.STALE]}
+    assert {event["cause"] for _, event in events} == {TRIP_CAUSES[Safeguard.TOO_FAST], TRIP_CAUSES[Safeguard.STALE]}
     assert {event["side"] for _, event in events} == {"right"}
     assert alarm.poll(TRIPPED << 1, bits, REPEAT_INTERVAL_NS - 1) == []
     assert len(alarm.poll(TRIPPED << 1, bits, REPEAT_INTERVAL_NS)) == 2
@@ -43,6 +44,6 @@ def test_safety_trip_is_reported_with_its_cause_at_intervals() -> None:
 def test_reason_for_a_disarmed_device_is_its_latest_trip() -> None:
     alarm = EmergencyStop()
     alarm.poll(TRIPPED, {"left": Safeguard.NOT_READY.value, "right": 0}, 0)
-    assert alarm.why("left", 1) == f" ({WORDS[Safeguard.NOT_READY]})"
+    assert alarm.why("left", 1) == f" ({TRIP_CAUSES[Safeguard.NOT_READY]})"
     assert alarm.why("right", 1) == ""
     assert alarm.why("left", REPEAT_INTERVAL_NS) == ""

@@ -84,11 +84,11 @@ def test_coupling_at_both_ends_provides_the_board_ends() -> None:
     assert np.shape(sequence.block.ends) == (2, 3)
 
 
-def test_blocks_of_one_scene_share_the_delay_monitor() -> None:
+def test_blocks_of_one_scene_share_the_latency_supervisor() -> None:
     sequence = BlockSequence(configs(), BlockFactory())
     first, second, third = sequence.block, sequence.next(), sequence.next()
-    assert first.delays is second.delays
-    assert first.delays is not third.delays
+    assert first.latency is second.latency
+    assert first.latency is not third.latency
 
 
 @pytest.mark.slow
@@ -103,7 +103,7 @@ def test_opening_with_a_form_rebuilds_all_blocks() -> None:
     assert sequence.block.config.block == before.config.block
     assert 'dyad = "D17"' in sequence.block.text
     assert sequence.next().config.session == form
-    assert sequence.block.delays is not None
+    assert sequence.block.latency is not None
 
 
 @pytest.mark.slow

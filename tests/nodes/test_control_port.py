@@ -147,7 +147,7 @@ def test_silent_display_is_removed_and_may_return() -> None:
     rig = Rig()
     rig.port.pump(SILENCE_TIMEOUT_NS + PING_NS)
     assert rig.port.peers == ()
-    assert not rig.port.is_there(C)
+    assert not rig.port.is_present(C)
     rig.exchange(D, Frames("left", ((1, 2, 3),), 0))
     assert rig.port.peers == ("display.left",)
     names = [name for name, _ in rig.port.news]

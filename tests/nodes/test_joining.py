@@ -17,7 +17,8 @@ from netboard.network.protocol.records import EventRecord, LogRequest
 from netboard.nodes.logger.logger import Logger
 from netboard.nodes.ports.control_port import ALLOWED_MESSAGES, MAX_FRAMES, MAX_PEERS, ControlPort
 from netboard.nodes.ports.control_port import SILENCE_TIMEOUT_NS as CONTROL_TIMEOUT_NS
-from netboard.nodes.ports.log_port import MAX_LOGGERS, SILENCE_TIMEOUT_NS
+from netboard.nodes.ports.log_port import MAX_LOGGERS
+from netboard.nodes.ports.subscribers import SILENCE_TIMEOUT_NS
 from netboard.recording.files.reader import Recording
 
 MS = 1_000_000

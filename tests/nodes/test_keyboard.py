@@ -62,5 +62,5 @@ def test_keyboard_reads_no_keys_without_a_terminal(monkeypatch: pytest.MonkeyPat
     with open(os.devnull, encoding="utf-8") as nothing:  # noqa: PTH123  (it is no file)
         monkeypatch.setattr(sys, "stdin", nothing)
         with Keyboard() as keyboard:
-            assert not keyboard.there
+            assert not keyboard.available
             assert keyboard.pressed() is None

@@ -15,7 +15,8 @@ from netboard.network.protocol.joining import Goodbye, Refusal, Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION
 from netboard.network.protocol.records import ClockRecord, EventRecord, LogBatch, TickRecord
 from netboard.nodes.logger.subscriber import EARLY_WELCOME_NS, Listener
-from netboard.nodes.ports.log_port import SILENCE_TIMEOUT_NS, LogPort
+from netboard.nodes.ports.log_port import LogPort
+from netboard.nodes.ports.subscribers import SILENCE_TIMEOUT_NS
 from netboard.recording.recovery.spill import Spill
 
 NAME = b"listener@1"

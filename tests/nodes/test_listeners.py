@@ -175,7 +175,7 @@ def test_clock_of_a_listener_is_probed(rig: Rig) -> None:
         (ping,) = [message for message in rig.router.received_by(E) if isinstance(message, Ping)]
         rig.clock.advance(0.001)
         rig.router.send_from(E, Pong(ping.sent_ns, ping.sent_ns + 7_000_400_000, ping.sent_ns + 7_000_500_000))
-        rig.port.listen(rig.clock())
+        rig.port.read_if_needed(rig.clock())
     (probe,) = rig.port.clock_records(3)
     assert (probe.seq, probe.peer) == (3, "listener")
     assert abs(probe.offset_ns - 7_000_000_000) <= probe.bound_ns < 1_000_000
@@ -220,7 +220,7 @@ class KeyedRouter(StallingRouter):
         self.key = received[0].partition(b"@")[0].decode() if received else ""
         return received
 
-    def forbids(self, role: str, side: str) -> str:
+    def role_refusal(self, role: str, side: str) -> str:
         return "" if role == self.key else "not with this key"
 
 

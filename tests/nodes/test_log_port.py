@@ -12,8 +12,9 @@ from log_rig import L, M, Rig, close_rig
 from netboard.network.protocol.control import StatusRequest
 from netboard.network.protocol.joining import Goodbye, Ping, Pong, Refusal, Welcome
 from netboard.network.protocol.records import LogAck, LogBatch, LogEnd, LogRequest
-from netboard.nodes.ports.log_port import PONG_WAIT_NS, SILENCE_TIMEOUT_NS
+from netboard.nodes.ports.log_port import PONG_WAIT_NS
 from netboard.nodes.ports.record_store import FULL_SHARE
+from netboard.nodes.ports.subscribers import SILENCE_TIMEOUT_NS
 from netboard.recording.format.disk import LOW_BYTES
 from netboard.recording.recovery import spill as spilling
 from netboard.recording.recovery.spill import read_spill
@@ -288,7 +289,7 @@ def test_clock_of_a_logger_is_probed(rig: Rig) -> None:
         (ping,) = [message for message in rig.router.received_by(L) if isinstance(message, Ping)]
         rig.clock.advance(0.001)
         rig.router.send_from(L, Pong(ping.sent_ns, ping.sent_ns + 5_000_400_000, ping.sent_ns + 5_000_500_000))
-        rig.port.listen(rig.clock())
+        rig.port.read_if_needed(rig.clock())
     (probe,) = rig.port.clock_records(3)
     assert (probe.seq, probe.peer, probe.t3_ns - probe.t0_ns) == (3, "logger", 1_000_000)
     assert abs(probe.offset_ns - 5_000_000_000) <= probe.bound_ns < 1_000_000
@@ -299,7 +300,7 @@ def test_port_is_read_every_tick_only_while_a_pong_is_expected(rig: Rig) -> None
     rig.join(L)
     rig.clock.advance(PONG_WAIT_NS * 1e-9)
     rig.router.send_from(L, LogAck(0, 7, "a.mcap", 0))
-    rig.port.listen(rig.clock())
+    rig.port.read_if_needed(rig.clock())
     assert rig.port.free_bytes == 0
     rig.port.pump(rig.clock())
     assert rig.port.free_bytes == 7

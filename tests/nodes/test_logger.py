@@ -19,7 +19,7 @@ from netboard.network.protocol.codec import encode
 from netboard.network.protocol.joining import Ping, Refusal, Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION
 from netboard.network.protocol.records import BLOCK_BEGAN, EventRecord, LogBatch, LogEnd, TickRecord
-from netboard.nodes.logger.logger import Logger, place
+from netboard.nodes.logger.logger import Logger, fit_of
 from netboard.recording.files.reader import Recording
 from netboard.recording.format import partfile
 from netboard.recording.integrity.account import NumberRange, account_of
@@ -611,7 +611,7 @@ def test_ping_is_answered_immediately(tmp_path: Path) -> None:
 @given(st.integers(0, 30), st.integers(0, 10), st.integers(0, 10), st.one_of(st.none(), st.integers(0, 40)))
 def test_place_neither_repeats_nor_skips(first: int, lost: int, count: int, expected: int | None) -> None:
     batch = LogBatch(first, lost, (b"",) * count)
-    placed = place(batch, expected)
+    placed = fit_of(batch, expected)
     if expected is None:
         assert placed == (lost, 0)
     elif placed is None:

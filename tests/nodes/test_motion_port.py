@@ -50,7 +50,7 @@ class Rig(MotionRig):
     def force(self, tick: int, left: float = 0.0, right: float = 0.0) -> None:
         row = np.zeros(1, TICK)
         row["tick"], row["left_force"], row["right_force"] = tick, left, right
-        self.port.fast.record["set_ns"] = tick
+        self.port.fast.record["simulated_ns"] = tick
         self.port.force(row.view(np.int64), row.view(np.int64))
 
 

@@ -134,7 +134,7 @@ def test_log_port_handles_any_message(seed: int, tmp_path: Path) -> None:
     for tick, (peer, message) in enumerate(islice(random_messages(rng, clock), MESSAGES)):
         port.append(encode(TickRecord(b"x" * 100)))
         router.send_from(peer, message)
-        port.listen(clock.now_ns)
+        port.read_if_needed(clock.now_ns)
         port.pump(clock.now_ns)
         if tick % 5 == 0:
             encode(replace(STATUS, links=tuple(port.links(clock.now_ns))))

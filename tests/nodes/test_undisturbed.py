@@ -17,7 +17,7 @@ from netboard.network.protocol import fixed
 from netboard.network.protocol.joining import Goodbye
 from netboard.network.protocol.motion import Force, Safeguard, Stylus
 from netboard.network.transport import sockets
-from netboard.network.transport.fastpath import MACHINES
+from netboard.network.transport.fastpath import MACHINE_CLOCK
 from netboard.nodes.server.tick_clock import CATCH_UP_TICKS, EARLIEST_NS
 from netboard.nodes.server.undisturbed import DONE, IN_TRIAL, INTERRUPTED, MESSAGE, RUN, STEPS, WAITING, WAITS, run_of
 from netboard.stage.stage import make_stage
@@ -78,7 +78,7 @@ class TickRunner:
         for side, sample in samples.items():
             self._rig.router.send_from(NAMES[side], sample)
         self._rig.drain(lambda: due_ns - 300_000, due_ns)
-        self._rig.port.fast.record["set_ns"] = due_ns + 7
+        self._rig.port.fast.record["simulated_ns"] = due_ns + 7
         found = -1
         if self._ticks is not None and not command:
             ended = self.run(number, due_ns, number + 1)
@@ -148,7 +148,7 @@ def felt() -> Iterator[TickRunner]:
 
 def at(runner: TickRunner, now: int) -> None:
     """Set the simulated time [ns]."""
-    runner.rig.port.fast.record["set_ns"] = now
+    runner.rig.port.fast.record["simulated_ns"] = now
 
 
 def test_run_waits_for_the_samples_that_a_tick_needs(felt: TickRunner) -> None:
@@ -240,7 +240,7 @@ def test_event_ends_a_run(felt: TickRunner) -> None:
 
 
 def test_run_sleeps_between_its_ticks(felt: TickRunner) -> None:
-    at(felt, MACHINES)
+    at(felt, MACHINE_CLOCK)
     felt.send(10)
     begun = now_ns()
     assert felt.run(10, begun + TICK_NS, 18, sleeps=True) == DONE
@@ -253,7 +253,7 @@ def test_run_sleeps_between_its_ticks(felt: TickRunner) -> None:
 def test_watched_socket_ends_the_sleep_of_a_run(felt: TickRunner) -> None:
     reader, writer = os.pipe()
     os.write(writer, b"x")
-    at(felt, MACHINES)
+    at(felt, MACHINE_CLOCK)
     felt.rig.port.fast.watch(reader)
     assert felt.run(10, now_ns() + 5 * TICK_NS, 20, sleeps=True) == INTERRUPTED
     assert felt.progress["number"] == 10

@@ -92,7 +92,7 @@ def test_agent_registers_among_any_number_of_unregistered_peers(rig: MotionRig) 
                 rig.router.send_from(name, STYLUS)
         if tick % 500 == 250:
             rig.router.send_from(A, hello("agent", "left"))
-        rig.port.fast.record["set_ns"] = at
+        rig.port.fast.record["simulated_ns"] = at
         rig.port.drain(lambda at=at: at, at)
         rig.port.attend(at, at)
     assert not rig.port.empty

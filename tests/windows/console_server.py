@@ -17,13 +17,16 @@ from fakes import STATUS
 from netboard.base.tables.rig import Network
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.control import (
+    AttemptOutcome,
     Command,
+    LinkStatus,
     Outcomes,
     OutcomesRequest,
     Reply,
     Status,
     StatusRequest,
     Trace,
+    TracePoint,
     TraceRequest,
 )
 from netboard.network.protocol.joining import HELLO_FIRST, Goodbye, Hello, Refusal, Welcome
@@ -31,13 +34,13 @@ from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
 from netboard.network.protocol.motion import Safeguard
 from netboard.network.transport import channels, sockets
 from netboard.network.transport.ports import free_port
-from netboard.nodes.ports.emergency import LACKING, RELEASE, STOP
+from netboard.nodes.ports.emergency import AWAITING_RELEASE, RELEASE, STOP
 
 ARMED = int(Safeguard.ARMED)
 MINE = version("netboard")
 
 
-def link(side: str) -> tuple[str, str, str, float, float, float, float, float, int]:
+def link(side: str) -> LinkStatus:
     return (f"agent.{side}", f"lab-{side}:812", MINE, 0.0008, 0.00021, 0.00011, 2.5, 1000.0, 0)
 
 
@@ -104,7 +107,7 @@ STATES: dict[str, Status] = {
         RUNNING,
         phase="paused",
         armed=False,
-        waiting_for=(LACKING,),
+        waiting_for=(AWAITING_RELEASE,),
         stations=(
             ("left", 0.0009, int(Safeguard.STOPPED), 0.0, 0, 0),
             ("right", 0.0011, int(Safeguard.STOPPED), 0.0, 0, 0),
@@ -120,7 +123,7 @@ STATES: dict[str, Status] = {
 FATES = ("success", "success", "fell", "success", "success", "success", "timed_out", "success", "aborted", "success")
 
 
-def attempts(count: int) -> list[tuple[int, int, int, str, float, str, int]]:
+def attempts(count: int) -> list[AttemptOutcome]:
     """Synthetic attempts of the third block."""
     made, trial, number = [], 1, 1
     for k in range(count):
@@ -132,7 +135,7 @@ def attempts(count: int) -> list[tuple[int, int, int, str, float, str, int]]:
     return made
 
 
-def point(tick: int) -> tuple[int, float, float, float, float, float, float, float]:
+def point(tick: int) -> TracePoint:
     """One synthetic point of the trace."""
     t = tick * 1e-3
     left, right = 0.02 * math.sin(2.1 * t), 0.018 * math.sin(2.1 * t + 0.7) + 0.004 * math.sin(9 * t)
@@ -206,7 +209,7 @@ class ConsoleServer:
             return Reply(number, False, reason)
         match name:
             case _ if name == STOP:
-                self.change(phase="paused", waiting_for=(LACKING,), armed=False)
+                self.change(phase="paused", waiting_for=(AWAITING_RELEASE,), armed=False)
                 return Reply(number, True, "no device has a force")
             case _ if name == RELEASE:
                 self.change(waiting_for=())

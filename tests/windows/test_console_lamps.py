@@ -1,6 +1,7 @@
 """Lamps, texts and commands of the console for each status, without Qt."""
 
 import math
+import re
 from dataclasses import replace
 
 import pytest
@@ -10,7 +11,7 @@ from netboard.base.config import SIDES, Config
 from netboard.network.protocol import control
 from netboard.network.protocol.control import REPLAY_COMMANDS, REPLAY_OF, Status
 from netboard.network.protocol.motion import Safeguard
-from netboard.nodes.ports.emergency import LACKING, STOP
+from netboard.nodes.ports.emergency import AWAITING_RELEASE, STOP
 from netboard.windows.operator import words
 from netboard.windows.operator.changes import RecentCounts, StatusHistory, minutes_left
 from netboard.windows.operator.commands import COMMANDS, RELEASING, STOP_KEYS, refusal
@@ -87,6 +88,12 @@ def test_station_lamp_shows_the_level_and_text_of_a_fault(
 ) -> None:
     lamp = of(left(**changes), name)
     assert (lamp.level, lamp.words) == (level, text)
+
+
+def test_tip_of_arming_states_no_duration_because_each_agent_sets_its_own() -> None:
+    lamp = of(left(bits=int(Safeguard.RAMPING | Safeguard.ARMED)), "Safety")
+    assert "second" not in lamp.tip
+    assert not re.search(r"\d", lamp.tip)
 
 
 def test_latency_lamp_compares_the_loop_latency_with_its_stable_limit() -> None:
@@ -262,7 +269,7 @@ def test_possible_commands_depend_on_the_state() -> None:
     assert {"resume", "skip"} <= possible(replace(RUNNING, phase="paused"))
     assert "emergency_release" in possible(STATES["stopped"])
     assert "resume" not in possible(STATES["stopped"])
-    assert "arm" not in possible(replace(IDLE, waiting_for=(LACKING,)))
+    assert "arm" not in possible(replace(IDLE, waiting_for=(AWAITING_RELEASE,)))
     assert "repeat" in possible(replace(RUNNING, outcomes=1))
 
 

@@ -123,7 +123,7 @@ def test_key_sends_its_command(
     console.show(state)
     console.window.show_form(False)
     console.press(key)
-    if next(command for command in (*COMMANDS, RELEASING) if command.name == name).twice:
+    if next(command for command in (*COMMANDS, RELEASING) if command.name == name).confirm:
         console.wait_for_reply("once more")
         assert console.server.commands() == []
         console.press(key)

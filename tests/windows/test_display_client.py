@@ -155,7 +155,7 @@ def test_screen_settings_come_from_the_displays_own_configuration(rig):
 
 def test_board_wider_than_the_window_is_logged(rig, caplog):
     rig.window.board.mm_per_pixel = 0.3
-    rig.client.own = replace(rig.client.own, mm_per_pixel=0.3)
+    rig.client.display = replace(rig.client.display, mm_per_pixel=0.3)
     rig.serve()
     rig.welcome(replace(Config(), geometry=WIDE))
     assert "the window is 252 mm wide but the board needs 920 mm" in caplog.text

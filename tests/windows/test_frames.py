@@ -15,7 +15,7 @@ def test_views_painted_in_time_are_no_drops():
     for seq in range(63):
         at = 16 * seq * MS
         tally.receive(seq, at)
-        tally.wait(16 * seq, at, at)
+        tally.expect(16 * seq, at, at)
         assert tally.paint(at + 2 * MS)
     assert (tally.painted, tally.dropped) == (63, 0)
 
@@ -49,12 +49,12 @@ def test_gap_of_three_frames_is_three_drops_and_a_restarted_count_is_none():
 
 def test_replaced_and_late_frames_are_drops():
     tally = FrameTally("right", PERIOD)
-    tally.wait(1, 0, 0)
-    tally.wait(2, 20 * MS, 20 * MS)
+    tally.expect(1, 0, 0)
+    tally.expect(2, 20 * MS, 20 * MS)
     assert tally.dropped == 1
     assert tally.paint(20 * MS + PERIOD + 1)
     assert tally.dropped == 2
-    tally.wait(3, 0, 100 * MS)
+    tally.expect(3, 0, 100 * MS)
     tally.paint(100 * MS + 3 * PERIOD)
     assert tally.dropped == 5
 
@@ -72,7 +72,7 @@ def test_every_painted_frame_is_reported_once(steps):
     waited, reported = 0, []
     for i, step in enumerate(steps):
         if step == "w":
-            tally.wait(i, i, i)
+            tally.expect(i, i, i)
             waited += 1
         elif step == "p":
             tally.paint(i)
@@ -91,7 +91,7 @@ def test_unreported_frames_stay_within_the_size_of_a_report():
     tally = FrameTally("left", PERIOD)
     for number in range(2 * MAX_KEPT):
         tally.receive(number, number)
-        tally.wait(number, -(2**62), 2**62)
+        tally.expect(number, -(2**62), 2**62)
         tally.paint(2**62)
     for far in (2**63 - 1, -(2**63)) * 100:
         tally.receive(far, far)

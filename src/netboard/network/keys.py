@@ -26,12 +26,8 @@ from netboard.base.config import SIDES
 from netboard.base.errors import ConfigError
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, to_toml
 from netboard.base.tables.rig import Network
+from netboard.network.protocol.joining import ROLES_WITH_SIDE, Role, role_and_side
 from netboard.network.transport import authenticator, channels
-
-Role: TypeAlias = Literal["agent", "display", "logger", "console", "listener"]
-
-AT_A_STATION = ("agent", "display")
-"""Roles that have a side."""
 
 OPENS: dict[str, tuple[str, ...]] = {
     "motion": ("agent.left", "agent.right"),
@@ -43,6 +39,7 @@ OPENS: dict[str, tuple[str, ...]] = {
 """Roles whose keys open each channel. An agent gets its station's view for the simulated participant at it."""
 
 SERVER = "server"
+HOW_TO_INIT = "make it with: netboard keys init"
 LIST = "authorized.toml"
 LIST_HEAD = "# Who may connect to this server: public keys, each for one role and side. Written by: netboard keys\n"
 
@@ -65,9 +62,9 @@ class Peer:
     revoked: AwareDatetime | None = None
 
     @property
-    def what(self) -> str:
+    def role_and_side(self) -> str:
         """Role and side, as in ``agent.left``."""
-        return what(self.role, self.side)
+        return role_and_side(self.role, self.side)
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,33 +139,34 @@ class KeyRing:
     """The server's own key, and the role of each peer's key as the files say now."""
 
     def __init__(self, folder: Path) -> None:
-        self.secret = _read_key(key_path(folder, SERVER), "make it with: netboard keys init").secret
+        self.secret = _read_key(key_path(folder, SERVER), HOW_TO_INIT).secret
         self._list = folder / LIST
         self._stamp: tuple[int, int, int] | None = None
         self._peers: dict[str, Peer] = {}
-        self._trouble = ""
-        self._look()
-        if self._trouble:
-            raise ConfigError(self._trouble)
+        self._problem = ""
+        self._reread()
+        if self._problem:
+            raise ConfigError(self._problem)
 
-    def refuses(self, key: str, channel: str) -> str:
+    def channel_refusal(self, key: str, channel: str) -> str:
         """Return why a key may not open a channel; empty if it may."""
         peer, reason = self._find(key)
         if peer is None or reason:
             return reason
-        return "" if peer.what in OPENS[channel] else f"the key of {peer.name} is not for this channel"
+        return "" if peer.role_and_side in OPENS[channel] else f"the key of {peer.name} is not for this channel"
 
-    def forbids(self, key: str, role: str, side: str) -> str:
+    def role_refusal(self, key: str, role: str, side: str) -> str:
         """Return why the owner of a key may not act in this role and side; empty if it may."""
         peer, reason = self._find(key)
         if peer is None or reason:
             return reason
-        return "" if peer.what == what(role, side) else f"the key of {peer.name} is not that of {what(role, side)}"
+        wanted = role_and_side(role, side)
+        return "" if peer.role_and_side == wanted else f"the key of {peer.name} is not that of {wanted}"
 
     def owner(self, key: str) -> str:
         """Return the role and side of a key, such as ``agent.left``; empty if the key is unknown."""
         peer = self._peers.get(key)
-        return peer.what if peer else ""
+        return peer.role_and_side if peer else ""
 
     def fingerprint(self, key: str) -> str:
         """Return the fingerprint of a public key."""
@@ -176,15 +174,15 @@ class KeyRing:
 
     def _find(self, key: str) -> tuple[Peer | None, str]:
         """Return the owner of a key, and why the key is invalid; empty if it is valid."""
-        self._look()
+        self._reread()
         peer = self._peers.get(key)
-        if self._trouble:
-            return peer, self._trouble
+        if self._problem:
+            return peer, self._problem
         if peer is None:
-            return peer, "its key is not known here"
+            return None, "its key is not known here"
         return peer, f"the key of {peer.name} has been revoked" if peer.revoked else ""
 
-    def _look(self) -> None:
+    def _reread(self) -> None:
         """Read the list again if it has changed; an invalid list admits nobody."""
         try:
             found = self._list.stat()
@@ -192,11 +190,11 @@ class KeyRing:
             if stamp != self._stamp:
                 self._peers = {peer.public: peer for peer in read_list(self._list.parent)}
                 self._stamp = stamp
-            self._trouble = ""
+            self._problem = ""
         except OSError as error:
-            self._trouble = f"{self._list}: {error.strerror}"
+            self._problem = f"{self._list}: {error.strerror}"
         except ConfigError as error:
-            self._trouble = str(error)
+            self._problem = str(error)
 
 
 # --- management of keys ------------------------------------------------------------------------------------------
@@ -215,17 +213,17 @@ def init(folder: Path) -> Path:
 
 def add(folder: Path, role: Role, side: str, to: Path) -> tuple[Peer, Path]:
     """Make a peer's key and authorise it. ``to``: folder for its file; created if missing."""
-    if (role in AT_A_STATION) != (side in SIDES):
+    if (role in ROLES_WITH_SIDE) != (side in SIDES):
         raise ConfigError(f"{role}: expected a side, left or right" if not side else f"{role}: has no side")
-    server = _read_key(key_path(folder, SERVER), "make it with: netboard keys init")
+    server = _read_key(key_path(folder, SERVER), HOW_TO_INIT)
     with _changed_list(folder) as peers:
         taken = {peer.name for peer in peers}
-        names = (what(role, side) + (f"-{number}" if number > 1 else "") for number in count(1))
+        names = (role_and_side(role, side) + (f"-{number}" if number > 1 else "") for number in count(1))
         name = next(name for name in names if name not in taken)
         public, secret = authenticator.new_keys()
         peer = Peer(name, role, side, public, _now())  # type: ignore[arg-type]
         to.mkdir(mode=0o700, parents=True, exist_ok=True)
-        path = key_path(to, peer.what)
+        path = key_path(to, peer.role_and_side)
         _write_key(path, _KeyFile(name, peer.created, secret, authenticator.public_of(server.secret)))
         peers.append(peer)
     return peer, path
@@ -234,20 +232,21 @@ def add(folder: Path, role: Role, side: str, to: Path) -> tuple[Peer, Path]:
 def revoke(folder: Path, name: str) -> Peer:
     """Revoke a peer's key."""
     with _changed_list(folder) as peers:
-        good = [place for place, peer in enumerate(peers) if peer.name == name and peer.revoked is None]
-        if not good:
-            names = ", ".join(peer.name for peer in peers if peer.revoked is None) or "none"
+        valid = [peer for peer in peers if peer.revoked is None]
+        peer = next((peer for peer in valid if peer.name == name), None)
+        if peer is None:
+            names = ", ".join(peer.name for peer in valid) or "none"
             raise ConfigError(f"{folder / LIST}: there is no key {name} to revoke; valid keys: {names}")
-        peers[good[0]] = replace(peers[good[0]], revoked=_now())
-        return peers[good[0]]
+        revoked = peers[peers.index(peer)] = replace(peer, revoked=_now())
+        return revoked
 
 
 def read_list(folder: Path) -> tuple[Peer, ...]:
     """Read the list of peers."""
     path = folder / LIST
-    peers = _parse(path, _read(path, "make it with: netboard keys init"), _LIST_ADAPTER).peer
+    peers = _parse(path, _read(path, HOW_TO_INIT), _LIST_ADAPTER).peer
     for peer in peers:
-        if (peer.role in AT_A_STATION) != (peer.side in SIDES):
+        if (peer.role in ROLES_WITH_SIDE) != (peer.side in SIDES):
             raise ConfigError(
                 f"{path}: {peer.name}: role {peer.role} and side {peer.side!r} are not a valid combination"
             )
@@ -274,11 +273,6 @@ def fingerprint(public: str) -> str:
     """Return the fingerprint of a public key: the beginning of its SHA-256."""
     digest = hashlib.sha256(public.encode()).hexdigest()
     return "-".join(digest[at : at + 4] for at in range(0, 16, 4))
-
-
-def what(role: str, side: str) -> str:
-    """Join a role and a side, as in ``agent.left``."""
-    return f"{role}.{side}" if side else role
 
 
 def key_path(folder: Path, name: str) -> Path:
@@ -325,7 +319,7 @@ def _write_key(path: Path, file: _KeyFile) -> None:
 
 
 def _write_new(path: Path, text: str, existing: str = "already exists and was not changed") -> None:
-    """Write a new file that only its owner can read; ``existing``: what is wrong if it is there already."""
+    """Write a new file that only its owner can read; ``existing``: end of the error message if it exists already."""
     try:
         path.touch(mode=0o600, exist_ok=False)
         path.write_text(text, encoding="utf-8", newline="\n")

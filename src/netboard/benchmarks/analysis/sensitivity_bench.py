@@ -85,7 +85,7 @@ def rehearse(folder: Path, *, quick: bool) -> list[Path]:
     for dyad in range(1, dyads + 1):
         blocks = shortened(blocks_of(Config(), paper_study(), SEED, dyad), most, trials)
         jobs += jobs_of(list(blocks), SEED, dyad, folder)
-    rehearsal.together(jobs, 2)
+    rehearsal.in_parallel(jobs, 2)
     return found_in(folder)
 
 

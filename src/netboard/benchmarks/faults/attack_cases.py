@@ -28,10 +28,9 @@ from netboard.benchmarks.faults.sites import GUESTS, Setup, Site
 from netboard.benchmarks.harness.results import Value, Verdict
 from netboard.network import keys
 from netboard.network.protocol.codec import decode, encode
-from netboard.network.protocol.joining import Goodbye, Hello, Welcome
+from netboard.network.protocol.joining import HELLO_INTERVAL_NS, Goodbye, Hello, Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION
 from netboard.network.transport import channels, sockets
-from netboard.nodes.operator.operator import HELLO_INTERVAL_NS
 
 SECONDS, QUICK_SECONDS = 60.0, 2.0
 """Duration of an attack on the sink, and of one on the server [s]."""

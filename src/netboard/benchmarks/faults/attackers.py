@@ -276,7 +276,7 @@ def receive_and_discard(file: Path) -> None:
     addresses = channels.addresses(network, gate)
     reader = threading.Thread(target=sys.stdin.read, daemon=True)
     reader.start()
-    with sockets.open_context(apart=True) as context:
+    with sockets.open_context(best_effort=True) as context:
         routers = [
             serve(context, addresses.listen(channel))
             for serve, channel in (

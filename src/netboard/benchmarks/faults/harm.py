@@ -266,7 +266,7 @@ def trick_and_restart(site: Site, process: str, what: Trick) -> Facts:
 def stop_in_an_emergency(site: Site) -> None:
     """Trigger an emergency stop, release it a while later, and resume."""
     site.rig.do(emergency.STOP)
-    site.rig.until(lambda status: emergency.LACKING in status.waiting_for)
+    site.rig.until(lambda status: emergency.AWAITING_RELEASE in status.waiting_for)
     time.sleep(AWAY)
     site.rig.do(emergency.RELEASE)
     site.rig.until(lambda status: status.phase == "paused" and not status.waiting_for)

@@ -30,7 +30,7 @@ from netboard.benchmarks.loop.workers import serve
 from netboard.network import keys
 from netboard.network.protocol import fixed
 from netboard.network.protocol.codec import decode, encode
-from netboard.network.protocol.joining import Hello, Ping, Pong, Welcome
+from netboard.network.protocol.joining import HELLO_INTERVAL_NS, Hello, Ping, Pong, Welcome
 from netboard.network.protocol.messages import KINDS, PROTOCOL_VERSION
 from netboard.network.protocol.motion import Force, Heartbeat, Safeguard, Stylus
 from netboard.network.protocol.records import LogAck, LogBatch, LogRequest, TickRecord
@@ -44,7 +44,6 @@ HEIGHT, FREQUENCY = 0.005, 0.5
 TAKE_NS = 400_000
 """Delay between sending a sample and polling for its force [ns]."""
 
-HELLO_INTERVAL_NS = 500_000_000
 CHECK_INTERVAL_NS = 2_000_000
 """Interval at which loggers and displays poll [ns]."""
 

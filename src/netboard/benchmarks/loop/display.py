@@ -26,7 +26,7 @@ from netboard.network.protocol.codec import encode
 from netboard.network.transport import channels, sockets
 from netboard.stage.view import View
 from netboard.windows.participant.client import DisplayClient
-from netboard.windows.participant.window import BoardWindow, application, work
+from netboard.windows.participant.window import BoardWindow, application, run_events
 
 SECONDS, QUICK_SECONDS = 30.0, 3.0
 """Default measurement time of each way [s]."""
@@ -116,12 +116,12 @@ def _watch(config: Config, seconds: float, served: Callable[[], bool]) -> tuple[
     with sockets.open_context() as context:
         client = DisplayClient("left", config, context, window)
         while not client.linked and served():
-            work(0.01)
-        work(WARM_UP)
+            run_events(0.01)
+        run_events(WARM_UP)
         window.board.painted.connect(lambda: _note(client, frames))
         client.tally.clear()
         dropped, busy, since = client.tally.dropped, time.process_time(), time.monotonic()
-        work(seconds)
+        run_events(seconds)
         busy = (time.process_time() - busy) / (time.monotonic() - since)
         dropped = client.tally.dropped - dropped
         client.close()

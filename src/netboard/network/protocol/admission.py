@@ -3,10 +3,8 @@
 from collections.abc import Collection
 
 from netboard.base.errors import WireError
-from netboard.network.protocol.joining import Hello
+from netboard.network.protocol.joining import ROLES_WITH_SIDE, Hello
 from netboard.network.protocol.messages import PROTOCOL_VERSION
-
-_SEATED = ("agent", "display")
 
 
 def admit(hello: Hello, channel: str, roles: Collection[str]) -> None:
@@ -15,9 +13,9 @@ def admit(hello: Hello, channel: str, roles: Collection[str]) -> None:
     Parameters
     ----------
     hello : Hello
-        The peer's message.
+        First message of a peer that is not registered yet.
     channel : str
-        Name of the channel on which it came.
+        Channel on which it came: one of `netboard.network.transport.channels.CHANNELS`.
     roles : collection of str
         Roles of the peers that belong on this channel.
 
@@ -29,8 +27,8 @@ def admit(hello: Hello, channel: str, roles: Collection[str]) -> None:
     """
     if hello.protocol != PROTOCOL_VERSION:
         raise WireError(f"the server speaks protocol {PROTOCOL_VERSION}, the {hello.role} {hello.protocol}")
-    if (hello.role in _SEATED) != bool(hello.side):
-        wanted = "left or right" if hello.role in _SEATED else "no side"
+    if (hello.role in ROLES_WITH_SIDE) != bool(hello.side):
+        wanted = "left or right" if hello.role in ROLES_WITH_SIDE else "no side"
         raise WireError(f"{hello.role} with side {hello.side!r}: expected {wanted}")
     if hello.role not in roles:
         raise WireError(f"this is the {channel} channel, which takes no {hello.role}")

@@ -17,8 +17,8 @@ MAX_OFFSET_NS = 2**61
 _MILLION = 1_000_000
 
 _SPANS = 8
-_POINT_NS = 4_000_000_000
-_POINTS = 64
+_ESTIMATE_INTERVAL_NS = 4_000_000_000
+_ESTIMATES = 64
 _DRIFT_KNOWN_PPM = 10.0
 
 
@@ -31,15 +31,15 @@ class _Span(NamedTuple):
     round_trip_ns: int
 
 
-class _Point(NamedTuple):
-    """The estimate at a time."""
+class _Estimate(NamedTuple):
+    """The offset and its bound at a time."""
 
     at_ns: int
     offset_ns: int
     bound_ns: int
 
 
-_NOTHING = _Span(NEVER_NS, NEVER_NS, -NEVER_NS, NEVER_NS)
+_NO_SPAN = _Span(NEVER_NS, NEVER_NS, -NEVER_NS, NEVER_NS)
 
 
 class ClockEstimator:
@@ -92,7 +92,7 @@ class ClockEstimator:
         self._window_ns = window_ns
         self._skew_ppm = skew_ppm
         self._spans: deque[_Span] = deque()
-        self._points: deque[_Point] = deque(maxlen=_POINTS)
+        self._estimates: deque[_Estimate] = deque(maxlen=_ESTIMATES)
         self._upper: int
         self._lower: int
         self._span_upper: int
@@ -130,8 +130,8 @@ class ClockEstimator:
         if upper + 2 * age < self._lower or lower - 2 * age > self._upper:
             self._forget()
             self.restarts += 1
-        if t3_ns >= self._turn_ns:
-            self._turn(t3_ns)
+        if t3_ns >= self._span_end_ns:
+            self._close_span(t3_ns)
         if upper < self._span_upper:
             self._span_upper = upper
             self._upper = min(self._upper, upper)
@@ -143,46 +143,45 @@ class ClockEstimator:
             self.round_trip_ns = min(self.round_trip_ns, highest - lowest)
         self.offset_ns = (self._upper + self._lower) // 2
         self.bound_ns = (self._upper - self._lower) // 2 + age + 1  # 1 for the rounding of both halves
-        if t3_ns >= self._point_ns:
+        if t3_ns >= self._next_estimate_ns:
             self._measure_drift(t3_ns)
         return True
 
     def _forget(self) -> None:
         """Forget all probes."""
         self._spans.clear()
-        self._points.clear()
-        self._turn_ns = self._point_ns = -NEVER_NS
-        self._begin(_NOTHING)
+        self._estimates.clear()
+        self._span_end_ns = self._next_estimate_ns = -NEVER_NS
+        self._begin_span(_NO_SPAN)
         self.drift_ppm, self.drift_bound_ppm = math.nan, math.inf
 
-    def _begin(self, best: _Span) -> None:
+    def _begin_span(self, best: _Span) -> None:
         """Begin an empty span; `best` is the best of the earlier ones."""
         self._upper, self._lower, self.round_trip_ns = best.upper, best.lower, best.round_trip_ns
-        self._span_upper, self._span_lower = _NOTHING.upper, _NOTHING.lower
-        self._span_round_trip_ns = _NOTHING.round_trip_ns
+        self._span_upper, self._span_lower = _NO_SPAN.upper, _NO_SPAN.lower
+        self._span_round_trip_ns = _NO_SPAN.round_trip_ns
 
-    def _turn(self, now_ns: int) -> None:
+    def _close_span(self, now_ns: int) -> None:
         """Close the current span, drop the spans that have left the window, and begin a new one."""
         length = self._window_ns // _SPANS
-        self._spans.append(_Span(self._turn_ns, self._span_upper, self._span_lower, self._span_round_trip_ns))
+        self._spans.append(_Span(self._span_end_ns, self._span_upper, self._span_lower, self._span_round_trip_ns))
         while self._spans and self._spans[0].until_ns < now_ns - (_SPANS - 2) * length:
             self._spans.popleft()
-        _, uppers, lowers, round_trips = zip(_NOTHING, *self._spans, strict=True)
-        self._begin(_Span(0, min(uppers), max(lowers), min(round_trips)))
-        self._turn_ns = now_ns + length
+        _, uppers, lowers, round_trips = zip(_NO_SPAN, *self._spans, strict=True)
+        self._begin_span(_Span(0, min(uppers), max(lowers), min(round_trips)))
+        self._span_end_ns = now_ns + length
 
     def _measure_drift(self, now_ns: int) -> None:
         """Take the slope from the earlier estimate that gives the smallest bound."""
-        self._point_ns = now_ns + _POINT_NS
-        new = _Point(now_ns, self.offset_ns, self.bound_ns)
-        if self._points:
-            doubt, slope = min(_slope(old, new) for old in self._points)
-            self.drift_bound_ppm = doubt
-            self.drift_ppm = slope if doubt <= _DRIFT_KNOWN_PPM else math.nan
-        self._points.append(new)
+        self._next_estimate_ns = now_ns + _ESTIMATE_INTERVAL_NS
+        new = _Estimate(now_ns, self.offset_ns, self.bound_ns)
+        if self._estimates:
+            self.drift_bound_ppm, slope = min(_slope(old, new) for old in self._estimates)
+            self.drift_ppm = slope if self.drift_bound_ppm <= _DRIFT_KNOWN_PPM else math.nan
+        self._estimates.append(new)
 
 
-def _slope(old: _Point, new: _Point) -> tuple[float, float]:
+def _slope(old: _Estimate, new: _Estimate) -> tuple[float, float]:
     """Return the bound of the mean rate between two estimates, and the rate itself [1e-6]."""
     per_million = _MILLION / (new.at_ns - old.at_ns)
     return (new.bound_ns + old.bound_ns) * per_million, (new.offset_ns - old.offset_ns) * per_million

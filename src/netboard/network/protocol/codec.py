@@ -43,8 +43,8 @@ def encode(message: Message) -> bytes:
         If the message breaks the protocol: our own mistake.
     """
     plan = _PLANS_BY_CLASS[type(message)]
-    values = zip(plan.kinds, plan.writers, plan.values(message), strict=True)
-    frame: bytes = msgpack.packb([plan.number, *(v if type(v) is kind else write(v) for kind, write, v in values)])
+    values = zip(plan.ready_types, plan.writers, plan.values(message), strict=True)
+    frame: bytes = msgpack.packb([plan.number, *(v if type(v) is ready else write(v) for ready, write, v in values)])
     if len(frame) > plan.most_bytes:
         raise ValueError(f"{plan.name}: {len(frame)} bytes, at most {plan.most_bytes} are allowed")
     return frame
@@ -52,11 +52,6 @@ def encode(message: Message) -> bytes:
 
 def kind_of(frame: bytes) -> type[Message]:
     """Return the class of message that a frame claims to be, before anything is unpacked.
-
-    Parameters
-    ----------
-    frame : bytes
-        What arrived, from anyone.
 
     Raises
     ------
@@ -68,11 +63,6 @@ def kind_of(frame: bytes) -> type[Message]:
 
 def decode(frame: bytes) -> Message:
     """Convert a frame to a message.
-
-    Parameters
-    ----------
-    frame : bytes
-        What arrived, from anyone.
 
     Raises
     ------
@@ -148,16 +138,16 @@ def _sequence(check: Check, most_items: int, value: Any) -> Any:
     return tuple(map(check, value))
 
 
-def _rows_of_integers(slowly: Check, width: int, most_items: int, value: Any) -> Any:
+def _rows_of_integers(item_by_item: Check, width: int, most_items: int, value: Any) -> Any:
     """Read an array of records of integers, with each check applied to all of them at once.
 
-    An array that fails is checked part by part, to refuse it in words.
+    An array that fails is checked item by item, so that the error names the item.
     """
     if type(value) is tuple and len(value) <= most_items and {*map(type, value)} <= {tuple}:
         numbers = tuple(chain.from_iterable(value))
         if {*map(len, value)} <= {width} and {*map(type, numbers)} <= {int} and max(numbers, default=0) < 2**63:
             return value
-    return slowly(value)
+    return item_by_item(value)
 
 
 def _record(checks: tuple[Check, ...], value: Any) -> Any:
@@ -182,11 +172,11 @@ def _compile(hint: Any, scalars: Mapping[type, Check], kind: Kind) -> Check:
     if origin is dict:
         return partial(_mapping, inner[0], inner[1], kind.most_pairs)
     if arguments[-1] is Ellipsis:
-        slowly = partial(_sequence, inner[0], kind.most_items)
+        item_by_item = partial(_sequence, inner[0], kind.most_items)
         parts = typing.get_args(arguments[0])
         if scalars is _READ and parts and set(parts) == {int}:
-            return partial(_rows_of_integers, slowly, len(parts), kind.most_items)
-        return slowly
+            return partial(_rows_of_integers, item_by_item, len(parts), kind.most_items)
+        return item_by_item
     return partial(_record, inner)
 
 
@@ -206,7 +196,7 @@ class _Plan:
     values: Callable[[Message], tuple[Any, ...]]
     readers: tuple[Check, ...]
     writers: tuple[Check, ...]
-    kinds: tuple[type | None, ...]  # types whose values need no writer
+    ready_types: tuple[type | None, ...]  # of each field: the type of values that need no writer
     unpack: Callable[[bytes], Any]
 
 
@@ -250,15 +240,17 @@ def _plan(number: int, kind: Kind) -> _Plan:
         _getter(names),
         checks(_READ),
         checks(_WRITE),
-        tuple(_kind_as_it_is(hints[name], (message, name) in CHOICES) for name in names),
+        tuple(_ready_type(hints[name], (message, name) in CHOICES) for name in names),
         unpack,
     )
 
 
-def _kind_as_it_is(hint: Any, chosen: bool) -> type | None:
-    """Return the type of those values of a field that are packed as they are, without a writer."""
-    kinds = [kind for kind in (float, bool, str, bytes) if kind is hint or kind in typing.get_args(hint)]
-    return kinds[0] if len(kinds) == 1 and not chosen and typing.get_origin(hint) in (None, types.UnionType) else None
+def _ready_type(hint: Any, has_choices: bool) -> type | None:
+    """Return the type of those values of a field that are packed as they are; None if all need a writer."""
+    if has_choices or typing.get_origin(hint) not in (None, types.UnionType):
+        return None
+    found = [kind for kind in (float, bool, str, bytes) if kind is hint or kind in typing.get_args(hint)]
+    return found[0] if len(found) == 1 else None
 
 
 def _unpack_whole(unpack: Callable[[bytes], Any], frame: bytes) -> Any:

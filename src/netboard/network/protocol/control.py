@@ -50,6 +50,11 @@ REPLAY_COMMANDS: tuple[str, ...] = get_args(ReplayCommand)
 
 COMMANDS: tuple[str, ...] = get_args(CommandName)
 
+LinkStatus = tuple[str, str, str, float, float, float, float, float, int]
+AttemptOutcome = tuple[int, int, int, str, float, str, int]
+TracePoint = tuple[int, float, float, float, float, float, float, float]
+"""Items of `Status.links`, `Outcomes.attempts` and `Trace.points`."""
+
 
 @dataclass(frozen=True, slots=True)
 class Command:
@@ -174,7 +179,7 @@ class Status:
     waiting_for: tuple[str, ...]
     peers: tuple[str, ...]
     notice: str
-    links: tuple[tuple[str, str, str, float, float, float, float, float, int], ...]
+    links: tuple[LinkStatus, ...]
     loops: tuple[tuple[str, float, float], ...]
     name: str
     dyad: str
@@ -224,7 +229,7 @@ class Outcomes:
     """
 
     first: int
-    attempts: tuple[tuple[int, int, int, str, float, str, int], ...]
+    attempts: tuple[AttemptOutcome, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,4 +257,4 @@ class Trace:
         [N].
     """
 
-    points: tuple[tuple[int, float, float, float, float, float, float, float], ...]
+    points: tuple[TracePoint, ...]

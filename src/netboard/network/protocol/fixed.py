@@ -45,13 +45,7 @@ class Form(NamedTuple):
 
 
 def form_of(message: type[Message]) -> Form:
-    """Return the fixed form of a message of numbers only.
-
-    Parameters
-    ----------
-    message : type
-        Its dataclass.
-    """
+    """Return the fixed form of a message of numbers only."""
     number = next(number for number, kind in KINDS.items() if kind.message is message)
     markers = [_MARKERS[hint] for hint in get_type_hints(message).values()]
     length = len(markers) + 1
@@ -60,24 +54,12 @@ def form_of(message: type[Message]) -> Form:
 
 
 def fields_of(message: type[Message]) -> list[tuple[str, str]]:
-    """Return the names and types of a message's words, as for a structured array.
-
-    Parameters
-    ----------
-    message : type
-        The dataclass of a message of numbers only.
-    """
+    """Return the names and types of a message's words, as for a structured array."""
     return [(name, _TYPES[hint]) for name, hint in get_type_hints(message).items()]
 
 
 def packer_of(message: type[Message]) -> struct.Struct:
-    """Return a `struct.Struct` that packs and unpacks the words of a message.
-
-    Parameters
-    ----------
-    message : type
-        The dataclass of a message of numbers only.
-    """
+    """Return a `struct.Struct` that packs and unpacks the words of a message."""
     return struct.Struct("<" + "".join("d" if kind == "<f8" else "q" for _, kind in fields_of(message)))
 
 
@@ -90,21 +72,17 @@ def read(frame: Any, head: Any, markers: Any, words: Any) -> bool:
 
     Parameters
     ----------
-    frame : bytes or ndarray of uint8
-        What arrived.
-    head, markers : ndarray of uint8
-        The form.
     words : ndarray of int64, shape (n,)
         Output: the numbers as words.
     """
     start, count = len(head), len(markers)
-    if len(frame) != start + 9 * count:
+    if len(frame) != start + WIDE * count:
         return False
     for k in range(start):
         if frame[k] != head[k]:
             return False
     for k in range(count):
-        place = start + 9 * k
+        place = start + WIDE * k
         if frame[place] != markers[k]:
             return False
         word = np.int64(0)
@@ -122,8 +100,6 @@ def write(frame: Any, head: Any, markers: Any, words: Any) -> None:
     ----------
     frame : ndarray of uint8
         Output: the frame, of the form's size.
-    head, markers : ndarray of uint8
-        The form.
     words : ndarray of int64, shape (n,)
         The numbers as words.
     """
@@ -131,7 +107,7 @@ def write(frame: Any, head: Any, markers: Any, words: Any) -> None:
     for k in range(start):
         frame[k] = head[k]
     for k in range(len(markers)):
-        place = start + 9 * k
+        place = start + WIDE * k
         frame[place] = markers[k]
         word = words[k]
         for byte in range(8, 0, -1):

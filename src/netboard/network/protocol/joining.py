@@ -4,11 +4,22 @@ A message is data only; `netboard.network.protocol.messages` holds the rules for
 """
 
 from dataclasses import dataclass
+from typing import Literal, get_args
 
 HELLO_FIRST = "say hello first"
 """Refusal of a message before a `Hello`, or from a peer that was removed: the peer then says hello again."""
 
-ROLES = ("agent", "display", "logger", "console", "listener")
+HELLO_INTERVAL_NS = 500_000_000
+"""Time without an answer after which a peer sends `Hello` again [ns]."""
+
+Role = Literal["agent", "display", "logger", "console", "listener"]
+ROLES: tuple[str, ...] = get_args(Role)
+ROLES_WITH_SIDE = ("agent", "display")
+
+
+def role_and_side(role: str, side: str) -> str:
+    """Join a role and a side, as in ``agent.left``."""
+    return f"{role}.{side}" if side else role
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ here, and so is what the server takes from a peer.
 
 from dataclasses import dataclass
 
+from netboard.base.config import SIDES
 from netboard.network.protocol.control import (
     COMMANDS,
     Command,
@@ -47,8 +48,6 @@ from netboard.network.protocol.views import MAX_SHOWN, Frames
 from netboard.stage.view import View
 
 PROTOCOL_VERSION = 5
-
-SIDES = ("left", "right")
 
 Message = (
     Hello
@@ -158,13 +157,7 @@ KINDS: dict[int, Kind] = {
 
 
 def sent_by(role: str) -> frozenset[type[Message]]:
-    """Return the messages that peers of a role send to the server.
-
-    Parameters
-    ----------
-    role : str
-        One of `ROLES`.
-    """
+    """Return the messages that peers of a role send to the server."""
     return frozenset(kind.message for kind in KINDS.values() if role in kind.up)
 
 

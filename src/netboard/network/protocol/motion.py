@@ -52,6 +52,18 @@ class Safeguard(IntFlag):
     NOT_READY = 1024
 
 
+TRIP_CAUSES = {
+    Safeguard.STALE: "no fresh force from the server",
+    Safeguard.TOO_FAST: "the stylus was too fast",
+    Safeguard.NOT_FINITE: "a force or a reading was not a number",
+    Safeguard.DEVICE_LOST: "the device does not answer",
+    Safeguard.WORN: "the mean-force limit of the motors is reached",
+    Safeguard.STOPPED: "emergency stop at the device",
+    Safeguard.NOT_READY: "the device is not calibrated, not in a hand, or outside of its workspace",
+}
+"""Safeguards that are reported as events when they begin, with the text of each."""
+
+
 @dataclass(frozen=True, slots=True)
 class Stylus:
     """One sample of a stylus, agent to server.
@@ -118,7 +130,7 @@ class Force:
     force : float
         Force on the hand, + = up [N].
     lead_ns : int
-        Time from the arrival of that sample to the deadline of a tick; the agent adjusts its sampling time to it [ns].
+        Time from the arrival of that sample to the deadline of its tick, to which the agent adjusts its sampling [ns].
     """
 
     tick: int
@@ -151,7 +163,7 @@ class Point:
     c : float
         Its damping [N s/m].
     lead_ns : int
-        How long before the deadline of a tick that sample arrived [ns].
+        Time from the arrival of that sample to the deadline of its tick [ns].
     """
 
     tick: int
@@ -178,7 +190,7 @@ class Heartbeat:
     stylus_seq : int
         Newest stylus sample received, -1 for none yet [1].
     lead_ns : int
-        How long before the deadline of a tick that sample arrived [ns].
+        Time from the arrival of that sample to the deadline of its tick [ns].
     arm : bool
         Whether the device may be armed: the server knows the agent's clock well enough.
     """
@@ -217,7 +229,7 @@ class Backfill:
     Attributes
     ----------
     first : int
-        That of the request [1].
+        `BackfillRequest.first` of the request that it answers [1].
     next : int
         Number from which the server requests the rest; the request's `stop` if there is no more [1].
     rows : bytes

@@ -156,8 +156,6 @@ def connection_name(kind: str, number: int) -> str:
 
     Parameters
     ----------
-    kind : str
-        Role and side of the peer: ``agent.left``.
     number : int
         How many connections of its kind there have been, including this one [1].
     """

@@ -1,6 +1,7 @@
 """Messages of displays: which views they have painted.
 
-The server sends a display a `netboard.stage.view.View` up to 120 times a second.
+The server sends a display a `netboard.stage.view.View` whenever what it shows has changed, at ``network.view_rate_hz``
+at most.
 
 A message is data only; `netboard.network.protocol.messages` holds the rules for all of them.
 """

@@ -3,9 +3,6 @@
 CURVE (ZeroMQ's RFC 26) encrypts, and at each handshake libzmq asks whether the peer's key is accepted (ZAP, RFC 27).
 The server's own loop answers, a few handshakes at a time, so no thread can hold up a tick. This module does not know
 which role a key has; a `KeyRing` does.
-
-Only `netboard.network.transport.sockets`, `netboard.network.transport.endpoints`,
-`netboard.network.transport.fastpath` and this module import zmq.
 """
 
 import logging
@@ -56,15 +53,15 @@ class Credentials:
 
 
 class KeyRing(Protocol):
-    """The server's own key, and the role of each peer's key."""
+    """The server's key, and the role of each peer's key."""
 
     secret: str
     """The server's secret key (Z85)."""
 
-    def refuses(self, key: str, channel: str) -> str:
+    def channel_refusal(self, key: str, channel: str) -> str:
         """Return why a key may not open a channel; empty if it may."""
 
-    def forbids(self, key: str, role: str, side: str) -> str:
+    def role_refusal(self, key: str, role: str, side: str) -> str:
         """Return why the owner of a key may not act in this role and side; empty if it may."""
 
     def owner(self, key: str) -> str:
@@ -86,13 +83,7 @@ def public_of(secret: str) -> str:
 
 
 class Authenticator:
-    """The authenticator of one server's peers, by their keys.
-
-    Parameters
-    ----------
-    port : int
-        The server's port, which distinguishes it from other servers in the same context.
-    """
+    """Authenticates one server's peers; its port distinguishes it from other servers in the same context."""
 
     def __init__(self, ring: KeyRing, port: int) -> None:
         self.ring = ring
@@ -124,12 +115,12 @@ class Authenticator:
 
     def final_reports(self) -> list[dict[str, str]]:
         """Return the final counts of refusals."""
-        return self._refused.rest()
+        return self._refused.final_reports()
 
     def refuse(self, channel: str, address: str, key: str, reason: str) -> None:
-        """Count a refusal."""
-        known = {"address": address, "key": self.ring.fingerprint(key) if key else ""}
-        details = {name: value for name, value in known.items() if value}
+        """Count a refusal; address and key may be empty, if they are not known."""
+        peer = {"address": address, "key": self.ring.fingerprint(key) if key else ""}
+        details = {name: value for name, value in peer.items() if value}
         self._refused.count((channel, key or address, reason), {"channel": channel, **details, "reason": reason})
 
     def guard(self, context: "Context", socket: Socket, name: str) -> None:
@@ -170,7 +161,7 @@ class _ZapHandler:
             version, request, domain, address, _, _, *credentials = self._socket.recv_multipart(NOBLOCK)
             key = z85.encode(credentials[0]).decode()
             authenticator, channel = self.authenticators[domain.decode()]
-            reason = authenticator.ring.refuses(key, channel)
+            reason = authenticator.ring.channel_refusal(key, channel)
             if reason:
                 authenticator.refuse(channel, address.decode(errors="replace"), key, reason)
                 verdict = (b"400", reason.encode(), b"")
@@ -181,17 +172,17 @@ class _ZapHandler:
 
 
 class _HandshakeMonitor:
-    """A socket monitored for handshakes that failed before the key was checked; libzmq does not say whose they were."""
+    """Monitors a socket for handshakes that failed before the key was checked; libzmq does not say whose they were."""
 
     def __init__(self, context: "Context", socket: Socket, channel: str, handler: _ZapHandler) -> None:
         self.channel, self.handler = channel, handler
         self._context = context
         self._socket = socket
-        self._paused_until_ns = self._full = 0
+        self._paused_until_ns = self._full_reads = 0
         self._monitor = self._open()
 
     def failures(self) -> Iterator[str]:
-        """Yield why they failed."""
+        """Yield the reasons of the failures since the last call."""
         if self._socket.closed:
             return
         if self._paused_until_ns:
@@ -200,17 +191,17 @@ class _HandshakeMonitor:
             self._paused_until_ns, self._monitor = 0, self._open()
         for _ in range(MAX_HANDSHAKES):
             if self._monitor.closed or not readable(self._monitor):
-                self._full = 0
+                self._full_reads = 0
                 return
             event = parse_monitor_message(self._monitor.recv_multipart(NOBLOCK))
             if event["event"] == zmq.Event.HANDSHAKE_FAILED_NO_DETAIL:
                 yield NO_KEY
             elif event["event"] == zmq.Event.HANDSHAKE_FAILED_PROTOCOL:
                 yield FAILURES.get(event["value"], NO_HANDSHAKE)
-        self._full += 1
-        if self._full < MAX_FULL_READS:
+        self._full_reads += 1
+        if self._full_reads < MAX_FULL_READS:
             return
-        self._full = 0
+        self._full_reads = 0
         self._socket.monitor(None, 0)
         self._monitor.close()
         self._paused_until_ns = time.monotonic_ns() + MONITOR_PAUSE_NS

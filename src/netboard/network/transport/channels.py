@@ -1,8 +1,7 @@
 """The channels between the processes, and their addresses.
 
 Each has one of the server's ports, counted from the first; on one machine they can be Unix domain sockets instead.
-Channels within a station, whatever the transport, are here as well. `netboard.network.transport.sockets` defines how
-each channel behaves.
+`netboard.network.transport.sockets` defines how each channel behaves.
 """
 
 import os
@@ -32,7 +31,7 @@ class Endpoint:
     address: str
     channel: int = MOTION
     # The server's authenticator, or a peer's keys; None without encryption.
-    lock: Authenticator | Credentials | None = None
+    security: Authenticator | Credentials | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +43,7 @@ class Addresses:
     port: int
     transport: str = "tcp"
     # The server's authenticator, or a peer's keys; None without encryption.
-    lock: Authenticator | Credentials | None = None
+    security: Authenticator | Credentials | None = None
 
     def listen(self, channel: int) -> Endpoint:
         """Return the endpoint that the server binds for a channel."""
@@ -56,38 +55,38 @@ class Addresses:
 
     def pointer(self, side: Side) -> Endpoint:
         """Return the endpoint at which a side's agent receives the pointer's position."""
-        return self._beside("pointer", side)
+        return self._at_station("pointer", side)
 
     def felt(self, side: Side) -> Endpoint:
         """Return the endpoint at which a side's agent publishes the force on its player's hand."""
-        return self._beside("felt", side)
+        return self._at_station("felt", side)
 
-    def _beside(self, what: str, side: Side) -> Endpoint:
+    def _at_station(self, purpose: str, side: Side) -> Endpoint:
         """Return an endpoint between the display and the agent of one side.
 
         It is a Unix domain socket whatever the transport. It takes no port, stays on the machine, and no other user of
         the machine can move a hand or see its force.
         """
-        return Endpoint(f"ipc://{_own_folder() / f'{self.port}.{what}.{side}'}")
+        return Endpoint(f"ipc://{_socket_folder() / f'{self.port}.{purpose}.{side}'}")
 
     def _endpoint(self, machine: str, channel: int) -> Endpoint:
         """Return an endpoint; the channel for moves stays on the machine, because both hands are at one station."""
         port = self.port + channel
-        inside = channel == MOVES
+        local = channel == MOVES
         if self.transport == "ipc":
-            return Endpoint(f"ipc://{_own_folder() / str(port)}", channel, None if inside else self.lock)
-        if inside:
+            return Endpoint(f"ipc://{_socket_folder() / str(port)}", channel, None if local else self.security)
+        if local:
             return Endpoint(f"tcp://127.0.0.1:{port}", channel)
         host = machine.strip("[]")
-        return Endpoint(f"tcp://[{host}]:{port}" if ":" in host else f"tcp://{host}:{port}", channel, self.lock)
+        return Endpoint(f"tcp://[{host}]:{port}" if ":" in host else f"tcp://{host}:{port}", channel, self.security)
 
 
-def addresses(network: Network, lock: Authenticator | Credentials | None = None) -> Addresses:
+def addresses(network: Network, security: Authenticator | Credentials | None = None) -> Addresses:
     """Take the addresses from the configuration."""
-    return Addresses(network.host, network.bind, network.port, network.transport, lock)
+    return Addresses(network.host, network.bind, network.port, network.transport, security)
 
 
-def _own_folder() -> Path:
+def _socket_folder() -> Path:
     """Return the folder of the Unix domain sockets, which only this user can open.
 
     It is the same for every process of the user, whatever its environment.

@@ -25,32 +25,32 @@ MAX_NAMES = 1000
 NOBLOCK_MORE = int(zmq.NOBLOCK | zmq.SNDMORE)
 """A plain number, as `NOBLOCK`."""
 
+REFUSED = b"", b""
+"""Result in place of a peer and its frame, if the peer's name does not match its key."""
 
-NOBODY = b"", b""
-"""Result in place of a peer and its frame, if the name was not the sender's and the frame was refused."""
-
-_SECRET = re.compile(r"\.([0-9a-f]{4})[0-9a-f]{12}$")
 MAX_CHARACTERS = 64
-"""Length up to which a name is shown [1]."""
+"""Characters of a peer's name or version that operators see, so that the links of all peers fit a status [1]."""
+
+_RANDOM_PART = re.compile(r"\.([0-9a-f]{4})[0-9a-f]{12}$")
 
 
 def shown(peer: bytes) -> str:
-    """Return a peer's name for people, without most of the random part at its end."""
-    name = _SECRET.sub(r".\1...", peer.decode(errors="replace"))
+    """Return a peer's name for people, without most of the random part, with which others could take the name over."""
+    name = _RANDOM_PART.sub(r".\1...", peer.decode(errors="replace"))
     return name if len(name) <= MAX_CHARACTERS else f"{name[:MAX_CHARACTERS]}..."
 
 
 class Router:
     """A ROUTER: frames of many peers, each with the peer's name.
 
-    With keys a peer's name must begin with the role and side of its key, as in ``agent.left@`` and a part of its own.
+    With keys a peer's name must begin with the role and side of its key, as in ``agent.left@``.
     """
 
     def __init__(self, socket: Socket, endpoint: Endpoint) -> None:
         self.key = ""  # key of the last frame's sender (Z85); empty without keys
         self.channel = CHANNELS[endpoint.channel]
         self.socket = socket
-        self._authenticator = endpoint.lock if isinstance(endpoint.lock, Authenticator) else None
+        self._authenticator = endpoint.security if isinstance(endpoint.security, Authenticator) else None
         self._more = False
         self._names: dict[bytes, str] = {}
         self._queued: dict[bytes, bytes] = {}
@@ -58,8 +58,8 @@ class Router:
     def receive(self) -> tuple[bytes, bytes] | None:
         """Return the next (peer, frame), or None if there is none now.
 
-        A message of several parts counts as an empty frame, which is no valid message. A frame under a name that is not
-        its sender's becomes `NOBODY`, so that the owner of that name is not affected.
+        A message of several parts counts as an empty frame, which is no valid message. The result is `REFUSED` if a
+        sender uses the name of another peer, so that the owner of that name is not affected.
         """
         socket = self.socket
         if not readable(socket) or not self._skip_parts():  # cheaper than an exception
@@ -70,10 +70,10 @@ class Router:
             return None
         frame = socket.recv(NOBLOCK, copy=False)
         self._more = frame.more
-        said = b"" if frame.more else frame.bytes
+        content = b"" if frame.more else frame.bytes
         if self._authenticator is None:
-            return peer, said
-        return self.checked(peer, _property(frame, "User-Id"), _property(frame, "Peer-Address"), said)
+            return peer, content
+        return self.checked(peer, _property(frame, "User-Id"), _property(frame, "Peer-Address"), content)
 
     def _skip_parts(self) -> bool:
         """Skip the rest of a multipart message, a bounded number of parts; return whether a new message can be read."""
@@ -85,10 +85,10 @@ class Router:
         return not self._more and readable(self.socket)
 
     def checked(self, peer: bytes, key: str, address: str, frame: bytes) -> tuple[bytes, bytes]:
-        """Return (peer, frame), or `NOBODY` if the peer's name does not match its key."""
+        """Return (peer, frame), or `REFUSED` if the peer's name does not match its key."""
         self.key = key
-        own = self._authenticator
-        return (peer, frame) if own is None or self._rightly_named(own, peer, key, address) else NOBODY
+        keys = self._authenticator
+        return (peer, frame) if keys is None or self._name_matches(keys, peer, key, address) else REFUSED
 
     def send(self, peer: bytes, frame: bytes) -> bool:
         """Send without waiting; return False if the peer is gone or its queue is full."""
@@ -115,10 +115,10 @@ class Router:
             if self.send(peer, frame):
                 del self._queued[peer]
 
-    def cancel(self, peer: bytes) -> None:
-        """Owe a peer nothing more: the queue of one that has left may stay full for as long as its frames are unread.
+    def drop_queued(self, peer: bytes) -> None:
+        """Send a peer nothing more.
 
-        Without this, peers that come and go make `send_queued` as long as there have been peers.
+        The queue of a peer that has left may stay full; `send_queued` would then try all peers that there ever were.
         """
         self._queued.pop(peer, None)
 
@@ -127,19 +127,16 @@ class Router:
         """Whether peers are authenticated by keys."""
         return self._authenticator is not None
 
-    def forbids(self, role: str, side: str) -> str:
-        """Return why the last frame's sender may not act in this role and side.
-
-        Empty if it may, as always without keys.
-        """
-        return "" if self._authenticator is None else self._authenticator.ring.forbids(self.key, role, side)
+    def role_refusal(self, role: str, side: str) -> str:
+        """Return why the last frame's sender may not act in this role and side; empty if it may, or without keys."""
+        return "" if self._authenticator is None else self._authenticator.ring.role_refusal(self.key, role, side)
 
     def close_after_goodbye(self) -> None:
         """Close after the last messages have been sent."""
         self.socket.close(linger=GOODBYE_LINGER_MS)
 
-    def _rightly_named(self, authenticator: Authenticator, peer: bytes, key: str, address: str) -> bool:
-        """Return whether a name matches the key; a match is remembered."""
+    def _name_matches(self, authenticator: Authenticator, peer: bytes, key: str, address: str) -> bool:
+        """Return whether a peer's name matches its key; a match is remembered."""
         if self._names.get(peer) == key:
             return True
         if peer.partition(b"@")[0] != authenticator.ring.owner(key).encode():
@@ -171,9 +168,9 @@ class Publisher:
         for _ in range(MAX_SUBSCRIPTIONS):
             if not readable(self.socket):
                 break
-            word = self.socket.recv(NOBLOCK)
-            if word in (SUBSCRIBED, UNSUBSCRIBED):
-                self._wanted = word == SUBSCRIBED
+            change = self.socket.recv(NOBLOCK)
+            if change in (SUBSCRIBED, UNSUBSCRIBED):
+                self._wanted = change == SUBSCRIBED
         return self._wanted
 
     def send(self, frame: bytes) -> None:

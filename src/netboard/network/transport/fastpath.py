@@ -5,7 +5,7 @@ them, then take a tenth of a tick. So kernels handle the frames of the motion ch
 pyzmq, in the library that pyzmq has loaded, on a socket that `netboard.network.transport.sockets` has made and still
 owns.
 
-A fast path knows its peers by name and key. All other frames are handed to Python unchanged.
+A fast path compares names and keys of senders with those of its registered peers. Frames of others go to Python.
 """
 
 import ctypes
@@ -22,11 +22,11 @@ from numba import types
 from netboard.base.compiled import kernel
 from netboard.base.errors import NetboardError
 
-MACHINES = -1
-"""Value of ``set_ns`` that selects the machine's clock."""
+MACHINE_CLOCK = -1
+"""Value of ``simulated_ns`` that selects the machine's clock."""
 
 PLACES = 2
-"""Peers that a fast path can know [1]."""
+"""Peers that can be registered with a fast path [1]."""
 
 NAME_ROOM = 255
 """Longest name of a peer that ZeroMQ allows [bytes]."""
@@ -37,10 +37,10 @@ KEY_SIZE = 40
 ADDRESS_ROOM = 64
 
 MAX_PARTS = 256
-"""Parts of a message skipped at once; a peer may send any number, although netboard's messages have one [1]."""
+"""As `netboard.network.transport.endpoints.MAX_PARTS`, and more, because compiled code skips them faster [1]."""
 
 NOTHING, OTHER, FAILED = -1, -2, -3
-"""Results of `receive` other than the place of a known peer."""
+"""Results of `receive` other than the place of a registered peer."""
 
 SENT, NOT_SENT = 0, 1
 """Results of sending, beside `FAILED`."""
@@ -54,24 +54,24 @@ FAST_PATH = np.dtype(
     [
         ("message", "u1", (64,)),  # zmq_msg_t
         ("clock", "<i8", (2,)),  # struct timespec
-        ("sleep", "<i8", (2,)),  # another one: the longest time to sleep
+        ("sleep", "<i8", (2,)),  # struct timespec: the longest time to sleep
         ("file", "<i4"),  # number of the file that signals a frame
         ("files", "<u8", (FILES // 64,)),  # fd_set: a bit for each file
         ("watched", "<i4"),  # number of another file that ends a sleep, or NO_FILE
-        ("set_ns", "<i8"),  # simulated time, or MACHINES [ns]
+        ("simulated_ns", "<i8"),  # simulated time, or MACHINE_CLOCK [ns]
         ("socket", "<i8"),  # libzmq's address of it, 0 once that is closed
-        ("keyed", "<i8"),  # 1: peers are known by their keys, too
+        ("keyed", "<i8"),  # 1: the keys of peers are compared, too
         ("size", "<i8"),  # of the newest frame
         ("more", "<i8"),  # 1: parts of a message are left to be skipped
         ("name_size", "<i8"),
-        ("known", "<i8", (PLACES,)),  # lengths of the names, 0 for no peer
+        ("name_sizes", "<i8", (PLACES,)),  # of the registered peers, 0 for no peer
         ("muted", "<i8", (PLACES,)),  # 1: nothing is sent to this peer
         ("names", "u1", (PLACES, NAME_ROOM)),
         ("keys", "u1", (PLACES, KEY_SIZE)),
         ("name", "u1", (NAME_ROOM,)),  # of the newest frame's sender
         ("key", "u1", (KEY_SIZE,)),
         ("address", "u1", (ADDRESS_ROOM,)),
-        ("user_id", "u1", (8,)),  # names of properties, as libzmq expects them
+        ("user_id", "u1", (8,)),  # names of a connection's properties, as libzmq expects them
         ("peer_address", "u1", (16,)),
     ],
     align=True,
@@ -93,32 +93,32 @@ def _symbol(name: str) -> int:
         ) from error
 
 
-def _called(name: str, returns: Any, *arguments: Any) -> Any:
+def _c_function(name: str, returns: Any, *arguments: Any) -> Any:
     """Make a C library function callable from kernels; addresses are integers."""
     return types.ExternalFunction(name, returns(*arguments))
 
 
-def _imported(name: str, returns: Any, *arguments: Any) -> Any:
+def _libzmq_function(name: str, returns: Any, *arguments: Any) -> Any:
     """Make a libzmq function callable from kernels."""
     binding.add_symbol(name, _symbol(name))
-    return _called(name, returns, *arguments)
+    return _c_function(name, returns, *arguments)
 
 
-_INT, _AT = types.int32, types.intp
-_zmq_recv = _imported("zmq_recv", _INT, _AT, _AT, _AT, _INT)
-_zmq_send = _imported("zmq_send", _INT, _AT, _AT, _AT, _INT)
-_zmq_errno = _imported("zmq_errno", _INT)
-_msg_init = _imported("zmq_msg_init", _INT, _AT)
-_msg_recv = _imported("zmq_msg_recv", _INT, _AT, _AT, _INT)
-_msg_data = _imported("zmq_msg_data", _AT, _AT)
-_msg_more = _imported("zmq_msg_more", _INT, _AT)
-_msg_gets = _imported("zmq_msg_gets", _AT, _AT, _AT)
-_msg_close = _imported("zmq_msg_close", _INT, _AT)
-_memcpy = _called("memcpy", _AT, _AT, _AT, _AT)
-_memcmp = _called("memcmp", _INT, _AT, _AT, _AT)
-_strncpy = _called("strncpy", _AT, _AT, _AT, _AT)
-_clock_gettime = _called("clock_gettime", _INT, _INT, _AT)
-_pselect = _called("pselect", _INT, _INT, _AT, _AT, _AT, _AT, _AT)
+_INT, _POINTER = types.int32, types.intp
+_zmq_recv = _libzmq_function("zmq_recv", _INT, _POINTER, _POINTER, _POINTER, _INT)
+_zmq_send = _libzmq_function("zmq_send", _INT, _POINTER, _POINTER, _POINTER, _INT)
+_zmq_errno = _libzmq_function("zmq_errno", _INT)
+_msg_init = _libzmq_function("zmq_msg_init", _INT, _POINTER)
+_msg_recv = _libzmq_function("zmq_msg_recv", _INT, _POINTER, _POINTER, _INT)
+_msg_data = _libzmq_function("zmq_msg_data", _POINTER, _POINTER)
+_msg_more = _libzmq_function("zmq_msg_more", _INT, _POINTER)
+_msg_gets = _libzmq_function("zmq_msg_gets", _POINTER, _POINTER, _POINTER)
+_msg_close = _libzmq_function("zmq_msg_close", _INT, _POINTER)
+_memcpy = _c_function("memcpy", _POINTER, _POINTER, _POINTER, _POINTER)
+_memcmp = _c_function("memcmp", _INT, _POINTER, _POINTER, _POINTER)
+_strncpy = _c_function("strncpy", _POINTER, _POINTER, _POINTER, _POINTER)
+_clock_gettime = _c_function("clock_gettime", _INT, _INT, _POINTER)
+_pselect = _c_function("pselect", _INT, _INT, _POINTER, _POINTER, _POINTER, _POINTER, _POINTER)
 
 _DONTWAIT, _SNDMORE = int(zmq.DONTWAIT), int(zmq.SNDMORE)
 _AGAIN, _INTERRUPTED, _UNREACHABLE = int(zmq.EAGAIN), errno.EINTR, int(zmq.EHOSTUNREACH)
@@ -129,8 +129,8 @@ _CLOCK = int(getattr(time, "CLOCK_UPTIME_RAW", getattr(time, "CLOCK_MONOTONIC", 
 @kernel
 def now_ns(fast: Any) -> int:
     """Return this machine's monotonic time, as `netboard.base.clock.now_ns` does, or the simulated time [ns]."""
-    if fast[0]["set_ns"] != MACHINES:
-        return int(fast[0]["set_ns"])
+    if fast[0]["simulated_ns"] != MACHINE_CLOCK:
+        return int(fast[0]["simulated_ns"])
     clock = fast[0]["clock"]
     _clock_gettime(_CLOCK, clock.ctypes.data)
     return int(clock[0] * 1_000_000_000 + clock[1])
@@ -164,12 +164,12 @@ def _clear(target: Any) -> None:
 
 
 @kernel
-def _known(fast: Any) -> int:
-    """Return the place of the newest frame's sender, or `OTHER`."""
+def _place_of_sender(fast: Any) -> int:
+    """Return the place of the newest frame's sender, or `OTHER` if it is not registered."""
     path = fast[0]
     name, size = path["name"].ctypes.data, path["name_size"]
     for place in range(PLACES):
-        if path["known"][place] != size or _memcmp(path["names"][place].ctypes.data, name, size) != 0:
+        if path["name_sizes"][place] != size or _memcmp(path["names"][place].ctypes.data, name, size) != 0:
             continue
         if path["keyed"] and _memcmp(path["keys"][place].ctypes.data, path["key"].ctypes.data, KEY_SIZE) != 0:
             continue
@@ -213,7 +213,7 @@ def receive(fast: Any, frame: Any) -> int:
     A message of several parts, or one that is too long, counts as an empty frame, which is no valid message. Parts are
     skipped a bounded number at a time; until all are skipped the result is `NOTHING`.
 
-    Returns the place of the peer that sent it, or `NOTHING`, `OTHER`, `FAILED`.
+    Returns the place of the registered peer that sent it, or `NOTHING`, `OTHER`, `FAILED`.
     """
     if not _skip_parts(fast):
         return NOTHING
@@ -237,12 +237,12 @@ def receive(fast: Any, frame: Any) -> int:
     path["more"] = _msg_more(message) != 0
     _msg_close(message)
     path["size"] = size if whole else 0
-    return _known(fast)
+    return _place_of_sender(fast)
 
 
 @kernel
 def send_to(fast: Any, place: int, frame: Any) -> int:
-    """Send a frame to a known peer, without waiting.
+    """Send a frame to a registered peer, without waiting.
 
     Returns `SENT`, `NOT_SENT` if the peer is muted or gone or its queue is full, or `FAILED`.
     """
@@ -250,7 +250,7 @@ def send_to(fast: Any, place: int, frame: Any) -> int:
     if path["muted"][place]:
         return NOT_SENT
     name = path["names"][place]
-    if _zmq_send(path["socket"], name.ctypes.data, path["known"][place], _DONTWAIT | _SNDMORE) < 0:
+    if _zmq_send(path["socket"], name.ctypes.data, path["name_sizes"][place], _DONTWAIT | _SNDMORE) < 0:
         return _not_sent()  # refused here or not at all
     return SENT if _zmq_send(path["socket"], frame.ctypes.data, len(frame), _DONTWAIT) >= 0 else _not_sent()
 
@@ -325,14 +325,14 @@ class FastPath:
         path = self.record[0]
         path["socket"], path["keyed"] = 0 if socket is None else socket.underlying, keyed
         path["file"] = 0 if socket is None else _waitable(socket.fileno())
-        path["watched"], path["set_ns"] = NO_FILE, MACHINES
+        path["watched"], path["simulated_ns"] = NO_FILE, MACHINE_CLOCK
         for name, text in (("user_id", b"User-Id"), ("peer_address", b"Peer-Address")):
             path[name][: len(text)] = np.frombuffer(text, np.uint8)
 
-    def know(self, place: int, name: bytes, key: str) -> None:
+    def register(self, place: int, name: bytes, key: str) -> None:
         """Register a peer at a place, by name and key."""
         path = self.record[0]
-        path["known"][place] = len(name)
+        path["name_sizes"][place] = len(name)
         path["names"][place][: len(name)] = np.frombuffer(name, np.uint8)
         path["keys"][place] = np.frombuffer(key.encode().ljust(KEY_SIZE, b"\0"), np.uint8)
 
@@ -341,12 +341,12 @@ class FastPath:
         self.record[0]["watched"] = _waitable(file)
 
     def mute(self, place: int, muted: bool) -> None:
-        """Send nothing to the peer at a place, whichever that is, or send to it again."""
+        """Send nothing to any peer at a place, or send to it again."""
         self.record[0]["muted"][place] = muted
 
-    def forget(self, place: int) -> None:
-        """Remove the peer at a place."""
-        self.record[0]["known"][place] = 0
+    def unregister(self, place: int) -> None:
+        """Unregister the peer at a place."""
+        self.record[0]["name_sizes"][place] = 0
 
     @property
     def sender(self) -> Sender:
@@ -358,10 +358,9 @@ class FastPath:
         """Length of the newest frame [bytes]."""
         return int(self.record[0]["size"])
 
-    def fail(self, channel: str) -> None:
+    def raise_failure(self, channel: str) -> None:
         """Raise an error that says why the socket is unusable."""
-        number = zmq.zmq_errno()
-        raise NetboardError(f"the {channel} channel failed: {zmq.strerror(number)}")
+        raise NetboardError(f"the {channel} channel failed: {zmq.strerror(zmq.zmq_errno())}")
 
     def close(self) -> None:
         """Release the socket: from now on nothing is received or sent."""

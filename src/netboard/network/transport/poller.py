@@ -1,7 +1,7 @@
-"""Pollers: wait for sockets with a resolution below a millisecond, without busy polling.
+"""Waiting for sockets with a resolution below a millisecond, without busy polling.
 
 ZeroMQ's own poll counts in whole milliseconds, which is a tick. A socket's file descriptor only signals that something
-has changed, so pollers check whether the socket is readable before and after every wait. They read no frame.
+has changed, so a `Waiter` checks whether the socket is readable before and after every wait. It reads no frame.
 """
 
 import select
@@ -45,10 +45,4 @@ def signalled(files: Sequence[int], timeout: float) -> list[int]:
 
 def wait_readable(socket: Socket, timeout: float) -> bool:
     """Wait until a socket can be read, or until the timeout [s]; `Waiter` does this for several."""
-    until = time.monotonic() + timeout
-    while not readable(socket):
-        left = until - time.monotonic()
-        if left <= 0:
-            return False
-        select.select((socket.fileno(),), (), (), left)
-    return True
+    return Waiter((socket,)).wait(timeout)

@@ -39,7 +39,7 @@ Context: TypeAlias = authenticator.Context
 MOTION_HWM = 4
 LOG_HWM = 64
 CONTROL_HWM = 1000
-SERVED_HWM, HEARD_HWM = 64, 16
+CONTROL_SERVER_HWM, SERVER_RECEIVE_HWM = 64, 16
 """Messages queued for a peer, and from a peer, at the server.
 
 Queued messages take memory, and allocating much of it at once would hold up the tick [1].
@@ -52,12 +52,12 @@ LOG_LINGER_MS = 2000
 MAX_FRAME = 2**20
 """Size above which a frame is rejected unread and its sender disconnected [bytes]."""
 MAX_SAMPLE, MAX_REQUEST = 2**12 + 2**8, 2**13 + 2**8
-"""The same for frames to the server on the motion channel, and on the log and control channels [bytes].
+"""The same limit for frames to the server on the motion channel, and on the log and control channels [bytes].
 
 This is a peer's largest message plus the overhead of encryption.
 """
 MAX_SUBSCRIPTION = 2**10
-"""The same for views, where peers only subscribe: each byte of a subscription becomes a node of a tree [bytes]."""
+"""The same limit for the view channels: each byte of a subscription becomes a node of a tree in the server [bytes]."""
 _THREADS = {CONTROL: 0, LOG: 1, VIEW_LEFT: 2, VIEW_RIGHT: 2}
 """Thread of the second context that serves each channel that may wait."""
 IO_THREAD = "ZMQbg/IO"
@@ -86,39 +86,40 @@ def library() -> str:
 
 @contextmanager
 def open_context(
-    io_priority: int | None = None, io_cpus: Iterable[int] = (), *, apart: bool = False, loop_priority: int = 0
+    io_priority: int | None = None, io_cpus: Iterable[int] = (), *, best_effort: bool = False, loop_priority: int = 0
 ) -> Iterator[Context]:
     """Make a context; on leaving, its sockets are closed and lingering frames are sent.
 
     ``io_priority``: SCHED_FIFO priority of libzmq's own thread; None: that of the thread that makes the first socket.
     ``io_cpus``: CPUs on which it runs; empty: any. A setting that the system refuses is logged and not given to libzmq,
-    which would abort. ``apart``: make the server's sockets of all channels but motion in a second context, with a
-    thread for each, on any CPU and without priority. Handshakes there take no time from the motion channel.
+    which would abort. ``best_effort``: make the server's sockets of all channels but motion in a second context, with
+    its own threads, on any CPU and without priority. Handshakes there take no time from the motion channel.
     ``loop_priority``: priority of the loop that uses the context: while handshakes are being refused, libzmq's thread
     runs below it; 0: never.
     """
     context = Context()
-    if apart:
+    if best_effort:
         context.best_effort = _best_effort_context()
     cpus = set(io_cpus)
-    if io_priority is not None and _granted(
+    if io_priority is not None and _is_granted(
         f"SCHED_FIFO {io_priority}", lambda: os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(io_priority))
     ):
         context.set(zmq.THREAD_SCHED_POLICY, os.SCHED_FIFO)
         context.set(zmq.THREAD_PRIORITY, io_priority)
-    if cpus and _granted(f"CPUs {sorted(cpus)}", lambda: os.sched_setaffinity(0, cpus)):
+    if cpus and _is_granted(f"CPUs {sorted(cpus)}", lambda: os.sched_setaffinity(0, cpus)):
         for cpu in cpus:
             context.set(zmq.THREAD_AFFINITY_CPU_ADD, cpu)
     if loop_priority and io_priority is not None:
-        context.threads, context.above, context.below = _started(context), io_priority, loop_priority - 1
+        context.threads, context.above, context.below = _started_threads(context), io_priority, loop_priority - 1
     try:
         yield context
     finally:
-        for one in filter(None, (context.best_effort, context)):
-            one.destroy()
+        if context.best_effort is not None:
+            context.best_effort.destroy()
+        context.destroy()
 
 
-def _started(context: Context) -> tuple[int, ...]:
+def _started_threads(context: Context) -> tuple[int, ...]:
     """Start the threads of a context and return those that exchange frames; empty if the system lists none."""
     tasks = Path("/proc/self/task")
     if not tasks.exists():
@@ -139,13 +140,13 @@ def _best_effort_context() -> Context:
     """Return a context whose threads may run on any CPU, whatever the affinity of the calling thread."""
     context = Context(io_threads=len(_THREADS))
     cpus = range(os.cpu_count() or 1)
-    if hasattr(os, "sched_setaffinity") and _granted("any CPU", lambda: os.sched_setaffinity(0, cpus)):
+    if hasattr(os, "sched_setaffinity") and _is_granted("any CPU", lambda: os.sched_setaffinity(0, cpus)):
         for cpu in cpus:
             context.set(zmq.THREAD_AFFINITY_CPU_ADD, cpu)
     return context
 
 
-def _place_of(context: Context, endpoint: Endpoint) -> tuple[Context, int]:
+def _context_for(context: Context, endpoint: Endpoint) -> tuple[Context, int]:
     """Return the context of a server's socket, and the bit mask of its threads that serve the channel."""
     thread = _THREADS.get(endpoint.channel)
     if context.best_effort is None or thread is None:
@@ -153,22 +154,22 @@ def _place_of(context: Context, endpoint: Endpoint) -> tuple[Context, int]:
     return context.best_effort, 1 << thread
 
 
-def _granted(what: str, ask: Callable[[], None]) -> bool:
-    """Return whether the system grants a thread what it asks for, tried in a thread made for that."""
-    refused: list[Exception] = []
+def _is_granted(setting: str, request: Callable[[], None]) -> bool:
+    """Return whether the system grants a thread a setting; it is requested in a thread made for that."""
+    errors: list[Exception] = []
 
-    def find_out() -> None:
+    def try_it() -> None:
         try:
-            ask()
+            request()
         except (OSError, AttributeError) as error:
-            refused.append(error)
+            errors.append(error)
 
-    thread = threading.Thread(target=find_out)
+    thread = threading.Thread(target=try_it)
     thread.start()
     thread.join()
-    for error in refused:
-        log.info("%s for ZeroMQ's thread refused (%s); continuing without it", what, error)
-    return not refused
+    for error in errors:
+        log.info("%s for ZeroMQ's thread refused (%s); continuing without it", setting, error)
+    return not errors
 
 
 # --- sockets -----------------------------------------------------------------------------------------------------
@@ -193,8 +194,8 @@ def _make(context: Context, kind: int, hwm: int, linger_ms: int = 0, largest: in
 
 def _bind(context: Context, socket: Socket, endpoint: Endpoint) -> Socket:
     """Bind, or raise an error that says why not."""
-    if isinstance(endpoint.lock, Authenticator):
-        endpoint.lock.guard(context, socket, CHANNELS[endpoint.channel])
+    if isinstance(endpoint.security, Authenticator):
+        endpoint.security.guard(context, socket, CHANNELS[endpoint.channel])
     try:
         _refuse_taken(endpoint.address)
         socket.setsockopt(zmq.IPV6, _is_ipv6(endpoint))
@@ -249,10 +250,10 @@ def _refuse_taken(address: str) -> None:
 
 def _connect(socket: Socket, endpoint: Endpoint) -> Socket:
     """Connect, or raise an error that says why not; a missing server is no error."""
-    if isinstance(endpoint.lock, Credentials):
-        socket.setsockopt(zmq.CURVE_SERVERKEY, endpoint.lock.server.encode())
-        socket.setsockopt(zmq.CURVE_PUBLICKEY, endpoint.lock.public.encode())
-        socket.setsockopt(zmq.CURVE_SECRETKEY, endpoint.lock.secret.encode())
+    if isinstance(endpoint.security, Credentials):
+        socket.setsockopt(zmq.CURVE_SERVERKEY, endpoint.security.server.encode())
+        socket.setsockopt(zmq.CURVE_PUBLICKEY, endpoint.security.public.encode())
+        socket.setsockopt(zmq.CURVE_SECRETKEY, endpoint.security.secret.encode())
     try:
         socket.setsockopt(zmq.IPV6, _is_ipv6(endpoint))
         socket.connect(endpoint.address)
@@ -264,9 +265,9 @@ def _connect(socket: Socket, endpoint: Endpoint) -> Socket:
 
 def _router(context: Context, endpoint: Endpoint, hwm: int, largest: int, linger_ms: int = 0) -> Router:
     """Make a ROUTER that reports unroutable messages and lets a restarted peer take over its name."""
-    context, threads = _place_of(context, endpoint)
+    context, threads = _context_for(context, endpoint)
     socket = _make(context, zmq.ROUTER, hwm, linger_ms, largest)
-    socket.setsockopt(zmq.RCVHWM, min(hwm, HEARD_HWM))
+    socket.setsockopt(zmq.RCVHWM, min(hwm, SERVER_RECEIVE_HWM))
     socket.setsockopt(zmq.AFFINITY, threads)
     socket.setsockopt(zmq.ROUTER_MANDATORY, 1)
     socket.setsockopt(zmq.ROUTER_HANDOVER, 1)
@@ -279,7 +280,7 @@ def _dealer(context: Context, endpoint: Endpoint, identity: str, hwm: int, linge
     With keys the name ends in a random part, because a peer that connects under another's name gets its messages.
     """
     socket = _make(context, zmq.DEALER, hwm, linger_ms)
-    if endpoint.lock is not None:
+    if endpoint.security is not None:
         identity += f".{secrets.token_hex(8)}"
     socket.setsockopt(zmq.IDENTITY, identity.encode())
     socket.setsockopt(zmq.IMMEDIATE, 1)
@@ -308,7 +309,7 @@ def log_client(context: Context, endpoint: Endpoint, identity: str) -> Socket:
 
 def control_server(context: Context, endpoint: Endpoint) -> Router:
     """Make the server's socket of the control channel."""
-    return _router(context, endpoint, SERVED_HWM, MAX_REQUEST)
+    return _router(context, endpoint, CONTROL_SERVER_HWM, MAX_REQUEST)
 
 
 def control_client(context: Context, endpoint: Endpoint, identity: str) -> Socket:
@@ -318,7 +319,7 @@ def control_client(context: Context, endpoint: Endpoint, identity: str) -> Socke
 
 def view_publisher(context: Context, endpoint: Endpoint) -> Publisher:
     """Make the server's socket of one station's view channel."""
-    context, threads = _place_of(context, endpoint)
+    context, threads = _context_for(context, endpoint)
     socket = _make(context, zmq.XPUB, VIEW_HWM, largest=MAX_SUBSCRIPTION)
     socket.setsockopt(zmq.AFFINITY, threads)
     return Publisher(_bind(context, socket, endpoint))
@@ -338,9 +339,8 @@ def moves_sender(context: Context, endpoint: Endpoint) -> Socket:
 
 
 def moves_receiver(context: Context, endpoint: Endpoint) -> Socket:
-    """Make that other hand's socket."""
-    socket = _make(context, zmq.PULL, CONTROL_HWM)
-    return _connect(socket, endpoint)
+    """Make the socket at which that other hand receives its commands."""
+    return _connect(_make(context, zmq.PULL, CONTROL_HWM), endpoint)
 
 
 def pointer_sender(context: Context, endpoint: Endpoint) -> Socket:
@@ -352,7 +352,7 @@ def pointer_sender(context: Context, endpoint: Endpoint) -> Socket:
 
 
 def pointer_receiver(context: Context, endpoint: Endpoint) -> Socket:
-    """Make the socket at which the agent of that side receives it."""
+    """Make the socket at which the agent of that side receives the pointer's position."""
     socket = _make(context, zmq.PULL, 1)
     socket.setsockopt(zmq.CONFLATE, 1)
     return _bind(context, socket, endpoint)

@@ -37,7 +37,7 @@ from netboard.network.transport import channels, fastpath, sockets
 from netboard.nodes.agent import motion_link
 from netboard.nodes.agent.motion_link import BEAT, FORCE, NEWER, POINT, Link, wait_for_answer
 from netboard.nodes.agent.rendered_buffer import RenderedRing
-from netboard.nodes.ports.round_trips import DELAY_LIMIT, limit_ns, loops_of
+from netboard.nodes.ports.latency import DELAY_LIMIT, limit_ns, loops_of
 from netboard.physics.stability.delayed_coupling import Mechanism
 
 log = logging.getLogger(__name__)

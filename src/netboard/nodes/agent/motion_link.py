@@ -21,14 +21,11 @@ from netboard.devices.contract.device import Reading
 from netboard.devices.safety.chain import NEVER_NS
 from netboard.network.protocol import fixed
 from netboard.network.protocol.codec import decode, encode
-from netboard.network.protocol.joining import HELLO_FIRST, Goodbye, Hello, Refusal, Welcome
+from netboard.network.protocol.joining import HELLO_FIRST, HELLO_INTERVAL_NS, Goodbye, Hello, Refusal, Welcome
 from netboard.network.protocol.motion import Backfill, BackfillRequest, Force, Heartbeat, Point
 from netboard.network.transport import fastpath, sockets
 
 log = logging.getLogger(__name__)
-
-HELLO_INTERVAL_NS = 500_000_000
-"""Silence of the server after which `Hello` is sent again [ns]."""
 
 REMEMBERED = 256
 """Samples whose stamps are remembered [1]."""
@@ -255,7 +252,7 @@ class Link:
             self.fast, self._sample, self.state, seq, stamp_ns, x, y, z, vx, vy, vz, buttons, safeguards, rendered
         )
         if said == fastpath.FAILED:
-            self._path.fail("motion")
+            self._path.raise_failure("motion")
         if stamp_ns - max(self.answer_ns, self._hello_ns) >= HELLO_INTERVAL_NS:
             self._hello_ns = stamp_ns
             sockets.send_or_renew(self._socket, self._hello)
@@ -267,7 +264,7 @@ class Link:
     def handle_found(self, came: int) -> bool:
         """Handle what `wait_for_answer` has found; return True if it is a newer answer."""
         if came == fastpath.FAILED:
-            self._path.fail("motion")
+            self._path.raise_failure("motion")
         return came == NEWER or (came >= 0 and self._understand(self.frame[:came].tobytes()))
 
     def _understand(self, frame: bytes) -> bool:

@@ -38,7 +38,7 @@ LEAD_NS = 50_000_000
 TIMEOUT_MS = 5_000
 """Time without a frame after which a process gives up [ms]."""
 
-ROUND_SECONDS = 0.1
+PROGRESS_INTERVAL_S = 0.1
 
 
 @dataclass(frozen=True)
@@ -54,43 +54,42 @@ class ExchangeTimes:
 def measure(wanted: Realtime, seconds: float, progress: Callable[[float], None]) -> ExchangeTimes:
     """Exchange frames for a while, each process with the settings of its loop."""
     port, ticks = free_port(), round(seconds / TICK_SECONDS) + WARM_UP_TICKS
-    asked = {"wanted": asdict(wanted), "port": port, "ticks": ticks}
-    with _started([{**asked, "place": place} for place in PLACES]) as processes:
+    request = {"wanted": asdict(wanted), "port": port, "ticks": ticks}
+    with _started([{**request, "place": place} for place in PLACES]) as processes:
         start_ns = now_ns() + LEAD_NS
-        for one in processes:
-            _stdin(one).write(f"{start_ns}\n")
-            _stdin(one).flush()
+        for process in processes:
+            _stdin(process).write(f"{start_ns}\n")
+            _stdin(process).flush()
         until = time.monotonic() + ticks * TICK_SECONDS
         while (left := until - time.monotonic()) > 0:
             progress(min(1.0, max(0.0, 1 - left / (ticks * TICK_SECONDS))))
-            time.sleep(min(left, ROUND_SECONDS))
-        server, *agents = (json.loads(_line(one)) for one in processes)
-    kept = [np.array(agent["stamps"], np.int64)[WARM_UP_TICKS:] for agent in agents]
-    stamps = np.stack([one[: min(map(len, kept))] for one in kept])
+            time.sleep(min(left, PROGRESS_INTERVAL_S))
+        server, *agents = (json.loads(_line(process)) for process in processes)
+    stamps = np.stack([np.array(agent["stamps"], np.int64)[WARM_UP_TICKS:] for agent in agents])
     return ExchangeTimes(stamps[:, :, 0], stamps[:, :, 1], stamps[:, :, 2], server["cpu_us"])
 
 
 @contextmanager
-def _started(asked: list[dict[str, Any]]) -> Iterator[list[subprocess.Popen[str]]]:
+def _started(requests: list[dict[str, Any]]) -> Iterator[list[subprocess.Popen[str]]]:
     """Start processes and wait until each is ready; end them on leaving."""
     processes = [
         subprocess.Popen(
-            [sys.executable, "-m", "netboard.nodes.doctor.exchange", json.dumps(one)],
+            [sys.executable, "-m", "netboard.nodes.doctor.exchange", json.dumps(request)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
         )
-        for one in asked
+        for request in requests
     ]
     try:
-        for one in processes:
-            _line(one)
+        for process in processes:
+            _line(process)
         yield processes
     finally:
-        for one in processes:
-            one.kill()
-            one.communicate()
+        for process in processes:
+            process.kill()
+            process.communicate()
 
 
 def _stdin(process: subprocess.Popen[str]) -> IO[str]:
@@ -105,15 +104,15 @@ def _line(process: subprocess.Popen[str]) -> str:
     if line := process.stdout.readline():
         return line
     trouble = process.communicate()[1].strip().splitlines()
-    raise NetboardError(f"the exchange over loopback failed: {(trouble or ['no word'])[-1]}")
+    raise NetboardError(f"the exchange over loopback failed: {(trouble or ['no message'])[-1]}")
 
 
 def main(place: str, wanted: Realtime, port: int, ticks: int) -> None:
     """Be the server or an agent of the exchange, in this process."""
     priority = Priority.SERVER if place == PLACES[0] else Priority.AGENT
-    came = prepare(wanted, priority, cpus_for(place, wanted))
+    granted = prepare(wanted, priority, cpus_for(place, wanted))
     where = channels.addresses(Network(host=LOOPBACK, bind=LOOPBACK, port=port))
-    with sockets.open_context(io_priority(came, priority)) as context:
+    with sockets.open_context(io_priority(granted, priority)) as context:
         if place == PLACES[0]:
             socket = sockets.motion_server(context, where.listen(channels.MOTION)).socket
         else:
@@ -123,8 +122,8 @@ def main(place: str, wanted: Realtime, port: int, ticks: int) -> None:
         sys.stdout.flush()
         start_ns = int(sys.stdin.readline())
         steady_loop()
-        told = serve(socket, ticks * len(SIDES)) if place == PLACES[0] else ask(socket, ticks, start_ns)
-        sys.stdout.write(json.dumps(told) + "\n")
+        result = serve(socket, ticks * len(SIDES)) if place == PLACES[0] else ask(socket, ticks, start_ns)
+        sys.stdout.write(json.dumps(result) + "\n")
         sys.stdout.flush()
         sys.stdin.readline()  # the parent ends this process when it has all results
 

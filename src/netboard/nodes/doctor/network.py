@@ -60,16 +60,16 @@ def compare(exchanges: int, progress: Callable[[float], None]) -> ClockEstimator
     with sockets.open_context() as context:
         server = sockets.control_server(context, where.listen(channels.CONTROL))
         peer = sockets.control_client(context, where.reach(channels.CONTROL), "doctor")
-        server_hears, peer_hears = poller.Waiter((server.socket,)), poller.Waiter((peer,))
+        at_server, at_peer = poller.Waiter((server.socket,)), poller.Waiter((peer,))
         for number in range(exchanges):
             _send_when_connected(peer, b"hello")
-            name = _heard(server_hears, server.receive)[0]
+            name = _received(at_server, server.receive)[0]
             t0 = now_ns()
             server.send(name, b"ping")
-            _heard(peer_hears, lambda: sockets.receive(peer))
+            _received(at_peer, lambda: sockets.receive(peer))
             t1 = now_ns()
             sockets.send(peer, b"pong")
-            _heard(server_hears, server.receive)
+            _received(at_server, server.receive)
             estimator.add(t0, t1, t1, now_ns())
             progress((number + 1) / exchanges)
     return estimator
@@ -84,12 +84,12 @@ def _send_when_connected(peer: sockets.Socket, frame: bytes) -> None:
         time.sleep(0.001)
 
 
-def _heard(waiter: poller.Waiter, receive: Callable[[], T | None]) -> T:
+def _received(waiter: poller.Waiter, receive: Callable[[], T | None]) -> T:
     """Wait for the next result of `receive`, and return it."""
-    heard = receive() if waiter.wait(POLL_TIMEOUT_NS * 1e-9) else None
-    if heard is None:
+    received = receive() if waiter.wait(POLL_TIMEOUT_NS * 1e-9) else None
+    if received is None:
         raise NetboardError(f"a frame did not arrive over loopback within {POLL_TIMEOUT_NS * 1e-9:g} s")
-    return heard
+    return received
 
 
 def ports(network: Network) -> Finding:
@@ -135,10 +135,11 @@ def card(network: Network, folder: Path = NET, delay_us: Callable[[str], int | N
     name = "network card"
     if network.transport != "tcp" or (keys.local(network.bind) and keys.local(network.host)):
         return Finding(name, "green", "none in use: server and agents share this machine")
-    up = [one.parent for one in sorted(folder.glob("*/device")) if text_of(one.parent / "operstate") == "up"]
-    if wireless := [one.name for one in up if (one / "wireless").exists()]:
+    cards = [device.parent for device in sorted(folder.glob("*/device"))]
+    up = [card for card in cards if text_of(card / "operstate") == "up"]
+    if wireless := [card.name for card in up if (card / "wireless").exists()]:
         return Finding(name, "yellow", f"{', '.join(wireless)}: wireless", "connect server and agents by cable")
-    delays = {one.name: (delay_us or coalescing_us)(one.name) for one in up}
+    delays = {card.name: (delay_us or coalescing_us)(card.name) for card in up}
     found = ", ".join(f"{card}: {'?' if us is None else us} us" for card, us in delays.items())
     if slow := [card for card, us in delays.items() if us]:
         advice = "; ".join(f"ethtool -C {card} rx-usecs 0" for card in slow)

@@ -81,11 +81,11 @@ def finding(found: Prediction) -> Finding:
     """Judge a prediction."""
     good = found.p99_ms <= GOOD_MS and found.missed <= GOOD_MISSED
     colour: Colour = "green" if good else "yellow"
-    told = (
+    sentence = (
         f"sample to force p50 {found.p50_ms:.2f}, p99 {found.p99_ms:.2f} ms; of {MANY} ticks "
         f"{found.missed:.0f} missed ({LEVEL:.0%} CI {found.missed_low:.0f} to {found.missed_high:.0f})"
     )
-    return Finding(LOOP, colour, told, "" if good else "see docs/how-to/real-time.md", asdict(found))
+    return Finding(LOOP, colour, sentence, "" if good else "see docs/how-to/real-time.md", asdict(found))
 
 
 def with_limits(findings: Sequence[Finding]) -> list[Finding]:

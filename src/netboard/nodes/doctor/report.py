@@ -57,8 +57,8 @@ class Report:
         """The report in one line."""
         count = Counter(finding.colour for finding in self.findings)
         late = [finding.figures["p999_us"] for finding in self.findings if finding.name == timing.TIMER]
-        told = f"{count['green']} green, {count['yellow']} yellow, {count['red']} red"
-        return told + "".join(f"; timer p99.9 {us:.0f} us" for us in late)
+        counts = f"{count['green']} green, {count['yellow']} yellow, {count['red']} red"
+        return counts + "".join(f"; timer p99.9 {us:.0f} us" for us in late)
 
     def text(self) -> str:
         """Return the report as JSON."""
@@ -109,11 +109,11 @@ def _timers(config: Config, effort: Effort, progress: Progress) -> Iterator[Find
     """Test a loop with the server's settings and one with none; report which were granted, and predict the loop."""
     wanted = config.realtime
     real = timing.measure(wanted, effort.timer_seconds, lambda done: progress(done / 3))
-    yield system.scheduling(real.came["scheduling"])
-    yield system.memory(real.came["memory"])
-    yield system.core_sleep(real.came["core_sleep"] == OK)
-    if real.came["cpus"] != OFF:
-        yield system.cpus(cpus_for("server", wanted), real.came["cpus"])
+    yield system.scheduling(real.granted["scheduling"])
+    yield system.memory(real.granted["memory"])
+    yield system.core_sleep(real.granted["core_sleep"] == OK)
+    if real.granted["cpus"] != OFF:
+        yield system.cpus(cpus_for("server", wanted), real.granted["cpus"])
     yield timing.verdict(real)
     plain = replace(wanted, scheduling=False, lock_memory=False)
     usual = timing.measure(plain, effort.timer_seconds, lambda done: progress((1 + done) / 3))

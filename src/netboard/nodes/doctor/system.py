@@ -76,8 +76,8 @@ def preemption(root: Path = ROOT) -> Finding:
         return Finding(name, "green", "PREEMPT_RT")
     _, _, rest = text_of(root / "sys/kernel/debug/sched/preempt").partition("(")
     chosen, _, _ = rest.partition(")")
-    asked = [word.partition("=")[2] for word in text_of(root / "proc/cmdline").split() if word.startswith("preempt=")]
-    model = chosen or (asked[-1] if asked else "")
+    options = [word.partition("=")[2] for word in text_of(root / "proc/cmdline").split() if word.startswith("preempt=")]
+    model = chosen or (options[-1] if options else "")
     if model in {"none", "voluntary"} or "PREEMPT" not in version:
         return Finding(name, "yellow", model or "none", "boot with preempt=full, or a PREEMPT_RT kernel")
     return Finding(name, "green", model or ("chosen at boot" if "PREEMPT_DYNAMIC" in version else "full"))
@@ -147,33 +147,33 @@ def clock_source(root: Path = ROOT) -> Finding:
     )
 
 
-def scheduling(came: str) -> Finding:
-    """Check whether the loops get real-time scheduling; `came` is the result of the request."""
-    return _requested("real-time scheduling", "scheduling", came, "red")
+def scheduling(result: str) -> Finding:
+    """Check whether the loops get real-time scheduling; `result` is the result of the request."""
+    return _requested("real-time scheduling", "scheduling", result, "red")
 
 
-def memory(came: str) -> Finding:
-    """Check whether memory is locked against paging; `came` is the result of the request."""
-    return _requested("locked memory", "lock_memory", came, "yellow")
+def memory(result: str) -> Finding:
+    """Check whether memory is locked against paging; `result` is the result of the request."""
+    return _requested("locked memory", "lock_memory", result, "yellow")
 
 
-def _requested(name: str, key: str, came: str, refused: Colour) -> Finding:
+def _requested(name: str, key: str, result: str, refused: Colour) -> Finding:
     """Judge the result of a request for one of the keys of ``[realtime]``."""
-    if came == OK:
+    if result == OK:
         return Finding(name, "green", "granted")
-    if came == OFF:
+    if result == OFF:
         return Finding(name, "yellow", "not asked for", f"[realtime] {key} = true")
     if sys.platform != "linux":
-        return Finding(name, "yellow", came, "run server and agents on Linux")
-    return Finding(name, refused, f"refused: {came}", LIMITS)
+        return Finding(name, "yellow", result, "run server and agents on Linux")
+    return Finding(name, refused, f"refused: {result}", LIMITS)
 
 
-def cpus(wanted: str, came: str) -> Finding:
+def cpus(wanted: str, result: str) -> Finding:
     """Check whether the server may run on its dedicated CPUs."""
-    if came == OK:
+    if result == OK:
         return Finding("server's CPUs", "green", wanted)
     advice = "name CPUs of the server's machine in [realtime] server_cpus"
-    return Finding("server's CPUs", "yellow", f"{wanted}: {came}", advice)
+    return Finding("server's CPUs", "yellow", f"{wanted}: {result}", advice)
 
 
 def versions() -> Finding:

@@ -22,12 +22,12 @@ from netboard.base.tables.rig import Realtime
 from netboard.base.tick import TICK_NS
 
 TIMER = "timer"
-"""Name of the finding that sums a machine up."""
+"""Name of the finding on the loop with the server's settings."""
 
 GOOD_US, BEARABLE_US = 300.0, 1000.0
 """Latency of one wake-up in a thousand: limits of green and yellow; a tick is 1000 [us]."""
 
-ROUND_SECONDS = 0.1
+PROGRESS_INTERVAL_S = 0.1
 WARM_UP_TICKS = 200
 
 
@@ -35,7 +35,7 @@ WARM_UP_TICKS = 200
 class WakeUps:
     """Wake-up latencies of a loop."""
 
-    came: dict[str, str]
+    granted: dict[str, str]
     # Median, 99 % and 99.9 % quantile, and maximum of the latency [us].
     p50_us: float
     p99_us: float
@@ -47,19 +47,19 @@ class WakeUps:
 
 def measure(wanted: Realtime, seconds: float, progress: Callable[[float], None]) -> WakeUps:
     """Run a loop in a process of its own. ``progress``: called repeatedly with the share that is done, up to 1."""
-    asked = json.dumps({"wanted": asdict(wanted), "seconds": seconds})
-    command = [sys.executable, "-m", "netboard.nodes.doctor.timing", asked]
+    request = json.dumps({"wanted": asdict(wanted), "seconds": seconds})
+    command = [sys.executable, "-m", "netboard.nodes.doctor.timing", request]
     began = time.monotonic()
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as loop:
         while True:
             try:
-                said, trouble = loop.communicate(timeout=ROUND_SECONDS)
+                output, errors = loop.communicate(timeout=PROGRESS_INTERVAL_S)
                 break
             except subprocess.TimeoutExpired:
                 progress(min(1.0, (time.monotonic() - began) / seconds))
     if loop.returncode:
-        raise NetboardError(f"the timer's loop failed: {(trouble.strip().splitlines() or ['no word'])[-1]}")
-    return WakeUps(**json.loads(said))
+        raise NetboardError(f"the timer's loop failed: {(errors.strip().splitlines() or ['no message'])[-1]}")
+    return WakeUps(**json.loads(output))
 
 
 def verdict(wake_ups: WakeUps) -> Finding:
@@ -104,15 +104,15 @@ def percentiles(late_ns: list[int]) -> dict[str, float]:
     return {"p50_us": float(p50), "p99_us": float(p99), "p999_us": float(p999), "max_us": float(most)}
 
 
-def main(asked: dict[str, Any]) -> None:
+def main(request: dict[str, Any]) -> None:
     """Run the loop in this process."""
-    wanted = Realtime(**asked["wanted"])
-    came = prepare(wanted, Priority.SERVER, cpus_for("server", wanted))
+    wanted = Realtime(**request["wanted"])
+    granted = prepare(wanted, Priority.SERVER, cpus_for("server", wanted))
     steady_loop()
     lateness(WARM_UP_TICKS)
-    late = lateness(round(asked["seconds"] * 1000))
-    missed = sum(one > TICK_NS for one in late)
-    sys.stdout.write(json.dumps({"came": came, **percentiles(late), "missed": missed, "ticks": len(late)}))
+    late = lateness(round(request["seconds"] * 1000))
+    missed = sum(late_ns > TICK_NS for late_ns in late)
+    sys.stdout.write(json.dumps({"granted": granted, **percentiles(late), "missed": missed, "ticks": len(late)}))
 
 
 if __name__ == "__main__":

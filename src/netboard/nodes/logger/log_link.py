@@ -11,14 +11,11 @@ from netboard.base.process import NAME, RateLimitedLog
 from netboard.base.tables.rig import Network
 from netboard.network import keys
 from netboard.network.protocol.codec import decode, encode
-from netboard.network.protocol.joining import Hello, Ping, Pong, Refusal, Welcome
+from netboard.network.protocol.joining import HELLO_INTERVAL_NS, Hello, Ping, Pong, Refusal, Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
 from netboard.network.transport import channels, poller, sockets
 
 log = logging.getLogger(__name__)
-
-HELLO_INTERVAL_NS = 500_000_000
-"""Time without an answer after which `Hello` is sent again [ns]."""
 
 SILENCE_TIMEOUT_NS = 1_000_000_000
 """Silence after which the server may have been restarted and is sent another `Hello` [ns]."""
@@ -71,11 +68,11 @@ class Connection:
 
     def __init__(self, link: Link, role: str, details: dict[str, str], clock: Callable[[], int]) -> None:
         self.welcomed = False
-        self.nonsense = RateLimitedLog(log)
+        self.problems = RateLimitedLog(log)
         self.answered_ns: deque[int] = deque(maxlen=ANSWERS)  # when the last answers to probes were sent [ns]
         self._link, self._clock = link, clock
         self._hello = Hello(role, "", PROTOCOL_VERSION, NAME, version("netboard"), details)
-        self._last_message_ns = self._greeted_ns = clock() - SILENCE_TIMEOUT_NS
+        self._last_message_ns = self._hello_ns = clock() - SILENCE_TIMEOUT_NS
         self._refused = ""
 
     def messages(self) -> Iterator[Message | None]:
@@ -89,7 +86,7 @@ class Connection:
             try:
                 message = decode(frame)
             except WireError as error:
-                self.nonsense.log(f"invalid message from the server: {error}")
+                self.problems.log(f"invalid message from the server: {error}")
                 yield None
                 continue
             match message:
@@ -120,7 +117,7 @@ class Connection:
         """
         now = self._clock()
         silent = now - self._last_message_ns >= SILENCE_TIMEOUT_NS
-        if (silent or not self.welcomed) and now - self._greeted_ns >= HELLO_INTERVAL_NS:
-            self._greeted_ns = now
+        if (silent or not self.welcomed) and now - self._hello_ns >= HELLO_INTERVAL_NS:
+            self._hello_ns = now
             self.welcomed = False
             self.send(self._hello)

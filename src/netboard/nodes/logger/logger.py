@@ -36,12 +36,11 @@ CHECK_INTERVAL_NS = 1_000_000_000
 """Interval at which the logger checks that the file still exists while nothing arrives [ns]."""
 
 
-def place(batch: LogBatch, expected: int | None) -> tuple[int, int] | None:
-    """Decide how a batch fits a logger that expects a certain record next.
+def fit_of(batch: LogBatch, expected: int | None) -> tuple[int, int] | None:
+    """Return how a batch fits the records that a logger has.
 
-    ``expected``: number of the next record; None if any is welcome. Returns how many records from `expected` on are
-    lost for good, and how many of the batch the logger already has; None if records are missing that the server still
-    has.
+    ``expected``: number of the next record; None for any. Returns how many records before the batch are lost for good,
+    and how many of the batch the logger already has; None if records are missing that the server still has.
     """
     if expected is None:
         return batch.lost, 0
@@ -80,8 +79,8 @@ class Logger:
         self._ended = ""
         self._log_time_minus_clock = 0
         self._asked_ns = -SILENCE_TIMEOUT_NS
-        self._looked_ns = 0
-        self._end_doubted = False
+        self._checked_ns = 0
+        self._empty_end_seen = False
         self._space_is_low = False
 
     def run(self, stopping: Callable[[], bool]) -> int:
@@ -117,7 +116,7 @@ class Logger:
         due = writer.is_due(self._log_time())
         if due:
             writer.flush(self._log_time())
-        if due or self._clock() - self._looked_ns >= CHECK_INTERVAL_NS:
+        if due or self._clock() - self._checked_ns >= CHECK_INTERVAL_NS:
             self._acknowledge(writer)
 
     def _log_time(self) -> int:
@@ -176,7 +175,7 @@ class Logger:
         metadata = provenance(welcome, config, part, utc_ns, monotonic_ns)
         self._log_time_minus_clock = utc_ns - monotonic_ns
         self._writer = writer = RecordingWriter(path, metadata, welcome.config, self._settings, utc_ns)
-        self._end_doubted = False
+        self._empty_end_seen = False
         log.info("recording to %s", path)
         self._check_space(writer.space(utc_ns))
         return writer
@@ -193,36 +192,38 @@ class Logger:
             self._ask()
 
     def _take(self, batch: LogBatch) -> None:
-        if self._writer is None:
+        writer = self._writer
+        if writer is None:
             if self._welcome is None or not self._server.welcomed:
                 return
-            self._open(self._welcome)
-        assert self._writer is not None
-        placed = place(batch, self._writer.next_record)
-        if placed is None:
+            writer = self._open(self._welcome)
+        fit = fit_of(batch, writer.next_record)
+        if fit is None:
             self._ask_again()
             return
-        lost, known = placed
+        lost, duplicates = fit
         now = self._log_time()
         if lost:
             first = batch.first - lost
             log.error("records %d to %d are lost: the server no longer has them", first, batch.first - 1)
-            self._writer.note_lost(first, lost, now)
-        for number, record in enumerate(batch.records[known:], start=batch.first + known):
-            self._write(self._writer, record, number, now)
+            writer.note_lost(first, lost, now)
+        for number, record in enumerate(batch.records[duplicates:], start=batch.first + duplicates):
+            writer = self._write(writer, record, number, now)
 
-    def _write(self, writer: RecordingWriter, frame: bytes, number: int, now: int) -> None:
+    def _write(self, writer: RecordingWriter, frame: bytes, number: int, now: int) -> RecordingWriter:
+        """Write a record; return the writer of the next one, which is another after the first record of a block."""
         try:
             record = record_of(frame)
         except WireError as error:
             log.error("record %d cannot be read: %s", number, error)
             writer.note_unreadable(frame, number, str(error), now)
-            return
+            return writer
         if writer.next_record is not None and (config := block_config(record)):
-            writer = self._begin_another(writer, config)
+            writer = self._begin_block(writer, config)
         writer.write(record, number, self._log_time())
+        return writer
 
-    def _begin_another(self, writer: RecordingWriter, config: str) -> RecordingWriter:
+    def _begin_block(self, writer: RecordingWriter, config: str) -> RecordingWriter:
         """Finish the file of a block, and open that of the next one."""
         assert self._welcome is not None
         self._finish(writer, "complete")
@@ -239,12 +240,12 @@ class Logger:
         following = None if self._writer is None else self._writer.next_record
         # After a request for what no logger has yet, an end without any record means that nothing is left.
         # The logger believes it only the second time.
-        nothing_left = last < 0 or (following is None and self._end_doubted)
+        nothing_left = last < 0 or (following is None and self._empty_end_seen)
         if nothing_left or (following is not None and following > last):
             self._close("complete")
             self._server.send(Goodbye("the recording is complete"))
             return
-        self._end_doubted = True
+        self._empty_end_seen = True
         self._ask()
 
     def _close(self, ended: str) -> None:
@@ -275,7 +276,7 @@ class Logger:
         self._server.send(Goodbye(reason[:1000]))
 
     def _acknowledge(self, writer: RecordingWriter) -> None:
-        self._looked_ns = self._clock()
+        self._checked_ns = self._clock()
         space = writer.space(self._log_time())
         if writer.durable is not None and self._server.welcomed:
             self._server.send(LogAck(writer.durable, space.free, writer.path.name, writer.size))

@@ -113,14 +113,14 @@ class Listener:
         try:
             record = record_of(frame)
         except WireError as error:
-            self._server.nonsense.log(f"record {number} cannot be read: {error}")
+            self._server.problems.log(f"record {number} cannot be read: {error}")
             self._miss(number, 1)
             return
         match record:
             case TickRecord(row=row) if len(row) == TICK.itemsize:
                 rows.append(row)
             case TickRecord():
-                self._server.nonsense.log("ticks of another version of netboard: install the same on both machines")
+                self._server.problems.log("ticks of another version of netboard: install the same on both machines")
                 self._miss(number, 1)
             case EventRecord():
                 events.append(record)

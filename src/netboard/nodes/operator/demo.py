@@ -27,7 +27,7 @@ from netboard.recording.integrity.verification import verify_recording
 from netboard.recording.replay.text import summary_of, summary_tables, verification_line
 from netboard.stage.stage import make_stage
 
-PICTURE_AFTER = 8.0
+SCREENSHOT_DELAY_S = 8.0
 """Time after the first view at which a display's screenshot is taken [s]."""
 
 ANSWER_SECONDS = 0.2
@@ -54,7 +54,7 @@ class End(Enum):
 
 
 def run(config: Config, *, displays: bool = True, study: Sequence[str] = ()) -> int:
-    """Run a block, or a session of a study (as options of the server), and print its results.
+    """Run a block, or a session of a study (``study``: options of the server), and print its results.
 
     Return 1 if a process failed, the block was not finished, or the recording is not verified. A player may leave
     before the end; that is no failure.
@@ -71,15 +71,15 @@ def run(config: Config, *, displays: bool = True, study: Sequence[str] = ()) -> 
             displays = False
         try:
             directory.mkdir(parents=True, exist_ok=True)
-            words = Path(tempfile.mkdtemp(prefix=f"demo_{datetime.now(UTC):%Y%m%dT%H%M%SZ}_", dir=directory))
-            session = play(on_this_machine(config, directory), words, displays, stopping, study)
+            logs = Path(tempfile.mkdtemp(prefix=f"demo_{datetime.now(UTC):%Y%m%dT%H%M%SZ}_", dir=directory))
+            session = play(on_this_machine(config, directory), logs, displays, stopping, study)
         except OSError as error:
             raise NetboardError(f"{directory}: cannot be written to: {error.strerror}") from error
     if session:
-        return show(directory, session, words, began)
+        return show(directory, session, logs, began)
     for part in sorted(directory.glob("*.mcap.part")):
         console.print(f"unfinished recording {part}; recover it with: netboard recover {part}")
-    console.print(f"logs {words}")
+    console.print(f"logs {logs}")
     return 1
 
 
@@ -98,25 +98,25 @@ def why_no_windows(*, screen: bool = False) -> str:
         return f"there is no screen (none of {', '.join(SCREENS)} is set)"
     script = "import PySide6.QtWidgets as qt" + ("; qt.QApplication([])" if screen else "")
     tried = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
-    said = tried.stderr.strip().splitlines() or [f"Qt ended with exit code {tried.returncode}"]
+    lines = tried.stderr.strip().splitlines() or [f"Qt ended with exit code {tried.returncode}"]
     aborted = tried.returncode < 0  # Qt's reason comes first, Python's last
-    return (said[0] if aborted else said[-1]) if tried.returncode else ""
+    return (lines[0] if aborted else lines[-1]) if tried.returncode else ""
 
 
-def play(config: Config, words: Path, displays: bool, stopping: Stopping, study: Sequence[str] = ()) -> str:
+def play(config: Config, logs: Path, displays: bool, stopping: Stopping, study: Sequence[str] = ()) -> str:
     """Start everything, supervise it and end it in order; return the session's id, or empty after a failure."""
-    file = words / "demo.toml"
+    file = logs / "demo.toml"
     file.write_text(resolve(config), encoding="utf-8")
     played = played_sides(config)
     shown = (played or SIDES) if displays else ()  # a player must not look behind the curtain
-    with Launcher(words, {"PYTHONUNBUFFERED": "1"}) as launcher, sockets.open_context() as context:
+    with Launcher(logs, {"PYTHONUNBUFFERED": "1"}) as launcher, sockets.open_context() as context:
         launcher.start("logger", "logger", "--once", "-c", str(file))
         launcher.start("server", "server", "-c", str(file), *study)
         for side in SIDES:
             launcher.start(f"{side} agent", "agent", "--side", side, "-c", str(file))
             if side in shown:
-                shot = ("--screenshot", str(words / f"display-{side}.png"), "--after", str(PICTURE_AFTER))
-                launcher.start(f"{side} display", "display", "--station", side, "-c", str(file), *shot)
+                options = ("--screenshot", str(logs / f"display-{side}.png"), "--after", str(SCREENSHOT_DELAY_S))
+                launcher.start(f"{side} display", "display", "--station", side, "-c", str(file), *options)
         operator = Operator(config.network, context)
         end = watch(operator, launcher, stopping, bool(played))
         if end is End.LEFT:
@@ -137,7 +137,7 @@ def play(config: Config, words: Path, displays: bool, stopping: Stopping, study:
 
 def watch(operator: Operator, launcher: Launcher, stopping: Stopping, played: bool) -> End:
     """Show the progress until the block is over, or a player has closed the window or pressed Ctrl-C."""
-    heard = time.monotonic()
+    answered = time.monotonic()
     with progress_bars(console, MofNCompleteColumn()) as progress:
         task = progress.add_task("starting", total=None)
         while not stopping():
@@ -150,11 +150,11 @@ def watch(operator: Operator, launcher: Launcher, stopping: Stopping, played: bo
                 return End.FAILED
             status = operator.ask(ANSWER_SECONDS)
             if status is None:
-                if time.monotonic() - heard > START_SECONDS:
+                if time.monotonic() - answered > START_SECONDS:
                     console.print(f"[red]the server has been silent for {START_SECONDS:.0f} s[/red]")
                     return End.FAILED
                 continue
-            heard = time.monotonic()
+            answered = time.monotonic()
             block = f"block {status.block} of {status.blocks}, " if status.blocks > 1 else ""
             line = status.notice or f"{block}trial {status.trial}: {status.phase}, {status.failures} failed so far"
             progress.update(task, completed=status.successes, total=status.trials, description=f"{line:48.48s}")
@@ -174,8 +174,8 @@ def await_server(operator: Operator) -> None:
         operator.ask(ANSWER_SECONDS)
 
 
-def show(directory: Path, session: str, words: Path, began: float) -> int:
-    """Print the contents of the recording, and whether it verifies."""
+def show(directory: Path, session: str, logs: Path, began: float) -> int:
+    """Print the contents of the recordings, and whether they verify."""
     paths = sorted(directory.glob(f"*_{session[:8]}*.mcap"))
     if not paths:
         raise NetboardError(f"no recording of session {session[:8]} in {directory}")
@@ -189,8 +189,8 @@ def show(directory: Path, session: str, words: Path, began: float) -> int:
         console.print(verification_line(verdict))
         good &= verdict.identical and not summary.missing_ticks
         console.print(f"recording   {path}")
-    for picture in sorted(words.glob("*.png")):
+    for picture in sorted(logs.glob("*.png")):
         console.print(f"screenshot  {picture}")
-    console.print(f"logs        {words}")
+    console.print(f"logs        {logs}")
     console.print(f"took        {time.monotonic() - began:.1f} s")
     return 0 if good else 1

@@ -172,7 +172,7 @@ def calibrate(
             place = calibration.with_values(known.placement, given, f"{now_in_words()}, values given by hand")
         else:
             watch(device, ticks, WARM_UP)
-            place = _asked_for(device, ticks, known.placement, config, None if yes else ask, zero_only=zero_only)
+            place = _measured(device, ticks, known.placement, config, None if yes else ask, zero_only=zero_only)
     console.print(words.placement_table(f"{info.model} {info.serial} ({side})", place))
     if place.scale != 1.0:
         console.print(f"at the device the virtual coupling is {place.scale:.2f} times as stiff as in the scene")
@@ -190,10 +190,10 @@ def calibrate(
     return 0
 
 
-def _asked_for(
+def _measured(
     device: Device, ticks: LoopClock, before: Placement, config: Config, ask: Ask | None, *, zero_only: bool
 ) -> Placement:
-    """Ask for the neutral height, then for two corners."""
+    """Measure the neutral height, then two corners, with the stylus held there by the operator."""
 
     def held(where: str) -> Track:
         if ask is None:
@@ -239,14 +239,14 @@ def ask_consent(what: str, yes: bool, ask: Ask) -> None:
 
 def placement_values(overrides: Sequence[str]) -> tuple[dict[str, str], list[str]]:
     """Split settings into those of a profile's placement and those of the configuration."""
-    mine = [word for word in overrides if word.startswith("placement.")]
+    of_profile = [word for word in overrides if word.startswith("placement.")]
     given = {}
-    for word in mine:
+    for word in of_profile:
         key, equals, value = (part.strip() for part in word.removeprefix("placement.").partition("="))
         if not equals or not value:
             raise ConfigError(f"--set {word}: expected placement.key=value, for example placement.zero_z=0.02")
         given[key] = value
-    return given, [word for word in overrides if word not in mine]
+    return given, [word for word in overrides if word not in of_profile]
 
 
 def now_in_words() -> str:

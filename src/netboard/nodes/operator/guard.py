@@ -20,7 +20,7 @@ READY = "Ready: press ANY KEY for the emergency stop. Ctrl-C leaves without stop
 def guard(operator: Operator, network: Network, say: Callable[[str], None]) -> bool:
     """Wait for a key, and carry out the emergency stop; return False if the process was asked to end before."""
     with Keyboard() as keyboard, Stopping() as stopping:
-        if not keyboard.there:
+        if not keyboard.available:
             raise NetboardError("--guard: needs a terminal, because it waits for a key")
         if not key_pressed(operator, network, keyboard, stopping, say):
             return False
@@ -40,19 +40,19 @@ def key_pressed(
 ) -> bool:
     """Wait until a key is pressed; return False if the process is asked to end. Say whether the server answers."""
     silent = f"NO ANSWER from the server at {network.host}:{network.port}: an emergency stop may not arrive"
-    said, answered = "", time.monotonic()
+    shown, answered = "", time.monotonic()
     while not stopping():
         if keyboard.touched(POLL_INTERVAL_S):
             return True
-        words = said
+        state = shown
         try:
             if operator.poll(trace=False) is not None:
-                words, answered = READY, time.monotonic()
+                state, answered = READY, time.monotonic()
             elif time.monotonic() - answered > ANSWER_SECONDS:
-                words = silent
+                state = silent
         except NetboardError as error:
-            words, answered = str(error), time.monotonic()
-        if words != said:
-            say(words)
-            said = words
+            state, answered = str(error), time.monotonic()
+        if state != shown:
+            say(state)
+            shown = state
     return False

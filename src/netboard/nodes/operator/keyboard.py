@@ -8,7 +8,7 @@ from typing import Any, Self
 ARROWS = {b"\x1b[A": "up", b"\x1b[B": "down", b"\x1b[C": "right", b"\x1b[D": "left"}
 """What a terminal sends for the arrow keys."""
 
-BEGUN = (b"\x1b", b"\x1b[")
+ARROW_PREFIXES = (b"\x1b", b"\x1b[")
 """Beginnings of an arrow key's code."""
 
 MAX_BYTES = 64
@@ -19,12 +19,12 @@ class Keyboard:
     """A context in which the terminal's keys are read one by one; without a terminal there are none."""
 
     def __init__(self) -> None:
-        self.there = sys.stdin.isatty() and os.name == "posix"
+        self.available = sys.stdin.isatty() and os.name == "posix"
         self._before: list[Any] = []
-        self._begun = b""
+        self._prefix = b""
 
     def __enter__(self) -> Self:
-        if self.there:
+        if self.available:
             import termios  # noqa: PLC0415  (not on Windows)
             import tty  # noqa: PLC0415
 
@@ -33,14 +33,14 @@ class Keyboard:
         return self
 
     def __exit__(self, *error: object) -> None:
-        if self.there:
+        if self.available:
             import termios  # noqa: PLC0415
 
             termios.tcsetattr(sys.stdin, termios.TCSADRAIN, self._before)
 
     def touched(self, seconds: float = 0.0) -> bool:
         """Return whether any key was pressed, Esc too, or the terminal is gone."""
-        if not self.there or not select([sys.stdin], [], [], seconds)[0]:
+        if not self.available or not select([sys.stdin], [], [], seconds)[0]:
             return False
         os.read(sys.stdin.fileno(), MAX_BYTES)
         return True
@@ -50,11 +50,11 @@ class Keyboard:
 
         It is empty once the terminal is gone.
         """
-        if not self.there or not select([sys.stdin], [], [], seconds)[0]:
+        if not self.available or not select([sys.stdin], [], [], seconds)[0]:
             return None
         read = os.read(sys.stdin.fileno(), MAX_BYTES)
-        received = self._begun + read
-        self._begun = received if read and received in BEGUN else b""
-        if self._begun:
+        received = self._prefix + read
+        self._prefix = received if read and received in ARROW_PREFIXES else b""
+        if self._prefix:
             return None
         return ARROWS.get(received[:3]) or read[:1].decode(errors="replace")

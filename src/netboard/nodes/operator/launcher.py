@@ -1,4 +1,4 @@
-"""A set of netboard processes on this machine: started together, supervised, and all ended at the end.
+"""A set of netboard processes on this machine: started together, supervised, and stopped in order.
 
 Each runs ``netboard ...`` in a process session of its own. A Ctrl-C in the terminal thus reaches only this process,
 which then ends the others in order. Their output goes to files, or to this process's output.
@@ -24,7 +24,7 @@ STOP_ORDER = (("agent", "display"), ("server",), ("logger",))
 """Agents and displays stop before the server that they depend on, and together: no agent renders forces while a display
 hangs. The logger stops last, to write its last records."""
 
-ROUND_SECONDS = 0.1
+CHECK_INTERVAL_S = 0.1
 
 STOP_SECONDS = 15.0
 """Time for processes to end cleanly before they are killed [s]."""
@@ -36,11 +36,11 @@ class Ended:
 
     name: str
     code: int
-    last_words: str
+    last_line: str  # of its output
 
     def __str__(self) -> str:
         how = f"was killed by signal {-self.code}" if self.code < 0 else f"ended with exit code {self.code}"
-        return f"the {self.name} {how}" + (f": {self.last_words}" if self.last_words else "")
+        return f"the {self.name} {how}" + (f": {self.last_line}" if self.last_line else "")
 
 
 class Launcher:
@@ -64,15 +64,15 @@ class Launcher:
     def start(self, name: str, *arguments: str) -> None:
         """Start ``netboard ARGUMENTS`` under a name."""
         command = [sys.executable, "-m", "netboard.services.cli", *arguments]
-        apart = (
+        own_session = (
             {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}  # type: ignore[attr-defined,unused-ignore]
             if sys.platform == "win32"
             else {"start_new_session": True}
         )
-        log = self.log_of(name)
-        with nullcontext() if log is None else log.open("ab") as said:
+        path = self.log_of(name)
+        with nullcontext() if path is None else path.open("ab") as output:
             self._running[name] = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, stdout=said, stderr=said, env=self._environment, **apart
+                command, stdin=subprocess.DEVNULL, stdout=output, stderr=output, env=self._environment, **own_session
             )
 
     def log_of(self, name: str) -> Path | None:
@@ -92,7 +92,7 @@ class Launcher:
         for name, process in self._running.items():
             code = process.poll()
             if code is not None:
-                return Ended(name, code, self._last_words(name))
+                return Ended(name, code, self._last_line(name))
         return None
 
     def wait(self, name: str, seconds: float) -> str:
@@ -102,7 +102,7 @@ class Launcher:
         except subprocess.TimeoutExpired:
             return f"the {name} did not end by itself within {seconds:.0f} s"
         del self._running[name]
-        return str(Ended(name, code, self._last_words(name))) if code else ""
+        return str(Ended(name, code, self._last_line(name))) if code else ""
 
     def stop(self, *names: str) -> list[Ended]:
         """Ask processes to stop, all at once, and kill those that do not; return those that failed.
@@ -120,14 +120,14 @@ class Launcher:
                 process.kill()
                 process.wait()
         return [
-            Ended(name, process.returncode, self._last_words(name))
+            Ended(name, process.returncode, self._last_line(name))
             for name, process in processes.items()
             if process.returncode not in (0, -signal.SIGTERM)
         ]
 
-    def _last_words(self, name: str) -> str:
-        log = self.log_of(name)
-        lines = [] if log is None else log.read_text(errors="replace").strip().splitlines()
+    def _last_line(self, name: str) -> str:
+        path = self.log_of(name)
+        lines = [] if path is None else path.read_text(errors="replace").strip().splitlines()
         return lines[-1].strip() if lines else ""
 
 
@@ -139,13 +139,13 @@ def supervise(wanted: dict[str, list[str]], stopping: Callable[[], bool]) -> int
         log.info("started: %s", ", ".join(wanted))
         ended: Ended | None = None
         while not stopping() and ended is None:
-            time.sleep(ROUND_SECONDS)
+            time.sleep(CHECK_INTERVAL_S)
             ended = launcher.ended()
         if ended is not None:
             log.info("%s; stopping the others", ended)
         failed: list[Ended] = []
         for kinds in STOP_ORDER:
             failed += launcher.stop(*(name for name in launcher.running() if name.endswith(kinds)))
-    for one in failed:
-        log.error("%s", one)
+    for process in failed:
+        log.error("%s", process)
     return 1 if failed else 0

@@ -15,6 +15,7 @@ from netboard.base.tables.rig import Network
 from netboard.network import keys
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.control import (
+    AttemptOutcome,
     Command,
     Outcomes,
     OutcomesRequest,
@@ -22,14 +23,21 @@ from netboard.network.protocol.control import (
     Status,
     StatusRequest,
     Trace,
+    TracePoint,
     TraceRequest,
 )
-from netboard.network.protocol.joining import HELLO_FIRST, Goodbye, Hello, Ping, Pong, Refusal, Welcome
+from netboard.network.protocol.joining import (
+    HELLO_FIRST,
+    HELLO_INTERVAL_NS,
+    Goodbye,
+    Hello,
+    Ping,
+    Pong,
+    Refusal,
+    Welcome,
+)
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
 from netboard.network.transport import channels, poller, sockets
-
-HELLO_INTERVAL_NS = 500_000_000
-"""Time without an answer after which `Hello` is sent again [ns]."""
 
 ANSWER_SECONDS = 3.0
 """Timeout of the server's reply to a command [s]."""
@@ -50,14 +58,13 @@ class Operator:
         where = keys.reach(network, "console")
         self.status: Status | None = None
         self.config = ""  # the server's configuration of the session and its block, as text; empty before the welcome
-        # Outcomes of all attempts of the session so far, as in `Outcomes`.
-        self.attempts: list[tuple[int, int, int, str, float, str, int]] = []
-        self.points: deque[tuple[int, float, float, float, float, float, float, float]] = deque(maxlen=MAX_POINTS)
+        self.attempts: list[AttemptOutcome] = []  # all of the session so far
+        self.points: deque[TracePoint] = deque(maxlen=MAX_POINTS)
         self._replies: dict[int, Reply] = {}
         self._number = 0
         self._socket = sockets.control_client(context, where.reach(channels.CONTROL), f"console@{NAME}")
         self._hello = encode(Hello("console", "", PROTOCOL_VERSION, NAME, version("netboard"), {}))
-        self._said_hello_ns = -HELLO_INTERVAL_NS
+        self._hello_ns = -HELLO_INTERVAL_NS
         self._welcomed = False
         self._last_message_ns = 0
 
@@ -82,8 +89,8 @@ class Operator:
                 self._send(OutcomesRequest(len(self.attempts)))
             if trace:
                 self._send(TraceRequest(self.points[-1][0] if self.points else -1))
-        elif now_ns() - self._said_hello_ns > HELLO_INTERVAL_NS:
-            self._said_hello_ns = now_ns()
+        elif now_ns() - self._hello_ns > HELLO_INTERVAL_NS:
+            self._hello_ns = now_ns()
             sockets.send_or_renew(self._socket, self._hello)
         return newest
 

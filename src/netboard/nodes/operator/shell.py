@@ -75,16 +75,16 @@ def emergency_stop(operator: Operator, network: Network) -> None:
 
     It does not wait for a connection first, and connects again if one is lost or refused.
     """
-    until, asked = time.monotonic() + ANSWER_SECONDS, list[int]()
+    until, sent = time.monotonic() + ANSWER_SECONDS, list[int]()
     trouble = f"the server at {network.host}:{network.port} has not confirmed it within {ANSWER_SECONDS:g} s"
     while time.monotonic() < until:
-        asked.append(operator.command(STOP))
+        sent.append(operator.command(STOP))
         try:
             operator.poll(trace=False)
             operator.attend(POLL_INTERVAL_S)
         except NetboardError as error:
             trouble = str(error)
-        for reply in filter(None, map(operator.reply, asked)):
+        for reply in filter(None, map(operator.reply, sent)):
             _require(reply)
             return
     raise NetboardError(f"{STOP}: {trouble}: LET GO OF THE STYLUSES")

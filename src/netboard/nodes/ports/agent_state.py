@@ -11,10 +11,11 @@ import numpy as np
 from netboard.base.config import Side
 from netboard.network.protocol import fixed
 from netboard.network.protocol.clock_estimator import ClockEstimator
+from netboard.network.protocol.control import LinkStatus
 from netboard.network.protocol.joining import Hello
 from netboard.network.protocol.motion import Stylus
 from netboard.nodes.ports import samples
-from netboard.nodes.ports.peer import Link, Rate, link_of
+from netboard.nodes.ports.peer import Rate, link_status
 
 PROBE_TICKS = 4
 """Ticks between two clock probes, which samples carry [1]."""
@@ -75,16 +76,16 @@ class AgentState:
         if clock.add(*probe):
             self.probe = probe
             words[samples.OFFSET], words[samples.CLOCK_KNOWN] = clock.offset_ns, True
-            words[samples.STAMP] = words[samples.STAMPED] - clock.offset_ns
+            words[samples.SERVER_STAMP] = words[samples.AGENT_STAMP] - clock.offset_ns
             words[samples.TRANSIT] = clock.round_trip_ns // 2
 
     def silent_ns(self, now_ns: int) -> int:
         """Time since the last sample [ns]."""
         return now_ns - int(self._words[samples.ARRIVED])
 
-    def link(self, now_ns: int) -> Link | None:
+    def link(self, now_ns: int) -> LinkStatus | None:
         """Return the state of the link, or None without an agent."""
         if self.hello is None:
             return None
         rate = self._rate.of(int(self._words[samples.TAKEN]), now_ns)
-        return link_of(self.hello, self.clock, self.silent_ns(now_ns), rate, int(self._words[samples.MISSING]))
+        return link_status(self.hello, self.clock, self.silent_ns(now_ns), rate, int(self._words[samples.MISSING]))

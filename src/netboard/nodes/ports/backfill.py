@@ -31,9 +31,9 @@ class Gaps:
 
     def __init__(self) -> None:
         self.open: deque[BackfillRequest] = deque(maxlen=MAX_GAPS)
-        self.asked_ns: int | None = None  # when the first of them was requested; None if no request is open [ns]
-        self._known: int | None = None
-        self._ticks = 0
+        self.requested_ns: int | None = None  # when the first of them was requested; None if it was not, or is answered
+        self._known: int | None = None  # newest sample before the interruption
+        self._ticks = 0  # ticks without a sample since then
 
     def poll(self, unknown: list[bool], seqs: list[int]) -> None:
         """Scan the next ticks: whether the rendered force is unknown, and the number of the newest sample."""
@@ -62,18 +62,18 @@ class Backfiller:
 
     def __init__(self) -> None:
         self._gaps: dict[Side, Gaps] = {side: Gaps() for side in SIDES}
-        self._looked = 0
+        self._scanned = 0
         self._records = 0
 
     def attend(self, motion: MotionPort, rows: Any, number: int, now_ns: int) -> list[BackfillRecord]:
         """Take the answers that have arrived, scan the new ticks, and send the requests that are due."""
-        taken = [self.take(side, answer, motion.agents[side].clock.offset_ns) for side, answer in motion.backfills]
+        records = [self.take(side, answer, motion.agents[side].clock.offset_ns) for side, answer in motion.backfills]
         motion.backfills.clear()
         self.poll(rows, number)
         for side in SIDES:
             if motion.knows_clock(side) and (request := self.due(side, now_ns)):
                 motion.ask(side, request)
-        return [record for record in taken if record is not None]
+        return [record for record in records if record is not None]
 
     def pending(self, motion: MotionPort) -> bool:
         """Return whether an agent that is connected still has rows to send."""
@@ -81,8 +81,8 @@ class Backfiller:
 
     def poll(self, rows: Any, number: int) -> None:
         """Scan the ticks since the last call."""
-        places = np.arange(max(self._looked, number - len(rows)), number) % len(rows)
-        self._looked = number
+        places = np.arange(max(self._scanned, number - len(rows)), number) % len(rows)
+        self._scanned = number
         for side, gaps in self._gaps.items():
             unknown = np.isnan(rows[f"{side}_rendered"][places])
             gaps.poll(unknown.tolist(), rows[f"{side}_seq"][places].tolist())
@@ -90,24 +90,24 @@ class Backfiller:
     def due(self, side: Side, now_ns: int) -> BackfillRequest | None:
         """Return the request to send to a side's agent now, and mark it as open."""
         gaps = self._gaps[side]
-        if not gaps.open or (gaps.asked_ns is not None and now_ns - gaps.asked_ns < REPEAT_INTERVAL_NS):
+        if not gaps.open or (gaps.requested_ns is not None and now_ns - gaps.requested_ns < REPEAT_INTERVAL_NS):
             return None
-        gaps.asked_ns = now_ns
+        gaps.requested_ns = now_ns
         return gaps.open[0]
 
     def take(self, side: Side, answer: Backfill, offset_ns: int) -> BackfillRecord | None:
-        """Return the record of an answer; None if the answer is empty, breaks the rules or was not asked for."""
+        """Return the record of an answer; None if the answer is empty, invalid or was not requested."""
         gaps = self._gaps[side]
-        asked = gaps.open[0] if gaps.open and gaps.asked_ns is not None else None
-        count, odd = divmod(len(answer.rows), RENDERED.itemsize)
-        if asked is None or answer.first != asked.first or not asked.first < answer.next <= asked.stop:
+        request = gaps.open[0] if gaps.open and gaps.requested_ns is not None else None
+        count, remainder = divmod(len(answer.rows), RENDERED.itemsize)
+        if request is None or answer.first != request.first or not request.first < answer.next <= request.stop:
             return None
-        if odd or count > BACKFILL_ROWS:
+        if remainder or count > BACKFILL_ROWS:
             return None
-        gaps.asked_ns = None
+        gaps.requested_ns = None
         gaps.open.popleft()
-        if answer.next < asked.stop:
-            gaps.open.appendleft(BackfillRequest(answer.next, asked.stop))
+        if answer.next < request.stop:
+            gaps.open.appendleft(BackfillRequest(answer.next, request.stop))
         if not count:
             return None
         self._records += 1

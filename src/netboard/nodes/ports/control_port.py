@@ -13,10 +13,10 @@ from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 from netboard.base.errors import WireError
-from netboard.network.protocol.admission import admit
 from netboard.network.protocol.codec import decode, encode, kind_of
 from netboard.network.protocol.control import (
     Command,
+    LinkStatus,
     Outcomes,
     OutcomesRequest,
     Reply,
@@ -25,13 +25,13 @@ from netboard.network.protocol.control import (
     Trace,
     TraceRequest,
 )
-from netboard.network.protocol.joining import HELLO_FIRST, Goodbye, Hello, Ping, Pong, Welcome
+from netboard.network.protocol.joining import HELLO_FIRST, Goodbye, Hello, Ping, Pong, Welcome, role_and_side
 from netboard.network.protocol.messages import Message, sent_by
 from netboard.network.protocol.records import ClockRecord, FrameRecord
 from netboard.network.protocol.views import MAX_SHOWN, Frames
 from netboard.network.transport import endpoints
 from netboard.nodes.ports import emergency
-from netboard.nodes.ports.peer import Link, Peer, Probes, what
+from netboard.nodes.ports.peer import Peer, Probes, admit
 from netboard.nodes.ports.peer_events import News, PeerEvents
 from netboard.nodes.ports.rate_limit import COMMANDS_AT_ONCE, COMMANDS_HZ, RateLimit
 from netboard.nodes.ports.refusals import TOO_MANY_MESSAGES, Refusals
@@ -63,7 +63,7 @@ MAX_REPORTS = 16
 """Reports of one station that may wait to be recorded [1]."""
 
 SILENCE_TIMEOUT_NS = 3_000_000_000
-"""Silence after which a peer counts as absent; it may return without another `Hello` [ns]."""
+"""Silence after which a peer counts as absent until it sends again, without another `Hello` [ns]."""
 
 
 class Answers(Protocol):
@@ -98,12 +98,12 @@ class ControlPort:
         self._welcome = encode(welcome)
         self._peers: dict[bytes, Peer] = {}
         self._silent: set[bytes] = set()
-        self._rate_limit, self._commands = RateLimit(), RateLimit(COMMANDS_HZ, COMMANDS_AT_ONCE)
+        self._rate_limit, self._command_limit = RateLimit(), RateLimit(COMMANDS_HZ, COMMANDS_AT_ONCE)
         self._peer_events = PeerEvents(self.news)
-        self._asked: dict[tuple[bytes, type[Message]], Message] = {}
+        self._questions: dict[tuple[bytes, type[Message]], Message] = {}
         self._reports: deque[tuple[str, deque[tuple[int, int, int]], int]] = deque()
         self._probes = Probes()
-        self._tried_ns = -CONNECTION_CHECK_NS
+        self._checked_ns = -CONNECTION_CHECK_NS
         self._shown = {"left": 0, "right": 0}
 
     @property
@@ -114,7 +114,8 @@ class ControlPort:
     @property
     def peers(self) -> tuple[str, ...]:
         """Role and side of the displays and consoles that are connected and not silent."""
-        return tuple(sorted({what(peer.hello) for name, peer in self._peers.items() if name not in self._silent}))
+        hellos = [peer.hello for name, peer in self._peers.items() if name not in self._silent]
+        return tuple(sorted({role_and_side(hello.role, hello.side) for hello in hellos}))
 
     def drain(self, clock: Callable[[], int]) -> bool:
         """Take and handle what has arrived; return whether there may be more.
@@ -127,29 +128,29 @@ class ControlPort:
             received = self._router.receive()
             if received is None:
                 return False
-            if received != endpoints.NOBODY and self._take(*received, clock()):
+            if received != endpoints.REFUSED and self._take(*received, clock()):
                 size += len(received[1])
             frames += 1
         return True
 
     def answer(self, answers: Answers) -> None:
         """Answer the oldest open question, if any; only one, because an answer takes as long as several messages."""
-        if self._asked:
-            who, kind = next(iter(self._asked))
-            question = self._asked.pop((who, kind))
+        if self._questions:
+            who, kind = next(iter(self._questions))
+            question = self._questions.pop((who, kind))
             self._router.send(who, encode(_answer_to(question, answers)))
 
     def take_frames(self, most: int | None = None) -> list[FrameRecord]:
         """Take records of painted frames, at most this many [1]."""
-        found: list[FrameRecord] = []
-        while self._reports and (most is None or len(found) < most):
+        records: list[FrameRecord] = []
+        while self._reports and (most is None or len(records) < most):
             station, shown, dropped = self._reports[0]
-            while shown and (most is None or len(found) < most):
-                found.append(FrameRecord(self._shown[station], station, *shown.popleft(), dropped))
+            while shown and (most is None or len(records) < most):
+                records.append(FrameRecord(self._shown[station], station, *shown.popleft(), dropped))
                 self._shown[station] += 1
             if not shown:
                 self._reports.popleft()
-        return found
+        return records
 
     def pump(self, now_ns: int) -> None:
         """Ping the peers, note which have fallen silent, and send messages that could not be sent before."""
@@ -160,9 +161,9 @@ class ControlPort:
                 self._router.send(name, encode(ping))
             if name not in self._silent and peer.age_ns(now_ns) > SILENCE_TIMEOUT_NS:
                 self._silent.add(name)
-                self._report("silent", peer.hello, now_ns)
+                self._add_event("silent", peer.hello, now_ns)
 
-    def links(self, now_ns: int) -> list[Link]:
+    def links(self, now_ns: int) -> list[LinkStatus]:
         """Return the connections of the peers."""
         return [peer.link(now_ns) for name, peer in self._peers.items() if name not in self._silent]
 
@@ -180,9 +181,9 @@ class ControlPort:
         """Reply to the peer that sent a command; a reason that quotes a long argument is cut."""
         self._router.send(request.who, encode(Reply(request.command.number, accepted, reason[:MAX_REASON])))
 
-    def is_there(self, who: bytes) -> bool:
+    def is_present(self, name: bytes) -> bool:
         """Return whether a peer is connected and not silent."""
-        return who in self._peers and who not in self._silent
+        return name in self._peers and name not in self._silent
 
     def goodbye(self, reason: str) -> None:
         """Tell all peers that the session is over."""
@@ -195,7 +196,7 @@ class ControlPort:
 
     def _take(self, name: bytes, frame: bytes, now_ns: int) -> bool:
         """Handle a message; return False if its peer sends too much and the message was dropped unread."""
-        if not self._rate_limit.takes(name, len(frame), now_ns):
+        if not self._rate_limit.allows(name, len(frame), now_ns):
             self.refusals.refuse(name, TOO_MANY_MESSAGES, now_ns)
             return False
         peer = self._peers.get(name)
@@ -203,7 +204,7 @@ class ControlPort:
             peer.note_message(now_ns)
             if name in self._silent:
                 self._silent.discard(name)
-                self._report("back", peer.hello, now_ns)
+                self._add_event("back", peer.hello, now_ns)
         try:
             self._handle(name, peer, frame, now_ns)
         except WireError as error:
@@ -225,11 +226,11 @@ class ControlPort:
             case Pong() as pong:
                 peer.answered(pong, now_ns)
             case Frames() as frames:
-                self._note(name, peer.hello.side, frames)
+                self._queue_report(name, peer.hello.side, frames)
             case Command() as command:
                 self._queue(CommandRequest(name, peer.hello.name, command), now_ns)
             case question:
-                self._asked.setdefault((name, kind), question)
+                self._questions.setdefault((name, kind), question)
 
     def _queue(self, request: CommandRequest, now_ns: int) -> None:
         """Queue a command; an emergency stop goes first."""
@@ -239,20 +240,18 @@ class ControlPort:
                 self.requests.insert(0, request)
             else:
                 self.reply(request, True, "")
-        elif waiting >= MAX_REQUESTS or not self._commands.takes(request.who, 0, now_ns):
+        elif waiting >= MAX_REQUESTS or not self._command_limit.allows(request.who, 0, now_ns):
             self.reply(request, False, "too many commands at once")
             self.refusals.note(endpoints.shown(request.who), "too many commands at once", now_ns)
         else:
             self.requests.append(request)
 
     def _greet(self, name: bytes, hello: Hello, now_ns: int) -> None:
-        admit(hello, self._router.channel, ROLES)
-        if reason := self._router.forbids(hello.role, hello.side):
-            raise WireError(reason)
+        admit(hello, self._router, ROLES)
         peer = self._peers.pop(name, None)
         if peer is None:
             self._make_room(hello.role, now_ns)
-            self._report("joined", hello, now_ns)
+            self._add_event("joined", hello, now_ns)
         self._peers[name] = peer or Peer(hello, now_ns)
         self._router.send_or_queue(name, self._welcome)
 
@@ -262,8 +261,8 @@ class ControlPort:
         if len(same) < MAX_PEERS:
             return
         gone = [name for name in same if name in self._silent][:1]
-        if not gone and now_ns - self._tried_ns >= CONNECTION_CHECK_NS:
-            self._tried_ns, ping = now_ns, encode(Ping(now_ns))
+        if not gone and now_ns - self._checked_ns >= CONNECTION_CHECK_NS:
+            self._checked_ns, ping = now_ns, encode(Ping(now_ns))
             gone = [name for name in same if not self._router.send(name, ping)]
         if not gone:
             raise WireError(f"there are {MAX_PEERS} peers like it already")
@@ -273,23 +272,22 @@ class ControlPort:
     def _forget(self, name: bytes, now_ns: int) -> None:
         peer = self._peers.pop(name, None)
         if peer is not None:
-            self._router.cancel(name)
+            self._router.drop_queued(name)
             self._silent.discard(name)
             for kind in QUESTIONS:
-                self._asked.pop((name, kind), None)
-            self._report("left", peer.hello, now_ns)
+                self._questions.pop((name, kind), None)
+            self._add_event("left", peer.hello, now_ns)
 
-    def _report(self, happened: str, hello: Hello, now_ns: int) -> None:
-        own = {"side": hello.side, "name": hello.name}
-        self._peer_events.tell_of(hello, f"{hello.role}_{happened}", own, now_ns)
+    def _add_event(self, what: str, hello: Hello, now_ns: int) -> None:
+        details = {"side": hello.side, "name": hello.name}
+        self._peer_events.add_with_details(hello, f"{hello.role}_{what}", details, now_ns)
 
     def _reporter(self, side: str) -> bytes | None:
         """Return the display of a station that joined last, of those that are not silent."""
         newest_first = reversed(self._peers.items())
-        there = (name for name, peer in newest_first if peer.hello.side == side and name not in self._silent)
-        return next(there, None)
+        return next((name for name, peer in newest_first if peer.hello.side == side and name not in self._silent), None)
 
-    def _note(self, name: bytes, side: str, frames: Frames) -> None:
+    def _queue_report(self, name: bytes, side: str, frames: Frames) -> None:
         """Queue a display's report of painted frames."""
         if frames.station != side:
             raise WireError(f"the {side} display may not report for the {frames.station} station")

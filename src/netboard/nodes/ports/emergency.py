@@ -6,28 +6,17 @@ Pure: it gets everything as arguments and only remembers.
 """
 
 from netboard.base.config import SIDES, Side
-from netboard.network.protocol.motion import Safeguard
+from netboard.network.protocol.motion import TRIP_CAUSES, Safeguard
 from netboard.nodes.ports import samples
 
 STOP, RELEASE = "emergency_stop", "emergency_release"
 """Commands of the operator, and names of the events."""
 
-LACKING = "the emergency stop to be released"
+AWAITING_RELEASE = "the emergency stop to be released"
 """What a block waits for until the stop is released."""
 
 REPEAT_INTERVAL_NS = 1_000_000_000
 """Interval within which the same cause at the same device is reported once [ns]."""
-
-WORDS = {
-    Safeguard.STALE: "no fresh force from the server",
-    Safeguard.TOO_FAST: "the stylus was too fast",
-    Safeguard.NOT_FINITE: "a force or a reading was not a number",
-    Safeguard.DEVICE_LOST: "the device does not answer",
-    Safeguard.WORN: "the mean-force limit of the motors is reached",
-    Safeguard.STOPPED: "emergency stop at the device",
-    Safeguard.NOT_READY: "the device is not calibrated, not in a hand, or outside of its workspace",
-}
-"""What trips a safety chain, in words."""
 
 Event = tuple[str, dict[str, str]]
 
@@ -37,7 +26,7 @@ class EmergencyStop:
 
     def __init__(self) -> None:
         self.halted = ""
-        self._told: dict[tuple[Side, Safeguard], int] = {}
+        self._reported_ns: dict[tuple[Side, Safeguard], int] = {}  # when a cause was last reported [ns]
 
     def halt(self, reason: str) -> list[Event]:
         """Stop both devices; return the events to record."""
@@ -65,19 +54,13 @@ class EmergencyStop:
 
     def why(self, side: Side, now_ns: int) -> str:
         """Return what has just tripped a device's safety chain, in brackets; empty if nothing has."""
-        causes = [
-            WORDS[cause]
-            for (whose, cause), at in self._told.items()
-            if whose == side and now_ns - at < REPEAT_INTERVAL_NS
-        ]
+        recent = [key for key, at_ns in self._reported_ns.items() if now_ns - at_ns < REPEAT_INTERVAL_NS]
+        causes = [TRIP_CAUSES[cause] for device, cause in recent if device == side]
         return f" ({', '.join(causes)})" if causes else ""
 
     def _events_of(self, side: Side, bits: int, now_ns: int) -> list[Event]:
         """Return events for the causes that were not reported within `REPEAT_INTERVAL_NS`."""
-        new = [
-            cause
-            for cause in WORDS
-            if bits & cause.value and now_ns - self._told.get((side, cause), -REPEAT_INTERVAL_NS) >= REPEAT_INTERVAL_NS
-        ]
-        self._told.update(((side, cause), now_ns) for cause in new)
-        return [("safeguard", {"side": side, "cause": WORDS[cause]}) for cause in new]
+        before_ns = now_ns - REPEAT_INTERVAL_NS
+        new = [c for c in TRIP_CAUSES if bits & c.value and self._reported_ns.get((side, c), before_ns) <= before_ns]
+        self._reported_ns.update(((side, cause), now_ns) for cause in new)
+        return [("safeguard", {"side": side, "cause": TRIP_CAUSES[cause]}) for cause in new]

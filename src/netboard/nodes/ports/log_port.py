@@ -1,4 +1,4 @@
-"""The server's endpoint of the lossless log: it sends every logger the records that it has not yet got.
+"""The server's endpoint of the lossless log: it sends every logger the records that it lacks.
 
 A logger that was away asks for the records that it misses; `netboard.nodes.ports.record_store` keeps them until a
 logger has them on disk. Nothing here waits: what a logger's queue cannot take now is sent later. Subscribers use the
@@ -12,26 +12,23 @@ from math import nan
 
 from netboard.base.clock import now_ns
 from netboard.base.errors import WireError
-from netboard.network.protocol.admission import admit
 from netboard.network.protocol.codec import decode, encode, kind_of
+from netboard.network.protocol.control import LinkStatus
 from netboard.network.protocol.joining import HELLO_FIRST, Goodbye, Hello, Ping, Pong, Welcome
 from netboard.network.protocol.messages import Message, sent_by
 from netboard.network.protocol.records import ClockRecord, LogAck, LogEnd, LogRequest
 from netboard.network.transport import endpoints
-from netboard.nodes.ports.peer import Link, Peer, Probes
+from netboard.nodes.ports.peer import Peer, Probes, admit
 from netboard.nodes.ports.peer_events import News, PeerEvents
 from netboard.nodes.ports.rate_limit import RateLimit
 from netboard.nodes.ports.record_store import BATCHES, RecordStore
 from netboard.nodes.ports.refusals import TOO_MANY_MESSAGES, Refusals
-from netboard.nodes.ports.subscribers import Subscribers
+from netboard.nodes.ports.subscribers import SILENCE_TIMEOUT_NS, Subscribers
 from netboard.recording.format.disk import LOW_BYTES
 from netboard.recording.recovery.spill import Spill
 
 MAX_BATCHES = 3
 """Batches sent at once to all loggers [1]."""
-
-SILENCE_TIMEOUT_NS = 2_000_000_000
-"""Silence after which a logger is gone, unless it was sent the end of the log and may still be writing [ns]."""
 
 PONG_WAIT_NS = 20_000_000
 """Time after a ping for which every tick looks for the answer [ns]."""
@@ -53,12 +50,12 @@ class _Logger:
 
     def __init__(self, peer: Peer) -> None:
         self.peer = peer
-        self.welcome: Welcome | None = None  # the newest one that it was sent
+        self.welcome: Welcome | None = None  # the last one sent to it
         self.cursor: int | None = None
-        self.takes = False  # it has asked for records since it joined
-        self.told_end = False
-        self.lost = self.lost_before = 0
-        self.writes = ("", 0, 0, 0)  # file; time of its last report [ns]; bytes written and free
+        self.has_requested = False  # whether it has asked for records since it joined
+        self.end_sent = False
+        self.lost = self.lost_until = 0
+        self.last_report = ("", 0, 0, 0)  # of its last `LogAck`: file; time [ns]; bytes written and free
 
 
 class LogPort:
@@ -84,10 +81,10 @@ class LogPort:
         self._peer_events = PeerEvents(self.news)
         self._clock = clock
         self._loggers: dict[bytes, _Logger] = {}
-        self._listen_until_ns = 0
+        self._pong_until_ns = 0
         self._unhandled = False
         self._first_fed = 0
-        self._farewell = ""
+        self._leave_reason = ""
         self._space_is_low = False
         self._ended = False
         self._probes = Probes()
@@ -102,7 +99,7 @@ class LogPort:
     @property
     def loggers(self) -> int:
         """Number of connected loggers that have asked for records."""
-        return sum(logger.takes for logger in self._loggers.values())
+        return sum(logger.has_requested for logger in self._loggers.values())
 
     @property
     def notice(self) -> str:
@@ -117,19 +114,17 @@ class LogPort:
     @property
     def _parting(self) -> str:
         """Why the last logger has left, if it said so and none has come since."""
-        return f"the logger has left: {self._farewell}" if self._farewell and not self.loggers else ""
+        return f"the logger has left: {self._leave_reason}" if self._leave_reason and not self.loggers else ""
 
-    def links(self, now_ns: int) -> list[Link]:
+    def links(self, now_ns: int) -> list[LinkStatus]:
         """Return the connections of the loggers and the subscribers."""
         loggers = [(*logger.peer.link(now_ns)[:-1], logger.lost) for logger in self._loggers.values()]
         return loggers + self.subscribers.links(now_ns)
 
     def recordings(self, now_ns: int) -> tuple[tuple[str, float, int, int], ...]:
         """Return what each logger writes, as in `Status.recordings`."""
-        writing = [logger.writes for logger in self._loggers.values()]
-        return tuple(
-            (file, (now_ns - told_ns) * 1e-9 if told_ns else nan, size, free) for file, told_ns, size, free in writing
-        )
+        reports = [logger.last_report for logger in self._loggers.values()]
+        return tuple((file, (now_ns - at) * 1e-9 if at else nan, size, free) for file, at, size, free in reports)
 
     def renew(self, welcome: Welcome) -> None:
         """Begin a block with the next record, and welcome the loggers that have been sent all records."""
@@ -144,13 +139,13 @@ class LogPort:
         peers = [*(logger.peer for logger in self._loggers.values()), *self.subscribers.peers]
         return self._probes.records(peers, seq)
 
-    def listens(self, now_ns: int) -> bool:
-        """Return whether the channel must be read after each tick: a ping's answer may come, or frames are left."""
-        return now_ns < self._listen_until_ns or self._unhandled
+    def must_read(self, now_ns: int) -> bool:
+        """Return whether the channel must be read after each tick: a `Pong` is due soon, or frames are left."""
+        return now_ns < self._pong_until_ns or self._unhandled
 
-    def listen(self, now_ns: int) -> None:
+    def read_if_needed(self, now_ns: int) -> None:
         """Read the channel if it must be read after each tick."""
-        if self.listens(now_ns):
+        if self.must_read(now_ns):
             self._drain()
 
     def pump(self, now_ns: int) -> None:
@@ -159,17 +154,16 @@ class LogPort:
         self._router.send_queued()
         self.refusals.poll(now_ns)
         for name, logger in list(self._loggers.items()):
-            silent = (
-                logger.peer.age_ns(now_ns) > SILENCE_TIMEOUT_NS and not self._unhandled
-            )  # a message from it may be waiting
-            if silent and not logger.told_end:
+            silent = logger.peer.age_ns(now_ns) > SILENCE_TIMEOUT_NS
+            # An unhandled message may be from it; after the end of the log it may still be writing.
+            if silent and not self._unhandled and not logger.end_sent:
                 self._forget(name, "fell silent", now_ns)
             else:
                 self._ping(name, logger)
         self._feed_all()
         self.store.spill()
         if self.subscribers.pump(self._clock(), ended=self._ended, unhandled=self._unhandled):
-            self._listen_until_ns = self._clock() + PONG_WAIT_NS
+            self._pong_until_ns = self._clock() + PONG_WAIT_NS
         self.trouble = self._find_trouble()
 
     def end(self) -> None:
@@ -186,7 +180,7 @@ class LogPort:
     def close(self) -> None:
         """Dismiss the loggers, and spill the records that none has on disk; `closed` says when that is done."""
         for name, logger in self._loggers.items():
-            if not logger.told_end:
+            if not logger.end_sent:
                 self._router.send(name, encode(Goodbye("the session is over")))
         self.subscribers.dismiss()
         self._router.close_after_goodbye()
@@ -200,12 +194,12 @@ class LogPort:
             if received is None:
                 self._unhandled = False
                 return
-            if received != endpoints.NOBODY:
+            if received != endpoints.REFUSED:
                 self._take(*received, self._clock())
         self._unhandled = True
 
     def _take(self, name: bytes, frame: bytes, now_ns: int) -> None:
-        if not self._rate_limit.takes(name, len(frame), now_ns):
+        if not self._rate_limit.allows(name, len(frame), now_ns):
             self.refusals.refuse(name, TOO_MANY_MESSAGES, now_ns)
             return
         try:
@@ -224,29 +218,27 @@ class LogPort:
         match decode(frame):
             case Hello() as hello:
                 self._greet(name, hello, now_ns)
-            case said if logger is None:
-                self.subscribers.handle(name, said, now_ns)
+            case message if logger is None:
+                self.subscribers.handle(name, message, now_ns)
             case LogRequest(first=first) if first < 0 and self.store.welcome() is not logger.welcome:
                 self._send_welcome(name, logger)  # another logger has brought the rest of its block to disk meanwhile
             case LogRequest(first=first):
                 logger.cursor = self.ring.start(first)
-                logger.takes, logger.told_end = True, False
-                self._farewell = ""
+                logger.has_requested, logger.end_sent = True, False
+                self._leave_reason = ""
             case LogAck(durable=durable, free_bytes=free_bytes, file=file, file_bytes=file_bytes):
-                logger.writes = file, now_ns, file_bytes, free_bytes
+                logger.last_report = file, now_ns, file_bytes, free_bytes
                 self._acknowledge(durable, free_bytes)
             case Pong() as pong:
                 logger.peer.answered(pong, now_ns)
                 if len(self._loggers) == 1 and not self.subscribers:  # no other answer can be on its way
-                    self._listen_until_ns = 0
+                    self._pong_until_ns = 0
             case Goodbye(reason=reason):
-                self._farewell = reason
+                self._leave_reason = reason
                 self._forget(name, reason, now_ns)
 
     def _greet(self, name: bytes, hello: Hello, now_ns: int) -> None:
-        admit(hello, self._router.channel, ROLES)
-        if reason := self._router.forbids(hello.role, hello.side):
-            raise WireError(reason)
+        admit(hello, self._router, ROLES)
         if name in (self.subscribers if hello.role == "logger" else self._loggers):
             raise WireError(f"it joined as another peer than a {hello.role}")
         if hello.role == "listener":
@@ -257,7 +249,7 @@ class LogPort:
             self._make_room(now_ns)
         if logger is None or logger.peer.hello != hello:
             self._loggers[name] = logger = _Logger(Peer(hello, now_ns))
-            self._peer_events.tell_of(hello, "logger_joined", {"name": hello.name}, now_ns)
+            self._peer_events.add_with_details(hello, "logger_joined", {"name": hello.name}, now_ns)
         self._send_welcome(name, logger)
 
     def _send_welcome(self, name: bytes, logger: _Logger) -> None:
@@ -275,8 +267,8 @@ class LogPort:
 
     def _forget(self, name: bytes, reason: str, now_ns: int) -> None:
         logger = self._loggers.pop(name)
-        self._router.cancel(name)
-        self._peer_events.tell("logger_left", {"name": logger.peer.hello.name, "reason": reason}, now_ns)
+        self._router.drop_queued(name)
+        self._peer_events.add("logger_left", {"name": logger.peer.hello.name, "reason": reason}, now_ns)
 
     def _acknowledge(self, durable: int, free_bytes: int) -> None:
         self.free_bytes = free_bytes
@@ -289,7 +281,7 @@ class LogPort:
     def _ping(self, name: bytes, logger: _Logger) -> None:
         ping = logger.peer.ping(self._clock())
         if ping is not None and self._router.send(name, encode(ping)):
-            self._listen_until_ns = ping.sent_ns + PONG_WAIT_NS
+            self._pong_until_ns = ping.sent_ns + PONG_WAIT_NS
 
     def _feed_all(self) -> None:
         """Send the loggers what their queues take, at most `MAX_BATCHES` in all; another one goes first each time."""
@@ -301,7 +293,7 @@ class LogPort:
                 left -= self._feed(name, logger, logger.cursor, min(BATCHES, left))
 
     def _feed(self, name: bytes, logger: _Logger, cursor: int, most: int) -> int:
-        """Send a logger at most this many batches, and the end after the last; return how many were sent [1]."""
+        """Send a logger at most this many batches, and `LogEnd` after the last; return how many were sent [1]."""
         sent = 0
         while sent < most and cursor < self.ring.next:
             batch = self.store.batch(cursor)
@@ -311,16 +303,16 @@ class LogPort:
                 self._note_lost(logger, cursor, batch.lost)
             cursor = logger.cursor = batch.first + len(batch.records)
             sent += 1
-        over = self._ended and cursor >= self.ring.next and not logger.told_end
+        over = self._ended and cursor >= self.ring.next and not logger.end_sent
         if over and self._router.send(name, encode(LogEnd(self.ring.next - 1))):
-            logger.told_end = True
+            logger.end_sent = True
         return sent
 
     def _note_lost(self, logger: _Logger, first: int, count: int) -> None:
-        """Report records that a logger cannot be given, once even if it asks again."""
-        if first >= logger.lost_before:
+        """Report records that no longer exist for a logger, once even if it asks again."""
+        if first >= logger.lost_until:
             logger.lost += count
-            logger.lost_before = first + count
+            logger.lost_until = first + count
             self.store.report_lost(first, count)
 
     def _find_trouble(self) -> str:

@@ -3,8 +3,8 @@
 An agent registers for a side with `Hello`. A restarted agent replaces itself; a second agent is refused while the first
 is alive. Nothing here waits.
 
-At a side without a person the device gets no force and is not armed, because the forces of the stage belong to another
-hand than the one that may hold it.
+At a side without a person the device gets no force and is not armed: the forces of the stage are those of another hand
+than the one that may hold it.
 
 No peer can hold up a tick. Compiled code keeps frames of unregistered peers, a few a second for each, and they are
 handled after the tick, a few at a time. Of a registered agent, frames other than fixed-form samples are rate-limited.
@@ -19,8 +19,8 @@ from netboard.base.config import SIDES, Side
 from netboard.base.errors import WireError
 from netboard.base.tick import HEARTBEAT_TICKS
 from netboard.network.protocol import fixed
-from netboard.network.protocol.admission import admit
 from netboard.network.protocol.codec import decode, encode, kind_of
+from netboard.network.protocol.control import LinkStatus
 from netboard.network.protocol.joining import HELLO_FIRST, Goodbye, Hello, Welcome
 from netboard.network.protocol.messages import sent_by
 from netboard.network.protocol.motion import Backfill, BackfillRequest, Heartbeat, Stylus
@@ -28,7 +28,7 @@ from netboard.network.protocol.records import ClockRecord
 from netboard.network.transport import endpoints, fastpath, sockets
 from netboard.nodes.ports import samples
 from netboard.nodes.ports.agent_state import AgentState
-from netboard.nodes.ports.peer import Link, Probes
+from netboard.nodes.ports.peer import Probes, admit
 from netboard.nodes.ports.peer_events import News, PeerEvents
 from netboard.nodes.ports.refusals import TOO_MANY_MESSAGES, Refusals
 from netboard.nodes.ports.unregistered import UNREGISTERED
@@ -53,8 +53,8 @@ class MotionPort:
     """The state of both agents, and the socket.
 
     ``timeout_ns``: age from which a sample no longer counts [ns]. ``bound_ns``: largest error bound of an agent's clock
-    with which its device may be armed [ns]. ``ends``: for agents that compute their own forces
-    (`netboard.nodes.ports.samples.ends_of`); else None.
+    with which its device may be armed [ns]. ``ends``: `netboard.nodes.ports.samples.ends_of` if agents compute their
+    own forces, else None.
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class MotionPort:
         self.refusals = Refusals(router, self.news)
         self._peer_events = PeerEvents(self.news)
         self._unregistered = np.zeros(1, UNREGISTERED)
-        self._looked_at = 0
+        self._handled = 0  # of the kept frames of unregistered peers
         self._other_frames_ns = dict.fromkeys(SIDES, 0)
         self._probes = Probes()
         self._force = np.zeros(fixed.FORCE.size, np.uint8)
@@ -103,18 +103,18 @@ class MotionPort:
 
         ``signalled``: take frames only until then, because a tick can begin, and leave all else for the next call.
         """
-        left, odd = samples.MAX_FRAMES, MAX_OTHER_FRAMES
-        while left > 0 and odd > 0:
+        most, most_others = samples.MAX_FRAMES, MAX_OTHER_FRAMES
+        while most > 0 and most_others > 0:
             found = samples.drain(
-                self._words, self.fast.record, self._frame, *self._form, due_ns, signalled, left, self._unregistered
+                self._words, self.fast.record, self._frame, *self._form, due_ns, signalled, most, self._unregistered
             )
             if not found & (samples.OTHER | samples.FAILED):
                 break
             if found & samples.FAILED:
-                self.fast.fail("motion")
+                self.fast.raise_failure("motion")
             self.read_other_frame(clock(), due_ns)
-            left -= found // samples.FRAMES
-            odd -= 1
+            most -= found // samples.FRAMES
+            most_others -= 1
         if not signalled:
             self.probe_clocks()
         return not samples.awaited(self._words)
@@ -127,14 +127,14 @@ class MotionPort:
     def attend(self, now_ns: int, due_ns: int) -> None:
         """Handle a few frames of unregistered peers, and count those that were dropped."""
         unregistered = self._unregistered[0]
-        last = min(int(unregistered["kept"]), self._looked_at + MAX_UNREGISTERED_AT_ONCE)
-        for row in range(self._looked_at, last):
-            stranger = unregistered["strangers"][row]
-            frame = stranger["frame"][: stranger["size"]].tobytes()
-            self._handle(*self._router.checked(*fastpath.sender_of(stranger), frame), now_ns, due_ns)
-        self._looked_at = last
-        if last == unregistered["kept"]:
-            unregistered["kept"] = self._looked_at = 0
+        stop = min(int(unregistered["kept"]), self._handled + MAX_UNREGISTERED_AT_ONCE)
+        for row in range(self._handled, stop):
+            kept = unregistered["frames"][row]
+            frame = kept["frame"][: kept["size"]].tobytes()
+            self._handle(*self._router.checked(*fastpath.sender_of(kept), frame), now_ns, due_ns)
+        self._handled = stop
+        if stop == unregistered["kept"]:
+            unregistered["kept"] = self._handled = 0
         if unregistered["dropped"]:
             self.refusals.note("strangers", TOO_MANY_MESSAGES, now_ns, int(unregistered["dropped"]))
             unregistered["dropped"] = 0
@@ -145,9 +145,9 @@ class MotionPort:
 
     def run(self, ticks: Callable[..., int], stage: tuple[Any, ...], run: Any, delay: int) -> int:
         """Run undisturbed ticks and send their forces; see `netboard.nodes.server.undisturbed`, also for the result."""
-        _, _, sample = self._form
-        taken = self.fast.record, self._words, self.gains, self._frame, sample, self._unregistered
-        return ticks((*taken, self._force, self._force_words), stage, run, delay, self._timeout_ns)
+        sample = self._form[-1]
+        motion = self.fast.record, self._words, self.gains, self._frame, sample, self._unregistered
+        return ticks((*motion, self._force, self._force_words), stage, run, delay, self._timeout_ns)
 
     def force(self, row: Any, commanded: Any) -> None:
         """Send each agent its commanded force of a tick, or the board's state from which it computes the force.
@@ -164,7 +164,7 @@ class MotionPort:
             form, words = fixed.POINT[:2], self._point_words
             sent = samples.send_points(fast, self._point, row, agents, gains, self._ends, *form, words)
         if sent == fastpath.FAILED:
-            self.fast.fail("motion")
+            self.fast.raise_failure("motion")
 
     @property
     def loops_ns(self) -> list[int]:
@@ -182,19 +182,19 @@ class MotionPort:
                 self._router.send(agent.peer, encode(Heartbeat(tick, now_ns, seq, lead_ns, arm)))
 
     def find_missing(self, now_ns: int, needed: Collection[Side]) -> list[str]:
-        """Return what is missing of the agents of these sides."""
-        lacking = []
+        """Return what a block waits for at the agents of these sides."""
+        missing = []
         for place, (side, agent) in enumerate(self.agents.items()):
             if side not in needed:
                 continue
             if not self._words[place, samples.TAKEN] or agent.silent_ns(now_ns) >= self._timeout_ns:
-                lacking.append(f"the {side} agent")
+                missing.append(f"the {side} agent")
             elif agent.clock.bound_ns > self._bound_ns:
                 known = f"{agent.clock.bound_ns * 1e-6:.2f} ms" if agent.clock.known else "nothing yet"
-                lacking.append(f"the {side} agent's clock to {self._bound_ns * 1e-6:g} ms (known to {known})")
+                missing.append(f"the {side} agent's clock to {self._bound_ns * 1e-6:g} ms (known to {known})")
             elif not self._words[place, samples.SAFEGUARDS] & samples.ARMED_BIT:
-                lacking.append(f"the {side} device to be armed")
-        return lacking
+                missing.append(f"the {side} device to be armed")
+        return missing
 
     def ask(self, side: Side, request: BackfillRequest) -> None:
         """Ask a side's agent, if there is one, what it rendered while its samples did not arrive."""
@@ -208,10 +208,7 @@ class MotionPort:
         return agent.hello is not None and agent.clock.bound_ns <= self._bound_ns
 
     def expire(self, now_ns: int) -> None:
-        """Remove agents that have been silent too long; they say hello when they are back.
-
-        Messages that an agent could not be sent before are sent now.
-        """
+        """Remove agents that have been silent too long, and send messages that could not be sent before."""
         self._router.send_queued()
         self.refusals.poll(now_ns)
         for agent in self.agents.values():
@@ -222,7 +219,7 @@ class MotionPort:
         """Return the newest raw probe of each agent with the current estimate, numbered from `seq`."""
         return self._probes.records(self.agents.values(), seq)
 
-    def links(self, now_ns: int) -> list[Link]:
+    def links(self, now_ns: int) -> list[LinkStatus]:
         """Return the connections of the agents."""
         return [link for agent in self.agents.values() if (link := agent.link(now_ns)) is not None]
 
@@ -248,16 +245,16 @@ class MotionPort:
         peer, frame = self._router.checked(*self.fast.sender, self._frame[: self.fast.size].tobytes())
         agent = self._by_peer.get(peer)
         if agent is not None:
-            spent_ns = max(self._other_frames_ns[agent.side], now_ns) + OTHER_FRAME_INTERVAL_NS
-            if spent_ns - now_ns > OTHER_FRAME_BURST * OTHER_FRAME_INTERVAL_NS:
+            next_ns = max(self._other_frames_ns[agent.side], now_ns) + OTHER_FRAME_INTERVAL_NS
+            if next_ns - now_ns > OTHER_FRAME_BURST * OTHER_FRAME_INTERVAL_NS:
                 self.refusals.refuse(peer, TOO_MANY_MESSAGES, now_ns)
                 return
-            self._other_frames_ns[agent.side] = spent_ns
+            self._other_frames_ns[agent.side] = next_ns
         self._handle(peer, frame, now_ns, due_ns)
 
     def _handle(self, peer: bytes, frame: bytes, now_ns: int, due_ns: int) -> None:
         """Handle a frame of any peer."""
-        if (peer, frame) == endpoints.NOBODY:
+        if (peer, frame) == endpoints.REFUSED:
             return
         agent = self._by_peer.get(peer)
         try:
@@ -280,28 +277,26 @@ class MotionPort:
             self.refusals.refuse(peer, str(error), now_ns)
 
     def _leave(self, agent: AgentState, reason: str, now_ns: int) -> None:
-        self._peer_events.tell("agent_left", {"side": agent.side, "reason": reason}, now_ns)
+        self._peer_events.add("agent_left", {"side": agent.side, "reason": reason}, now_ns)
         del self._by_peer[agent.peer]
-        self._router.cancel(agent.peer)
-        self.fast.forget(SIDES.index(agent.side))
+        self._router.drop_queued(agent.peer)
+        self.fast.unregister(SIDES.index(agent.side))
         agent.leave()
 
     def _greet(self, peer: bytes, hello: Hello, now_ns: int) -> None:
-        admit(hello, self._router.channel, ("agent",))
-        if reason := self._router.forbids(hello.role, hello.side):
-            raise WireError(reason)
+        admit(hello, self._router, ("agent",))
         agent = next(agent for agent in self.agents.values() if agent.side == hello.side)
-        before = self._by_peer.get(peer, agent)
-        if before is not agent:
-            raise WireError(f"it is the {before.side} side's agent already")
-        taken = agent.hello is not None and agent.silent_ns(now_ns) < self._timeout_ns
-        if taken and agent.hello is not None and agent.hello != hello:
-            raise WireError(f"the {agent.side} side already has an agent: {agent.hello.name}")
+        registered = self._by_peer.get(peer, agent)
+        if registered is not agent:
+            raise WireError(f"it is the {registered.side} side's agent already")
+        present = agent.hello if agent.silent_ns(now_ns) < self._timeout_ns else None
+        if present is not None and present != hello:
+            raise WireError(f"the {agent.side} side already has an agent: {present.name}")
         if not self._router.send(peer, self._welcome):
             return
-        if not taken:
-            self._peer_events.tell_of(hello, "agent_joined", {"side": agent.side, "name": hello.name}, now_ns)
+        if present is None:
+            self._peer_events.add_with_details(hello, "agent_joined", {"side": agent.side, "name": hello.name}, now_ns)
         self._by_peer.pop(agent.peer, None)
         agent.register(peer, hello, now_ns)
         self._by_peer[peer] = agent
-        self.fast.know(SIDES.index(agent.side), peer, self._router.key)
+        self.fast.register(SIDES.index(agent.side), peer, self._router.key)

@@ -4,16 +4,17 @@ The server pings peers that do not send every millisecond, a few times a second.
 """
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from math import nan
 from typing import Protocol
 
+from netboard.base.errors import WireError
+from netboard.network.protocol import admission
 from netboard.network.protocol.clock_estimator import NEVER_NS, ClockEstimator
-from netboard.network.protocol.joining import Hello, Ping, Pong
+from netboard.network.protocol.control import LinkStatus
+from netboard.network.protocol.joining import Hello, Ping, Pong, role_and_side
 from netboard.network.protocol.records import ClockRecord, connection_name
-
-Link = tuple[str, str, str, float, float, float, float, float, int]
-"""One item of `Status.links`."""
+from netboard.network.transport.endpoints import MAX_CHARACTERS, Router
 
 PING_NS = 200_000_000
 """Interval between two pings of a peer that answers [ns]."""
@@ -31,13 +32,11 @@ RATE_NS = 1_000_000_000
 """Shortest window over which a rate is computed [ns]."""
 
 
-MAX_CHARACTERS = 64
-"""Characters of a peer's name and version that operators see, so that the links of all peers fit a status [1]."""
-
-
-def what(hello: Hello) -> str:
-    """Return a peer's role and side: ``agent.left``, ``logger``."""
-    return f"{hello.role}.{hello.side}".rstrip(".")
+def admit(hello: Hello, router: Router, roles: Collection[str]) -> None:
+    """Raise WireError, with the reason, if the sender of the last frame may not join the router's channel."""
+    admission.admit(hello, router.channel, roles)
+    if reason := router.role_refusal(hello.role, hello.side):
+        raise WireError(reason)
 
 
 def _seconds(span_ns: int) -> float:
@@ -62,10 +61,10 @@ class Rate:
         return self._value
 
 
-def link_of(hello: Hello, clock: ClockEstimator, age_ns: int, rate: float, lost: int) -> Link:
+def link_status(hello: Hello, clock: ClockEstimator, age_ns: int, rate: float, lost: int) -> LinkStatus:
     """Make an item of `Status.links`."""
     return (
-        what(hello),
+        role_and_side(hello.role, hello.side),
         hello.name[:MAX_CHARACTERS],
         hello.version[:MAX_CHARACTERS],
         age_ns * 1e-9,
@@ -104,7 +103,7 @@ class Probes:
         records: list[ClockRecord] = []
         for peer in peers:
             if peer.probe is not None and peer.hello is not None:
-                peer.connection = peer.connection or self._next(what(peer.hello))
+                peer.connection = peer.connection or self._next(role_and_side(peer.hello.role, peer.hello.side))
                 clock = peer.clock
                 estimate = clock.offset_ns, clock.bound_ns, clock.drift_ppm
                 records.append(ClockRecord(seq + len(records), peer.connection, *peer.probe, *estimate))
@@ -151,6 +150,6 @@ class Peer:
         if self.clock.add(*probe):
             self.probe = probe
 
-    def link(self, now_ns: int) -> Link:
+    def link(self, now_ns: int) -> LinkStatus:
         """Return the state of the connection."""
-        return link_of(self.hello, self.clock, self.age_ns(now_ns), self._rate.of(self._messages, now_ns), 0)
+        return link_status(self.hello, self.clock, self.age_ns(now_ns), self._rate.of(self._messages, now_ns), 0)

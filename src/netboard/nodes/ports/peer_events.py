@@ -18,24 +18,24 @@ class PeerEvents:
 
     def __init__(self, news: News) -> None:
         self._news = news
-        self._left = float(EVENTS_AT_ONCE)
-        self._seen_ns: int | None = None
-        self._untold = 0
+        self._allowance = float(EVENTS_AT_ONCE)
+        self._last_ns: int | None = None
+        self._omitted = 0
 
-    def tell(self, name: str, details: dict[str, str], now_ns: int) -> None:
+    def add(self, name: str, details: dict[str, str], now_ns: int) -> None:
         """Add an event, or only count it if there were too many; ``untold`` of the next event is that count."""
-        elapsed = 0 if self._seen_ns is None else (now_ns - self._seen_ns) * 1e-9
-        self._seen_ns = now_ns
-        self._left = min(self._left + elapsed * EVENTS_HZ, EVENTS_AT_ONCE)
-        if self._left < 1:
-            self._untold += 1
+        elapsed = 0 if self._last_ns is None else (now_ns - self._last_ns) * 1e-9
+        self._last_ns = now_ns
+        self._allowance = min(self._allowance + elapsed * EVENTS_HZ, EVENTS_AT_ONCE)
+        if self._allowance < 1:
+            self._omitted += 1
             return
-        self._left -= 1
-        if self._untold:
-            details = {**details, "untold": str(self._untold)}
-        self._untold = 0
+        self._allowance -= 1
+        if self._omitted:
+            details = {**details, "untold": str(self._omitted)}
+        self._omitted = 0
         self._news.append((name, details))
 
-    def tell_of(self, hello: Hello, name: str, own: dict[str, str], now_ns: int) -> None:
-        """Add an event with what a peer says of itself in its `Hello`; ``own``: details that it cannot override."""
-        self.tell(name, {**own, **hello.details, **own}, now_ns)
+    def add_with_details(self, hello: Hello, name: str, details: dict[str, str], now_ns: int) -> None:
+        """Add an event with the details of a peer's `Hello` after these ``details``, which it cannot override."""
+        self.add(name, {**details, **hello.details, **details}, now_ns)

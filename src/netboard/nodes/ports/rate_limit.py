@@ -25,25 +25,25 @@ class RateLimit:
 
     def __init__(self, hz: int = MESSAGES_HZ, at_once: int = MESSAGES_AT_ONCE) -> None:
         self._hz, self._at_once = hz, at_once
-        self._left: dict[bytes, tuple[int, float, float]] = {}
+        self._allowances: dict[bytes, tuple[int, float, float]] = {}
 
-    def takes(self, peer: bytes, size: int, now_ns: int) -> bool:
+    def allows(self, peer: bytes, size: int, now_ns: int) -> bool:
         """Charge a message of this size [1] to its peer; return False if that exceeds its allowance."""
-        before_ns, messages, amount = self._left.get(peer, (now_ns, self._at_once, BYTES_AT_ONCE))
+        before_ns, messages, amount = self._allowances.get(peer, (now_ns, self._at_once, BYTES_AT_ONCE))
         elapsed = (now_ns - before_ns) * 1e-9
         messages = min(messages + elapsed * self._hz, self._at_once)
         amount = min(amount + elapsed * BYTES_HZ, BYTES_AT_ONCE)
         taken = messages >= 1 and amount >= size
         if taken:
             messages, amount = messages - 1, amount - size
-        elif peer not in self._left:  # do not remember a peer for a message that no peer may send
+        elif peer not in self._allowances:  # do not remember a peer for a message that no peer may send
             return False
-        self._left[peer] = now_ns, messages, amount
-        if len(self._left) > MAX_PEERS:
+        self._allowances[peer] = now_ns, messages, amount
+        if len(self._allowances) > MAX_PEERS:
             self._forget(now_ns)
         return taken
 
     def _forget(self, now_ns: int) -> None:
         """Make room: forget peers with a full allowance, or else all of them."""
-        kept = {peer: left for peer, left in self._left.items() if now_ns - left[0] < FULL_NS}
-        self._left = kept if len(kept) <= MAX_PEERS else {}
+        kept = {peer: left for peer, left in self._allowances.items() if now_ns - left[0] < FULL_NS}
+        self._allowances = kept if len(kept) <= MAX_PEERS else {}

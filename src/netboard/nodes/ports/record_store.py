@@ -35,7 +35,7 @@ class RecordStore:
         self._spill, self._news = spill, news
         self._welcomes = [(0, welcome)]
         self._margin = min(MARGIN, capacity // 4)
-        self._losing = self._cause = self._spill_trouble = ""
+        self._reported_loss = self._cause = self._spill_trouble = ""
 
     @property
     def backlog(self) -> int:
@@ -51,7 +51,7 @@ class RecordStore:
     def behind(self) -> bool:
         """Whether a trial must stop, because only the ring holds too many records."""
         full = FULL_SHARE * self.ring.capacity if self._refusal else self.ring.capacity - self._margin // 2
-        return self.ring.next - self._kept > full
+        return self.ring.next - self._first_unstored > full
 
     @property
     def closed(self) -> bool:
@@ -63,11 +63,11 @@ class RecordStore:
         """Records not known to be on a logger's disk, and where they are; empty if none. Valid once `closed`."""
         if self.backlog == 0:
             return ""
-        said = f"{self.backlog} records may not be on disk: no logger confirmed them"
-        held = self._spill.held
-        if not held:
-            return said + (f"; {self._spill.trouble}" if self._spill.trouble else "")
-        return f"{said}; {held} records are in {self._spill.path}: netboard recover makes a recording of it"
+        sentence = f"{self.backlog} records may not be on disk: no logger confirmed them"
+        spilled = self._spill.held
+        if not spilled:
+            return sentence + (f"; {self._spill.trouble}" if self._spill.trouble else "")
+        return f"{sentence}; {spilled} records are in {self._spill.path}: netboard recover makes a recording of it"
 
     def begin_block(self, welcome: Welcome) -> None:
         """Begin a block with the next record."""
@@ -101,12 +101,12 @@ class RecordStore:
         """Spill the records that will soon leave the ring, and report what is lost."""
         ring, spill = self.ring, self._spill
         for _ in range(BATCHES):
-            if ring.next - self._kept <= ring.capacity - self._margin or self._refusal:
+            if ring.next - self._first_unstored <= ring.capacity - self._margin or self._refusal:
                 break
             if not spill.next:
-                spill.introduce(self.welcome_of(self._kept))
+                spill.introduce(self.welcome_of(self._first_unstored))
                 self._news.append(("log_spilling", {"file": str(spill.path)}))
-            spill.put(ring.batch(self._kept, BATCH_RECORDS, BATCH_BYTES))
+            spill.put(ring.batch(self._first_unstored, BATCH_RECORDS, BATCH_BYTES))
         if spill.trouble != self._spill_trouble:
             self._spill_trouble = spill.trouble
             if self._spill_trouble:
@@ -121,10 +121,10 @@ class RecordStore:
 
     def close(self) -> None:
         """Spill the records that no logger has on disk; `closed` says when that is done."""
-        self._spill.close(self._rest() if self.backlog and self.needed else None)
+        self._spill.close(self._unstored_batches() if self.backlog and self.needed else None)
 
     @property
-    def _kept(self) -> int:
+    def _first_unstored(self) -> int:
         """Number of the first record that is neither on a logger's disk nor in the spill."""
         return max(self.ring.acknowledged, self._spill.next)
 
@@ -135,14 +135,14 @@ class RecordStore:
 
     def _watch_losses(self) -> None:
         """Report why the ring drops records that are nowhere else."""
-        losing = (self._refusal or "the disk is too slow") if self.ring.first > self._kept else ""
-        if losing and losing != self._losing:
+        losing = (self._refusal or "the disk is too slow") if self.ring.first > self._first_unstored else ""
+        if losing and losing != self._reported_loss:
             self._cause = losing
             if self.needed:
-                self._news.append(("log_losing", {"first": str(self._kept), "cause": losing}))
-        self._losing = losing
+                self._news.append(("log_losing", {"first": str(self._first_unstored), "cause": losing}))
+        self._reported_loss = losing
 
-    def _rest(self) -> Iterator[LogBatch]:
+    def _unstored_batches(self) -> Iterator[LogBatch]:
         """Yield all records that are neither on a logger's disk nor in the spill."""
-        while (first := self._kept) < self.ring.next:
+        while (first := self._first_unstored) < self.ring.next:
             yield self.ring.batch(first, BATCH_RECORDS, BATCH_BYTES)

@@ -61,4 +61,4 @@ class Refusals:
 
     def settle(self) -> None:
         """Report the final count of every kind."""
-        self._news += [("refused", details) for details in self._count.rest()]
+        self._news += [("refused", details) for details in self._count.final_reports()]

@@ -4,7 +4,7 @@ A row holds an agent's newest sample and the state of its link. All work of 1000
 filling the row of a tick, sending forces) is compiled here: in a loop that sleeps most of the time, Python code takes
 four times as long as in a benchmark, because it finds cold caches.
 
-Times in a sample are on the agent's clock; `STAMP` is the sample's stamp in server time.
+Times in a sample are on the agent's clock, such as its `AGENT_STAMP`; `SERVER_STAMP` is the same in server time.
 """
 
 from typing import Any
@@ -16,7 +16,7 @@ from netboard.base.config import SIDES
 from netboard.base.tables.scene import Physics
 from netboard.base.tick import KNOWN_NS, TICK_NS, TICK_WORDS
 from netboard.network.protocol import fixed
-from netboard.network.protocol.motion import Safeguard, Stylus
+from netboard.network.protocol.motion import TRIP_CAUSES, Safeguard, Stylus
 from netboard.network.transport import fastpath
 from netboard.nodes.ports.unregistered import UNREGISTERED, keep
 from netboard.physics.arithmetic.trig import sincos
@@ -27,52 +27,41 @@ MAX_STAMP_NS = 2**60
 MAX_SEQ = 2**60
 """Numbers of samples beyond this are invalid, for the same reason [1]."""
 
-OWN = (
+_LINK_FIELDS = (
     "arrived_ns",  # arrival of the newest sample [ns]
     "server_stamp_ns",  # its stamp in server time [ns]
-    "lead_ns",  # how long before a tick's deadline it arrived [ns]
+    "lead_ns",  # time from its arrival to the deadline of its tick [ns]
     "gathered",  # safeguards of all samples since the last tick
     "fresh",  # 1: it arrived since the last tick
     "punctual",  # 1: the last tick had a fresh sample
-    "taken",  # samples taken
-    "missing",  # sequence numbers skipped
-    "stale",  # samples rejected: repeated or overtaken
+    "taken",  # number of samples taken
+    "missing",  # number of sequence numbers skipped
+    "stale",  # number of samples rejected: repeated or overtaken
     "offset_ns",  # agent's clock minus the server's [ns]
     "clock_known",  # 1: that offset is known
     "tripped",  # safeguards of the last tick that are reported as events
     "transit_ns",  # half the shortest recent round trip: transit time [ns]
 )
-"""Fields that the server records beside a sample."""
+"""Fields that the server adds to a sample: the state of the link."""
 
-AGENT = np.dtype([*fixed.fields_of(Stylus), *((name, "<i8") for name in OWN)])
+AGENT = np.dtype([*fixed.fields_of(Stylus), *((name, "<i8") for name in _LINK_FIELDS)])
 """The row of an agent. Every field is one word; those of the sample come first, in the order of `Stylus`."""
 
 WORDS = len(AGENT.names or ())
-SAMPLE_WORDS = WORDS - len(OWN)
-_AT = {name: place for place, name in enumerate(AGENT.names or ())}
+SAMPLE_WORDS = WORDS - len(_LINK_FIELDS)
+_WORD = {name: place for place, name in enumerate(AGENT.names or ())}
 
 # Plain integers, which numba folds into the kernels below as constants.
 SEQ, FORCE_TICK, FORCE_SENT, FORCE_RECEIVED, SENT = (
-    _AT[name] for name in ("seq", "force_tick", "force_sent_ns", "force_received_ns", "sent_ns")
+    _WORD[name] for name in ("seq", "force_tick", "force_sent_ns", "force_received_ns", "sent_ns")
 )
-ARRIVED, STAMP, LEAD, GATHERED, FRESH, PUNCTUAL = (_AT[name] for name in OWN[:6])
-TAKEN, MISSING, STALE, OFFSET, CLOCK_KNOWN, _TRIPPED, TRANSIT = (_AT[name] for name in OWN[6:])
-STAMPED, _Z, _VZ, SAFEGUARDS = (_AT[name] for name in ("stamp_ns", "z", "vz", "safeguards"))
-LOOP = _AT["loop_ns"]
+ARRIVED, SERVER_STAMP, LEAD, GATHERED, FRESH, PUNCTUAL = (_WORD[name] for name in _LINK_FIELDS[:6])
+TAKEN, MISSING, STALE, OFFSET, CLOCK_KNOWN, _TRIPPED, TRANSIT = (_WORD[name] for name in _LINK_FIELDS[6:])
+AGENT_STAMP, _Z, _VZ, SAFEGUARDS = (_WORD[name] for name in ("stamp_ns", "z", "vz", "safeguards"))
+LOOP = _WORD["loop_ns"]
 ARMED_BIT = int(Safeguard.ARMED)
 _STOPPED_BIT = int(Safeguard.STOPPED)
-TRIPS = (
-    Safeguard.STALE
-    | Safeguard.TOO_FAST
-    | Safeguard.NOT_FINITE
-    | Safeguard.DEVICE_LOST
-    | Safeguard.WORN
-    | Safeguard.STOPPED
-    | Safeguard.NOT_READY
-)
-"""Safeguards that are reported as events when they begin."""
-
-_TRIP_BITS = int(TRIPS)
+_TRIP_BITS = sum(map(int, TRIP_CAUSES))
 
 _COPIED = {
     "seq": "seq",
@@ -89,13 +78,13 @@ _COPIED = {
 }
 """Fields of a row, without their side, and the fields of the agent's row from which they are filled."""
 
-_FROM = np.array([_AT[name] for name in _COPIED.values()])
-_TO = np.array([[TICK_WORDS[f"{side}_{name}"] for name in _COPIED] for side in SIDES])
+_COPIED_FROM = np.array([_WORD[name] for name in _COPIED.values()])
+_COPIED_TO = np.array([[TICK_WORDS[f"{side}_{name}"] for name in _COPIED] for side in SIDES])
 _LIVE = np.array([TICK_WORDS[f"{side}_live"] for side in SIDES])
 _RENDERED = np.array([TICK_WORDS[f"{side}_rendered"] for side in SIDES])
 _ROW_FORCE = np.array([TICK_WORDS[f"{side}_force"] for side in SIDES])
 _TICK, _TIME, _LATE = TICK_WORDS["tick"], TICK_WORDS["time_ns"], TICK_WORDS["late_ns"]
-_HEIGHT, _CLIMB, _TILT, _TURN = (TICK_WORDS[name] for name in ("z", "vz", "theta", "omega"))
+_BOARD_Z, _BOARD_VZ, _THETA, _OMEGA = (TICK_WORDS[name] for name in ("z", "vz", "theta", "omega"))
 
 MAX_FRAMES = 64
 """Frames taken at once, so that no sender can hold up a tick [1]."""
@@ -133,7 +122,7 @@ def take(agent: Any, sample: Any, now_ns: int, due_ns: int) -> bool:
     seq, newest = sample[SEQ], agent[SEQ]
     if seq > MAX_SEQ:
         return False
-    for k in (STAMPED, FORCE_SENT, FORCE_RECEIVED, SENT):
+    for k in (AGENT_STAMP, FORCE_SENT, FORCE_RECEIVED, SENT):
         if not -MAX_STAMP_NS <= sample[k] <= MAX_STAMP_NS:
             return False
     if seq <= newest:
@@ -145,7 +134,7 @@ def take(agent: Any, sample: Any, now_ns: int, due_ns: int) -> bool:
         agent[k] = sample[k]
     agent[TAKEN] += 1
     agent[ARRIVED] = now_ns
-    agent[STAMP] = agent[STAMPED] - agent[OFFSET] if agent[CLOCK_KNOWN] else now_ns
+    agent[SERVER_STAMP] = agent[AGENT_STAMP] - agent[OFFSET] if agent[CLOCK_KNOWN] else now_ns
     agent[LEAD] = due_ns - now_ns
     agent[GATHERED] |= agent[SAFEGUARDS]
     agent[FRESH] = 1
@@ -240,14 +229,14 @@ def fill(row: Any, agents: Any, number: int, due_ns: int, late_ns: int, timeout_
     values, numbers = agents.view(np.float64), row.view(np.float64)
     for place in range(2):
         agent = agents[place]
-        for k in range(len(_FROM)):
-            row[_TO[place, k]] = agent[_FROM[k]]
+        for k in range(len(_COPIED_FROM)):
+            row[_COPIED_TO[place, k]] = agent[_COPIED_FROM[k]]
         finite = np.isfinite(values[place, _Z] + values[place, _VZ])
-        in_time = due_ns - agent[ARRIVED] < timeout_ns and abs(due_ns - agent[STAMP]) < timeout_ns
+        in_time = due_ns - agent[ARRIVED] < timeout_ns and abs(due_ns - agent[SERVER_STAMP]) < timeout_ns
         if agent[TAKEN] > 0 and finite and in_time:
             row[_LIVE[place]] = 1
             found |= LIVE << place
-        old = due_ns - agent[STAMP] - agent[TRANSIT] > KNOWN_NS or abs(due_ns - agent[ARRIVED]) > KNOWN_NS
+        old = due_ns - agent[SERVER_STAMP] - agent[TRANSIT] > KNOWN_NS or abs(due_ns - agent[ARRIVED]) > KNOWN_NS
         if agent[TAKEN] == 0 or not in_time or old:
             numbers[_RENDERED[place]] = np.nan
         if agent[SAFEGUARDS] & ARMED_BIT:
@@ -282,11 +271,11 @@ def write_point(words: Any, row: Any, agents: Any, gains: Any, place: int, ends:
     [SI].
     """
     values, numbers = row.view(np.float64), words.view(np.float64)
-    s, c = sincos(values[_TILT])
+    s, c = sincos(values[_THETA])
     words[0], words[1], words[2] = row[_TICK], now_ns, agents[place, SEQ]
     words[3] = row[_TIME] + agents[place, OFFSET] if agents[place, CLOCK_KNOWN] else 0
-    numbers[4] = values[_HEIGHT] + ends[place, 0] * s
-    numbers[5] = values[_CLIMB] + ends[place, 0] * values[_TURN] * c
+    numbers[4] = values[_BOARD_Z] + ends[place, 0] * s
+    numbers[5] = values[_BOARD_VZ] + ends[place, 0] * values[_OMEGA] * c
     numbers[6], numbers[7] = ends[place, 1] * gains[place], ends[place, 2] * gains[place]
     words[8] = agents[place, LEAD]
 
@@ -304,7 +293,7 @@ def send_forces(
     first = row[_TICK] & 1
     for turn in range(2):
         place = first ^ turn
-        if fast[0]["known"][place] == 0:
+        if fast[0]["name_sizes"][place] == 0:
             continue
         write_force(words, row, commanded, agents, gains, place, fastpath.now_ns(fast))
         fixed.write(frame, head, markers, words)
@@ -328,7 +317,7 @@ def send_points(
     first = row[_TICK] & 1
     for turn in range(2):
         place = first ^ turn
-        if fast[0]["known"][place] == 0 or row[_LIVE[place]] == 0:
+        if fast[0]["name_sizes"][place] == 0 or row[_LIVE[place]] == 0:
             continue
         write_point(words, row, agents, gains, place, ends, fastpath.now_ns(fast))
         fixed.write(frame, head, markers, words)

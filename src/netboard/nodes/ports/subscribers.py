@@ -7,12 +7,13 @@ whether records are safe, a trial may go on, or a session may end.
 
 from netboard.base.errors import WireError
 from netboard.network.protocol.codec import encode
+from netboard.network.protocol.control import LinkStatus
 from netboard.network.protocol.joining import Goodbye, Hello, Pong, Welcome
 from netboard.network.protocol.messages import Message
 from netboard.network.protocol.record_buffer import LogRing
 from netboard.network.protocol.records import LogEnd, LogRequest
 from netboard.network.transport import endpoints
-from netboard.nodes.ports.peer import Link, Peer
+from netboard.nodes.ports.peer import Peer
 from netboard.nodes.ports.peer_events import PeerEvents
 
 MAX_LISTENERS = 4
@@ -22,7 +23,7 @@ MAX_BYTES = 65_536
 """Bytes of a batch: some ten times what is recorded between two batches [1]."""
 
 SILENCE_TIMEOUT_NS = 2_000_000_000
-"""Silence after which a subscriber is gone [ns]."""
+"""Silence after which a subscriber or a logger is gone [ns]."""
 
 
 class _Listener:
@@ -32,7 +33,7 @@ class _Listener:
         self.peer = peer
         self.cursor: int | None = None
         self.lost = 0
-        self.told_end = False
+        self.end_sent = False
 
 
 class Subscribers:
@@ -55,7 +56,7 @@ class Subscribers:
         """The connected subscribers."""
         return [listener.peer for listener in self._listeners.values()]
 
-    def links(self, now_ns: int) -> list[Link]:
+    def links(self, now_ns: int) -> list[LinkStatus]:
         """Return the state of their connections."""
         return [(*listener.peer.link(now_ns)[:-1], listener.lost) for listener in self._listeners.values()]
 
@@ -67,7 +68,7 @@ class Subscribers:
         self._router.send_or_queue(name, encode(welcome))
         if known is None or known.peer.hello != hello:
             self._listeners[name] = _Listener(Peer(hello, now_ns))
-            self._peer_events.tell_of(hello, "listener_joined", {"name": hello.name}, now_ns)
+            self._peer_events.add_with_details(hello, "listener_joined", {"name": hello.name}, now_ns)
 
     def handle(self, name: bytes, message: Message, now_ns: int) -> None:
         """Handle a subscriber's message."""
@@ -103,17 +104,17 @@ class Subscribers:
             self._router.send(name, encode(Goodbye("the session is over")))
 
     def _feed(self, name: bytes, listener: _Listener, cursor: int, ended: bool) -> int:
-        """Send the next batch, and the end after the last one; return the number of the record that follows."""
+        """Send the next batch, and `LogEnd` after the last one; return the number of the record that follows."""
         if cursor < self._ring.next:
             batch = self._ring.batch(cursor, MAX_RECORDS, MAX_BYTES)
             if self._router.send(name, encode(batch)):
                 listener.lost += batch.lost
                 cursor = batch.first + len(batch.records)
-        elif ended and not listener.told_end:
-            listener.told_end = self._router.send(name, encode(LogEnd(self._ring.next - 1)))
+        elif ended and not listener.end_sent:
+            listener.end_sent = self._router.send(name, encode(LogEnd(self._ring.next - 1)))
         return cursor
 
     def _forget(self, name: bytes, reason: str, now_ns: int) -> None:
         listener = self._listeners.pop(name)
-        self._router.cancel(name)
-        self._peer_events.tell("listener_left", {"name": listener.peer.hello.name, "reason": reason}, now_ns)
+        self._router.drop_queued(name)
+        self._peer_events.add("listener_left", {"name": listener.peer.hello.name, "reason": reason}, now_ns)

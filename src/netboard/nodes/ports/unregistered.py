@@ -41,8 +41,8 @@ UNREGISTERED = np.dtype(
     [
         ("kept", "<i8"),
         ("dropped", "<i8"),
-        ("deaf_until_ns", "<i8", (SENDER_SLOTS,)),
-        ("strangers", UNREGISTERED_FRAME, (UNREGISTERED_CAPACITY,)),
+        ("ignored_until_ns", "<i8", (SENDER_SLOTS,)),
+        ("frames", UNREGISTERED_FRAME, (UNREGISTERED_CAPACITY,)),
     ],
     align=True,
 )
@@ -57,7 +57,7 @@ def keep(unregistered: Any, fast: Any, frame: Any, now_ns: int) -> None:
     thus received however much others send. A `Hello` that repeats a kept one is no refusal: while the server compiles,
     several of them arrive from each agent.
     """
-    path, them = fast[0], unregistered[0]
+    path, pool = fast[0], unregistered[0]
     size = path["size"]
     # FNV-1a hash of the name: senders share a fixed number of places, whatever they call themselves.
     place = 2166136261
@@ -65,18 +65,18 @@ def keep(unregistered: Any, fast: Any, frame: Any, now_ns: int) -> None:
         place = ((place ^ path["name"][k]) * 16777619) & 0xFFFFFFFF
     says_hello = size > 1 and frame[1] == _HELLO
     place = (2 * place + says_hello) % SENDER_SLOTS
-    row = them["kept"]
-    if now_ns < them["deaf_until_ns"][place]:
-        them["dropped"] += not says_hello
+    row = pool["kept"]
+    if now_ns < pool["ignored_until_ns"][place]:
+        pool["dropped"] += not says_hello
         return
     if row >= UNREGISTERED_CAPACITY or size > UNREGISTERED_FRAME_SIZE:
-        them["dropped"] += 1
+        pool["dropped"] += 1
         return
-    them["deaf_until_ns"][place] = now_ns + UNREGISTERED_INTERVAL_NS
-    stranger = them["strangers"][row]
-    stranger["size"], stranger["name_size"] = size, path["name_size"]
-    fastpath.copy(stranger["name"], path["name"], len(path["name"]))
-    fastpath.copy(stranger["key"], path["key"], len(path["key"]))
-    fastpath.copy(stranger["address"], path["address"], len(path["address"]))
-    fastpath.copy(stranger["frame"], frame, size)
-    them["kept"] = row + 1
+    pool["ignored_until_ns"][place] = now_ns + UNREGISTERED_INTERVAL_NS
+    kept = pool["frames"][row]
+    kept["size"], kept["name_size"] = size, path["name_size"]
+    fastpath.copy(kept["name"], path["name"], len(path["name"]))
+    fastpath.copy(kept["key"], path["key"], len(path["key"]))
+    fastpath.copy(kept["address"], path["address"], len(path["address"]))
+    fastpath.copy(kept["frame"], frame, size)
+    pool["kept"] = row + 1

@@ -19,7 +19,7 @@ SAME_VIEW_TICKS = 50
 
 _ALWAYS_NEW = ("tick", "sent_ns", "seq", "rest")
 _content = attrgetter(*(field.name for field in fields(View) if field.name not in _ALWAYS_NEW))
-"""Takes from a view what its station sees; the remaining rest is counted in seconds, so it may be a little late."""
+"""Takes from a view the fields whose change is shown at once; that of `rest` may wait, because it counts in seconds."""
 
 
 class ViewPort:
@@ -29,8 +29,8 @@ class ViewPort:
         where = channels.addresses(network, authenticator)
         self._views = {side: sockets.view_publisher(context, where.listen(channels.VIEW[side])) for side in SIDES}
         self._every = ceil(1000 / network.view_rate_hz)
-        self._turn = 0
-        self._seen: dict[Side, tuple[int, tuple[Any, ...]]] = {}
+        self._due_ms = 0
+        self._last_shown: dict[Side, tuple[int, tuple[Any, ...]]] = {}
         self._seq = dict.fromkeys(SIDES, 0)
         self.renew()
 
@@ -39,31 +39,31 @@ class ViewPort:
         """Whether anybody has subscribed to a view."""
         return any(publisher.wanted() for publisher in self._views.values())
 
-    def due(self, following: int) -> int:
-        """Return when to look next whether a view is due, given the present elapsed time [ms]."""
-        return max(self._turn, following) + 1
+    def due(self, now_ms: int) -> int:
+        """Return when to call `show` next, given the present elapsed time [ms]."""
+        return max(self._due_ms, now_ms) + 1
 
     def renew(self) -> None:
         """Forget the last views, because a new block changes everything."""
-        self._seen = dict.fromkeys(SIDES, (-SAME_VIEW_TICKS, ()))
+        self._last_shown = dict.fromkeys(SIDES, (-SAME_VIEW_TICKS, ()))
 
-    def show(self, following: int, curtain: Curtain, row: Any, best: float | None, rest: float | None) -> None:
+    def show(self, now_ms: int, curtain: Curtain, row: Any, best: float | None, rest: float | None) -> None:
         """Publish the stations' views if they are due; each if somebody subscribes to it, and it has changed.
 
-        ``following``: elapsed time by which views are due [ms]; live, the number of the following tick.
+        ``now_ms``: elapsed time by which views are due [ms]; in a live session, the number of the following tick.
         """
-        if following <= self._turn:
+        if now_ms <= self._due_ms:
             return
-        self._turn = following - following % self._every + self._every
+        self._due_ms = now_ms - now_ms % self._every + self._every
         values = row.item()
         for side in SIDES:
             if self._views[side].wanted():
-                self._show_to(side, following, curtain, values, best, rest)
+                self._show_to(side, now_ms, curtain, values, best, rest)
 
     def _show_to(
         self,
         side: Side,
-        following: int,
+        now_ms: int,
         curtain: Curtain,
         values: tuple[Any, ...],
         best: float | None,
@@ -74,12 +74,12 @@ class ViewPort:
         Only what this station may see counts as a change: otherwise the times of its views would reveal when the
         partner's hand moves.
         """
-        sent_tick, sent = self._seen[side]
+        shown_ms, sent = self._last_shown[side]
         view = view_of(curtain, values, side, best, now_ns(), self._seq[side], rest)
         content = _content(view)
-        if content == sent and following - sent_tick < SAME_VIEW_TICKS:
+        if content == sent and now_ms - shown_ms < SAME_VIEW_TICKS:
             return
-        self._seen[side] = following, content
+        self._last_shown[side] = now_ms, content
         self._views[side].send(encode(view))
         self._seq[side] += 1
 

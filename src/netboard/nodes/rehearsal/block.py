@@ -24,7 +24,11 @@ from netboard.base.tables.simulated import Participant
 from netboard.base.tick import START_NS, TICK, TICK_NS, TICK_SECONDS
 from netboard.nodes.rehearsal.body import BODY, LEAD_NS, advance, apply_force, pack_body, plan, read
 from netboard.nodes.rehearsal.closed_loop import (
+    CURTAIN,
     DECISION_TICKS,
+    MOVES,
+    SHOWN,
+    TIMING,
     SimulatedParticipant,
     decide_in_tick,
     newest_seen,
@@ -75,7 +79,7 @@ def _loop(
     """Run ticks with both hands and all participants, to the end of the block at most.
 
     ``rows``: the last `KEPT` ticks and room for the next ones, also as ``words`` and ``numbers`` of the same memory;
-    ``number``: that of the first tick; ``noise``: generator of each hand's force noise; ``hands``: for each
+    ``number``: number of the first new tick; ``noise``: generator of each hand's force noise; ``hands``: for each
     participant, the hand whose force it feels, 0 left, 1 right. Returns how many ticks were run.
     """
     count = len(rows) - KEPT
@@ -96,12 +100,13 @@ def _loop(
             apply_force(bodies, side, force_queue, book[0]["rendering"]["catch"], words, numbers, place)
         if tick % DECISION_TICKS == 0:
             for which in range(len(hands)):
-                late = tick - newest_seen(participants[which][5], tick)
-                if late <= min(tick, DECISION_TICKS):  # otherwise the view is not new
-                    see(participants[which][3], participants[which][4], words[place - late], numbers[place - late])
+                parts = participants[which]
+                age = tick - newest_seen(parts[TIMING], tick)
+                if age <= min(tick, DECISION_TICKS):  # otherwise the view is not new
+                    see(parts[CURTAIN], parts[SHOWN], words[place - age], numbers[place - age])
                 felt = bodies[hands[which]]["device"]["commanded"]
-                begun = decide_in_tick(participants[which], words[place], felt)
-                plan(bodies, participants[which][8], begun)
+                begun = decide_in_tick(parts, words[place], felt)
+                plan(bodies, parts[MOVES], begun)
         if state[0]["phase"] == _FINISHED:
             return k + 1
     return count
@@ -129,7 +134,7 @@ class Summary:
 
 
 class Rehearsal:
-    """One block. ``people`` are the participants A and B. A robot is the one of ``[participant]``."""
+    """One block. ``people``: the participants A and B; a robot is the participant of ``[participant]``."""
 
     def __init__(self, config: Config, people: Mapping[str, Participant]) -> None:
         if config.block.force == "unrelated":
@@ -144,8 +149,8 @@ class Rehearsal:
         seed = (block.seed, block.number)
         self._bodies = np.zeros(len(SIDES), BODY)
         self._noise = tuple(np.random.default_rng((*seed, 1 + place)) for place in range(len(SIDES)))
-        for side, own in zip(SIDES, self._noise, strict=True):
-            pack_body(config, side, moving[side], own, self._bodies)
+        for side, rng in zip(SIDES, self._noise, strict=True):
+            pack_body(config, side, moving[side], rng, self._bodies)
         self._force_queue = np.zeros((len(SIDES), block.force_delay_ms + 1))
         participants = [
             SimulatedParticipant(
@@ -186,9 +191,8 @@ class Rehearsal:
             self._ticks += count
             done = rows[KEPT : KEPT + count]
             if self._state["successes"][0] != before:
-                after = np.append(
-                    done["completion"][1:], self._state["completion"]
-                )  # a row has the one before its tick
+                # A row has the completion time before its tick; that after it is in the next row, or the state.
+                after = np.append(done["completion"][1:], self._state["completion"])
                 self._completions += after[done["event"] == Cause.HELD].tolist()
             over = bool(self._state["phase"][0] == Phase.FINISHED)
             self._given_up = bool(done["event"][-1] == Cause.STOP)
@@ -211,11 +215,13 @@ class Rehearsal:
     ) -> int:
         """Run the next ticks; return their number."""
         stage = self._stage
-        parts = (self._state, rows, words, numbers, self._ticks, commands, stage.book, stage.tables)
-        seats = (self._bodies, self._force_queue, white, self._noise, self._participants, self._hands)
+        arguments = (
+            *(self._state, rows, words, numbers, self._ticks, commands, stage.book, stage.tables),
+            *(self._bodies, self._force_queue, white, self._noise, self._participants, self._hands),
+        )
         if self._code is None:
-            self._code = machine_code(_loop_around(stage.ticks), *parts, *seats)
-        return self._code(*parts, *seats)
+            self._code = machine_code(_loop_around(stage.ticks), *arguments)
+        return self._code(*arguments)
 
 
 def person_at(config: Config, side: Side, people: Mapping[str, Participant]) -> Participant | None:

@@ -114,26 +114,14 @@ def _integrate(bodies: Any, first: int, stop: int, steps: int) -> None:
 
 @inlined
 def advance(bodies: Any, first: int, stop: int, white: Any, update: int, words: Any, numbers: Any, place: int) -> None:
-    """Integrate from the last reading to that of this tick, and write the forces and the agent's account into its row.
+    """Integrate from the last reading to that of this tick, and write rendered forces and safeguards into its row.
 
     Each phase is done for all hands before the next one, so that the processor can overlap their computations.
 
-    Parameters
-    ----------
-    bodies : ndarray of BODY, shape (2,)
-        The left and the right hand.
-    first, stop : int
-        Place of the first hand to advance, and of the hand after the last one [1].
-    white : ndarray, shape (2, n, 3)
-        Standard normal numbers that drive the force noise of both hands: one update in a tick [1].
-    update : int
-        Row of `white` for this tick [1].
-    words : ndarray of int64, shape (m, n)
-        The rows as words; ``tick`` and ``time_ns`` are set, ``time_ns`` one tick after that of the row before.
-    numbers : ndarray of float64, shape (m, n)
-        The same memory as numbers.
-    place : int
-        The row of this tick [1].
+    ``bodies``: BODY records of the left and the right hand, of which those from ``first`` to before ``stop`` advance.
+    ``white``: standard normal numbers that drive the force noise of both hands, by update; ``update``: that of this
+    tick. ``words``, ``numbers``: the rows as words and as numbers, in the same memory. ``place``: row of this tick, of
+    which ``tick`` and ``time_ns`` are set.
     """
     stamp_ns = words[place, _TIME] - LEAD_NS
     when = (stamp_ns - TICK_NS) * 1e-9 + 0.5 * UPDATE_STEPS * STEP
@@ -187,19 +175,9 @@ def read(bodies: Any, side: int, words: Any, numbers: Any, place: int) -> None:
 def apply_force(bodies: Any, side: int, force_queue: Any, catch: Any, words: Any, numbers: Any, place: int) -> float:
     """Give a body the force of a tick; if the block has a force delay, an earlier tick's.
 
-    Parameters
-    ----------
-    bodies : ndarray of BODY, shape (2,)
-        The left and the right hand.
-    force_queue : ndarray, shape (2, n)
-        Forces of the last n ticks on both hands, for a delay of n - 1 ticks [N].
-    catch : ndarray
-        ``catch`` of `netboard.physics.scene.rendering.RENDERING` [1].
-
-    Returns
-    -------
-    float
-        Vertical force on the hand that acts next, zero unless a trial is running [N].
+    ``force_queue``: forces of the last n ticks on both hands, for a delay of n - 1 ticks [N]. ``catch``: that of
+    `netboard.physics.scene.rendering.RENDERING`. Returns the vertical force on the hand that acts next, zero unless a
+    trial is running [N].
     """
     d = bodies[side]["device"]
     received, size = d["received"], force_queue.shape[1]
@@ -212,15 +190,7 @@ def apply_force(bodies: Any, side: int, force_queue: Any, catch: Any, words: Any
 
 @inlined
 def plan(bodies: Any, moves: Any, count: int) -> None:
-    """Begin new movements of both hands.
-
-    Parameters
-    ----------
-    bodies : ndarray of BODY, shape (2,)
-        The left and the right hand.
-    moves : ndarray of netboard.participants.controller.MOVE, shape (n,)
-        The movements, of which the first `count` are new.
-    """
+    """Begin the first ``count`` of these movements, which are `netboard.participants.controller.MOVE` records."""
     for k in range(count):
         move = moves[k]
         hand, course = bodies[move["side"]]["hand"], bodies[move["side"]]["submovements"]
@@ -235,24 +205,12 @@ def plan(bodies: Any, moves: Any, count: int) -> None:
 def pack_body(
     config: Config, side: Side, person: Participant | None, rng: np.random.Generator, bodies: NDArray[Any]
 ) -> Hand:
-    """Put a hand on its device.
+    """Put a hand on its device, in the record of its side; return the hand, which is the source of its force noise.
 
-    Parameters
-    ----------
-    config : Config
-        Rig and experiment; of the rig, the simulated device, the fixture and the largest force count.
-    person : Participant or None
-        The participant whose hand it is; None for a stylus that is held still at height 0.
-    bodies : ndarray of BODY, shape (2,)
-        The left and the right hand; that of this side is written.
-
-    Returns
-    -------
-    Hand
-        The source of its force noise.
+    ``person``: the participant whose hand it is; None for a stylus that is held still at height 0.
     """
     refuse_flaws(config)
-    own = resolved(config.virtual)
+    device_model = resolved(config.virtual)
     hand, body = make_hand(person or config.participant, config.virtual, rng), bodies[SIDES.index(side)]
     body["hand"], body["tip"], body["arm"] = hand.state[0], hand.end[0], hand.arm[0]
     body["rigid"] = len(hand.cables) == 0
@@ -260,21 +218,13 @@ def pack_body(
         body["cables"] = hand.cables[0]
     device = body["device"]
     device["k"], device["c"] = config.fixture.stiffness, config.fixture.damping
-    device["limit"] = min(own.max_force, config.safety.max_force)
-    device["resolution"], device["simulated"] = own.resolution, person is not None
+    device["limit"] = min(device_model.max_force, config.safety.max_force)
+    device["resolution"], device["simulated"] = device_model.resolution, person is not None
     return hand
 
 
 class Body:
-    """One hand on one device, by itself: that of a robot partner.
-
-    Parameters
-    ----------
-    config : Config
-        Rig and experiment; see `pack_body`.
-    person : Participant or None
-        The participant whose hand it is; None for a stylus that is held still at height 0.
-    """
+    """One hand on one device, by itself: that of a robot partner. ``person``: as in `pack_body`."""
 
     def __init__(self, config: Config, side: Side, person: Participant | None, rng: np.random.Generator) -> None:
         self.bodies = np.zeros(len(SIDES), BODY)
@@ -311,9 +261,9 @@ class Body:
 
 def refuse_flaws(config: Config) -> None:
     """Refuse device faults that a rehearsal does not simulate."""
-    virtual, own = config.virtual, resolved(config.virtual)
+    virtual = config.virtual
     flaws = {
-        "thermal_time": own.thermal_time,
+        "thermal_time": resolved(virtual).thermal_time,
         "read_latency_ms": virtual.read_latency_ms,
         "write_latency_ms": virtual.write_latency_ms,
     }

@@ -25,7 +25,10 @@ from netboard.task.trials.state_machine import is_active
 DECISION_TICKS = round(DECISION_INTERVAL / TICK_SECONDS)
 """A participant decides after each tick whose number is a multiple of this [1]."""
 
-_TICK, _TIME, _PHASE, _TRIAL = (TICK_WORDS[name] for name in ("tick", "time_ns", "phase", "trial"))
+_TIME, _PHASE, _TRIAL = (TICK_WORDS[name] for name in ("time_ns", "phase", "trial"))
+
+# Places of the parts of a participant, which the kernels take as one tuple.
+STATE, CONSTANTS, RNG, CURTAIN, SHOWN, TIMING, SCALES, CATCH, MOVES = range(9)
 
 
 class SimulatedParticipant:
@@ -43,8 +46,8 @@ class SimulatedParticipant:
         scales = (block.trial_scales or (block.force_scale,)) if block.force == "full" and len(sides) == 1 else ()
         shown = np.zeros(1, SEEN)
         shown["time"] = nan
-        # What the kernels take: controller's state, constants and random generator; curtain, newest glimpse, view
-        # timing, scales of the force by trial, catch trials, and room for new movements.
+        # Controller's state, constants and random generator; curtain, newest glimpse, view timing, scales of the force
+        # by trial, catch trials, and room for new movements.
         self.parts = (
             *(controller.state, controller.constants, rng, curtain, shown, timing),
             *(np.array(scales, np.float64), np.array(block.catch, np.int64), np.zeros(2, MOVE)),
@@ -56,15 +59,12 @@ class SimulatedParticipant:
         self._decide = machine_code(decide_in_tick, self.parts, np.zeros(len(TICK_WORDS), np.int64), 0.0)
 
     def shown(self, tick: int) -> int:
-        """Return the newest tick that has been seen when a tick is done.
-
-        It is less than `tick`, and negative before the first view.
-        """
-        return int(newest_seen(self.parts[5], tick))
+        """Return the newest tick that has been seen when a tick is done; negative before the first view."""
+        return int(newest_seen(self.parts[TIMING], tick))
 
     def see(self, words: NDArray[np.int64]) -> None:
         """Take the view of a tick."""
-        see(*self.parts[3:5], words, words.view(np.float64))
+        see(self.parts[CURTAIN], self.parts[SHOWN], words, words.view(np.float64))
 
     def decide(self, words: NDArray[np.int64], force: float) -> NDArray[Any]:
         """Decide, at a multiple of `DECISION_TICKS`; return the new movements, an array of `MOVE`.
@@ -90,16 +90,16 @@ def see(curtain: Any, shown: Any, words: Any, numbers: Any) -> None:
 @kernel
 def decide_in_tick(parts: Any, words: Any, force: float) -> int:
     """Decide after a tick; return the number of new movements, which are in the last of the parts."""
-    state, constants, rng, _, shown, _, _, _, moves = parts
     scale = scale_in(parts, words)
     felt = force / scale if scale != 0.0 else nan
-    return decide(state[0], constants[0], rng, words[_TIME] * 1e-9, shown[0], felt, moves)
+    state, constants, shown = parts[STATE][0], parts[CONSTANTS][0], parts[SHOWN][0]
+    return decide(state, constants, parts[RNG], words[_TIME] * 1e-9, shown, felt, parts[MOVES])
 
 
 @kernel
 def scale_in(parts: Any, words: Any) -> float:
     """Return the factor of the force on the hand; 0 if the force carries no information on the partner [1]."""
-    scales, catch, trial = parts[6], parts[7], words[_TRIAL]
+    scales, catch, trial = parts[SCALES], parts[CATCH], words[_TRIAL]
     if len(scales) == 0 or not is_active(words[_PHASE]):
         return 0.0
     for k in range(len(catch)):

@@ -75,24 +75,24 @@ def jobs_of(blocks: Sequence[Config], seed: int, dyad: int, folder: Path | None,
     ]
 
 
-def rehearse(job: Job, tell: Callable[[int], object] = lambda successes: None) -> BlockResult:
-    """Rehearse one block."""
+def rehearse(job: Job, progress: Callable[[int], object] = lambda successes: None) -> BlockResult:
+    """Rehearse one block. ``progress``: called with the number of successful trials so far."""
     began = time.perf_counter()
     rehearsal = Rehearsal(job.config, job.people)
     begun_ns = time.time_ns() if job.begun_ns is None else job.begun_ns
-    said = REHEARSED | {
+    metadata = REHEARSED | {
         f"{letter}_{name}": text
         for letter, person in job.people.items()
         for name, text in identity_of(SIMULATED_PARTICIPANT, person).items()
     }
-    writer = None if job.folder is None else BlockWriter(job.folder, job.config, job.session, begun_ns, said)
+    writer = None if job.folder is None else BlockWriter(job.folder, job.config, job.session, begun_ns, metadata)
     ticks = 0
     try:
         for rows in rehearsal.pieces():
             if writer is not None:
                 writer.take(rows)
             ticks += len(rows)
-            tell(rehearsal.successes)
+            progress(rehearsal.successes)
             if not job.fast:
                 time.sleep(max(0.0, began + ticks * TICK_SECONDS - time.perf_counter()))
         if writer is not None:
@@ -121,7 +121,7 @@ def rehearse(job: Job, tell: Callable[[int], object] = lambda successes: None) -
 def rehearse_all(
     jobs: Sequence[Job], workers: int, done: Callable[[BlockResult], object] = lambda block_result: None
 ) -> list[BlockResult]:
-    """Rehearse blocks."""
+    """Rehearse blocks, one after the other or in several worker processes. ``done``: called with each result."""
     if workers == 1:
         results = []
         for job in jobs:
@@ -129,13 +129,13 @@ def rehearse_all(
             done(results[-1])
         return results
     with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
-        asked = [pool.submit(_rehearse_in_worker, job) for job in jobs]
+        futures = [pool.submit(_rehearse_in_worker, job) for job in jobs]
         try:
-            for answer in as_completed(asked):
-                done(answer.result())
+            for future in as_completed(futures):
+                done(future.result())
         finally:
             pool.shutdown(cancel_futures=True)
-        return [answer.result() for answer in asked]
+        return [future.result() for future in futures]
 
 
 _interrupted = Event()

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import MofNCompleteColumn, Progress
+from rich.progress import MofNCompleteColumn
 from rich.text import Text
 
 from netboard.base.bars import progress_bars
@@ -42,7 +42,7 @@ def rehearse_blocks(
         for job in jobs:
             next(Rehearsal(job.config, job.people).pieces(1))
     began = time.perf_counter()
-    results = together(jobs, workers) if workers > 1 else in_turn(jobs)
+    results = in_parallel(jobs, workers) if workers > 1 else in_turn(jobs)
     took = time.perf_counter() - began
     if as_json:
         console.file.write(json.dumps(as_data(results, took)) + "\n")
@@ -55,33 +55,28 @@ def rehearse_blocks(
 def in_turn(jobs: Sequence[Job]) -> list[BlockResult]:
     """Rehearse in this process, with a bar for the block and one for all."""
     results = []
-    with bars() as progress:
+    with progress_bars(console, MofNCompleteColumn()) as progress:
         whole = progress.add_task("all trials", total=sum(job.config.block.trials for job in jobs))
         done = 0
         for job in jobs:
             block = job.config.block
             task = progress.add_task(f"{job.config.session.name} block {block.number}", total=block.trials)
 
-            def tell(successes: int, task: object = task, before: int = done) -> None:
+            def update(successes: int, task: object = task, before: int = done) -> None:
                 progress.update(task, completed=successes)  # type: ignore[arg-type]
                 progress.update(whole, completed=before + successes)
 
-            results.append(rehearse(job, tell))
+            results.append(rehearse(job, update))
             done += results[-1].successes
             progress.remove_task(task)
     return results
 
 
-def together(jobs: Sequence[Job], workers: int) -> list[BlockResult]:
+def in_parallel(jobs: Sequence[Job], workers: int) -> list[BlockResult]:
     """Rehearse several at once, with a bar for all."""
-    with bars() as progress:
+    with progress_bars(console, MofNCompleteColumn()) as progress:
         whole = progress.add_task("all trials", total=sum(job.config.block.trials for job in jobs))
         return rehearse_all(jobs, workers, lambda result: progress.advance(whole, result.successes))
-
-
-def bars() -> Progress:
-    """Make progress bars for a terminal that disappear at the end."""
-    return progress_bars(console, MofNCompleteColumn())
 
 
 def table_of(results: Sequence[BlockResult]) -> FittedTable:
@@ -104,12 +99,12 @@ def table_of(results: Sequence[BlockResult]) -> FittedTable:
 
 def in_total(results: Sequence[BlockResult], took: float) -> str:
     """Return a summary of one line, with the time that it took."""
-    ticks, hours = sum(s.ticks for s in results), sum(s.ticks for s in results) * TICK_SECONDS / 3600
-    successes, failures = sum(s.successes for s in results), sum(s.failures for s in results)
+    ticks = sum(result.ticks for result in results)
+    successes, failures = sum(result.successes for result in results), sum(result.failures for result in results)
+    seconds = ticks * TICK_SECONDS
     return (
-        f"{len(results)} blocks, {successes} successful trials, {failures} failed attempts, {hours:.2f} h of "
-        f"simulated time\n{ticks} ticks in {took:.1f} s: {ticks / took:.0f} ticks/s, "
-        f"{ticks * TICK_SECONDS / took:.0f} x real time"
+        f"{len(results)} blocks, {successes} successful trials, {failures} failed attempts, {seconds / 3600:.2f} h of "
+        f"simulated time\n{ticks} ticks in {took:.1f} s: {ticks / took:.0f} ticks/s, {seconds / took:.0f} x real time"
     )
 
 

@@ -62,7 +62,7 @@ class ClosedPort:
             received = self._router.receive()
             if received is None:
                 return
-            if received != endpoints.NOBODY:
+            if received != endpoints.REFUSED:
                 self.refusals.refuse(received[0], self._reason, now_ns)
 
     def close(self) -> None:
@@ -210,7 +210,7 @@ def serve_recording(path: Path, network: Network, speed: float, at: float | None
     with Stopping() as stopping, sockets.open_context() as context, Keyboard() as keyboard:
         server = ReplayServer(recording, network, context, authenticator, speed, at)
         console.print(f"{recording.name} is replayed at {network.bind}:{network.port}")
-        if keyboard.there:
+        if keyboard.available:
             console.print(KEYS_LINE)
         server.run(
             stopping,

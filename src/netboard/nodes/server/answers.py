@@ -38,12 +38,12 @@ class SessionAnswers:
     def status(self) -> Status:
         """Return the status of the session."""
         session, ports = self._state, self._state.ports
-        stage, config, delays = session.stage[0], session.block.config, session.block.delays
+        stage, config, latency = session.stage[0], session.block.config, session.block.latency
         now = now_ns()
         agents = tuple(f"agent.{side}" for side in SIDES if ports.motion.agents[side].hello is not None)
         loggers = ("logger",) * ports.log.loggers + ("listener",) * len(ports.log.subscribers)
         asked, said = session.questionnaires and f"ask now: {session.questionnaires}", session.supervisor.notice
-        troubles = session.attempts.trouble, ports.log.notice, delays.notice
+        troubles = session.attempts.trouble, ports.log.notice, latency.notice
         return Status(
             session=session.session,
             tick=session.number,
@@ -62,7 +62,7 @@ class SessionAnswers:
             **plan_of(config),
             opened=session.operators.opened,
             armed=session.operators.armed,
-            commander=session.operators.name if ports.control.is_there(session.operators.commander) else "",
+            commander=session.operators.name if ports.control.is_present(session.operators.commander) else "",
             rest=session.rest(now) or 0.0,
             pending=session.operators.pending,
             outcomes=len(session.attempts.finished),
@@ -73,9 +73,9 @@ class SessionAnswers:
 
     def _loops(self) -> tuple[tuple[str, float, float], ...]:
         """Return the side, current sample-to-force latency and its limit [s] of each connected agent."""
-        delays, agents_of = self._state.block.delays, self._state.ports.motion.agents
-        late = dict(zip(SIDES, delays.late, strict=True))
-        limit = delays.limit_ns * 1e-9
+        latency, agents_of = self._state.block.latency, self._state.ports.motion.agents
+        late = dict(zip(SIDES, latency.latencies, strict=True))
+        limit = latency.limit_ns * 1e-9
         return tuple((f"agent.{side}", late[side], limit) for side in SIDES if agents_of[side].hello is not None)
 
     def _station(self, side: Side, now: int) -> tuple[str, float, int, float, int, int]:

@@ -9,7 +9,7 @@ from netboard.base.config import SIDES, Config, Side, resolve
 from netboard.base.errors import ConfigError, RecordingError
 from netboard.base.tables.experiment import Session
 from netboard.nodes.ports import samples
-from netboard.nodes.ports.round_trips import Delays
+from netboard.nodes.ports.latency import LatencySupervisor
 from netboard.nodes.server.robot import Robot
 from netboard.nodes.server.undisturbed import run_of
 from netboard.recording.files.reader import Recording
@@ -26,7 +26,7 @@ class PreparedBlock:
     text: str
     stage: Stage
     curtain: Curtain
-    delays: Delays  # supervises the sample-to-force latency of both hands; blocks with the same scene share it
+    latency: LatencySupervisor  # blocks with the same scene share it
     ends: Any
     people: tuple[Side, ...]
     robots: tuple[Robot, ...]
@@ -56,8 +56,8 @@ class BlockSequence:
     def __init__(
         self, configs: Sequence[Config], remake: Callable[[Session], Sequence[Config]] | None = None, place: int = 0
     ) -> None:
-        self._watches: dict[Any, Delays] = {}
-        self._blocks = [_prepared(config, self._watches) for config in configs]
+        self._supervisors: dict[Any, LatencySupervisor] = {}
+        self._blocks = [_prepared(config, self._supervisors) for config in configs]
         self._remake = remake
         self._place = place
         self.block = self._blocks[place]
@@ -81,18 +81,18 @@ class BlockSequence:
     def open(self, session: Session) -> None:
         """Prepare all blocks again for the session that its form describes."""
         assert self._remake is not None
-        self._blocks = [_prepared(config, self._watches) for config in self._remake(session)]
+        self._blocks = [_prepared(config, self._supervisors) for config in self._remake(session)]
         self.block = self._blocks[self._place]
 
 
-def _prepared(config: Config, watches: dict[Any, Delays]) -> PreparedBlock:
+def _prepared(config: Config, supervisors: dict[Any, LatencySupervisor]) -> PreparedBlock:
     """Prepare a block."""
     stage = make_stage(config)
     stage.warm()
     people = tuple(side for side in SIDES if getattr(config.block, side) == "person")
     scene = config.physics, config.virtual, config.network.delay_action
-    if scene not in watches:
-        watches[scene] = Delays(config)
+    if scene not in supervisors:
+        supervisors[scene] = LatencySupervisor(config)
     robots = tuple(Robot(config, side) for side in SIDES if side not in people)
     both = config.physics.coupling_at == "both"
     plain = not (robots or config.block.unrelated or both)
@@ -101,7 +101,7 @@ def _prepared(config: Config, watches: dict[Any, Delays]) -> PreparedBlock:
         text=resolve(config),
         stage=stage,
         curtain=make_curtain(config),
-        delays=watches[scene],
+        latency=supervisors[scene],
         ends=samples.ends_of(config.physics) if both else None,
         people=people,
         robots=robots,

@@ -19,7 +19,7 @@ class OperatorRequests:
         """Decide on a command, carry it out, reply and record it; return the cause for the trial state machine."""
         state, command = self._state, request.command
         control, operators, sequence = state.ports.control, state.operators, state.sequence
-        if operators.commander and not control.is_there(operators.commander):
+        if operators.commander and not control.is_present(operators.commander):
             operators.leave()
         situation = Situation(state.phase, state.find_missing(), sequence.last, sequence.planned)
         decision = operators.decide(command.name, request.who, request.name, situation)

@@ -114,7 +114,7 @@ class Operators:
         match command:
             case "open" if self.opened:
                 return Decision(False, "the session is open already")
-            case "arm" if emergency.LACKING in now.missing:  # otherwise the release would arm the devices at once
+            case "arm" if emergency.AWAITING_RELEASE in now.missing:  # else the release would arm the devices
                 return Decision(False, f"cannot arm during an emergency stop: release it first ({emergency.RELEASE})")
             case "arm":
                 self.armed = True

@@ -90,12 +90,12 @@ class RecordKeeping:
     def _record_news(self, now: int) -> None:
         """Record the news of all ports, and send records to the loggers."""
         state = self._state
-        delays = state.block.delays
-        for port in (state.ports.motion, state.ports.control, self._log, delays):
+        latency = state.block.latency
+        for port in (state.ports.motion, state.ports.control, self._log, latency):
             for name, details in port.news:
                 state.note(name, details)
                 if name == "agent_joined":
-                    delays.know("left" if details["side"] == "left" else "right", details)
+                    latency.take_limit("left" if details["side"] == "left" else "right", details)
                     self._know_device(details)
             port.news.clear()
         for details in state.authenticator.reports(now) if state.authenticator is not None else ():

@@ -219,7 +219,7 @@ class Session:
         run["relevant"], run["fine"] = IN_TRIAL if self._state.active else WAITING
         if not run["forces"]:
             until = min(until, number + -number % HEARTBEAT_TICKS)
-        if self._motion.unhandled or self._log.listens(now_ns()):
+        if self._motion.unhandled or self._log.must_read(now_ns()):
             until = number + 1
         run["number"], run["due_ns"], run["until"], run["sleeps"] = number, self._clock.due_ns, until, self.sleeps
 
@@ -242,7 +242,7 @@ class Session:
         if count := int(run["number"]) - state.number:
             self._follow_up(count)
         if ended == FAILED:
-            self._motion.fast.fail("motion")
+            self._motion.fast.raise_failure("motion")
         if ended == MESSAGE:
             self._motion.read_other_frame(now_ns(), clock.due_ns)
         return ended
@@ -253,13 +253,13 @@ class Session:
         if (self._state.number - 1) % HOUSEKEEPING_TICKS == 0:
             self._housekeeping()
         else:
-            self._log.listen(now_ns())
+            self._log.read_if_needed(now_ns())
 
     @property
     def _no_command_due(self) -> bool:
         """Whether, while all samples are fine, no command can be due at the next tick of a trial."""
         state = self._state
-        if self._clock.gap or self._log.trouble or state.block.delays.trouble:
+        if self._clock.gap or self._log.trouble or state.block.latency.trouble:
             return False
         return not (state.operators.pause_after or state.attempts.wanted or self._control.requests or self._stopping)
 
@@ -417,7 +417,7 @@ class Session:
         """Do the periodic work that is not urgent: missing peers, latencies, quality rules, records."""
         now, state = now_ns(), self._state
         self._motion.expire(now)
-        state.block.delays.poll(self._motion.loops_ns, felt=state.felt)
+        state.block.latency.poll(self._motion.loops_ns, haptics=state.felt)
         state.attempts.poll(state.rows, state.number)
         state.missing = state.find_missing()
         self._control.pump(now)

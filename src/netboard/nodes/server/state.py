@@ -97,12 +97,12 @@ class SessionState:
         self._phase_word = self.stage.view(np.int64)[(STATE.names or ()).index("phase") :]
         for side in SIDES:  # with a force delay the first ticks would otherwise send forces of the last block
             self.rows[f"{side}_force"] = 0.0
-        block.delays.gains[:] = 1.0
+        block.latency.gains[:] = 1.0
         motion = self.ports.motion
-        motion.gains = block.delays.gains
+        motion.gains = block.latency.gains
         for side, agent in motion.agents.items():
             if agent.hello is not None:
-                block.delays.know(side, agent.hello.details)
+                block.latency.take_limit(side, agent.hello.details)
         self.ports.renew(self._welcome(), block.ends, block.people)
         self.rest_until_ns = now_ns() + int(block.config.block.rest * 1e9)
         self.missing = self.find_missing()  # otherwise the block would start by itself with what the last one needed
@@ -115,11 +115,11 @@ class SessionState:
     def find_missing(self) -> tuple[str, ...]:
         """Return what is missing now before the block can begin."""
         now, log = now_ns(), self.ports.log
-        lacking = [*self.ports.motion.find_missing(now, self.block.people), *self.block.delays.lacking]
+        lacking = [*self.ports.motion.find_missing(now, self.block.people), *self.block.latency.missing]
         if self.block.config.network.require_logger and not log.loggers:
             lacking.append("the logger")
         if self.emergency_stop.halted:
-            lacking.append(emergency.LACKING)
+            lacking.append(emergency.AWAITING_RELEASE)
         if self.supervisor.autostart and self.rest(now) is not None:
             lacking.append("the rest to be over")
         return tuple(lacking)
@@ -140,8 +140,8 @@ class SessionState:
                 return f"no sample from the {side} agent"
             if not found & (samples.ARMED << place):
                 return f"the {side} device is not armed{self.emergency_stop.why(side, now_ns())}"
-        if self.block.delays.trouble:
-            return self.block.delays.trouble
+        if self.block.latency.trouble:
+            return self.block.latency.trouble
         return self.ports.log.trouble if self.block.config.network.require_logger else ""
 
     def update_arming(self, events: list[Event]) -> None:

@@ -6,8 +6,9 @@ from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelInd
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView
 
+from netboard.network.protocol.control import AttemptOutcome
 from netboard.windows.operator.lamp_widget import PANEL, PLAIN, TONES
-from netboard.windows.operator.words import ATTEMPT_HEADS, Attempt, attempt_cells, attempt_tone
+from netboard.windows.operator.words import ATTEMPT_HEADS, attempt_cells, attempt_tone
 
 Index = QModelIndex | QPersistentModelIndex
 NOWHERE = QModelIndex()
@@ -19,9 +20,9 @@ class AttemptModel(QAbstractTableModel):
 
     def __init__(self) -> None:
         super().__init__()
-        self.attempts: list[Attempt] = []
+        self.attempts: list[AttemptOutcome] = []
 
-    def take(self, attempts: Sequence[Attempt]) -> bool:
+    def take(self, attempts: Sequence[AttemptOutcome]) -> bool:
         """Append new attempts, or start again if the session is another one; return whether there were new ones."""
         have = len(self.attempts)
         if len(attempts) < have or list(attempts[:have]) != self.attempts:
@@ -86,13 +87,13 @@ class AttemptTable(QTableView):
             f"QHeaderView::section {{ background: {PANEL}; color: {PLAIN.detail}; border: none; padding: 3px 6px; }}"
         )
 
-    def take(self, attempts: Sequence[Attempt]) -> None:
+    def take(self, attempts: Sequence[AttemptOutcome]) -> None:
         """Show the attempts so far."""
         if self.attempts.take(attempts) and self.marked is None:
             self.scrollToBottom()
 
     @property
-    def marked(self) -> Attempt | None:
+    def marked(self) -> AttemptOutcome | None:
         """The selected attempt; None if none is."""
         rows = self.selectionModel().selectedRows()
         return self.attempts.attempts[rows[0].row()] if rows else None

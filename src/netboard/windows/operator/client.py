@@ -21,7 +21,7 @@ from netboard.base.tables.experiment import Session
 from netboard.network.protocol.control import Reply, Status
 from netboard.network.transport import sockets
 from netboard.nodes.operator.operator import ANSWER_SECONDS, Operator
-from netboard.nodes.ports.emergency import LACKING, RELEASE, STOP
+from netboard.nodes.ports.emergency import AWAITING_RELEASE, RELEASE, STOP
 from netboard.windows.operator.changes import RecentCounts, StatusHistory
 from netboard.windows.operator.commands import COMMANDS, RELEASING
 from netboard.windows.operator.lamps import limits_of
@@ -110,7 +110,7 @@ class ConsoleClient(QObject):
                 self._session = _session_in(operator.config)
             self.status, self._last_message_ns = status, now_ns()
             self._recent = self._history.add(now_ns() * 1e-9, status)
-            if LACKING in status.waiting_for:
+            if AWAITING_RELEASE in status.waiting_for:
                 self._stop_ns = None
         for number, (name, asked_ns) in list(self._asked.items()):
             reply = operator.reply(number)
@@ -164,7 +164,7 @@ def run(config: Config, stopping: Callable[[], bool], picture: Path | None = Non
     windows.scale_to_screen(*SMALLEST)
     windows.application()
     window = ConsoleWindow(config, limits_of(config, version("netboard")), NAME)
-    window.resize(window.size().boundedTo(windows.room_on(windows.screen_of(window))))
+    window.resize(window.size().boundedTo(windows.largest_size(windows.screen_of(window))))
     window.show()
     with sockets.open_context() as context:
         client = ConsoleClient(config, context, window)

@@ -8,19 +8,19 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from netboard.network.protocol.control import Status
-from netboard.nodes.ports.emergency import LACKING, RELEASE, STOP
+from netboard.nodes.ports.emergency import AWAITING_RELEASE, RELEASE, STOP
 from netboard.windows.operator.lamps import ACTIVE, replayed
 
 STOP_KEYS = ("Esc", "Space")
 """Keys of the emergency stop; in a text field, Space writes a space."""
 
-FREE = (STOP, "take", "note")
+FOR_EVERY_CONSOLE = (STOP, "take", "note")
 """Commands of consoles that are not the commander."""
 
-REPLAYED = ("pause", "resume", "next", "end")
+FOR_REPLAYS = ("pause", "resume", "next", "end")
 """Commands that a replay accepts too."""
 
-Refused = Callable[[Status], str]
+Refusal = Callable[[Status], str]
 """A function that returns why a command is not possible now; empty if it is."""
 
 
@@ -32,21 +32,21 @@ class Command:
     label: str
     key: str
     tip: str
-    refused: Refused
-    twice: bool = False
+    refusal: Refusal
+    confirm: bool = False  # whether it needs a second press
 
 
 def _always(_status: Status) -> str:
     return ""
 
 
-def _in(*phases: str) -> Refused:
+def _in(*phases: str) -> Refusal:
     """Allow a command only in some phases."""
     return lambda status: "" if status.phase in phases else f"not possible while {status.phase}"
 
 
 def _halted(status: Status) -> str:
-    return "release the emergency stop first: Ctrl+R" if LACKING in status.waiting_for else ""
+    return "release the emergency stop first: Ctrl+R" if AWAITING_RELEASE in status.waiting_for else ""
 
 
 def _arm(status: Status) -> str:
@@ -99,7 +99,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("repeat", "Repeat trial", "F9", "Repeat the selected or the last trial at the end of the block.", _repeat),
     Command("veto", "Cancel repeat", "Shift+F9", "Cancel the repeat of the selected or the last trial.", _judged),
     Command(
-        "skip", "Skip trial", "F10", "Count this trial as done without a success.", _in(*ACTIVE, "paused"), twice=True
+        "skip", "Skip trial", "F10", "Count this trial as done without a success.", _in(*ACTIVE, "paused"), confirm=True
     ),
     Command(
         "stop_after_block",
@@ -115,8 +115,8 @@ COMMANDS: tuple[Command, ...] = (
         "Set all forces to zero until you arm again.",
         lambda s: "" if s.armed else "no device is armed",
     ),
-    Command("next", "Next block", "Ctrl+N", "Skip the rest of this block.", _opened, twice=True),
-    Command("end", "End session", "Ctrl+E", "End the session now; it can be resumed.", _opened, twice=True),
+    Command("next", "Next block", "Ctrl+N", "Skip the rest of this block.", _opened, confirm=True),
+    Command("end", "End session", "Ctrl+E", "End the session now; it can be resumed.", _opened, confirm=True),
     Command("take", "Take command", "T", "Make this console the commander.", _always),
 )
 """The commands, in the order of their buttons."""
@@ -126,20 +126,20 @@ RELEASING = Command(
     "Release the stop",
     "Ctrl+R",
     "Release the emergency stop: devices may be armed again.",
-    lambda status: "" if LACKING in status.waiting_for else "there is no emergency stop",
-    twice=True,
+    lambda status: "" if AWAITING_RELEASE in status.waiting_for else "there is no emergency stop",
+    confirm=True,
 )
 """Release of the emergency stop; its button is beside that of the stop."""
 
 
-def refusal(command: Command, status: Status | None, own: str) -> str:
-    """Return why a command is not possible now; empty if it is."""
+def refusal(command: Command, status: Status | None, console: str) -> str:
+    """Return why a command of the console with this name is not possible now; empty if it is."""
     if status is None:
         return "no connection to the server"
     if replayed(status):
-        return "" if command.name in REPLAYED else "this is a replay"
-    if command.name == "take" and status.commander == own:
+        return "" if command.name in FOR_REPLAYS else "this is a replay"
+    if command.name == "take" and status.commander == console:
         return "you are in command already"
-    if status.commander not in ("", own) and command.name not in FREE:
+    if status.commander not in ("", console) and command.name not in FOR_EVERY_CONSOLE:
         return f"{status.commander} is in command: press T to take over"
-    return command.refused(status)
+    return command.refusal(status)

@@ -62,9 +62,9 @@ class CommandButton(QPushButton):
         self.setProperty("sure", sure)
         self.setStyleSheet(STYLE)
 
-    def allow(self, status: Status | None, own: str) -> None:
+    def allow(self, status: Status | None, console: str) -> None:
         """Enable the button if its command is possible now; else say why not in the tooltip."""
-        reason = refusal(self.command, status, own)
+        reason = refusal(self.command, status, console)
         self.setEnabled(not reason)
         tip = f"{self.command.tip} ({reason})" if reason else self.command.tip
         if tip != self.toolTip():

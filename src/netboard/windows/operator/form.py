@@ -43,14 +43,14 @@ QCheckBox:focus {{ border-color: {PLAIN.cursor}; }}
 class Choice(QWidget):
     """Buttons side by side of which exactly one is checked."""
 
-    def __init__(self, words: dict[str, str], answer: str) -> None:
+    def __init__(self, labels: dict[str, str], answer: str) -> None:
         super().__init__()
         row = QHBoxLayout(self)
         row.setContentsMargins(0, 0, 0, 0)
         self._group = QButtonGroup(self)
         self.buttons: dict[str, QPushButton] = {}
-        for name, said in words.items():
-            button = QPushButton(said)
+        for name, text in labels.items():
+            button = QPushButton(text)
             button.setObjectName(name)
             button.setCheckable(True)
             button.setChecked(name == answer)
@@ -66,10 +66,10 @@ class Choice(QWidget):
 
 
 class SessionForm(QWidget):
-    """The form of a session; `filled` carries the answers as JSON, once they are complete and submitted."""
+    """The form of a session; `filled` carries the complete answers as JSON, `dismissed` means not now."""
 
     filled = Signal(str)
-    left = Signal()
+    dismissed = Signal()
 
     def __init__(self, entry: Entry) -> None:
         super().__init__()
@@ -109,18 +109,12 @@ class SessionForm(QWidget):
         """Begin the form of another session: its name and kind, and what its plan proposes, without consent."""
         self.kind.buttons["pilot" if pilot else "real"].setChecked(True)
         self.consent.setChecked(False)
-        for key, answer in (
-            ("name", name),
-            ("participant_a", session.participant_a),
-            ("participant_b", session.participant_b),
-        ):
-            self.texts[key].setText(answer)
-        for choice, chosen in (
-            (self.hand_a, session.hand_a),
-            (self.hand_b, session.hand_b),
-            (self.seat_a, session.seat_a),
-        ):
-            choice.buttons[chosen].setChecked(True)
+        self.texts["name"].setText(name)
+        self.texts["participant_a"].setText(session.participant_a)
+        self.texts["participant_b"].setText(session.participant_b)
+        self.hand_a.buttons[session.hand_a].setChecked(True)
+        self.hand_b.buttons[session.hand_b].setChecked(True)
+        self.seat_a.buttons[session.seat_a].setChecked(True)
 
     def send(self) -> None:
         """Check the answers; send them, or show what is wrong."""
@@ -151,15 +145,15 @@ class SessionForm(QWidget):
         grid = QGridLayout()
         grid.setVerticalSpacing(7)
         grid.setHorizontalSpacing(20)
-        asked = (
+        fields = (
             ("Session", self.texts["name"], self.kind),
             ("Participants", _named("A", self.texts["participant_a"]), _named("B", self.texts["participant_b"])),
             ("Dominant hands", _named("A", self.hand_a), _named("B", self.hand_b)),
             ("Seats", self.seat_a, None),
             ("Consent", self.consent, None),
         )
-        for row, (words, first, second) in enumerate(asked):
-            grid.addWidget(label(words, 13, Tone.PLAIN), row, 0)
+        for row, (text, first, second) in enumerate(fields):
+            grid.addWidget(label(text, 13, Tone.PLAIN), row, 0)
             grid.addWidget(first, row, 1, 1, 1 if second else 2)
             if second:
                 grid.addWidget(second, row, 2)
@@ -168,13 +162,13 @@ class SessionForm(QWidget):
         rows.addLayout(grid)
         rows.addWidget(self.trouble)
         buttons = QHBoxLayout()
-        send, away = QPushButton("Open session   Enter"), QPushButton("Not now   F3")
-        away.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        send, later = QPushButton("Open session   Enter"), QPushButton("Not now   F3")
+        later.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         send.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         send.clicked.connect(self.send)
-        away.clicked.connect(self.left)
-        for button in (send, away):
-            buttons.addWidget(button)
+        later.clicked.connect(self.dismissed)
+        buttons.addWidget(send)
+        buttons.addWidget(later)
         buttons.addStretch(1)
         rows.addLayout(buttons)
         rows.addStretch(1)

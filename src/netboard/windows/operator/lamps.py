@@ -11,7 +11,7 @@ from math import isfinite
 
 from netboard.base.config import Config
 from netboard.network.protocol.control import REPLAY_OF, Status
-from netboard.nodes.ports.emergency import LACKING
+from netboard.nodes.ports.emergency import AWAITING_RELEASE
 from netboard.windows.operator.changes import LATELY, RecentCounts
 
 ACTIVE = ("levelling", "running", "holding", "succeeded", "failed")
@@ -50,7 +50,7 @@ class Lamp:
     tip: str  # what is wrong and what to do; if all is well, what the lamp shows
 
 
-Reading = tuple[Level, str, str]
+LampState = tuple[Level, str, str]
 """Level, words and tip of a lamp."""
 
 
@@ -61,9 +61,8 @@ class Limits:
     sample_age: float  # age above which a sample is stale [s]
     clock_bound: float  # largest uncertainty of the clock offset with which a device is armed [s]
     late_ticks: int
-    # lost_ticks, clipped_ticks: most ticks without a fresh sample, and with a force at its limit [1]
-    lost_ticks: int
-    clipped_ticks: int
+    lost_ticks: int  # most ticks of an attempt without a fresh sample
+    clipped_ticks: int  # most ticks of an attempt with a force at its limit
     version: str
 
 
@@ -86,7 +85,7 @@ def session_lamps(status: Status | None, silence: float, recent: RecentCounts, l
     tip = "Known once the server answers."
     if status is not None and replayed(status):
         tip = "This is a replay: nothing is recorded and no device renders a force."
-    readings: tuple[Reading, ...] = ((Level.OFF, "", tip),) * len(names)
+    readings: tuple[LampState, ...] = ((Level.OFF, "", tip),) * len(names)
     if live := status is not None and not replayed(status):
         readings = (
             _recording(status),
@@ -104,12 +103,12 @@ SESSION_LAMPS = ("Server", "Recording", "Disk", "Deadline misses", "Forces", "Se
 
 
 def recorded(status: Status) -> bool:
-    """Whether a logger is writing to disk."""
+    """Return whether a logger is writing to disk."""
     return any(age <= STALLED for _, age, _, _ in status.recordings)
 
 
 def replayed(status: Status) -> bool:
-    """Whether the server replays a recording."""
+    """Return whether the server replays a recording."""
     return status.notice.startswith(REPLAY_OF)
 
 
@@ -131,7 +130,7 @@ def over(status: Status, silence: float) -> bool:
     return silence > SILENT and status.phase == "finished" and status.block >= status.blocks
 
 
-def _server(silence: float) -> Reading:
+def _server(silence: float) -> LampState:
     if not isfinite(silence):
         return Level.BAD, "not found", "No server answers. Check that it is running and that the address is right."
     if silence > SILENT:
@@ -140,7 +139,7 @@ def _server(silence: float) -> Reading:
     return Level.GOOD, "connected", "The server answers."
 
 
-def _recording(status: Status) -> Reading:
+def _recording(status: Status) -> LampState:
     if not status.recordings:
         tip = "Nothing is recorded. Start a logger: netboard logger"
         return Level.BAD, "NOT RECORDING", tip
@@ -152,8 +151,8 @@ def _recording(status: Status) -> Reading:
     tip = f"{file}, {size(written)}, last written to disk {age:.1f} s ago."
     if age > STALLED:
         return Level.BAD, f"STALLED {age:.0f} s", f"{tip} Check the logger and its disk."
-    level = Level.WATCH if age > SLOW or not _all_fresh(status) else Level.GOOD
-    return level, f"\u25cf {size(written)}", tip
+    all_fresh = all(age <= STALLED for _, age, _, _ in status.recordings)
+    return Level.GOOD if age <= SLOW and all_fresh else Level.WATCH, f"\u25cf {size(written)}", tip
 
 
 def _begun(status: Status) -> list[tuple[str, float, int, int]]:
@@ -161,11 +160,7 @@ def _begun(status: Status) -> list[tuple[str, float, int, int]]:
     return [recording for recording in status.recordings if recording[0]]
 
 
-def _all_fresh(status: Status) -> bool:
-    return all(age <= STALLED for _, age, _, _ in status.recordings)
-
-
-def _disk(status: Status, minutes: float) -> Reading:
+def _disk(status: Status, minutes: float) -> LampState:
     begun = _begun(status)
     if not begun:
         return Level.OFF, "", "Known once a logger has started a file."
@@ -179,7 +174,7 @@ def _disk(status: Status, minutes: float) -> Reading:
     return Level.GOOD, words, tip
 
 
-def _late(status: Status, recently: int, limits: Limits) -> Reading:
+def _late(status: Status, recently: int, limits: Limits) -> LampState:
     tip = f"Ticks over half a millisecond late: {recently} in the last {LATELY:g} s, {status.late_ticks} in total."
     if recently > limits.late_ticks:
         return Level.BAD, f"{recently} now", f"{tip} Close other programs on the server's computer."
@@ -187,15 +182,15 @@ def _late(status: Status, recently: int, limits: Limits) -> Reading:
     return Level.WATCH if recently else Level.GOOD, words, tip
 
 
-def _forces(status: Status) -> Reading:
-    if LACKING in status.waiting_for:
+def _forces(status: Status) -> LampState:
+    if AWAITING_RELEASE in status.waiting_for:
         return Level.BAD, "STOPPED", "All forces are zero until the emergency stop is released."
     if status.armed:
         return Level.GOOD, "allowed", "Devices may render forces."
     return Level.OFF, "disarmed", "No device renders a force until you arm (F1)."
 
 
-def _form(status: Status) -> Reading:
+def _form(status: Status) -> LampState:
     if not status.opened:
         return Level.WATCH, "not opened", "Fill in the session form (F3) before a block can start."
     if not status.consent and not status.pilot:
@@ -221,7 +216,7 @@ def alarm(status: Status | None, silence: float, recent: RecentCounts, unconfirm
         return f"NO REPLY FROM THE SERVER FOR {silence:.0f} s" + (": let go of the styluses" if active else "")
     if active and not recorded(status):
         return "RUNNING BUT NOT RECORDING: pause now (F5), then check the logger"
-    if LACKING in status.waiting_for:
+    if AWAITING_RELEASE in status.waiting_for:
         return "EMERGENCY STOP: all forces are zero. To release it, press Ctrl+R twice"
     if active and recent.minutes < MINUTES_BAD:
         return f"DISK FULL IN {recent.minutes:.0f} MINUTES: stop after this block (F12)"

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from math import isnan, nan
 
 from netboard.base.config import Side
-from netboard.network.protocol.control import Status
-from netboard.network.protocol.motion import Safeguard
-from netboard.nodes.ports.emergency import LACKING, WORDS
+from netboard.network.protocol.control import LinkStatus, Status
+from netboard.network.protocol.motion import TRIP_CAUSES, Safeguard
+from netboard.nodes.ports.emergency import AWAITING_RELEASE
 from netboard.windows.operator.changes import LATELY, RecentCounts
-from netboard.windows.operator.lamps import Lamp, Level, Limits, Reading, milliseconds
+from netboard.windows.operator.lamps import Lamp, LampState, Level, Limits, milliseconds
 
 SLOW_RATE = 900.0
 """Message rate below which an agent counts as slow [Hz]."""
@@ -21,7 +21,7 @@ class _Station:
 
     side: Side
     status: Status
-    link: tuple[str, str, str, float, float, float, float, float, int]
+    link: LinkStatus
     age: float
     bits: Safeguard
     rendered: float
@@ -43,20 +43,20 @@ def station_lamps(status: Status, recent: RecentCounts, side: Side, limits: Limi
             Lamp(name, Level.OFF, "", "Known once the agent is connected.") for name in _LAMPS if name != "Device"
         ]
         return (Lamp("Device", *(missing if awaited else unneeded)), *unknown, display)
-    found = next((station for station in status.stations if station[0] == side), (side, nan, 0, 0.0, 0, 0))
+    found = next((row for row in status.stations if row[0] == side), (side, nan, 0, 0.0, 0, 0))
     _, age, bits, rendered, lost_ticks, clipped_ticks = found
-    now = _Station(
+    station = _Station(
         side, status, link, age, Safeguard(bits), rendered, lost_ticks, clipped_ticks, recent.lost.get(agent, 0)
     )
-    return (*(Lamp(name, *read(now, limits)) for name, read in _LAMPS.items()), display)
+    return (*(Lamp(name, *read(station, limits)) for name, read in _LAMPS.items()), display)
 
 
-def _device(now: _Station, limits: Limits) -> Reading:
-    _, name, version, *_ = now.link
-    if Safeguard.DEVICE_LOST in now.bits:
+def _device(station: _Station, limits: Limits) -> LampState:
+    _, name, version, *_ = station.link
+    if Safeguard.DEVICE_LOST in station.bits:
         tip = "The device does not answer. Check its cable and power; the agent reconnects by itself."
         return Level.BAD, "lost", tip
-    if Safeguard.NOT_READY in now.bits:
+    if Safeguard.NOT_READY in station.bits:
         tip = "Not calibrated, not held, or outside its workspace: calibrate it, and hold the stylus."
         return Level.WATCH, "not ready", tip
     if version != limits.version:
@@ -65,8 +65,8 @@ def _device(now: _Station, limits: Limits) -> Reading:
     return Level.GOOD, "ready", f"Agent {name}, version {version}."
 
 
-def _link(now: _Station, limits: Limits) -> Reading:
-    age, rate = now.link[3], now.link[7]
+def _link(station: _Station, limits: Limits) -> LampState:
+    age, rate = station.link[3], station.link[7]
     tip = f"Last message {milliseconds(age)} ago, {rate:.0f} messages per second."
     if age > limits.sample_age:
         return Level.BAD, "silent", f"{tip} Check the cable, and that the station is switched on."
@@ -75,8 +75,8 @@ def _link(now: _Station, limits: Limits) -> Reading:
     return Level.GOOD, f"{rate:.0f} Hz", tip
 
 
-def _round_trip(now: _Station, limits: Limits) -> Reading:
-    trip = now.link[4]
+def _round_trip(station: _Station, limits: Limits) -> LampState:
+    trip = station.link[4]
     tip = f"Shortest recent round-trip time: {milliseconds(trip)}."
     if isnan(trip):
         return Level.WATCH, "unknown", "Not measured yet; wait a few seconds."
@@ -90,8 +90,8 @@ def _round_trip(now: _Station, limits: Limits) -> Reading:
     return Level.GOOD, milliseconds(trip), tip
 
 
-def _clock(now: _Station, limits: Limits) -> Reading:
-    bound = now.link[5]
+def _clock(station: _Station, limits: Limits) -> LampState:
+    bound = station.link[5]
     if not bound <= limits.clock_bound:  # NaN included
         known = f"its clock offset is known to {milliseconds(limits.clock_bound)}"
         tip = f"Not armed until {known}: wait a few seconds, or check the network."
@@ -101,19 +101,19 @@ def _clock(now: _Station, limits: Limits) -> Reading:
     return level, f"\u00b1{milliseconds(bound)}", tip
 
 
-def _sample(now: _Station, limits: Limits) -> Reading:
-    if isnan(now.age):
+def _sample(station: _Station, limits: Limits) -> LampState:
+    if isnan(station.age):
         return Level.BAD, "none", "No sample of the stylus so far: check the device."
-    words, most = f"{milliseconds(now.age)} old", milliseconds(limits.sample_age)
+    words, most = f"{milliseconds(station.age)} old", milliseconds(limits.sample_age)
     tip = f"The newest sample of the stylus is {words}; a trial pauses at {most}."
-    if now.age > limits.sample_age:
+    if station.age > limits.sample_age:
         return Level.BAD, words, f"{tip} Check network and device."
-    level = Level.WATCH if now.age > limits.sample_age / 5 else Level.GOOD
+    level = Level.WATCH if station.age > limits.sample_age / 5 else Level.GOOD
     return level, words, tip
 
 
-def _latency(now: _Station, limits: Limits) -> Reading:
-    late, most = next((loop[1:] for loop in now.status.loops if loop[0] == now.link[0]), (nan, nan))
+def _latency(station: _Station, limits: Limits) -> LampState:
+    late, most = next((loop[1:] for loop in station.status.loops if loop[0] == station.link[0]), (nan, nan))
     if isnan(late):
         return Level.OFF, "unknown", "Sample-to-force latency: not measured yet."
     words = milliseconds(late)
@@ -124,26 +124,26 @@ def _latency(now: _Station, limits: Limits) -> Reading:
     return level, words, tip
 
 
-def _drops(now: _Station, limits: Limits) -> Reading:
+def _drops(station: _Station, limits: Limits) -> LampState:
     tip = (
-        f"Messages lost in the last {LATELY:g} s: {now.lost}; since the start: {now.link[8]}. "
-        f"Ticks of this attempt without a fresh sample: {now.lost_ticks}."
+        f"Messages lost in the last {LATELY:g} s: {station.lost}; since the start: {station.link[8]}. "
+        f"Ticks of this attempt without a fresh sample: {station.lost_ticks}."
     )
-    most = max(now.lost, now.lost_ticks)
+    most = max(station.lost, station.lost_ticks)
     if most > limits.lost_ticks:
         return Level.BAD, f"{most} drops", f"{tip} This attempt will be flagged: check the network."
     return Level.WATCH if most else Level.GOOD, f"{most} drops" if most else "none", tip
 
 
-def _force(now: _Station, limits: Limits) -> Reading:
-    known = not isnan(now.rendered)
-    words = f"{now.rendered:+.2f} N" if known else "unknown"
-    tip = f"Vertical force on the hand. Ticks of this attempt at the force limit: {now.clipped_ticks}."
-    if Safeguard.CLAMPED in now.bits:
+def _force(station: _Station, limits: Limits) -> LampState:
+    known = not isnan(station.rendered)
+    words = f"{station.rendered:+.2f} N" if known else "unknown"
+    tip = f"Vertical force on the hand. Ticks of this attempt at the force limit: {station.clipped_ticks}."
+    if Safeguard.CLAMPED in station.bits:
         return Level.WATCH, f"AT LIMIT {words}", f"{tip} The commanded force is above the limit."
-    if Safeguard.SLEWED in now.bits:
+    if Safeguard.SLEWED in station.bits:
         return Level.WATCH, f"SLEW LIMIT {words}", f"{tip} The commanded force changes too fast."
-    if now.clipped_ticks > limits.clipped_ticks:
+    if station.clipped_ticks > limits.clipped_ticks:
         return Level.WATCH, f"LIMITED {words}", f"{tip} This attempt will be flagged."
     return Level.GOOD if known else Level.WATCH, words, tip
 
@@ -158,20 +158,20 @@ _TRIPS = (
 )
 
 
-def _safety(now: _Station, _limits: Limits) -> Reading:
+def _safety(station: _Station, _limits: Limits) -> LampState:
     for cause, words in _TRIPS:
-        if cause in now.bits:
-            return Level.BAD, words, f"Force reduced or zero: {WORDS[cause]}."
-    if Safeguard.RAMPING in now.bits:
-        return Level.WATCH, "arming", "Just armed: the force increases over one second."
-    if Safeguard.ARMED in now.bits:
+        if cause in station.bits:
+            return Level.BAD, words, f"Force reduced or zero: {TRIP_CAUSES[cause]}."
+    if Safeguard.RAMPING in station.bits:
+        return Level.WATCH, "arming", "Just armed: the force is increasing to its full value."
+    if Safeguard.ARMED in station.bits:
         return Level.GOOD, "ARMED", "The device renders forces."
-    if now.status.armed and LACKING not in now.status.waiting_for:
+    if station.status.armed and AWAITING_RELEASE not in station.status.waiting_for:
         return Level.WATCH, "not armed", "No force although allowed: see the lamps above."
     return Level.OFF, "disarmed", "The device renders no force."
 
 
-def _display(status: Status, side: Side) -> Reading:
+def _display(status: Status, side: Side) -> LampState:
     what = f"display.{side}"
     start = f"Start it: netboard display --station {side}"
     if what in status.peers:
@@ -181,7 +181,7 @@ def _display(status: Status, side: Side) -> Reading:
     return Level.WATCH, "none", f"This participant has no display. {start}"
 
 
-_LAMPS: dict[str, Callable[[_Station, Limits], Reading]] = {
+_LAMPS: dict[str, Callable[[_Station, Limits], LampState]] = {
     "Device": _device,
     "Link": _link,
     "Round trip": _round_trip,

@@ -13,6 +13,7 @@ from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from netboard.base.config import Config
 from netboard.base.tick import TICK_SECONDS
+from netboard.network.protocol.control import TracePoint
 from netboard.windows.operator.lamp_widget import PLAIN
 
 SECONDS = 10.0
@@ -31,9 +32,6 @@ TICK, LEFT, RIGHT, BOARD, TILT, BALL, LEFT_FORCE, RIGHT_FORCE = range(8)
 """Index of each field of a point."""
 
 LEFT_COLOUR, RIGHT_COLOUR, BOARD_COLOUR, BALL_COLOUR = "#56b4e9", "#cc79a7", PLAIN.board, PLAIN.ball
-
-Point = tuple[int, float, float, float, float, float, float, float]
-"""One item of `netboard.network.protocol.control.Trace.points`."""
 
 
 class StripCharts(QWidget):
@@ -57,7 +55,7 @@ class StripCharts(QWidget):
             *self._strip(rows, "ball [mm]", half, (-target, target), (("ball", BALL, BALL_COLOUR),), 1e3),
         ]
 
-    def take(self, points: Sequence[Point], *, restart: bool = False) -> None:
+    def take(self, points: Sequence[TracePoint], *, restart: bool = False) -> None:
         """Append the new points; clear the buffer first if `restart`, or if a replay goes back in time."""
         if restart or (points and points[-1][TICK] < self._newest):
             self._ring[:] = np.nan

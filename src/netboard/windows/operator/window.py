@@ -16,7 +16,7 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QSplitter, QStackedWidget, QV
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES, Config
 from netboard.base.tables.experiment import Session
-from netboard.network.protocol.control import Status
+from netboard.network.protocol.control import AttemptOutcome, Status, TracePoint
 from netboard.nodes.ports.emergency import STOP
 from netboard.windows.operator import words
 from netboard.windows.operator.attempts import AttemptTable
@@ -37,8 +37,8 @@ from netboard.windows.operator.lamp_widget import (
 )
 from netboard.windows.operator.lamps import ACTIVE, SESSION_LAMPS, SILENT, Limits, alarm, faded, session_lamps
 from netboard.windows.operator.stations import STATION_LAMPS, station_lamps
-from netboard.windows.operator.strips import Point, StripCharts
-from netboard.windows.operator.words import Attempt, Line, Tone
+from netboard.windows.operator.strips import StripCharts
+from netboard.windows.operator.words import Line, Tone
 from netboard.windows.participant.window import Window
 
 SMALLEST = 1200, 920
@@ -62,8 +62,8 @@ class State:
     silence: float = float("inf")  # time since the last status; infinite before the first [s]
     recent: RecentCounts = field(default_factory=RecentCounts)
     unconfirmed: bool = False  # whether the server has failed to confirm an emergency stop in time
-    attempts: Sequence[Attempt] = ()
-    points: Sequence[Point] = ()
+    attempts: Sequence[AttemptOutcome] = ()
+    points: Sequence[TracePoint] = ()
     session: Session | None = None  # as the server is configured; None while unknown
 
 
@@ -72,7 +72,7 @@ class ConsoleWindow(Window):
 
     commanded = Signal(str, str)
 
-    def __init__(self, config: Config, limits: Limits, own: str) -> None:
+    def __init__(self, config: Config, limits: Limits, console: str) -> None:
         super().__init__()
         self.setWindowTitle("netboard console")
         palette = self.palette()
@@ -80,7 +80,7 @@ class ConsoleWindow(Window):
         self.setPalette(palette)
         self.resize(1600, 960)
         self.state = State()
-        self._limits, self._own = limits, own
+        self._limits, self._console = limits, console
         self._configured = config.session
         self._where = f"{config.network.host}:{config.network.port}"
         self._shown = 0
@@ -107,7 +107,7 @@ class ConsoleWindow(Window):
         _say(self.headline, words.headline(status, silence))
         _say(self.progress, Line(words.progress(status)))
         _say(self.block, Line(words.block(status), Tone.PLAIN))
-        _say(self.commander, words.commander(status, self._own))
+        _say(self.commander, words.commander(status, self._console))
         named = [("", lamp) for lamp in session_lamps(status, silence, state.recent, self._limits)]
         self.session.set_lamps([lamp for _, lamp in named])
         if status is not None:
@@ -119,7 +119,7 @@ class ConsoleWindow(Window):
             self._show_status(status)
         self._show_alarm(alarm(status, silence, state.recent, state.unconfirmed), words.worst(named))
         for button in (*self.bar.buttons, self.stop.release):
-            button.allow(status if silence < float("inf") else None, self._own)
+            button.allow(status if silence < float("inf") else None, self._console)
 
     def _show_status(self, status: Status) -> None:
         other = status.session != self._session
@@ -170,13 +170,13 @@ class ConsoleWindow(Window):
         if command.name == "open" and self.middle.currentWidget() is self.form:
             self.show_form(False)
             return
-        reason = refusal(command, self.state.status, self._own)
+        reason = refusal(command, self.state.status, self._console)
         if reason:
             self._cancel_confirmation()
             self.say(Line(f"{command.label}: {reason}", Tone.WATCH))
-        elif command.twice and self._to_confirm is not command:
+        elif command.confirm and self._to_confirm is not command:
             self._ask(command)
-        elif not command.twice or now_ns() - self._asked_ns >= SOON_NS:
+        elif not command.confirm or now_ns() - self._asked_ns >= SOON_NS:
             self._cancel_confirmation()
             self._do(command)
 
@@ -249,11 +249,11 @@ class ConsoleWindow(Window):
 
     def _lay_out(self) -> None:
         """Lay out the widgets."""
-        said = QVBoxLayout()
+        lines = QVBoxLayout()
         for line in (self.headline, self.progress, self.block):
             line.setMinimumWidth(1)  # a long line must not make the window wider
-            said.addWidget(line)
-        top = _row((said, 1), (self.stop, 0))
+            lines.addWidget(line)
+        top = _row((lines, 1), (self.stop, 0))
         self.live.addWidget(self.strips)
         self.live.addWidget(self.table)
         self.live.setSizes([560, 500])
@@ -288,7 +288,7 @@ class ConsoleWindow(Window):
         self._key("F11", lambda: self.showNormal() if self.isFullScreen() else self.showFullScreen())
         self.note.written.connect(lambda note: self.commanded.emit("note", note))
         self.form.filled.connect(lambda answers: self.commanded.emit("open", answers))
-        self.form.left.connect(lambda: self.show_form(False))
+        self.form.dismissed.connect(lambda: self.show_form(False))
 
     def _stop(self) -> None:
         self._cancel_confirmation()

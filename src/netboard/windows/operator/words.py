@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from enum import Enum
 from math import isnan
 
-from netboard.network.protocol.control import Status
-from netboard.nodes.ports.emergency import LACKING
+from netboard.network.protocol.control import AttemptOutcome, Status
+from netboard.nodes.ports.emergency import AWAITING_RELEASE
 from netboard.windows.operator.lamps import ACTIVE, SILENT, Lamp, Level, over, replayed
 
 PHASES = {
@@ -32,9 +32,6 @@ OUTCOMES = {
     "skipped": "skipped",
 }
 """Text of each outcome of an attempt."""
-
-Attempt = tuple[int, int, int, str, float, str, int]
-"""One item of `netboard.network.protocol.control.Outcomes.attempts`."""
 
 
 class Tone(Enum):
@@ -63,7 +60,7 @@ def headline(status: Status | None, silence: float) -> Line:
         return Line("SESSION OVER", Tone.QUIET)
     if silence > SILENT:
         return Line("LINK LOST", Tone.BAD)
-    if LACKING in status.waiting_for:
+    if AWAITING_RELEASE in status.waiting_for:
         return Line("STOPPED", Tone.BAD)
     if status.phase == "idle":
         return _before(status)
@@ -127,21 +124,21 @@ def advice(status: Status | None, where: str) -> Line:
         return Line(status.notice)
     if not status.opened and status.phase == "idle":
         return Line("Fill in the session form: F3")
-    lacking = [what for what in status.waiting_for if what != LACKING and status.phase not in ACTIVE]
-    waits = lacking and "waiting for" not in status.notice  # often the notice says it already
-    said = (
+    missing = [what for what in status.waiting_for if what != AWAITING_RELEASE and status.phase not in ACTIVE]
+    parts = (
         status.notice,
-        "Waiting for " + ", ".join(lacking) if waits else "",
-        "" if lacking else _next(status),
+        # Often the notice says it already.
+        "Waiting for " + ", ".join(missing) if missing and "waiting for" not in status.notice else "",
+        "" if missing else _next(status),
         f"Next: {status.pending}" if status.pending else "",
     )
-    told = status.notice or lacking or status.pending
-    return Line("; ".join(filter(None, said)), Tone.WATCH if told else Tone.PLAIN)
+    urgent = status.notice or missing or status.pending
+    return Line("; ".join(filter(None, parts)), Tone.WATCH if urgent else Tone.PLAIN)
 
 
 def _next(status: Status) -> str:
     """Return the next key to press, if the session waits for the operator."""
-    if LACKING in status.waiting_for:
+    if AWAITING_RELEASE in status.waiting_for:
         return "release the emergency stop: press Ctrl+R twice"
     if status.phase == "idle":
         return "start the block: F2" if status.armed else "arm the devices: F1, then start the block: F2"
@@ -159,20 +156,20 @@ def worst(lamps: Sequence[tuple[str, Lamp]]) -> Line:
     return Line(f"{named}: {lamp.words}{others}. {lamp.tip}", Tone.BAD if lamp.level == Level.BAD else Tone.WATCH)
 
 
-def commander(status: Status | None, own: str) -> Line:
+def commander(status: Status | None, console: str) -> Line:
     """Return who the commander is."""
     if status is None:
         return Line("", Tone.QUIET)
     if replayed(status):
         return Line("Every console may control a replay", Tone.PLAIN)
-    if status.commander == own:
+    if status.commander == console:
         return Line("You are in command", Tone.GOOD)
     if status.commander:
         return Line(f"{status.commander} is in command. Press T to take over", Tone.WATCH)
     return Line("Nobody is in command: press T, or send a command", Tone.PLAIN)
 
 
-def attempt_cells(attempt: Attempt) -> tuple[str, ...]:
+def attempt_cells(attempt: AttemptOutcome) -> tuple[str, ...]:
     """Return the cells of an attempt's row, one per column of `ATTEMPT_HEADS`."""
     number, trial, count, outcome, seconds, flags, repeats = attempt
     return (
@@ -190,7 +187,7 @@ ATTEMPT_HEADS = ("Block", "Trial", "Attempt", "Outcome", "Time", "Flags", "Repea
 """Column headers of the table of attempts."""
 
 
-def attempt_tone(attempt: Attempt) -> Tone:
+def attempt_tone(attempt: AttemptOutcome) -> Tone:
     """Return the tone of an attempt: flagged, success or other."""
     outcome, flags = attempt[3], attempt[5]
     if flags:

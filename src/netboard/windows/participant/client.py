@@ -25,7 +25,7 @@ from netboard.base.errors import ConfigError, WireError
 from netboard.base.process import NAME, RateLimitedLog
 from netboard.network import keys
 from netboard.network.protocol.codec import decode, encode
-from netboard.network.protocol.joining import Goodbye, Hello, Ping, Pong, Refusal, Welcome
+from netboard.network.protocol.joining import HELLO_INTERVAL_NS, Goodbye, Hello, Ping, Pong, Refusal, Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
 from netboard.network.transport import channels, sockets
 from netboard.stage.view import View
@@ -39,11 +39,8 @@ from netboard.windows.participant.window import BoardWindow, application
 
 log = logging.getLogger(__name__)
 
-ROUND_MS = 50
+PERIOD_MS = 50
 """Interval of the periodic work [ms]."""
-
-HELLO_INTERVAL_NS = 500_000_000
-"""Interval between two `Hello` messages while the display is not connected [ns]."""
 
 REPORT_NS = 500_000_000
 """Interval between two reports of frames [ns]."""
@@ -69,12 +66,12 @@ class DisplayClient(QObject):
         super().__init__(window)
         self._words = load_words(config.display.language)
         markers = open_markers(config.display.markers, station, f"{config.network.host}:{config.network.port}")
-        self.own = config.display
+        self.display = config.display
         self.station = station
         self.window = window
         self.showing = Showing(station, config, self._words, markers, window, player)
         self.tally = self.showing.tally
-        if player is None:  # who plays with the keyboard or the mouse ends the display with Esc
+        if player is None:  # a player ends the display with one press of Esc
             window.in_trial = lambda: self.linked and self.showing.in_trial
         self.session = ""
         self.linked = False
@@ -82,29 +79,29 @@ class DisplayClient(QObject):
         self._seq = 0
         self._over = False
         self._trouble = ""
-        self._said = RateLimitedLog(log)
+        self._problems = RateLimitedLog(log)
         self._view_ns = self._hello_ns = self._report_ns = -(2**62)
         self._link_timeout_ns = round(config.display.link_timeout_ms * 1e6)
         self._address = keys.reach(config.network, f"display.{station}")
         self._views = sockets.view_subscriber(context, self._address.reach(channels.VIEW[station]))
-        self._control = sockets.control_client(
-            context, self._address.reach(channels.CONTROL), f"display.{station}@{NAME}"
-        )
-        self._notifiers = [self._notify(self._views, self._take_views), self._notify(self._control, self._take_words)]
-        self._round = QTimer(self, interval=ROUND_MS)
-        self._round.timeout.connect(self.look_after)
-        self._round.start()
-        self.look_after()
+        control = self._address.reach(channels.CONTROL)
+        self._control = sockets.control_client(context, control, f"display.{station}@{NAME}")
+        handlers = ((self._views, self._take_views), (self._control, self._take_messages))
+        self._notifiers = [self._notify(socket, handler) for socket, handler in handlers]
+        self._periodic_timer = QTimer(self, interval=PERIOD_MS)
+        self._periodic_timer.timeout.connect(self.work_periodically)
+        self._periodic_timer.start()
+        self.work_periodically()
 
     @property
     def config(self) -> Config:
         """The server's configuration of board and block; until it arrives, the local one."""
         return self.showing.config
 
-    def _notify(self, socket: sockets.Socket, slot: Callable[[], None]) -> QSocketNotifier:
-        """Call `slot` whenever a socket may be readable."""
+    def _notify(self, socket: sockets.Socket, handler: Callable[[], None]) -> QSocketNotifier:
+        """Call a handler whenever a socket may be readable."""
         notifier = QSocketNotifier(socket.fileno(), QSocketNotifier.Type.Read, self)
-        notifier.activated.connect(slot)
+        notifier.activated.connect(handler)
         return notifier
 
     def close(self) -> None:
@@ -112,7 +109,7 @@ class DisplayClient(QObject):
         if self._views.closed:
             return
         self.linked = False
-        self._round.stop()
+        self._periodic_timer.stop()
         for notifier in self._notifiers:
             notifier.setEnabled(False)
         if self.session:
@@ -150,7 +147,7 @@ class DisplayClient(QObject):
 
     # --- control -----------------------------------------------------------------------------------------------
 
-    def _take_words(self) -> None:
+    def _take_messages(self) -> None:
         """Drain the control socket and handle the server's messages."""
         while (frame := sockets.receive(self._control)) is not None:
             match self._decode(frame):
@@ -170,7 +167,7 @@ class DisplayClient(QObject):
     def _welcome(self, session: str, text: str) -> None:
         """Apply the server's configuration."""
         try:
-            config = replace(parse(text, "the server's configuration"), display=self.own)
+            config = replace(parse(text, "the server's configuration"), display=self.display)
         except ConfigError as error:
             self._log_once(str(error))
             return
@@ -186,7 +183,7 @@ class DisplayClient(QObject):
     def _measure(self, config: Config) -> None:
         """Warn if the board at its true size is wider than the window."""
         room, wanted = self.window.board.metres_across, extent(config)[0]
-        if self.own.mm_per_pixel > 0 and room < wanted:
+        if self.display.mm_per_pixel > 0 and room < wanted:
             log.warning(
                 "the window is %.0f mm wide but the board needs %.0f mm: its ends may be outside",
                 room * 1e3,
@@ -204,7 +201,7 @@ class DisplayClient(QObject):
     def _log_once(self, trouble: str) -> None:
         """Log a problem once, and keep it to be shown while there is no view."""
         if trouble != self._trouble:
-            self._said.log(trouble)
+            self._problems.log(trouble)
             self._trouble = trouble
 
     def _hello(self, now: int) -> None:
@@ -224,10 +221,10 @@ class DisplayClient(QObject):
 
     # --- periodic work -----------------------------------------------------------------------------------------
 
-    def look_after(self) -> None:
+    def work_periodically(self) -> None:
         """Do the periodic work: drain the sockets, send `Hello`, report frames, detect a lost link."""
         self._take_views()
-        self._take_words()
+        self._take_messages()
         now = now_ns()
         self.showing.read_refresh_rate()
         if now - self._view_ns > self._link_timeout_ns:

@@ -31,7 +31,7 @@ class FrameTally:
         self.painted = 0
         self.dropped = 0
         self._newest: tuple[int, int] | None = None
-        self._waiting: tuple[int, int, int] | None = None
+        self._expected: tuple[int, int, int] | None = None
         self._shown: deque[tuple[int, int, int]] = deque(maxlen=MAX_KEPT)
         self._reported = 0
 
@@ -43,18 +43,18 @@ class FrameTally:
                 self.dropped += max(0, min(missing, round(elapsed / self.period_ns) - 1))
         self._newest = seq, sent_ns
 
-    def wait(self, tick: int, received_ns: int, due_ns: int) -> None:
-        """Note that a picture was handed to the window."""
-        if self._waiting is not None:
+    def expect(self, tick: int, received_ns: int, due_ns: int) -> None:
+        """Note that a picture was handed to the window, which will paint it."""
+        if self._expected is not None:
             self.dropped += 1
-        self._waiting = tick, received_ns, due_ns
+        self._expected = tick, received_ns, due_ns
 
     def paint(self, now_ns: int) -> bool:
-        """Note that the window was painted; return whether that painted a waiting picture."""
-        if self._waiting is None:
+        """Note that the window was painted; return whether that painted an expected picture."""
+        if self._expected is None:
             return False
-        tick, received_ns, due_ns = self._waiting
-        self._waiting = None
+        tick, received_ns, due_ns = self._expected
+        self._expected = None
         self.painted += 1
         self.dropped += max(0, (now_ns - due_ns) // self.period_ns)
         self._shown.append((tick, received_ns, now_ns))

@@ -41,18 +41,18 @@ def grip_of(
 ) -> Grip:
     """Return what is drawn of the player's own hand; the vertical force is + = up, None if unknown [N]."""
     how = _how(words, station, keys) if pointer is not None else words.take_press if keys else words.take_point
-    own = None if view is None else view.left if station == "left" else view.right
-    if own is None or pointer is None:
+    stylus = None if view is None else view.left if station == "left" else view.right
+    if stylus is None or pointer is None:
         return Grip((how, words.play))
     x = to_grain(-config.physics.l if station == "left" else config.physics.l)
-    own, pointer = to_grain(own), to_grain(pointer)
-    mark, spring = ((x - MARK_WIDTH / 2, pointer), (x + MARK_WIDTH / 2, pointer)), _spring(x, pointer, own)
+    stylus, pointer = to_grain(stylus), to_grain(pointer)
+    mark, spring = ((x - MARK_WIDTH / 2, pointer), (x + MARK_WIDTH / 2, pointer)), _spring(x, pointer, stylus)
     if force is None or abs(force) < SMALLEST_FORCE:
         return Grip((how, words.play), mark, spring)
     up = 1.0 if force > 0 else -1.0
     reach = CURSOR_RADIUS + to_grain(ARROW_PER_FORCE * abs(force))
-    label_at = (x, own + up * max(reach + LABEL_GAP, LABEL_CLEAR))
-    return Grip((how, words.play), mark, spring, _arrow(x, own, reach, up), f"{abs(force):.1f} N", label_at)
+    label_at = (x, stylus + up * max(reach + LABEL_GAP, LABEL_CLEAR))
+    return Grip((how, words.play), mark, spring, _arrow(x, stylus, reach, up), f"{abs(force):.1f} N", label_at)
 
 
 def _how(words: DisplayTexts, station: Side, keys: bool) -> str:
@@ -61,19 +61,19 @@ def _how(words: DisplayTexts, station: Side, keys: bool) -> str:
     return how[:1].upper() + how[1:]
 
 
-def _spring(x: float, pointer: float, own: float) -> tuple[Point, ...]:
+def _spring(x: float, pointer: float, stylus: float) -> tuple[Point, ...]:
     """Corners of the spring from the pointer to the stylus [m]."""
-    if pointer == own:
+    if pointer == stylus:
         return ()
-    step = (own - pointer) / (TEETH + 1)
+    step = (stylus - pointer) / (TEETH + 1)
     teeth = ((x + (TOOTH_WIDTH if k % 2 else -TOOTH_WIDTH), pointer + (k + 0.5) * step) for k in range(1, TEETH))
-    return ((x, pointer), (x, pointer + 0.5 * step), *teeth, (x, own - 0.5 * step), (x, own))
+    return ((x, pointer), (x, pointer + 0.5 * step), *teeth, (x, stylus - 0.5 * step), (x, stylus))
 
 
-def _arrow(x: float, own: float, reach: float, up: float) -> tuple[Point, ...]:
+def _arrow(x: float, stylus: float, reach: float, up: float) -> tuple[Point, ...]:
     """Corners of an arrow from the rim of the stylus cursor to `reach` from its centre [m]."""
     neck = max(reach - HEAD_LENGTH, CURSOR_RADIUS)
     shaft, head = ARROW_WIDTH / 2, HEAD_WIDTH / 2
     outline = ((-shaft, CURSOR_RADIUS), (-shaft, neck), (-head, neck), (0.0, reach))
     mirrored = tuple((-aside, along) for aside, along in reversed(outline[:-1]))
-    return tuple((x + aside, own + up * along) for aside, along in (*outline, *mirrored))
+    return tuple((x + aside, stylus + up * along) for aside, along in (*outline, *mirrored))

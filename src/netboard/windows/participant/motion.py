@@ -29,7 +29,7 @@ NEW_CLOCK_NS = 1_000_000_000
 """A view with this much more delay than the quickest one comes from another clock [ns]."""
 
 Rates = tuple[float, float, float, float, float, float]
-"""Rates of z, theta, p, left, right and share, per nanosecond; 0 for what is not shown."""
+"""Rates of z, theta, p, left, right and share; 0 for what is not shown [1/ns]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +37,7 @@ class Motion:
     """The newest view, and the rates to extrapolate it with."""
 
     view: View
-    rates: Rates | None  # rates of z, theta, p, left, right and share; None if nothing is extrapolated [1/ns]
+    rates: Rates | None  # None if nothing is extrapolated [1/ns]
     interval_ns: int  # time between the two newest views [ns]
     # zero of the server's clock on the display's clock, from the recent view with the shortest delay [ns]
     origin_ns: int
@@ -60,7 +60,7 @@ class Motion:
             view,
             z=view.z + ahead * z,
             theta=view.theta + ahead * theta,
-            p=None if view.p is None else _kept(view.p + ahead * p, view, config),
+            p=None if view.p is None else _bounded(view.p + ahead * p, view, config),
             left=None if view.left is None else view.left + ahead * left,
             right=None if view.right is None else view.right + ahead * right,
             share=min(view.share + ahead * share, 1.0),
@@ -77,13 +77,8 @@ def motion_after(motion: Motion | None, view: View, received_ns: int) -> Motion:
     if 0 <= origin - motion.origin_ns < NEW_CLOCK_NS:
         origin = min(origin, motion.origin_ns + round(SKEW * max(elapsed, 0)))
     ticks = view.tick - before.tick
-    alike = (view.phase, view.trial, view.target, view.failures) == (
-        before.phase,
-        before.trial,
-        before.target,
-        before.failures,
-    )
-    if not alike or not 0 < ticks <= MAX_TICKS:
+    changed = any(getattr(view, name) != getattr(before, name) for name in ("phase", "trial", "target", "failures"))
+    if changed or not 0 < ticks <= MAX_TICKS:
         return Motion(view, None, 0, origin)
     interval = ticks * TICK_NS
     rates = (
@@ -102,7 +97,7 @@ def _rate(new: float | None, old: float | None, interval: int) -> float:
     return 0.0 if new is None or old is None else (new - old) / interval
 
 
-def _kept(p: float, view: View, config: Config) -> float:
+def _bounded(p: float, view: View, config: Config) -> float:
     """Limit the ball to where its phase allows: outside or inside the target, and on the board [m]."""
     half, edge = config.geometry.target_width / 2, config.task.fall_distance
     if view.phase == "holding":

@@ -67,13 +67,13 @@ class Showing(QObject):
         super().__init__(window)
         self.config = config
         self._words, self._markers, self._window, self._player = words, markers, window, player
-        self._said = RateLimitedLog(log)
+        self._problems = RateLimitedLog(log)
         self._events: TrialEvents | None = None
         self._motion: Motion | None = None
         self._received_ns = 0
         self._planned_ns = self._due_ns = -(2**62)
         self._shown_ns = self._painting_ns = 0
-        self._record_decision: list[str] = []
+        self._new_events: list[str] = []
         self._to_mark: list[str] = []
         self._refresh_ns = round(1e9 / DEFAULT_REFRESH_HZ)
         self.tally = FrameTally(station, self._refresh_ns)
@@ -102,7 +102,7 @@ class Showing(QObject):
         check(view)
         self.tally.receive(view.seq, view.sent_ns)
         self._events = events_after(self._events, view)
-        self._record_decision += self._events.events
+        self._new_events += self._events.events
         self._motion = motion_after(self._motion, view, received_ns)
         self._received_ns = received_ns
         self._plan(received_ns)
@@ -111,11 +111,11 @@ class Showing(QObject):
         """Show a picture of text and discard the views."""
         self._turn.stop()
         if self._motion is not None:
-            self._record_decision.append("blank")
+            self._new_events.append("blank")
         self._motion = self._events = None
-        self._to_mark += self._record_decision
-        self._record_decision.clear()
-        if not self._window.board.show_picture(self._held(picture, None)):
+        self._to_mark += self._new_events
+        self._new_events.clear()
+        if not self._window.board.show_picture(self._with_grip(picture, None)):
             self._mark()
 
     def close(self) -> None:
@@ -145,18 +145,18 @@ class Showing(QObject):
         self._due_ns = (now if late else self._planned_ns) + self._refresh_ns
         smooth = self.config.display.smooth
         view = motion.at(now + self._painting_ns, self.config) if smooth else motion.view
-        picture = self._held(compose(view, self.config, self._words, events.result), view)
-        self._to_mark += self._record_decision
-        self._record_decision.clear()
+        picture = self._with_grip(compose(view, self.config, self._words, events.result), view)
+        self._to_mark += self._new_events
+        self._new_events.clear()
         if self._window.board.show_picture(picture):
-            self.tally.wait(view.tick, self._received_ns, self._planned_ns)
+            self.tally.expect(view.tick, self._received_ns, self._planned_ns)
             self._shown_ns = now
         else:
             self._mark()
         if smooth and not motion.settled(now):
             self._plan(now_ns())
 
-    def _held(self, picture: Picture, view: View | None) -> Picture:
+    def _with_grip(self, picture: Picture, view: View | None) -> Picture:
         """Add the player's own hand, if there is a player; without a board, only the hint how to play."""
         if self._player is None:
             return picture
@@ -175,5 +175,5 @@ class Showing(QObject):
             try:
                 self._markers.mark(event)
             except NetboardError as error:
-                self._said.log(str(error))
+                self._problems.log(str(error))
         self._to_mark.clear()

@@ -35,8 +35,8 @@ WATCH_MS = 50
 LEAVE_MS = 5000
 """Time for the second key or click that closes a window during a trial or block [ms]."""
 
-USELESS = "This plugin does not support propagateSizeHints()"
-"""Qt logs this for every window of the offscreen platform."""
+IGNORED_MESSAGE = "This plugin does not support propagateSizeHints()"
+"""Message that Qt logs for every window of the offscreen platform."""
 
 FRAME = QMargins(4, 40, 4, 4)
 """Space reserved for the title bar and the frame of a window [pixels]."""
@@ -47,7 +47,7 @@ UNLIMITED = 2**24 - 1
 
 def _log_qt_message(kind: QtMsgType, _where: QMessageLogContext, words: str) -> None:
     """Forward Qt's messages to the log."""
-    if words != USELESS:
+    if words != IGNORED_MESSAGE:
         log.log(logging.DEBUG if kind == QtMsgType.QtDebugMsg else logging.WARNING, "Qt: %s", words)
 
 
@@ -74,14 +74,14 @@ def scale_to_screen(width: int, height: int) -> None:
     if QApplication.instance() is not None:
         return
     app = application()
-    room = room_on(QGuiApplication.primaryScreen())
+    room = largest_size(QGuiApplication.primaryScreen())
     scale = min(room.width() / width, room.height() / height)
     if scale < 1:
         os.environ["QT_SCALE_FACTOR"] = f"{scale * float(os.environ.get('QT_SCALE_FACTOR') or 1):.4f}"
         app.shutdown()
 
 
-def work(seconds: float) -> None:
+def run_events(seconds: float) -> None:
     """Run Qt's event loop for a duration [s]."""
     loop, end = QEventLoop(), QTimer(singleShot=True, interval=round(seconds * 1000))
     end.timeout.connect(loop.quit)
@@ -116,12 +116,12 @@ class Window(QWidget):
         self._leaving = False
 
 
-def run(window: Window, stopping: Callable[[], bool], look: Callable[[], object] = lambda: None) -> None:
-    """Run Qt's event loop until the window is closed or the process is asked to stop; call `look` at each check."""
+def run(window: Window, stopping: Callable[[], bool], poll: Callable[[], object] = lambda: None) -> None:
+    """Run Qt's event loop until the window is closed or the process is asked to stop; call `poll` at each check."""
     app = application()
 
     def watch() -> None:
-        look()
+        poll()
         if stopping():
             app.exit()  # unlike quit, this asks no window
 
@@ -198,14 +198,14 @@ def screens() -> list[QScreen]:
 
 def numbered_screen(number: int) -> QScreen:
     """Return a screen by its number; raise ConfigError if there is none."""
-    there = screens()
-    if number >= len(there):
-        listed = "; ".join(in_words(i, screen) for i, screen in enumerate(there))
+    found = screens()
+    if number >= len(found):
+        listed = "; ".join(in_words(i, screen) for i, screen in enumerate(found))
         raise ConfigError(f"[display] screen: found {number}, expected one of these: {listed}")
-    return there[number]
+    return found[number]
 
 
-def room_on(screen: QScreen) -> QSize:
+def largest_size(screen: QScreen) -> QSize:
     """Return the largest size of a window on a screen, beside panels and its own title bar; offscreen without limit."""
     if os.environ.get("QT_QPA_PLATFORM") == "offscreen":
         return QSize(UNLIMITED, UNLIMITED)
@@ -244,7 +244,7 @@ class BoardWindow(Window):
         """Open the window with the configured screen, size and scale."""
         self.board.mm_per_pixel = display.mm_per_pixel
         screen = numbered_screen(display.screen)
-        self.resize(QSize(display.width, display.height).boundedTo(room_on(screen)))
+        self.resize(QSize(display.width, display.height).boundedTo(largest_size(screen)))
         if display.screen > 0:
             self.move(screen.availableGeometry().topLeft())
         if display.fullscreen:

@@ -98,32 +98,32 @@ def parse_words(text: str, source: str) -> DisplayTexts:
         f"{source}: {key}: unknown text, expected one of {', '.join(known)}" for key in found.keys() - set(known)
     ]
     for key in known:
-        wrong = _wrong(key, found.get(key))
-        if wrong:
-            problems.append(f"{source}: {key}: {wrong}")
+        problem = _problem(key, found.get(key))
+        if problem:
+            problems.append(f"{source}: {key}: {problem}")
     if problems:
         raise ConfigError("\n".join(problems))
     return DisplayTexts(**found)
 
 
-def _wrong(key: str, word: Any) -> str:
+def _problem(key: str, text: Any) -> str:
     """Describe what is wrong with a text; empty if nothing is."""
-    if word is None:
+    if text is None:
         return "missing; expected every text"
-    if not isinstance(word, str) or not word:
-        return f"found {word!r}, expected a text that is not empty"
+    if not isinstance(text, str) or not text:
+        return f"found {text!r}, expected a text that is not empty"
     wanted = FILLED.get(key, set())
     try:
-        asked = {name for _, name, *_ in string.Formatter().parse(word) if name is not None}
+        placeholders = {name for _, name, *_ in string.Formatter().parse(text) if name is not None}
     except ValueError as error:
-        return f"found {word!r}: {error}"
-    if asked != wanted:
+        return f"found {text!r}: {error}"
+    if placeholders != wanted:
         listed = " and ".join(f"{{{name}}}" for name in sorted(wanted))
-        return f"found {word!r}, expected {listed or 'no'} placeholders"
+        return f"found {text!r}, expected {listed or 'no'} placeholders"
     try:
-        word.format(**{name: _SAMPLES.get(name, 1) for name in wanted})
+        text.format(**{name: _SAMPLES.get(name, 1) for name in wanted})
     except (ValueError, AttributeError, LookupError) as error:  # otherwise only in the middle of a session
-        return f"found {word!r}: {error}"
+        return f"found {text!r}: {error}"
     return ""
 
 

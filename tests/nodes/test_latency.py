@@ -8,21 +8,30 @@ import pytest
 from netboard.base.config import Config
 from netboard.base.tables.rig import Network
 from netboard.base.tables.scene import Physics
-from netboard.nodes.ports.round_trips import DELAY_LIMIT, GAINS, MARGIN, MAX_GAIN_STEP, REST, Delays, limit_ns, loops_of
+from netboard.nodes.ports.latency import (
+    CHECKS_TO_WAIT,
+    DELAY_LIMIT,
+    GAINS,
+    MARGIN,
+    MAX_GAIN_STEP,
+    LatencySupervisor,
+    limit_ns,
+    loops_of,
+)
 from netboard.physics.stability.delayed_coupling import Mechanism, largest_round_trip
 
 FIXED = replace(Physics(), board="hinged", I=1e9, hold="zoh")
 
 
-def delays(action: str, physics: Physics = FIXED) -> Delays:
-    return Delays(Config(physics=physics, network=Network(delay_action=action)))  # type: ignore[arg-type]
+def delays(action: str, physics: Physics = FIXED) -> LatencySupervisor:
+    return LatencySupervisor(Config(physics=physics, network=Network(delay_action=action)))  # type: ignore[arg-type]
 
 
-def poll_repeatedly(watch: Delays, left_ms: float, right_ms: float, times: int = 60) -> list[str]:
+def poll_repeatedly(watch: LatencySupervisor, left_ms: float, right_ms: float, times: int = 60) -> list[str]:
     """Poll a number of times and return the names of the events."""
     watch.news.clear()
     for _ in range(times):
-        watch.poll([int(left_ms * 1e6), int(right_ms * 1e6)], felt=True)
+        watch.poll([int(left_ms * 1e6), int(right_ms * 1e6)], haptics=True)
     return [name for name, _ in watch.news]
 
 
@@ -43,13 +52,13 @@ def test_delay_limit_is_recorded_when_the_scene_is_loaded() -> None:
 def test_delay_limits_of_the_agents_override_the_default() -> None:
     watch = delays("warn")
     watch.news.clear()
-    watch.know("left", {DELAY_LIMIT: "12 ms"})
+    watch.take_limit("left", {DELAY_LIMIT: "12 ms"})
     assert watch.limit_ns == 8_000_000  # the other side's is not known
-    watch.know("right", {DELAY_LIMIT: "10.5 ms"})
+    watch.take_limit("right", {DELAY_LIMIT: "10.5 ms"})
     assert [details["limit"] for _, details in watch.news] == ["10.5 ms"]
     assert not poll_repeatedly(watch, 1.0, 5.0)
     for nonsense in ("", "nan ms", "-1 ms", "1e9 ms", "12 s"):
-        watch.know("right", {DELAY_LIMIT: nonsense})
+        watch.take_limit("right", {DELAY_LIMIT: nonsense})
         assert watch.limit_ns == 8_000_000
 
 
@@ -73,10 +82,10 @@ def test_slow_loop_is_reported_once_at_its_start_and_end() -> None:
 def test_open_loop_has_no_delay() -> None:
     watch = delays("warn")
     poll_repeatedly(watch, 5.0, 0.0)
-    assert not isnan(watch.late[0])
-    assert isnan(watch.late[1])
-    watch.poll([5_000_000, 0], felt=False)
-    assert isnan(watch.late[0])
+    assert not isnan(watch.latencies[0])
+    assert isnan(watch.latencies[1])
+    watch.poll([5_000_000, 0], haptics=False)
+    assert isnan(watch.latencies[0])
     assert not watch.notice
 
 
@@ -84,11 +93,11 @@ def test_disarm_action_pauses_the_trial_and_blocks_the_next() -> None:
     watch = delays("disarm")
     poll_repeatedly(watch, 5.0, 1.0)
     assert watch.trouble == watch.notice != ""
-    for _ in range(REST):
-        assert watch.lacking == ("a quicker network",)
-        watch.poll([0, 0], felt=False)
+    for _ in range(CHECKS_TO_WAIT):
+        assert watch.missing == ("a quicker network",)
+        watch.poll([0, 0], haptics=False)
         assert not watch.trouble
-    assert watch.lacking == ()
+    assert watch.missing == ()
 
 
 @pytest.mark.slow
@@ -98,7 +107,7 @@ def test_soften_action_reduces_the_gain_smoothly_and_restores_it(physics: Physic
     quick, slow = 0.4 * watch.limit_ns * 1e-6 / MARGIN, 3.0 * watch.limit_ns * 1e-6 / MARGIN
     before, gains = 1.0, []
     for _ in range(100):
-        watch.poll([int(slow * 1e6), int(quick * 1e6)], felt=True)
+        watch.poll([int(slow * 1e6), int(quick * 1e6)], haptics=True)
         assert abs(watch.gains[0] - before) <= MAX_GAIN_STEP + 1e-12
         before = float(watch.gains[0])
         gains.append(before)
