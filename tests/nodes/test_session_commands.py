@@ -261,7 +261,7 @@ def test_status_of_a_long_block_with_many_peers_fits_its_message(stepped: Steppe
 
 def test_status_before_a_trial_gives_the_reason_of_a_logger_that_left(stepped: SteppedSession) -> None:
     log, reason = stepped.state.ports.log, "the logger has left: /data: only 4 MB free"
-    log._farewell = "/data: only 4 MB free"
+    log._leave_reason = "/data: only 4 MB free"
     log.trouble = reason
     stepped.state.supervisor.notice = "waiting for the logger"
     assert stepped.session._answers.status().notice == f"waiting for the logger; {reason}"
