@@ -190,7 +190,7 @@ def picture(study: Study) -> Picture:
     axes.set_xlim(-0.5, columns[-1] + 0.5)
     axes.set_ylabel(f"change of the cooperative share {POINTS.in_brackets}")
     if len(felt) > 1:
-        axes.legend()
+        axes.legend(loc="best")
     return Picture("passive", TITLE, _caption(found), figure)
 
 

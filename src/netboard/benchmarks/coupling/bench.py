@@ -57,7 +57,9 @@ def draw_limits(found: Sequence[Found]) -> Any:
         axis.set(yscale="log", ylim=(5.0, STIFFEST), xlabel="delay one way (ms)")
         axis.set_title(f"coupling at {at}, {'a fixed end' if end == 'fixed' else 'the board of the paper'}")
     axes[0].set_ylabel("largest stable stiffness (N/m)")
-    axes[0].legend(title="lines: theory, dots: simulated,\ndotted: Gil's rule", fontsize=8, title_fontsize=8)
+    axes[0].legend(
+        loc="best", title="lines: theory, dots: simulated,\ndotted: Gil's rule", fontsize=8, title_fontsize=8
+    )
     return figure
 
 

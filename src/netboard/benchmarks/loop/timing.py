@@ -88,7 +88,7 @@ def draw_histograms(groups: Sequence[Mapping[str, Times]], title: str) -> Any:
                 ax.axvline(mark, color=colour, linestyle=":", linewidth=1.2)
         ax.set_ylabel(f"share in 1/{PER_DECADE} of a decade [1]")
         ax.grid(True, which="major", alpha=0.3)
-        ax.legend()
+        ax.legend(loc="best")
     axes[0].set_title(title)
     axes[-1].set_xscale("log")
     axes[-1].set_xlim(MIN_NS * 1e-6, MAX_NS * 1e-6)

@@ -337,7 +337,7 @@ def draw(found: Part, late: Part) -> Any:
         ax.set_xlabel("time [s]")
         ax.set_ylabel("error of the velocity [mm/s]")
         ax.grid(True, alpha=0.3)
-    reach.legend(fontsize=8)
+    reach.legend(loc="best", fontsize=8)
     trade.set_xscale("log")
     trade.set_title("to the left: quieter; up: more delay is left")
     trade.set_xlabel(str(found.columns[3]))

@@ -133,7 +133,7 @@ def _draw_histogram(axis: Any, found: Trace) -> None:
     beyond = f"; last bar: up to {high:.1f} ms" if high > bins[-1] else ""
     axis.set_xlabel(f"tick begins after its deadline [ms]{beyond}")
     axis.set_ylabel("ticks [1]")
-    axis.legend(fontsize=8, frameon=False)
+    axis.legend(loc="best", fontsize=8, frameon=False)  # named: Matplotlib warns of its default on a slow machine
 
 
 def _draw_course(axis: Any, found: Trace) -> None:
