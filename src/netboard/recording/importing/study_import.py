@@ -15,7 +15,7 @@ from netboard.base.config import Config, parse, resolve
 from netboard.base.errors import ConfigError, NetboardError, RecordingError
 from netboard.base.workers import worker_processes
 from netboard.recording.files.locate import sha256_of
-from netboard.recording.files.offline_writer import name_of
+from netboard.recording.files.offline_writer import recording_name
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.partfile import publish
 from netboard.recording.importing.manifest import Listed, Manifest
@@ -91,7 +91,7 @@ def _job(one: Listed, folder: Path) -> Job:
     config = one.config if beside is None else parse(beside.read_text(encoding="utf-8"), str(beside))
     if not own:
         probe(one.path, one.options.names, one.options.units, one.options.rate)
-    return Job(one.where, one.path, config, one.options, folder / name_of(config, sha256_of(one.path)))
+    return Job(one.where, one.path, config, one.options, folder / recording_name(config, sha256_of(one.path)))
 
 
 def _is_there(job: Job) -> bool:
