@@ -242,14 +242,8 @@ def progress_of(
 
     Parameters
     ----------
-    header : Header
-        Header of the journal.
-    entries : sequence of Entry
-        Entries of the journal.
     plan_blocks : sequence of PlannedBlock
         Blocks of the planned session, in order.
-    source : str
-        Name of the journal, for error messages.
 
     Raises
     ------
@@ -290,18 +284,7 @@ def progress_of(
 
 
 def resume_words(progress: Progress) -> str:
-    """Describe where a session resumes, for the operator.
-
-    Parameters
-    ----------
-    progress : Progress
-        Progress of the session.
-
-    Returns
-    -------
-    str
-        One line of text.
-    """
+    """Describe in one line where a session resumes, for the operator."""
     if progress.complete:
         return f"nothing to resume: all {progress.blocks} blocks are complete"
     where = f"block {progress.block} of {progress.blocks}"
