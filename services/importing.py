@@ -88,7 +88,7 @@ def import_study(manifest: Path, folder: Path, workers: int | None) -> int:
     with interrupted_by_stop_signals(), telling() as tell:
         plan = examine(manifest, folder, tell)
         done, failed = run(plan, folder, workers or cores(), tell) if plan.jobs else ([], [])
-    total = f"{len(done)} imported, {len(plan.there)} already there, {len(failed)} failed"
+    total = f"{len(done)} imported, {len(plan.done)} already there, {len(failed)} failed"
     typer.echo("\n".join((*in_words(done), f"{total}; {time.perf_counter() - began:.1f} s")))
     for line in failed:
         typer.echo(line, err=True)

@@ -10,7 +10,7 @@ from netboard.base.errors import ConfigError, NetboardError
 from netboard.services.options import examples
 
 if TYPE_CHECKING:
-    from netboard.recording.recovery.recover import Report
+    from netboard.recording.recovery.recover import RecoveryReport
 
 app = typer.Typer()
 
@@ -67,7 +67,7 @@ def _files(paths: Sequence[Path]) -> Iterator[Path]:
         yield from found
 
 
-def _print_report(report: "Report") -> None:
+def _print_report(report: "RecoveryReport") -> None:
     """Print what was recovered, and what was not."""
     ticks = "no ticks" if report.first_tick is None else f"ticks {report.first_tick} to {report.last_tick}"
     missing = sum(gap.count for gap in report.missing)

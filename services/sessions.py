@@ -49,13 +49,13 @@ def sessions(
     if not place.is_dir():
         raise RecordingError(f"{place}: no such folder")
     wanted = catalogue.Filter(dyad, study, verdict, None if since is None else since.date(), pilot)
-    found = [entry for entry in map(catalogue.entry_of, catalogue.files_in(place)) if wanted.takes(entry)]
+    found = [entry for entry in map(catalogue.entry_of, catalogue.files_in(place)) if wanted.matches(entry)]
     entries = []
     with progress_bars(Console(stderr=True)) as progress:
         for entry in progress.track(found, description="recordings"):
             counted = catalogue.with_trials(entry)
             entries.append(catalogue.with_check(counted) if full else counted)
-    entries = [entry for entry in entries if wanted.likes(entry)]
+    entries = [entry for entry in entries if wanted.matches_result(entry)]
     console = Console(highlight=False)
     if as_json:
         groups = catalogue.in_order(entries)

@@ -19,7 +19,7 @@ from netboard.task.journal.entries import (
     Resumed,
     Veto,
 )
-from netboard.task.journal.progress import Progress, Row, progress_of
+from netboard.task.journal.progress import OutcomeRow, Progress, progress_of
 from netboard.task.trials.repeats import wants_repeat
 from netboard.task.trials.state_machine import Outcome
 
@@ -124,7 +124,7 @@ def a_run(
     return Server(chance, run, progress_of(HEADER, so_far, plan), rules, plan).entries()
 
 
-def skipped_in_a_pause(before: tuple[Row, ...], row: Row) -> bool:
+def skipped_in_a_pause(before: tuple[OutcomeRow, ...], row: OutcomeRow) -> bool:
     """Whether a trial was skipped of which no attempt was under way."""
     return row[3] == "skipped" and (row[2] == 0 or row[:3] in [other[:3] for other in before])
 

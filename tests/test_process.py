@@ -316,7 +316,7 @@ def test_missing_supervisor_is_logged_once(
     (tmp_path / "notify").unlink()
     with caplog.at_level(logging.INFO), Stopping() as stopping:
         stopping()
-    assert caplog.messages == [f"cannot tell {tmp_path / 'notify'} READY=1 (No such file or directory)"]
+    assert caplog.messages == [f"cannot send READY=1 to {tmp_path / 'notify'} (No such file or directory)"]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX processes")

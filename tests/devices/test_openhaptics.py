@@ -143,7 +143,7 @@ def test_device_info_reports_the_properties_from_the_library(open_device: Opener
     assert (info.max_force, info.continuous_force, info.resolution) == (3.3, 0.88, 0.055e-3)
     assert info.workspace == pytest.approx(Box(-0.035, -0.08, -0.06, 0.035, 0.08, 0.06))
     details = dict(info.details)
-    assert details.pop("max_damping").startswith("not told: HD_INVALID_ENUM (0x0100")
+    assert details.pop("max_damping").startswith("not reported: HD_INVALID_ENUM (0x0100")
     assert details.pop("servo") in SERVOS
     assert details == {
         "name": "Default Device",

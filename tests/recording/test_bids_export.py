@@ -18,7 +18,7 @@ from exported import START_NS, make_rows, same_bits, without_payloads, write
 from netboard.base.errors import RecordingError
 from netboard.base.tick import TICK
 from netboard.recording.export import bids
-from netboard.recording.export.task import HAPPENED
+from netboard.recording.export.task import EVENT_NAMES
 from netboard.recording.files.reader import Recording
 from netboard.task.trials.state_machine import Cause, Phase
 
@@ -167,7 +167,7 @@ def test_events_list_attempts_levelling_and_outcomes(dataset: Path, tmp_path: Pa
 
 
 def test_every_cause_has_an_event_name() -> None:
-    assert set(HAPPENED) == {int(cause) for cause in Cause} - {int(Cause.NONE)}
+    assert set(EVENT_NAMES) == {int(cause) for cause in Cause} - {int(Cause.NONE)}
 
 
 def test_configuration_is_exported_for_each_recording(dataset: Path) -> None:

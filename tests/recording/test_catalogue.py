@@ -53,7 +53,7 @@ def test_filters_select_entries_by_dyad_study_verdict_pilot_and_date(folder: Pat
     entries = [with_trials(entry_of(path)) for path in files_in(folder)]
 
     def names(wanted: Filter) -> set[str]:
-        return {one.path.name for one in entries if wanted.takes(one) and wanted.likes(one)}
+        return {one.path.name for one in entries if wanted.matches(one) and wanted.matches_result(one)}
 
     assert names(Filter(dyad="D02")) == {"early.mcap", "left.mcap.part"}
     assert names(Filter(study="own", verdict="damaged")) == {"left.mcap.part"}

@@ -39,7 +39,7 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_sound_recording_is_complete(sound: Path) -> None:
     progress: list[int] = []
-    report = check(sound, replay=True, tell=progress.append)
+    report = check(sound, replay=True, progress=progress.append)
     assert (report.result, findings_text(report), findings_text(report, Severity.LOSS)) == ("complete", "", "")
     assert report.ticks == len(proofs.rows()) == sum(progress)
     assert report.replay is not None

@@ -24,7 +24,7 @@ from netboard.recording.export.tables import (
     TABLES,
     TICKS,
     TRIALS,
-    Subject,
+    OpenRecording,
 )
 from netboard.recording.export.tabular import write_dictionary
 from netboard.recording.files.reader import Recording
@@ -39,7 +39,7 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def whole(path: Path, table) -> dict[str, np.ndarray]:
     with Recording(path) as recording:
-        portions = list(table.portions(Subject(recording)))
+        portions = list(table.portions(OpenRecording(recording)))
     return {field.name: np.concatenate([rows[field.name] for rows in portions]) for field in table.fields}
 
 
@@ -92,7 +92,7 @@ def test_tables_of_the_other_channels_are_complete(path: Path) -> None:
 def test_recording_without_ticks_has_empty_tables(tmp_path: Path) -> None:
     path = write(tmp_path / "S01.mcap", make_rows()[:0])
     with Recording(path) as recording:
-        assert list(TICKS.portions(Subject(recording))) == []
+        assert list(TICKS.portions(OpenRecording(recording))) == []
     assert whole(path, TRIALS)["number"].dtype == np.int64
     assert whole(path, TRIALS)["number"].size == 0
 

@@ -14,10 +14,10 @@ from netboard.recording.export import formats
 from netboard.recording.importing import hand_files
 from netboard.recording.importing.hand_files import (
     HAND_COLUMNS,
-    doubts,
     find_inputs,
     plan_outputs,
     read_hands,
+    velocity_warnings,
     write_table,
 )
 
@@ -169,7 +169,7 @@ def test_any_text_is_parsed_or_refused(tmp_path_factory: pytest.TempPathFactory,
 def test_velocity_that_contradicts_the_position_raises_a_doubt(factor: float, words: str) -> None:
     t = np.arange(1001) / 1000
     z, vz = 0.02 * np.sin(7 * t), 0.14 * np.cos(7 * t)
-    found = doubts(Hands(t, np.stack([z, z], 1), np.stack([factor * vz, vz], 1)))
+    found = velocity_warnings(Hands(t, np.stack([z, z], 1), np.stack([factor * vz, vz], 1)))
     assert len(found) == (1 if words else 0)
     assert not words or (found[0].startswith("v_left is not the rate of z_left: it ") and words in found[0])
 
@@ -181,7 +181,7 @@ def test_noise_and_lag_raise_no_doubt() -> None:
     hands = Hands(
         t, np.stack([z, 1e-5 * random.normal(size=3001)], 1), np.stack([vz, 0.01 * random.normal(size=3001)], 1)
     )
-    assert doubts(hands) == []
+    assert velocity_warnings(hands) == []
 
 
 # --- which files -------------------------------------------------------------------------------------------------

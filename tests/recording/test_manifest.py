@@ -168,7 +168,7 @@ def test_killed_worker_leaves_only_complete_recordings_and_can_be_resumed(study:
     assert not list(Path("out").glob(f"{UNNAMED}*"))
     assert [check(path).severity for path in Path("out").iterdir()] == [Severity.SOUND] * 2
     again = examine(study, Path("out"), quiet)
-    assert (len(again.jobs), len(again.there)) == (2, 2)
+    assert (len(again.jobs), len(again.done)) == (2, 2)
 
 
 @pytest.mark.slow

@@ -31,7 +31,7 @@ from netboard.recording.files.reader import Recording
 from netboard.recording.files.writer import RecordingWriter
 from netboard.recording.format.partfile import PartFile
 from netboard.recording.format.summary import Gap
-from netboard.recording.recovery.recover import Report, recover
+from netboard.recording.recovery.recover import RecoveryReport, recover
 from netboard.services.cli import app
 from samples import CONFIG_TEXT, OPENED_NS, fill, metadata, new_writer, random_rows, records, write_recording
 
@@ -70,7 +70,7 @@ def chunk_ticks(path: Path) -> list[tuple[int, int, list[int]]]:
     return found
 
 
-def recovered_ticks(tmp_path: Path, data: bytes, rows: NDArray[Any] = ROWS) -> tuple[list[int], Report]:
+def recovered_ticks(tmp_path: Path, data: bytes, rows: NDArray[Any] = ROWS) -> tuple[list[int], RecoveryReport]:
     """Recover some bytes; check that the result is sound and that its rows equal the written ones."""
     source, output = tmp_path / "broken.mcap.part", tmp_path / "out.mcap"
     output.unlink(missing_ok=True)

@@ -9,7 +9,7 @@ import pytest
 import proofs
 from netboard.base.config import Config
 from netboard.recording.counterfactual.figure import draw
-from netboard.recording.counterfactual.what_if import attempts_of, most_telling, save, what_if
+from netboard.recording.counterfactual.what_if import attempt_to_show, save, ticks_of_attempts, what_if
 from netboard.recording.files.reader import Recording
 from netboard.recording.files.writer import RecordingWriter
 from netboard.recording.integrity.checking import check
@@ -82,7 +82,7 @@ def test_missing_ticks_in_an_attempt_add_no_ticks_from_after_it() -> None:
     for one in found.comparisons:
         stop = min(one.then.stop, one.now.stop)
         assert one.common == np.count_nonzero((rows["tick"] >= one.then.tick) & (rows["tick"] < stop))
-    kept = attempts_of(found)
+    kept = ticks_of_attempts(found)
     assert np.isin(found.recorded["phase"][np.isin(rows["tick"], kept["tick"])], BALL_FREE).all()
     line = draw(found, [], found.comparisons[0]).axes[0].lines[0]
     assert len(line.get_xdata()) == first.then.stop - first.then.tick - 1000
@@ -117,7 +117,7 @@ def test_saved_result_verifies_and_names_its_source(tmp_path: Path) -> None:
     with Recording(source) as recording:
         found = what_if(recording.ticks(), make_stage(config))
         kept = save(tmp_path / "b.mcap", found, config, recording.metadata, "a.mcap", ["physics.model=lagrangian"])
-    rows = attempts_of(found)
+    rows = ticks_of_attempts(found)
     assert verify(make_stage(config), rows).identical
     report = check(tmp_path / "b.mcap", replay=True)
     assert (report.result, report.ticks) == ("complete with listed losses", kept)
@@ -132,7 +132,7 @@ def test_figure_has_units_on_every_axis(tmp_path: Path) -> None:
     labels = [axis.get_ylabel() for axis in figure.axes]
     assert len(labels) == 8
     assert all(label.endswith(")") for label in labels)
-    shown = most_telling(found.comparisons)
+    shown = attempt_to_show(found.comparisons)
     assert f"trial {shown.then.trial}" in figure.axes[0].get_title()
     figure.savefig(tmp_path / "figure.png")
     assert (tmp_path / "figure.png").read_bytes()[:4] == b"\x89PNG"

@@ -24,7 +24,7 @@ from netboard.benchmarks.harness.results import Part, show
 from netboard.devices.contract.device import Reading
 from netboard.devices.contract.profile import Placement
 from netboard.devices.setup.identification import Identified
-from netboard.devices.setup.listing import BackendState, Listed, Listing
+from netboard.devices.setup.listing import BackendState, ListedDevice, Listing
 from netboard.devices.setup.words import (
     findings_table,
     identified_table,
@@ -66,10 +66,10 @@ VERDICTS = [Verdict(trial, attempt, 0, 1, Cause.FELL, nan, tuple(FLAGS)) for tri
 LISTING = Listing(
     devices=(
         *(
-            Listed("Touch (formerly PHANTOM Omni)", f"2011270{k}", f"0483:572{k}", f"usb 1-{k}", ("pyusb",))
+            ListedDevice("Touch (formerly PHANTOM Omni)", f"2011270{k}", f"0483:572{k}", f"usb 1-{k}", ("pyusb",))
             for k in "123"
         ),
-        Listed("Falcon", "", "0403:cb48", "usb 2-1", ("pyusb", "hidapi"), ("/dev/bus/usb/002/003",)),
+        ListedDevice("Falcon", "", "0403:cb48", "usb 2-1", ("pyusb", "hidapi"), ("/dev/bus/usb/002/003",)),
     ),
     backends=(BackendState("openhaptics", ADVICE), BackendState("falcon", "")),
     remarks=(),

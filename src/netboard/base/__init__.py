@@ -3,9 +3,9 @@
 Errors, the configuration's tables, compiled kernels, the clock, and what a process owes its machine.
 
 Open `config` first: one TOML text becomes frozen dataclasses (`tables`), read and written by `settings`. `tick`
-declares the columns of a tick, `compiled` how numba kernels are compiled and cached. `clock`, `process`, `workers`,
-`terminal`, `new_file` and `figure_file` are the only modules here that touch the machine; the pure wings (`physics`,
-`task`, `stage`, `participants`) may import all others. This wing contains no physics, trials or network.
+declares the columns of a tick, `compiled` how numba kernels are compiled and cached. The pure wings (`physics`, `task`,
+`stage`, `participants`) import these and `errors`, and `terminal` for tables; all other modules here use the machine:
+its clock, processes, files and terminal. This wing contains no physics, trials or network.
 
 Parameters
 ----------
@@ -17,4 +17,10 @@ text : str
     The TOML text; missing tables and keys take their defaults.
 source : str
     Name of the file, for error messages.
+path : tuple of str
+    Name of a table in TOML, one item per dot; empty for the whole.
+physics : Physics
+    The table ``[physics]``.
+declared : sequence of str
+    Words that a key may have; the number of a word is its place.
 """

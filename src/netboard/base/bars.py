@@ -18,16 +18,9 @@ from rich.progress import (
 
 
 def progress_bars(console: Console, *more: str | ProgressColumn, shown: bool = True) -> Progress:
-    """Return progress bars with the elapsed and the remaining time, which disappear at the end.
+    """Return progress bars with elapsed and remaining time, which disappear at the end; shown on a terminal only.
 
-    Parameters
-    ----------
-    console : Console
-        Where they are shown, if it is a terminal.
-    *more : str or ProgressColumn
-        Further columns beside the bar, for example ``"{task.completed} ticks"``.
-    shown : bool
-        False: show none.
+    ``more``: further columns beside the bar, for example ``"{task.completed} ticks"``.
     """
     columns = (TextColumn("{task.description}"), BarColumn(), *more, TimeElapsedColumn(), TimeRemainingColumn())
     return Progress(*columns, console=console, transient=True, disable=not (shown and console.is_terminal))

@@ -52,13 +52,7 @@ _IMPORT = re.compile(r"^[ \t]*(?:from|import)[ \t]+(netboard[\w.]*)(?:[ \t]+impo
 
 
 def sources(package: Path) -> list[Path]:
-    """Return the files of a copy of the package on which the machine code of its kernels may depend.
-
-    Parameters
-    ----------
-    package : Path
-        Folder of the package.
-    """
+    """Return the files, in the folder of a copy of the package, on which the machine code of its kernels may depend."""
     paths = {_module(path, package): path for path in package.rglob("*.py")}
     texts = {name: path.read_text(encoding="utf-8") for name, path in paths.items()}
     left = [name for name, text in texts.items() if "compiled" in text and "netboard.base.compiled" in _imports(text)]
@@ -183,12 +177,12 @@ def _locked(name: str) -> Iterator[None]:
         return
     with file:  # closing it unlocks it
         until = time.monotonic() + PATIENCE_S
-        while not _take(file) and time.monotonic() < until:
+        while not _try_lock(file) and time.monotonic() < until:
             time.sleep(0.02)
         yield
 
 
-def _take(file: IO[str]) -> bool:
+def _try_lock(file: IO[str]) -> bool:
     """Lock a file if no other process has; where files cannot be locked, each process compiles for itself."""
     if sys.platform == "win32":
         return True

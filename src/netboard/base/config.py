@@ -69,11 +69,6 @@ def parse(text: str, source: str = "netboard.toml", overrides: Sequence[str] = (
     overrides : sequence of str
         Settings as ``table.key=value`` that take precedence over those of the text.
 
-    Returns
-    -------
-    Config
-        The configuration.
-
     Raises
     ------
     ConfigError
@@ -89,58 +84,28 @@ def parse(text: str, source: str = "netboard.toml", overrides: Sequence[str] = (
 
 
 def resolve(config: Config) -> str:
-    """Write a configuration in full.
-
-    Returns
-    -------
-    str
-        TOML text with every key; `parse` returns an equal configuration, to the last bit.
-    """
+    """Write every key of a configuration as TOML; `parse` returns an equal configuration, to the last bit."""
     return write(config)
 
 
 def template() -> str:
-    """Write the defaults with a comment at every key, as a template.
-
-    Returns
-    -------
-    str
-        TOML text.
-    """
+    """Write the defaults as TOML, with a comment at every key."""
     return TEMPLATE_HEAD + write_template(Config)
 
 
 def played_sides(config: Config) -> tuple[Side, ...]:
-    """Return the sides that are played in their display's window.
-
-    Returns
-    -------
-    tuple of {"left", "right"}
-        Those whose device is the mouse.
-    """
+    """Return the sides whose device is the mouse: a person plays them in the display's window."""
     agents = {"left": config.agents.left, "right": config.agents.right}
     return tuple(side for side in SIDES if agents[side].device == MOUSE)
 
 
 def digest(config: Config) -> str:
-    """Return the hash of a configuration; equal configurations have equal hashes.
-
-    Returns
-    -------
-    str
-        SHA-256 of the resolved text, in hexadecimal.
-    """
+    """Return the SHA-256 of a resolved configuration, in hexadecimal; equal configurations have equal hashes."""
     return hashlib.sha256(resolve(config).encode()).hexdigest()
 
 
 def contradictions(config: Config) -> Iterator[str]:
-    """Find keys that are valid by themselves and contradict each other.
-
-    Yields
-    ------
-    str
-        One sentence for each, with table, key, value and the expected value.
-    """
+    """Yield a sentence for all keys that contradict each other, with table, key, value and the expected value."""
     yield from contradictions_of_scene(config.physics)
     yield from _of_friction(config.physics)
     yield from _of_block(config.block)
@@ -151,18 +116,7 @@ def contradictions(config: Config) -> Iterator[str]:
 
 
 def contradictions_of_scene(physics: Physics) -> Iterator[str]:
-    """Find keys of a scene that contradict each other.
-
-    Parameters
-    ----------
-    physics : Physics
-        The table ``[physics]``.
-
-    Yields
-    ------
-    str
-        One sentence for each, as in `contradictions`.
-    """
+    """Yield a sentence, as in `contradictions`, for all keys of a scene that contradict each other."""
     needs: dict[str, tuple[bool, str]] = {
         "ball_inertia": (physics.balls > 0, "balls = 1 or more"),
         "ball_stop": (physics.balls > 0, "balls = 1 or more"),
@@ -248,8 +202,8 @@ def _of_force(block: Block, physics: Physics) -> Iterator[str]:
     for key, (fine, expected) in needs.items():
         if not fine:
             found = getattr(block, key)
-            said = f'"{found}"' if isinstance(found, str) else str(list(found) if isinstance(found, tuple) else found)
-            yield f'[block] {key}: found {said}, expected {expected} with [physics] coupling_at = "both"'
+            shown = f'"{found}"' if isinstance(found, str) else str(list(found) if isinstance(found, tuple) else found)
+            yield f'[block] {key}: found {shown}, expected {expected} with [physics] coupling_at = "both"'
 
 
 def _of_sizes(geometry: Geometry, task: Task, physics: Physics) -> Iterator[str]:

@@ -58,7 +58,7 @@ def writing(path: object, kind: type[NetboardError] = RecordingError) -> Iterato
     path : object
         File or folder, as the message names it.
     kind : type
-        Exception to raise.
+        Class of the exception to raise.
     """
     try:
         yield

@@ -123,22 +123,22 @@ class Supervisor:
         if self._address:
             self._notify("STOPPING=1")
 
-    def _notify(self, words: str) -> bool:
+    def _notify(self, message: str) -> bool:
         """Send a message without blocking; return whether it was accepted. Stop sending when the supervisor is gone."""
         try:
             with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as to:
                 to.setblocking(False)
-                to.sendto(words.encode(), self._address)
+                to.sendto(message.encode(), self._address)
         except BlockingIOError:  # the socket is full
             return False
         except OSError as error:
-            log.warning("cannot tell %s %s (%s)", self._address, words, error.strerror)
+            log.warning("cannot send %s to %s (%s)", message, self._address, error.strerror)
             self._address = ""
             return False
         return True
 
 
-def _heeded() -> list[signal.Signals]:
+def _handled_signals() -> list[signal.Signals]:
     """Return the stop signals, without that of a closing terminal if `nohup` lets this process ignore it."""
     return [one for one in STOP_SIGNALS if one.name != "SIGHUP" or signal.getsignal(one) is not signal.SIG_IGN]
 
@@ -149,7 +149,7 @@ def interrupted_by_stop_signals() -> Iterator[None]:
 
     A closing terminal that `nohup` lets this process ignore stays ignored.
     """
-    before = {number: signal.signal(number, signal.default_int_handler) for number in _heeded()}
+    before = {number: signal.signal(number, signal.default_int_handler) for number in _handled_signals()}
     try:
         yield
     finally:
@@ -166,21 +166,21 @@ class Stopping:
     """
 
     def __init__(self) -> None:
-        self._asked = False
+        self._requested = False
         self._parent = os.getppid() if os.environ.get(STOP_WITH_PARENT) else None
         self._before: dict[int, object] = {}
         self._supervisor = Supervisor()
 
     def __call__(self) -> bool:
         """Return whether a stop was requested, or the parent process has ended."""
-        stop = self._asked or (self._parent is not None and os.getppid() != self._parent)
+        stop = self._requested or (self._parent is not None and os.getppid() != self._parent)
         if not stop:
             self._supervisor.alive()
         return stop
 
     def __enter__(self) -> Self:
-        for number in _heeded():
-            self._before[number] = signal.signal(number, self._ask)
+        for number in _handled_signals():
+            self._before[number] = signal.signal(number, self._request)
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -189,8 +189,8 @@ class Stopping:
         self._before.clear()
         self._supervisor.stopping()
 
-    def _ask(self, number: int, frame: FrameType | None) -> None:
-        self._asked = True
+    def _request(self, number: int, frame: FrameType | None) -> None:
+        self._requested = True
         for each in self._before:
             signal.signal(each, signal.default_int_handler)
 
@@ -226,16 +226,16 @@ def prepare(wanted: Realtime, priority: int, cpus: str) -> dict[str, str]:
     ``cpus``: CPUs it may run on, as in ``0,2-3``; empty for any. Returns the result of each request: `OK`, `OFF`, or
     the reason of a refusal.
     """
-    asked: dict[str, Callable[[], None] | None] = {
+    requests: dict[str, Callable[[], None] | None] = {
         "scheduling": partial(_schedule, priority) if wanted.scheduling else None,
         "cpus": partial(_stay_on, cpus) if cpus else None,
         "memory": _lock_memory if wanted.lock_memory else None,
         "timer_slack": _wake_in_time if wanted.scheduling else None,
         "core_sleep": _keep_awake if wanted.scheduling else None,
     }
-    came = {what: OFF if how is None else _tried(what, how) for what, how in asked.items()}
-    log.info("real time: %s", ", ".join(f"{what} {how}" for what, how in came.items() if how in {OK, OFF}))
-    return came
+    results = {what: OFF if request is None else _tried(what, request) for what, request in requests.items()}
+    log.info("real time: %s", ", ".join(f"{what} {result}" for what, result in results.items() if result in {OK, OFF}))
+    return results
 
 
 def cpus_for(loop: str, wanted: Realtime) -> str:
@@ -252,9 +252,9 @@ def cpus_for(loop: str, wanted: Realtime) -> str:
     return str(have[-1 - PLACES.index(loop)]) if len(have) >= enough else ""
 
 
-def io_priority(came: dict[str, str], priority: int) -> int | None:
+def io_priority(results: dict[str, str], priority: int) -> int | None:
     """Return the SCHED_FIFO priority of ZeroMQ's threads, by the results of `prepare`; None for normal scheduling."""
-    return priority + IO_PRIORITY_STEP if came["scheduling"] == OK else None
+    return priority + IO_PRIORITY_STEP if results["scheduling"] == OK else None
 
 
 def leave_reserved_cpus(wanted: Realtime) -> None:
@@ -275,10 +275,10 @@ def cpu_set(cpus: str) -> set[int]:
     return numbers
 
 
-def _tried(what: str, ask: Callable[[], None]) -> str:
+def _tried(what: str, request: Callable[[], None]) -> str:
     """Make a request; log a refusal, which is not fatal."""
     try:
-        ask()
+        request()
     except OSError as error:
         log.info("real time: %s refused (%s); continuing without it", what, error.strerror)
         return str(error.strerror)
@@ -438,13 +438,13 @@ class RateLimitedLog:
 
     def __init__(self, log: logging.Logger) -> None:
         self._log = log
-        self._times = 0
-        self._said = -LOG_INTERVAL_S
+        self._count = 0  # events since the last line
+        self._logged = -LOG_INTERVAL_S  # time of the last line
 
     def log(self, text: str) -> None:
         """Log the event, or only count it."""
-        self._times += 1
+        self._count += 1
         now = time.monotonic()
-        if now - self._said >= LOG_INTERVAL_S:
-            self._log.warning("%s%s", text, f" (the last of {self._times})" if self._times > 1 else "")
-            self._said, self._times = now, 0
+        if now - self._logged >= LOG_INTERVAL_S:
+            self._log.warning("%s%s", text, f" (the last of {self._count})" if self._count > 1 else "")
+            self._logged, self._count = now, 0

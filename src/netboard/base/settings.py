@@ -97,17 +97,17 @@ class Key:
     Attributes
     ----------
     name : str
-        Its name.
+        Key as written in TOML.
     kind : str
-        The values it takes, in words, such as "a number" or "left or right".
+        Values that it takes, in words, such as "a number" or "left or right".
     unit : str
         SI unit symbol, "1" for a pure number, "" if it is not a quantity.
     limits : str
         Limits in words, empty if there are none.
     text : str
-        Description.
+        One-line description for users.
     default : object
-        Its default.
+        Value of a missing key.
     plain_text : bool
         True if it takes text of any form.
     """
@@ -134,11 +134,11 @@ class Table:
     Attributes
     ----------
     path : tuple of str
-        Its name in TOML, one item per dot; empty for the whole.
+        Name in TOML, one item per dot; empty for the whole.
     text : str
-        Description.
+        Docstring of the dataclass.
     keys : tuple of Key
-        Its keys, in order.
+        Keys of the table itself, in the order of its fields.
     tables : tuple of str
         Names of the tables within it.
     """
@@ -155,18 +155,7 @@ class Table:
 
 
 def tables(cls: type[Any], path: Path = ()) -> Iterator[Table]:
-    """Walk a dataclass of dataclasses: a table, then the tables within it.
-
-    Parameters
-    ----------
-    path : tuple of str
-        Its own name in TOML.
-
-    Yields
-    ------
-    Table
-        A table.
-    """
+    """Walk a dataclass of dataclasses: yield a table, then the tables within it."""
     hints = get_type_hints(cls, include_extras=True)
     fields = dataclasses.fields(cls)
     inner = [f.name for f in fields if dataclasses.is_dataclass(hints[f.name])]
@@ -195,7 +184,7 @@ def _key(field: dataclasses.Field[Any], hint: Any) -> Key:
 
 
 def _kind_words(kind: Any) -> str:
-    """Say what values a type takes."""
+    """Describe the values that a type takes."""
     if get_origin(kind) is Literal:
         return " or ".join(f'"{choice}"' for choice in get_args(kind))
     if get_origin(kind) is tuple:
@@ -208,7 +197,7 @@ def _kind_words(kind: Any) -> str:
 
 
 def _many(kind: Any) -> str:
-    """Say what several values of a type are."""
+    """Describe several values of a type."""
     if get_origin(kind) is Literal:
         return ", ".join(f'"{choice}"' for choice in get_args(kind))
     return {str: "texts", StrictStr: "texts", float: "numbers", Number: "numbers"}.get(kind, "whole numbers")
@@ -218,7 +207,7 @@ def _many(kind: Any) -> str:
 
 
 def read(adapter: TypeAdapter[T], cls: type[T], text: str, source: str, overrides: Sequence[str] = ()) -> T:
-    """Check a TOML text and turn it into a dataclass.
+    """Check a TOML text and turn it into a dataclass of settings.
 
     Parameters
     ----------
@@ -226,11 +215,6 @@ def read(adapter: TypeAdapter[T], cls: type[T], text: str, source: str, override
         pydantic's validator of the dataclass.
     overrides : sequence of str
         Settings as ``table.key=value`` that override those of the text.
-
-    Returns
-    -------
-    dataclass
-        The settings.
 
     Raises
     ------
@@ -252,26 +236,17 @@ def read(adapter: TypeAdapter[T], cls: type[T], text: str, source: str, override
 
 
 def _has(values: Any, path: Path) -> bool:
-    """Tell whether a table or key was given."""
+    """Return whether a table or key was given."""
     return not path or (isinstance(values, dict) and path[0] in values and _has(values[path[0]], path[1:]))
 
 
 def check(cls: type[T], values: dict[str, Any], path: Path) -> T:
-    """Check one table that has been read already and turn it into a dataclass.
+    """Check one table that has been read already and turn it into a dataclass, which has no tables within it.
 
     Parameters
     ----------
-    cls : type
-        The dataclass; it has no tables within it.
     values : dict
         Keys and values; missing keys take their defaults.
-    path : tuple of str
-        The table's name, one item per dot.
-
-    Returns
-    -------
-    dataclass
-        The settings.
 
     Raises
     ------
@@ -394,12 +369,7 @@ def to_toml(value: str | bool | int | float | tuple[int | float | str, ...]) -> 
     Parameters
     ----------
     value : str, bool, int, float or tuple of these
-        The value.
-
-    Returns
-    -------
-    str
-        Its TOML.
+        Value of a key.
     """
     if isinstance(value, tuple):
         return f"[{', '.join(map(to_toml, value))}]"
@@ -411,17 +381,12 @@ def to_toml(value: str | bool | int | float | tuple[int | float | str, ...]) -> 
 
 
 def write(settings: Any) -> str:
-    """Write a dataclass of dataclasses as TOML, every key of it.
+    """Write every key of a dataclass of dataclasses as TOML, which reads back as equal settings.
 
     Parameters
     ----------
     settings : dataclass
-        The settings.
-
-    Returns
-    -------
-    str
-        TOML text; reading it gives equal settings.
+        The whole configuration, a study or a profile.
     """
     lines: list[str] = []
     for table in tables(type(settings)):
@@ -433,13 +398,7 @@ def write(settings: Any) -> str:
 
 
 def write_template(cls: type[Any]) -> str:
-    """Write the defaults as TOML, with what every key is, its unit and its limits as comments.
-
-    Returns
-    -------
-    str
-        TOML text; reading it gives the defaults.
-    """
+    """Write the defaults as TOML, with the description, unit and limits of every key as comments."""
     lines: list[str] = []
     for table in tables(cls):
         lines += _table_lines(table, {key.name: key.default for key in table.keys}, comments=True)
@@ -447,7 +406,7 @@ def write_template(cls: type[Any]) -> str:
 
 
 def _table_lines(table: Table, values: dict[str, Any], *, comments: bool) -> list[str]:
-    """One table, with a table of its own for each key whose value is one."""
+    """Write one table, with a further table for each key whose value is one."""
     if not values:
         return []
     plain = [(key, f"{key.name} = {to_toml(values[key.name])}") for key in table.keys if not _is_table(values, key)]
@@ -464,12 +423,12 @@ def _table_lines(table: Table, values: dict[str, Any], *, comments: bool) -> lis
 
 
 def _is_table(values: dict[str, Any], key: Key) -> bool:
-    """Whether the value of this key is a table."""
+    """Return whether the value of this key is a table."""
     return isinstance(values[key.name], dict)
 
 
 def _comment(key: Key) -> str:
-    """Say what a key is, its unit and its limits (or choices)."""
+    """Return description, unit and limits (or choices) of a key."""
     unit = f" [{key.unit}]" if key.unit else ""
     limits = f"{key.kind} {key.limits}".strip() if key.kind.startswith('"') else key.limits
     return f"{key.text}{unit}" + (f"; {limits}" if limits else "")

@@ -114,10 +114,7 @@ SERVICE = np.dtype(
                 (f"{side}_x", "<f8"),  # the lateral position as sent [m]
                 (f"{side}_y", "<f8"),
                 (f"{side}_rendered", "<f8"),  # vertical force the agent last handed to the device; NaN: not known [N]
-                (
-                    f"{side}_safeguards",
-                    "<i8",
-                ),  # actions of its safety chain (netboard.network.protocol.motion.Safeguard)
+                (f"{side}_safeguards", "<i8"),  # actions of its safety chain, as in RENDERED
                 (f"{side}_buttons", "<i8"),  # bit mask of pressed buttons
                 (f"{side}_loop_ns", "<i8"),  # stylus read to rendering of the force computed from it [ns]
                 (f"{side}_lead_ns", "<i8"),  # how long before the deadline of a tick the sample arrived [ns]

@@ -60,11 +60,11 @@ def follow(z: float, vz: float, before: float, after: float, dt: float, rate: fl
     """
     slope = (after - before) / dt
     lag = 2.0 * slope / rate  # steady-state lag behind a uniformly moving rest point
-    off = z - before + lag
-    turn = vz - slope + rate * off
+    offset = z - before + lag
+    turn = vz - slope + rate * offset
     decay = exp(-rate * dt)
-    left = off + turn * dt
-    return after - lag + left * decay, slope + (turn - rate * left) * decay
+    remaining = offset + turn * dt
+    return after - lag + remaining * decay, slope + (turn - rate * remaining) * decay
 
 
 @final
@@ -75,7 +75,7 @@ class MouseStylus(Device):
         super().__init__(side, config)
         self._options = self.read_options(Options)
         self._written = (0.0, 0.0, 0.0)
-        self._let_go()
+        self._reset()
 
     @property
     def felt(self) -> float:
@@ -94,7 +94,7 @@ class MouseStylus(Device):
         self._in_hand = z is not None
         self._pointed_ns = now_ns
 
-    def _let_go(self) -> None:
+    def _reset(self) -> None:
         """Forget the player and rest the stylus in the middle."""
         self._pointer = self._aim = self._z = self._vz = 0.0
         self._in_hand = False
@@ -141,4 +141,4 @@ class MouseStylus(Device):
         self._written = (fx * share, fy * share, fz * share)
 
     def _close(self) -> None:
-        self._let_go()
+        self._reset()

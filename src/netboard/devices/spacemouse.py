@@ -84,7 +84,7 @@ class SpaceMouse(Device):
         super().__init__(side, config)
         self._options = self.read_options(Options)
         self._hid: Any = None
-        self._rest()
+        self._reset()
 
     @classmethod
     def present(cls, config: Config) -> tuple[Found, ...]:
@@ -92,7 +92,7 @@ class SpaceMouse(Device):
         _hidapi()
         return ()
 
-    def _rest(self) -> None:
+    def _reset(self) -> None:
         """Centre the stylus, with the cap released."""
         self._push = self._place = AT_REST
         self._buttons = 0
@@ -113,7 +113,7 @@ class SpaceMouse(Device):
             ) from error
         device.set_nonblocking(1)
         self._hid = device
-        self._rest()
+        self._reset()
         self._light(on=True)
         return self._info_of(name, found)
 
@@ -129,9 +129,9 @@ class SpaceMouse(Device):
             details={"path": _path_of(found), "mode": self._options.mode, "axes": "scene x, y, z = HID y, x, -z"},
         )
 
-    def _find(self, there: list[dict[str, Any]]) -> dict[str, Any]:
+    def _find(self, connected: list[dict[str, Any]]) -> dict[str, Any]:
         """Select a device; one with several interfaces appears several times in the list."""
-        mice = [one for one in there if (one["vendor_id"], one["product_id"]) in SPACEMOUSE]
+        mice = [one for one in connected if (one["vendor_id"], one["product_id"]) in SPACEMOUSE]
         caps = [one for one in mice if (one["usage_page"], one["usage"]) == MULTI_AXIS]
         mice = caps or [one for one in mice if one["usage_page"] == 0]
         wanted = self._options
@@ -189,15 +189,15 @@ class SpaceMouse(Device):
         """Move one axis at the commanded velocity, up to the workspace limit; return position and velocity."""
         wall = self._options.workspace
         speed = push * self._options.speed
-        there = min(max(at + speed * dt, -wall), wall)
-        return there, 0.0 if abs(there) == wall and there * speed > 0.0 else speed
+        at = min(max(at + speed * dt, -wall), wall)
+        return at, 0.0 if abs(at) == wall and at * speed > 0.0 else speed
 
     def _follow(self, at: float, push: float, dt: float) -> tuple[float, float]:
         """Move one axis towards the commanded displacement; return position and velocity."""
         wall = self._options.workspace
         goal = min(max(push * self._options.reach, -wall), wall)
-        there = goal + (at - goal) * exp(-dt / LAG)
-        return there, (goal - there) / LAG
+        at = goal + (at - goal) * exp(-dt / LAG)
+        return at, (goal - at) / LAG
 
     def _write(self, fx: float, fy: float, fz: float) -> None:
         """Ignore the force: there are no motors."""

@@ -28,6 +28,14 @@ glimpse : Glimpse or None, or record of SEEN
     Newest glimpse of the participant's own display; before the first None, or a record whose time is NaN.
 felt : float or None
     Vertical force on the participant's hand, + = up; None or NaN without haptic feedback, and with two hands [N].
+force : float
+    Force on one's own hand, + = up [N].
+phase : float
+    Number of a `netboard.task.trials.state_machine.Phase` [1].
+drift : float
+    Variance of the partner's unforeseen movement per time [m2/s].
+dt : float
+    Elapsed time [s].
 senses : record of SENSES
     Memory of what was seen and felt; only `senses.store` changes it.
 own, sign : float

@@ -70,7 +70,7 @@ def pack_cables(device: DeviceModel, arm: NDArray[Any], step: float) -> NDArray[
 def stretch(
     x: float, v: float, tip: float, rate: float, push: float, load: float, rest: float, cables: Any
 ) -> tuple[float, float, float, float]:
-    """Advance both sides of one axis by one step.
+    """Advance both sides of one axis by one step; return x, v, tip and rate after it [m, m/s, m, m/s].
 
     Parameters
     ----------
@@ -84,22 +84,17 @@ def stretch(
         Force of the arm without its spring force [N].
     rest : float
         Equilibrium point of the arm's spring [m].
-
-    Returns
-    -------
-    x, v, tip, rate : float
-        The same quantities after the step [m, m/s, m, m/s].
     """
-    h, apart = cables["step"], rate - v
-    tension = cables["stiffness"] * (tip - x + 0.25 * h * apart) + 0.5 * cables["damping"] * apart
+    h, slip = cables["step"], rate - v
+    tension = cables["stiffness"] * (tip - x + 0.25 * h * slip) + 0.5 * cables["damping"] * slip
     on_motor = cables["keep_motor"] * v + h * (push + tension)
     pulled = load + cables["pull"] * (rest - tip - 0.25 * h * rate)
     on_tip = cables["keep_tip"] * rate + h * (pulled - tension)
     moving = on_motor - cables["across"] / cables["tip"] * on_tip
     rubbed = max(moving - cables["grip"], 0.0) if moving > 0.0 else min(moving + cables["grip"], 0.0)
-    then = rubbed / cables["motor"]
-    there = x + 0.5 * h * (v + then)
-    if abs(there) > cables["stop"]:
-        there, then = cables["stop"] if there > 0.0 else -cables["stop"], 0.0
-    rate_then = (on_tip - cables["across"] * then) / cables["tip"]
-    return there, then, tip + 0.5 * h * (rate + rate_then), rate_then
+    new_v = rubbed / cables["motor"]
+    new_x = x + 0.5 * h * (v + new_v)
+    if abs(new_x) > cables["stop"]:
+        new_x, new_v = cables["stop"] if new_x > 0.0 else -cables["stop"], 0.0
+    new_rate = (on_tip - cables["across"] * new_v) / cables["tip"]
+    return new_x, new_v, tip + 0.5 * h * (rate + new_rate), new_rate

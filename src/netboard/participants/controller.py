@@ -167,7 +167,7 @@ def initialise(state: Any, k: Any, rng: np.random.Generator) -> None:
 
 @kernel
 def learned(novice: float, practice: float, trials: float) -> float:
-    """Return what multiplies the trained level after some practice: ``novice ** exp(-practice / trials)``.
+    """Return the learning factor ``novice ** exp(-practice / trials)``, from `novice` down to 1 [1].
 
     The logarithm of the level decays exponentially with the number of trials, as in Heathcote, Brown and Mewhort
     (Psychon. Bull. Rev. 7:185, 2000), who find exponential rather than power laws in individual learners.
@@ -175,16 +175,11 @@ def learned(novice: float, practice: float, trials: float) -> float:
     Parameters
     ----------
     novice : float
-        The factor before the first trial [1].
+        Factor before the first trial [1].
     practice : float
-        Trials done [1].
+        Number of trials done [1].
     trials : float
         Trials over which the logarithm falls to 1/e [1].
-
-    Returns
-    -------
-    float
-        The factor, from `novice` down to 1 [1].
     """
     return float(novice ** exp(-practice / trials))
 
@@ -193,17 +188,14 @@ def learned(novice: float, practice: float, trials: float) -> float:
 def decide(
     state: Any, k: Any, rng: np.random.Generator, now: float, glimpse: Any, felt: float, moves: NDArray[Any]
 ) -> int:
-    """Take in display and force, and decide. The caller keeps the interval `DECISION_INTERVAL` between two calls.
+    """Take in display and force; return the number of new submovements, 0 most of the time [1].
+
+    The caller keeps the interval `DECISION_INTERVAL` between two calls.
 
     Parameters
     ----------
     moves : ndarray of MOVE, shape (2,)
         New submovements, written.
-
-    Returns
-    -------
-    int
-        Number of new submovements; 0 most of the time [1].
     """
     dt = min(now - state["decision_time"], 1.0)
     state["decision_time"] = now
@@ -255,7 +247,7 @@ def _detect_release(state: Any, k: Any, rng: np.random.Generator) -> None:
 
 @inlined
 def _drop_completed(state: Any, k: Any, shown: float) -> None:
-    """Forget the intents whose whole effect has been seen, and learn from the partner's part in it."""
+    """Forget the intents whose whole effect has been seen, and learn from the partner's movement during each."""
     intents, kept = state["intents"], 0
     for i in range(state["intent_count"]):
         intent = intents[i]
@@ -275,7 +267,7 @@ def _drop_completed(state: Any, k: Any, shown: float) -> None:
 
 @inlined
 def _learn_partner(state: Any, k: Any, intent: Any) -> None:
-    """Correct the expected share of the partner by what was seen of it during an own movement (delta rule).
+    """Correct the share that the partner is expected to mirror, by what it did during an own movement (delta rule).
 
     The partner is expected to lift the board as far as oneself, and to mirror a share of the turn.
     """
@@ -366,7 +358,7 @@ def _act(
         share = sign * k["l"] * turn
         start = now + (wait if side == late else 0.0)
         if state["intent_count"] == INTENTS:
-            raise ValueError("a simulated participant has too many submovements in state")
+            raise ValueError("a simulated participant has too many submovements under way")
         intent = state["intents"][state["intent_count"]]
         intent["side"], intent["start"], intent["duration"] = side, start, duration
         intent["displacement"], intent["turn"] = share + lift, share
@@ -387,7 +379,7 @@ class Controller:
     Attributes
     ----------
     identity : dict of str
-        What is recorded of it.
+        Kind and parameters as a recording stores them.
     interval : float
         Time between two decisions [s].
     """
@@ -408,7 +400,7 @@ class Controller:
         self._glimpse = np.zeros(1, SEEN)
         self._moves = np.zeros(2, MOVE)
         initialise(self.state[0], self.constants[0], rng)
-        # Looking its code up by the types of its arguments would take longer than deciding.
+        # The look-up of the kernel by the types of its arguments would take longer than a decision.
         state, constants, shown = self.state[0], self.constants[0], self._glimpse[0]
         self._decide = machine_code(decide, state, constants, rng, 0.0, shown, 0.0, self._moves)
 

@@ -64,7 +64,7 @@ class DeviceModel:
     estimates: tuple[str, ...]
 
 
-_ALWAYS = ("damping", "cable_damping", "tip_share", "thermal_time")
+_UNPUBLISHED = ("damping", "cable_damping", "tip_share", "thermal_time")
 """Parameters that no maker publishes."""
 
 _QUOTED = "maker's data sheet, as commonly quoted"
@@ -77,7 +77,7 @@ _NUMBERS = (
 )
 
 _ROWS: Mapping[str, tuple[str, tuple[float, ...], str, tuple[str, ...]]] = {
-    # In each row: name, `_NUMBERS`, source, and what is estimated beside what always is.
+    # In each row: name, `_NUMBERS`, source, and parameters that are estimated besides `_UNPUBLISHED`.
     "touch": ("Touch", (0.045, 0.26, 0.1, 0.055e-3, 3.3, 0.88, 0.075, 1020.0, 0.7, 0.5, 100.0), _SOFTEST, ()),
     "omni": ("PHANTOM Omni", (0.045, 0.26, 0.1, 0.055e-3, 3.3, 0.88, 0.10, 1020.0, 0.7, 0.5, 100.0), _SOFTEST, ()),
     "touch_x": (
@@ -113,7 +113,9 @@ _ROWS: Mapping[str, tuple[str, tuple[float, ...], str, tuple[str, ...]]] = {
 }
 
 MODELS = {
-    key: DeviceModel(name, **dict(zip(_NUMBERS, values, strict=True)), source=source, estimates=(*estimates, *_ALWAYS))
+    key: DeviceModel(
+        name, **dict(zip(_NUMBERS, values, strict=True)), source=source, estimates=(*estimates, *_UNPUBLISHED)
+    )
     for key, (name, values, source, estimates) in _ROWS.items()
 }
 """Devices, by their names in ``virtual.model``."""
@@ -125,5 +127,5 @@ def resolved(device: VirtualDevice) -> DeviceModel:
     """Return the parameters of the simulated device: values of the configuration override those of its model."""
     model = MODELS[device.model]
     written = {key: value for key in _OWN if (value := getattr(device, key)) != "model"}
-    there = replace(model, **written, estimates=tuple(key for key in model.estimates if key not in written))
-    return replace(there, continuous_force=min(there.continuous_force, there.max_force))
+    found = replace(model, **written, estimates=tuple(key for key in model.estimates if key not in written))
+    return replace(found, continuous_force=min(found.continuous_force, found.max_force))

@@ -1,4 +1,4 @@
-"""What a simulated participant expects of the movements that are under way: its own, and those of the hidden partner.
+"""Expected effect of the movements under way: a simulated participant's own, and those of the hidden partner.
 
 A submovement counts as under way until its whole effect has been seen. `expected_tilt` is the tilt of the board once
 all are complete. The partner is expected to mirror one's own turning, unless the force on one's hand shows otherwise.
@@ -108,14 +108,14 @@ def board_height(state: Any, k: Any) -> float:
 def share_done(state: Any, k: Any, when: float) -> float:
     """Return the share, done at `when`, of the tilt change under way when seen; from own hands only [1]."""
     lag = delay_to_hand(k)
-    left = done = 0.0
+    remaining = done = 0.0
     for i in range(state["intent_count"]):
         intent = state["intents"][i]
         size = abs(intent["turn"])
         before = commanded_share(intent, state["percept"]["time"] - lag)
-        left += size * (1.0 - before)
+        remaining += size * (1.0 - before)
         done += size * (commanded_share(intent, when - lag) - before)
-    return done / left if left > 0.0 else 1.0
+    return done / remaining if remaining > 0.0 else 1.0
 
 
 @inlined
@@ -203,13 +203,7 @@ def follow_partner(state: Any, k: Any, now: float) -> None:
 
 @inlined
 def partner_at(state: Any, k: Any, when: float, force: float, side: int) -> float:
-    """Return the height of the partner's hand at a time, inferred from the force then [m].
-
-    Parameters
-    ----------
-    force : float
-        Force on one's own hand, + = up [N].
-    """
+    """Return the height of the partner's hand at a time, inferred from the force then [m]."""
     seen = state["percept"]
     own = own_height(state, side) + moved(state, k, side, when)
     return partner_height(force, own, seen["p"] + seen["v"] * (when - seen["time"]), 2.0 * side - 1.0, k)
@@ -221,8 +215,8 @@ def felt_weight(state: Any, k: Any) -> float:
     if k["haptic_gain"] >= 0.0:
         return float(k["haptic_gain"])
     seen = state["learning_factor"] * 2.0 * k["l"] * radians(k["tilt_noise_deg"])
-    apart = max(k["visual_delay"] - k["haptic_delay"], 0.0)
-    return haptic_weight(seen, partner_drift(k), apart, state["learning_factor"] * k["haptic_noise"])
+    lead = max(k["visual_delay"] - k["haptic_delay"], 0.0)
+    return haptic_weight(seen, partner_drift(k), lead, state["learning_factor"] * k["haptic_noise"])
 
 
 @inlined

@@ -165,8 +165,8 @@ def _advanced(place: Any, v: Any, force: Any, arm: Any) -> tuple[Any, Any]:
     """Advance all axes by one step: implicit friction and damping (Moreau's time stepping), then the stops."""
     v = v + arm["per_force"] * force
     v = arm["damping_factor"] * (v - smaller(larger(v, -arm["friction_step"]), arm["friction_step"]))
-    there, stop = place + STEP * v, arm["stop"]
-    return smaller(larger(there, -stop), stop), where_within(there, -stop, stop, v, 0.0)
+    place, stop = place + STEP * v, arm["stop"]
+    return smaller(larger(place, -stop), stop), where_within(place, -stop, stop, v, 0.0)
 
 
 @inlined
@@ -227,7 +227,7 @@ def update_muscles(
     when : float
         Middle of the interval until the next update, on the clock of the submovements [s].
     force : float
-        Vertical motor force on the hand [N].
+        Vertical motor force on the hand, + = up [N].
     white_x, white_y, white_z : float
         Standard normal numbers that drive the force noise [1].
     """
@@ -304,11 +304,11 @@ def advance_hand(
     Parameters
     ----------
     state : ndarray of HAND, shape (1,)
-        The state, changed in place.
+        State of the hand, changed in place.
     tip : ndarray of TIP, shape (1,)
         With compliant cables, the state of the stylus side, changed in place.
     constants : ndarray of ARM, shape (1,)
-        The constants.
+        Constants of device and arm.
     origin : float
         Time of the initial state, on the clock of the submovements [s].
     """
@@ -346,10 +346,10 @@ class Hand:
     Attributes
     ----------
     state : ndarray of HAND, shape (1,)
-        The state; with compliant cables, that of the motor side.
+        State of the hand; with compliant cables, that of the motor side.
     end : ndarray of TIP, shape (1,)
         With compliant cables, the state of the stylus side.
-    course : ndarray, shape (CAPACITY, 3)
+    submovements : ndarray, shape (CAPACITY, 3)
         Start, duration and displacement of the submovements that are not complete [s, s, m].
     """
 
@@ -375,7 +375,7 @@ class Hand:
         Parameters
         ----------
         moves : iterable of Submovement
-            The submovements; a start may be in the past.
+            New submovements; a start may be in the past.
 
         Raises
         ------
@@ -390,12 +390,12 @@ class Hand:
             self._record["moves"] = count + 1
 
     def put(self, z: float) -> None:
-        """Set the height, at rest.
+        """Put the hand at rest at a height.
 
         Parameters
         ----------
         z : float
-            New height [m].
+            Height at the encoders [m].
         """
         self._record["z"], self._record["vz"] = z, 0.0
 
@@ -413,12 +413,9 @@ class Hand:
         advance_hand(*parts, origin, force[0], force[1], force[2], steps, self.noise(steps))
 
     def noise(self, steps: int) -> NDArray[np.float64]:
-        """Return the next normal numbers. They are drawn in batches, because small draws take longer than the steps.
+        """Return the standard normal numbers of the next steps, a row of three for each update in them [1].
 
-        Returns
-        -------
-        ndarray of float64, shape (n, 3)
-            Standard normal numbers that drive the force noise, a row for each update in these steps [1].
+        They are drawn in batches, because small draws take longer than the steps.
         """
         done, start = int(self._record["steps"]), self._drawn
         updates = -(-(done + steps) // UPDATE_STEPS) + -done // UPDATE_STEPS

@@ -17,10 +17,10 @@ from netboard.base.config import Side
 SIGN: dict[Side, float] = {"left": -1.0, "right": 1.0}
 """Sign of each side of the board, + = right; also the sign of the tilt when the hand on that side rises [1]."""
 
-FINEST = 1e-5
+MIN_HEIGHT_SD = 1e-5
 """Smallest standard deviation of an inferred height that the estimate of a goal assumes [m]."""
 
-FORGET = 0.1
+MAX_GAP = 0.1
 """Time without a force after which the estimate of a goal begins anew [s]."""
 
 GOAL = np.dtype([("time", "<f8"), ("height", "<f8"), ("rate", "<f8"), ("goal", "<f8")])
@@ -36,8 +36,6 @@ def partner_height(force: float, own: float, p: float, sign: float, scene: Any) 
 
     Parameters
     ----------
-    force : float
-        Force on one's own hand, + = up [N].
     p : float
         Ball position, + = right [m].
     scene : record
@@ -64,11 +62,11 @@ def partner_seen(own: float, theta: float, sign: float, l: float) -> float:  # n
 
 
 @kernel
-def haptic_weight(seen: float, drift: float, apart: float, felt: float) -> float:
-    """Return the weight by reliability of the partner's height inferred from force, against its visual prediction.
+def haptic_weight(seen: float, drift: float, lead: float, felt: float) -> float:
+    """Return the weight by reliability, 0 to 1, of the partner's height inferred from force against its prediction [1].
 
-    The partner's height is a random walk. Vision measured it `apart` before touch did, so its variance has grown to
-    ``P = seen**2 + drift * apart`` when the force measures it with the variance ``R = felt**2``: ``w = P / (P + R)``.
+    The partner's height is a random walk. Vision measured it `lead` before touch did, so its variance has grown to
+    ``P = seen**2 + drift * lead`` when the force measures it with the variance ``R = felt**2``: ``w = P / (P + R)``.
     Vision and touch integrate in this way (Ernst and Banks, Nature 415:429, 2002), also when the force comes from a
     partner (Takagi, Ganesh, Yoshioka, Kawato and Burdet, Nat. Hum. Behav. 1:0054, 2017).
 
@@ -76,19 +74,12 @@ def haptic_weight(seen: float, drift: float, apart: float, felt: float) -> float
     ----------
     seen : float
         Standard deviation of the height as seen [m].
-    drift : float
-        Variance of the partner's unforeseen movement per time [m2/s].
-    apart : float
+    lead : float
         Time by which vision is later than touch [s].
     felt : float
         Standard deviation of the height inferred from force [m].
-
-    Returns
-    -------
-    float
-        The weight, from 0 to 1; 0 without any uncertainty [1].
     """
-    prior = seen * seen + drift * apart
+    prior = seen * seen + drift * lead
     total = prior + felt * felt
     return prior / total if total > 0.0 else 0.0
 
@@ -98,11 +89,6 @@ def towards_goal(height: float, rate: float, goal: float, speed: float, dt: floa
     """Return height and rate of a hand that approaches a goal, after some time [m, m/s].
 
     A critically damped approach, ``h'' = speed**2 (goal - h) - 2 speed h'``, solved exactly.
-
-    Parameters
-    ----------
-    dt : float
-        Elapsed time [s].
     """
     keep, away = exp(-speed * dt), height - goal
     pull = rate + speed * away
@@ -110,26 +96,16 @@ def towards_goal(height: float, rate: float, goal: float, speed: float, dt: floa
 
 
 def goal_gains(speed: float, drift: float, felt: float, dt: float) -> NDArray[np.float64]:
-    """Return how a height inferred from force corrects the estimates of height, rate and goal.
+    """Return the gains by which an error of the height corrects height, rate and goal, shape (3,) [1, 1/s, 1].
 
-    The gains of the stationary Kalman filter of a hand that approaches a goal that drifts as a random walk. Pairs infer
-    each other's goal in this way from the force between them (Takagi, Ganesh, Yoshioka, Kawato and Burdet, Nat. Hum.
-    Behav. 1:0054, 2017).
+    They are those of the stationary Kalman filter of a hand that approaches a goal that drifts as a random walk. Pairs
+    infer each other's goal in this way from the force between them (Takagi, Ganesh, Yoshioka, Kawato and Burdet, Nat.
+    Hum. Behav. 1:0054, 2017).
 
     Parameters
     ----------
-    drift : float
-        Variance of the goal's unforeseen movement per time [m2/s].
     felt : float
         Standard deviation of a height inferred from force [m].
-    dt : float
-        Time between two such heights [s].
-
-    Returns
-    -------
-    ndarray, shape (3,)
-        Correction per error of the height: of the height, its rate and the goal; 0 if the goal does not drift
-        [1, 1/s, 1].
     """
     if drift == 0.0:
         return np.zeros(3)
@@ -139,7 +115,7 @@ def goal_gains(speed: float, drift: float, felt: float, dt: float) -> NDArray[np
     noise = np.zeros((3, 3))
     noise[2, 2] = drift * dt
     seen = np.array([[1.0, 0.0, 0.0]])
-    error = max(felt, FINEST) ** 2
+    error = max(felt, MIN_HEIGHT_SD) ** 2
     spread = solve_discrete_are(advance.T, seen.T, noise, np.array([[error]]))
     return np.asarray(spread[:, 0] / (spread[0, 0] + error))
 
@@ -151,15 +127,15 @@ def follow_goal(estimate: Any, time: float, height: float, speed: float, gains: 
     Parameters
     ----------
     estimate : record of GOAL
-        Updated; its time is NaN before the first height.
+        Changed in place; its time is NaN before the first height.
     time : float
         Time of the height [s].
     gains : ndarray, shape (3,)
-        Those of `goal_gains` [1, 1/s, 1].
+        Gains from `goal_gains` [1, 1/s, 1].
     """
     dt = time - estimate["time"]
     estimate["time"] = time
-    if not dt <= FORGET:
+    if not dt <= MAX_GAP:
         estimate["height"], estimate["rate"], estimate["goal"] = height, 0.0, height
         return
     expected, rate = towards_goal(estimate["height"], estimate["rate"], estimate["goal"], speed, dt)

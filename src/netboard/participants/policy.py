@@ -40,14 +40,14 @@ def identity_of(kind: str, parameters: Participant | None = None) -> dict[str, s
     Parameters
     ----------
     kind : str
-        What kind of policy it is.
+        Kind of policy, such as `SIMULATED_PARTICIPANT`.
     parameters : Participant or None
-        Its parameters; None if it has none.
+        Parameters of a simulated participant; None for a policy without any.
 
     Returns
     -------
     dict of str
-        ``policy``: its kind. With parameters also ``policy_parameters``, as JSON with sorted names, and
+        ``policy``: the kind. With parameters also ``policy_parameters``, as JSON with sorted names, and
         ``policy_sha256``, the SHA-256 of that text.
     """
     if parameters is None:

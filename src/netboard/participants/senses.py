@@ -28,11 +28,11 @@ ROOM = 256
 """Glimpses and forces that are kept at most; a participant takes one each `DECISION_INTERVAL` [1]."""
 
 LEVELLING, _RUNNING, _HOLDING = int(Phase.LEVELLING), int(Phase.RUNNING), int(Phase.HOLDING)
-"""Phases of a trial that a participant tells apart."""
+"""Phases of a trial in which a participant acts."""
 
 _PHASES = {phase.name.lower(): int(phase) for phase in Phase}
 NO_PHASE = -1
-"""Phase of a view for somebody who has nothing to do."""
+"""Phase in a view for a participant who is away from the board."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +98,7 @@ def write_glimpse(glimpse: Glimpse | None, place: NDArray[Any]) -> None:
     Parameters
     ----------
     place : ndarray of SEEN, shape (1,)
-        Where to write it.
+        Changed in place.
     """
     if glimpse is None:
         place["time"] = nan
@@ -111,37 +111,24 @@ def write_glimpse(glimpse: Glimpse | None, place: NDArray[Any]) -> None:
 
 @inlined
 def is_free(phase: float) -> bool:
-    """Return whether the ball is free in a phase.
-
-    Parameters
-    ----------
-    phase : float
-        Number of a `Phase` [1].
-    """
+    """Return whether the ball is free in a phase."""
     return _RUNNING <= phase <= _HOLDING
 
 
 @inlined
 def ou_step(value: float, deviation: float, time: float, dt: float, normal: float) -> float:
-    """Advance coloured Gaussian noise (Ornstein-Uhlenbeck).
+    """Return the next value of coloured Gaussian noise (Ornstein-Uhlenbeck) [unit of the value].
 
     Parameters
     ----------
     value : float
         Present value [unit of the quantity that the noise is added to].
     deviation : float
-        Standard deviation [the same unit].
+        Standard deviation of the noise [the same unit].
     time : float
         Correlation time [s].
-    dt : float
-        Elapsed time [s].
     normal : float
         Standard normal number [1].
-
-    Returns
-    -------
-    float
-        New value [the same unit].
     """
     keep = exp(-dt / time)
     return keep * value + deviation * sqrt(1.0 - keep * keep) * normal
@@ -166,11 +153,11 @@ def store(senses: Any, now: float, glimpse: Any, felt: float) -> None:
         senses["first_seen"] = (senses["first_seen"] + 1) % ROOM
         count -= 1
     senses["seen_count"] = count
-    _feel(senses, now, felt)
+    _store_force(senses, now, felt)
 
 
 @inlined
-def _feel(senses: Any, now: float, felt: float) -> None:
+def _store_force(senses: Any, now: float, felt: float) -> None:
     """Store the force on the hand; without haptic feedback, forget all forces."""
     forces, count = senses["felt"], senses["felt_count"]
     if isnan(felt):
@@ -237,18 +224,7 @@ def _velocity(senses: Any, last: int) -> float:
 
 @kernel
 def force_at(senses: Any, when: float) -> float:
-    """Return the force on the participant's hand at a time in the past.
-
-    Parameters
-    ----------
-    when : float
-        A time at least one haptic delay ago [s].
-
-    Returns
-    -------
-    float
-        Force on the hand, + = up; NaN if none was rendered then [N].
-    """
+    """Return the force on the participant's hand at a past time, + = up; NaN if none was rendered then [N]."""
     forces, first = senses["felt"], senses["first_felt"]
     place = senses["felt_count"] - 1
     while place >= 0:

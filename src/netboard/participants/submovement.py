@@ -21,9 +21,9 @@ class Submovement:
     start : float
         Start, on the clock of `Controller.step` [s].
     duration : float
-        Duration [s].
+        Time from start to end [s].
     displacement : float
-        Displacement, + = up [m].
+        Displacement at the end, + = up [m].
     """
 
     side: Side
@@ -44,17 +44,12 @@ class Submovement:
 
 @kernel
 def minimum_jerk(s: float) -> float:
-    """Return the minimum-jerk profile of a movement from rest to rest (Flash and Hogan 1985).
+    """Return the completed share of a minimum-jerk movement, ``10 s^3 - 15 s^4 + 6 s^5`` (Flash and Hogan 1985) [1].
 
     Parameters
     ----------
     s : float
         Elapsed share of the duration; clipped to 0..1 [1].
-
-    Returns
-    -------
-    float
-        Completed share of the displacement: ``10 s^3 - 15 s^4 + 6 s^5`` [1].
     """
     if s <= 0.0:
         return 0.0

@@ -20,7 +20,9 @@ scene : SCENE record, or ndarray of SCENE, shape (1,)
 physics : Physics
     The scene as the configuration's table.
 length : int
-    Length of the scene's state vector [1].
+    Length of the scene's state vector: four for the board and two for each ball [1].
+states : ndarray of float64, shape (n, length)
+    States [SI].
 free : bool
     The balls can move; otherwise they are fixed.
 left, right : float
@@ -31,8 +33,6 @@ method : str
     Name of the integration method.
 tables : tuple of ndarray of float64, shape (kinds, k, n, n), and int
     Tables from `Method.tables` for each step size, and the index of the current one; unused by methods without tables.
-loop : Loop
-    The coupling's control loop.
 motion : Motion
-    The result of a simulation.
+    Result of a simulation.
 """

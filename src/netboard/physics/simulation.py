@@ -102,11 +102,6 @@ def choose_steps(physics: Physics, free: bool = True, method: str = "auto", subs
     substeps : int
         Smallest number of equal steps per interval [1].
 
-    Returns
-    -------
-    Steps
-        The choice.
-
     Raises
     ------
     ConfigError
@@ -132,17 +127,12 @@ def choose_steps(physics: Physics, free: bool = True, method: str = "auto", subs
 
 
 def check_start(physics: Physics, start: State, free: bool) -> None:
-    """Check that a state is possible for a scene.
+    """Raise a `ConfigError` for an initial state that is impossible for a scene.
 
     Parameters
     ----------
     start : tuple of float
-        The state [SI].
-
-    Raises
-    ------
-    ConfigError
-        If it is not.
+        State at the first sample [SI].
     """
     if len(start) != state_length(physics):
         raise ConfigError(f"p0, v0: found {len(start) // 2 - 2} balls, expected {physics.balls} (physics.balls)")
@@ -175,9 +165,9 @@ def simulate(
     Parameters
     ----------
     hands : Hands
-        The styluses.
+        Samples of both styluses.
     start : tuple of float
-        The state at the first sample [SI].
+        State at the first sample [SI].
     hold : str
         Motion of a hand between samples, one of `netboard.physics.hands.sampled.INTERPOLATIONS`.
     dt : float
@@ -186,11 +176,6 @@ def simulate(
         Method and step size; None for the automatic choice.
     progress : callable
         Called with the completed share [1].
-
-    Returns
-    -------
-    Motion
-        The result.
 
     Raises
     ------
@@ -222,7 +207,7 @@ def simulate(
 
 
 def is_stably_integrated(motion: Motion, physics: Physics, free: bool = True) -> bool:
-    """Tell whether the method was stable for the linearised scene and its friction; if not, the result is invalid."""
+    """Return whether the method was stable for the linearised scene and its friction; if not, the result is invalid."""
     matrix = board_matrix(parts_of(physics, free), pack_scene(physics)[0])
     method, step, rate = motion.steps.method, motion.longest, 0.0
     if free and physics.balls > 0:  # of a ball alone: where friction moves the board too, its rate is only larger
@@ -255,9 +240,9 @@ def energies_of(motion: Motion, hands: Hands, physics: Physics, free: bool = Tru
     Parameters
     ----------
     motion : Motion
-        The result, with "hermite".
+        Result of a simulation with ``hold="hermite"``.
     hands : Hands
-        Its styluses.
+        Samples of both styluses in that simulation.
 
     Returns
     -------

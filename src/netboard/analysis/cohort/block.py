@@ -25,7 +25,7 @@ from netboard.network.protocol.motion import Safeguard
 from netboard.nodes.rehearsal.block import Rehearsal
 from netboard.nodes.rehearsal.jobs import Job
 from netboard.recording.export.runs import Run, people_in
-from netboard.recording.files.offline_writer import REHEARSED, name_of
+from netboard.recording.files.offline_writer import REHEARSED, recording_name
 from netboard.recording.format.summary import attempts_along
 from netboard.task.trials.quality import Referee
 
@@ -101,4 +101,4 @@ def run_of(job: Job, place: int) -> Run:
     config, who = job.config, job.config.session
     said = {**REHEARSED, "part": "1", "opened_utc": f"{place:06d}", "netboard": "", "config_sha256": ""}
     people = tuple(people_in(config, said))
-    return Run(Path(name_of(config, job.session)), said, config, who.dyad + who.name, place, people)
+    return Run(Path(recording_name(config, job.session)), said, config, who.dyad + who.name, place, people)

@@ -22,11 +22,9 @@ def require(what: str, known: Collection[str], declared: Collection[str]) -> Non
     Parameters
     ----------
     what : str
-        The code, such as a kernel or a table, with its file.
+        Name of the code, such as a kernel or a table, with its file.
     known : collection of str
-        The known words.
-    declared : collection of str
-        The declared words.
+        Words that the code handles.
 
     Raises
     ------
@@ -46,7 +44,7 @@ def words_of(table: Any, key: str) -> tuple[str, ...]:
     Parameters
     ----------
     table : type
-        The table, a dataclass.
+        Dataclass of the table.
     key : str
         A key whose type is a `Literal`.
     """
@@ -59,11 +57,9 @@ def number_of(word: str, declared: Sequence[str], key: str) -> int:
     Parameters
     ----------
     word : str
-        The word.
-    declared : sequence of str
-        All declared words.
+        Value of the key.
     key : str
-        The key, such as ``[physics] hold``.
+        Name for the error message, such as ``[physics] hold``.
 
     Raises
     ------

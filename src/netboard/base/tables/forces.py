@@ -29,9 +29,9 @@ class ForceCondition:
     partner : str
         Information about the partner in the force, for the documentation.
     label : str
-        Its name in figures and tables.
+        Name in figures and tables.
     force : callable
-        Kernel of the force.
+        A `Kernel`.
     quasi_static : bool
         It is a part of the force of the board at rest, made of the gains.
     recorded : bool

@@ -22,11 +22,11 @@ class Friction:
     Attributes
     ----------
     name : str
-        What it is called in the documentation.
+        Name in the documentation.
     formula : str
         The force, in the symbols of docs/explanation/physics.md.
     source : str
-        Where the formula comes from.
+        Reference for the formula.
     force : callable
         ``force(coefficient, vp, load)``: kernel of the force against the motion, an odd function of the speed [N].
     slope : callable

@@ -96,18 +96,7 @@ FRICTION: dict[str, Friction] = {
 
 
 def friction_rate(physics: Physics) -> float:
-    """Return the fastest rate at which friction can slow a ball relative to the board; 0 without friction.
-
-    Parameters
-    ----------
-    physics : Physics
-        The scene.
-
-    Returns
-    -------
-    float
-        An upper bound [1/s].
-    """
+    """Return an upper bound of the rate at which friction slows a ball relative to the board; 0 without any [1/s]."""
     slope = sum(law.slope(getattr(physics, key), physics.m * physics.g) for key, law in FRICTION.items())
     mass_ratio = 1.0 / (1.0 + physics.ball_inertia)
     mobility = mass_ratio / physics.m

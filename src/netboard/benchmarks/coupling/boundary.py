@@ -24,10 +24,10 @@ from netboard.physics.stability.delayed_coupling import (
     At,
     Loop,
     Mechanism,
+    dominant_frequency,
     ends_of,
     is_stable,
     largest_delay,
-    turning,
 )
 from netboard.physics.stability.delayed_coupling import LONGEST as MAX_WAY
 
@@ -152,7 +152,7 @@ def simulated_is_stable(case: Case, k: float, mode: str) -> bool:
     far = Far(Config(physics=scene(case.at, case.end, k), virtual=device), Distance(case.way, case.way))
     far.get_ready()
     far.put(NUDGE, -NUDGE if mode == "tilt" else NUDGE)
-    period = 2.0 * math.pi / max(turning(loops_of(case, k)[mode]), SLOWEST)
+    period = 2.0 * math.pi / max(dominant_frequency(loops_of(case, k)[mode]), SLOWEST)
     quarter = int(min(max(PERIODS * 1000.0 * period, SHORTEST), LONGEST)) // 4
     sizes = []
     for _ in range(4):

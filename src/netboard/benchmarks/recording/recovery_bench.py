@@ -29,7 +29,7 @@ from netboard.nodes.ports.record_store import BATCH_RECORDS
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.chunks import MAGIC
 from netboard.recording.format.summary import find_gaps
-from netboard.recording.recovery.recover import Report, recover
+from netboard.recording.recovery.recover import RecoveryReport, recover
 
 MAX_STRETCH = 4096
 """Longest destroyed stretch, in bytes: one disk sector [1]."""
@@ -119,7 +119,7 @@ def try_one(whole: Specimen, harm: Harm, folder: Path) -> Found:
     return Found(tuple(faults), had - len(numbers), False, seconds)
 
 
-def _recovered(source: Path, output: Path | None, faults: list[str]) -> tuple[Report, float]:
+def _recovered(source: Path, output: Path | None, faults: list[str]) -> tuple[RecoveryReport, float]:
     """Recover a file and check that it is not changed; return the report and the duration [s]."""
     before = hashlib.sha256(source.read_bytes()).digest()
     began = time.perf_counter()
@@ -148,7 +148,7 @@ def _read(whole: Specimen, output: Path, faults: list[str]) -> "set[int]":
     return set(numbers.tolist())
 
 
-def _judge(whole: Specimen, harm: Harm, report: Report, numbers: "set[int]", faults: list[str]) -> None:
+def _judge(whole: Specimen, harm: Harm, report: RecoveryReport, numbers: "set[int]", faults: list[str]) -> None:
     """Check that the undamaged part is present and that every loss is reported."""
     for piece in whole.pieces:
         touched = piece.start < harm.stop and harm.start < piece.stop
@@ -163,7 +163,7 @@ def _judge(whole: Specimen, harm: Harm, report: Report, numbers: "set[int]", fau
         faults.append("first and last tick are not those that were named")
 
 
-def _told(piece: Piece, harm: Harm, report: Report) -> bool:
+def _told(piece: Piece, harm: Harm, report: RecoveryReport) -> bool:
     """Return whether the loss of a chunk was reported, by its offset and length or as a missing end."""
     end = min(piece.stop, len(harm.data))
     if end <= piece.start:

@@ -232,8 +232,8 @@ def _restricted(info: DeviceInfo, known: Profile | None) -> DeviceInfo:
     """Add the properties in a profile to those of the device."""
     if known is None:
         return info
-    workspace, like = Box(*known.placement.box).within(info.workspace), known.mechanics
-    mass, damping = (like.mass, like.damping) if like.identified else (None, None)
+    workspace, mechanics = Box(*known.placement.box).within(info.workspace), known.mechanics
+    mass, damping = (mechanics.mass, mechanics.damping) if mechanics.identified else (None, None)
     details = {**info.details, **profile.in_words(known)}
     return replace(info, workspace=workspace, details=details, mass=mass, damping=damping)
 

@@ -28,7 +28,7 @@ CAPACITY = 64
 GAP_NS = 20_000_000
 """Longest gap over which a filter predicts [ns]."""
 
-SHORTEST = 0.5 * TICK_SECONDS
+MIN_INTERVAL = 0.5 * TICK_SECONDS
 """Shortest sample interval in a filter's correction [s].
 
 An encoder step within a few microseconds is not a velocity.
@@ -40,13 +40,13 @@ FORGET = 0.6
 JERK = 100.0
 """Spectral density of the hand's jerk in the Kalman filter: about 20 m/s3 for 0.1 s [m2/s5]."""
 
-FINEST = 1e-6
+MIN_RESOLUTION = 1e-6
 """Smallest encoder step that the Kalman filter assumes [m]."""
 
 _MOTION = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
 """State transition of one tick at constant acceleration, with all states in metres per tick."""
 
-_STIR = np.array([[1 / 20, 1 / 8, 1 / 6], [1 / 8, 1 / 3, 1 / 2], [1 / 6, 1 / 2, 1.0]])
+_JERK_NOISE = np.array([[1 / 20, 1 / 8, 1 / 6], [1 / 8, 1 / 3, 1 / 2], [1 / 6, 1 / 2, 1.0]])
 """Process noise covariance of one tick for white jerk of density 1."""
 
 
@@ -97,9 +97,9 @@ def _windowed(
     back = 1
     while back < min(count, size) - 1 and stamps[last] - stamps[(last - back) % size] < span_ns:
         back += 1
-    there, far = places[last], places[(last - back) % size]
+    newest, oldest = places[last], places[(last - back) % size]
     dt = (stamps[last] - stamps[(last - back) % size]) * 1e-9
-    return count, (there[0] - far[0]) / dt, (there[1] - far[1]) / dt, (there[2] - far[2]) / dt
+    return count, (newest[0] - oldest[0]) / dt, (newest[1] - oldest[1]) / dt, (newest[2] - oldest[2]) / dt
 
 
 @final
@@ -142,7 +142,7 @@ def _observed(
         count += 1
     since_ns = stamps[1] - stamps[0]
     dt = since_ns * 1e-9
-    apart = max(dt, SHORTEST)
+    span = max(dt, MIN_INTERVAL)
     for axis in range(3):
         x, v, a = states[0, axis, 0], states[0, axis, 1], states[0, axis, 2]
         if count == 1 or not isfinite(x):
@@ -151,8 +151,8 @@ def _observed(
             x, v, a = place[axis], (place[axis] - x) / dt, 0.0
         else:
             x, v = x + dt * (v + 0.5 * dt * a), v + dt * a
-            missed = place[axis] - x
-            x, v, a = x + gains[0] * missed, v + gains[1] * missed / apart, a + gains[2] * missed / (apart * apart)
+            error = place[axis] - x
+            x, v, a = x + gains[0] * error, v + gains[1] * error / span, a + gains[2] * error / (span * span)
         states[1, axis, 0], states[1, axis, 1], states[1, axis, 2] = x, v, a
     return count, states[1, 0, 1], states[1, 1, 1], states[1, 2, 1]
 
@@ -173,16 +173,16 @@ def kalman_gains(resolution: float, jerk: float = JERK) -> tuple[float, float, f
     Quantisation by the encoder counts as white noise of variance ``resolution**2 / 12``. The Riccati equation is
     iterated to convergence.
 
-    ``resolution``: size of one encoder step, 0 for none; `FINEST` is the lower bound [m].
+    ``resolution``: size of one encoder step, 0 for none; `MIN_RESOLUTION` is the lower bound [m].
     """
-    hidden = max(resolution, FINEST) ** 2 / 12.0
-    stir = jerk * TICK_SECONDS**5 / hidden * _STIR
-    spread, before = np.eye(3), np.zeros((3, 3))
-    while np.abs(spread - before).max() > 1e-13 * np.abs(spread).max():
-        before = spread
-        ahead = _MOTION @ spread @ _MOTION.T + stir
+    variance = max(resolution, MIN_RESOLUTION) ** 2 / 12.0
+    noise = jerk * TICK_SECONDS**5 / variance * _JERK_NOISE
+    covariance, before = np.eye(3), np.zeros((3, 3))
+    while np.abs(covariance - before).max() > 1e-13 * np.abs(covariance).max():
+        before = covariance
+        ahead = _MOTION @ covariance @ _MOTION.T + noise
         gains = ahead[:, 0] / (ahead[0, 0] + 1.0)
-        spread = ahead - np.outer(gains, ahead[0])
+        covariance = ahead - np.outer(gains, ahead[0])
     alpha, beta, gamma = (float(gain) for gain in gains)
     return alpha, beta, gamma
 

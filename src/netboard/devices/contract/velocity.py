@@ -55,7 +55,7 @@ def _slopes(stamps: NDArray[np.int64], places: NDArray[np.float64], count: int, 
 
 
 @inlined
-def taken(
+def windowed(
     stamps: NDArray[np.int64],
     places: NDArray[np.float64],
     count: int,
@@ -63,27 +63,11 @@ def taken(
     stamp_ns: int,
     place: tuple[float, ...],
 ) -> tuple[int, float, float, float]:
-    """Add a position to the stored ones; return their number and the slope along each axis.
+    """Add a position to the stored ones; return their number and the velocity x, y, z [m/s].
 
-    Parameters
-    ----------
-    stamps : ndarray of int64, shape (SAMPLES,)
-        Sample times, newest first [ns]; changed in place.
-    places : ndarray, shape (SAMPLES, AXES)
-        Positions x, y, z, 0 [m]; changed in place.
-    count : int
-        Number of valid positions [1].
-    band : float
-        Largest deviation of a position from the line [m].
-    stamp_ns : int
-        Time of the new position; one not later than the newest replaces it [ns].
-    place : tuple of float
-        New position x, y, z [m].
-
-    Returns
-    -------
-    tuple of int and float
-        Number of positions [1] and velocity x, y, z [m/s].
+    ``stamps``, ``places``: times [ns] and positions x, y, z, 0 [m] of the last `SAMPLES`, newest first, changed in
+    place; ``count`` of them are valid. ``band``: largest deviation of a position from the line [m]. ``stamp_ns``: time
+    of the new position ``place``; one that is not later than the newest replaces it.
     """
     if count == 0 or stamp_ns > stamps[0]:
         for k in range(SAMPLES - 1, 0, -1):
@@ -106,10 +90,7 @@ class Estimator(Protocol):
 class Velocimeter:
     """Adaptive-windowing estimator of stylus velocity.
 
-    Parameters
-    ----------
-    resolution : float
-        Size of one encoder step, 0 for none [m].
+    ``resolution``: size of one encoder step, 0 for none [m].
     """
 
     def __init__(self, resolution: float) -> None:
@@ -119,21 +100,11 @@ class Velocimeter:
         self._count = 0
 
     def update(self, stamp_ns: int, x: float, y: float, z: float) -> tuple[float, float, float]:
-        """Add a position and return the velocity estimate.
+        """Add a position [m] and return the velocity estimate [m/s]; 0 until the second position.
 
-        Parameters
-        ----------
-        stamp_ns : int
-            Time of the position; one not later than the newest replaces it [ns].
-        x, y, z : float
-            Position [m].
-
-        Returns
-        -------
-        tuple of float
-            Velocity x, y, z; 0 until the second position [m/s].
+        A position that is not later than the newest one replaces it.
         """
-        self._count, vx, vy, vz = taken(self._stamps_ns, self._places, self._count, self._band, stamp_ns, (x, y, z))
+        self._count, vx, vy, vz = windowed(self._stamps_ns, self._places, self._count, self._band, stamp_ns, (x, y, z))
         return vx, vy, vz
 
 
@@ -148,18 +119,8 @@ KINDS: Mapping[str, Callable[[float], Estimator]] = {
 
 
 def make(kind: str, resolution: float) -> Estimator | None:
-    """Create the estimator that the configuration names.
+    """Create the estimator named by ``agents.<side>.velocity``; None for ``device``, which has its own estimate.
 
-    Parameters
-    ----------
-    kind : str
-        Value of ``agents.<side>.velocity``.
-    resolution : float
-        Size of one encoder step, 0 for none [m].
-
-    Returns
-    -------
-    Estimator or None
-        None for ``device``, which uses the device's own estimate.
+    ``resolution``: size of one encoder step, 0 for none [m].
     """
     return None if kind == "device" else KINDS[kind](resolution)

@@ -102,11 +102,11 @@ def _call(chip: ftdi.Chip) -> bool:
     chip.request(ftdi.MODEM, ftdi.RTS_LOW)
     chip.request(ftdi.MODEM, ftdi.DTR_LOW)
     chip.request(ftdi.MODEM, ftdi.DTR_HIGH)
-    heard = b""
+    received = b""
     for _ in range(CALLS):
         chip.send(CALL)
-        heard += chip.receive(PACKET_TIMEOUT_MS)
-        if REPLY in heard:
+        received += chip.receive(PACKET_TIMEOUT_MS)
+        if REPLY in received:
             return any(not chip.receive(PACKET_TIMEOUT_MS) for _ in range(CALLS))  # drain replies to earlier calls
     return False
 
@@ -114,9 +114,9 @@ def _call(chip: ftdi.Chip) -> bool:
 def _echoes(chip: ftdi.Chip, block: bytes) -> bool:
     """Send a block; return True if the echo is identical."""
     chip.send(block)
-    heard, quiet = b"", 0
-    while len(heard) < len(block) and quiet < QUIET:
+    received, quiet = b"", 0
+    while len(received) < len(block) and quiet < QUIET:
         more = chip.receive(PACKET_TIMEOUT_MS)
-        heard += more
+        received += more
         quiet = 0 if more else quiet + 1
-    return heard == block
+    return received == block

@@ -62,12 +62,12 @@ def plugged_in(ids: tuple[int, int]) -> list[Any]:
 
 def find(ids: tuple[int, int], serial: str, what: str) -> Any:
     """Find a device on the bus."""
-    usb, there = _pyusb(), plugged_in(ids)
-    if not there:
+    usb, connected = _pyusb(), plugged_in(ids)
+    if not connected:
         raise DeviceNotFound(f"no {what} ({ids[0]:04x}:{ids[1]:04x}) is plugged into USB")
     if not serial:
-        return there[0]
-    named = {serial_of(device): device for device in there}
+        return connected[0]
+    named = {serial_of(device): device for device in connected}
     chosen = named.pop(serial, None)
     for device in named.values():
         usb.util.dispose_resources(device)
@@ -119,7 +119,7 @@ class Chip:
         return f"the {self._what} cannot be opened: {error}"
 
     @contextlib.contextmanager
-    def _spoken(self) -> Iterator[None]:
+    def _translated_errors(self) -> Iterator[None]:
         """Convert bus errors into device errors with a message."""
         try:
             yield
@@ -130,7 +130,7 @@ class Chip:
 
     def request(self, request: int, value: int) -> None:
         """Set a parameter of the chip."""
-        with self._spoken():
+        with self._translated_errors():
             self._device.ctrl_transfer(VENDOR_OUT, request, value, 0, None, REQUEST_MS)
 
     def purge(self) -> None:
@@ -140,7 +140,7 @@ class Chip:
 
     def send(self, data: bytes, patience_ms: int = REQUEST_MS) -> None:
         """Send bytes over the line."""
-        with self._spoken():
+        with self._translated_errors():
             taken = self._device.write(OUT, data, patience_ms)
         if taken != len(data):
             raise DeviceTimeout(f"the {self._what} took {taken} of {len(data)} bytes")
@@ -154,7 +154,7 @@ class Chip:
         Returns at most `PAYLOAD` bytes; none for an empty packet or no packet.
         """
         try:
-            with self._spoken():
+            with self._translated_errors():
                 size = self._device.read(IN, self._room, patience_ms)
         except DeviceTimeout:
             return b""

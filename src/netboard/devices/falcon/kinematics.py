@@ -65,9 +65,9 @@ MAX_STEP = 0.02
 
 
 def angles_of(encoders: tuple[int, int, int]) -> Vector:
-    """Return the angles of the three arms from their homed encoders.
+    """Return the angles of the three arms from their homed encoders [rad].
 
-    0 points away from the axis of the base, 90 degrees towards the person [rad].
+    An arm at 0 points away from the axis of the base, at 90 degrees towards the person.
     """
     first, second, third = encoders
     return (
@@ -137,10 +137,7 @@ def _cross(a: Vector, b: Vector) -> Vector:
 
 @kernel
 def forward(angles: Vector, guess: Vector) -> Vector:
-    """Return the grip position for three arm angles, by Newton's method.
-
-    The position is NaN if the search from `guess` failed [m].
-    """
+    """Return the grip position for three arm angles, by Newton's method; NaN if the search from `guess` fails [m]."""
     lost = (nan, nan, nan)
     if max(abs(angles[0]), abs(angles[1]), abs(angles[2])) > MAX_ANGLE:
         return lost
@@ -171,12 +168,10 @@ def forward(angles: Vector, guess: Vector) -> Vector:
 
 @kernel
 def jacobian(angles: Vector, place: Vector) -> tuple[Vector, Vector, Vector]:
-    """Return the columns of the Jacobian: motion of the grip per arm angle.
+    """Return the columns of the Jacobian: the derivative of the position by the angle of each arm [m/rad].
 
     Each chain stays closed, so for each arm gradient times motion plus derivative times turn is zero. The system is
     solved by cross products. The values grow without bound near a singular pose.
-
-    Derivative of the position by the angle of each arm [m/rad].
     """
     _, ax, ay, az, t1 = _closure(0, angles[0], place)
     _, bx, by, bz, t2 = _closure(1, angles[1], place)
@@ -189,9 +184,9 @@ def jacobian(angles: Vector, place: Vector) -> tuple[Vector, Vector, Vector]:
 
 @kernel
 def torques(angles: Vector, place: Vector, force: Vector) -> Vector:
-    """Return the arm torques equivalent to a force at the grip: the transposed Jacobian times the force.
+    """Return the arm torques equivalent to a force at the grip, positive towards larger angles [N m].
 
-    Torque of each arm, positive in the direction of increasing angle [N m].
+    They are the transposed Jacobian times the force.
     """
     a, b, c = jacobian(angles, place)
     return (

@@ -88,7 +88,7 @@ class Link:
 
     def __init__(self, chip: ftdi.Chip) -> None:
         self._chip = chip
-        self._heard = bytearray()
+        self._received = bytearray()
         self._frame = frame_of((0, 0, 0), 0)
         self.sent_ns = 0  # time at which the last frame was sent, on the monotonic clock [ns]
         self.awaited = 0
@@ -132,7 +132,7 @@ class Link:
     def _forget(self) -> None:
         """Discard all previous data, so that the next answer belongs to the next frame."""
         self._chip.purge()
-        self._heard.clear()
+        self._received.clear()
         self.awaited = 0
 
     def _collect(self) -> Answer | None:
@@ -140,7 +140,7 @@ class Link:
         newest, quiet = None, 0
         for _ in range(MOST):
             more = self._chip.receive(PACKET_TIMEOUT_MS)
-            self._heard += more
+            self._received += more
             quiet = 0 if more else quiet + 1
             for found in self._frames():
                 newest = found
@@ -152,15 +152,15 @@ class Link:
 
     def _frames(self) -> Iterator[Answer]:
         """Extract complete frames from the received bytes; drop bytes that belong to none."""
-        heard = self._heard
+        received = self._received
         while True:
-            begin = heard.find(BEGIN)
-            del heard[: begin if begin >= 0 else len(heard)]
-            if len(heard) < SIZE:
+            begin = received.find(BEGIN)
+            del received[: begin if begin >= 0 else len(received)]
+            if len(received) < SIZE:
                 return
-            found = answer_in(bytes(heard[:SIZE]))
+            found = answer_in(bytes(received[:SIZE]))
             if found is None:
-                del heard[0]
+                del received[0]
             else:
-                del heard[:SIZE]
+                del received[:SIZE]
                 yield found

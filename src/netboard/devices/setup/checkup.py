@@ -15,7 +15,7 @@ from netboard.base.finding import Colour, Finding
 from netboard.devices.contract.device import DeviceInfo
 from netboard.devices.contract.profile import Mechanics
 from netboard.devices.safety.chain import ZERO, Vector
-from netboard.devices.setup.loop import Floats, Track
+from netboard.devices.setup.loop import Floats, Track, smallest_step
 
 AXES = ("x", "y", "z")
 PERIOD_MS = (1.2, 2.0, 4.0)
@@ -36,13 +36,13 @@ NOISY = 2.0
 TOUCHED = 5e-3
 """Movement below which resolution and range cannot be judged [m]."""
 
-PULSE, APART, PULSES = 0.03, 0.5, 6
+PULSE, PERIOD, PULSES = 0.03, 0.5, 6
 """Length of a pulse [s], interval between pulses [s], and number of pulses [1]."""
 
 BEFORE = 100
 """Readings before a pulse that predict the position without it, and after it in which the stylus must move [1]."""
 
-PUSHING = APART * (PULSES + 0.5)
+PUSHING = PERIOD * (PULSES + 0.5)
 """Duration of the whole pulse sequence [s]."""
 
 LATE_MS = 10.0
@@ -74,7 +74,7 @@ def examine(track: Track, info: DeviceInfo) -> tuple[Finding, ...]:
 
 def push_force(level: float, t: float) -> Vector:
     """Return the force of the pulse sequence at a time: short pulses, alternately up and down."""
-    turn, since = divmod(t - 0.5 * APART, APART)
+    turn, since = divmod(t - 0.5 * PERIOD, PERIOD)
     if 0.0 <= turn < PULSES and since < PULSE:
         return 0.0, 0.0, level if turn % 2 == 0 else -level
     return ZERO
@@ -85,18 +85,18 @@ def pushes(track: Track, info: DeviceInfo, mechanics: Mechanics | None) -> Pushe
     fz, height = track.force[:, 2], track.place[:, 2]
     starts = np.flatnonzero((np.abs(fz[1:]) > 0.0) & (fz[:-1] == 0.0)) + 1
     delays = []
-    way = 1.5 * info.resolution
+    least = 1.5 * info.resolution
     for start in starts:
         before = slice(max(start - BEFORE, 0), start + 1)
         line = np.polynomial.Polynomial.fit(track.time[before], height[before], 1)
-        moved = max(way, 4.0 * float((height[before] - line(track.time[before])).std()))
+        moved = max(least, 4.0 * float((height[before] - line(track.time[before])).std()))
         soon = slice(start, start + BEFORE)
         after = np.abs(height[soon] - line(track.time[soon])) > moved
         first = int(np.argmax(after))
         if after[first]:
             delays.append(float(track.time[start + first] - track.written[start]))
     level = float(np.abs(fz).max(initial=0.0))
-    return Pushes(tuple(delays), len(starts), _mechanical(way, level, mechanics))
+    return Pushes(tuple(delays), len(starts), _mechanical(least, level, mechanics))
 
 
 def judge_pushes(found: Pushes) -> Finding:
@@ -113,20 +113,20 @@ def judge_pushes(found: Pushes) -> Finding:
     text = f"median {middle:.1f} ms, maximum {max(found.delays) * 1e3:.1f} ms over {len(found.delays)} pushes"
     figures = {"median_ms": middle, "largest_ms": max(found.delays) * 1e3}
     if np.isfinite(found.mechanical):
-        own = found.mechanical * 1e3
-        text += f"; {own:.1f} ms of it due to the mass"
-        figures["mechanical_ms"] = own
-        late = middle - own > LATE_MS
+        mechanical = found.mechanical * 1e3
+        text += f"; {mechanical:.1f} ms of it due to the mass"
+        figures["mechanical_ms"] = mechanical
+        late = middle - mechanical > LATE_MS
         return Finding(name, "yellow" if late else "green", text, "the device answers late" if late else "", figures)
     return Finding(name, "green", f"{text}; for the part due to the mass, run: netboard devices identify", "", figures)
 
 
-def _mechanical(way: float, level: float, mechanics: Mechanics | None) -> float:
+def _mechanical(distance: float, level: float, mechanics: Mechanics | None) -> float:
     """Return the time in which a pulse moves a stylus from rest by a distance [s]."""
     if mechanics is None or not mechanics.identified:
         return np.nan
     net = level - mechanics.friction
-    return sqrt(2.0 * way * mechanics.mass / net) if net > 0.0 else inf
+    return sqrt(2.0 * distance * mechanics.mass / net) if net > 0.0 else inf
 
 
 def _percentiles(values: Floats) -> tuple[float, float, float, float]:
@@ -168,14 +168,18 @@ def _positions(track: Track) -> Finding:
 
 def _resolution(track: Track, info: DeviceInfo) -> Finding:
     steps = [smallest_step(track.place[:, axis]) for axis in range(3)]
-    said = f"; the device reports {info.resolution * 1e3:.4f} mm" if info.resolution else ""
+    stated = f"; the device reports {info.resolution * 1e3:.4f} mm" if info.resolution else ""
     if np.ptp(track.place, axis=0).max() < TOUCHED or not np.isfinite(min(steps)):
-        return Finding("resolution", "yellow", f"not measured{said}", "move the stylus during the test")
+        return Finding("resolution", "yellow", f"not measured{stated}", "move the stylus during the test")
     words = ", ".join(f"{axis} {step * 1e3:.4f}" for axis, step in zip(AXES, steps, strict=True) if np.isfinite(step))
     coarse = bool(info.resolution) and min(steps) > 3.0 * info.resolution
     advice = "coarser than the device reports" if coarse else ""
     return Finding(
-        "resolution", "yellow" if coarse else "green", f"{words} mm{said}", advice, {"smallest_m": float(min(steps))}
+        "resolution",
+        "yellow" if coarse else "green",
+        f"{words} mm{stated}",
+        advice,
+        {"smallest_m": float(min(steps))},
     )
 
 
@@ -208,12 +212,6 @@ def _ready(track: Track) -> Finding:
     good = share > 0.0
     advice = "" if good else "calibrate the device, take the stylus in hand, bring it into its workspace"
     return Finding("ready for forces", "green" if good else "yellow", f"{share:.0%} of the time", advice)
-
-
-def smallest_step(values: Floats) -> float:
-    """Return the smallest difference between the observed values; infinite if there is only one."""
-    steps = np.diff(np.unique(values))
-    return float(steps[steps > 1e-9].min(initial=inf))
 
 
 def noise_at_rest(track: Track) -> tuple[NDArray[np.float64], float]:

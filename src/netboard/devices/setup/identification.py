@@ -25,8 +25,7 @@ from scipy.sparse import csr_array
 from scipy.stats import t as student
 
 from netboard.base.errors import NetboardError
-
-Floats = NDArray[np.float64]
+from netboard.devices.setup.loop import Floats, smallest_step
 
 WINDOW = 0.4
 """Length of a window [s]."""
@@ -55,7 +54,7 @@ SCALES = np.array([0.05, 0.5, 0.1, 0.1, 1e-3, 50.0])
 STEPS = np.array([1e-4, 1e-3, 1e-4, 1e-4, 1e-5, 1e-2])
 """Steps of the finite differences, in the same units."""
 
-GOOD, MAX_ROUNDS = 1e-5, 60
+TOL, MAX_ROUNDS = 1e-5, 60
 """Convergence tolerance (relative change per iteration), and limit of iterations [1]."""
 
 CONFIDENCE = 0.95
@@ -125,7 +124,7 @@ def identify(motion: Motion, held: bool) -> Identified:
     inside = np.clip(start, bounds[0] + 1e-9, bounds[1] - 1e-9)
     scales = np.concatenate([SCALES[free], np.repeat([1e-3, 0.1], windows.count)])
     fit = least_squares(
-        residuals, inside, jac=slopes, bounds=bounds, x_scale=scales, ftol=GOOD, xtol=GOOD, max_nfev=MAX_ROUNDS
+        residuals, inside, jac=slopes, bounds=bounds, x_scale=scales, ftol=TOL, xtol=TOL, max_nfev=MAX_ROUNDS
     )
     values, half_widths = np.zeros(len(NAMES)), np.zeros(len(NAMES))
     values[free] = fit.x[: free.sum()]
@@ -151,7 +150,7 @@ class _Windows:
         self.places = motion.place[rows][:, ::EVERY]
         smooth, speed = _smoothed(motion)
         self.start = np.stack([smooth[rows[:, 0]], speed[rows[:, 0]]])
-        self.unit = max(_grain(motion.place), 1e-6)
+        self.unit = max(smallest_step(motion.place), 1e-6)
         gaps = np.diff(motion.written, append=2 * motion.written[-1] - motion.written[-2])
         self._impulse = np.concatenate([[0.0], np.cumsum(motion.force * gaps)])
         self._knots = np.append(motion.written, motion.written[-1] + gaps[-1])
@@ -182,8 +181,8 @@ class _Windows:
         runs = self._run(many, starts, forces).reshape(len(lanes) + 3, n, -1)
         changes = (runs[1:] - runs[0]).reshape(len(lanes) + 2, -1) / np.append(STEPS[lanes], shifts)[:, None]
         rows = np.arange(changes.shape[1])
-        own = len(lanes) + rows // runs.shape[2]
-        columns = [*(np.full(len(rows), lane) for lane in range(len(lanes))), own, own + n]
+        initial = len(lanes) + rows // runs.shape[2]
+        columns = [*(np.full(len(rows), lane) for lane in range(len(lanes))), initial, initial + n]
         place = (np.tile(rows, len(lanes) + 2), np.concatenate(columns))
         return csr_array((changes.ravel(), place), shape=(len(rows), len(lanes) + 2 * n))
 
@@ -216,10 +215,10 @@ def _half_widths(residuals: Floats, slopes: csr_array, shared: int, windows: int
     for w in range(windows):
         rows = slice(w * size, (w + 1) * size)
         here = slopes[rows].toarray()
-        own, ours = here[:, [shared + w, shared + windows + w]], here[:, :shared]
-        ours = ours - own @ np.linalg.lstsq(own, ours, rcond=None)[0]
-        inner += ours.T @ ours
-        score = ours.T @ residuals[rows]
+        initial, common = here[:, [shared + w, shared + windows + w]], here[:, :shared]
+        common = common - initial @ np.linalg.lstsq(initial, common, rcond=None)[0]
+        inner += common.T @ common
+        score = common.T @ residuals[rows]
         outer += np.outer(score, score)
     inverse = np.linalg.pinv(inner)
     spread = np.sqrt(np.diag(inverse @ outer @ inverse) * windows / (windows - shared))
@@ -261,9 +260,3 @@ def _smoothed(motion: Motion) -> tuple[Floats, Floats]:
     step = float(np.median(np.diff(motion.time)))
     smooth = savgol_filter(motion.place, SMOOTHED, 3)
     return smooth, savgol_filter(motion.place, SMOOTHED, 3, deriv=1, delta=step)
-
-
-def _grain(place: Floats) -> float:
-    """Return the smallest step between positions."""
-    steps = np.diff(np.unique(place))
-    return float(steps[steps > 1e-9].min(initial=np.inf)) if len(steps) else np.inf

@@ -18,7 +18,7 @@ from netboard.devices.setup.usb import ADVICE, NAMES, Plugged
 
 
 @dataclass(frozen=True, slots=True)
-class Listed:
+class ListedDevice:
     """A listed device."""
 
     # Model, and serial number if known.
@@ -49,7 +49,7 @@ class BackendState(NamedTuple):
 class Listing:
     """All devices and backends."""
 
-    devices: tuple[Listed, ...]
+    devices: tuple[ListedDevice, ...]
     backends: tuple[BackendState, ...]
     remarks: tuple[str, ...]
 
@@ -67,8 +67,8 @@ def listing(config: Config, root: Path = usb.ROOT) -> Listing:
         devices = [_listed(each, "/sys") for each in usb.by_sysfs(root)]
     else:
         for name, ask in (("pyusb", usb.by_pyusb), ("hidapi", usb.by_hidapi)):
-            devices, said = _joined_usb(devices, name, ask)
-            remarks += said
+            devices, problems = _joined_usb(devices, name, ask)
+            remarks += problems
     backends = []
     for name in registry.names():
         trouble, found = _ask_backend(name, config)
@@ -77,13 +77,13 @@ def listing(config: Config, root: Path = usb.ROOT) -> Listing:
     return Listing(tuple(devices), tuple(backends), tuple(remarks))
 
 
-def _listed(found: Plugged, source: str) -> Listed:
+def _listed(found: Plugged, source: str) -> ListedDevice:
     """Return a connected USB device as an entry of the list."""
     usb = f"{found.vendor}:{found.product}"
-    return Listed(NAMES[found.vendor, found.product], found.serial, usb, found.place, (source,), found.shut)
+    return ListedDevice(NAMES[found.vendor, found.product], found.serial, usb, found.place, (source,), found.shut)
 
 
-def joined(devices: list[Listed], backend: str, found: Iterable[Found]) -> list[Listed]:
+def joined(devices: list[ListedDevice], backend: str, found: Iterable[Found]) -> list[ListedDevice]:
     """Merge the devices that a backend's library shows into the list, by serial number.
 
     Returns each device once; the library's model name takes precedence.
@@ -92,15 +92,15 @@ def joined(devices: list[Listed], backend: str, found: Iterable[Found]) -> list[
     for model, serial in found:
         at = next((i for i, each in enumerate(out) if serial and each.serial == serial), None)
         if at is None:
-            out.append(Listed(model, serial, "", "", (backend,)))
+            out.append(ListedDevice(model, serial, "", "", (backend,)))
         else:
             out[at] = replace(out[at], model=model or out[at].model, seen_by=(*out[at].seen_by, backend))
     return out
 
 
 def _joined_usb(
-    devices: list[Listed], source: str, ask: Callable[[], tuple[Plugged, ...]]
-) -> tuple[list[Listed], list[str]]:
+    devices: list[ListedDevice], source: str, ask: Callable[[], tuple[Plugged, ...]]
+) -> tuple[list[ListedDevice], list[str]]:
     """Merge another library's USB devices; one without serial number matches any of its kind."""
     try:
         shown = ask()

@@ -96,6 +96,12 @@ def track_of(rows: list[Row]) -> Track:
     )
 
 
+def smallest_step(place: Floats) -> float:
+    """Return the smallest difference between observed positions; infinite if there is only one."""
+    steps = np.diff(np.unique(place))
+    return float(steps[steps > 1e-9].min(initial=np.inf))
+
+
 def watch(device: Device, loop_clock: LoopClock, seconds: float, progress: Progress = lambda _: None) -> Track:
     """Read a device each millisecond without writing force."""
     rows: list[Row] = []
@@ -114,7 +120,7 @@ class Driver:
     """Drives a device through the safety chain."""
 
     def __init__(self, device: Device, loop_clock: LoopClock, limits: Limits) -> None:
-        self._device, self._beats = device, loop_clock
+        self._device, self._clock = device, loop_clock
         self._limits = limits
         self._safety = Safety(limits, device.info.max_force, device.info.continuous_force)
 
@@ -159,15 +165,15 @@ class Driver:
 
     def _step(self, force: Callable[[Reading], Vector]) -> Row:
         """Read, limit and write once."""
-        begun = self._beats.wait()
+        begun = self._clock.wait()
         reading = self._device.read(begun)
-        ended = self._beats.now()
+        ended = self._clock.now()
         if not reading.ready:
             self._safety.disarm()
         velocity = (reading.vx, reading.vy, reading.vz)
         limited = self._safety.step(ended, force(reading), ended, velocity)
         self._device.write(limited.fx, limited.fy, limited.fz)
-        return begun, ended, reading, self._beats.now(), (limited.fx, limited.fy, limited.fz)
+        return begun, ended, reading, self._clock.now(), (limited.fx, limited.fy, limited.fz)
 
     def _why(self, reading: Reading) -> str:
         """Explain why there is no force."""

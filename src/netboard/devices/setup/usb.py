@@ -44,7 +44,7 @@ class Plugged(NamedTuple):
 
 
 def has_sysfs(root: Path = ROOT) -> bool:
-    """Tell whether /sys shows the USB."""
+    """Return whether /sys shows the USB."""
     return (root / "sys/bus/usb/devices").is_dir()
 
 
@@ -98,11 +98,11 @@ def devices(root: Path = ROOT) -> Finding:
     name = "USB devices"
     if not has_sysfs(root):
         return Finding(name, "green", "not offered here")
-    there = list(by_sysfs(root))
-    found = ", ".join(f"{NAMES[each.vendor, each.product]} at {each.place}" for each in there)
-    if shut := [node for each in there for node in each.shut]:
+    connected = list(by_sysfs(root))
+    found = ", ".join(f"{NAMES[each.vendor, each.product]} at {each.place}" for each in connected)
+    if shut := [node for each in connected for node in each.shut]:
         return Finding(name, "red", f"{found}; no permission for {', '.join(shut)}", ADVICE)
-    if open_to_all := [str(node) for each in there for node in each.nodes if node.stat().st_mode & 0o002]:
+    if open_to_all := [str(node) for each in connected for node in each.nodes if node.stat().st_mode & 0o002]:
         return Finding(name, "yellow", f"{found}; all users may open {', '.join(open_to_all)}", ADVICE)
     return Finding(name, "green", found or "no USB haptic device found")
 

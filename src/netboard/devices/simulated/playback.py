@@ -34,10 +34,10 @@ RATES = ("vx", "vy", "vz")
 UNITS = {"time": "s", "x": "m", "y": "m", "z": "m", "vx": "m/s", "vy": "m/s", "vz": "m/s", "buttons": "1"}
 """Columns of a CSV file (required, optional, all) and their units."""
 
-LONGEST_CURVE = 0.5
+MAX_CURVE = 0.5
 """Longest time between two samples that a cubic joins: over a pause it would swing far beyond both [s]."""
 
-FARTHEST = 1.0
+REACH = 1.0
 """Largest plausible coordinate of a stylus [m]."""
 
 Vector = tuple[float, float, float]
@@ -130,7 +130,7 @@ class Track:
         """Return position, velocity and buttons at a time.
 
         Between two samples the position follows the cubic Hermite curve through both positions and velocities, and the
-        velocity is interpolated linearly. Where velocities are unknown, and in a pause longer than `LONGEST_CURVE`, the
+        velocity is interpolated linearly. Where velocities are unknown, and in a pause longer than `MAX_CURVE`, the
         position is interpolated linearly and the velocity is the slope. Before the first sample and after the last one
         the stylus rests.
         """
@@ -147,13 +147,13 @@ class Track:
         return (x, y, z), (vx, vy, vz), int(self.buttons[k - 1])
 
 
-def _between(share: float, span: float, x: float, then: float, v: float, rate: float) -> tuple[float, float]:
+def _between(share: float, span: float, x0: float, x1: float, v0: float, v1: float) -> tuple[float, float]:
     """Interpolate position and velocity along one axis from the values at both ends [m, m/s]."""
-    slope = (then - x) / span
-    if isnan(v) or isnan(rate) or span > LONGEST_CURVE:
-        return x + share * (then - x), slope
-    bent = share * (1.0 - share) * span * ((1.0 - share) * (v - slope) - share * (rate - slope))
-    return x + share * (then - x) + bent, v + share * (rate - v)
+    slope = (x1 - x0) / span
+    if isnan(v0) or isnan(v1) or span > MAX_CURVE:
+        return x0 + share * (x1 - x0), slope
+    bend = share * (1.0 - share) * span * ((1.0 - share) * (v0 - slope) - share * (v1 - slope))
+    return x0 + share * (x1 - x0) + bend, v0 + share * (v1 - v0)
 
 
 def read_track(path: Path, side: Side, trial: int) -> Track:
@@ -175,7 +175,7 @@ def read_recording(path: Path, side: Side, trial: int) -> Track:
     """
     with Recording(path) as recording:
         rows = recording.ticks()
-    there = sorted({int(number) for number in rows["trial"]} - {0})
+    recorded = sorted({int(number) for number in rows["trial"]} - {0})
     if trial:
         rows = rows[rows["trial"] == trial]
     rows = rows[rows[f"{side}_live"] == 1]
@@ -183,7 +183,7 @@ def read_recording(path: Path, side: Side, trial: int) -> Track:
         stamps = rows[f"{side}_stamp_ns"]
         rows = rows[np.concatenate(([True], np.diff(np.maximum.accumulate(stamps)) > 0))]
     if len(rows) < 2:
-        trials = f"trials {there[0]} to {there[-1]}" if there else "no trial"
+        trials = f"trials {recorded[0]} to {recorded[-1]}" if recorded else "no trial"
         where = f"in trial {trial}" if trial else "in it"
         raise ConfigError(f"{path}: there is no {side} stylus {where}; the recording has {trials}")
     return _track(rows, side)
@@ -265,9 +265,9 @@ def _number(where: str, name: str, word: str) -> float:
     if not isfinite(value):
         found = f'"{word}"' if word.strip() else "nothing"
         raise ConfigError(f"{where}, column {name}: found {found}, expected a finite number [{UNITS[name]}]")
-    if UNITS[name] == "m" and abs(value) > FARTHEST:
+    if UNITS[name] == "m" and abs(value) > REACH:
         raise ConfigError(
-            f"{where}, column {name}: found {value:g}, expected at most {FARTHEST:g} m in each direction: are these mm?"
+            f"{where}, column {name}: found {value:g}, expected at most {REACH:g} m in each direction: are these mm?"
         )
     if name == "buttons" and not (value >= 0.0 and value.is_integer() and value < 2**31):
         raise ConfigError(

@@ -54,7 +54,7 @@ class Options:
 
 
 @inlined
-def _stepped(x: float, y: float, z: float, step: float) -> tuple[float, float, float]:
+def _quantised(x: float, y: float, z: float, step: float) -> tuple[float, float, float]:
     """Return a position in whole encoder steps; a step of 0 m changes nothing."""
     if step == 0.0:
         return x, y, z
@@ -64,17 +64,17 @@ def _stepped(x: float, y: float, z: float, step: float) -> tuple[float, float, f
 @inlined
 def encoder_position(s: Any, step: float) -> tuple[float, float, float]:
     """Return the position of a hand, a record of HAND, in whole encoder steps."""
-    return _stepped(s["x"], s["y"], s["z"], step)
+    return _quantised(s["x"], s["y"], s["z"], step)
 
 
 @kernel
 def encoded(state: Any, rest: float, stop: float, step: float) -> tuple[float, float, float]:
-    """Return the same a given time [s] after the state, not beyond the mechanical stops [m]."""
+    """Return the position in whole encoder steps a given time [s] after the state, not beyond the stops [m]."""
     s = state[0]
     x = min(max(s["x"] + rest * s["vx"], -stop), stop)
     y = min(max(s["y"] + rest * s["vy"], -stop), stop)
     z = min(max(s["z"] + rest * s["vz"], -stop), stop)
-    return _stepped(x, y, z, step)
+    return _quantised(x, y, z, step)
 
 
 @inlined
@@ -116,9 +116,9 @@ class DelayLine:
 
     def __init__(self, delay_ns: int) -> None:
         self._delay_ns = delay_ns
-        self._taken: deque[tuple[int, tuple[float, float, float]]] = deque()
+        self._taken: deque[tuple[int, Vector]] = deque()
 
-    def take(self, now_ns: int, place: tuple[float, float, float]) -> tuple[float, float, float]:
+    def take(self, now_ns: int, place: Vector) -> Vector:
         """Store the current position and return the delayed one; at the start, return the first position."""
         taken, then_ns = self._taken, now_ns - self._delay_ns
         if not taken or now_ns > taken[-1][0]:
@@ -144,15 +144,15 @@ class VirtualTouch(Device):
     def __init__(self, side: Side, config: Config) -> None:
         super().__init__(side, config)
         virtual = config.virtual
-        self._device = own = resolved(virtual)
+        self._model = model = resolved(virtual)
         held = self.read_options(Options).held
         rng = np.random.default_rng((config.block.seed, SIDES.index(side)))
         self._hand = make_hand(config.participant, virtual, rng, held)
         self._written = self._acting = (0.0, 0.0, 0.0)
-        self._limit = own.max_force
+        self._limit = model.max_force
         self._time_ns: int | None = None
-        self._velocimeter = Velocimeter(own.resolution)
-        self._heat = MotorTemperature(own.continuous_force, own.thermal_time) if own.thermal_time > 0.0 else None
+        self._velocimeter = Velocimeter(model.resolution)
+        self._heat = MotorTemperature(model.continuous_force, model.thermal_time) if model.thermal_time > 0.0 else None
         self._read_delay_ns = round(virtual.read_latency_ms * MS_NS)
         self._write_delay_ns = round(virtual.write_latency_ms * MS_NS)
         self._late = DelayLine(self._read_delay_ns) if self._read_delay_ns > 0 else None
@@ -178,10 +178,10 @@ class VirtualTouch(Device):
 
         ``moves``: movements of this side's hand, timed on the clock of `read`, in seconds.
         """
-        mine = tuple(moves)
-        if any(move.side != self.side for move in mine):
+        planned = tuple(moves)
+        if any(move.side != self.side for move in planned):
             raise ValueError(f"the {self.side} hand was given movements of the other one")
-        self._hand.plan(mine)
+        self._hand.plan(planned)
 
     def put(self, z: float) -> None:
         """Place the stylus at a height, at rest, and release it there: the start of a release study."""
@@ -189,26 +189,26 @@ class VirtualTouch(Device):
 
     def live(self, now_ns: int) -> None:
         """Simulate the hand's mechanics up to now; the last written force acts from then on."""
-        self._live_until(now_ns)
-        self._hand_over(now_ns)
+        self._advance_to(now_ns)
+        self._apply_written(now_ns)
 
     def _open(self) -> DeviceInfo:
-        own = self._device
-        reach = own.workspace + own.resolution  # the end stops, in whole encoder steps
+        model = self._model
+        reach = model.workspace + model.resolution  # the end stops, in whole encoder steps
         return DeviceInfo(
-            model=f"virtual {own.name}",
+            model=f"virtual {model.name}",
             serial=f"virtual-{self.side}",
-            max_force=own.max_force,
-            continuous_force=own.continuous_force,
-            resolution=own.resolution,
+            max_force=model.max_force,
+            continuous_force=model.continuous_force,
+            resolution=model.resolution,
             workspace=Box(-reach, -reach, -reach, reach, reach, reach),
             details=self._details(),
         )
 
     def _read(self, now_ns: int) -> Reading:
         if self._time_ns is None or now_ns - self._time_ns >= TICK_NS:
-            self._hand_over(now_ns if self._time_ns is None else self._time_ns)
-            self._live_until(now_ns)
+            self._apply_written(now_ns if self._time_ns is None else self._time_ns)
+            self._advance_to(now_ns)
         x, y, z = self._encoder(now_ns)
         vx, vy, vz = self._velocimeter.update(now_ns, x, y, z)
         return Reading(now_ns, x, y, z, vx, vy, vz, 0, self._heat is None or not self._heat.warm)
@@ -219,30 +219,30 @@ class VirtualTouch(Device):
 
     def _close(self) -> None:
         self._time_ns = None
-        self._velocimeter = Velocimeter(self._device.resolution)
+        self._velocimeter = Velocimeter(self._model.resolution)
         self._late = DelayLine(self._read_delay_ns) if self._late is not None else None
         self._coming.clear()
         self._acting = self._written
 
-    def _hand_over(self, at_ns: int) -> None:
+    def _apply_written(self, at_ns: int) -> None:
         """Apply the last written force from a given time on, plus the actuation delay."""
         if self._write_delay_ns == 0:
             self._acting = self._written
         else:
             self._coming.append((at_ns + self._write_delay_ns, self._written))
 
-    def _live_until(self, now_ns: int) -> None:
+    def _advance_to(self, now_ns: int) -> None:
         """Simulate the hand's mechanics up to now, under the current force and any delayed ones that become due."""
         if self._time_ns is None:
             self._time_ns = now_ns
         self._time_ns = max(self._time_ns, now_ns - CATCH_UP_NS)
         while self._coming and self._coming[0][0] <= now_ns:
             due_ns, force = self._coming.popleft()
-            self._time_ns = self._lived(self._time_ns, due_ns)
+            self._time_ns = self._advance(self._time_ns, due_ns)
             self._acting = force
-        self._time_ns = self._lived(self._time_ns, now_ns)
+        self._time_ns = self._advance(self._time_ns, now_ns)
 
-    def _lived(self, time_ns: int, until_ns: int) -> int:
+    def _advance(self, time_ns: int, until_ns: int) -> int:
         """Simulate whole steps under the current force; return the time reached [ns]."""
         steps = (until_ns - time_ns) // STEP_NS
         if steps <= 0:
@@ -255,7 +255,7 @@ class VirtualTouch(Device):
     def _warm_up(self, heat: MotorTemperature, seconds: float) -> None:
         """Update the motor temperature; hot motors deliver no more than the continuous force."""
         heat.live(seconds, hypot(*self._acting))
-        self._limit = self._device.continuous_force if heat.warm else self._device.max_force
+        self._limit = self._model.continuous_force if heat.warm else self._model.max_force
         if heat.warm:
             self._acting = within(self._limit, *self._acting)
             self._written = within(self._limit, *self._written)
@@ -263,22 +263,21 @@ class VirtualTouch(Device):
     def _encoder(self, now_ns: int) -> Vector:
         """Return the encoder position extrapolated from the last whole step, or the delayed one [m]."""
         rest = max(now_ns - (self._time_ns or now_ns), 0) * 1e-9
-        stop, step = self._device.workspace, self._device.resolution
+        stop, step = self._model.workspace, self._model.resolution
         if self._late is None:
             return encoded(self._hand.state, rest, stop, step)
-        x, y, z = self._late.take(now_ns, encoded(self._hand.state, rest, stop, 0.0))
-        return (x, y, z) if step == 0.0 else (round(x / step) * step, round(y / step) * step, round(z / step) * step)
+        return _quantised(*self._late.take(now_ns, encoded(self._hand.state, rest, stop, 0.0)), step)
 
     def _details(self) -> dict[str, str]:
         """Return the parameters of the device and its configured imperfections."""
-        own = self._device
-        said = {
-            "mass": f"{own.mass!r} kg",
-            "friction": f"{own.friction!r} N",
-            "damping": f"{own.damping!r} N s/m",
-            "cable stiffness": f"{own.cable_stiffness!r} N/m" if own.cable_stiffness else "",
-            "thermal time": f"{own.thermal_time!r} s" if own.thermal_time else "",
+        model = self._model
+        details = {
+            "mass": f"{model.mass!r} kg",
+            "friction": f"{model.friction!r} N",
+            "damping": f"{model.damping!r} N s/m",
+            "cable stiffness": f"{model.cable_stiffness!r} N/m" if model.cable_stiffness else "",
+            "thermal time": f"{model.thermal_time!r} s" if model.thermal_time else "",
             "read latency": f"{self._read_delay_ns / MS_NS!r} ms" if self._read_delay_ns else "",
             "write latency": f"{self._write_delay_ns / MS_NS!r} ms" if self._write_delay_ns else "",
         }
-        return {name: value for name, value in said.items() if value}
+        return {name: value for name, value in details.items() if value}

@@ -89,21 +89,22 @@ class OpenHaptics(Device):
         self._rig: Rig | None = None
         self._opened: OpenDevice | None = None
         self._servo: Servo | None = None
-        self._most = 0.0
+        self._max_force = 0.0
         self._lost = False
         self._tired_ns: int | None = None
-        self._said: dict[int, int] = {}
+        self._reported_ns: dict[int, int] = {}
 
     @classmethod
     def present(cls, config: Config) -> tuple[Found, ...]:
         """List the devices that the vendor's library shows and no program uses, without rendering force."""
-        mine = [agent.options for agent in (config.agents.left, config.agents.right) if agent.device == "openhaptics"]
-        rig = rig_of(next((str(options["library"]) for options in mine if options.get("library")), ""))
-        names = [str(options["name"]) for options in mine if options.get("name")]
+        agents = (config.agents.left, config.agents.right)
+        given = [agent.options for agent in agents if agent.device == "openhaptics"]
+        rig = rig_of(next((str(options["library"]) for options in given if options.get("library")), ""))
+        names = [str(options["name"]) for options in given if options.get("name")]
         return present(rig, list(dict.fromkeys([*names, *candidates("")])))
 
     def _open(self) -> DeviceInfo:
-        self._lost, self._tired_ns, self._said = False, None, {}
+        self._lost, self._tired_ns, self._reported_ns = False, None, {}
         self._rig = rig = rig_of(self._options.library)
         try:
             with rig.paused():
@@ -120,7 +121,7 @@ class OpenHaptics(Device):
         except BaseException:
             self._release()
             raise
-        self._most = info.max_force
+        self._max_force = info.max_force
         return replace(info, details={**info.details, "servo": self._options.servo, **limits})
 
     def _first_ticks(self, rig: Rig, servo: Servo, opened: OpenDevice) -> None:
@@ -159,7 +160,7 @@ class OpenHaptics(Device):
     def _write(self, fx: float, fy: float, fz: float) -> None:
         assert self._servo is not None
         size = hypot(fx, fy, fz)
-        share = 1.0 if size <= self._most else self._most / size
+        share = 1.0 if size <= self._max_force else self._max_force / size
         force: Vector = (fy * share, fz * share, fx * share)
         self._servo.put(force, monotonic_ns())
 
@@ -177,9 +178,9 @@ class OpenHaptics(Device):
         """Process errors of the library: make the device not ready for a while, or report it lost."""
         fatal = [fault for fault in faults if fault.code not in TIRED]
         for fault in faults:
-            if now_ns - self._said.get(fault.code, -REPEAT_INTERVAL_NS) >= REPEAT_INTERVAL_NS:
+            if now_ns - self._reported_ns.get(fault.code, -REPEAT_INTERVAL_NS) >= REPEAT_INTERVAL_NS:
                 log.warning("the haptic device reports %s", fault)
-            self._said[fault.code] = now_ns
+            self._reported_ns[fault.code] = now_ns
         if faults:
             self._tired_ns = now_ns
         if fatal:

@@ -97,12 +97,12 @@ def find(rig: Rig, serial: str, name: str) -> OpenDevice:
     the usual ones.
     """
     tried: dict[str, str] = {}
-    there: dict[str, str] = {}
+    others: dict[str, str] = {}
     names = candidates(name) if serial else [name] if name else list(USUAL_NAMES)
     for each in names:
         called = f'"{each}"' if each else "the library's default"
         if rig.uses(each):
-            there[called] = f"{called} (in use by this process)"
+            others[called] = f"{called} (in use by this process)"
             continue
         try:
             opened = rig.init(each)
@@ -113,12 +113,12 @@ def find(rig: Rig, serial: str, name: str) -> OpenDevice:
         rig.library.drain()
         if not serial or found == serial:
             return opened
-        there.setdefault(found, f"{called} ({model or 'unknown model'}, serial {found or 'unknown'})")
+        others.setdefault(found, f"{called} ({model or 'unknown model'}, serial {found or 'unknown'})")
         rig.release(opened)
     wanted = f"with serial number {serial}" if serial else f'named "{name}"' if name else "at all"
     why = f" ({'; '.join(dict.fromkeys(tried.values()))})" if tried else ""
     raise DeviceNotFound(
-        f"there is no haptic device {wanted}; found: {', '.join(there.values()) or 'none'};"
+        f"there is no haptic device {wanted}; found: {', '.join(others.values()) or 'none'};"
         f" not found: {', '.join(tried) or 'none'}{why}. Is it plugged in and powered, does the vendor's set-up tool"
         " see it, and does no other program use it? See docs/how-to/touch.md"
     )
@@ -148,16 +148,16 @@ def describe(library: Library, opened: OpenDevice, resolution: float) -> DeviceI
 
     ``resolution``: size of one encoder step, which the library does not report [m].
     """
-    must = (Parameter.DEVICE_SERIAL_NUMBER, Parameter.DEVICE_MODEL_TYPE)
-    serial, model = (_required(library, what, library.string) for what in must)
-    most = _required(library, Parameter.NOMINAL_MAX_FORCE, lambda what: library.doubles(what, 1))[0]
-    lasting = _required(library, Parameter.NOMINAL_MAX_CONTINUOUS_FORCE, lambda what: library.doubles(what, 1))[0]
+    serial = _required(library, Parameter.DEVICE_SERIAL_NUMBER, library.string)
+    model = _required(library, Parameter.DEVICE_MODEL_TYPE, library.string)
+    peak = _required(library, Parameter.NOMINAL_MAX_FORCE, lambda what: library.doubles(what, 1))[0]
+    continuous = _required(library, Parameter.NOMINAL_MAX_CONTINUOUS_FORCE, lambda what: library.doubles(what, 1))[0]
     usable = _required(library, Parameter.USABLE_WORKSPACE_DIMENSIONS, lambda what: library.doubles(what, 6))
     return DeviceInfo(
         model=model,
         serial=serial,
-        max_force=most,
-        continuous_force=min(lasting, most),
+        max_force=peak,
+        continuous_force=min(continuous, peak),
         resolution=resolution,
         workspace=workspace(usable),
         details={"name": opened.name or "the library's default", **_details(library)},
@@ -188,8 +188,8 @@ def _details(library: Library) -> Mapping[str, str]:
     for key, text in TEXTS.items():
         details[key] = _value_or_fault(library, library.string(text))
     for key, (number, count, unit) in NUMBERS.items():
-        said = " ".join(f"{value:g}" for value in library.doubles(number, count))
-        details[key] = _value_or_fault(library, f"{said} {unit}")
+        values = " ".join(f"{value:g}" for value in library.doubles(number, count))
+        details[key] = _value_or_fault(library, f"{values} {unit}")
     details["update_rate"] = _value_or_fault(library, f"{library.integer(Parameter.UPDATE_RATE)} Hz")
     return details
 
@@ -197,7 +197,7 @@ def _details(library: Library) -> Mapping[str, str]:
 def _value_or_fault(library: Library, value: str) -> str:
     """Return a value, or the reason why it is missing."""
     faults = library.drain()
-    return f"not told: {_listed(faults)}" if faults else value
+    return f"not reported: {_listed(faults)}" if faults else value
 
 
 def _listed(faults: list[Fault]) -> str:
@@ -239,14 +239,14 @@ def enable(rig: Rig, opened: OpenDevice) -> dict[str, str]:
     """Enable force output and the library's own safeguards, while the scheduler is paused."""
     hd = rig.library
     hd.calls.hdMakeCurrentDevice(opened.handle)
-    came = {}
+    states = {}
     for limit in LIMITS:
         hd.calls.hdEnable(limit)
         faults = hd.drain()
         on = bool(hd.calls.hdIsEnabled(limit)) and not hd.drain()
-        came[limit.name.lower()] = "on" if on else f"off: {_listed(faults) or 'the device does not have it'}"
+        states[limit.name.lower()] = "on" if on else f"off: {_listed(faults) or 'the device does not have it'}"
         if not on:
-            log.warning("the haptic device does without HD_%s: %s", limit.name, came[limit.name.lower()])
+            log.warning("the haptic device does without HD_%s: %s", limit.name, states[limit.name.lower()])
     hd.calls.hdEnable(Capability.FORCE_OUTPUT)
     rig.check("switching on the force")
-    return came
+    return states

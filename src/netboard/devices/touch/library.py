@@ -86,7 +86,7 @@ class Rig:
         ``name``: name in the library; empty for its default device.
         """
         hd = self.library
-        self._note(hd.drain())
+        self._assign(hd.drain())
         handle = hd.calls.hdInitDevice(name.encode() or None)
         if faults := hd.drain():
             if handle != INVALID_HANDLE and handle not in self._devices:
@@ -134,9 +134,9 @@ class Rig:
             with self.paused():
                 hd.calls.hdUnschedule(scheduled)
             raise DeviceTimeout(f"{what} failed: the servo loop did nothing for {ANSWER_S:g} s")
-        self._note([fault for fault in faults if fault.handle in self._devices and fault.handle != opened.handle])
-        if mine := [fault for fault in faults if fault.handle not in self._devices or fault.handle == opened.handle]:
-            raise DeviceError(f"{what} failed: {'; '.join(map(str, mine))}")
+        self._assign([fault for fault in faults if fault.handle in self._devices and fault.handle != opened.handle])
+        if failed := [fault for fault in faults if fault.handle not in self._devices or fault.handle == opened.handle]:
+            raise DeviceError(f"{what} failed: {'; '.join(map(str, failed))}")
         return found[0]
 
     def faults(self, opened: OpenDevice) -> list[Fault]:
@@ -144,7 +144,7 @@ class Rig:
         with self._routing:
             for other in tuple(self._devices.values()):
                 if other.servo is not None:
-                    self._note([self.library.fault(*raw) for raw in other.servo.faults()])
+                    self._assign([self.library.fault(*raw) for raw in other.servo.faults()])
         return [opened.faults.popleft() for _ in range(len(opened.faults))]
 
     def release(self, opened: OpenDevice) -> bool:
@@ -163,7 +163,7 @@ class Rig:
                 del self._devices[opened.handle]
                 for fault in self.library.drain():
                     if fault.handle in self._devices:
-                        self._note([fault])
+                        self._assign([fault])
                     else:
                         log.info("while a device was released: %s", fault)
             return taken
@@ -178,7 +178,7 @@ class Rig:
         servo.put((0.0, 0.0, 0.0), monotonic_ns())
         return self.since_ns is not None and wait_ticks(servo, SETTLE_TICKS, SETTLE_NS)
 
-    def _note(self, faults: list[Fault]) -> None:
+    def _assign(self, faults: list[Fault]) -> None:
         """Assign errors to their devices; an error of unknown origin goes to all."""
         for fault in faults:
             owner = self._devices.get(fault.handle)
@@ -189,7 +189,7 @@ class Rig:
         if self.since_ns is not None:
             self.since_ns = None
             self.library.calls.hdStopScheduler()
-            self._note(self.library.drain())
+            self._assign(self.library.drain())
 
     def _start(self) -> None:
         """Start the scheduler if a callback is scheduled and no pause is active."""
@@ -197,7 +197,7 @@ class Rig:
             return
         self.library.calls.hdStartScheduler()
         self.since_ns = monotonic_ns()
-        self._note(self.library.drain())
+        self._assign(self.library.drain())
 
 
 _rigs: dict[int, Rig] = {}

@@ -82,7 +82,7 @@ class PythonServo:
         self._buttons, self._docked = c_int32(), c_ubyte()
         self._force: tuple[Vector, int] = ((0.0, 0.0, 0.0), 0)
         self._cut = False
-        self._shot: TickResult | None = None
+        self._result: TickResult | None = None
         self._ticks = 0
         self._faults: deque[Raw] = deque(maxlen=KEPT_FAULTS)
         self._entry = Entry(CALLBACK(self._tick), c_void_p())
@@ -98,7 +98,7 @@ class PythonServo:
 
     def result(self) -> TickResult | None:
         """Return the latest result; None before the first tick."""
-        return self._shot
+        return self._result
 
     def faults(self) -> list[Raw]:
         """Return the errors since the last call, oldest tick first."""
@@ -123,7 +123,7 @@ class PythonServo:
                 break
             self._faults.append((error.code, error.internal, error.handle))
         self._ticks += 1
-        self._shot = TickResult(
+        self._result = TickResult(
             self._ticks,
             stamp_ns,
             (position[0], position[1], position[2]),

@@ -117,18 +117,18 @@ def _compile(command: list[str]) -> None:
     """Run the compiler."""
     done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
     if done.returncode:
-        said = (done.stderr.strip().splitlines() or ["it does not say why"])[0]
-        raise DeviceNotFound(f"the servo callback in C cannot be compiled by {command[0]}: {said}; {NO_COMPILER_HINT}")
+        why = (done.stderr.strip().splitlines() or ["it does not say why"])[0]
+        raise DeviceNotFound(f"the servo callback in C cannot be compiled by {command[0]}: {why}; {NO_COMPILER_HINT}")
 
 
 def _compiler() -> list[str]:
     """Return the command of the system's compiler."""
     named = shlex.split(os.environ.get("CC", ""))
-    for words in [named] if named else [[name] for name in COMPILERS]:
-        if shutil.which(words[0]):
-            return words
-    looked = " ".join(named) or ", ".join(COMPILERS)
-    raise DeviceNotFound(f"the servo callback in C needs a compiler, and there is none ({looked}); {NO_COMPILER_HINT}")
+    for command in [named] if named else [[name] for name in COMPILERS]:
+        if shutil.which(command[0]):
+            return command
+    tried = " ".join(named) or ", ".join(COMPILERS)
+    raise DeviceNotFound(f"the servo callback in C needs a compiler, and there is none ({tried}); {NO_COMPILER_HINT}")
 
 
 class ShimServo:

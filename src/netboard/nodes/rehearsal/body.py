@@ -17,7 +17,7 @@ from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import TICK_NS, TICK_WORDS
-from netboard.devices.contract.velocity import AXES, SAMPLES, SLACK, taken
+from netboard.devices.contract.velocity import AXES, SAMPLES, SLACK, windowed
 from netboard.devices.safety.fixture import fixture_force
 from netboard.devices.simulated.virtual import encoder_position, within
 from netboard.network.protocol.motion import Safeguard
@@ -165,7 +165,7 @@ def read(bodies: Any, side: int, words: Any, numbers: Any, place: int) -> None:
     stamp_ns = words[place, _TIME] - LEAD_NS
     x, y, z = encoder_position(body["hand"], d["resolution"])
     band = SLACK * d["resolution"]
-    count, vx, vy, vz = taken(body["stamps"], body["places"], d["count"], band, stamp_ns, (x, y, z))
+    count, vx, vy, vz = windowed(body["stamps"], body["places"], d["count"], band, stamp_ns, (x, y, z))
     d["count"], d["x"], d["y"], d["vx"], d["vy"] = count, x, y, vx, vy
     numbers[place, _Z[side]], numbers[place, _VZ[side]] = z, vz
     numbers[place, _X[side]], numbers[place, _Y[side]] = x, y

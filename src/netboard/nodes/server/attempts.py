@@ -29,7 +29,7 @@ from netboard.task.journal.entries import (
     Resumed,
     Veto,
 )
-from netboard.task.journal.progress import Progress, Row
+from netboard.task.journal.progress import OutcomeRow, Progress
 from netboard.task.trials.quality import Referee, Verdict
 from netboard.task.trials.repeats import Repeats, wants_repeat
 from netboard.task.trials.state_machine import BALL_FREE, OUTCOMES, TABLE, Cause, Phase
@@ -56,7 +56,7 @@ class Attempts:
         journal: Journal | None = None,
         progress: Progress | None = None,
     ) -> None:
-        self.finished: list[Row] = list(progress.outcomes) if progress else []
+        self.finished: list[OutcomeRow] = list(progress.outcomes) if progress else []
         self.completions: list[float] = []  # completion times of the block so far [s]
         self.wanted = 0  # repeats that have not been passed on to the trial state machine yet
         self._begin_journal, self._journal, self._progress = begin_journal, journal, progress

@@ -6,4 +6,10 @@ lanes, one, other : lanes
     A vector register of floats, in any unit.
 array : ndarray of float64
     C-contiguous.
+offset : int
+    Flat index of the first element in the array [1].
+count : int
+    Number of lanes; a compile-time constant [1].
+i : int
+    Index of a lane, or of an element; for lanes a compile-time constant [1].
 """

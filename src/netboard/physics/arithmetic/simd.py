@@ -41,7 +41,7 @@ class Lanes(types.Type):
     """
 
     def __init__(self, count: int) -> None:
-        """Name it."""
+        """Set the name by which Numba identifies the type."""
         self.count = count
         super().__init__(name=f"lanes({count})")
 
@@ -130,16 +130,16 @@ def smaller(one: Any, other: Any) -> Any:
 
 
 def where_within(lanes: Any, low: Any, high: Any, inside: Any, outside: Any) -> Any:
-    """Return one of two in each lane: the first where a number lies between two bounds, the second elsewhere.
+    """Return ``inside`` in each lane whose number lies between its bounds or on them, and ``outside`` elsewhere.
 
-    Not a number counts as inside, unless the bounds leave no room, so that it is passed on as from arithmetic.
+    NaN counts as inside, so that it is passed on as by arithmetic, unless the bounds leave no room.
 
     Parameters
     ----------
     low, high : lanes
-        The bounds of each, which are inside, in the unit of the lanes.
+        Bounds, in the unit of the lanes.
     inside, outside : lanes
-        What to return.
+        Results, in any unit.
     """
     return np.where((lanes < low) | (lanes > high) | (low > high), outside, inside)
 
@@ -274,64 +274,28 @@ def _applying(typing: Any, array: Any, offset: Any, lanes: Any, count: Any) -> A
 
 
 def lanes_at(array: Array, offset: int, count: int) -> Any:
-    """Return lanes from an array.
-
-    Parameters
-    ----------
-    offset : int
-        Where the first is, counted through the whole array [1].
-    count : int
-        How many; a compile-time constant [1].
-    """
+    """Load consecutive elements of an array."""
     return array.ravel()[offset : offset + count]
 
 
 def pair_at(array: Array, offset: int, count: int) -> tuple[Any, Any]:
-    """Return two sets of lanes from an array in which they take turns.
-
-    Parameters
-    ----------
-    offset : int
-        Where the first of the first set is, counted through the whole array [1].
-    count : int
-        How many are in each; a compile-time constant [1].
-    """
+    """Load two registers whose elements alternate in an array, each of `count` lanes."""
     both = array.ravel()[offset : offset + 2 * count]
     return both[::2], both[1::2]
 
 
 def put(array: Array, offset: int, lanes: Any) -> None:
-    """Write lanes to an array.
-
-    Parameters
-    ----------
-    offset : int
-        Where the first goes, counted through the whole array [1].
-    lanes : lanes
-        What to write.
-    """
+    """Store lanes in an array."""
     array.ravel()[offset : offset + len(lanes)] = lanes
 
 
 def lane(lanes: Any, i: int) -> float:
-    """Return one of the lanes, in their unit [1].
-
-    Parameters
-    ----------
-    i : int
-        Which; a compile-time constant [1].
-    """
+    """Return lane i, in the unit of the lanes [1]."""
     return float(lanes[i])
 
 
 def spread(lanes: Any, i: int) -> Any:
-    """Return lanes that are all like one of the given ones.
-
-    Parameters
-    ----------
-    i : int
-        Which; a compile-time constant [1].
-    """
+    """Return lanes that are all equal to lane i."""
     return np.full(len(lanes), lanes[i])
 
 
@@ -341,20 +305,18 @@ def gathered(values: State, count: int) -> Any:
     Parameters
     ----------
     values : tuple of float
-        Some numbers.
-    count : int
-        How many lanes; a compile-time constant [1].
+        At most `count` numbers.
     """
     return np.array([*values, *[0.0] * (count - len(values))])
 
 
 def within(lanes: Any, bound: float) -> bool:
-    """Return whether no lane is larger than a bound, in either direction, or not a number.
+    """Return whether the magnitude of every lane is at most a bound; False if any is NaN.
 
     Parameters
     ----------
     bound : float
-        The largest magnitude, in the unit of the lanes [1].
+        Largest magnitude, in the unit of the lanes [1].
     """
     return bool((np.abs(lanes) <= bound).all())
 
@@ -362,16 +324,7 @@ def within(lanes: Any, bound: float) -> bool:
 def applied(array: Array, offset: int, lanes: Any, count: int) -> Any:
     """Return the product of a matrix and lanes.
 
-    Parameters
-    ----------
-    array : ndarray of float64
-        C-contiguous; with the columns of the matrix one after the other.
-    offset : int
-        Where the matrix starts, counted through the whole array [1].
-    lanes : lanes
-        What to multiply it with: as many as there are columns.
-    count : int
-        How many lanes the result has: as many as there are rows; a compile-time constant [1].
+    The array holds the columns of the matrix, one for each lane, each of `count` rows.
     """
     columns = array.ravel()[offset : offset + len(lanes) * count].reshape(len(lanes), count)
     chains = [columns[0] * lanes[0], columns[1] * lanes[1]]
@@ -381,7 +334,7 @@ def applied(array: Array, offset: int, lanes: Any, count: int) -> Any:
 
 
 def _is(plain: Callable[..., Any], instructions: Any) -> None:
-    """Let numba write some instructions in place of a function; arrays have to lie as their offsets are counted."""
+    """Let numba write some instructions in place of a function; not for arrays whose elements are not in C order."""
     names = ", ".join(inspect.signature(plain).parameters)
     text = eval(f"lambda {names}: instructions({names})", {"instructions": instructions, "__name__": __name__})
 

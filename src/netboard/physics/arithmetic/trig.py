@@ -46,19 +46,14 @@ _C6 = -1.13596475577881948265e-11
 
 @inlined
 def small(x: float, tail: float) -> tuple[float, float]:
-    """Return sine and cosine of ``x + tail``, up to `EIGHTH_TURN`.
+    """Return sine and cosine of ``x + tail``, up to `EIGHTH_TURN` [1].
 
     Parameters
     ----------
     x : float
-        Angle [rad].
+        Angle, rounded to float64 [rad].
     tail : float
-        What belongs to it below its last digit [rad].
-
-    Returns
-    -------
-    s, c : float
-        Sine and cosine [1].
+        Its rounding error, less than the last digit of x [rad].
     """
     z = x * x
     w = z * z
@@ -74,7 +69,7 @@ def small(x: float, tail: float) -> tuple[float, float]:
 
 @inlined
 def reduced(x: float) -> tuple[float, float, float]:
-    """Return what an angle is beyond the nearest multiple of a quarter turn (Cody and Waite, in three parts).
+    """Reduce an angle by the nearest multiple of a quarter turn (Cody and Waite, in three parts).
 
     Parameters
     ----------
@@ -84,9 +79,9 @@ def reduced(x: float) -> tuple[float, float, float]:
     Returns
     -------
     y, tail : float
-        The remainder, and what belongs to it below its last digit [rad].
+        Remainder, and its rounding error [rad].
     n : float
-        How many quarter turns are left out, a whole number [1].
+        Number of quarter turns, a whole number [1].
     """
     n = (x * _TWO_OVER_PI + _NEAREST) - _NEAREST
     first = x - n * _HALF_PI_1
@@ -99,17 +94,12 @@ def reduced(x: float) -> tuple[float, float, float]:
 
 @inlined
 def sincos(x: float) -> tuple[float, float]:
-    """Return sine and cosine of an angle, the same bits on every machine.
+    """Return sine and cosine of an angle, within 1 ulp up to `MAX_ANGLE`, NaN beyond it [1].
 
     Parameters
     ----------
     x : float
         Angle [rad].
-
-    Returns
-    -------
-    s, c : float
-        Sine and cosine, within 1 ulp up to `MAX_ANGLE`; NaN beyond it [1].
     """
     if abs(x) <= EIGHTH_TURN:
         return small(x, 0.0)

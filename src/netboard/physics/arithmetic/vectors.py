@@ -79,9 +79,9 @@ def row(table: Any, i: int, like: State) -> State:
     Parameters
     ----------
     table : ndarray of float64, shape (n, length)
-        The table [SI].
+        Numbers in any unit [SI].
     i : int
-        Number of the row [1].
+        Index of the row [1].
     like : tuple of float
         Any tuple as long as the row [SI].
     """
@@ -92,13 +92,7 @@ _unrolled(row, "table, i, like", lambda table, i, like: _listed(like.count, "tab
 
 
 def places(x: State) -> State:
-    """Return the positions of the balls.
-
-    Returns
-    -------
-    tuple of float
-        p of each ball, + = right [m].
-    """
+    """Return the positions of the balls along the board, + = right [m]."""
     return x[4::2]
 
 
@@ -106,13 +100,7 @@ _unrolled(places, "x", lambda x: "(" + "".join(f"x[{i}], " for i in range(4, x.c
 
 
 def speeds(x: State) -> State:
-    """Return the speeds of the balls along the board.
-
-    Returns
-    -------
-    tuple of float
-        vp of each ball, + = right [m/s].
-    """
+    """Return the velocities of the balls along the board, + = right [m/s]."""
     return x[5::2]
 
 
@@ -154,14 +142,14 @@ _unrolled(dot, "a, b", lambda a, b: " + ".join(f"a[{i}] * b[{i}]" for i in range
 
 
 def alike(value: float, a: State) -> State:
-    """Return the same value for each.
+    """Return a tuple as long as another, with the same value in each place.
 
     Parameters
     ----------
     value : float
-        The value [SI].
+        Number in any unit [SI].
     a : tuple of float
-        One for each ball [SI].
+        One number for each ball [SI].
     """
     return (value,) * len(a)
 
@@ -175,9 +163,9 @@ def affine(constant: float, factor: float, a: State) -> State:
     Parameters
     ----------
     constant, factor : float
-        The same for all [SI].
+        Numbers that all elements share [SI].
     a : tuple of float
-        One for each ball [SI].
+        One number for each ball [SI].
     """
     return tuple([constant + factor * value for value in a])
 
@@ -195,7 +183,7 @@ def joined(vz: float, az: float, omega: float, ao: float, vp: State, ap: State) 
     omega, ao : float
         Rates of the tilt and of its rate [rad/s, rad/s2].
     vp, ap : tuple of float
-        Rates of each ball's place and of its rate [m/s, m/s2].
+        Rates of the position of each ball and of its rate [m/s, m/s2].
     """
     return (vz, az, omega, ao, *(value for pair in zip(vp, ap, strict=True) for value in pair))
 

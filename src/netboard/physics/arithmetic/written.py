@@ -46,23 +46,17 @@ def written(names: str, write: Callable[..., str]) -> Callable[..., Any]:
 
 
 def width_of(length: int) -> int:
-    """Return how many lanes hold a state.
-
-    Returns
-    -------
-    int
-        As many as a vector register has, or several [1].
-    """
+    """Return the number of lanes that hold a state: a multiple of those in a vector register [1]."""
     return 4 if length <= 4 else 8 if length <= 8 else 16
 
 
 def listed(terms: Sequence[str]) -> str:
-    """Return the text of a tuple.
+    """Return the text of a tuple, from the texts of its elements.
 
     Parameters
     ----------
     terms : sequence of str
-        Texts of its elements.
+        An expression for each element.
     """
     return "(" + "".join(f"{term}, " for term in terms) + ")"
 

@@ -22,23 +22,18 @@ ACCELERATION_HORIZON = 0.005
 
 @inlined
 def reached(z: float, vz: float, az: float, age: float, quick: float, reach: float) -> tuple[float, float]:
-    """Extrapolate height and rate of a stylus to the tick: first at constant acceleration, then at constant velocity.
+    """Extrapolate height and rate of a stylus to the tick [m, m/s].
+
+    At first the acceleration is constant, then the velocity.
 
     Parameters
     ----------
-    z, vz, az : float
-        Sampled height, velocity and acceleration [m, m/s, m/s2].
     age : float
         Time from the sample to the tick; negative if the sample is later [s].
     quick : float
         Limit of the extrapolation by acceleration, in either direction; less than `reach` [s].
     reach : float
         Limit of the extrapolation by velocity, in either direction [s].
-
-    Returns
-    -------
-    z, vz : float
-        Height and rate at the tick [m, m/s].
     """
     age = min(max(age, -reach), reach)
     bent = min(max(age, -quick), quick)
@@ -48,35 +43,13 @@ def reached(z: float, vz: float, az: float, age: float, quick: float, reach: flo
 
 @inlined
 def moving(z: float, vz: float, az: float, k: float, c: float) -> tuple[float, float, float, float]:
-    """Return the drive of a hand that moves at constant acceleration.
-
-    Parameters
-    ----------
-    z, vz, az : float
-        Height, velocity and acceleration of the stylus at the start [m, m/s, m/s2].
-
-    Returns
-    -------
-    tuple of float
-        Coefficients of the time [N, N/s, N/s2, N/s3].
-    """
+    """Return the drive of a hand at constant acceleration, as coefficients of the time [N, N/s, N/s2, N/s3]."""
     return k * z + c * vz, k * vz + c * az, 0.5 * (k * az), 0.0
 
 
 @inlined
 def resting(z: float, vz: float, k: float, c: float) -> tuple[float, float, float, float]:
-    """Return the drive of a hand under a zero-order hold.
-
-    Parameters
-    ----------
-    z, vz : float
-        Height of the stylus and its rate, as sampled [m, m/s].
-
-    Returns
-    -------
-    tuple of float
-        Coefficients of the time [N, N/s, N/s2, N/s3].
-    """
+    """Return the drive of a hand under a zero-order hold, as coefficients of the time [N, N/s, N/s2, N/s3]."""
     return k * z + c * vz, 0.0, 0.0, 0.0
 
 
@@ -84,21 +57,16 @@ def resting(z: float, vz: float, k: float, c: float) -> tuple[float, float, floa
 def between(
     z: float, vz: float, next_z: float, next_vz: float, gap: float, k: float, c: float
 ) -> tuple[float, float, float, float]:
-    """Return the drive of a hand between two samples, interpolated by the cubic Hermite polynomial.
+    """Return the drive of a hand between two samples, as coefficients of the time [N, N/s, N/s2, N/s3].
+
+    The cubic Hermite polynomial interpolates height and velocity.
 
     Parameters
     ----------
-    z, vz : float
-        Height of the stylus and its rate at the start [m, m/s].
     next_z, next_vz : float
-        The same at the end [m, m/s].
+        Height and velocity of the next sample [m, m/s].
     gap : float
-        Time from the start to the end [s].
-
-    Returns
-    -------
-    tuple of float
-        Coefficients of the time [N, N/s, N/s2, N/s3].
+        Time between the samples [s].
     """
     mean = (next_z - z) / gap
     bend = (3.0 * mean - 2.0 * vz - next_vz) / gap
@@ -108,7 +76,7 @@ def between(
 
 @inlined
 def later(u: State, t: float) -> State:
-    """Return the drives of both hands relative to a later start (Taylor shift of both polynomials).
+    """Return the same drives relative to a later start, by a Taylor shift of both polynomials [N, N/s, N/s2, N/s3].
 
     Parameters
     ----------
@@ -116,11 +84,6 @@ def later(u: State, t: float) -> State:
         Coefficients of the left drive and of the right one [N, N/s, N/s2, N/s3].
     t : float
         Shift of the start [s].
-
-    Returns
-    -------
-    tuple of float, length 8
-        The same motion, relative to the later start [N, N/s, N/s2, N/s3].
     """
     return (
         u[0] + t * (u[1] + t * (u[2] + t * u[3])),
@@ -135,7 +98,7 @@ def later(u: State, t: float) -> State:
 
 
 def drives(hands: Any, node: int, t: float) -> tuple[float, float]:
-    """Return the drives of both hands at a node of a step.
+    """Return the drives of the left and the right hand at a node of a step [N].
 
     Parameters
     ----------
@@ -145,11 +108,6 @@ def drives(hands: Any, node: int, t: float) -> tuple[float, float]:
         Number of the node [1].
     t : float
         Time of the node since the start of the step [s].
-
-    Returns
-    -------
-    left, right : float
-        Drives [N].
     """
     if len(hands) == 8:
         return _polynomials(hands, t)

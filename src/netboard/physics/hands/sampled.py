@@ -50,17 +50,12 @@ class Hands:
 
 
 def find_gaps(t: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Find the samples before gaps.
+    """Return the indices of the last samples before gaps [1].
 
     Parameters
     ----------
     t : ndarray of float64, shape (n,)
         Times of the samples, increasing [s].
-
-    Returns
-    -------
-    ndarray of int64, shape (gaps,)
-        Their numbers, from 0 [1].
     """
     intervals = np.diff(t)
     return np.flatnonzero(intervals > GAP_RATIO * np.median(intervals))
@@ -105,14 +100,9 @@ def hold_hands(hands: Hands, hold: str) -> Held:
     Parameters
     ----------
     hands : Hands
-        The samples.
+        Samples of both styluses.
     hold : str
         One of `INTERPOLATIONS`.
-
-    Returns
-    -------
-    Held
-        For `drives_along`.
 
     Raises
     ------
@@ -218,13 +208,6 @@ def _fill(
 def drives_along(held: Held, ticks: NDArray[np.int64], scene: NDArray[Any]) -> NDArray[np.float64]:
     """Return the polynomials of both drives from each time on, until the next sample.
 
-    Parameters
-    ----------
-    held : Held
-        The hands.
-    ticks : ndarray of int64, shape (n,)
-        The times, in ticks [1/scale s].
-
     Returns
     -------
     ndarray of float64, shape (n, 8)
@@ -238,20 +221,7 @@ def drives_along(held: Held, ticks: NDArray[np.int64], scene: NDArray[Any]) -> N
 
 
 def styluses_along(held: Held, ticks: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return heights and rates of the styluses at the given times.
-
-    Parameters
-    ----------
-    held : Held
-        The hands.
-    ticks : ndarray of int64, shape (n,)
-        The times, in ticks [1/scale s].
-
-    Returns
-    -------
-    ndarray of float64, shape (n, 4)
-        left_z, left_vz, right_z, right_vz [m, m/s].
-    """
+    """Return left_z, left_vz, right_z, right_vz of the styluses at the given times, shape (n, 4) [m, m/s]."""
     out, unit = np.empty((len(ticks), 4)), np.zeros(1, SCENE)
     # The drive of a coupling with stiffness 1 and no damping is the height; with damping 1 alone, the rate.
     for first, name in enumerate("kc"):

@@ -4,4 +4,6 @@ Parameters
 ----------
 known : int
     Structure flags of the scene (`known_of`) [1].
+k : int
+    Number of a table [1].
 """

@@ -77,15 +77,10 @@ MAX_EXPLICIT_STIFFNESS = 2.0
 
 
 def solved(parts: Parts, scene: Any, length: int, h: float) -> NDArray[np.float64]:
-    """Return the matrix A that is solved exactly: of the scene, or of the board without the inertia of balls.
+    """Return the matrix A that is solved exactly: of the scene, or of the board without the inertia of balls [SI].
 
     In the Lagrangian model a ball away from the centre adds less inertia to the heave than A assumes; the difference is
     in N. For stiff scenes it would make N unstable, so A is that of the lightest board: stable, but less accurate.
-
-    Returns
-    -------
-    ndarray of float64, shape (length, length)
-        A, of the state [SI].
     """
     k = float(scene["k_left"]) + float(scene["k_right"]) + float(scene["k_s"])
     c = float(scene["c_left"]) + float(scene["c_right"]) + float(scene["b_z"])
@@ -94,26 +89,14 @@ def solved(parts: Parts, scene: Any, length: int, h: float) -> NDArray[np.float6
 
 
 def etd2rk_tables(scene: Any, parts: Parts, length: int, h: float) -> NDArray[np.float64]:
-    """Return the tables of `etd2rk`: A, phi_0, h phi_1 and h phi_2.
-
-    Returns
-    -------
-    ndarray of float64, shape (4, length, length)
-        The matrices, stored by columns [SI].
-    """
+    """Return the tables of `etd2rk`, stored by columns: A, phi_0, h phi_1 and h phi_2 [SI]."""
     a = solved(parts, scene, length, h)
     full = phi(a, h, 2)
     return _by_columns(a, full[0], h * full[1], h * full[2])
 
 
 def etdrk4_tables(scene: Any, parts: Parts, length: int, h: float) -> NDArray[np.float64]:
-    """Return the tables of `etdrk4`: A, phi_0 of half and of the whole step, and the tableau of the method.
-
-    Returns
-    -------
-    ndarray of float64, shape (11, length, length)
-        The matrices, stored by columns [SI].
-    """
+    """Return the tables of `etdrk4`, stored by columns: A, phi_0 of half and of a whole step, and the tableau [SI]."""
     a = solved(parts, scene, length, h)
     half, full = phi(a, 0.5 * h, 2), phi(a, h, 3)
     h1, h2, f1, f2, f3 = h * half[1], h * half[2], h * full[1], h * full[2], h * full[3]

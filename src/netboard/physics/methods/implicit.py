@@ -36,12 +36,12 @@ def _inertia(y: State, s: float, c: float, parts: Parts, scene: Any) -> tuple[fl
 
 @inlined
 def _corrected(
-    y: State, wrong_z: float, wrong_o: float, t: float, reach: float, parts: Parts, scene: Any
+    y: State, residual_z: float, residual_o: float, t: float, reach: float, parts: Parts, scene: Any
 ) -> tuple[float, float]:
-    """Return the Newton corrections of the velocities of heave and tilt, from the residuals of their equations."""
+    """Return the Newton steps of the velocities of heave and tilt, from the residuals of their equations."""
     s, c = turned(y[2], parts)
     a11, a12, a22 = _inertia(y, s, c, parts, scene)
-    force, torque = a11 * wrong_z + a12 * wrong_o, a12 * wrong_z + a22 * wrong_o
+    force, torque = a11 * residual_z + a12 * residual_o, a12 * residual_z + a22 * residual_o
     arm, sweep = scene["l"] * c, t * reach
     both = t * (scene["c_left"] + scene["c_right"]) + sweep * (scene["k_left"] + scene["k_right"])
     a11 += both + t * scene["b_z"] + sweep * scene["k_s"]
@@ -58,16 +58,16 @@ def _swept(
 ) -> tuple[State, float]:
     """Return the next iterate, and its change, as a speed of control points and balls [m/s]."""
     k = rates(y, left, right, parts, scene)
-    wrong_z, wrong_o = y[1] - x[1] - t * k[1], y[3] - x[3] - t * k[3]
-    less_z, less_o = _corrected(y, wrong_z, wrong_o, t, reach, parts, scene)
+    residual_z, residual_o = y[1] - x[1] - t * k[1], y[3] - x[3] - t * k[3]
+    step_z, step_o = _corrected(y, residual_z, residual_o, t, reach, parts, scene)
     vp = plus(speeds(x), t, speeds(k))
     if parts.lagrangian and parts.free:
         # The accelerations of the balls depend on those of the board.
         s, _ = turned(y[2], parts)
-        change = scene["ball_height"] * (wrong_o - less_o) - scene["mass_ratio"] * s * (wrong_z - less_z)
+        change = scene["ball_height"] * (residual_o - step_o) - scene["mass_ratio"] * s * (residual_z - step_z)
         vp = affine(change, 1.0, vp)
-    guess = joined(0.0, y[1] - less_z, 0.0, y[3] - less_o, alike(0.0, vp), vp)
-    change = abs(less_z) + scene["l"] * abs(less_o)
+    guess = joined(0.0, y[1] - step_z, 0.0, y[3] - step_o, alike(0.0, vp), vp)
+    change = abs(step_z) + scene["l"] * abs(step_o)
     if parts.resisted:
         slowed = plus(vp, -1.0, speeds(y))
         change += sqrt(dot(slowed, slowed))

@@ -19,7 +19,7 @@ from netboard.physics.scene.parameters import Parts
 
 @dataclass(frozen=True)
 class Grid:
-    """The steps of a run.
+    """Intervals of a run, each divided into equal steps.
 
     Attributes
     ----------
@@ -55,11 +55,6 @@ def make_grid(
         Length of each interval [s].
     counts : ndarray of int64, shape (n,)
         Number of equal steps in each interval [1].
-
-    Returns
-    -------
-    Grid
-        For `run`.
     """
     steps, kinds = np.unique(lengths / counts, return_inverse=True)
     make = METHODS[NUMBER[method]].tables
@@ -68,7 +63,7 @@ def make_grid(
 
 
 def hands_at(hands: Any, i: int) -> Any:
-    """Return the drives during an interval, for `netboard.physics.hands.extrapolation.drives`.
+    """Return the drives during interval i, as `netboard.physics.hands.extrapolation.drives` takes them [N].
 
     Parameters
     ----------
@@ -76,11 +71,6 @@ def hands_at(hands: Any, i: int) -> Any:
         Polynomials of both drives for each interval, or their values at the nodes of the method [N].
     i : int
         Number of the interval [1].
-
-    Returns
-    -------
-    tuple of float, length 8, or tuple of ndarray and int
-        Drives of the interval [N].
     """
     return tuple(hands[i].tolist()) if hands.ndim == 2 else (hands, i)
 
@@ -170,21 +160,16 @@ def run(
     parts: Parts,
     scene: NDArray[Any],
 ) -> NDArray[np.float64]:
-    """Integrate a scene along a grid.
+    """Integrate a scene along a grid; return the first state and that after each interval, shape (n + 1, length) [SI].
 
     Parameters
     ----------
     x : tuple of float
-        The first state [SI].
+        State at the start of the first interval [SI].
     hands : ndarray of float64, shape (n, 8) or (n, nodes, 2)
-        Polynomials of both drives for each interval, or their values at the nodes of the method [N].
+        As for `hands_at` [N].
     grid : Grid
-        The steps.
-
-    Returns
-    -------
-    ndarray of float64, shape (n + 1, length)
-        The states at the ends of the intervals [SI].
+        Intervals and steps.
     """
     out = np.empty((len(grid.lengths) + 1, len(x)))
     march = make_march(NUMBER[method], parts)
@@ -208,19 +193,12 @@ def _make_forces(PARTS: Parts) -> Callable[..., None]:
 def forces_along(
     states: NDArray[np.float64], drives: NDArray[np.float64], parts: Parts, scene: NDArray[Any]
 ) -> NDArray[np.float64]:
-    """Return the coupling forces on the board at each state.
+    """Return the forces of the left and the right coupling on the board at each state, + = up, shape (n, 2) [N].
 
     Parameters
     ----------
-    states : ndarray of float64, shape (n, length)
-        The states [SI].
     drives : ndarray of float64, shape (n, 2)
         Drives of the left and of the right hand at the same times [N].
-
-    Returns
-    -------
-    ndarray of float64, shape (n, 2)
-        Forces on the board, + = up; the hands feel their opposites [N].
     """
     out = np.empty((len(states), 2))
     _make_forces(parts)(states, drives, scene, out)

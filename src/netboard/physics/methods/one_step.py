@@ -1,9 +1,7 @@
 """Explicit one-step methods.
 
-Every method is a function ``step(x, h, hands, tables, parts, scene)`` of the same arguments: the state, the length of
-the step, the hands through it (`netboard.physics.hands.extrapolation.drives`), the method's tables and which of them
-are for this length (an array without elements if it needs none), and the scene. `netboard.physics.methods.catalogue`
-lists them, with their orders and nodes.
+Every method is a function ``step(x, h, hands, tables, parts, scene)`` of the same arguments, which the docstrings of
+`netboard.physics` describe. `netboard.physics.methods.catalogue` lists the methods with their orders and nodes.
 """
 
 from typing import Any
@@ -27,11 +25,6 @@ def moved(x: State, t: float, y: State, parts: Parts) -> State:
         Duration [s].
     y : tuple of float
         State with the velocities [SI].
-
-    Returns
-    -------
-    tuple of float
-        A state [SI].
     """
     p = plus(places(x), t, speeds(y)) if parts.free else places(x)
     return joined(x[0] + t * y[1], y[1], x[2] + t * y[3], y[3], p, speeds(y))
@@ -48,7 +41,7 @@ def euler(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any)
 def semi_implicit(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any) -> State:
     """Return the state after one step of the semi-implicit method of Euler (order 1).
 
-    First the velocities, then the places with the new velocities (Hairer, Lubich and Wanner, Geometric Numerical
+    First the velocities, then the positions with the new velocities (Hairer, Lubich and Wanner, Geometric Numerical
     Integration, I.1.2).
     """
     left, right = drives(hands, 0, 0.0)

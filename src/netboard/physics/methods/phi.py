@@ -87,11 +87,6 @@ def phi_decimals(a: NDArray[np.float64], h: Decimal, last: int) -> list[list[lis
         A time [s].
     last : int
         Number k of the last function [1].
-
-    Returns
-    -------
-    list of list of list of Decimal
-        The functions, each of shape (n, n) [SI].
     """
     size = float(h) * float(np.abs(a).sum(axis=0).max())
     halvings = max(0, int(np.ceil(np.log2(size))) + 1) if size > 0 else 0

@@ -24,13 +24,7 @@ _EVEN_FIXED = EVEN | FIXED
 
 
 def known_of(parts: Parts) -> int:
-    """Return the structure flags of a scene.
-
-    Returns
-    -------
-    int
-        Sum of the flags `EVEN`, `FIXED` and `PAPER` that apply [1].
-    """
+    """Return the structure flags of a scene: the sum of `EVEN`, `FIXED` and `PAPER` where they apply [1]."""
     return (
         EVEN * parts.even
         + FIXED * (parts.loaded and not parts.free)
@@ -53,42 +47,26 @@ def _kicks(columns: list[int]) -> list[int]:
 
 
 def columns_of(row: int, length: int, known: int) -> list[int]:
-    """Return the columns of a matrix that are not 0 in a row.
+    """Return the columns of a matrix that are not 0 in a row; none for a fixed ball [1].
 
     Parameters
     ----------
     row : int
-        The row [1].
-
-    Returns
-    -------
-    list of int
-        The columns; none for a ball that is fixed [1].
+        Index of the row [1].
     """
     return [j for rows, columns in _blocks(length, known) if row in rows for j in columns]
 
 
 def kicked_rows(length: int, known: int) -> list[int]:
-    """Return the rows in which N is not 0.
-
-    Returns
-    -------
-    list of int
-        The rows, the tilt's last [1].
-    """
+    """Return the rows in which N is not 0, the tilt's last [1]."""
     return _kicks([j for _, columns in _blocks(length, known) for j in columns])
 
 
 def needed_rows(length: int, known: int) -> list[int]:
-    """Return the rows of a state on which N depends.
+    """Return the rows of a state on which N depends, ascending [1].
 
     In the paper's model without friction, N is independent of the speeds of balls, and with equal couplings of the
     heave. Fixed balls have no rows.
-
-    Returns
-    -------
-    list of int
-        The rows, ascending [1].
     """
     rows = [i for block, _ in _blocks(length, known) for i in block]
     if known & PAPER:
@@ -141,18 +119,7 @@ _left_over: Callable[..., State] = written("rate, x, tables, known", _write_left
 
 @inlined
 def times(x: State, tables: Any, k: int, parts: Parts) -> State:
-    """Return the product of a table and a state.
-
-    Parameters
-    ----------
-    k : int
-        Number of the table [1].
-
-    Returns
-    -------
-    tuple of float
-        As long as the state [SI].
-    """
+    """Return the product of table k and a state."""
     if parts.loaded and not parts.free:
         return _times(x, tables, k, _EVEN_FIXED) if parts.even else _times(x, tables, k, FIXED)
     return _times(x, tables, k, EVEN) if parts.even else _times(x, tables, k, 0)
@@ -160,19 +127,12 @@ def times(x: State, tables: Any, k: int, parts: Parts) -> State:
 
 @inlined
 def pushed(x: State, tables: Any, k: int, rest: State, parts: Parts) -> State:
-    """Return the sum of a state and the product of a table and N.
+    """Return the sum of a state and the product of table k and N.
 
     Parameters
     ----------
-    k : int
-        Number of the table [1].
     rest : tuple of float
         N, or a sum of values of N [SI].
-
-    Returns
-    -------
-    tuple of float
-        As long as the state [SI].
     """
     if parts.loaded and not parts.free:
         return _pushed(x, tables, k, rest, _EVEN_FIXED) if parts.even else _pushed(x, tables, k, rest, FIXED)
@@ -218,18 +178,7 @@ def _paper_remainder(x: State, left: float, right: float, tables: Any, parts: Pa
 
 @inlined
 def remainder(x: State, left: float, right: float, tables: Any, parts: Parts, scene: Any) -> State:
-    """Return N, the accelerations less A x.
-
-    Parameters
-    ----------
-    tables : tuple of ndarray of float64, shape (kinds, k, n, n), and int
-        Tables, of which the first is A, and the index of their kind.
-
-    Returns
-    -------
-    tuple of float
-        As long as the state; 0 except in rows of accelerations [SI].
-    """
+    """Return N, the accelerations less A x; 0 except in rows of accelerations."""
     if not parts.lagrangian:
         return _paper_remainder(x, left, right, tables, parts, scene)
     rate = rates(x, left, right, parts, scene)

@@ -2,6 +2,22 @@
 
 Parameters
 ----------
-felt : Rendering
+theta : float
+    Tilt of the board, + = right end up [rad].
+s, c : float
+    Sine and cosine of the tilt [1].
+a11, a12, a22 : float
+    Inertia against heave, heave with tilt, and tilt [kg, kg m, kg m2].
+left_z, left_vz, right_z, right_vz : float
+    Heights of the styluses and their rates [m, m/s].
+styluses : ndarray of float64, shape (n, 4)
+    left_z, left_vz, right_z, right_vz at the times of the states [m, m/s].
+config, block : Config, Block
+    The whole configuration, and its table ``[block]``.
+trial : int
+    Number of the trial in the block [1].
+rendering : Rendering
     Structure of the rendering; a compile-time constant.
+numbers : RENDERING record
+    Parameters of the commanded forces.
 """

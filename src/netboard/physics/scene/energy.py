@@ -88,18 +88,7 @@ def _moving(x: State, s: float, c: float, parts: Parts, scene: Any) -> float:
 
 @inlined
 def stored(x: State, left_z: float, right_z: float, parts: Parts, scene: Any) -> StoredEnergy:
-    """Return the stored energies of the scene.
-
-    Parameters
-    ----------
-    left_z, right_z : float
-        Heights of the styluses [m].
-
-    Returns
-    -------
-    StoredEnergy
-        Their sum is the stored energy [J].
-    """
+    """Return the stored energies of the scene; their sum is its whole energy [J]."""
     s, c = turned(x[2], parts)
     z, arm = x[0], scene["l"] * s
     kinetic = 0.5 * (scene["M"] * (x[1] * x[1]) + scene["I"] * (x[3] * x[3]))
@@ -123,33 +112,22 @@ def stored(x: State, left_z: float, right_z: float, parts: Parts, scene: Any) ->
 
 @inlined
 def flows(x: State, left_z: float, left_vz: float, right_z: float, right_vz: float, parts: Parts, scene: Any) -> Powers:
-    """Return the power flows of the scene.
-
-    Parameters
-    ----------
-    left_z, left_vz, right_z, right_vz : float
-        Heights of the styluses and their rates [m, m/s].
-
-    Returns
-    -------
-    Powers
-        Their sum is the rate of the stored energy [W].
-    """
+    """Return the power flows of the scene; their sum is the rate of the stored energy [W]."""
     s, c = turned(x[2], parts)
     z, vz, omega = x[0], x[1], x[3]
     arm, arm_rate = scene["l"] * s, scene["l"] * omega * c
     left, left_slip = left_z - (z - arm), left_vz - (vz - arm_rate)
     right, right_slip = right_z - (z + arm), right_vz - (vz + arm_rate)
-    odd = 0.0
+    added = 0.0
     if parts.loaded and not parts.lagrangian:
         # The board carries only c^2 of a ball's weight, and with the printed sign a ball rolls uphill.
         g, load = scene["g"], scene["m"]
-        odd = len(places(x)) * (g * s) * vz
+        added = len(places(x)) * (g * s) * vz
         if parts.free:
-            odd += (g + scene["ball_gravity"] / scene["mass_ratio"]) * total(speeds(x))
+            added += (g + scene["ball_gravity"] / scene["mass_ratio"]) * total(speeds(x))
         else:
             load *= scene["fixed_load"]
-        odd *= load * s
+        added *= load * s
     heat = 0.0
     if parts.resisted:
         heat = -dot(friction(speeds(x), scene["m"] * scene["g"] * abs(c), parts, scene), speeds(x))
@@ -159,7 +137,7 @@ def flows(x: State, left_z: float, left_vz: float, right_z: float, right_vz: flo
         -scene["c_left"] * (left_slip * left_slip),
         -scene["c_right"] * (right_slip * right_slip),
         -(scene["b_z"] * (vz * vz) + scene["b_theta"] * (omega * omega)),
-        odd,
+        added,
         heat,
     )
 
@@ -188,7 +166,7 @@ _CUBIC = _values_and_slopes((0.0, 0.0, 3.0, -2.0), (0.0, 1.0, -2.0, 1.0), (0.0, 
 
 
 @inlined
-def _place(w: Any, x: Any, before: State, after: State, i: int, j: int, h: float, out: Any) -> None:
+def _interpolate_state(w: Any, x: Any, before: State, after: State, i: int, j: int, h: float, out: Any) -> None:
     """Write coordinate j and its rate at a node of interval i, interpolated by the quintic."""
     step, start, end = x[i + 1, j] - x[i, j], h * x[i, j + 1], h * x[i + 1, j + 1]
     bend, last = (h * h) * before[j + 1], (h * h) * after[j + 1]
@@ -197,18 +175,18 @@ def _place(w: Any, x: Any, before: State, after: State, i: int, j: int, h: float
 
 
 @inlined
-def _held(w: Any, hands: Any, i: int, j: int, h: float) -> tuple[float, float]:
+def _stylus_at(w: Any, styluses: Any, i: int, j: int, h: float) -> tuple[float, float]:
     """Return height and rate of the stylus in columns j and j + 1 at a node of interval i, by the cubic."""
-    step, start, end = hands[i + 1, j] - hands[i, j], h * hands[i, j + 1], h * hands[i + 1, j + 1]
-    z = hands[i, j] + (w[0, 0] * step + w[0, 1] * start + w[0, 2] * end)
+    step, start, end = styluses[i + 1, j] - styluses[i, j], h * styluses[i, j + 1], h * styluses[i + 1, j + 1]
+    z = styluses[i, j] + (w[0, 0] * step + w[0, 1] * start + w[0, 2] * end)
     return z, (w[1, 0] * step + w[1, 1] * start + w[1, 2] * end) / h
 
 
 @inlined
-def _rate(like: State, states: Any, hands: Any, i: int, parts: Parts, scene: Any) -> State:
+def _rate(like: State, states: Any, styluses: Any, i: int, parts: Parts, scene: Any) -> State:
     """Return the rate of state i under the styluses of row i."""
-    left = scene["k_left"] * hands[i, 0] + scene["c_left"] * hands[i, 1]
-    right = scene["k_right"] * hands[i, 2] + scene["c_right"] * hands[i, 3]
+    left = scene["k_left"] * styluses[i, 0] + scene["c_left"] * styluses[i, 1]
+    right = scene["k_right"] * styluses[i, 2] + scene["c_right"] * styluses[i, 3]
     return rates(row(states, i, like), left, right, parts, scene)
 
 
@@ -217,25 +195,25 @@ def _make_along(PARTS: Parts) -> tuple[Callable[..., None], Callable[..., None]]
     """Compile the energies of many states, and the work between them."""
 
     @kernel
-    def all_stored(like: State, states: Any, hands: Any, scene: Any, out: Any) -> None:
+    def all_stored(like: State, states: Any, styluses: Any, scene: Any, out: Any) -> None:
         for i in range(len(states)):
-            held = stored(row(states, i, like), hands[i, 0], hands[i, 2], PARTS, scene[0])
-            for j in range(len(held)):
-                out[i, j] = held[j]
+            energies = stored(row(states, i, like), styluses[i, 0], styluses[i, 2], PARTS, scene[0])
+            for j in range(len(energies)):
+                out[i, j] = energies[j]
 
     @kernel
-    def all_work(like: State, times: Any, states: Any, hands: Any, scene: Any, out: Any) -> None:
+    def all_work(like: State, times: Any, states: Any, styluses: Any, scene: Any, out: Any) -> None:
         one, at = scene[0], np.empty((1, len(like)))
-        after = _rate(like, states, hands, 0, PARTS, one)
+        after = _rate(like, states, styluses, 0, PARTS, one)
         for i in range(len(times) - 1):
             h = times[i + 1] - times[i]
-            before, after = after, _rate(like, states, hands, i + 1, PARTS, one)
+            before, after = after, _rate(like, states, styluses, i + 1, PARTS, one)
             out[i + 1] = out[i]
             for node in range(len(_SHARES)):
                 for j in range(0, len(like), 2):
-                    _place(_QUINTIC[node], states, before, after, i, j, h, at[0])
-                left_z, left_vz = _held(_CUBIC[node], hands, i, 0, h)
-                right_z, right_vz = _held(_CUBIC[node], hands, i, 2, h)
+                    _interpolate_state(_QUINTIC[node], states, before, after, i, j, h, at[0])
+                left_z, left_vz = _stylus_at(_CUBIC[node], styluses, i, 0, h)
+                right_z, right_vz = _stylus_at(_CUBIC[node], styluses, i, 2, h)
                 flow = flows(row(at, 0, like), left_z, left_vz, right_z, right_vz, PARTS, one)
                 for j in range(len(flow)):
                     out[i + 1, j] += _SHARES[node] * h * flow[j]
@@ -244,35 +222,22 @@ def _make_along(PARTS: Parts) -> tuple[Callable[..., None], Callable[..., None]]
 
 
 def stored_along(
-    states: NDArray[np.float64], hands: NDArray[np.float64], parts: Parts, scene: NDArray[Any]
+    states: NDArray[np.float64], styluses: NDArray[np.float64], parts: Parts, scene: NDArray[Any]
 ) -> NDArray[np.float64]:
-    """Return the stored energies at each state.
-
-    Parameters
-    ----------
-    states : ndarray of float64, shape (n, length)
-        The states [SI].
-    hands : ndarray of float64, shape (n, 4)
-        left_z, left_vz, right_z, right_vz of the styluses at the same times [m, m/s].
-
-    Returns
-    -------
-    ndarray of float64, shape (n, 5)
-        As in `StoredEnergy` [J].
-    """
+    """Return the stored energies at each state, with the columns of `StoredEnergy` [J]."""
     out = np.empty((len(states), len(StoredEnergy._fields)))
-    _make_along(parts)[0]((0.0,) * states.shape[1], states, hands, scene, out)
+    _make_along(parts)[0]((0.0,) * states.shape[1], states, styluses, scene, out)
     return out
 
 
 def work_along(
     times: NDArray[np.float64],
     states: NDArray[np.float64],
-    hands: NDArray[np.float64],
+    styluses: NDArray[np.float64],
     parts: Parts,
     scene: NDArray[Any],
 ) -> NDArray[np.float64]:
-    """Return the work done through each flow since the start of a trajectory.
+    """Return the work done through each flow since the start of a trajectory, with the columns of `Powers` [J].
 
     Between two states the board is interpolated by the quintic that matches positions, rates and accelerations, and a
     stylus by the cubic. A Gauss-Legendre rule of three nodes integrates the power; the error is of order six.
@@ -281,16 +246,7 @@ def work_along(
     ----------
     times : ndarray of float64, shape (n,)
         Times of the states, ascending [s].
-    states : ndarray of float64, shape (n, length)
-        The states [SI].
-    hands : ndarray of float64, shape (n, 4)
-        left_z, left_vz, right_z, right_vz of the styluses at the same times [m, m/s].
-
-    Returns
-    -------
-    ndarray of float64, shape (n, 7)
-        As in `Powers`, since the first state [J].
     """
     out = np.zeros((len(states), len(Powers._fields)))
-    _make_along(parts)[1]((0.0,) * states.shape[1], times, states, hands, scene, out)
+    _make_along(parts)[1]((0.0,) * states.shape[1], times, states, styluses, scene, out)
     return out

@@ -8,33 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.physics.scene.parameters import Parts
+from netboard.physics.scene.parameters import Parts, load_mass
 
 
 def board_matrix(parts: Parts, scene: Any) -> NDArray[np.float64]:
-    """Return the state matrix of the board without balls.
-
-    Returns
-    -------
-    ndarray of float64, shape (4, 4)
-        A, of (z, vz, theta, omega) [SI].
-    """
+    """Return the matrix A of (z, vz, theta, omega), of shape (4, 4): the board without balls [SI]."""
     return scene_matrix(parts, scene, 4)
 
 
 def scene_matrix(parts: Parts, scene: Any, length: int) -> NDArray[np.float64]:
-    """Return the state matrix of the scene about the level board with the balls at its centre.
-
-    Parameters
-    ----------
-    length : int
-        Length of its state: four for the board and two for each ball [1].
-
-    Returns
-    -------
-    ndarray of float64, shape (length, length)
-        A, of the state [SI].
-    """
+    """Return the matrix A about the level board with the balls at its centre, of shape (length, length) [SI]."""
     a = np.zeros((length, length))
     arm = float(scene["l"])
     k_left, k_right = float(scene["k_left"]), float(scene["k_right"])
@@ -56,7 +39,7 @@ def scene_matrix(parts: Parts, scene: Any, length: int) -> NDArray[np.float64]:
     heavy, turning = float(scene["M"]), float(scene["I"])
     balls = range(4, length, 2)
     if parts.loaded:
-        load = float(scene["m"]) * (1.0 if parts.free else float(scene["fixed_load"]))
+        load = load_mass(parts, scene)
         torque[list(balls)] -= load * float(scene["g"])
         if parts.lagrangian:
             heavy += load * len(balls)

@@ -34,29 +34,15 @@ from netboard.physics.scene.parameters import Parts
 
 @inlined
 def turned(theta: float, parts: Parts) -> tuple[float, float]:
-    """Return sine and cosine of the tilt: 0 and 1 for a board that cannot tilt.
-
-    Parameters
-    ----------
-    theta : float
-        Tilt [rad].
-
-    Returns
-    -------
-    s, c : float
-        Sine and cosine [1].
-    """
+    """Return sine and cosine of the tilt: 0 and 1 for a board that cannot tilt [1]."""
     return sincos(theta) if parts.tilts else (0.0, 1.0)
 
 
 @inlined
 def coupling(x: State, left: float, right: float, parts: Parts, scene: Any) -> tuple[float, float]:
-    """Return the forces of both virtual couplings on the board; the hands feel the reactions (paper eq. 1-2).
+    """Return the forces of the left and the right virtual coupling on the board, + = up (paper eq. 1-2) [N].
 
-    Returns
-    -------
-    left, right : float
-        Forces on the board, + = up [N].
+    The hands feel the reactions.
     """
     s, c = turned(x[2], parts)
     arm, arm_rate = scene["l"] * s, scene["l"] * x[3] * c
@@ -67,25 +53,20 @@ def coupling(x: State, left: float, right: float, parts: Parts, scene: Any) -> t
 
 
 def friction(vp: State, load: float, parts: Parts, scene: Any) -> State:
-    """Return the force of friction on each ball, against its motion along the board.
+    """Return the force of friction on each ball, the sum of all laws, against its motion along the board [N].
 
     Parameters
     ----------
     vp : tuple of float
         Speed of each ball along the board [m/s].
     load : float
-        The normal force of a ball on the board [N].
-
-    Returns
-    -------
-    tuple of float
-        Sums of all laws, in their order [N].
+        Normal force of a ball on the board [N].
     """
     return tuple([_resistance(v, load, parts, scene) for v in vp])
 
 
 def _resistance(vp: float, load: float, parts: Parts, scene: Any) -> float:
-    """Return the same of one ball [N]."""
+    """Return the force of friction on one ball [N]."""
     force = 0.0
     for (key, law), there in zip(FRICTION.items(), parts.friction, strict=True):
         if there:  # no `sum`, which rounds in another way than kernels do
@@ -147,17 +128,9 @@ def _paper(x: State, left: float, right: float, parts: Parts, scene: Any) -> Sta
 
 @inlined
 def inertia(x: State, s: float, c: float, parts: Parts, scene: Any) -> tuple[float, float, float]:
-    """Return the inertia of board and balls by Lagrange's equations, with the coordinates of free balls eliminated.
+    """Return the inertia a11, a12, a22 of board and balls by Lagrange's equations [kg, kg m, kg m2].
 
-    Parameters
-    ----------
-    s, c : float
-        Sine and cosine of the tilt [1].
-
-    Returns
-    -------
-    a11, a12, a22 : float
-        Inertia against heave, heave with tilt, and tilt [kg, kg m, kg m2].
+    The coordinates of free balls are eliminated.
     """
     p = places(x)
     n = len(p)
@@ -176,19 +149,12 @@ def inertia(x: State, s: float, c: float, parts: Parts, scene: Any) -> tuple[flo
 
 @inlined
 def solved(a11: float, a12: float, a22: float, force: float, torque: float, parts: Parts) -> tuple[float, float]:
-    """Return the accelerations of heave and tilt under a force and a torque, 0 for a degree of freedom that is fixed.
+    """Return the accelerations of heave and tilt, 0 for a degree of freedom that is fixed [m/s2, rad/s2].
 
     Parameters
     ----------
-    a11, a12, a22 : float
-        Inertia against heave, heave with tilt, and tilt [kg, kg m, kg m2].
     force, torque : float
         Force on the heave and torque on the tilt [N, N m].
-
-    Returns
-    -------
-    az, ao : float
-        Accelerations of heave and tilt [m/s2, rad/s2].
     """
     if not parts.tilts:
         return force / a11, 0.0
@@ -235,13 +201,7 @@ def _lagrangian(x: State, left: float, right: float, parts: Parts, scene: Any) -
 
 @inlined
 def rates(x: State, left: float, right: float, parts: Parts, scene: Any) -> State:
-    """Return the rate of change of a state.
-
-    Returns
-    -------
-    tuple of float
-        As long as the state [SI].
-    """
+    """Return the rate of change of a state [SI]."""
     if parts.lagrangian:
         return _lagrangian(x, left, right, parts, scene)
     return _paper(x, left, right, parts, scene)
@@ -271,11 +231,6 @@ def stopped(x: State, parts: Parts, scene: Any) -> State:
     """Return the state after a step, with balls beyond a stop put on it and reflected (Newton's restitution).
 
     An impact takes effect at the end of its step.
-
-    Returns
-    -------
-    tuple of float
-        The state [SI].
     """
     if parts.stops:
         for i in range(len(places(x))):

@@ -79,13 +79,7 @@ _SAME_NAME = ("M", "m", "g", "k_s", "l", "I", "b_z", "b_theta", "ball_height", "
 
 
 def pack_scene(physics: Physics) -> NDArray[Any]:
-    """Pack the parameters of a scene for the kernels.
-
-    Returns
-    -------
-    ndarray of SCENE, shape (1,)
-        The packed record, SI units.
-    """
+    """Pack the parameters of a scene for the kernels: ndarray of SCENE, shape (1,) [SI]."""
     scene = np.zeros(1, SCENE)
     for name in _SAME_NAME:
         scene[name] = getattr(physics, name)
@@ -115,11 +109,6 @@ for _key, _words in _KNOWN.items():
 def parts_of(physics: Physics, free: bool = True) -> Parts:
     """Return the structure of a scene.
 
-    Returns
-    -------
-    Parts
-        The compile-time constants.
-
     Raises
     ------
     ConfigError
@@ -127,28 +116,29 @@ def parts_of(physics: Physics, free: bool = True) -> Parts:
     """
     for key, words in _KNOWN.items():
         number_of(getattr(physics, key), words, f"[physics] {key}")
-    there = physics.balls > 0
-    friction = tuple(there and free and getattr(physics, key) > 0 for key in FRICTION)
+    loaded = physics.balls > 0
+    friction = tuple(loaded and free and getattr(physics, key) > 0 for key in FRICTION)
     return Parts(
         lagrangian=physics.model == "lagrangian",
         heaves=physics.board != "hinged",
         tilts=physics.board != "level",
         even=physics.coupling in ("both", "none"),
         damped=physics.b_theta > 0 and physics.board != "level",
-        loaded=there,
-        free=there and free,
-        stops=there and free and physics.ball_stop > 0,
+        loaded=loaded,
+        free=loaded and free,
+        stops=loaded and free and physics.ball_stop > 0,
         resisted=any(friction),
         friction=friction,
     )
 
 
 def state_length(physics: Physics) -> int:
-    """Return the length of the state vector of a scene.
-
-    Returns
-    -------
-    int
-        Four for the board and two for each ball [1].
-    """
+    """Return the length of the state vector of a scene: four for the board and two for each ball [1]."""
     return 4 + 2 * physics.balls
+
+
+def load_mass(parts: Parts, scene: Any) -> float:
+    """Return the part of a ball's mass that loads the board; 0 without balls [kg]."""
+    if not parts.loaded:
+        return 0.0
+    return float(scene["m"]) * (1.0 if parts.free else float(scene["fixed_load"]))

@@ -20,12 +20,12 @@ from netboard.base.errors import ConfigError
 from netboard.base.tables.declared import number_of, require, words_of
 from netboard.base.tables.experiment import MAX_TRIALS, Block
 from netboard.base.tables.forces import CONDITIONS, FORCES
-from netboard.physics.scene.parameters import Parts, pack_scene, parts_of
+from netboard.physics.scene.parameters import Parts, load_mass, pack_scene, parts_of
 
-KNOWN_MOVERS = ("person", "still", "robot")
+MOVERS = ("person", "still", "robot")
 """Who can move a hand; every mover but "still" receives a force."""
 
-require("rendering_of in netboard/physics/scene/rendering.py", KNOWN_MOVERS, words_of(Block, "left"))
+require("rendering_of in netboard/physics/scene/rendering.py", MOVERS, words_of(Block, "left"))
 
 TRIAL_ENTRIES = MAX_TRIALS + 1
 """First trial number without an entry in the tables below; only trials that operators add reach it [1]."""
@@ -107,9 +107,16 @@ def _compiled_rendered(number: Any, coupling: Any, own_z: Any, partner_z: Any, p
 
 @inlined
 def force_on_hand(
-    coupling: float, own_z: float, partner_z: float, p: float, other: float, gains: Any, scale: float, felt: Rendering
+    coupling: float,
+    own_z: float,
+    partner_z: float,
+    p: float,
+    other: float,
+    gains: Any,
+    scale: float,
+    rendering: Rendering,
 ) -> float:
-    """Return the commanded force of a hand.
+    """Return the commanded force on a hand, + = up [N].
 
     Parameters
     ----------
@@ -125,24 +132,17 @@ def force_on_hand(
         Gains of the hand, for a free or a fixed ball.
     scale : float
         Factor of the force [1].
-
-    Returns
-    -------
-    float
-        Force on the hand, + = up [N].
     """
-    force = _rendered(felt.force, coupling, own_z, partner_z, p, other, gains)
-    return scale * force if felt.scaled else force
+    force = _rendered(rendering.force, coupling, own_z, partner_z, p, other, gains)
+    return scale * force if rendering.scaled else force
 
 
 @inlined
 def is_listed(trial: int, catch: Any) -> bool:
-    """Tell whether a trial is in the list of catch trials.
+    """Return whether a trial is in the list of catch trials.
 
     Parameters
     ----------
-    trial : int
-        Its number in the block [1].
     catch : ndarray
         ``catch`` of RENDERING [1].
     """
@@ -150,31 +150,15 @@ def is_listed(trial: int, catch: Any) -> bool:
 
 
 @inlined
-def is_catch(trial: int, numbers: Any, felt: Rendering) -> bool:
-    """Tell whether a trial is a catch trial, without force.
-
-    Parameters
-    ----------
-    trial : int
-        Its number in the block [1].
-    numbers : RENDERING record
-        Parameters of the commanded forces.
-    """
-    return felt.catches and is_listed(trial, numbers["catch"])
+def is_catch(trial: int, numbers: Any, rendering: Rendering) -> bool:
+    """Return whether a trial is a catch trial, without force."""
+    return rendering.catches and is_listed(trial, numbers["catch"])
 
 
 @inlined
-def scale_in(trial: int, numbers: Any, felt: Rendering) -> float:
-    """Return the factor of the commanded force in a trial [1].
-
-    Parameters
-    ----------
-    trial : int
-        Its number in the block [1].
-    numbers : RENDERING record
-        Parameters of the commanded forces.
-    """
-    if felt.varies and 0 < trial < TRIAL_ENTRIES:
+def scale_in(trial: int, numbers: Any, rendering: Rendering) -> float:
+    """Return the factor of the commanded force in a trial [1]."""
+    if rendering.varies and 0 < trial < TRIAL_ENTRIES:
         return float(numbers["scales"][trial])
     return float(numbers["scale"])
 
@@ -182,21 +166,16 @@ def scale_in(trial: int, numbers: Any, felt: Rendering) -> float:
 def rendering_of(block: Block) -> Rendering:
     """Return the structure of the force rendering of a block.
 
-    Parameters
-    ----------
-    block : Block
-        The configuration's table.
-
     Raises
     ------
     ConfigError
-        If its force condition, or who moves a hand, is not known.
+        If the force condition or the mover of a hand is unknown.
     """
     left, right = block.left != "still", block.right != "still"
     varies = bool(block.trial_scales)
     force = number_of(block.force, FORCES, "[block] force")
     for side, mover in (("left", block.left), ("right", block.right)):
-        number_of(mover, KNOWN_MOVERS, f"[block] {side}")
+        number_of(mover, MOVERS, f"[block] {side}")
     if block.force == "none" or (block.force_scale == 0.0 and not varies) or not (left or right):
         return NO_FORCE
     scaled = varies or block.force_scale != 1.0
@@ -204,17 +183,7 @@ def rendering_of(block: Block) -> Rendering:
 
 
 def pack_rendering(config: Config) -> NDArray[Any]:
-    """Pack the parameters of the commanded forces for the kernels.
-
-    Parameters
-    ----------
-    config : Config
-        The whole configuration.
-
-    Returns
-    -------
-    ndarray of RENDERING, shape (1,)
-        The packed record, SI units.
+    """Pack the parameters of the commanded forces for the kernels: ndarray of RENDERING, shape (1,) [SI].
 
     Raises
     ------
@@ -236,14 +205,9 @@ def pack_rendering(config: Config) -> NDArray[Any]:
 
 
 def gains_of(parts: Parts, scene: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return the gains of both hands from the linear static balance of the board.
+    """Return the gains of both hands, as in `GAINS`, from the linear static balance of the board [N, N/m].
 
     Plain arithmetic instead of a library gives the same bits on every machine, so that recordings verify.
-
-    Returns
-    -------
-    left, right : tuple of float
-        As in `GAINS` [N, N/m].
 
     Raises
     ------
@@ -251,7 +215,7 @@ def gains_of(parts: Parts, scene: Any) -> tuple[tuple[float, ...], tuple[float, 
         If the springs do not determine height and tilt of the board, or the ball would tip it over.
     """
     k_left, k_right, arm = float(scene["k_left"]), float(scene["k_right"]), float(scene["l"])
-    load = _load(parts, scene)
+    load = load_mass(parts, scene) * float(scene["g"])
     weight = -float(scene["M"]) * float(scene["g"]) - load
     left, right = [], []
     # Height and tilt for each of four loads: weight, left stylus, right stylus, ball (its weight is in the first).
@@ -264,34 +228,27 @@ def gains_of(parts: Parts, scene: Any) -> tuple[tuple[float, ...], tuple[float, 
     return (left[0], left[1], left[2], left[3]), (right[0], right[2], right[1], right[3])
 
 
-def _load(parts: Parts, scene: Any) -> float:
-    """Return the weight of the ball on the board [N]."""
-    if not parts.loaded:
-        return 0.0
-    return float(scene["m"]) * float(scene["g"]) * (1.0 if parts.free else float(scene["fixed_load"]))
-
-
 def _rest(force: float, torque: float, parts: Parts, scene: Any) -> tuple[float, float]:
     """Return height and tilt at which the springs balance a force and a torque, linear [m, rad]."""
     k_left, k_right, arm = float(scene["k_left"]), float(scene["k_right"]), float(scene["l"])
     heave = k_left + k_right + float(scene["k_s"])
     mixed = (k_right - k_left) * arm
     tilt = (k_left + k_right) * arm * arm
-    holding = tilt
+    springs_only = tilt
     if parts.lagrangian and not parts.free:
-        tilt -= _load(parts, scene) * float(scene["ball_height"])
+        tilt -= load_mass(parts, scene) * float(scene["g"]) * float(scene["ball_height"])
     if not parts.tilts:
-        _check(heave > 0.0)
+        _require_springs(heave > 0.0)
         return force / heave, 0.0
     if not parts.heaves:
-        _check(tilt > 0.0)
+        _require_springs(tilt > 0.0)
         return 0.0, torque / tilt
     determinant = heave * tilt - mixed * mixed
-    _check(determinant > 1e-12 * heave * holding)
+    _require_springs(determinant > 1e-12 * heave * springs_only)
     return (force * tilt - mixed * torque) / determinant, (heave * torque - mixed * force) / determinant
 
 
-def _check(holds: bool) -> None:
+def _require_springs(holds: bool) -> None:
     """Refuse a scene in which the springs do not determine height and tilt of the board."""
     if not holds:
         parts = ", ".join(f'"{name}"' for name in FORCES if CONDITIONS[name].quasi_static)

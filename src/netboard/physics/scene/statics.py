@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from scipy.optimize import brentq
 
-from netboard.physics.scene.parameters import Parts
+from netboard.physics.scene.parameters import Parts, load_mass
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +35,9 @@ class Equilibrium:
     right: float
 
 
+_NO_TILT = "without springs to both hands, or to one and to the origin, the tilt has no static equilibrium"
+
+
 class _Springs(NamedTuple):
     """Sum and difference (right - left) of the stiffnesses of the couplings and of their drives [N/m, N]."""
 
@@ -49,21 +52,14 @@ def _springs(left_z: float, right_z: float, scene: Any) -> _Springs:
     return _Springs(left + right, right - left, left * left_z + right * right_z, right * right_z - left * left_z)
 
 
-def _load(parts: Parts, scene: Any) -> float:
-    """Return the mass of a ball that loads the board [kg]."""
-    if not parts.loaded:
-        return 0.0
-    return float(scene["m"]) * (1.0 if parts.free else float(scene["fixed_load"]))
-
-
 def _heights(springs: _Springs, balls: int, parts: Parts, scene: Any) -> tuple[float, float, float]:
     """Return the equilibrium height as a polynomial in the sine of the tilt [m]."""
     if not parts.heaves:
         return 0.0, 0.0, 0.0
     g, stiffness = float(scene["g"]), springs.k + float(scene["k_s"])
     if stiffness <= 0:
-        raise ValueError("without a spring to the hands or to the origin the board rests at no height")
-    weight = balls * _load(parts, scene) * g
+        raise ValueError("without a spring to the hands or to the origin the board has no static equilibrium of height")
+    weight = balls * load_mass(parts, scene) * g
     # The board carries only part of the weight of a free ball on a slope.
     spared = weight * (float(scene["mass_ratio"]) if parts.free else 0.0) if parts.lagrangian else weight
     rise = springs.pull - float(scene["M"]) * g - weight
@@ -95,11 +91,11 @@ def _sine(
     """Return the sine of the tilt at which the torque vanishes [1]."""
     if not parts.tilts:
         return 0.0
-    arm, weight = float(scene["l"]), _load(parts, scene) * float(scene["g"])
+    arm, weight = float(scene["l"]), load_mass(parts, scene) * float(scene["g"])
     rise, slope, bend = heights
     stiffness = springs.k * arm + springs.odd * slope
     if stiffness <= 1e-12 * springs.k * arm:
-        raise ValueError("without springs to both hands, or to one and to the origin, the board rests at no tilt")
+        raise ValueError(_NO_TILT)
     above = float(scene["ball_height"]) if parts.lagrangian and not parts.free else 0.0
     return _level_sine(
         springs.turn - springs.odd * rise - weight * sum(p) / arm,
@@ -112,21 +108,14 @@ def _sine(
 def equilibrium(left_z: float, right_z: float, p: tuple[float, ...], parts: Parts, scene: Any) -> Equilibrium:
     """Return the static equilibrium of the board with styluses and balls at rest.
 
-    Zero force gives the height as a polynomial of the sine of the tilt, of degree 0 to 2; with that, zero torque is a
-    quadratic equation of the sine. Only fixed balls that stand above the board (by Lagrange) take a search, between
-    bounds that hold one root.
+    A hinged board is at height 0, a level one at tilt 0. Zero force gives the height as a polynomial of the sine of the
+    tilt, of degree 0 to 2; with that, zero torque is a quadratic equation of the sine. Only fixed balls above the board
+    (in the Lagrangian model) need a search, between bounds that hold one root.
 
     Parameters
     ----------
-    left_z, right_z : float
-        Heights of the styluses [m].
     p : tuple of float
-        The balls along the board [m].
-
-    Returns
-    -------
-    Equilibrium
-        Height, tilt and forces; a hinged board is at height 0, a level one at tilt 0.
+        Positions of the balls along the board [m].
 
     Raises
     ------
@@ -153,7 +142,7 @@ def _poles(inertia: float, damping: float, stiffness: float) -> tuple[complex, c
 
 
 def ball_poles(balls: int, parts: Parts, scene: Any) -> tuple[complex, complex]:
-    """Poles of the balls rolling together, with both hands still and the board following at once, linear.
+    """Return both poles of the balls rolling together, with still hands and a board that follows at once, linear [1/s].
 
     The weight of a ball at p tilts the board by ``-m g p`` over its stiffness: downhill is away from the centre, and
     the ball a saddle. (With the printed sign of its equation it is a slow oscillator.)
@@ -161,24 +150,19 @@ def ball_poles(balls: int, parts: Parts, scene: Any) -> tuple[complex, complex]:
     Parameters
     ----------
     balls : int
-        How many there are, at the same place [1].
-
-    Returns
-    -------
-    tuple of complex
-        The two poles [1/s].
+        Number of balls, all in one place [1].
 
     Raises
     ------
     ValueError
-        If nothing holds the board's tilt.
+        If no spring holds the tilt of the board.
     """
     if not parts.tilts:
         return 0j, 0j
     arm, springs = float(scene["l"]), _springs(0.0, 0.0, scene)
     stiffness = arm * (springs.k * arm + springs.odd * _heights(springs, balls, parts, scene)[1])
     if stiffness <= 0:
-        raise ValueError("without springs to both hands, or to one and to the origin, the board rests at no tilt")
+        raise ValueError(_NO_TILT)
     tilt_per_metre = -balls * float(scene["m"]) * float(scene["g"]) / stiffness
     if not parts.lagrangian:
         return _poles(1.0, 0.0, -float(scene["ball_gravity"]) * tilt_per_metre)

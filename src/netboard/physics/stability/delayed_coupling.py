@@ -125,43 +125,25 @@ class Loop:
 
 
 def loop_matrix(loop: Loop) -> Matrix:
-    """Return the matrix of one tick of a loop.
-
-    Returns
-    -------
-    ndarray of float64, shape (n, n)
-        The matrix [SI].
-    """
+    """Return the matrix of one tick of a loop, shape (n, n) [SI]."""
     length, step = _make_step(loop)
     return step(np.eye(length))
 
 
 def growth(loop: Loop) -> float:
-    """Return the spectral radius of a tick: the loop is stable if it is at most 1.
-
-    Returns
-    -------
-    float
-        The spectral radius [1].
-    """
+    """Return the spectral radius of a tick, which is at most 1 in a stable loop [1]."""
     return float(np.abs(np.linalg.eigvals(loop_matrix(loop))).max())
 
 
-def turning(loop: Loop) -> float:
-    """Return the frequency of the dominant mode, which decays last or grows first.
-
-    Returns
-    -------
-    float
-        Its frequency [rad/s].
-    """
+def dominant_frequency(loop: Loop) -> float:
+    """Return the frequency of the oscillation that decays last or grows first [rad/s]."""
     values = np.linalg.eigvals(loop_matrix(loop))
     turns = np.abs(np.angle(values)) > ROUNDING
     return abs(float(np.angle(values[np.argmax(np.abs(values) * turns)]))) / TICK_SECONDS
 
 
 def is_stable(loop: Loop) -> bool:
-    """Tell whether a loop is stable."""
+    """Return whether a loop is stable."""
     return growth(loop) <= 1.0 + ROUNDING
 
 
@@ -177,37 +159,29 @@ def delayed(loop: Loop, up: int, down: int) -> Loop:
 
 
 def largest_delay(loop: Loop, most: int = LONGEST) -> int:
-    """Return the largest stable delay, equal in both directions.
+    """Return the largest stable one-way delay, equal in both directions; -1 if the loop is unstable without any [ms].
 
     Parameters
     ----------
     loop : Loop
-        The loop; its own delays do not matter.
+        The coupling's control loop; its delays are ignored.
     most : int
-        Where to stop looking [ms].
-
-    Returns
-    -------
-    int
-        One way; -1 for a loop that is not even stable without one [ms].
+        Largest delay examined [ms].
     """
     return _furthest(lambda way: is_stable(delayed(loop, way, way)), most)
 
 
 def largest_round_trip(loop: Loop, most: int = LONGEST) -> int:
-    """Return the largest stable round-trip delay.
+    """Return the largest stable round-trip delay; -1 if the loop is unstable without any [ms].
+
+    The delay to the server is equal to that back, or 1 ms longer.
 
     Parameters
     ----------
     loop : Loop
-        The loop; its own delays do not matter.
+        The coupling's control loop; its delays are ignored.
     most : int
-        Where to stop looking [ms].
-
-    Returns
-    -------
-    int
-        There and back, the way there the longer one by at most 1 ms; -1 for one that is never stable [ms].
+        Largest round-trip delay examined [ms].
     """
     return _furthest(lambda trip: is_stable(delayed(loop, trip - trip // 2, trip // 2)), most)
 
@@ -225,15 +199,10 @@ def _furthest(stable: Callable[[int], bool], most: int) -> int:
 
 
 def ends_of(physics: Physics) -> dict[str, End]:
-    """Return the end of the board as seen by each hand, linearised about the level board without balls.
+    """Return the end of the board as seen by each hand, in the modes ``heave`` and ``tilt`` that the board has.
 
-    Both hands have half the board each, where they move alike and where they move against each other.
-
-    Returns
-    -------
-    dict of str to End
-        ``heave`` and ``tilt``: those of them that the board can do; for a board with one coupling what that one meets
-        of each alone.
+    The level board without balls is linearised. Two coupled hands share the board equally in both modes; a single
+    coupled hand has all of it.
     """
     hands = 2.0 if physics.coupling == "both" else 1.0
     arm = physics.l * physics.l
@@ -251,8 +220,8 @@ def ends_of(physics: Physics) -> dict[str, End]:
 def _make_step(loop: Loop) -> tuple[int, Callable[[Matrix], Matrix]]:
     """Return the length of the loop's state vector, and the map of a tick on states (as columns).
 
-    The state: place and rate of the stylus, its places at the last ticks, the samples on their way (place and rate),
-    what is on its way back (a force, or the end's place and rate), place and rate of the end.
+    The state: position and velocity of the stylus, its last positions, the samples on their way to the server, the
+    force on its way back (or position and velocity of the end), position and velocity of the end.
     """
     moved, pushed = _mechanism(loop.mechanism)
     carried, driven = _end(loop)
@@ -295,26 +264,9 @@ def _used(samples: Matrix, age: float, hold: Hold) -> Matrix:
     if hold == "zoh":
         return np.stack([z, vz, np.zeros_like(z)])
     az = (vz - samples[3]) / TICK_SECONDS if hold == "ca" else np.zeros_like(z)
-    z = _reached(z, vz, az, age)
-    return np.stack([z, vz + az * min(age, ACCELERATION_HORIZON), az])
-
-
-def _reached(z: Matrix, vz: Matrix, az: Matrix, age: float) -> Matrix:
-    """Return the heights of samples extrapolated to the tick.
-
-    Parameters
-    ----------
-    z : ndarray of float64
-        Heights as sampled [m].
-    vz : ndarray of float64
-        Their rates [m/s].
-    az : ndarray of float64
-        And the rates of these [m/s2].
-    age : float
-        Time since, at least 0 [s].
-    """
-    age, bent = min(age, VELOCITY_HORIZON), min(age, ACCELERATION_HORIZON)
-    return z + vz * age + az * (0.5 * bent * bent + bent * (age - bent))
+    reach, bent = min(age, VELOCITY_HORIZON), min(age, ACCELERATION_HORIZON)
+    z = z + vz * reach + az * (0.5 * bent * bent + bent * (reach - bent))
+    return np.stack([z, vz + az * bent, az])
 
 
 def _mechanism(mechanism: Mechanism) -> tuple[Matrix, Matrix]:
@@ -337,7 +289,7 @@ def _end(loop: Loop) -> tuple[Matrix, Matrix]:
     end, k, c = loop.end, loop.k, loop.c
     if math.isinf(end.mass):
         return np.eye(2), np.zeros((2, 3))
-    # With the drive u = k z + c vz as a polynomial: place, rate, and u with its derivatives.
+    # With the drive u = k z + c vz as a polynomial: position, velocity, and u with its derivatives.
     a = np.zeros((5, 5))
     a[0, 1] = 1.0
     a[1] = np.array([-(end.stiffness + k), -(end.damping + c), 1.0, 0.0, 0.0]) / end.mass

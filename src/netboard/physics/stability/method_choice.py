@@ -81,11 +81,6 @@ def choose(physics: Physics, h: float) -> Choice:
     h : float
         Length of a tick [s].
 
-    Returns
-    -------
-    Choice
-        The method, with the reason.
-
     Raises
     ------
     ConfigError
@@ -109,8 +104,8 @@ def _choice(physics: Physics, h: float) -> Choice:
     return Choice(method, substeps, radius, stiff, reason)
 
 
-def _holds(physics: Physics, h: float) -> bool:
-    """Tell whether a scene would be accepted."""
+def _is_accepted(physics: Physics, h: float) -> bool:
+    """Return whether a scene would be accepted."""
     method, substeps, *_ = _plan(physics, h)
     return _is_stable(physics, method, h / substeps)
 
@@ -151,7 +146,7 @@ def _enough(physics: Physics, h: float) -> int:
 
 
 def _is_stable(physics: Physics, method: str, h: float) -> bool:
-    """Tell whether a step size is stable."""
+    """Return whether a step size is stable."""
     return all(radius <= _limit(method) for radius in _radii(physics, method, h))
 
 
@@ -199,7 +194,7 @@ def _offers(physics: Physics, h: float) -> Iterator[str]:
         if enough > 0:
             yield f"physics.substeps = {enough}"
     for method in ("auto", "midpoint"):
-        if _holds(replace(physics, method=method, substeps=0), h):
+        if _is_accepted(replace(physics, method=method, substeps=0), h):
             yield f'physics.method = "{method}"' + (" and physics.substeps = 0" if physics.substeps > 0 else "")
     keys = _stiffening(physics)
     singly = [_softened(physics, h, (key,)) for key in keys]
@@ -219,7 +214,7 @@ def _softened(physics: Physics, h: float, keys: tuple[str, ...]) -> str:
         return {key: float(f"{scale * getattr(physics, key):.3g}") for key in keys}
 
     def holds(scale: float) -> bool:
-        return _holds(replace(physics, **scaled(scale)), h)
+        return _is_accepted(replace(physics, **scaled(scale)), h)
 
     bad = 1.0
     while not holds(bad / 2):

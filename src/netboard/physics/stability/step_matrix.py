@@ -39,24 +39,17 @@ POLYNOMIALS = {
 
 
 def tilted_matrix(parts: Parts, scene: Any, balls: int = 0, tilt: float = 0.0, p: float = 0.0) -> Matrix:
-    """Return the state matrix of the board linearised about a tilt, with all balls in one place.
+    """Return the matrix A of (z, vz, theta, omega) linearised about a tilt, with all balls in one place, (4, 4) [SI].
 
     In the paper's model balls add no inertia; in the Lagrangian model they do. The coordinates of free balls are
     eliminated.
 
     Parameters
     ----------
-    balls : int
-        Number of balls [1].
     tilt : float
-        The tilt [rad].
+        Tilt about which the board is linearised [rad].
     p : float
         Position of the balls [m].
-
-    Returns
-    -------
-    ndarray of float64, shape (4, 4)
-        A, of (z, vz, theta, omega) [SI].
     """
     value = {name: float(scene[name]) for name in scene.dtype.names}
     s, c = math.sin(tilt), math.cos(tilt)
@@ -68,13 +61,13 @@ def tilted_matrix(parts: Parts, scene: Any, balls: int = 0, tilt: float = 0.0, p
     inertia = np.diag([value["M"], value["I"]])
     if parts.lagrangian and parts.loaded:
         inertia += balls * _ball_inertia(parts, value, s, c, p)
-    there = [i for i, moves in enumerate((parts.heaves, parts.tilts)) if moves]
+    movable = [i for i, moves in enumerate((parts.heaves, parts.tilts)) if moves]
     a = np.zeros((4, 4))
-    places, rates = np.array([2 * i for i in there]), np.array([2 * i + 1 for i in there])
+    places, rates = np.array([2 * i for i in movable]), np.array([2 * i + 1 for i in movable])
     a[places, rates] = 1.0
-    own = np.ix_(there, there)
-    a[np.ix_(rates, places)] = -np.linalg.solve(inertia[own], stiffness[own])
-    a[np.ix_(rates, rates)] = -np.linalg.solve(inertia[own], damping[own])
+    block = np.ix_(movable, movable)
+    a[np.ix_(rates, places)] = -np.linalg.solve(inertia[block], stiffness[block])
+    a[np.ix_(rates, rates)] = -np.linalg.solve(inertia[block], damping[block])
     return a
 
 
@@ -87,29 +80,12 @@ def _ball_inertia(parts: Parts, value: dict[str, float], s: float, c: float, p: 
 
 
 def solved_matrix(parts: Parts, scene: Any, balls: int, h: float) -> Matrix:
-    """Return the matrix of the board that the exponential methods solve exactly.
-
-    Parameters
-    ----------
-    balls : int
-        Number of balls [1].
-
-    Returns
-    -------
-    ndarray of float64, shape (4, 4)
-        A, of (z, vz, theta, omega) [SI].
-    """
+    """Return the matrix A of (z, vz, theta, omega) that the exponential methods solve exactly, shape (4, 4) [SI]."""
     return solved(parts, scene, 4 + 2 * balls, h)[:4, :4]
 
 
 def step_matrix(method: str, a: Matrix, h: float, solved: Matrix | None = None) -> Matrix:
-    """Return the matrix of one step for a linear board.
-
-    Returns
-    -------
-    ndarray of float64, shape (4, 4)
-        S [SI].
-    """
+    """Return the matrix S of one step for a linear board, shape (4, 4) [SI]."""
     if method in POLYNOMIALS:
         return _polynomial(h * a, POLYNOMIALS[method])
     if method in _SPLIT:
@@ -212,13 +188,7 @@ _EXPONENTIAL: dict[str, Callable[[Matrix, Matrix, float], Matrix]] = {
 
 
 def spectral_radius(method: str, a: Matrix, h: float, solved: Matrix | None = None) -> float:
-    """Return the spectral radius of one step: the largest growth factor of a mode; above 1 the method is unstable.
-
-    Returns
-    -------
-    float
-        Spectral radius of the step, infinite if it overflows [1].
-    """
+    """Return the spectral radius of one step, infinite if it overflows; above 1 the method is unstable [1]."""
     # Positions are scaled to the size of velocities, to limit rounding errors.
     unit = max(_modulus(solved if method in _EXPONENTIAL and solved is not None else a), 1.0)
     scale = np.tile([unit, 1.0], len(a) // 2)
@@ -255,18 +225,12 @@ def _modulus(s: Matrix) -> float:
 
 
 def stiffness(a: Matrix, h: float) -> float:
-    """Return the stiffness of a step: its size in units of the fastest time constant.
-
-    Returns
-    -------
-    float
-        h times the largest modulus of a pole [1].
-    """
+    """Return the stiffness of a step: its size times the largest modulus of a pole [1]."""
     return h * _modulus(a)
 
 
 def is_stable(method: str, a: Matrix, h: float, solved: Matrix | None = None) -> bool:
-    """Tell whether a step size is stable for a linear board."""
+    """Return whether a step size is stable for a linear board."""
     return spectral_radius(method, a, h, solved) <= 1 + ROUNDING
 
 

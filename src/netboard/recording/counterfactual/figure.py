@@ -14,8 +14,8 @@ from netboard.recording.counterfactual.what_if import (
     Comparison,
     Quantity,
     WhatIf,
+    attempt_to_show,
     difference,
-    most_telling,
     seconds_since_release,
 )
 from netboard.task.trials.state_machine import BALL_FREE
@@ -30,12 +30,12 @@ def draw(found: WhatIf, changes: Sequence[str], shown: Comparison | None = None)
     """
     from matplotlib.figure import Figure
 
-    shown = most_telling(found.comparisons) if shown is None else shown
+    shown = attempt_to_show(found.comparisons) if shown is None else shown
     figure = Figure(figsize=(12, 10), layout="constrained")
     axes = figure.subplots(len(QUANTITIES), 2, sharex="col", squeeze=False)
-    for quantity, (both, apart) in zip(QUANTITIES, axes, strict=True):
-        _draw_both(both, found, quantity, shown)
-        _draw_apart(apart, found, quantity, shown)
+    for quantity, (values, change) in zip(QUANTITIES, axes, strict=True):
+        _draw_values(values, found, quantity, shown)
+        _draw_difference(change, found, quantity, shown)
     for column in range(2):
         axes[-1, column].set_xlabel("time since the release (s)")
     axes[0, 0].set_title(f"trial {shown.then.trial}, attempt {shown.then.attempt}: {_outcomes(shown)}")
@@ -54,7 +54,7 @@ def _outcomes(shown: Comparison) -> str:
     return f"{then.outcome}, now {now.outcome}"
 
 
-def _draw_both(axis: Any, found: WhatIf, quantity: Quantity, shown: Comparison) -> None:
+def _draw_values(axis: Any, found: WhatIf, quantity: Quantity, shown: Comparison) -> None:
     """Draw one quantity of the shown attempt, recorded and recomputed, each while the ball is free."""
     start = int(np.searchsorted(found.recorded["tick"], shown.then.tick))
     for rows, attempt, colour, style, label in (
@@ -64,31 +64,25 @@ def _draw_both(axis: Any, found: WhatIf, quantity: Quantity, shown: Comparison) 
         part = rows[start : int(np.searchsorted(rows["tick"], attempt.stop))]
         part = part[np.isin(part["phase"], BALL_FREE)]
         times = seconds_since_release(part["tick"])
-        axis.plot(
-            times,
-            quantity.scale * part[quantity.name],
-            color=colour,
-            linestyle=style,
-            linewidth=1.5,
-            label=label,
-        )
-        axis.plot(times[-1:], quantity.scale * part[quantity.name][-1:], marker="o", markersize=4, color=colour)
+        values = quantity.scale * part[quantity.name]
+        axis.plot(times, values, color=colour, linestyle=style, linewidth=1.5, label=label)
+        axis.plot(times[-1:], values[-1:], marker="o", markersize=4, color=colour)
     axis.set_ylabel(f"{quantity.text} ({quantity.unit})")
     axis.grid(True, alpha=0.3)
 
 
-def _draw_apart(axis: Any, found: WhatIf, quantity: Quantity, shown: Comparison) -> None:
+def _draw_difference(axis: Any, found: WhatIf, quantity: Quantity, shown: Comparison) -> None:
     """Draw the difference of one quantity in all attempts, with the shown one on top."""
     others = [one for one in found.comparisons if one is not shown]
     for place, one in enumerate([*others, shown]):
         start = int(np.searchsorted(found.recorded["tick"], one.then.tick))
         rows = slice(start, start + one.common)
-        apart = quantity.scale * difference(found.recorded, found.computed, quantity, rows)
+        change = quantity.scale * difference(found.recorded, found.computed, quantity, rows)
         on_top = one is shown
         label = f"trial {one.then.trial}, attempt {one.then.attempt}" if on_top else "the others"
         axis.plot(
             seconds_since_release(found.recorded["tick"][rows]),
-            apart,
+            change,
             color="black" if on_top else _OTHERS,
             linewidth=1.4 if on_top else 0.7,
             label=label if on_top or place == 0 else None,

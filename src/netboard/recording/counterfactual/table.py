@@ -7,7 +7,7 @@ from typing import Any
 from rich.text import Text
 
 from netboard.base.terminal import FittedTable, numbers
-from netboard.recording.counterfactual.what_if import QUANTITIES, Comparison, WhatIf
+from netboard.recording.counterfactual.what_if import QUANTITIES, Comparison, Difference, WhatIf
 
 EXPLANATION = (
     "Open loop: the hands move as recorded and do not react to the change. The trial state machine decides again.\n"
@@ -33,20 +33,19 @@ def table_of(comparisons: Sequence[Comparison], changes: Sequence[str]) -> Fitte
             f"{one.then.trial}, {one.then.attempt}",
             one.then.outcome if same else Text(f"{one.then.outcome}\n-> {one.now.outcome}", "yellow"),
             _seconds(one.then.completion) + (f"\n-> {_seconds(one.now.completion)}" if one.changed else ""),
-            *(_differences(one, quantity.name, quantity.scale) for quantity in QUANTITIES),
+            *(_difference_text(one.differences[quantity.name], quantity.scale) for quantity in QUANTITIES),
         )
     return table
 
 
 def _seconds(time: float) -> str:
-    """Return a completion time in words."""
+    """Return a completion time as text."""
     return "-" if isnan(time) else f"{time:.3f} s"
 
 
-def _differences(one: Comparison, name: str, scale: float) -> str:
-    """Return how much a quantity differs, in words."""
-    apart = one.differences[name]
-    return f"{scale * apart.rms:.3g}\n{scale * apart.largest:.3g}"
+def _difference_text(change: Difference, scale: float) -> str:
+    """Return the root mean square and the maximum of a difference, in the unit shown."""
+    return f"{scale * change.rms:.3g}\n{scale * change.largest:.3g}"
 
 
 def as_data(found: WhatIf, changes: Sequence[str]) -> dict[str, Any]:
@@ -62,8 +61,8 @@ def as_data(found: WhatIf, changes: Sequence[str]) -> dict[str, Any]:
                 "now": {"outcome": one.now.outcome, "completion": _number(one.now.completion)},
                 "compared": one.common,
                 "differences": {
-                    name: {"rms": _number(apart.rms), "max": _number(apart.largest)}
-                    for name, apart in one.differences.items()
+                    name: {"rms": _number(change.rms), "max": _number(change.largest)}
+                    for name, change in one.differences.items()
                 },
             }
             for one in found.comparisons

@@ -34,7 +34,7 @@ Rows = NDArray[Any]
 
 
 class Quantity(NamedTuple):
-    """A compared quantity."""
+    """A compared quantity: its field in a tick, its name in figures, the unit shown, and the factor from SI to it."""
 
     name: str
     text: str
@@ -80,9 +80,8 @@ class Comparison:
 
 @dataclass(frozen=True, slots=True)
 class WhatIf:
-    """A recording and its counterfactual replay."""
+    """Recorded ticks, those of the changed stage with the same inputs, and each attempt in both."""
 
-    # Recorded ticks, and those of the changed stage with the same inputs.
     recorded: Rows
     computed: Rows
     comparisons: tuple[Comparison, ...]
@@ -113,8 +112,8 @@ def _compare(recorded: Rows, computed: Rows, then: Attempt) -> Comparison:
     common = int(np.searchsorted(recorded["tick"][start:stop], min(now.stop, then.stop)))  # without missing ticks
     differences = {}
     for quantity in QUANTITIES:
-        apart = difference(recorded, computed, quantity, slice(start, start + common))
-        differences[quantity.name] = Difference(float(np.sqrt(np.mean(apart**2))), float(np.max(np.abs(apart))))
+        change = difference(recorded, computed, quantity, slice(start, start + common))
+        differences[quantity.name] = Difference(float(np.sqrt(np.mean(change**2))), float(np.max(np.abs(change))))
     return Comparison(then, now, common, differences)
 
 
@@ -123,7 +122,7 @@ def difference(recorded: Rows, computed: Rows, quantity: Quantity, where: slice)
     return np.asarray(computed[quantity.name][where] - recorded[quantity.name][where], np.float64)
 
 
-def attempts_of(found: WhatIf) -> Rows:
+def ticks_of_attempts(found: WhatIf) -> Rows:
     """Return the recomputed ticks of the attempts only, each up to the end of the comparison.
 
     There are gaps between attempts, so that each can be verified by itself.
@@ -135,7 +134,7 @@ def attempts_of(found: WhatIf) -> Rows:
     return found.computed[kept]
 
 
-def most_telling(comparisons: Sequence[Comparison]) -> Comparison:
+def attempt_to_show(comparisons: Sequence[Comparison]) -> Comparison:
     """Choose the attempt to show: the longest with another outcome, else the one with the largest ball difference."""
     otherwise = [one for one in comparisons if one.then.outcome != one.now.outcome]
     if otherwise:
@@ -157,8 +156,8 @@ def save(
     two. There are gaps between the attempts, so that the file verifies by itself: after a gap, verification continues
     from the recorded state.
     """
-    text, said = resolve(config), "; ".join(changes)
-    session = hashlib.sha256(f"{source['session']} {said}".encode()).hexdigest()[:32]
+    text, changed = resolve(config), "; ".join(changes)
+    session = hashlib.sha256(f"{source['session']} {changed}".encode()).hexdigest()[:32]
     metadata = {
         **source,
         "session": session,
@@ -167,13 +166,13 @@ def save(
         "study": config.session.study,
         "block": str(config.block.number),
         "config_sha256": config_sha256(text.encode()),
-        "what_if": said,
+        "what_if": changed,
         "source": name,
         "source_session": source["session"],
     }
     opened_ns = int(source.get("opened_log_ns", 0))  # a recovered recording may have lost it
     writer = RecordingWriter(path, metadata, text, config.recording, opened_ns, repeatable=True)
-    rows = attempts_of(found)
+    rows = ticks_of_attempts(found)
     number = events = 0
     now_ns = opened_ns
     try:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.recording.export import bids_texts as texts
-from netboard.recording.export.factors import Exported, exported_factors
+from netboard.recording.export.factors import ExportedFactor, exported_factors
 from netboard.recording.export.formats import Progress
 from netboard.recording.export.runs import Person, Run, devices_of, runs_of
 from netboard.recording.export.signals import FRAME, Signal, signals_of
@@ -51,7 +51,7 @@ def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
     _write_texts(runs, factors, folder)
 
 
-def _write_run(run: Run, factors: Sequence[Exported], folder: Path, progress: Progress) -> dict[str, Row]:
+def _write_run(run: Run, factors: Sequence[ExportedFactor], folder: Path, progress: Progress) -> dict[str, Row]:
     """Write the files of each person in a recording; return their rows of ``scans.tsv``, by label."""
     source = folder / "sourcedata" / run.path.stem
     source.mkdir(parents=True)
@@ -82,14 +82,14 @@ def _lines(rows: NDArray[Any], signals: Sequence[Signal], origin_ns: int) -> Ite
     """Format ticks as lines of a motion file."""
     times = (divmod(time_ns, 1_000_000_000) for time_ns in (rows["time_ns"] - origin_ns).tolist())
     latency = (f"{seconds}.{rest:09d}" for seconds, rest in times)
-    columns = (_words(rows[signal.field]) for signal in signals)
-    return ("\t".join(words) + "\n" for words in zip(latency, *columns, strict=True))
+    columns = (_cells(rows[signal.field]) for signal in signals)
+    return ("\t".join(cells) + "\n" for cells in zip(latency, *columns, strict=True))
 
 
-def _words(values: NDArray[Any]) -> Iterable[str]:
+def _cells(values: NDArray[Any]) -> Iterable[str]:
     """Format the values of a column."""
-    words = map(repr, values.tolist())
-    return (texts.MISSING if word == "nan" else word for word in words) if np.isnan(values).any() else words
+    cells = map(repr, values.tolist())
+    return (texts.MISSING if cell == "nan" else cell for cell in cells) if np.isnan(values).any() else cells
 
 
 # --- the lines of tables ------------------------------------------------------------------------------------------
@@ -97,25 +97,24 @@ def _words(values: NDArray[Any]) -> Iterable[str]:
 
 def _channel(signal: Signal) -> Row:
     """Describe a column of a motion file."""
-    stylus = signal.point.endswith("stylus")
     return {
         "name": signal.name,
         "component": signal.axis or texts.MISSING,
         "type": signal.kind,
         "tracked_point": signal.point,
         "units": texts.MISSING if signal.unit == "1" else signal.unit,
-        "placement": "held in the hand" if stylus else texts.MISSING,
+        "placement": "held in the hand" if signal.point.endswith("stylus") else texts.MISSING,
         "reference_frame": FRAME if signal.axis else texts.MISSING,
         "description": signal.about,
     }
 
 
-def _events(survey: Survey, run: Run, factors: Sequence[Exported]) -> list[Row]:
+def _events(survey: Survey, run: Run, factors: Sequence[ExportedFactor]) -> list[Row]:
     """Return the rows of ``events.tsv``: levelling phases, attempts, and changes of the trial phase."""
-    own = factors_of(run.config)
+    block_factors = factors_of(run.config)
     rows = [
-        _event(survey, happened.tick, 0, happened.name, happened.trial, happened.attempt, happened.target)
-        for happened in survey.happenings
+        _event(survey, change.tick, 0, change.name, change.trial, change.attempt, change.target)
+        for change in survey.phase_changes
     ]
     for one in survey.attempts:
         who = one.trial, one.attempt, one.target
@@ -133,7 +132,7 @@ def _events(survey: Survey, run: Run, factors: Sequence[Exported]) -> list[Row]:
     for row in rows:
         row["role"] = trial_role(run.config, row["trial"])
         for factor in factors:
-            row.update(factor.at(own, row["trial"]))
+            row.update(factor.at(block_factors, row["trial"]))
     return sorted(rows, key=lambda row: row["onset"])
 
 
@@ -154,7 +153,7 @@ def _event(survey: Survey, tick: int, duration: float, kind: str, trial: int, at
 
 
 def _scan(
-    run: Run, recording: Recording, survey: Survey, person: Person, filename: str, factors: Sequence[Exported]
+    run: Run, recording: Recording, survey: Survey, person: Person, filename: str, factors: Sequence[ExportedFactor]
 ) -> Row:
     """Return the row of ``scans.tsv``: time and condition."""
     block = run.config.block
@@ -196,7 +195,7 @@ def _other_hand(run: Run, person: Person) -> str:
 # --- the files of the dataset -------------------------------------------------------------------------------------
 
 
-def _write_people(runs: Sequence[Run], factors: Sequence[Exported], folder: Path, began: dict[str, str]) -> None:
+def _write_people(runs: Sequence[Run], factors: Sequence[ExportedFactor], folder: Path, began: dict[str, str]) -> None:
     """Write participants, sessions and dyads."""
     people = {person.label: person for run in reversed(runs) for person in run.people}
     real = {person.label for run in runs for person in run.people if not person.simulated}
@@ -243,12 +242,12 @@ def _participant(person: Person, real: bool) -> Row:
     }
 
 
-def _levels_of_person(label: str, runs: Sequence[Run], factors: Sequence[Exported]) -> Row:
+def _levels_of_person(label: str, runs: Sequence[Run], factors: Sequence[ExportedFactor]) -> Row:
     """Return the levels of the between-dyad factors; for a person in several dyads, all levels."""
-    own = [run for run in runs if any(person.label == label for person in run.people)]
+    attended = [run for run in runs if any(person.label == label for person in run.people)]
     row: Row = {}
     for one in (one for one in factors if one.scope == "dyad"):
-        found = [one.over(factors_of(run.config)) for run in own]
+        found = [one.over(factors_of(run.config)) for run in attended]
         for name in found[0]:
             values = list(dict.fromkeys(levels[name] for levels in found if levels[column_of(one.name)]))
             row[name] = values[0] if len(values) == 1 else ", ".join(map(str, values))
@@ -265,7 +264,7 @@ def _session(dyad: Row, partner: str, began: str) -> Row:
     }
 
 
-def _write_texts(runs: Sequence[Run], factors: Sequence[Exported], folder: Path) -> None:
+def _write_texts(runs: Sequence[Run], factors: Sequence[ExportedFactor], folder: Path) -> None:
     """Write the descriptions and sidecars that all runs share."""
     studies = sorted({run.config.session.study for run in runs})
     _write_json(folder / "dataset_description.json", texts.description(studies))
@@ -303,9 +302,9 @@ def _unknown(recording: Recording, person: Person) -> int:
     return sum(unknown_ticks(rendered) for rendered in columns.values())
 
 
-def _joined(words: Iterable[str]) -> str:
+def _joined(values: Iterable[str]) -> str:
     """Join the known values of one device or two."""
-    return " + ".join(dict.fromkeys(word or texts.MISSING for word in words))
+    return " + ".join(dict.fromkeys(value or texts.MISSING for value in values))
 
 
 def _write_json(path: Path, values: Row) -> None:
@@ -316,8 +315,8 @@ def _write_table(path: Path, rows: Iterable[Row]) -> None:
     """Write a table of at least one row with a header line."""
     lines = list(rows)
     with path.open("x", encoding="utf-8", newline="") as file:
-        for words in [list(lines[0]), *(map(_cell, row.values()) for row in lines)]:
-            file.write("\t".join(words) + "\n")
+        for cells in [list(lines[0]), *(map(_cell, row.values()) for row in lines)]:
+            file.write("\t".join(cells) + "\n")
 
 
 def _cell(value: Any) -> str:

@@ -5,9 +5,9 @@ from importlib.metadata import version
 from typing import Any
 
 from netboard.base.tables.forces import FORCE_WORDS
-from netboard.recording.export.factors import Exported
+from netboard.recording.export.factors import ExportedFactor
 from netboard.recording.export.signals import FRAME, FRAME_TEXT, Signal
-from netboard.recording.export.task import ATTEMPT_TEXTS, HAPPENED_TEXTS, KEYWORDS, TASK_TEXT
+from netboard.recording.export.task import ATTEMPT_TEXTS, EVENT_TEXTS, KEYWORDS, TASK_TEXT
 from netboard.task.studies.factors import level_text
 
 MISSING = "n/a"
@@ -107,11 +107,11 @@ _CHANNELS = {
 _UNITS = {"completion_time": "s", "force_delay_ms": "ms"}
 
 
-def _described(words: dict[str, str]) -> dict[str, Any]:
+def _described(texts: dict[str, str]) -> dict[str, Any]:
     """Return a sidecar that describes columns."""
     return {
         name: {"Description": text} | ({"Units": _UNITS[name]} if name in _UNITS else {})
-        for name, text in words.items()
+        for name, text in texts.items()
     }
 
 
@@ -125,7 +125,7 @@ _EVENTS = {
         "Levels": {
             "levelling": "the ball is fixed opposite the target, until the board is level",
             "attempt": "the ball is free",
-            **HAPPENED_TEXTS,
+            **EVENT_TEXTS,
         },
     },
     **_described(ATTEMPT_TEXTS),
@@ -191,7 +191,7 @@ _WITH_FACTORS = {"{system}_events.json": False, "scans.json": False, "participan
 """Sidecars of tables with factor columns, and whether only for between-dyad factors."""
 
 
-def of_factors(factors: Sequence[Exported], sidecar: str) -> dict[str, Any]:
+def of_factors(factors: Sequence[ExportedFactor], sidecar: str) -> dict[str, Any]:
     """Describe the factor columns of a table."""
     if sidecar not in _WITH_FACTORS:
         return {}

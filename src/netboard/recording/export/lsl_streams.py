@@ -25,18 +25,8 @@ RATE_HZ = 1000.0
 """Nominal rate of the regular stream: one sample per tick [Hz]."""
 
 _SIDE = (
-    "x",
-    "y",
-    "sent_z",
-    "sent_vz",
-    "used_z",
-    "used_vz",
-    "coupling",
-    "force",
-    "rendered",
-    "live",
-    "safeguards",
-    "buttons",
+    *("x", "y", "sent_z", "sent_vz", "used_z", "used_vz"),
+    *("coupling", "force", "rendered", "live", "safeguards", "buttons"),
 )
 
 COLUMNS = (
@@ -54,17 +44,11 @@ _TICK_FIELDS = {field.name: field for field in CHANNELS[0].columns}
 
 @dataclass(frozen=True, slots=True)
 class Stream:
-    """Definition of one stream.
-
-    Attributes
-    ----------
-    rate_hz : float
-        Nominal sample rate; 0 for an irregular stream [Hz].
-    """
+    """Definition of one stream."""
 
     name: str
     type: str
-    rate_hz: float
+    rate_hz: float  # nominal sample rate; 0 for an irregular stream
     format: str
     text: str
     channels: tuple[Field, ...]
@@ -115,15 +99,9 @@ def event_text(event: EventRecord) -> str:
 
 
 def remark_text(name: str, details: Mapping[str, str], seq: int = -1, tick: int = -1) -> str:
-    """Format an event of the server, or of the stream itself, as a sample of `EVENTS`.
-
-    Parameters
-    ----------
-    seq, tick : int
-        Number of the event, and tick at which it took effect; -1 for none [1].
-    """
-    told = {"seq": seq, "tick": tick, "name": name, "details": dict(details)}
-    return json.dumps(told, ensure_ascii=False, separators=(",", ":"))
+    """Format an event of the server, or of the stream itself (without number and tick), as a sample of `EVENTS`."""
+    event = {"seq": seq, "tick": tick, "name": name, "details": dict(details)}
+    return json.dumps(event, ensure_ascii=False, separators=(",", ":"))
 
 
 def seconds(times_ns: NDArray[np.int64]) -> NDArray[np.float64]:

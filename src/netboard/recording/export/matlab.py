@@ -15,8 +15,8 @@ from scipy.io.matlab import savemat
 
 from netboard.base.errors import RecordingError
 from netboard.recording.export.formats import Progress
-from netboard.recording.export.tables import TICKS, Subject, Table, small_tables
-from netboard.recording.export.tabular import subjects, tick_portions, write_dictionary
+from netboard.recording.export.tables import TICKS, OpenRecording, Table, small_tables
+from netboard.recording.export.tabular import opened, tick_portions, write_dictionary
 
 MAX_BYTES = 2**31 - 2**20
 """Size limit of a variable, less some space for its names [1]."""
@@ -37,34 +37,34 @@ def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
             )
     places = "RECORDING.mat: a struct for each table; that of ticks has no column recording"
     write_dictionary(folder, (TICKS, *tables), places)
-    for subject in subjects(recordings, folder):
+    for source in opened(recordings, folder):
         with tempfile.TemporaryFile(dir=folder) as spool:
-            structs = {"ticks": _ticks(subject, spool, progress)}
-            structs |= {table.name: _struct(table, subject) for table in tables}
-            with (folder / f"{subject.name}.mat").open("xb") as file:
+            structs = {"ticks": _ticks(source, spool, progress)}
+            structs |= {table.name: _struct(table, source) for table in tables}
+            with (folder / f"{source.name}.mat").open("xb") as file:
                 savemat(file, structs, long_field_names=True, oned_as="column")
 
 
-def _ticks(subject: Subject, spool: Any, progress: Progress) -> dict[str, NDArray[Any]]:
+def _ticks(source: OpenRecording, spool: Any, progress: Progress) -> dict[str, NDArray[Any]]:
     """Spool the ticks to disk row by row; return views of the columns, so that one is in memory at a time."""
     kinds = {"integer": np.int64, "number": np.float64}
     row = np.dtype([(field.name, kinds[field.kind]) for field in TICKS.fields if field.kind in kinds])
-    if (size := subject.ticks * row.itemsize) > MAX_BYTES:
+    if (size := source.ticks * row.itemsize) > MAX_BYTES:
         raise RecordingError(
-            f"{subject.recording.path}: its ticks are {size / 1e9:.1f} GB, expected at most {MAX_BYTES / 1e9:.1f} GB "
+            f"{source.recording.path}: its ticks are {size / 1e9:.1f} GB, expected at most {MAX_BYTES / 1e9:.1f} GB "
             "in a MATLAB file; use --to parquet, which MATLAB reads with parquetread"
         )
-    for columns in tick_portions(subject, progress):
+    for columns in tick_portions(source, progress):
         rows = np.empty(len(columns["tick"]), row)
         for name in row.names or ():
             rows[name] = columns[name]
         spool.write(rows.tobytes())  # unlike ndarray.tofile, it says why the disk refuses
     spool.flush()
-    table = np.memmap(spool, row, "r") if subject.ticks else np.empty(0, row)
+    table = np.memmap(spool, row, "r") if source.ticks else np.empty(0, row)
     return {name: table[name] for name in row.names or ()}
 
 
-def _struct(table: Table, subject: Subject) -> dict[str, NDArray[Any]]:
+def _struct(table: Table, source: OpenRecording) -> dict[str, NDArray[Any]]:
     """Return all columns of a short table."""
-    portions = list(table.portions(subject))
+    portions = list(table.portions(source))
     return {field.name: np.concatenate([rows[field.name] for rows in portions]) for field in table.fields}

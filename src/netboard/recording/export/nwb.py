@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.tick import TICK, TICK_SECONDS
-from netboard.recording.export.factors import Exported, exported_factors
+from netboard.recording.export.factors import ExportedFactor, exported_factors
 from netboard.recording.export.formats import Progress, library
 from netboard.recording.export.runs import HandDevice, Person, Run, devices_of, runs_of
 from netboard.recording.export.signals import FRAME_TEXT, Signal, signals_of
 from netboard.recording.export.survey import PORTION, Survey
-from netboard.recording.export.task import ATTEMPT_TEXTS, HAPPENED_TEXTS, KEYWORDS, TASK_TEXT
+from netboard.recording.export.task import ATTEMPT_TEXTS, EVENT_TEXTS, KEYWORDS, TASK_TEXT
 from netboard.recording.files.reader import Recording
 from netboard.task.studies.factors import factors_of, trial_role
 
@@ -52,7 +52,7 @@ _COLUMNS = {
 """Columns of the trials table, besides start (the release of the ball) and stop."""
 
 _EVENTS = "Changes of the phase of a trial, at the tick that caused them. " + "; ".join(
-    f"{name}: {text}" for name, text in HAPPENED_TEXTS.items()
+    f"{name}: {text}" for name, text in EVENT_TEXTS.items()
 )
 """Description of the events table."""
 
@@ -111,7 +111,7 @@ class Layout:
         recording: Recording,
         survey: Survey,
         person: Person,
-        factors: Sequence[Exported] = (),
+        factors: Sequence[ExportedFactor] = (),
     ) -> None:
         self._pynwb, self._survey, self._factors = pynwb, survey, factors
         self._timed: Any = None  # the first series, whose times all others share
@@ -159,11 +159,11 @@ class Layout:
     def _add_signals(self, signals: Sequence[Signal]) -> None:
         """Add the positions, and the other signals grouped by their object."""
         behavior = self.file.create_processing_module("behavior", "Styluses, forces, and the virtual board and ball")
-        places: dict[str, list[Signal]] = {}
+        positions: dict[str, list[Signal]] = {}
         others: dict[str, list[Signal]] = {}
         for signal in signals:
-            (places if signal.kind == "POS" else others).setdefault(signal.point, []).append(signal)
-        series = [self._position(point, of_point) for point, of_point in places.items()]
+            (positions if signal.kind == "POS" else others).setdefault(signal.point, []).append(signal)
+        series = [self._position(point, of_point) for point, of_point in positions.items()]
         behavior.add(self._pynwb.behavior.Position(spatial_series=series))
         for point, of_point in others.items():
             series = [self._signal(signal) for signal in of_point]
@@ -185,12 +185,12 @@ class Layout:
             self._pynwb.TimeSeries, signal.name, data, description=signal.about, unit=_UNITS[signal.unit]
         )
 
-    def _series(self, kind: Any, name: str, data: Any, **words: str) -> Any:
+    def _series(self, kind: Any, name: str, data: Any, **texts: str) -> Any:
         """Create a series with a rate, or with time stamps that all series share."""
         if self._survey.regular:
-            return kind(name=name, data=data, starting_time=0.0, rate=1 / TICK_SECONDS, **words)
+            return kind(name=name, data=data, starting_time=0.0, rate=1 / TICK_SECONDS, **texts)
         times = self._timed or self._data(("time_ns",), np.dtype(np.float64))
-        series = kind(name=name, data=data, timestamps=times, **words)
+        series = kind(name=name, data=data, timestamps=times, **texts)
         self._timed = self._timed or series
         return series
 
@@ -217,7 +217,7 @@ class Layout:
             self.file.add_trial_column(name, text)
         for field in (field for one in self._factors for field in one.fields):
             self.file.add_trial_column(field.name, f"{field.text} [{field.unit}]" if field.unit else field.text)
-        block, own = run.config.block, factors_of(run.config)
+        block, block_factors = run.config.block, factors_of(run.config)
         for one in self._survey.attempts:
             self.file.add_trial(
                 start_time=self._survey.seconds(one.tick),
@@ -234,18 +234,18 @@ class Layout:
                 role=trial_role(run.config, one.trial),
                 force_scale=block.force_scale,
                 force_delay=block.force_delay_ms / 1000,
-                **{name: value for each in self._factors for name, value in each.at(own, one.trial).items()},
+                **{name: value for each in self._factors for name, value in each.at(block_factors, one.trial).items()},
             )
 
     def _add_events(self) -> None:
         """Fill the table of changes of the trial phase; a file cannot have a table without rows."""
-        if not self._survey.happenings:
+        if not self._survey.phase_changes:
             return
         table = self._pynwb.event.EventsTable(name="trial_events", description=_EVENTS)
         table.add_column(name="event", description="what happened")
         table.add_column(name="trial", description=_COLUMNS["trial"])
         table.add_column(name="attempt", description=_COLUMNS["attempt"])
-        for one in self._survey.happenings:
+        for one in self._survey.phase_changes:
             table.add_row(
                 timestamp=self._survey.seconds(one.tick), event=one.name, trial=one.trial, attempt=one.attempt
             )
@@ -254,14 +254,9 @@ class Layout:
 
 def _described(run: Run, person: Person) -> str:
     """Describe a person."""
-    return " ".join(_about(run, person))
-
-
-def _about(run: Run, person: Person) -> Iterator[str]:
-    yield f"Participant {person.letter} of dyad {run.config.session.dyad}, dominant hand: {person.handedness}."
-    yield from (f"Partner: {other.label}." for other in run.people if other is not person)
-    if person.simulated:
-        yield "Simulated: no person moved the device."
+    text = f"Participant {person.letter} of dyad {run.config.session.dyad}, dominant hand: {person.handedness}."
+    partner = "".join(f" Partner: {other.label}." for other in run.people if other is not person)
+    return text + partner + " Simulated: no person moved the device." * person.simulated
 
 
 def _session_text(run: Run, person: Person) -> str:

@@ -15,6 +15,7 @@ from typing import Literal
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import RecordingError
 from netboard.recording.files.reader import Recording
+from netboard.task.plans.plan import OTHER_SIDE
 
 Letter = Literal["A", "B"]
 """Participant of a dyad."""
@@ -88,16 +89,11 @@ def people_in(config: Config, metadata: dict[str, str]) -> Iterator[Person]:
         if block.configuration == "bimanual":
             sides: tuple[Side, ...] = SIDES if block.performer == letter else ()
         else:
-            sides = tuple(side for side in SIDES if _sits(config, letter) == side and getattr(block, side) == "person")
+            side = config.session.seat_a if letter == "A" else OTHER_SIDE[config.session.seat_a]
+            sides = (side,) if getattr(block, side) == "person" else ()
         if sides:
             given = name if name != letter else who.dyad + letter
             yield Person(letter, _label(given), hand, sides, _is_simulated(config, metadata, sides))
-
-
-def _sits(config: Config, letter: str) -> Side:
-    """Return the side of a participant in a dyadic block."""
-    seat = config.session.seat_a
-    return seat if letter == "A" else SIDES[1 - SIDES.index(seat)]
 
 
 def _is_simulated(config: Config, metadata: dict[str, str], sides: Sequence[Side]) -> bool:
@@ -115,8 +111,8 @@ def _label(name: str) -> str:
 
 def _refuse_repeats(runs: Sequence[Run]) -> None:
     """Raise an error for repeated recordings and colliding labels."""
-    _refuse(runs, lambda run: [("session", run.session, (run.config.session.dyad, run.config.session.name))])
-    _refuse(runs, lambda run: [("participant", person.label, _identity(run, person)) for person in run.people])
+    _refuse_shared(runs, lambda run: [("session", run.session, (run.config.session.dyad, run.config.session.name))])
+    _refuse_shared(runs, lambda run: [("participant", person.label, _identity(run, person)) for person in run.people])
     refuse_copies((run.path, run.metadata) for run in runs)
     for run in runs:
         if len({person.label for person in run.people}) < len(run.people):
@@ -143,12 +139,12 @@ def _identity(run: Run, person: Person) -> tuple[str, ...]:
     return (name,) if name != person.letter else (who.dyad, name)
 
 
-def _refuse(runs: Sequence[Run], named: Callable[[Run], list[tuple[str, str, tuple[str, ...]]]]) -> None:
+def _refuse_shared(runs: Sequence[Run], named: Callable[[Run], list[tuple[str, str, tuple[str, ...]]]]) -> None:
     """Raise an error if two different identities share a label."""
-    meant: dict[str, tuple[Path, tuple[str, ...]]] = {}
+    owners: dict[str, tuple[Path, tuple[str, ...]]] = {}
     for run in runs:
         for kind, label, identity in named(run):
-            first, other = meant.setdefault(label, (run.path, identity))
+            first, other = owners.setdefault(label, (run.path, identity))
             if other != identity:
                 raise RecordingError(
                     f"{first} and {run.path}: {kind}s {' '.join(other)} and {' '.join(identity)} would both be called "
@@ -169,10 +165,10 @@ class HandDevice:
 
 def devices_of(config: Config, recording: Recording) -> tuple[HandDevice, ...]:
     """Return the devices of a recording, left before right."""
-    told = {event.details.get("side"): event.details for event in recording.events() if event.name == "agent_joined"}
+    joined = {event.details.get("side"): event.details for event in recording.events() if event.name == "agent_joined"}
     found = []
     for side in SIDES:
-        backend, details = getattr(config.agents, side).device, told.get(side, {})
+        backend, details = getattr(config.agents, side).device, joined.get(side, {})
         found.append(
             HandDevice(side, backend, MAKERS.get(backend, ""), details.get("model", ""), details.get("serial", ""))
         )

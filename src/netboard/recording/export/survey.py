@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from netboard.base.tick import TICK_NS
 from netboard.network.protocol.records import kind_of_peer
 from netboard.recording.export.formats import Progress, reporting
-from netboard.recording.export.task import HAPPENED
+from netboard.recording.export.task import EVENT_NAMES
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.summary import Attempt, find_attempts, from_release, turns_along
 from netboard.recording.integrity.quality_check import judged
@@ -51,7 +51,7 @@ class Survey:
         turns = turns_along(self._watched(recording, found))
         recorded = find_attempts(turns)
         self.attempts: tuple[Attempt, ...] = from_release(recorded, turns["tick"], turns["run_ticks"])
-        self.happenings = tuple(found)
+        self.phase_changes = tuple(found)
         flags = {verdict.release: verdict.flags for verdict in judged(recording)}
         # Quality flags of each completed attempt, by the tick of its release.
         self.flags = {one.tick: flags.get(at.tick, ()) for one, at in zip(self.attempts, recorded, strict=True)}
@@ -68,7 +68,7 @@ class Survey:
             before = leads[0] - 1 if not self._jumps else self._jumps[-1][1]
             for place in np.flatnonzero(np.diff(leads, prepend=before)):
                 self._jumps.append((int(rows["tick"][place]), int(leads[place])))
-            found += [_happening(rows[place]) for place in np.flatnonzero(rows["event"])]
+            found += [_phase_change(rows[place]) for place in np.flatnonzero(rows["event"])]
             self.ticks += rows.size
             self._last = int(rows["tick"][-1])
             yield rows
@@ -100,8 +100,8 @@ class Survey:
         return tick * TICK_NS + self._jumps[place][1]
 
 
-def _happening(row: Any) -> PhaseChange:
-    name = HAPPENED.get(int(row["event"]), "unknown")
+def _phase_change(row: Any) -> PhaseChange:
+    name = EVENT_NAMES.get(int(row["event"]), "unknown")
     return PhaseChange(int(row["tick"]), name, int(row["trial"]), int(row["attempt"]), int(row["target"]))
 
 
@@ -111,13 +111,12 @@ def _utc_minus_server(recording: Recording) -> int:
     It comes from the logger's best clock probe. Without probes, as in a rehearsal, it comes from the server time just
     before the file was opened.
     """
-    said = recording.metadata
     opened_ns, clock_ns, server_ns = (
-        int(said[name]) for name in ("opened_log_ns", "opened_monotonic_ns", "welcome_server_ns")
+        int(recording.metadata[name]) for name in ("opened_log_ns", "opened_monotonic_ns", "welcome_server_ns")
     )
     probes = [probe for probe in recording.clocks() if kind_of_peer(probe.peer) == "logger"]
     offsets = [(probe.bound_ns, probe.offset_ns) for probe in probes]
-    # Another logger on another computer may have been connected; ours is the one that matches the noted times.
-    fitting = min((abs(clock_ns - server_ns - offset) for _, offset in offsets), default=0) + _DRIFT_NS
-    ours = [found for found in offsets if abs(clock_ns - server_ns - found[1]) <= fitting]
-    return opened_ns - (clock_ns - min(ours)[1] if ours else server_ns)
+    # Another logger on another computer may have been connected; this file's logger matches the noted times.
+    nearest = min((abs(clock_ns - server_ns - offset) for _, offset in offsets), default=0)
+    matching = [found for found in offsets if abs(clock_ns - server_ns - found[1]) <= nearest + _DRIFT_NS]
+    return opened_ns - (clock_ns - min(matching)[1] if matching else server_ns)

@@ -19,7 +19,7 @@ from netboard.base.config import Config
 from netboard.base.settings import tables as settings_tables
 from netboard.base.tick import TICK
 from netboard.network.protocol.records import ClockRecord, EventRecord, FrameRecord
-from netboard.recording.export.factors import Exported, exported_factors
+from netboard.recording.export.factors import ExportedFactor, exported_factors
 from netboard.recording.export.runs import refuse_copies
 from netboard.recording.export.task import ROLE_TEXT
 from netboard.recording.files.locate import sha256_of
@@ -33,8 +33,8 @@ Rows = Mapping[str, NDArray[Any]]
 """Columns of equal length by name: int64, float64, or text (objects)."""
 
 
-class Subject:
-    """A recording during export, with data that several tables need.
+class OpenRecording:
+    """A recording that is open for export, with data that several tables need.
 
     ``origin_ns``: server time of the first tick, the zero of ``time`` [ns].
     """
@@ -62,13 +62,13 @@ class Table:
     name: str
     about: str
     fields: tuple[Field, ...]
-    rows: Callable[[Subject], Iterator[Rows]]  # function that yields the rows of a `Subject` in batches, in order
+    rows: Callable[[OpenRecording], Iterator[Rows]]  # yields the rows in batches, in order
 
-    def portions(self, subject: Subject) -> Iterator[Rows]:
+    def portions(self, source: OpenRecording) -> Iterator[Rows]:
         """Yield the rows in batches: every column, in order, with the dtype of its kind [SI]."""
-        for rows in self.rows(subject):
+        for rows in self.rows(source):
             count = len(next(iter(rows.values())))
-            named = {"recording": np.full(count, subject.name, object), **rows}
+            named = {"recording": np.full(count, source.name, object), **rows}
             yield {field.name: np.asarray(named[field.name], DTYPES[field.kind]) for field in self.fields}
 
 
@@ -88,20 +88,20 @@ def _flat(fields: Sequence[Field]) -> tuple[Field, ...]:
     )
 
 
-def _seconds(times_ns: NDArray[np.int64], subject: Subject) -> NDArray[np.float64]:
+def _seconds(times_ns: NDArray[np.int64], source: OpenRecording) -> NDArray[np.float64]:
     """Convert server time to seconds from the first tick, as the nearest float (milliseconds print exactly)."""
-    return (times_ns - subject.origin_ns) / 1e9
+    return (times_ns - source.origin_ns) / 1e9
 
 
 # --- ticks -------------------------------------------------------------------------------------------------------
 
 
-def _ticks(subject: Subject) -> Iterator[Rows]:
+def _ticks(source: OpenRecording) -> Iterator[Rows]:
     """Yield the ticks, each with its attempt."""
-    began = np.array([attempt.began for attempt in subject.attempts], np.int64)
-    first = np.array([attempt.tick for attempt in subject.attempts], np.int64)
-    stop = np.array([attempt.stop for attempt in subject.attempts], np.int64)
-    for rows in subject.recording.batches():
+    began = np.array([attempt.began for attempt in source.attempts], np.int64)
+    first = np.array([attempt.tick for attempt in source.attempts], np.int64)
+    stop = np.array([attempt.stop for attempt in source.attempts], np.int64)
+    for rows in source.recording.batches():
         ticks = rows["tick"]
         number, since = np.zeros(rows.size, np.int64), np.full(rows.size, np.nan)
         if began.size:
@@ -111,7 +111,7 @@ def _ticks(subject: Subject) -> Iterator[Rows]:
             free = within & (ticks >= first[newest])
             since[free] = rows["run_ticks"][free] / 1000
         columns = {name: np.ascontiguousarray(rows[name]) for name in TICK.names or ()}
-        yield {"time": _seconds(columns["time_ns"], subject), "number": number, "since_release": since, **columns}
+        yield {"time": _seconds(columns["time_ns"], source), "number": number, "since_release": since, **columns}
 
 
 TICKS = Table(
@@ -152,15 +152,15 @@ def _setting_columns() -> Iterator[tuple[str, str, Field]]:
 _SETTINGS = tuple(_setting_columns())
 
 
-def _trials(subject: Subject) -> Iterator[Rows]:
+def _trials(source: OpenRecording) -> Iterator[Rows]:
     """Yield all attempts: condition, outcome and quality flags."""
-    attempts, config = subject.attempts, subject.config
-    flags = {verdict.release: verdict.flags for verdict in judged(subject.recording)}
+    attempts, config = source.attempts, source.config
+    flags = {verdict.release: verdict.flags for verdict in judged(source.recording)}
     judgements = [flags.get(attempt.tick) for attempt in attempts]
     conditions = {
         field.name: np.full(len(attempts), getattr(getattr(config, table), key)) for table, key, field in _SETTINGS
     }
-    counts = subject.recording.columns("tick", "run_ticks")
+    counts = source.recording.columns("tick", "run_ticks")
     released = from_release(attempts, counts["tick"], counts["run_ticks"])
     of_attempts = {
         name: np.array([getattr(attempt, name) for attempt in released])
@@ -210,13 +210,13 @@ TRIALS = Table(
 )
 
 
-def with_factors(factors: Sequence[Exported]) -> Table:
+def with_factors(factors: Sequence[ExportedFactor]) -> Table:
     """Return the trials table with factor columns."""
 
-    def rows(subject: Subject) -> Iterator[Rows]:
-        own = factors_of(subject.config)
-        levels = [[one.at(own, attempt.trial) for one in factors] for attempt in subject.attempts]
-        for portion in _trials(subject):
+    def rows(source: OpenRecording) -> Iterator[Rows]:
+        block_factors = factors_of(source.config)
+        levels = [[one.at(block_factors, attempt.trial) for one in factors] for attempt in source.attempts]
+        for portion in _trials(source):
             yield {
                 **portion,
                 **{
@@ -244,22 +244,22 @@ def _record_columns(records: Sequence[Any], kind: type[Any]) -> dict[str, NDArra
     return columns
 
 
-def _events(subject: Subject) -> Iterator[Rows]:
-    columns = _record_columns(subject.recording.events(), EventRecord)
-    yield {"time": _seconds(columns["time_ns"].astype(np.int64), subject), **columns}
+def _events(source: OpenRecording) -> Iterator[Rows]:
+    columns = _record_columns(source.recording.events(), EventRecord)
+    yield {"time": _seconds(columns["time_ns"].astype(np.int64), source), **columns}
 
 
-def _clocks(subject: Subject) -> Iterator[Rows]:
-    columns = _record_columns(subject.recording.clocks(), ClockRecord)
-    yield {"time": _seconds(columns["t3_ns"].astype(np.int64), subject), **columns}
+def _clocks(source: OpenRecording) -> Iterator[Rows]:
+    columns = _record_columns(source.recording.clocks(), ClockRecord)
+    yield {"time": _seconds(columns["t3_ns"].astype(np.int64), source), **columns}
 
 
-def _frames(subject: Subject) -> Iterator[Rows]:
-    yield _record_columns(subject.recording.frames(), FrameRecord)
+def _frames(source: OpenRecording) -> Iterator[Rows]:
+    yield _record_columns(source.recording.frames(), FrameRecord)
 
 
-def _remarks(subject: Subject) -> Iterator[Rows]:
-    yield _record_columns(subject.recording.remarks(), EventRecord)
+def _remarks(source: OpenRecording) -> Iterator[Rows]:
+    yield _record_columns(source.recording.remarks(), EventRecord)
 
 
 _EVENT, _CLOCK, _FRAME, _REMARK = (_flat(channel.fields) for channel in CHANNELS[1:5])
@@ -272,7 +272,7 @@ REMARKS = Table("remarks", CHANNELS[4].about, (_RECORDING, *_REMARK), _remarks)
 
 # --- recordings --------------------------------------------------------------------------------------------------
 
-_SAID = {
+_METADATA = {
     "session": "id of the run of the server",
     "part": "number of the file within its block, from 1",
     "opened_utc": "when the file was opened, UTC",
@@ -282,16 +282,15 @@ _SAID = {
 }
 
 
-def _recordings(subject: Subject) -> Iterator[Rows]:
+def _recordings(source: OpenRecording) -> Iterator[Rows]:
     """Yield the single row of a recording."""
-    recording = subject.recording
-    said = {name: recording.metadata.get(name, "") for name in _SAID}
+    recording = source.recording
     values = {
         "file": recording.path.name,
         "sha256": sha256_of(recording.path),
-        **said,
+        **{name: recording.metadata.get(name, "") for name in _METADATA},
         "ended": recording.end.get("ended", ""),
-        "origin_ns": subject.origin_ns,
+        "origin_ns": source.origin_ns,
         "metadata": json.dumps(recording.metadata, ensure_ascii=False),
     }
     yield {name: np.array([value], object) for name, value in values.items()}
@@ -304,7 +303,7 @@ RECORDINGS = Table(
         _RECORDING,
         Field("file", "string", "file name of the recording", ""),
         Field("sha256", "string", "SHA-256 of that file", ""),
-        *(Field(name, "string", text, "") for name, text in _SAID.items()),
+        *(Field(name, "string", text, "") for name, text in _METADATA.items()),
         Field("ended", "string", "how the recording ended: complete, if as planned; empty if it was recovered", ""),
         Field("origin_ns", "integer", "server time of its first tick, the zero of time", "ns"),
         Field("metadata", "string", "all metadata of the recording, as a JSON object", ""),
@@ -324,11 +323,11 @@ def small_tables(recordings: Sequence[Path]) -> tuple[Table, ...]:
 
     Raises `RecordingError` if a recording is unreadable or repeated.
     """
-    configs, said = [], []
+    configs, metadata = [], []
     for path in recordings:
         with Recording(path) as recording:
             configs.append(recording.config)
-            said.append((path, recording.metadata))
-    refuse_copies(said)
+            metadata.append((path, recording.metadata))
+    refuse_copies(metadata)
     trials = with_factors(exported_factors(configs))
     return tuple(trials if table is TRIALS else table for table in SMALL)

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from netboard.recording.export.formats import Progress, library, reporting
-from netboard.recording.export.tables import MISSING, TICKS, Rows, Subject, Table, small_tables
+from netboard.recording.export.tables import MISSING, TICKS, OpenRecording, Rows, Table, small_tables
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.channels import Field
 
@@ -74,20 +74,20 @@ OpenSheet = Callable[[Path, Table], AbstractContextManager[Sheet]]
 """Function that opens a new file for a table."""
 
 
-def subjects(recordings: Sequence[Path], folder: Path) -> Iterator[Subject]:
+def opened(recordings: Sequence[Path], folder: Path) -> Iterator[OpenRecording]:
     """Open the recordings one by one and write their configurations. These go to the subfolder ``configurations``."""
     texts = folder / "configurations"
     texts.mkdir()
     for path in recordings:
         with Recording(path) as recording:
-            subject = Subject(recording)
-            (texts / f"{subject.name}.toml").write_text(recording.config_text, encoding="utf-8")
-            yield subject
+            source = OpenRecording(recording)
+            (texts / f"{source.name}.toml").write_text(recording.config_text, encoding="utf-8")
+            yield source
 
 
-def tick_portions(subject: Subject, progress: Progress) -> Iterator[Rows]:
+def tick_portions(source: OpenRecording, progress: Progress) -> Iterator[Rows]:
     """Return the ticks of a recording in batches that report progress."""
-    return reporting(TICKS.portions(subject), subject.name, subject.ticks, progress)
+    return reporting(TICKS.portions(source), source.name, source.ticks, progress)
 
 
 def write_sheets(
@@ -100,12 +100,12 @@ def write_sheets(
     (folder / "ticks").mkdir()
     with ExitStack() as stack:
         small = {table: stack.enter_context(open_sheet(folder / f"{table.name}{ending}", table)) for table in tables}
-        for subject in subjects(recordings, folder):
-            with open_sheet(folder / "ticks" / f"{subject.name}{ending}", TICKS) as put:
-                for rows in tick_portions(subject, progress):
+        for source in opened(recordings, folder):
+            with open_sheet(folder / "ticks" / f"{source.name}{ending}", TICKS) as put:
+                for rows in tick_portions(source, progress):
                     put(rows)
             for table, put in small.items():
-                for rows in table.portions(subject):
+                for rows in table.portions(source):
                     put(rows)
 
 

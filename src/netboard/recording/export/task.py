@@ -12,7 +12,7 @@ TASK_TEXT = (
 KEYWORDS = ("haptics", "dyad", "joint action", "motor control")
 """Keywords for searches."""
 
-_HAPPENED = (
+_PHASE_CHANGES = (
     (Cause.START, "start", "the operator starts the block"),
     (Cause.LEVEL, "release", "the board was level for long enough: the ball is released"),
     (Cause.ENTERED, "entered", "the ball entered the target"),
@@ -32,10 +32,10 @@ _HAPPENED = (
     (Cause.FAULT, "fault", "paused: a peer was missing, or a value was not finite"),
 )
 
-HAPPENED = {int(cause): name for cause, name, _ in _HAPPENED}
+EVENT_NAMES = {int(cause): name for cause, name, _ in _PHASE_CHANGES}
 """Names of all phase changes, by the code in a tick's ``event``."""
 
-HAPPENED_TEXTS = {name: text for _, name, text in _HAPPENED} | {"unknown": "unknown to this version of netboard"}
+EVENT_TEXTS = {name: text for _, name, text in _PHASE_CHANGES} | {"unknown": "unknown to this version of netboard"}
 """Descriptions of these names."""
 
 ROLE_TEXT = "what the trial is for: practice, familiarisation, baseline, test, or catch"

@@ -142,15 +142,7 @@ class _Writer:
 
 
 def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
-    """Write recordings as XDF files.
-
-    Parameters
-    ----------
-    folder : Path
-        Empty folder; each file is named after its recording.
-    progress : callable
-        Progress callback: recording, ticks written and total ticks [1].
-    """
+    """Write recordings as XDF files."""
     for path in recordings:
         with Recording(path) as recording, (folder / f"{path.stem}.xdf").open("xb") as file:
             _write_one(recording, file, progress)
@@ -161,19 +153,19 @@ def _write_one(recording: Recording, file: BinaryIO, progress: Progress) -> None
     writer = _Writer(file, recording)
     events = recording.events()
     portions = reporting(recording.batches(PORTION), recording.path.name, recording.counts["/ticks"], progress)
-    told = 0
+    written = 0
     for place, ticks in enumerate(portions):
         if place == 0:
             writer.clock_offset(float(seconds(ticks["time_ns"][0])))
         writer.ticks(ticks)
         until_ns = int(ticks["time_ns"][-1])
-        following = bisect_right(events, until_ns, told, key=lambda event: event.time_ns)
-        writer.events(events[told:following])
-        told = following
+        following = bisect_right(events, until_ns, written, key=lambda event: event.time_ns)
+        writer.events(events[written:following])
+        written = following
         writer.clock_offset(float(seconds(ticks["time_ns"][-1])))
         if place % BOUNDARY_PORTIONS == BOUNDARY_PORTIONS - 1:
             writer.boundary()
-    writer.events(events[told:])
+    writer.events(events[written:])
     writer.boundary()
     writer.footers()
 
@@ -194,10 +186,10 @@ def _information(stream: Stream, metadata: dict[str, str], design: dict[str, str
         uid=str(uuid.uuid5(_NAMES, f"{session}.{stream.name}")),
         session_id="default",
     )
-    told = ("session", "name", "dyad", "study", "block", "blocks", "part", "config_sha256", "opened_utc")
+    keys = ("session", "name", "dyad", "study", "block", "blocks", "part", "config_sha256", "opened_utc")
     notes = {
         "clock": {"source": "the server's monotonic clock"},
-        "recording": {key: metadata[key] for key in told if key in metadata},
+        "recording": {key: metadata[key] for key in keys if key in metadata},
         "design": design,
     }
     info.append(description(stream, notes))

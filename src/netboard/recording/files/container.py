@@ -102,10 +102,10 @@ class Container:
     @cached_property
     def counts(self) -> dict[str, int]:
         """Number of messages by topic [1]."""
-        told: dict[int, int] = {}
+        by_channel: dict[int, int] = {}
         for body in self._index.get(Opcode.STATISTICS, ()):
-            told = Statistics.read(_stream(body)).channel_message_counts
-        return {topic: told.get(number, 0) for topic, number in self.channels.items()}
+            by_channel = Statistics.read(_stream(body)).channel_message_counts
+        return {topic: by_channel.get(number, 0) for topic, number in self.channels.items()}
 
     def attachment(self, name: str) -> bytes | None:
         """Return the attachment with this name, or None if there is none."""
@@ -143,7 +143,7 @@ class Container:
         return sorted(found, key=lambda chunk: chunk.chunk_start_offset)
 
     def require_index(self) -> None:
-        """Raise an error if the index lacks what finds the messages: without it, there would seem to be none."""
+        """Raise an error if the index lacks the entries that locate messages; the file would seem to have none."""
         with self.sound():
             statistics = self._index.get(Opcode.STATISTICS)
             if not statistics:

@@ -25,13 +25,15 @@ from netboard.task.trials.state_machine import HAS_EDGE, TABLE, Cause, Phase
 REHEARSED = {"rehearsed": "true"}
 """Details that mark a recording of simulated participants."""
 
-_SIDES = {-1: "left", 0: "unknown", 1: "right"}
+TARGET_SIDES = {-1: "left", 0: "unknown", 1: "right"}
+"""Words for the ``target`` of a tick."""
 
 
 class BlockWriter:
     """Writer of the recording of one simulated block.
 
-    ``utc_ns``: wall-clock time of the first tick [ns]. ``start_ns``: server time of the first tick [ns].
+    ``utc_ns``, ``start_ns``: wall-clock and server time of the first tick [ns]. ``origin``: how the block was made, for
+    the metadata and the first event.
     """
 
     def __init__(
@@ -40,26 +42,26 @@ class BlockWriter:
         config: Config,
         session: str,
         utc_ns: int,
-        said: Mapping[str, str] = REHEARSED,
+        origin: Mapping[str, str] = REHEARSED,
         start_ns: int = START_NS,
     ) -> None:
         text = resolve(config)
-        self.path = folder / name_of(config, session)
+        self.path = folder / recording_name(config, session)
         welcome = Welcome(session, PROTOCOL_VERSION, start_ns, text)
-        metadata = provenance(welcome, config, 1, utc_ns, start_ns) | dict(said)
+        metadata = provenance(welcome, config, 1, utc_ns, start_ns) | dict(origin)
         self._details = TrialDetails(config)
         self._log_time_minus_server = utc_ns - start_ns
         self._writer = RecordingWriter(self.path, metadata, text, config.recording, utc_ns, repeatable=True)
         self._events = self._records = 0
         self._time_ns = start_ns
-        self._note(0, start_ns, "session_started", {"session": session, **said})
+        self._write_event(0, start_ns, "session_started", {"session": session, **origin})
 
     def take(self, rows: NDArray[Any]) -> None:
         """Write the next ticks and the events in them."""
         *ended, rest = np.split(rows, np.flatnonzero(is_edge(rows)) + 1)
         for part in ended:
             self._write_ticks(part)
-            self._note(int(part["tick"][-1]), self._time_ns, *self._event_of(part[-1]))
+            self._write_event(int(part["tick"][-1]), self._time_ns, *self._event_of(part[-1]))
         if len(rest):
             self._write_ticks(rest)
 
@@ -69,14 +71,14 @@ class BlockWriter:
 
     def finish(self) -> None:
         """Complete the recording and give it its final name."""
-        self._note(-1, self._time_ns, "session_ended", {"late_ticks": "0"})
+        self._write_event(-1, self._time_ns, "session_ended", {"late_ticks": "0"})
         self._writer.finish(self._time_ns + self._log_time_minus_server)
 
     def abandon(self) -> None:
         """Delete the unfinished file."""
         self._writer.abandon()
 
-    def _note(self, tick: int, time_ns: int, name: str, details: dict[str, str]) -> None:
+    def _write_event(self, tick: int, time_ns: int, name: str, details: dict[str, str]) -> None:
         event = EventRecord(self._events, tick, time_ns, name, details)
         self._writer.write(event, self._records, self._time_ns + self._log_time_minus_server)
         self._events += 1
@@ -88,7 +90,7 @@ class BlockWriter:
         self._records += len(rows)
 
 
-def name_of(config: Config, session: str) -> str:
+def recording_name(config: Config, session: str) -> str:
     """Return the file name of a block's recording."""
     who = config.session
     return f"{who.name}_{who.dyad}_block{config.block.number:02d}_{session[:8]}.mcap"
@@ -111,7 +113,7 @@ def event_of(row: Any) -> tuple[str, dict[str, str]]:
         "to": PHASE_NAMES[TABLE[phase][cause][0]],
         "trial": str(row["trial"]),
         "attempt": str(row["attempt"]),
-        "target": _SIDES[int(np.sign(row["target"]))],
+        "target": TARGET_SIDES[int(np.sign(row["target"]))],
     }
     if cause == Cause.HELD:
         details["completion"] = repr(float(row["mark_ticks"]) * TICK_SECONDS)

@@ -86,7 +86,7 @@ def provenance(welcome: Welcome, config: Config, part: int, utc_ns: int, monoton
         "python": f"{platform.python_implementation()} {platform.python_version()}",
         "platform": platform.platform(),
         **{package: version(package) for package in _PACKAGES},
-        **_doctor_said(utc_ns),
+        **_doctor_report(utc_ns),
     }
 
 
@@ -96,7 +96,7 @@ def doctor_report_path() -> Path:
     return (Path(state) if state else home_folder() / ".local" / "state") / "netboard" / "doctor.json"
 
 
-def _doctor_said(utc_ns: int) -> dict[str, str]:
+def _doctor_report(utc_ns: int) -> dict[str, str]:
     """Return the latest doctor report on this computer, as a one-line summary and in full."""
     try:
         text = doctor_report_path().read_text(encoding="utf-8")

@@ -40,14 +40,19 @@ from netboard.recording.format.chunks import payloads
 from netboard.recording.format.partfile import PROFILE
 from netboard.recording.format.summary import Attempt, Gap, find_attempts, find_gaps
 
-READABLE = ("1", "2", "3", FORMAT_VERSION)
+_ROW_BY_ROW = ("1", "2")
+"""Format versions with one message for each tick."""
+
+READABLE = (*_ROW_BY_ROW, "3", FORMAT_VERSION)
 """Format versions that this module reads."""
 
 _TICKS = CHANNELS[0].topic
-_THREADS = 2
-_MIN_SHARE, _MAX_SHARE = 8, 24
 _PORTION = 60_000
 _WORDS = np.dtype("<i8")
+
+_THREADS = 2
+_MIN_SHARE, _MAX_SHARE = 8, 24
+"""Threads that decode batches, and the least and the most batches that one takes at a time [1]."""
 
 T = TypeVar("T", EventRecord, ClockRecord, FrameRecord, BackfillRecord)
 
@@ -113,7 +118,7 @@ class Recording:
                 f"{self.path}: has format version {self._version}, this netboard reads versions "
                 f"{', '.join(READABLE)}; read it with netboard {self.metadata.get('netboard', 'of its own version')}"
             )
-        self._in_batches = self._version not in READABLE[:2]
+        self._in_batches = self._version not in _ROW_BY_ROW
         self._config = self._file.attachment(CONFIG_NAME)
         if self._config is not None and config_sha256(self._config) != self.metadata.get("config_sha256"):
             raise RecordingError(f"{self.path}: its configuration is damaged; {recovery_advice(self.path)}")
@@ -159,8 +164,8 @@ class Recording:
     @cached_property
     def counts(self) -> dict[str, int]:
         """Number of ticks, and number of messages of the other streams, by topic [1]."""
-        told = self._file.counts
-        others = {topic: told.get(topic, 0) for topic in IDS if topic != _TICKS}
+        messages = self._file.counts
+        others = {topic: messages.get(topic, 0) for topic in IDS if topic != _TICKS}
         return {_TICKS: int(self._places["count"].sum()), **others}
 
     def ticks(self, first: int | None = None, stop: int | None = None, *, as_sent: bool = False) -> NDArray[Any]:
@@ -180,8 +185,8 @@ class Recording:
         ndarray of TICK, shape (n,)
             The rows, bit for bit as the server sent them, except for the filled-in values.
         """
-        rows = self._rows(self._between(first, stop), as_sent=as_sent)
-        wanted = _wanted(rows["tick"], first, stop)
+        rows = self._rows(self._places_in(first, stop), as_sent=as_sent)
+        wanted = _in_range(rows["tick"], first, stop)
         return rows if wanted.all() else rows.view(ROW_BYTES)[wanted].view(TICK)
 
     def columns(self, *names: str, first: int | None = None, stop: int | None = None) -> dict[str, NDArray[Any]]:
@@ -210,10 +215,10 @@ class Recording:
         _refuse_unknown(names)
         fills = bool(self._backfilled and set(names) & set(_FILLED))
         asked = dict.fromkeys((*names, "tick", *(_FILLING if fills else ())))
-        found = self._some(tuple(asked), self._between(first, stop))
+        found = self._read_columns(tuple(asked), self._places_in(first, stop))
         if fills and self._backfilled:
             self._backfilled.fill(found)
-        wanted = _wanted(found["tick"], first, stop)
+        wanted = _in_range(found["tick"], first, stop)
         return {name: found[name] if wanted.all() else found[name][wanted] for name in names}
 
     def batches(
@@ -262,12 +267,12 @@ class Recording:
                 return np.frombuffer(listed, PLACES)
         found = []
         for offset in self._file.chunks_with(_TICKS if self._in_batches else older.TOPIC):
-            numbers = self._numbers_of(offset)
+            numbers = self._decode([offset], ("tick",))["tick"]
             if len(numbers):
                 found.append((offset, numbers[0], numbers[-1], len(numbers)))
         return np.array(found, PLACES)
 
-    def _between(self, first: int | None, stop: int | None) -> NDArray[Any]:
+    def _places_in(self, first: int | None, stop: int | None) -> NDArray[Any]:
         """Return the locations of the batches that overlap a range of tick numbers."""
         wanted = np.ones(len(self._places), bool)
         if first is not None:
@@ -306,7 +311,7 @@ class Recording:
         self._read(stored, places, put)
         return rows
 
-    def _some(self, names: Sequence[str], places: NDArray[Any]) -> dict[str, NDArray[Any]]:
+    def _read_columns(self, names: Sequence[str], places: NDArray[Any]) -> dict[str, NDArray[Any]]:
         """Return columns of the ticks at these locations."""
         columns = {name: np.zeros(int(places["count"].sum()), TICK[name]) for name in names}
 
@@ -318,22 +323,10 @@ class Recording:
         return columns
 
     def _read(self, names: Sequence[str], places: NDArray[Any], put: Callable[[slice, Any], None]) -> None:
-        """Decode columns of the ticks at these locations, and call `put` with slices of them by name."""
+        """Decode columns of the ticks at these locations, a few batches at a time and in parallel.
 
-        def take(at: slice, offsets: Sequence[int]) -> None:
-            found = self._decode(offsets, names)
-            if any(len(column) != at.stop - at.start for column in found.values()):
-                raise RecordingError(f"{self.path}: its list of places contradicts the chunk at {offsets[0]}")
-            put(at, found)
-
-        self._each(places, take)
-
-    def _numbers_of(self, offset: int) -> NDArray[Any]:
-        """Return the numbers of the ticks in a chunk."""
-        return self._decode([offset], ("tick",))["tick"]
-
-    def _each(self, places: NDArray[Any], take: Callable[[slice, Sequence[int]], None]) -> None:
-        """Call `take` with tick slices and chunk offsets of a few batches at a time; decompress chunks in parallel."""
+        ``put``: called with the place of some ticks among all of them, and with their columns by name.
+        """
         stops = np.cumsum(places["count"])
         starts = stops - places["count"]
         offsets = places["chunk"].tolist()
@@ -341,8 +334,12 @@ class Recording:
 
         def work(k: int) -> None:
             part = offsets[k : k + share]
+            at = slice(int(starts[k]), int(stops[k + len(part) - 1]))
             with self._file.sound():
-                take(slice(int(starts[k]), int(stops[k + len(part) - 1])), part)
+                found = self._decode(part, names)
+                if any(len(column) != at.stop - at.start for column in found.values()):
+                    raise RecordingError(f"{self.path}: its list of places contradicts the chunk at {part[0]}")
+                put(at, found)
 
         with ThreadPoolExecutor(_THREADS) as pool:
             for _ in pool.map(work, range(0, len(offsets), share)):
@@ -411,7 +408,7 @@ def _refuse_unknown(names: Sequence[str]) -> None:
         raise ValueError(f"ticks have no field {', '.join(sorted(unknown))}")
 
 
-def _wanted(numbers: NDArray[np.int64], first: int | None, stop: int | None) -> NDArray[np.bool_]:
+def _in_range(numbers: NDArray[np.int64], first: int | None, stop: int | None) -> NDArray[np.bool_]:
     """Return a mask of the tick numbers in the range."""
     wanted = np.ones(len(numbers), bool)
     if first is not None:

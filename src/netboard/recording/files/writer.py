@@ -58,7 +58,7 @@ class RecordingWriter:
         self._remarks = 0
         self._flush_ns = round(settings.flush_ms * 1e6)
         self._flushed_ns = opened_ns
-        self._consumption = DiskUse()
+        self._disk_use = DiskUse()
         self._file = PartFile(path, LIBRARY, settings.chunk_bytes, repeatable=repeatable)
         self._ticks = TickStream(self._file, settings.chunk_bytes, constants)
         try:
@@ -88,7 +88,7 @@ class RecordingWriter:
 
     def space(self, now_ns: int) -> Space:
         """Return the free space at the recording's location and how long it will last."""
-        return self._consumption.judge(now_ns, self._file.size, self._file.free_bytes())
+        return self._disk_use.judge(now_ns, self._file.size, self._file.free_bytes())
 
     def write(self, record: Record, number: int, log_time_ns: int) -> None:
         """Write the next record from the server.

@@ -100,12 +100,12 @@ def mapped(source: str, names: Sequence[str], words: Sequence[str], known: Seque
     table's name of each column found, by netboard's name. Raises `ConfigError` if a named column or a required one is
     missing, or two columns have the same name.
     """
-    said = _pairs("--map", words, "left_z=Height1")
-    for name, theirs in said.items():
+    given = _pairs("--map", words, "left_z=Height1")
+    for name, theirs in given.items():
         if theirs not in names:
             raise ConfigError(f"--map {name}={theirs}: {source} has no column {theirs}; it has {', '.join(names)}")
-    taken = set(said.values())
-    found = {name: said.get(name, name) for name in COLUMNS if name in said or (name in names and name not in taken)}
+    taken = set(given.values())
+    found = {name: given.get(name, name) for name in COLUMNS if name in given or (name in names and name not in taken)}
     twice = sorted({name for name in found.values() if names.count(name) > 1})
     if twice:
         raise ConfigError(f"{source}: {', '.join(twice)} is there twice")

@@ -29,13 +29,13 @@ HAND_COLUMNS = ("t", "z_left", "v_left", "z_right", "v_right")
 UNITS = {"t": "s", "z_left": "m", "v_left": "m/s", "z_right": "m", "v_right": "m/s"}
 KINDS = (".csv", ".parquet")
 
-HIGHEST = 1.0
+MAX_HEIGHT = 1.0
 """Largest plausible height of a stylus, up or down [m]."""
 
-QUICKEST = 50.0
+MAX_SPEED = 50.0
 """Largest plausible velocity of a hand [m/s]."""
 
-SLOWEST = 0.25
+MAX_INTERVAL = 0.25
 """Longest sample interval that is not a gap [s]."""
 
 
@@ -120,17 +120,17 @@ def _check(table: NDArray[np.float64], path: Path) -> None:
             + (f"; there are {len(back)} such" if len(back) > 1 else "")
         )
     usual = float(np.median(np.diff(t)))
-    if usual > SLOWEST:
+    if usual > MAX_INTERVAL:
         raise ConfigError(
-            f"{path}: found samples {usual:.6g} s apart (column t), expected at most {SLOWEST:g} s: is t in ms?"
+            f"{path}: found samples {usual:.6g} s apart (column t), expected at most {MAX_INTERVAL:g} s: is t in ms?"
         )
-    for column, limit, unit in ((1, HIGHEST, "mm"), (3, HIGHEST, "mm"), (2, QUICKEST, "mm/s"), (4, QUICKEST, "mm/s")):
+    for column, limit in ((1, MAX_HEIGHT), (3, MAX_HEIGHT), (2, MAX_SPEED), (4, MAX_SPEED)):
         far = np.flatnonzero(np.abs(table[:, column]) > limit)
         if len(far):
             row, name = int(far[0]), HAND_COLUMNS[column]
             raise ConfigError(
                 f"{_at(path, row, column)}: found {table[row, column]:g}, expected at most {limit:g} "
-                f"{UNITS[name]} in each direction: are these {unit}?"
+                f"{UNITS[name]} in each direction: are these m{UNITS[name]}?"
             )
 
 
@@ -152,7 +152,7 @@ def _are(count: int) -> str:
     return "is 1" if count == 1 else f"are {count}"
 
 
-def doubts(hands: Hands) -> list[str]:
+def velocity_warnings(hands: Hands) -> list[str]:
     """Return warnings about velocities that do not match their heights."""
     found = []
     # Compare over a tenth of a second, so that noise and filter delay have no effect.
@@ -160,11 +160,11 @@ def doubts(hands: Hands) -> list[str]:
     areas = 0.5 * (hands.vz[1:] + hands.vz[:-1]) * np.diff(hands.t)[:, None]
     for column, side in enumerate(("left", "right")):
         moved = np.diff(hands.z[::every, column])
-        said = np.diff(np.concatenate(([0.0], np.cumsum(areas[:, column])))[::every])
+        integrated = np.diff(np.concatenate(([0.0], np.cumsum(areas[:, column])))[::every])
         size = float(np.sqrt(moved @ moved))
-        if np.sqrt((said - moved) @ (said - moved)) > 0.5 * size and size > 1e-3:
+        if np.sqrt((integrated - moved) @ (integrated - moved)) > 0.5 * size and size > 1e-3:
             found.append(
-                f"v_{side} is not the rate of z_{side}: it makes {said @ moved / size**2:.3g} times the movement "
+                f"v_{side} is not the rate of z_{side}: it makes {integrated @ moved / size**2:.3g} times the movement "
                 "(a sign? a unit?)"
             )
     return found

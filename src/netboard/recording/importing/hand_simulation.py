@@ -30,7 +30,13 @@ from netboard.physics.simulation import (
     simulate,
 )
 from netboard.recording.files.locate import sha256_of
-from netboard.recording.importing.hand_files import doubts, find_inputs, plan_outputs, read_hands, write_table
+from netboard.recording.importing.hand_files import (
+    find_inputs,
+    plan_outputs,
+    read_hands,
+    velocity_warnings,
+    write_table,
+)
 
 SHOWN = {"z": "m", "theta": "rad", "p": "m", "f_left": "N", "f_right": "N"}
 """Signals whose range is shown, with their units."""
@@ -143,7 +149,7 @@ def simulate_file(
         sheet["energy"] = balance(energies)
     tell("writing", 1.0)
     write_table(result, columns, provenance(path, config, chosen), force)
-    notes = doubts(hands)
+    notes = velocity_warnings(hands)
     if not is_stably_integrated(motion, physics, free):
         step = f"{motion.longest * 1e3:.3g} ms"
         notes.append(f"{steps.method} is unstable for this scene in steps of {step}: the result is invalid")

@@ -38,7 +38,7 @@ HEADER = re.compile(r"^\s*\[\[\s*recording\s*\]\]")
 
 
 @dataclass(frozen=True, slots=True)
-class Listed:
+class ListedTable:
     """A listed table: its location in the manifest, file, configuration and import options."""
 
     where: str
@@ -54,29 +54,29 @@ class Manifest:
         self.path = path
         try:
             text = path.read_text(encoding="utf-8")
-            said = tomllib.loads(text)
+            values = tomllib.loads(text)
         except (OSError, UnicodeDecodeError) as error:
             raise ConfigError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
         except tomllib.TOMLDecodeError as error:
             raise ConfigError(f"{path}: not valid TOML: {error}") from None
         self._lines = text.splitlines()
         self._starts = [number for number, line in enumerate(self._lines) if HEADER.match(line)]
-        self.listed: list[Listed] = []
+        self.listed: list[ListedTable] = []
         self.problems: list[str] = []
-        head = {key: value for key, value in said.items() if key not in HEAD}
-        recordings = said.get("recording", [])
+        head = {key: value for key, value in values.items() if key not in HEAD}
+        recordings = values.get("recording", [])
         if not isinstance(recordings, list) or not recordings or not all(isinstance(one, dict) for one in recordings):
             raise ConfigError(f'{path}: found no recording, expected [[recording]] with file = "..." for each table')
-        self.problems += self._wrong(head, None)
-        base = self._base(said.get("config"))
+        self.problems += self._key_problems(head, None)
+        base = self._base(values.get("config"))
         whole = not self.problems
-        wrong = [list(self._wrong(one, place)) for place, one in enumerate(recordings)]
-        self.problems += chain.from_iterable(wrong)
+        problems_of = [list(self._key_problems(one, place)) for place, one in enumerate(recordings)]
+        self.problems += chain.from_iterable(problems_of)
         if whole:
-            places = [place for place, problems in enumerate(wrong) if not problems]
+            places = [place for place, problems in enumerate(problems_of) if not problems]
             merged = [_merged(_merged(base, head), recordings[place]) for place in places]
-            for place, one in zip(places, _counted(merged), strict=True):
-                self._list(one, place)
+            for place, one in zip(places, _with_block_counts(merged), strict=True):
+                self._add(one, place)
 
     def _base(self, name: Any) -> dict[str, Any]:
         """Read the base configuration of all recordings."""
@@ -98,14 +98,15 @@ class Manifest:
             return {}
         return tomllib.loads(text)
 
-    def _wrong(self, said: Mapping[str, Any], place: int | None) -> Iterator[str]:
-        """Yield errors for unknown keys and wrong types."""
-        if place is not None and not isinstance(said.get("file"), str):
-            yield f"{self._at(place, 'file')}: found {said.get('file')!r}, expected the name of a .csv or .parquet file"
-        elif place is not None and not (self.path.parent / said["file"]).is_file():
-            yield f"{self._at(place, 'file')}: {self.path.parent / said['file']}: no such file"
+    def _key_problems(self, values: Mapping[str, Any], place: int | None) -> Iterator[str]:
+        """Yield errors for unknown keys and values of the wrong type."""
+        file: Any = values.get("file")
+        if place is not None and not isinstance(file, str):
+            yield f"{self._at(place, 'file')}: found {file!r}, expected the name of a .csv or .parquet file"
+        elif place is not None and not (self.path.parent / file).is_file():
+            yield f"{self._at(place, 'file')}: {self.path.parent / file}: no such file"
         known = (*KEYS, *TABLES, *(HEAD if place is None else ("file",)))
-        for key, value in said.items():
+        for key, value in values.items():
             if key not in known:
                 yield f"{self._at(place, key)}: unknown key, expected one of {', '.join(known)}"
             elif key in TABLES and not isinstance(value, dict):
@@ -113,19 +114,19 @@ class Manifest:
             elif key in KEYS and not _fits(key, value):
                 yield f"{self._at(place, key)}: found {value!r}, expected {KEYS[key]}"
             elif key == "columns":
-                for name, problem in _wrong_columns(value):
+                for name, problem in _column_problems(value):
                     yield f"{self._at(place, f'{key}.{name}')}: {problem}"
 
-    def _list(self, said: dict[str, Any], place: int) -> None:
+    def _add(self, values: dict[str, Any], place: int) -> None:
         """Add a recording with its configuration."""
-        path = self.path.parent / said["file"]
-        where = f"{self._at(place)} ({said['file']})"
+        path = self.path.parent / values["file"]
+        where = f"{self._at(place)} ({values['file']})"
         try:
-            config = parse(_toml_of(said), where)
+            config = parse(_toml_of(values), where)
         except ConfigError as error:
             self.problems += str(error).splitlines()
             return
-        self.listed.append(Listed(where, path, config, _options(said)))
+        self.listed.append(ListedTable(where, path, config, _options(values)))
 
     def _at(self, place: int | None, key: str = "") -> str:
         """Format a location in the file: recording or top level, and the line of a key if found."""
@@ -154,7 +155,7 @@ def _fits(key: str, value: Any) -> bool:
             return type(value) in (int, float) and LEAST[key] <= value < inf
 
 
-def _wrong_columns(columns: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+def _column_problems(columns: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Yield unknown columns and units."""
     for name, theirs in columns.items():
         parts = {"name": theirs} if isinstance(theirs, str) else theirs
@@ -171,16 +172,16 @@ def _wrong_columns(columns: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
                 yield name, f"unit: {str(error).partition(': ')[2]}, found {parts['unit']}"
 
 
-def _options(said: Mapping[str, Any]) -> ImportOptions:
+def _options(values: Mapping[str, Any]) -> ImportOptions:
     """Return the import options of a table."""
-    columns = {name: {"name": one} if isinstance(one, str) else one for name, one in said.get("columns", {}).items()}
+    columns = {name: {"name": one} if isinstance(one, str) else one for name, one in values.get("columns", {}).items()}
     return ImportOptions(
         names=tuple(f"{name}={one['name']}" for name, one in columns.items() if "name" in one),
         units=tuple(f"{name}={one['unit']}" for name, one in columns.items() if "unit" in one),
-        simulate=said.get("simulate", False),
-        interpolation=said.get("interpolation", "cubic"),
-        gap=float(said.get("gap", 0.1)),
-        rate=float(said["rate"]) if "rate" in said else None,
+        simulate=values.get("simulate", False),
+        interpolation=values.get("interpolation", "cubic"),
+        gap=float(values.get("gap", 0.1)),
+        rate=float(values["rate"]) if "rate" in values else None,
     )
 
 
@@ -193,7 +194,7 @@ def _merged(under: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]
     return merged
 
 
-def _counted(recordings: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]]:
+def _with_block_counts(recordings: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]]:
     """Add the missing number of blocks per session, from the highest block number."""
     most: dict[tuple[str, str], int] = {}
     for one in recordings:
@@ -206,9 +207,9 @@ def _counted(recordings: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]]:
         yield _merged({"block": {"blocks": blocks}}, one)
 
 
-def _toml_of(said: Mapping[str, Any]) -> str:
+def _toml_of(values: Mapping[str, Any]) -> str:
     """Format the tables of the configuration as TOML."""
-    return "\n".join(f"{table} = {_inline(said[table])}" for table in TABLES if table in said)
+    return "\n".join(f"{table} = {_inline(values[table])}" for table in TABLES if table in values)
 
 
 def _inline(value: Any) -> str:

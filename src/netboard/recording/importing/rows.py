@@ -85,7 +85,7 @@ def measured(ticks: NDArray[np.int64], columns: Columns) -> NDArray[Any]:
         for name in ("az", "used_az", "rendered"):
             rows[f"{side}_{name}"] = np.nan
     _number_attempts(rows, columns)
-    _tell_outcomes(rows, columns)
+    _set_outcomes(rows, columns)
     return rows
 
 
@@ -110,21 +110,21 @@ def _known(column: str, word: str, words: Mapping[str, Any]) -> Any:
     return words[word.lower()]
 
 
-def _tell_outcomes(rows: NDArray[Any], columns: Columns) -> None:
+def _set_outcomes(rows: NDArray[Any], columns: Columns) -> None:
     """Set the end of each attempt, its times, and the counts of the block."""
     free = np.isin(rows["phase"], BALL_FREE)
     keys = np.stack([free.astype(np.int64), rows["trial"], rows["attempt"]])
     cuts = (np.flatnonzero(np.any(np.diff(keys) != 0, axis=0)) + 1).tolist()
     for first, stop in pairwise([0, *cuts, rows.size]):
         if free[first]:
-            _end(rows, columns, slice(first, stop))
+            _finish_attempt(rows, columns, slice(first, stop))
     causes, after = rows["event"], np.zeros(rows.size, np.int64)
     for name, ends in (("successes", (Cause.HELD,)), ("failures", (Cause.FELL, Cause.TIMED_OUT))):
         after[1:] = np.cumsum(np.isin(causes, ends))[:-1]
         rows[name] = after
 
 
-def _end(rows: NDArray[Any], columns: Columns, here: slice) -> None:
+def _finish_attempt(rows: NDArray[Any], columns: Columns, here: slice) -> None:
     """Set times and events of one attempt, and the completion time for the rows after it."""
     attempt = rows[here]
     attempt["run_ticks"] = attempt["tick"] - attempt["tick"][0]
@@ -144,9 +144,9 @@ def _end(rows: NDArray[Any], columns: Columns, here: slice) -> None:
     rows["completion"][here.stop :] = mark * TICK_SECONDS
 
 
-def _completion_ticks(attempt: NDArray[Any], told: NDArray[np.float64]) -> int:
+def _completion_ticks(attempt: NDArray[Any], given: NDArray[np.float64]) -> int:
     """Return a completion time: the given one, else up to the last target entry, else up to the end [1]."""
-    known = told[np.isfinite(told)]
+    known = given[np.isfinite(given)]
     if known.size:
         return round(float(known[-1]) / TICK_SECONDS)
     entries = np.flatnonzero(attempt["event"] == Cause.ENTERED)

@@ -15,12 +15,12 @@ from netboard.base.config import Config, parse, resolve
 from netboard.base.errors import ConfigError, NetboardError, RecordingError
 from netboard.base.workers import worker_processes
 from netboard.recording.files.locate import sha256_of
-from netboard.recording.files.offline_writer import name_of
+from netboard.recording.files.offline_writer import recording_name
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.partfile import publish
-from netboard.recording.importing.manifest import Listed, Manifest
+from netboard.recording.importing.manifest import ListedTable, Manifest
 from netboard.recording.importing.table_import import Imported, ImportOptions, configuration_beside, import_table
-from netboard.recording.importing.tables import is_own, probe
+from netboard.recording.importing.tables import is_tick_table, probe
 from netboard.recording.integrity.catalogue import entry_of
 from netboard.recording.integrity.severity import RESULTS, Severity
 
@@ -50,23 +50,23 @@ class Plan:
     """The jobs to do, and the recordings that exist already."""
 
     jobs: tuple[Job, ...]
-    there: tuple[Path, ...]
+    done: tuple[Path, ...]
 
 
 def examine(path: Path, folder: Path, tell: Tell) -> Plan:
     """Read a manifest and the start of each of its tables; write nothing."""
     manifest = Manifest(path)
-    problems, jobs, there = list(manifest.problems), [], []
+    problems, jobs, done = list(manifest.problems), [], []
     sources: dict[Path, str] = {}
     blocks: dict[tuple[str, str, int], str] = {}
     for number, one in enumerate(manifest.listed, start=1):
         tell(one.path.name, number, len(manifest.listed))
         try:
             job = _job(one, folder)
-            if not _is_there(job):
-                jobs.append(job)
+            if _is_done(job):
+                done.append(job.path)
             else:
-                there.append(job.path)
+                jobs.append(job)
         except (ConfigError, RecordingError) as error:
             problems += [f"{one.where}: {line}" for line in str(error).splitlines()]
             continue
@@ -81,20 +81,20 @@ def examine(path: Path, folder: Path, tell: Tell) -> Plan:
             )
     if problems:
         raise ConfigError("\n".join((f"nothing was imported, {len(problems)} problems to fix:", *problems)))
-    return Plan(tuple(jobs), tuple(there))
+    return Plan(tuple(jobs), tuple(done))
 
 
-def _job(one: Listed, folder: Path) -> Job:
+def _job(one: ListedTable, folder: Path) -> Job:
     """Read the start of a table and determine the file name of its recording."""
-    own = is_own(one.path) and not one.options.names
-    beside = configuration_beside(one.path) if own else None
+    has_ticks = is_tick_table(one.path) and not one.options.names
+    beside = configuration_beside(one.path) if has_ticks else None
     config = one.config if beside is None else parse(beside.read_text(encoding="utf-8"), str(beside))
-    if not own:
+    if not has_ticks:
         probe(one.path, one.options.names, one.options.units, one.options.rate)
-    return Job(one.where, one.path, config, one.options, folder / name_of(config, sha256_of(one.path)))
+    return Job(one.where, one.path, config, one.options, folder / recording_name(config, sha256_of(one.path)))
 
 
-def _is_there(job: Job) -> bool:
+def _is_done(job: Job) -> bool:
     """Return True if a job is already done; raise an error if its file name is otherwise taken."""
     if not job.path.exists():
         return False
@@ -102,8 +102,8 @@ def _is_there(job: Job) -> bool:
     if found.verdict == RESULTS[Severity.DAMAGE]:
         raise RecordingError(f"{job.path}: exists but is damaged ({found.why}); move it away to import it again")
     with Recording(job.path) as recording:
-        said, text = recording.metadata, recording.config_text
-    same = said.get("imported") == "ticks" or job.options.metadata.items() <= said.items()
+        metadata, text = recording.metadata, recording.config_text
+    same = metadata.get("imported") == "ticks" or job.options.metadata.items() <= metadata.items()
     if not same or text != resolve(job.config):
         raise RecordingError(f"{job.path}: exists, and was imported with other settings; move it away")
     return True
@@ -141,6 +141,6 @@ def run(
 
 def import_one(job: Job, unnamed: Path) -> Imported:
     """Import a table into the temporary folder and rename the recording when it is complete."""
-    found = import_table(job.source, unnamed, job.config, job.options, time.time_ns(), lambda *told: None)
+    found = import_table(job.source, unnamed, job.config, job.options, time.time_ns(), lambda *progress: None)
     publish(found.path, job.path)
     return replace(found, path=job.path)

@@ -18,7 +18,7 @@ from netboard.recording.files.offline_writer import BlockWriter
 from netboard.recording.importing.columns import COLUMNS, TASK
 from netboard.recording.importing.resampling import Interpolation, resampled, segments
 from netboard.recording.importing.rows import measured, simulated
-from netboard.recording.importing.tables import Samples, is_own, read_samples, read_ticks
+from netboard.recording.importing.tables import Samples, is_tick_table, read_samples, read_ticks
 
 PIECE = 10_000
 """Ticks per progress report [1]."""
@@ -84,13 +84,13 @@ def import_table(
 
     ``config``: configuration of the experiment; one stored beside an exported table of ticks takes precedence.
     """
-    said = {"imported_from": path.name, "imported_sha256": sha256_of(path)}
-    if is_own(path) and not options.names:
+    origin = {"imported_from": path.name, "imported_sha256": sha256_of(path)}
+    if is_tick_table(path) and not options.names:
         beside = configuration_beside(path)
         if beside is not None:
             config = parse(beside.read_text(encoding="utf-8"), str(beside))
         warned = () if beside else (f"no configurations/{path.stem}.toml beside its folder: it is given --config's",)
-        return _keep(read_ticks(path), folder, config, {"imported": "ticks", **said}, utc_ns, progress, warned)
+        return _save(read_ticks(path), folder, config, {"imported": "ticks", **origin}, utc_ns, progress, warned)
     samples = read_samples(path, options.names, options.units, options.rate)
     if not options.simulate and not set(TASK) & samples.columns.keys():
         raise ConfigError(
@@ -102,13 +102,13 @@ def import_table(
         rows = simulated(ticks, columns, config) if options.simulate else measured(ticks, columns)
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
-    said |= {
+    origin |= {
         **options.metadata,
         "imported_columns": json.dumps(sorted(("time", *samples.columns))),
         "imported_samples": str(samples.time.size),
     }
     pieces = (rows[first : first + PIECE] for first in range(0, rows.size, PIECE))
-    return _keep(pieces, folder, config, said, utc_ns, progress, tuple(notes), rows.size)
+    return _save(pieces, folder, config, origin, utc_ns, progress, tuple(notes), rows.size)
 
 
 def _at_ticks(samples: Samples, options: ImportOptions) -> tuple[NDArray[np.int64], dict[str, NDArray[Any]], list[str]]:
@@ -133,11 +133,11 @@ def _at_ticks(samples: Samples, options: ImportOptions) -> tuple[NDArray[np.int6
     return ticks, columns, notes
 
 
-def _keep(
+def _save(
     pieces: Iterator[NDArray[Any]],
     folder: Path,
     config: Config,
-    said: dict[str, str],
+    origin: dict[str, str],
     utc_ns: int,
     progress: Callable[[str, int, int], None],
     notes: tuple[str, ...],
@@ -146,17 +146,17 @@ def _keep(
     """Write rows as a recording; delete it if writing fails."""
     first = next(pieces, None)
     if first is None:
-        raise ConfigError(f"{said['imported_from']}: has no rows")
+        raise ConfigError(f"{origin['imported_from']}: has no rows")
     folder.mkdir(parents=True, exist_ok=True)
-    writer = BlockWriter(folder, config, said["imported_sha256"], utc_ns, said, int(first["time_ns"][0]))
+    writer = BlockWriter(folder, config, origin["imported_sha256"], utc_ns, origin, int(first["time_ns"][0]))
     done = 0
     try:
         for rows in chain([first], pieces):
             writer.take(rows)
             done += rows.size
-            progress(said["imported_from"], done, max(total, done))
+            progress(origin["imported_from"], done, max(total, done))
         writer.finish()
     except BaseException:
         writer.abandon()
         raise
-    return Imported(writer.path, said["imported"], done, notes)
+    return Imported(writer.path, origin["imported"], done, notes)

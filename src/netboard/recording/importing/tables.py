@@ -22,10 +22,10 @@ from netboard.recording.importing.columns import COLUMNS, mapped, scales
 ROWS = 20_000
 """Rows per batch [1]."""
 
-FARTHEST = {"m": (1.0, "mm"), "rad": (1.6, "deg"), "N": (1000.0, "mN")}
+MAX_MAGNITUDES = {"m": (1.0, "mm"), "rad": (1.6, "deg"), "N": (1000.0, "mN")}
 """Largest plausible magnitudes of positions, angles and forces, and the unit to suggest for larger values [SI]."""
 
-_GIVEN = ("time",)
+_REPLACEABLE = ("time",)
 """Columns that a table may lack if its sample rate is known."""
 
 _RATE_ERROR = 0.05
@@ -192,7 +192,7 @@ def read_samples(
     columns = {name: np.concatenate(values) for name, values in parts.items()}
     time = columns.pop("time", np.empty(0))
     _require_rate(path, time, rate)
-    taken = mapped(str(path), table.names, names, _GIVEN if rate else ()).values()
+    taken = mapped(str(path), table.names, names, _REPLACEABLE if rate else ()).values()
     return Samples(time, columns, tuple(name for name in table.names if name not in taken))
 
 
@@ -206,9 +206,9 @@ def _portions(
     table: TableFile, names: Sequence[str], units: Sequence[str], rate: float | None
 ) -> Iterator[dict[str, NDArray[Any]]]:
     """Yield the rows in validated batches, in SI units."""
-    found, factors = mapped(str(table.path), table.names, names, _GIVEN if rate else ()), scales(units)
-    if strangers := [word for word in units if word.partition("=")[0] not in found]:
-        raise ConfigError(f"--unit {strangers[0]}: {table.path} has no such column")
+    found, factors = mapped(str(table.path), table.names, names, _REPLACEABLE if rate else ()), scales(units)
+    if unknown := [word for word in units if word.partition("=")[0] not in found]:
+        raise ConfigError(f"--unit {unknown[0]}: {table.path} has no such column")
     newest, done = -np.inf, 0
     for portion in table.portions(list(found.values())):
         columns = {name: _column(portion, name, theirs, factors[name]) for name, theirs in found.items()}
@@ -258,7 +258,7 @@ def _check(portion: Portion, columns: Mapping[str, NDArray[Any]], newest: float)
             "increasing times: one time axis over all trials"
         )
     for name, values in columns.items():
-        largest, meant = FARTHEST.get(COLUMNS[name].unit, (np.inf, ""))
+        largest, meant = MAX_MAGNITUDES.get(COLUMNS[name].unit, (np.inf, ""))
         far = np.flatnonzero(np.abs(values) > largest) if values.dtype.kind == "f" else np.empty(0, np.int64)
         if far.size:
             raise ConfigError(
@@ -268,7 +268,7 @@ def _check(portion: Portion, columns: Mapping[str, NDArray[Any]], newest: float)
     return float(time[-1])
 
 
-def is_own(path: Path) -> bool:
+def is_tick_table(path: Path) -> bool:
     """Return True if a table has all columns of netboard's exported ticks."""
     return set(TICK.names or ()) <= set(TableFile(path).names)
 

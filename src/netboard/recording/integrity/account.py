@@ -21,7 +21,7 @@ from netboard.recording.files.reader import Recording
 from netboard.recording.format.summary import find_gaps
 from netboard.task.trials.state_machine import STAGE_FAULT, Cause
 
-OF_THE_SERVER = ("/ticks", "/event", "/clock", "/frame", "/backfill")
+LOG_TOPICS = ("/ticks", "/event", "/clock", "/frame", "/backfill")
 """Topics whose messages are records of the log channel."""
 
 _PAUSES = (Cause.PAUSE, Cause.FAULT)
@@ -83,11 +83,11 @@ class Account:
 
 def parts_of(path: Path) -> list[Path]:
     """Find the files of a recording's session in its folder, by name."""
-    own = _NAME.fullmatch(path.stem)
-    if own is None:
+    name = _NAME.fullmatch(path.stem)
+    if name is None:
         return [path]
     others = ((file, _NAME.fullmatch(file.stem)) for file in path.parent.glob("*.mcap"))
-    return sorted(file for file, other in others if other and other.groups() == own.groups())
+    return sorted(file for file, other in others if other and other.groups() == name.groups())
 
 
 class _Loss(NamedTuple):
@@ -123,15 +123,14 @@ def account_of(paths: Sequence[Path]) -> Account:
     ticks = np.concatenate([found.ticks for found in read])
     ticks = ticks[np.unique(ticks["tick"], return_index=True)[1]]
     present, missing = _present(ticks["tick"], _opened(events))
-    lost, unexplained = _sort_out(missing, [loss.ticks for part in losses for loss in part] + _damaged_ticks(read))
-    missing_records = _missing_records([found.part for found in read], losses)
-    damaged = _damaged_records([found.part for found in read])
-    lost_records, unexplained_records = _sort_out(
-        missing_records, [loss.records for part in losses for loss in part] + damaged
+    lost, unexplained = _explained(missing, [loss.ticks for part in losses for loss in part] + _damaged_ticks(read))
+    parts = tuple(found.part for found in read)
+    lost_records, unexplained_records = _explained(
+        _missing_records(parts, losses), [loss.records for part in losses for loss in part] + _damaged_records(parts)
     )
     return Account(
         session=sessions.pop(),
-        parts=tuple(found.part for found in read),
+        parts=parts,
         present=present,
         lost=lost,
         unexplained=unexplained,
@@ -146,7 +145,7 @@ def _read(path: Path) -> _Read:
     with Recording(path) as recording:
         remarks = recording.remarks()
         first = recording.first_record or 0
-        written = sum(recording.counts[topic] for topic in OF_THE_SERVER)
+        written = sum(recording.counts[topic] for topic in LOG_TOPICS)
         lost = sum(int(remark.details["count"]) for remark in remarks if remark.name == "log_lost")
         part = Part(
             path=path,
@@ -171,8 +170,7 @@ def _present(ticks: NDArray[np.int64], opened: int) -> tuple[tuple[NumberRange, 
         return (), []
     gaps = find_gaps(np.concatenate([[opened - 1], ticks]))
     missing = [NumberRange(gap.first, gap.first + gap.count - 1) for gap in gaps]
-    there = _sort_out([NumberRange(opened, int(ticks[-1]))], missing)[1]
-    return there, missing
+    return _explained([NumberRange(opened, int(ticks[-1]))], missing)[1], missing
 
 
 def _losses(found: _Read, causes: Sequence[EventRecord]) -> Iterator[_Loss]:
@@ -204,12 +202,12 @@ def cause_of_loss(records: NumberRange, causes: Sequence[EventRecord]) -> str:
 
 def _damaged_ticks(read: Sequence[_Read]) -> list[NumberRange]:
     """Return the ticks that may have been in the unrecoverable data of a part."""
-    claims = []
+    ranges = []
     for place, found in enumerate(read):
         if found.part.damage and found.ticks.size:
             following = next((later.ticks for later in read[place + 1 :] if later.ticks.size), found.ticks[-1:])
-            claims.append(NumberRange(int(found.ticks["tick"][0]), int(following["tick"][0]), found.part.damage))
-    return claims
+            ranges.append(NumberRange(int(found.ticks["tick"][0]), int(following["tick"][0]), found.part.damage))
+    return ranges
 
 
 def _damaged_records(parts: Sequence[Part]) -> list[NumberRange]:
@@ -225,39 +223,38 @@ def _missing_records(parts: Sequence[Part], losses: Sequence[Sequence[_Loss]]) -
     """Return the records that no part holds."""
     held: list[NumberRange] = []
     for part, lost in zip(parts, losses, strict=True):
-        held.extend(
-            _sort_out([NumberRange(part.first_record, part.next_record - 1)], [loss.records for loss in lost])[1]
-        )
+        whole = NumberRange(part.first_record, part.next_record - 1)
+        held.extend(_explained([whole], [loss.records for loss in lost])[1])
     last = max((part.next_record - 1 for part in parts), default=-1)
-    return _sort_out([NumberRange(0, last)], held)[1]
+    return _explained([NumberRange(0, last)], held)[1]
 
 
-def _sort_out(
-    holes: Iterable[NumberRange], claims: Iterable[NumberRange]
+def _explained(
+    ranges: Iterable[NumberRange], causes: Iterable[NumberRange]
 ) -> tuple[tuple[NumberRange, ...], tuple[NumberRange, ...]]:
-    """Split missing ranges into those covered by a claim, each with the first claim's cause, and the rest."""
-    claimed: list[NumberRange] = []
-    rest = [hole for hole in holes if hole.first <= hole.last]
-    for claim in claims:
+    """Split ranges into the parts that lie in one of other ranges, each with the cause of the first, and the rest."""
+    inside: list[NumberRange] = []
+    rest = [whole for whole in ranges if whole.first <= whole.last]
+    for known in causes:
         uncut, rest = rest, []
-        for hole in uncut:
-            first, last = max(hole.first, claim.first), min(hole.last, claim.last)
+        for whole in uncut:
+            first, last = max(whole.first, known.first), min(whole.last, known.last)
             if first > last:
-                rest.append(hole)
+                rest.append(whole)
                 continue
-            claimed.append(NumberRange(first, last, claim.cause))
-            sides = (NumberRange(hole.first, first - 1), NumberRange(last + 1, hole.last))
+            inside.append(NumberRange(first, last, known.cause))
+            sides = (NumberRange(whole.first, first - 1), NumberRange(last + 1, whole.last))
             rest.extend(side for side in sides if side.first <= side.last)
-    return tuple(sorted(claimed)), tuple(sorted(rest))
+    return tuple(sorted(inside)), tuple(sorted(rest))
 
 
 def _pauses(ticks: NDArray[Any], events: Iterable[EventRecord]) -> Iterator[Pause]:
     """Yield every pause with its cause from the server's events."""
-    told = {(event.name, event.tick): event for event in events if event.name in ("pause", "fault")}
+    reported = {(event.name, event.tick): event for event in events if event.name in ("pause", "fault")}
     for row in ticks[np.isin(ticks["event"], _PAUSES)]:
         tick, name = int(row["tick"]), Cause(int(row["event"])).name.lower()
         # The event is written after the tick, so the server may assign it to the next one.
-        event = told.get((name, tick)) or told.get((name, tick + 1))
+        event = reported.get((name, tick)) or reported.get((name, tick + 1))
         if event is None:
             yield Pause(tick, "")
         elif row["command"] != row["event"]:

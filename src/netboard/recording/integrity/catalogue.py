@@ -71,8 +71,8 @@ class Filter:
     since: date | None = None
     pilot: bool | None = None
 
-    def takes(self, entry: Entry) -> bool:
-        """Return True if a file matches in all but its result, judged from its beginning and end."""
+    def matches(self, entry: Entry) -> bool:
+        """Return True if a file matches in all but its result, by its beginning and end."""
         return (
             self.dyad in (None, entry.dyad)
             and self.study in (None, entry.study)
@@ -80,10 +80,11 @@ class Filter:
             and (self.since is None or entry.opened[:10] >= self.since.isoformat())
         )
 
-    def likes(self, entry: Entry) -> bool:
-        """Return True if the result of a file matches."""
+    def matches_result(self, entry: Entry) -> bool:
+        """Return True if the result of a file matches, or begins with the given words."""
         if self.verdict is None:
             return True
+        # "complete" is also the beginning of "complete with listed losses".
         return entry.verdict == self.verdict if self.verdict in RESULTS else entry.verdict.startswith(self.verdict)
 
 
@@ -112,37 +113,37 @@ def entry_of(path: Path) -> Entry:
 def _recording(path: Path, size: int) -> Entry:
     """Make the entry of a finished recording."""
     with Recording(path) as recording:
-        said, end = recording.metadata, recording.end
+        metadata, end = recording.metadata, recording.end
         lost = int(end.get("lost", 0))
         why = [] if end.get("ended", "") == "complete" else [f"ends early: {end.get('ended', 'recovered')}"]
         why += [f"{lost} records lost"] if lost else []
         why += [f"recovered, lost: {recording.recovery['damage']}"] if recording.recovery.get("damage") else []
-        why += ["computed, not recorded"] if "what_if" in said else []
-        entry = _about(Entry(path, "recording", size), said, recording.config_text)
+        why += ["computed, not recorded"] if "what_if" in metadata else []
+        entry = _about(Entry(path, "recording", size), metadata, recording.config_text)
         return replace(
             entry,
-            duration=_duration(said, end),
+            duration=_duration(metadata, end),
             lost=lost,
             verdict=RESULTS[Severity.LOSS if why else Severity.SOUND],
             why="; ".join(why),
         )
 
 
-def _duration(said: dict[str, str], end: dict[str, str]) -> float | None:
+def _duration(metadata: dict[str, str], end: dict[str, str]) -> float | None:
     """Return the duration of a recording from its start and end times; None if either is missing [s]."""
-    if "opened_log_ns" not in said or "log_ns" not in end:
+    if "opened_log_ns" not in metadata or "log_ns" not in end:
         return None
-    return max(int(end["log_ns"]) - int(said["opened_log_ns"]), 0) * 1e-9
+    return max(int(end["log_ns"]) - int(metadata["opened_log_ns"]), 0) * 1e-9
 
 
-def _about(entry: Entry, said: dict[str, str], config_text: str) -> Entry:
+def _about(entry: Entry, metadata: dict[str, str], config_text: str) -> Entry:
     """Add metadata and configuration to an entry."""
     config = parse(config_text, "its configuration")
     return replace(
         _named(entry, config),
-        block=int(said.get("block", 0)),
-        blocks=int(said.get("blocks", 0)),
-        opened=said.get("opened_utc", ""),
+        block=int(metadata.get("block", 0)),
+        blocks=int(metadata.get("blocks", 0)),
+        opened=metadata.get("opened_utc", ""),
     )
 
 
@@ -170,19 +171,20 @@ def _named(entry: Entry, config: Config) -> Entry:
 
 def _begun(entry: Entry) -> Entry:
     """Add the readable metadata from the start of an unfinished or damaged file."""
-    said: dict[str, str] = {}
+    metadata: dict[str, str] = {}
     try:
         with entry.path.open("rb") as file:
             for record in StreamReader(file, emit_chunks=True).records:
                 if isinstance(record, Metadata) and record.name == METADATA:
-                    said = dict(record.metadata)
+                    metadata = dict(record.metadata)
                 elif isinstance(record, Attachment) and record.name == CONFIG_NAME:
-                    return replace(_about(entry, said, record.data.decode()), size=entry.path.stat().st_size)
+                    return replace(_about(entry, metadata, record.data.decode()), size=entry.path.stat().st_size)
                 elif isinstance(record, Chunk | ChunkIndex):
                     break
     except _UNREADABLE:
         pass  # the result already says so
-    return replace(entry, dyad=said.get("dyad", ""), session=said.get("name", ""), study=said.get("study", ""))
+    dyad, session, study = (metadata.get(key, "") for key in ("dyad", "name", "study"))
+    return replace(entry, dyad=dyad, session=session, study=study)
 
 
 def _spill(path: Path, size: int) -> Entry:

@@ -24,13 +24,13 @@ from netboard.recording.integrity.journal_check import check_journal, check_plan
 from netboard.recording.integrity.severity import Finding, Report, Severity
 from netboard.recording.integrity.stream_check import TICKS, check_end, check_numbers, check_rendered, check_time
 from netboard.recording.integrity.trial_check import check_measured, check_trials
-from netboard.recording.integrity.verification import why_not
+from netboard.recording.integrity.verification import why_not_computable
 from netboard.recording.integrity.walk import Evidence, walk
-from netboard.recording.recovery.recover import Report as Recovered
+from netboard.recording.recovery.recover import RecoveryReport
 from netboard.recording.recovery.spilled import recover_any
 from netboard.stage.stage import Stage, make_stage
 
-Tell = Callable[[int], object]
+TicksRead = Callable[[int], object]
 """Callback for the number of further ticks read [1]."""
 
 
@@ -44,7 +44,7 @@ class Check:
     needs_config: bool = False  # whether it is left out where the configuration cannot be read
 
 
-def check(path: Path, replay: bool = False, tell: Tell = lambda ticks: None) -> Report:
+def check(path: Path, replay: bool = False, progress: TicksRead = lambda ticks: None) -> Report:
     """Check one file.
 
     It is a recording, an unfinished one (``.part``) or a server's spill (``.spill``). A faulty file gives findings,
@@ -52,28 +52,28 @@ def check(path: Path, replay: bool = False, tell: Tell = lambda ticks: None) -> 
     """
     try:
         with Recording(path) as recording:
-            return _check(recording, replay, tell)
+            return _check(recording, replay, progress)
     except RecordingError as error:
         return _unreadable(path, str(error))
 
 
-def _check(recording: Recording, replay: bool, tell: Tell) -> Report:
+def _check(recording: Recording, replay: bool, progress: TicksRead) -> Report:
     """Run all registered checks on a readable file."""
     recording.check()
     config: Config | None = None
     stage: Stage | None = None
-    first = _bytes(recording)
-    problems: list[Finding] = []
+    problems = [Finding(Severity.SOUND, f"{recording.path.stat().st_size} bytes, every checksum is right", "file")]
     try:
         config = parse(recording.config_text, "its configuration")
-        if replay and (why := why_not(recording)):
+        if replay and (why := why_not_computable(recording)):
             problems.append(Finding(Severity.LOSS, why, "replay"))
         elif replay:
             stage = make_stage(config)
             stage.warm()
     except (ConfigError, RecordingError) as error:
         problems.append(Finding(Severity.DAMAGE, str(error), "configuration"))
-    seen = walk(_with_progress(recording.batches(as_sent=True), tell), None if config is None else config.block, stage)
+    batches = _with_progress(recording.batches(as_sent=True), progress)
+    seen = walk(batches, None if config is None else config.block, stage)
     evidence = Evidence(recording, seen, config, recording.events(), recording.clocks(), recording.remarks())
     found = [
         replace(finding, part=one.part)
@@ -81,18 +81,13 @@ def _check(recording: Recording, replay: bool, tell: Tell) -> Report:
         if config is not None or not one.needs_config
         for finding in one.findings(evidence)
     ]
-    return Report(recording.path, (first, *problems, *found), seen.count, seen.verification, seen.computing)
+    return Report(recording.path, (*problems, *found), seen.count, seen.verification, seen.computing)
 
 
-def _with_progress(portions: Iterable[NDArray[Any]], tell: Tell) -> Iterator[NDArray[Any]]:
+def _with_progress(portions: Iterable[NDArray[Any]], progress: TicksRead) -> Iterator[NDArray[Any]]:
     for rows in portions:
         yield rows
-        tell(len(rows))
-
-
-def _bytes(recording: Recording) -> Finding:
-    """Report the size of a file whose checksums `Recording.check` has verified."""
-    return Finding(Severity.SOUND, f"{recording.path.stat().st_size} bytes, every checksum is right", "file")
+        progress(len(rows))
 
 
 def _unreadable(path: Path, why: str) -> Report:
@@ -113,7 +108,7 @@ def _unreadable(path: Path, why: str) -> Report:
     return Report(path, tuple(findings), ticks)
 
 
-def _recoverable(saved: Recovered) -> str:
+def _recoverable(saved: RecoveryReport) -> str:
     """Describe what can be saved."""
     ticks = saved.messages[TICKS]
     span = f"{ticks} ticks" + (f", {saved.first_tick} to {saved.last_tick}" if ticks else "")
@@ -141,12 +136,12 @@ def _trials(evidence: Evidence) -> Iterator[Finding]:
 
 def _continues(recording: Recording) -> bool:
     """Return True if another file continues the same block."""
-    said = recording.metadata
+    metadata = recording.metadata
     for path in parts_of(recording.path):
         if path != recording.path:
             try:
                 with Recording(path) as other:
-                    same = all(other.metadata.get(key) == said.get(key) for key in ("session", "block"))
+                    same = all(other.metadata.get(key) == metadata.get(key) for key in ("session", "block"))
                     if same and (other.first_record or 0) > (recording.first_record or 0):
                         return True
             except RecordingError:
@@ -157,22 +152,24 @@ def _continues(recording: Recording) -> bool:
 def _configuration(evidence: Evidence) -> Iterator[Finding]:
     """Compare the attached configuration with its hash in the metadata and with the server's event."""
     recording, config = evidence.recording, evidence.config
-    said, session = recording.metadata, config.session
-    told = [
+    metadata, session = recording.metadata, config.session
+    sent = [
         event.details["config"] for event in evidence.events if event.name == BLOCK_BEGAN and "config" in event.details
     ]
     expected = {"dyad": session.dyad, "name": session.name, "study": session.study, "block": str(config.block.number)}
-    wrong = [
-        f"{key} {said[key]!r}, expected {value!r}" for key, value in expected.items() if said.get(key, value) != value
+    problems = [
+        f"{key} {metadata[key]!r}, expected {value!r}"
+        for key, value in expected.items()
+        if metadata.get(key, value) != value
     ]
     # Files of the first versions are read with the keys of the current one.
-    if told and told[-1] != recording.config_text and said.get("format") not in ("1", "2"):
-        wrong.append("the server began the block with another configuration")
-    if wrong:
-        yield Finding(Severity.DAMAGE, f"contradicts the rest of the file: {'; '.join(wrong)}")
+    if sent and sent[-1] != recording.config_text and metadata.get("format") not in ("1", "2"):
+        problems.append("the server began the block with another configuration")
+    if problems:
+        yield Finding(Severity.DAMAGE, f"contradicts the rest of the file: {'; '.join(problems)}")
     else:
-        twice = " and the one with which the server began the block" if told else ""
-        yield Finding(Severity.SOUND, f"matches its checksum{twice}")
+        copy = " and the one with which the server began the block" if sent else ""
+        yield Finding(Severity.SOUND, f"matches its checksum{copy}")
 
 
 def _replay(evidence: Evidence) -> Iterator[Finding]:

@@ -50,9 +50,9 @@ def check_clocks(
         yield Finding(Severity.SOUND, "no clock probes were recorded")
     for peer in sorted({probe.peer for probe in probes}):
         connections = connections_of([probe for probe in probes if probe.peer == peer])
-        for number, mine in enumerate(connections, start=1):
+        for number, connection in enumerate(connections, start=1):
             name = peer if len(connections) == 1 else f"{peer} (connection {number} of {len(connections)})"
-            yield from check_connection(name, mine, bound_ms, active_ns)
+            yield from check_connection(name, connection, bound_ms, active_ns)
 
 
 def connections_of(probes: Sequence[ClockRecord]) -> list[list[ClockRecord]]:
@@ -94,7 +94,7 @@ def check_connection(
     back = sum(later.t3_ns < before.t3_ns for before, later in pairwise(probes))
     if back:
         yield Finding(Severity.DAMAGE, f"{peer}: {back} probes are earlier than the one before")
-    wide = [probe.bound_ns * 1e-6 for probe in probes if _counts(probe, bound_ms, active_ns)]
+    wide = [probe.bound_ns * 1e-6 for probe in probes if _is_too_wide(probe, bound_ms, active_ns)]
     if wide:
         text = f"{peer}: during trials {len(wide)} estimates have a bound of up to {max(wide):.2f} ms, expected at most"
         yield Finding(Severity.LOSS, f"{text} {bound_ms:g} ms")
@@ -132,15 +132,15 @@ def is_possible(probe: ClockRecord) -> bool:
 
 def contradicts(probe: ClockRecord) -> bool:
     """Return True if an estimate contradicts its own probe: outside its limits, or with a wider bound."""
-    alone = ClockEstimator()
-    alone.add(probe.t0_ns, probe.t1_ns, probe.t2_ns, probe.t3_ns)
-    apart = abs(probe.offset_ns - alone.offset_ns)
-    return probe.bound_ns > alone.bound_ns or apart > probe.bound_ns + alone.bound_ns
+    single = ClockEstimator()
+    single.add(probe.t0_ns, probe.t1_ns, probe.t2_ns, probe.t3_ns)
+    difference = abs(probe.offset_ns - single.offset_ns)
+    return probe.bound_ns > single.bound_ns or difference > probe.bound_ns + single.bound_ns
 
 
-def _counts(probe: ClockRecord, bound_ms: float, active_ns: tuple[int, int] | None) -> bool:
+def _is_too_wide(probe: ClockRecord, bound_ms: float, active_ns: tuple[int, int] | None) -> bool:
     """Return True if an agent's bound is too wide during trials."""
-    if active_ns is None or not probe.peer.startswith("agent."):
+    if active_ns is None or not probe.peer.startswith(_SINGLE):
         return False
     return active_ns[0] <= probe.t3_ns <= active_ns[1] and probe.bound_ns > bound_ms * 1e6
 
@@ -160,15 +160,15 @@ def line_through(probes: Sequence[ClockRecord]) -> Fit | None:
     if len(probes) < _MIN_PROBES:
         return None
     sent, received, answered, back, offsets, bounds = _stamps(probes)
-    ways = (back - sent) - (answered - received)
+    delays = (back - sent) - (answered - received)
     t, middles = (sent + back) / 2, ((received - sent) + (answered - back)) / 2
-    quick = np.argsort(ways, kind="stable")[: (len(ways) + 1) // 2]
-    if np.ptp(t[quick]) == 0.0:
+    fastest = np.argsort(delays, kind="stable")[: (len(delays) + 1) // 2]
+    if np.ptp(t[fastest]) == 0.0:
         return None
-    slope, offset, *_ = theilslopes(middles[quick], t[quick])
+    slope, offset, *_ = theilslopes(middles[fastest], t[fastest])
     # The line is no more accurate than the delays of its probes, which may all lie on one side of it; its uncertainty
     # grows with the distance from them.
-    longest, span = np.max(ways[quick]), np.ptp(t[quick])
+    longest, span = np.max(delays[fastest]), np.ptp(t[fastest])
     known = longest < MAX_DRIFT_PPM * 1e-6 * span
     beyond = np.abs(offset + slope * t - offsets) > bounds + longest * (1.0 + np.ptp(t) / span)
     return Fit(float(slope) * 1e6 if known else float("nan"), int(np.count_nonzero(beyond)))

@@ -96,7 +96,7 @@ def _shortened(plan: Plan, config: Config) -> Iterator[str]:
 
 def _compare_plan(config: Config, planned: Config) -> Iterator[Finding]:
     """Compare the block's condition with that of the plan for the same rig."""
-    wrong = [
+    problems = [
         f"[{table.name}] {key.name}: found {getattr(has, key.name)!r}, planned {getattr(wants, key.name)!r}"
         for table in fields(config)
         for has, wants in [(getattr(config, table.name), getattr(planned, table.name))]
@@ -104,8 +104,8 @@ def _compare_plan(config: Config, planned: Config) -> Iterator[Finding]:
         if getattr(has, key.name) != getattr(wants, key.name)
     ]
     study, number = config.session.study, f"{config.block.number} of {config.block.blocks}"
-    if wrong:
-        yield Finding(Severity.DAMAGE, f"block {number} of study {study} differs from the plan: {'; '.join(wrong)}")
+    if problems:
+        yield Finding(Severity.DAMAGE, f"block {number} of study {study} differs from the plan: {'; '.join(problems)}")
     else:
         yield Finding(Severity.SOUND, f"block {number} agrees with the plan of study {study}: {config.block.label}")
 
@@ -129,26 +129,28 @@ def _compare_journal(
     if not seen.count:
         return
     first, last = int(seen.first["tick"][0]), int(seen.last["tick"][0])
-    told = {
+    listed = {
         (entry.trial, entry.attempt): entry
         for entry in entries
         if isinstance(entry, AttemptEnded) and (entry.run, entry.block) == (run, block) and first <= entry.tick <= last
     }
     judged = {(verdict.trial, verdict.attempt): verdict for verdict in verdicts}
     end = _end_of(entries, run)
-    untold = [place for place in sorted(judged.keys() - told.keys()) if end is None or judged[place].end <= end]
-    both = [(told[place], judged[place]) for place in sorted(judged.keys() & told.keys())]
+    unlisted = sorted(judged.keys() - listed.keys())
+    omitted = [place for place in unlisted if end is None or judged[place].end <= end]
+    both = [(listed[place], judged[place]) for place in sorted(judged.keys() & listed.keys())]
     problems = [
-        *(f"trial {n}, attempt {k} is in the recording only" for n, k in untold),
-        *(problem for there, here in both for problem in _differs(there, here, whole=_is_whole(seen, here))),
+        *(f"trial {n}, attempt {k} is in the recording only" for n, k in omitted),
+        *(problem for entry, verdict in both for problem in _differs(entry, verdict, whole=_is_whole(seen, verdict))),
     ]
     if problems:
         yield Finding(Severity.DAMAGE, f"contradicts the recording: {'; '.join(problems)}")
-    missing = [place for place in told.keys() - judged.keys() if told[place].outcome in _COMPARED]
+    late = _flagged_differently(both)
+    missing = [place for place in listed.keys() - judged.keys() if listed[place].outcome in _COMPARED]
     losses = [
-        *_loss("lists attempts whose ticks are not in the recording", missing),
-        *_loss("ends before these attempts", [place for place in judged.keys() - told.keys() if place not in untold]),
-        *_loss("differs in the flag for a frozen display from what the frames reported later give", _late(both)),
+        *_attempts_lost("lists attempts whose ticks are not in the recording", missing),
+        *_attempts_lost("ends before these attempts", [place for place in unlisted if place not in omitted]),
+        *_attempts_lost("differs in the flag for a frozen display from what the frames reported later give", late),
     ]
     yield from losses
     if not (problems or losses):
@@ -157,14 +159,14 @@ def _compare_journal(
 
 def _end_of(entries: Sequence[Entry], run: str) -> int | None:
     """Return the last tick that the journal has of a crashed run; None for a run that ended normally."""
-    mine = False
+    in_run = False
     end = -1
     for entry in entries:
         if isinstance(entry, Opened | Resumed):
-            mine = entry.run == run
-        elif isinstance(entry, Ended) and mine:
+            in_run = entry.run == run
+        elif isinstance(entry, Ended) and in_run:
             return None
-        elif mine:
+        elif in_run:
             end = max(end, int(getattr(entry, "tick", -1)))
     return end
 
@@ -176,34 +178,34 @@ def _is_whole(seen: Walk, verdict: Verdict) -> bool:
     return begun and all(gap.first > verdict.end or gap.first + gap.count < verdict.release for gap in seen.gaps)
 
 
-def _differs(told: AttemptEnded, judged: Verdict, *, whole: bool) -> Iterator[str]:
+def _differs(entry: AttemptEnded, verdict: Verdict, *, whole: bool) -> Iterator[str]:
     """Describe the differences between the journal and the recording for an attempt."""
-    where = f"trial {told.trial}, attempt {told.attempt}"
-    if judged.outcome not in _COMPARED and told.outcome not in _COMPARED:
+    where = f"trial {entry.trial}, attempt {entry.attempt}"
+    if verdict.outcome not in _COMPARED and entry.outcome not in _COMPARED:
         return
-    if told.outcome != judged.outcome:
-        yield f"{where} is {told.outcome} in the journal and {judged.outcome} in the recording"
-    elif told.outcome == "success" and told.completion != judged.completion:
-        yield f"{where} took {told.completion} s in the journal and {judged.completion} s in the recording"
-    elif whole and _difference(told, judged) - _BY_REPORTS:
-        there, here = (", ".join(flags) or "none" for flags in (told.flags, judged.flags))
-        yield f"{where} has the flags {there} in the journal and {here} in the recording"
+    if entry.outcome != verdict.outcome:
+        yield f"{where} is {entry.outcome} in the journal and {verdict.outcome} in the recording"
+    elif entry.outcome == "success" and entry.completion != verdict.completion:
+        yield f"{where} took {entry.completion} s in the journal and {verdict.completion} s in the recording"
+    elif whole and _flag_difference(entry, verdict) - _BY_REPORTS:
+        in_journal, in_recording = (", ".join(flags) or "none" for flags in (entry.flags, verdict.flags))
+        yield f"{where} has the flags {in_journal} in the journal and {in_recording} in the recording"
 
 
-def _difference(told: AttemptEnded, judged: Verdict) -> set[str]:
-    return set(told.flags) ^ set(judged.flags)
+def _flag_difference(entry: AttemptEnded, verdict: Verdict) -> set[str]:
+    return set(entry.flags) ^ set(verdict.flags)
 
 
-def _late(both: Sequence[tuple[AttemptEnded, Verdict]]) -> list[tuple[int, int]]:
+def _flagged_differently(both: Sequence[tuple[AttemptEnded, Verdict]]) -> list[tuple[int, int]]:
     """Return the attempts that differ only in flags from display reports."""
     return [
-        (told.trial, told.attempt)
-        for told, judged in both
-        if told.outcome in _COMPARED and _difference(told, judged) and _difference(told, judged) <= _BY_REPORTS
+        (entry.trial, entry.attempt)
+        for entry, verdict in both
+        if entry.outcome in _COMPARED and (flags := _flag_difference(entry, verdict)) and flags <= _BY_REPORTS
     ]
 
 
-def _loss(what: str, places: Sequence[tuple[int, int]]) -> Iterator[Finding]:
+def _attempts_lost(what: str, places: Sequence[tuple[int, int]]) -> Iterator[Finding]:
     """Yield a loss for a list of attempts, unless it is empty."""
     if places:
         which = ", ".join(f"trial {n}, attempt {k}" for n, k in sorted(places))

@@ -30,14 +30,14 @@ def judged_along(recording: Recording, portions: Iterable[NDArray[Any]]) -> tupl
     referee = Referee(recording.config, Safeguard.CLAMPED)
     frames = sorted(recording.frames(), key=attrgetter("tick"))
     verdicts: list[Verdict] = []
-    told = 0
+    passed = 0
     for rows in portions:
         for first in range(0, rows.size, _PORTION):
             count = min(_PORTION, rows.size - first)
             verdicts += referee.watch(rows, first, count)
             newest = rows["tick"][first + count - 1]
-            while told < len(frames) and frames[told].tick <= newest:
-                frame = frames[told]
+            while passed < len(frames) and frames[passed].tick <= newest:
+                frame = frames[passed]
                 referee.paint(frame.station, frame.tick, frame.painted_ns)
-                told += 1
+                passed += 1
     return tuple(verdicts)

@@ -30,7 +30,9 @@ def in_words(report: Report, whole: bool) -> str:
 def in_total(reports: Sequence[Report], took: float) -> str:
     """Return a summary of two lines: results and speed."""
     counts = ", ".join(
-        f"{count} {RESULTS[grade]}" for grade in Severity if (count := sum(r.severity == grade for r in reports))
+        f"{count} {RESULTS[severity]}"
+        for severity in Severity
+        if (count := sum(report.severity == severity for report in reports))
     )
     ticks = sum(report.ticks for report in reports)
     words = f"{len(reports)} recordings: {counts}; {ticks} ticks in {took:.1f} s, {_times(ticks, took)}"

@@ -15,7 +15,7 @@ from netboard.recording.files.reader import Recording
 from netboard.recording.format.backfill import unknown_ticks
 from netboard.recording.format.channels import CHANNELS
 from netboard.recording.format.summary import find_gaps
-from netboard.recording.integrity.account import OF_THE_SERVER, NumberRange, cause_of_loss
+from netboard.recording.integrity.account import LOG_TOPICS, NumberRange, cause_of_loss
 from netboard.recording.integrity.severity import Finding, Severity, numbers_in_words
 from netboard.recording.integrity.walk import ACTIVE, Evidence
 from netboard.task.trials.state_machine import Phase
@@ -45,7 +45,7 @@ def _wrong_totals(evidence: Evidence) -> Iterator[str]:
     end = recording.end
     if not {"records", "lost", "next_record"} <= end.keys() or recording.first_record is None:
         return
-    written = sum(recording.counts[topic] for topic in OF_THE_SERVER)
+    written = sum(recording.counts[topic] for topic in LOG_TOPICS)
     if not recording.recovery and written != int(end["records"]):
         yield f"{written} records are there, and {end['records']} were written"
     span = int(end["next_record"]) - recording.first_record
@@ -134,8 +134,8 @@ def check_rendered(recording: Recording) -> Iterator[Finding]:
         count, in_trials = unknown_ticks(rendered), unknown_ticks(rendered, active)
         if count:
             severity = Severity.LOSS if in_trials else Severity.SOUND
-            told = f"{in_trials} of them in trials" if in_trials else "none of them in a trial"
-            yield Finding(severity, f"the rendered force of the {side} device is unknown at {count} ticks, {told}")
+            share = f"{in_trials} of them in trials" if in_trials else "none of them in a trial"
+            yield Finding(severity, f"the rendered force of the {side} device is unknown at {count} ticks, {share}")
 
 
 def check_time(evidence: Evidence) -> Iterator[Finding]:
@@ -162,14 +162,14 @@ def _wrong_times(evidence: Evidence, stalls_ms: Counter[int]) -> Iterator[str]:
     """
     seen, events, noted_after = evidence.seen, evidence.events, lost_after(evidence.remarks)
     before = {gap.first + gap.count: gap.first - 1 for gap in seen.gaps}
-    wrong = [
+    unexplained = [
         tick
         for tick, more_ns in seen.jumps
         if more_ns != stalls_ms[tick] * TICK_NS
         and not (_is_stall(more_ns) and (evidence.excuses_gaps or before.get(tick, tick - 1) in noted_after))
     ]
-    if wrong:
-        yield f"{len(wrong)} ticks are not 1 ms after the one before: {numbers_in_words(np.array(wrong))}"
+    if unexplained:
+        yield f"{len(unexplained)} ticks are not 1 ms after the one before: {numbers_in_words(np.array(unexplained))}"
     back = [b.seq for a, b in pairwise(events) if b.time_ns < a.time_ns]
     if back:
         yield f"{len(back)} events are earlier than the one before: {numbers_in_words(np.array(back))}"

@@ -58,10 +58,10 @@ def _wrong_list(attempts: Sequence[Attempt], listed: Sequence[Attempt]) -> Itera
 def _wrong_targets(config: Config, attempts: Sequence[Attempt]) -> Iterator[str]:
     """Check that targets change side from trial to trial, starting with the first."""
     first = first_target(config)
-    wrong = [attempt for attempt in attempts if attempt.target != (first if attempt.trial % 2 else -first)]
-    if wrong:
-        where = ", ".join(f"trial {attempt.trial}, attempt {attempt.attempt}" for attempt in wrong[:3])
-        yield f"{len(wrong)} of {len(attempts)} attempts have their target on the wrong side: {where}"
+    swapped = [attempt for attempt in attempts if attempt.target != (first if attempt.trial % 2 else -first)]
+    if swapped:
+        where = ", ".join(f"trial {attempt.trial}, attempt {attempt.attempt}" for attempt in swapped[:3])
+        yield f"{len(swapped)} of {len(attempts)} attempts have their target on the wrong side: {where}"
 
 
 def _wrong_order(attempts: Sequence[Attempt]) -> Iterator[str]:

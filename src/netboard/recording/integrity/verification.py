@@ -140,7 +140,7 @@ def _first_difference(recorded: NDArray[Any], computed: NDArray[Any]) -> tuple[i
     return i, next(name for name in _RESULTS if differs[i, TICK_WORDS[name]])
 
 
-def why_not(recording: Recording) -> str:
+def why_not_computable(recording: Recording) -> str:
     """Return why the ticks of a recording cannot be computed again; empty if they can."""
     if recording.metadata["format"] == "1":
         return "format 1 lacks the inputs that are needed to compute its ticks again"
@@ -152,7 +152,7 @@ def why_not(recording: Recording) -> str:
 def verify_recording(recording: Recording) -> Verification:
     """Verify the checksums of an open recording, and every tick."""
     recording.check()
-    if why := why_not(recording):
+    if why := why_not_computable(recording):
         raise RecordingError(f"{recording.path}: {why}")
     stage = make_stage(recording.config)
     result = verify_portions(stage, recording.batches(as_sent=True))

@@ -1,7 +1,7 @@
 """Evidence for the checks: what a recording holds, and one pass through its ticks for all checks that need each.
 
-The result is small for a recording of any length: gaps and jumps, the first and last rows of attempts, the largest
-forces, and the result of the verification.
+The result is small for a recording of any length: gaps and jumps, the first and last rows of attempts, and the result
+of the verification.
 """
 
 import time
@@ -43,7 +43,6 @@ class Walk:
     jumps: list[tuple[int, int]] = field(default_factory=list)
     active_ns: tuple[int, int] | None = None  # server time of the first and the last tick during trials [ns]
     force_where_none: int = 0  # ticks with a commanded force although the condition has none
-    felt: float = 0.0  # largest commanded force [N]
     # Rows at which a field of the trial changes, and the rows before them.
     turns: list[NDArray[Any]] = field(default_factory=list)
     verification: Verification | None = None
@@ -99,8 +98,8 @@ def walk(portions: Iterable[NDArray[Any]], block: Block | None, stage: Stage | N
     for rows in portions:
         if not len(rows):
             continue
-        _follow(seen, rows)
-        _feel(seen, rows, block)
+        _check_sequence(seen, rows)
+        _check_forces(seen, rows, block)
         if verifier is not None:
             began = time.perf_counter()
             verifier.take(rows)
@@ -114,14 +113,13 @@ def walk(portions: Iterable[NDArray[Any]], block: Block | None, stage: Stage | N
     return seen
 
 
-def _follow(seen: Walk, rows: NDArray[Any]) -> None:
+def _check_sequence(seen: Walk, rows: NDArray[Any]) -> None:
     """Check numbers and times, and keep the rows at which a field of the trial changes."""
     joined = np.concatenate([_slim(seen.last), _slim(rows)])
     numbers, steps = joined["tick"], np.diff(joined["tick"])
-    room = MAX_KEPT - len(seen.gaps)
-    holes = np.flatnonzero(steps > 1)
-    seen.missing += int(np.sum(steps[holes] - 1))
-    seen.gaps += [Gap(int(numbers[k]) + 1, int(steps[k]) - 1) for k in holes[:room]]
+    gaps = np.flatnonzero(steps > 1)
+    seen.missing += int(np.sum(steps[gaps] - 1))
+    seen.gaps += [Gap(int(numbers[k]) + 1, int(steps[k]) - 1) for k in gaps[: MAX_KEPT - len(seen.gaps)]]
     back = np.flatnonzero(steps <= 0) + 1
     seen.disordered += numbers[back[: MAX_KEPT - len(seen.disordered)]].tolist()
     more_ns = np.diff(joined["time_ns"]) - steps * TICK_NS
@@ -150,16 +148,15 @@ def _slim(rows: NDArray[Any]) -> NDArray[Any]:
     return slim
 
 
-def _feel(seen: Walk, rows: NDArray[Any], block: Block | None) -> None:
+def _check_forces(seen: Walk, rows: NDArray[Any], block: Block | None) -> None:
     """Check the forces, and note when trials run."""
     active = ACTIVE[np.clip(rows["phase"], 0, len(Phase) - 1)]
     where = np.flatnonzero(active)
     if len(where):
         begin = int(rows["time_ns"][where[0]]) if seen.active_ns is None else seen.active_ns[0]
         seen.active_ns = begin, int(rows["time_ns"][where[-1]])
-    with np.errstate(invalid="ignore"):
-        forces = np.fmax(np.abs(rows["left_force"]), np.abs(rows["right_force"]))
-    seen.felt = max(seen.felt, float(np.nanmax(forces, initial=0.0)))
     if block is not None:
+        with np.errstate(invalid="ignore"):
+            forces = np.fmax(np.abs(rows["left_force"]), np.abs(rows["right_force"]))
         none = np.isin(rows["trial"], block.catch) if block.force != "none" else np.ones(len(rows), bool)
         seen.force_where_none += int(np.count_nonzero(forces[none | ~active]))

@@ -86,8 +86,8 @@ class Damage:
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
-    """Report of what was recovered and what was not."""
+class RecoveryReport:
+    """What was recovered from a file, and what was not."""
 
     source: Path
     output: Path
@@ -107,7 +107,7 @@ class Report:
         return sum(damage.length for damage in self.damage)
 
 
-def recover(path: Path, output: Path | None = None) -> Report:
+def recover(path: Path, output: Path | None = None) -> RecoveryReport:
     """Write a complete recording with all valid data of an unfinished or damaged one.
 
     Raises `RecordingError` if the source is not MCAP or has another format version, or the output exists or cannot be
@@ -136,11 +136,11 @@ def recover(path: Path, output: Path | None = None) -> Report:
             config = _config_of_event(data, chunks)
         if config is not None:
             found["config_sha256"] = config_sha256(config.data)
-        account = account_for(path, len(data), damage, config is not None)
+        recovery = recovery_metadata(path, len(data), damage, config is not None)
         if earlier := metadata.get(METADATA_RECOVERY, {}).get("damage"):
-            account["damage"] = "; ".join(filter(None, (earlier, account["damage"])))
-        counts, ticks = _copy(data, chunks, target, metadata, config, account, version)
-    return Report(
+            recovery["damage"] = "; ".join(filter(None, (earlier, recovery["damage"])))
+        counts, ticks = _copy(data, chunks, target, metadata, config, recovery, version)
+    return RecoveryReport(
         source=path,
         output=target,
         source_bytes=path.stat().st_size,
@@ -281,7 +281,7 @@ def _whole_record(data: mmap.mmap | bytes, span: Span) -> tuple[int, bytes] | st
     return opcode, body
 
 
-def account_for(path: Path, size: int, damage: Sequence[Damage], has_config: bool) -> dict[str, str]:
+def recovery_metadata(path: Path, size: int, damage: Sequence[Damage], has_config: bool) -> dict[str, str]:
     """Return the recovery metadata of the new file."""
     return {
         "source": path.name,
@@ -298,7 +298,7 @@ def _copy(
     target: Path,
     metadata: dict[str, dict[str, str]],
     config: Attachment | None,
-    account: dict[str, str],
+    recovery: dict[str, str],
     version: str,
 ) -> tuple[Counter[str], list[int]]:
     """Write the new file chunk by chunk; return message counts by topic, and the ticks."""
@@ -311,7 +311,7 @@ def _copy(
         for name in _COPIED_METADATA:
             if name in metadata:
                 out.add_metadata(name, metadata[name])
-        out.add_metadata(METADATA_RECOVERY, account)
+        out.add_metadata(METADATA_RECOVERY, recovery)
         if config is not None:
             out.add_attachment(CONFIG_NAME, config.media_type, config.data, config.log_time)
         for chunk in chunks:

@@ -39,7 +39,7 @@ MAX_WAITING = 64
 
 READ_AHEAD = 8
 MAX_LOADED = 32
-"""Limit of reloaded blocks kept in memory [1]."""
+"""Blocks that are read from disk in advance, and limit of reloaded blocks kept in memory [1]."""
 
 RETRY_SECONDS = 1.0
 """Interval of retries after a disk error [s]."""
@@ -57,27 +57,27 @@ def spill_path(config: Config, session: str) -> Path:
 class _Block:
     """A batch of records, in the file or waiting to be written."""
 
-    __slots__ = ("asked", "first", "frame", "offset", "size", "stop", "unreadable")
+    __slots__ = ("first", "frame", "offset", "requested", "size", "stop", "unreadable")
 
     def __init__(self, batch: LogBatch, offset: int) -> None:
         self.first, self.stop, self.offset = batch.first, batch.first + len(batch.records), offset
         self.frame: bytes | None = encode(LogBatch(batch.first, 0, batch.records))  # kept until it is in the file
         self.size = len(self.frame)
-        self.asked = self.unreadable = False
+        self.requested = self.unreadable = False
 
 
 class Spill:
     """Records in a file, in order, for loggers that connect later.
 
     The file is created on demand, and never over an existing file. ``welcome``: a fresh copy of the first message to
-    the session's loggers; it is stored in the file. ``most_bytes``: size limit of the file in bytes; 0 disables it.
+    the session's loggers; it is stored in the file. ``max_bytes``: size limit of the file in bytes; 0 disables it.
     """
 
-    def __init__(self, path: Path, welcome: Welcome, most_bytes: int) -> None:
+    def __init__(self, path: Path, welcome: Welcome, max_bytes: int) -> None:
         self.path = path
         self.trouble = ""
         self._opened = EventRecord(0, -1, welcome.server_ns, OPENED, {"utc_ns": str(time.time_ns())})
-        self._most_bytes = most_bytes
+        self._max_bytes = max_bytes
         self._blocks: list[_Block] = []
         self.introduce(welcome)
         self._file: FileIO | None = None
@@ -108,9 +108,9 @@ class Spill:
     @property
     def refusal(self) -> str:
         """Reason why no records are accepted now; empty if they are."""
-        if not self._most_bytes:
+        if not self._max_bytes:
             return "network.log_spill_mb is 0"
-        if self._end >= self._most_bytes:
+        if self._end >= self._max_bytes:
             return f"{self.path} has grown to network.log_spill_mb"
         if len(self._unwritten) >= MAX_WAITING:
             return self.trouble or f"{self.path}: the disk is too slow"
@@ -128,7 +128,7 @@ class Spill:
         """
         while len(self._loaded) > MAX_LOADED:
             used = self._loaded.popleft()
-            used.frame, used.asked = None, False
+            used.frame, used.requested = None, False
         at = bisect_right(self._blocks, cursor, key=_stop)
         while at < len(self._blocks) and self._blocks[at].unreadable:
             del self._blocks[at]  # leaves a gap; the next batch counts its records as lost
@@ -137,7 +137,7 @@ class Spill:
             return None
         frame = ahead[0].frame
         if frame is None:
-            self._ask(ahead)
+            self._request(ahead)
             return None
         whole = decode(frame)
         assert isinstance(whole, LogBatch)
@@ -146,9 +146,9 @@ class Spill:
 
     def forget(self, before: int) -> None:
         """Discard records before a number; delete the file when none are left."""
-        had = bool(self._blocks)
+        had_records = bool(self._blocks)
         del self._blocks[: bisect_right(self._blocks, before, key=_stop)]
-        if had and not self._blocks:
+        if had_records and not self._blocks:
             self._end = len(self._introduction)
             self._unwritten.append(None)
             self._deletions += 1
@@ -159,7 +159,7 @@ class Spill:
 
         ``rest``: last records to store; the thread takes them at its own pace.
         """
-        if rest is not None and self._most_bytes:
+        if rest is not None and self._max_bytes:
             self._rest = rest
         elif self._thread is None:
             return
@@ -176,11 +176,11 @@ class Spill:
         self._blocks.append(block)
         self._unwritten.append(block)
 
-    def _ask(self, blocks: list[_Block]) -> None:
+    def _request(self, blocks: list[_Block]) -> None:
         """Request blocks from disk that are not yet requested."""
-        missing = [block for block in blocks if block.frame is None and not block.asked]
+        missing = [block for block in blocks if block.frame is None and not block.requested]
         for block in missing:
-            block.asked = True
+            block.requested = True
         if missing:
             self._wake(missing)
 
@@ -225,7 +225,7 @@ class Spill:
     def _write_block(self, block: _Block) -> None:
         assert block.frame is not None
         if self._file is None:
-            self._file = FileIO(self.path, "x+", opener=_for_its_owner)
+            self._file = FileIO(self.path, "x+", opener=_open_private)
         place, data = block.offset - _HEAD.size, _block_of(block.frame)
         # The introduction is written together with the first block: a spill without records leaves no file.
         if place == len(self._introduction):
@@ -318,7 +318,7 @@ def _write_all(file: FileIO, data: bytes) -> None:
         view = view[file.write(view) :]
 
 
-def _for_its_owner(path: str, flags: int) -> int:
+def _open_private(path: str, flags: int) -> int:
     """Open a file that only its owner may read."""
     return os.open(path, flags, 0o600)
 

@@ -30,11 +30,11 @@ from netboard.recording.files.reader import Recording
 from netboard.recording.files.writer import RecordingWriter
 from netboard.recording.format.channels import block_config, record_of, stamped
 from netboard.recording.format.summary import find_gaps
-from netboard.recording.recovery.recover import Damage, Report, account_for, mapped, recover
+from netboard.recording.recovery.recover import Damage, RecoveryReport, mapped, recover, recovery_metadata
 from netboard.recording.recovery.spill import MAGIC, OPENED, read_spill
 
 
-def recover_any(path: Path, output: Path | None = None) -> tuple[Report, ...]:
+def recover_any(path: Path, output: Path | None = None) -> tuple[RecoveryReport, ...]:
     """Recover an unfinished or damaged recording (`recover`), or a spill: one recording per block in it.
 
     ``output``: output file; by default `recovered_path`. For a spill it is the first block's. Raises `RecordingError`
@@ -66,9 +66,9 @@ class _Blocks:
         self._finished: list[RecordingWriter] = []
         self._batches: list[int] = []
 
-    def write(self) -> tuple[Report, ...]:
+    def write(self) -> tuple[RecoveryReport, ...]:
         """Write all recordings."""
-        with self._nothing_by_halves():
+        with self._all_or_nothing():
             self._open(self._welcome.config)
             for _, _, message in read_spill(self._data):
                 if isinstance(message, LogBatch):
@@ -78,7 +78,7 @@ class _Blocks:
         return tuple(self._report(writer, batches) for writer, batches in zip(self._made, self._batches, strict=True))
 
     @contextmanager
-    def _nothing_by_halves(self) -> Iterator[None]:
+    def _all_or_nothing(self) -> Iterator[None]:
         try:
             yield
         except BaseException:
@@ -92,7 +92,7 @@ class _Blocks:
         """Start the recording of a block."""
         config = parse(config_text, f"{self._path} (its configuration)")
         welcome = replace(self._welcome, config=config_text)
-        target = self._named(config.block.number if config.block.blocks > 1 else None)
+        target = self._path_of(config.block.number if config.block.blocks > 1 else None)
         writer = RecordingWriter(
             target,
             provenance(welcome, config, 0, self._now, self._opened.time_ns + self._now - self._utc_ns)
@@ -100,13 +100,13 @@ class _Blocks:
             config_text,
             config.recording,
             self._now,
-            account_for(self._path, len(self._data), self._damage, True),
+            recovery_metadata(self._path, len(self._data), self._damage, True),
             repeatable=True,
         )
         self._made.append(writer)
         self._batches.append(0)
 
-    def _named(self, block: int | None) -> Path:
+    def _path_of(self, block: int | None) -> Path:
         """Return the path of a block's recording, or of the only one."""
         whole = self._output or recovered_path(self._path)
         if block is None or (self._output is not None and not self._made):
@@ -125,9 +125,9 @@ class _Blocks:
         if expected is not None and batch.first > expected:
             writer.note_lost(expected, batch.first - expected, self._now)
         for number, frame in enumerate(batch.records, start=batch.first):
-            self._write(frame, number)
+            self._write_record(frame, number)
 
-    def _write(self, frame: bytes, number: int) -> None:
+    def _write_record(self, frame: bytes, number: int) -> None:
         writer = self._made[-1]
         try:
             record = record_of(frame)
@@ -141,10 +141,10 @@ class _Blocks:
             self._open(config)
         self._made[-1].write(record, number, self._now)
 
-    def _report(self, writer: RecordingWriter, batches: int) -> Report:
+    def _report(self, writer: RecordingWriter, batches: int) -> RecoveryReport:
         with Recording(writer.path) as recording:
             ticks = recording.columns("tick")["tick"]
-            return Report(
+            return RecoveryReport(
                 source=self._path,
                 output=writer.path,
                 source_bytes=len(self._data),

@@ -22,6 +22,8 @@ KNOWN = (*REPLAY_COMMANDS, *SHARED)
 MOST = 2**53
 """Upper bound of tick and trial numbers [1]."""
 
+_LOOP = "on, off, trial N, or two times in seconds"
+
 
 @dataclass(frozen=True, slots=True)
 class ReplayCommand:
@@ -64,11 +66,11 @@ def run_command(playback: Playback, recording: LoadedRecording, now: float, comm
 def in_words(playback: Playback, recording: LoadedRecording, now: float) -> str:
     """Describe the position and state of a replay."""
     here = playback.now(now)
-    told = [f"{'playing' if here.playing else 'paused'} at {clock(here.position)} of {clock(here.length)}"]
-    told.append(f"{here.speed:g} times real time")
+    parts = [f"{'playing' if here.playing else 'paused'} at {clock(here.position)} of {clock(here.length)}"]
+    parts.append(f"{here.speed:g} times real time")
     if here.loop is not None:
-        told.append(f"loop {clock(here.loop[0])} to {clock(here.loop[1])}")
-    return ", ".join((*told, recording.where(here.position)))
+        parts.append(f"loop {clock(here.loop[0])} to {clock(here.loop[1])}")
+    return ", ".join((*parts, recording.where(here.position)))
 
 
 def _seek(playback: Playback, recording: LoadedRecording, now: float, argument: str) -> Playback:
@@ -121,9 +123,6 @@ def _loop(playback: Playback, recording: LoadedRecording, now: float, argument: 
         raise NetboardError(f'loop: found "{argument}", expected two times within {recording.length:g} s') from None
     inside = looped.loop is not None and looped.loop[0] <= looped.position < looped.loop[1]
     return looped if inside else looped.seek(now, part[0])
-
-
-_LOOP = "on, off, trial N, or two times in seconds"
 
 
 def _go(back: bool) -> Callable[[Playback, LoadedRecording, float, str], Playback]:

@@ -20,10 +20,17 @@ from netboard.recording.format.summary import Attempt, find_attempts, find_gaps,
 from netboard.recording.replay.marks import Mark, gap_in_words, marks, seconds
 from netboard.stage.curtain import PHASE_NAMES, make_curtain, view_of
 from netboard.stage.view import View
+from netboard.task.journal.progress import OutcomeRow
 from netboard.task.trials.state_machine import Cause, Phase
 
-Row = tuple[int, int, int, str, float, str, int]
-"""Outcome of an attempt, as in `netboard.network.protocol.control.Outcomes`."""
+MAX_CHARACTERS = 80
+"""Longest displayed text of an event [1]."""
+
+ROUNDING = 1e-7
+"""Tolerance for positions just before a tick, because tick times were rounded [s]."""
+
+TICK_LENGTH = 1e-3 - ROUNDING
+"""Time after a tick by which the next one is due [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,8 +46,8 @@ class RecordingData:
 class LoadedRecording:
     """A recording ready for replay. ``times``: times of the ticks from the start [s]."""
 
-    def __init__(self, material: RecordingData) -> None:
-        self.name, self.text, ticks = material.name, material.config_text, material.ticks
+    def __init__(self, data: RecordingData) -> None:
+        self.name, self.text, ticks = data.name, data.config_text, data.ticks
         if not len(ticks):
             raise RecordingError(f"{self.name}: contains no ticks to show")
         self.config: Config = parse(self.text, self.name)
@@ -48,14 +55,14 @@ class LoadedRecording:
         self.ticks, self.times = ticks, seconds(ticks)
         self.attempts: tuple[Attempt, ...] = from_release(find_attempts(ticks), ticks["tick"], ticks["run_ticks"])
         self.gaps = find_gaps(ticks["tick"])
-        self.marks: tuple[Mark, ...] = marks(ticks, self.attempts, self.gaps, material.events)
+        self.marks: tuple[Mark, ...] = marks(ticks, self.attempts, self.gaps, data.events)
         self.length = float(self.times[-1])  # time of the last tick [s]
         started = np.flatnonzero(ticks["event"] == Cause.START)
         # Start of the block, before which nothing happens; 0 if the recording began later [s].
         self.begin = float(self.times[started[0]]) if len(started) else 0.0
         self._best = best_so_far(ticks)
-        self._rest_until_ns = _rest_until_ns(material.events, self.config)
-        self._judged = _judged(material.events, self.attempts, self.config.block.number)
+        self._rest_until_ns = _rest_until_ns(data.events, self.config)
+        self._outcomes = _outcomes(data.events, self.attempts, self.config.block.number)
 
     def at(self, position: float) -> int:
         """Return the index of the row at a position: the last one that is not later [1]."""
@@ -98,10 +105,10 @@ class LoadedRecording:
         row, best, rest = self.ticks[index], self.best(index), self.rest(index)
         return view_of(self.curtain, row, station, best, sent_ns, seq, rest)
 
-    def outcomes(self, index: int) -> list[Row]:
+    def outcomes(self, index: int) -> list[OutcomeRow]:
         """Return the outcomes of the attempts so far, in order."""
         tick = int(self.ticks["tick"][index])
-        return [row for at, row in self._judged if at <= tick]
+        return [row for at, row in self._outcomes if at <= tick]
 
     def gap_at(self, position: float) -> str:
         """Describe the missing ticks at a position; empty if none are missing."""
@@ -113,25 +120,15 @@ class LoadedRecording:
     def where(self, position: float) -> str:
         """Describe the state of the trial at a position."""
         row = self.ticks[self.at(position)]
-        told = [f"tick {int(row['tick'])}", PHASE_NAMES[int(row["phase"])], f"trial {int(row['trial'])}"]
+        parts = [f"tick {int(row['tick'])}", PHASE_NAMES[int(row["phase"])], f"trial {int(row['trial'])}"]
         if row["attempt"] > 1:
-            told.append(f"attempt {int(row['attempt'])}")
+            parts.append(f"attempt {int(row['attempt'])}")
         last = next((mark for mark in reversed(self.marks) if mark.kind != "trial" and mark.time <= position), None)
         if last is not None:
-            told.append(f"last event: {last.label[:MAX_CHARACTERS]}")
+            parts.append(f"last event: {last.label[:MAX_CHARACTERS]}")
         if gap := self.gap_at(position):
-            told.append(gap)
-        return ", ".join(told)
-
-
-MAX_CHARACTERS = 80
-"""Longest displayed text of an event [1]."""
-
-ROUNDING = 1e-7
-"""Tolerance for positions just before a tick, because tick times were rounded [s]."""
-
-TICK_LENGTH = 1e-3 - ROUNDING
-"""Time after a tick by which the next one is due [s]."""
+            parts.append(gap)
+        return ", ".join(parts)
 
 
 def best_so_far(ticks: NDArray[Any]) -> NDArray[np.float64]:
@@ -148,17 +145,19 @@ def _rest_until_ns(events: Sequence[EventRecord], config: Config) -> int:
     return 0 if began is None else began.time_ns + int(config.block.rest * 1e9)
 
 
-def _judged(events: Sequence[EventRecord], attempts: Sequence[Attempt], block: int) -> list[tuple[int, Row]]:
-    """Return the results of attempts with the ticks at which they became known; unjudged ones have plain outcomes."""
+def _outcomes(events: Sequence[EventRecord], attempts: Sequence[Attempt], block: int) -> list[tuple[int, OutcomeRow]]:
+    """Return the outcomes of attempts with the ticks at which they became known.
+
+    Without the server's events, as in a rehearsal, they come from the ticks and have no flags.
+    """
     held = {event.tick: event.details.get("completion") for event in events if event.name == "held"}
-    found: list[tuple[int, Row]] = []
+    found: list[tuple[int, OutcomeRow]] = []
     for event in events:
         if event.name == "attempt_ended":
-            told = event.details
-            numbers = block, int(told["trial"]), int(told["attempt"])
-            completion = float(held.get(event.tick) or nan)
+            numbers = block, int(event.details["trial"]), int(event.details["attempt"])
+            completion, repeats = float(held.get(event.tick) or nan), int(event.details.get("repeats", 0))
             found.append(
-                (event.tick, (*numbers, told["outcome"], completion, told["flags"], int(told.get("repeats", 0))))
+                (event.tick, (*numbers, event.details["outcome"], completion, event.details["flags"], repeats))
             )
     return found or [
         (one.stop - 1, (block, one.trial, one.attempt, one.outcome, one.completion, "", 0))

@@ -33,8 +33,8 @@ _KINDS: dict[int, str] = {
     Cause.FAULT: "stop",
 }
 
-_TOLD = {cause.name.lower() for cause in Cause} | {"attempt_ended", BLOCK_BEGAN}
-"""Events that the ticks describe better."""
+_IN_TICKS = {cause.name.lower() for cause in Cause} | {"attempt_ended", BLOCK_BEGAN}
+"""Events that a mark from the ticks already shows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +77,7 @@ def marks(
             label = f"{Cause(cause).name.lower()} {int(ticks['trial'][row])}"
             found.append(mark(int(ticks["tick"][row]), _KINDS[cause], label))
     found += [mark(gap.first - 1, "gap", gap_in_words(gap)) for gap in gaps]
-    found += [mark(*_event_in_words(event)) for event in events if event.name not in _TOLD]
+    found += [mark(*_event_in_words(event)) for event in events if event.name not in _IN_TICKS]
     return tuple(sorted(found, key=lambda one: one.time))
 
 
@@ -100,16 +100,16 @@ def _event_in_words(event: EventRecord) -> tuple[int, str, str]:
     refused = details.get("accepted") == "false"  # its text may be anything
     if event.name == "command" and details.get("name") == "note" and not refused:
         return _note(event.tick, details.get("argument", ""))
-    told = " ".join(details[key] for key in ("name", "side", "reason", "milliseconds") if details.get(key))
-    return event.tick, "event", f"{event.name.replace('_', ' ')} {told}".strip()
+    more = " ".join(details[key] for key in ("name", "side", "reason", "milliseconds") if details.get(key))
+    return event.tick, "event", f"{event.name.replace('_', ' ')} {more}".strip()
 
 
-def _note(tick: int, words: str) -> tuple[int, str, str]:
+def _note(tick: int, argument: str) -> tuple[int, str, str]:
     """Return a note, at the tick at which its writing began if known."""
-    if words.lstrip().startswith("{"):
-        note = json.loads(words)
+    if argument.lstrip().startswith("{"):
+        note = json.loads(argument)
         return note.get("tick", tick), "note", note["text"]
-    return tick, "note", words
+    return tick, "note", argument
 
 
 HERE, JUST_NOW = 5e-4, 0.5

@@ -23,7 +23,7 @@ Sync = Literal["time", "trial"]
 class Pairing:
     """One time line for several recordings."""
 
-    own: tuple[tuple[float, ...], ...]  # common points of each recording, with its start and end [s]
+    points: tuple[tuple[float, ...], ...]  # common points of each recording, with its start and end [s]
     common: tuple[float, ...]  # the same points on the common time line [s]
 
     @property
@@ -41,21 +41,21 @@ class Pairing:
         part = min(max(bisect_right(self.common, position) - 1, 0), len(self.common) - 2)
         begin, end = self.common[part : part + 2]
         if part == 0:
-            return tuple(max(own[1] - (end - position), 0.0) for own in self.own)
-        return tuple(min(own[part] + (position - begin), _last(own, part)) for own in self.own)
+            return tuple(max(points[1] - (end - position), 0.0) for points in self.points)
+        return tuple(min(points[part] + (position - begin), _last(points, part)) for points in self.points)
 
     def of(self, which: int, position: float) -> float:
         """Return the common position for a position in one recording [s]."""
-        own = self.own[which]
-        part = min(max(bisect_right(own, position) - 1, 0), len(own) - 2)
+        points = self.points[which]
+        part = min(max(bisect_right(points, position) - 1, 0), len(points) - 2)
         if part == 0:
-            return self.common[1] - (own[1] - position)
-        return self.common[part] + (position - own[part])
+            return self.common[1] - (points[1] - position)
+        return self.common[part] + (position - points[part])
 
 
-def _last(own: Sequence[float], part: int) -> float:
+def _last(points: Sequence[float], part: int) -> float:
     """Return where to wait for the others: at the last tick of this section, not at the first of the next [s]."""
-    return own[part + 1] if part + 2 == len(own) else max(own[part + 1] - TICK_SECONDS, own[part])
+    return points[part + 1] if part + 2 == len(points) else max(points[part + 1] - TICK_SECONDS, points[part])
 
 
 def pair(recordings: Sequence[LoadedRecording], sync: Sync) -> Pairing:
@@ -63,14 +63,14 @@ def pair(recordings: Sequence[LoadedRecording], sync: Sync) -> Pairing:
     return divide([_divisions(recording, _shared(recordings) if sync == "trial" else ()) for recording in recordings])
 
 
-def divide(own: Sequence[Sequence[float]]) -> Pairing:
+def divide(points: Sequence[Sequence[float]]) -> Pairing:
     """Compute the common time line.
 
-    ``own``: common points of each recording, with its start and end: at least three, increasing [s].
+    ``points``: common points of each recording, with its start and end: at least three, increasing [s].
     """
-    spans = ([after - before for before, after in pairwise(divisions)] for divisions in own)
+    spans = ([after - before for before, after in pairwise(divisions)] for divisions in points)
     longest = [max(parts) for parts in zip(*spans, strict=True)]
-    return Pairing(tuple(map(tuple, own)), (0.0, *accumulate(longest)))
+    return Pairing(tuple(map(tuple, points)), (0.0, *accumulate(longest)))
 
 
 def _shared(recordings: Sequence[LoadedRecording]) -> tuple[int, ...]:

@@ -1,5 +1,6 @@
 """Text and tables of a recording for the terminal."""
 
+from collections import defaultdict
 from collections.abc import Sequence
 from math import isnan
 from pathlib import Path
@@ -9,6 +10,7 @@ from rich.console import Group, RenderableType
 from netboard.base.config import Config
 from netboard.base.errors import RecordingError
 from netboard.base.terminal import FittedTable, numbers
+from netboard.recording.files.offline_writer import TARGET_SIDES
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.summary import Attempt, Spread, Summary, summarise
 from netboard.recording.integrity.account import NumberRange, account_of, parts_of
@@ -17,8 +19,6 @@ from netboard.recording.replay.loaded import LoadedRecording
 from netboard.recording.replay.position import clock
 from netboard.task.studies.factors import BlockFactor, design_of, factors_of, role_of, trial_role
 from netboard.task.trials.quality import FLAGS, Verdict
-
-_SIDES = {-1: "left", 0: "unknown", 1: "right"}
 
 
 def summary_of(recording: Recording) -> Summary:
@@ -48,7 +48,7 @@ def _trials(attempts: tuple[Attempt, ...], config: Config) -> FittedTable:
     for a in attempts:
         time = f"{a.completion:.3f} s" if a.outcome == "success" else "-"
         role = trial_role(config, a.trial)
-        table.add_row(str(a.trial), str(a.attempt), _SIDES[a.target], a.outcome, time, role)
+        table.add_row(str(a.trial), str(a.attempt), TARGET_SIDES[a.target], a.outcome, time, role)
     return table
 
 
@@ -115,19 +115,19 @@ def provenance_table(recording: Recording) -> FittedTable:
     """Return a table of the recording's provenance."""
     config = recording.config
     block, design = config.block, design_of(config)
-    said = recording.metadata
+    known = defaultdict(lambda: "?", recording.metadata)
     rows = {
         "file": f"{recording.path} ({recording.path.stat().st_size / 1e6:.1f} MB)",
-        "session": f"{said.get('name', '?')}, dyad {said.get('dyad', '?')}, run {said.get('session', '?')}",
-        "pilot": said.get("pilot", "?"),
-        "recorded": said.get("opened_utc", "?"),
+        "session": f"{known['name']}, dyad {known['dyad']}, run {known['session']}",
+        "pilot": known["pilot"],
+        "recorded": known["opened_utc"],
         "block": f"{block.configuration}, haptics {'on' if block.haptics else 'off'}, {block.trials} trials",
         "role": role_of(config) + (f", kind {design.kind}" if design.kind else ""),
         **{f"factor {one.name}": _level(one, block.trials) for one in factors_of(config)},
         "ended": recording.end.get("ended", "unknown: the file was recovered"),
-        "written by": f"netboard {said.get('netboard', '?')}, {said.get('python', '?')}, {said.get('platform', '?')}",
-        "doctor": said.get("doctor", "?"),
-        "configuration": said.get("config_sha256", "?"),
+        "written by": f"netboard {known['netboard']}, {known['python']}, {known['platform']}",
+        "doctor": known["doctor"],
+        "configuration": known["config_sha256"],
     }
     return FittedTable("", "", rows=rows.items(), title="Recording", header=False)
 

@@ -174,14 +174,14 @@ def _late(stamps: Stamps, first: int, last: int, stalls_ns: Times) -> Evidence:
     began_ns, due_ns = stamps.began_ns, stamps.due_ns[first] - stamps.moved_ns[first]
     size_ns = int(stamps.late_ns[first : last + 1].max())
     before_ns = max(began_ns[max(first - 1, 0)], due_ns - TICK_NS)
-    apart_ns = np.abs(stalls_ns - stamps.due_ns[first])
+    distance_ns = np.abs(stalls_ns - stamps.due_ns[first])
     return Evidence(
         first,
         last,
         is_late=True,
         late_ns=size_ns,
         agents={side: _agent(stamps.sides[side], first, last, due_ns, int(began_ns[first])) for side in SIDES},
-        repeats_each_second=bool(np.any(np.abs(apart_ns - SECOND_NS) < TOLERANCE_NS)),
+        repeats_each_second=bool(np.any(np.abs(distance_ns - SECOND_NS) < TOLERANCE_NS)),
         events=tuple(
             event.name
             for event in stamps.events
@@ -244,11 +244,11 @@ def _slow(
     rows = slice(first, last + 1)
     name = max(SIDES, key=lambda side: int(np.where(slow[side][rows], stamps.sides[side].loop_ns[rows], 0).max()))
     side, typical = stamps.sides[name], medians[name]
-    told_by = first + int(np.argmax(np.where(slow[name][rows], side.loop_ns[rows], 0)))
-    sample = max(told_by - 1, 0)
+    reported_at = first + int(np.argmax(np.where(slow[name][rows], side.loop_ns[rows], 0)))
+    sample = max(reported_at - 1, 0)
     while sample > 0 and not side.fresh[sample]:
         sample -= 1
-    parts: dict[Part, float] = {"back": float(side.loop_ns[told_by]) - typical.loop_ns}
+    parts: dict[Part, float] = {"back": float(side.loop_ns[reported_at]) - typical.loop_ns}
     if side.rendered_ns[sample] != UNKNOWN:
         began_ns = stamps.began_ns[sample]
         parts = {
@@ -257,5 +257,4 @@ def _slow(
             "back": side.rendered_ns[sample] - began_ns - typical.back_ns,
         }
     longest = max(parts, key=lambda part: parts[part])
-    loop_ns = int(side.loop_ns[told_by])
-    return Evidence(first, last, loop=name, loop_ns=loop_ns, longest_part=longest)
+    return Evidence(first, last, loop=name, loop_ns=int(side.loop_ns[reported_at]), longest_part=longest)

@@ -64,11 +64,11 @@ def ran_instead(switches: list[ContextSwitch], due_ns: int, began_ns: int) -> Co
     if not arrivals:
         return None
     server = arrivals[0]
-    mine = [one for one in switches if one.cpu == server.cpu and one.time_ns <= server.time_ns]
-    if mine[0].time_ns > due_ns:
+    on_core = [one for one in switches if one.cpu == server.cpu and one.time_ns <= server.time_ns]
+    if on_core[0].time_ns > due_ns:
         return None
     took: Counter[str] = Counter()
-    for one, after in pairwise(mine):
+    for one, after in pairwise(on_core):
         if after.time_ns > due_ns:
             took[after.thread] += after.time_ns - max(one.time_ns, due_ns)
     return took
@@ -84,8 +84,8 @@ def table(found: Trace, switches: list[ContextSwitch], most: int) -> FittedTable
         row = next(row for row in rows if stamps.late_ns[row] > found.limit_ns)
         began_ns = int(stamps.began_ns[row])
         took = ran_instead(switches, began_ns - int(stamps.late_ns[row]), began_ns)
-        told = "not in the trace" if took is None else ", ".join(_duration_text(*pair) for pair in took.most_common(5))
-        shown.add_row(str(stamps.tick[row]), f"{stamps.late_ns[row] * MS:.3f}", told or "none: the core was idle")
+        ran = "not in the trace" if took is None else ", ".join(_duration_text(*pair) for pair in took.most_common(5))
+        shown.add_row(str(stamps.tick[row]), f"{stamps.late_ns[row] * MS:.3f}", ran or "none: the core was idle")
     return shown
 
 

@@ -46,14 +46,14 @@ class SideStamps:
     excess_ns: Times  # how much later a fresh sample was read than its number allows after the one before it; else 0
     rendered_ns: Times  # when the force of the first tick with this sample was rendered; `UNKNOWN` if not reported
     loop_ns: Times  # latency of a loop where it is first reported; else 0
-    told: Times  # numbers and stamps of samples that the agent reported later, as two rows, in order
+    backfilled: Times  # numbers and stamps of samples that the agent reported later, as two rows, in order
 
     def late_reading(self, last: int, first: int) -> int:
         """Return by how much the agent exceeded its interval between the samples of two rows [ns]."""
-        inside = (self.told[0] > self.seq[last]) & (self.told[0] < self.seq[first])
-        inside &= (self.told[1] > self.read_ns[last]) & (self.told[1] < self.read_ns[first])
-        numbers = np.concatenate([[self.seq[last]], self.told[0, inside], [self.seq[first]]])
-        read = np.concatenate([[self.read_ns[last]], self.told[1, inside], [self.read_ns[first]]])
+        inside = (self.backfilled[0] > self.seq[last]) & (self.backfilled[0] < self.seq[first])
+        inside &= (self.backfilled[1] > self.read_ns[last]) & (self.backfilled[1] < self.read_ns[first])
+        numbers = np.concatenate([[self.seq[last]], self.backfilled[0, inside], [self.seq[first]]])
+        read = np.concatenate([[self.read_ns[last]], self.backfilled[1, inside], [self.read_ns[first]]])
         return int(np.max(np.diff(read) - TICK_NS * np.diff(numbers)))
 
 
@@ -130,8 +130,8 @@ def _side(
     excess_ns = np.where(after, np.diff(read_ns, prepend=read_ns[0]) - steps * TICK_NS, 0)
     closed = fresh & follows & closed_loops(loop_ns)
     rendered_ns = np.full(seq.size, UNKNOWN)
-    told_by = np.flatnonzero(closed & (steps == 1))
-    rendered_ns[newest[told_by - 1]] = read_ns[told_by - 1] + loop_ns[told_by]
+    reported_at = np.flatnonzero(closed & (steps == 1))
+    rendered_ns[newest[reported_at - 1]] = read_ns[reported_at - 1] + loop_ns[reported_at]
     return SideStamps(
         seq,
         fresh,
@@ -150,17 +150,17 @@ def _late_reports(reports: list[BackfillRecord]) -> Times:
     for report in reports:
         rows = np.frombuffer(report.rows, RENDERED)
         parts.append(np.stack([rows["seq"], rows["stamp_ns"] - report.offset_ns]))
-    told = np.concatenate(parts, axis=1)
-    return told[:, np.argsort(told[1], kind="stable")]
+    backfilled = np.concatenate(parts, axis=1)
+    return backfilled[:, np.argsort(backfilled[1], kind="stable")]
 
 
 def _refuse_simulated(recording: Recording) -> None:
     """Refuse recordings whose stamps no machine has taken."""
-    said = recording.metadata
+    metadata = recording.metadata
     what = {
-        "a rehearsal": "rehearsed" in said,
-        f"computed from {said.get('source', 'another recording')}": "what_if" in said,
-        "imported from a table": said.get("imported") in {"measured", "simulated"},
+        "a rehearsal": "rehearsed" in metadata,
+        f"computed from {metadata.get('source', 'another recording')}": "what_if" in metadata,
+        "imported from a table": metadata.get("imported") in {"measured", "simulated"},
     }
     for words in (words for words, holds in what.items() if holds):
         raise RecordingError(

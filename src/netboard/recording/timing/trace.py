@@ -92,20 +92,17 @@ def spreads_table(found: Trace) -> FittedTable:
     """Return the distributions of all times."""
     table = FittedTable("", *numbers("50 %", "99 %", "99.9 %", "largest"), title="Timing [ms]")
     for name, one in found.spreads.items():
-        table.add_row(name, *("-" if isnan(value) else f"{value * 1e3:.3f}" for value in _values(one)))
+        values = (one.p50, one.p99, one.p999, one.largest)
+        table.add_row(name, *("-" if isnan(value) else f"{value * 1e3:.3f}" for value in values))
     return table
-
-
-def _values(one: Spread) -> tuple[float, ...]:
-    return one.p50, one.p99, one.p999, one.largest
 
 
 def grouped(found: Trace) -> Iterator[tuple[Cause, str, list[Episode]]]:
     """Yield the episodes by cause and side, in the order of the causes."""
     for cause in CAUSES:
-        mine = [one for one in found.episodes if one.cause is cause]
-        for side in sorted({one.evidence.side for one in mine}):
-            yield cause, side, [one for one in mine if one.evidence.side == side]
+        by_cause = [one for one in found.episodes if one.cause is cause]
+        for side in sorted({one.evidence.side for one in by_cause}):
+            yield cause, side, [one for one in by_cause if one.evidence.side == side]
 
 
 def causes_table(found: Trace) -> FittedTable:
@@ -114,14 +111,14 @@ def causes_table(found: Trace) -> FittedTable:
     gaps = f"; {found.unrecorded} ticks are not in the recording" if found.unrecorded else ""
     heads = numbers("episodes", "in trials", "ticks", "worst [ms]", "at tick")
     table = FittedTable("cause", "side", *heads, title=f"Stutter: {late}{gaps}")
-    for cause, side, mine in grouped(found):
-        worst = max(mine, key=lambda one: one.evidence.size_ns)
+    for cause, side, group in grouped(found):
+        worst = max(group, key=lambda one: one.evidence.size_ns)
         table.add_row(
             cause.title,
             side or "both",
-            str(len(mine)),
-            str(sum(one.trial > 0 for one in mine)),
-            str(sum(one.ticks for one in mine)),
+            str(len(group)),
+            str(sum(one.trial > 0 for one in group)),
+            str(sum(one.ticks for one in group)),
             f"{worst.evidence.size_ns * MS:.3f}",
             str(worst.tick),
         )
@@ -153,8 +150,8 @@ def shown(evidence: Evidence) -> str:
     if evidence.away:
         return f"no new sample for {evidence.missing_ns * MS:.0f} ms"
     if evidence.is_late:
-        told = [f"{side} agent {state}" for side, state in evidence.agents.items()]
-        return ", ".join(told + [f"event {name}" for name in evidence.events])
+        agents = [f"{side} agent {state}" for side, state in evidence.agents.items()]
+        return ", ".join(agents + [f"event {name}" for name in evidence.events])
     if evidence.missing:
         late, read = evidence.missing_ns * MS, evidence.read_late_ns * MS
         return f"a sample arrived up to {late:.3f} ms late, read {max(read, 0.0):.3f} ms late"

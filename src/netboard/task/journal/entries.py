@@ -80,7 +80,7 @@ class Opened:
     run : str
         Id of this run of the server.
     form : dict of str
-        The form.
+        Values that the operator entered, by field.
     """
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
@@ -143,7 +143,7 @@ class AttemptEnded:
     block, trial, attempt : int
         Numbers of the attempt [1].
     outcome : str
-        One of `Outcome`.
+        A `netboard.task.trials.state_machine.Outcome`.
     completion : float or None
         Completion time; None without a success [s].
     flags : tuple of str
@@ -244,7 +244,7 @@ class Ended:
     Attributes
     ----------
     reason : str
-        Reason, in words.
+        Why the server ends, in words.
     """
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
@@ -280,27 +280,20 @@ _WRITER = json.JSONEncoder(ensure_ascii=False, allow_nan=False, separators=(",",
 
 
 def line_of(entry: Header | Entry, at: str) -> bytes:
-    """Encode an entry as a line.
+    """Encode an entry as a line, with its line feed.
 
     Parameters
     ----------
-    entry : Header or Entry
-        The entry.
     at : str
         Time of writing, for human readers; `read_lines` ignores it.
-
-    Returns
-    -------
-    bytes
-        The line, with its line feed.
 
     Raises
     ------
     ValueError
         If a number is not finite, which is a bug of the caller.
     """
-    said = {field.name: getattr(entry, field.name) for field in fields(entry)}
-    text = _WRITER.encode({"entry": _NAMES[type(entry)], "at": at, **said})
+    values = {field.name: getattr(entry, field.name) for field in fields(entry)}
+    text = _WRITER.encode({"entry": _NAMES[type(entry)], "at": at, **values})
     return text.encode(errors="replace") + b"\n"
 
 
@@ -310,9 +303,9 @@ class JournalContent(NamedTuple):
     Attributes
     ----------
     header : Header
-        The header.
+        First line.
     entries : tuple of Entry
-        The entries, in order.
+        All other lines, in order.
     sound : int
         Length of the readable part, in bytes [1].
     torn : bytes
@@ -331,9 +324,7 @@ def read_lines(data: bytes, source: str) -> JournalContent:
     Parameters
     ----------
     data : bytes
-        The whole file.
-    source : str
-        Name of the file, for error messages.
+        Content of the file.
 
     Raises
     ------
@@ -361,28 +352,28 @@ def read_lines(data: bytes, source: str) -> JournalContent:
 def _json(line: bytes) -> dict[str, Any] | None:
     """Decode a JSON object; return None if the line is none."""
     try:
-        said = json.loads(line)
+        values = json.loads(line)
     except ValueError:
         return None
-    return said if isinstance(said, dict) else None
+    return values if isinstance(values, dict) else None
 
 
 def _read(line: bytes, where: str) -> Any:
     """Decode a line; raise RecordingError if it is not valid."""
-    said = _json(line)
-    if said is None:
+    values = _json(line)
+    if values is None:
         raise RecordingError(f"{where}: is damaged: found {_shortened(line)}, expected one JSON object")
-    name = said.pop("entry", None)
-    said.pop("at", None)
-    if name == "header" and said.get("format") != FORMAT:
+    name = values.pop("entry", None)
+    values.pop("at", None)
+    if name == "header" and values.get("format") != FORMAT:
         raise RecordingError(
-            f"{where}: has format version {said.get('format')}, this netboard reads version {FORMAT}; "
-            f"continue with netboard {said.get('netboard', 'of its own version')}"
+            f"{where}: has format version {values.get('format')}, this netboard reads version {FORMAT}; "
+            f"continue with netboard {values.get('netboard', 'of its own version')}"
         )
     if not isinstance(name, str) or name not in KINDS:
         raise RecordingError(f"{where}: found the entry {name!r}, expected one of {', '.join(KINDS)}")
     try:
-        return _ADAPTERS[name].validate_json(json.dumps(said), strict=True)
+        return _ADAPTERS[name].validate_json(json.dumps(values), strict=True)
     except ValidationError as error:
         problem = error.errors()[0]
         key = ".".join(map(str, problem["loc"]))

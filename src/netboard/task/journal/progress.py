@@ -26,7 +26,7 @@ from netboard.task.journal.entries import (
 )
 from netboard.task.trials.repeats import Repeats
 
-Row: TypeAlias = tuple[int, int, int, str, float, str, int]
+OutcomeRow: TypeAlias = tuple[int, int, int, str, float, str, int]
 """One attempt, as in `netboard.network.protocol.control.Outcomes`."""
 
 Place: TypeAlias = tuple[int, int, int]
@@ -72,7 +72,7 @@ class Progress:
         Completion times of the successful trials of this block [s].
     block_ticks : int
         Duration of this block so far, in ticks [1].
-    outcomes : tuple of Row
+    outcomes : tuple of OutcomeRow
         Every attempt of the session, in order.
     incomplete : tuple of Place
         Attempts that began and never ended.
@@ -94,7 +94,7 @@ class Progress:
     repeats: Repeats
     completions: tuple[float, ...]
     block_ticks: int
-    outcomes: tuple[Row, ...]
+    outcomes: tuple[OutcomeRow, ...]
     incomplete: tuple[Place, ...]
     under_way: Place | None
     runs: tuple[str, ...]
@@ -140,7 +140,7 @@ class _Reader:
 
     def __init__(self, plan_blocks: Sequence[PlannedBlock]) -> None:
         self.blocks = {block.number: _BlockSoFar(Repeats(block.trials)) for block in plan_blocks}
-        self.outcomes: list[Row] = []
+        self.outcomes: list[OutcomeRow] = []
         self.incomplete: list[Place] = []
         self.under_way: Place | None = None
         self.runs: list[str] = []
@@ -242,14 +242,8 @@ def progress_of(
 
     Parameters
     ----------
-    header : Header
-        Header of the journal.
-    entries : sequence of Entry
-        Entries of the journal.
     plan_blocks : sequence of PlannedBlock
         Blocks of the planned session, in order.
-    source : str
-        Name of the journal, for error messages.
 
     Raises
     ------
@@ -290,18 +284,7 @@ def progress_of(
 
 
 def resume_words(progress: Progress) -> str:
-    """Describe where a session resumes, for the operator.
-
-    Parameters
-    ----------
-    progress : Progress
-        Progress of the session.
-
-    Returns
-    -------
-    str
-        One line of text.
-    """
+    """Describe in one line where a session resumes, for the operator."""
     if progress.complete:
         return f"nothing to resume: all {progress.blocks} blocks are complete"
     where = f"block {progress.block} of {progress.blocks}"

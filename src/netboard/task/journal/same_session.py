@@ -9,15 +9,6 @@ from netboard.task.journal.entries import Header
 def require_same_plan(header: Header, now: Header, source: str) -> None:
     """Refuse to resume a journal with another plan or other participants.
 
-    Parameters
-    ----------
-    header : Header
-        Header of the journal.
-    now : Header
-        Header that a new journal would have now.
-    source : str
-        Name of the journal, for error messages.
-
     Raises
     ------
     RecordingError
@@ -45,18 +36,7 @@ def require_same_plan(header: Header, now: Header, source: str) -> None:
 
 
 def changes(header: Header, now: Header) -> tuple[str, ...]:
-    """List changes since a journal began that do not prevent resuming it, for the operator.
-
-    Parameters
-    ----------
-    header, now : Header
-        As for `require_same_plan`.
-
-    Returns
-    -------
-    tuple of str
-        One sentence per change.
-    """
+    """List changes since a journal began that do not prevent resuming it, one sentence each, for the operator."""
     found = _differences(header, now, {"netboard": "version of netboard", "consent": "consent"})
     if header.config_digest != now.config_digest:
         found.append("the rig's configuration has changed")
@@ -67,11 +47,11 @@ def _differences(header: Header, now: Header, words: dict[str, str]) -> list[str
     """Describe the fields in which two headers differ."""
     both = [(word, getattr(header, name), getattr(now, name)) for name, word in words.items()]
     return [
-        f"{word}: {_said(then)} when the session began, {_said(new)} now" for word, then, new in both if then != new
+        f"{word}: {_text(then)} when the session began, {_text(new)} now" for word, then, new in both if then != new
     ]
 
 
-def _said(value: Any) -> str:
+def _text(value: Any) -> str:
     match value:
         case bool():
             return "yes" if value else "no"

@@ -17,7 +17,7 @@ from netboard.task.plans.conditions import sequences_of
 from netboard.task.plans.plan import Plan, PlanBlock
 from netboard.task.studies.study import Study
 
-PEOPLE = ("A", "B")
+PARTICIPANTS = ("A", "B")
 Cell = tuple[str, tuple[str, ...]]
 """A kind of block, and the level of each of its factors."""
 
@@ -75,9 +75,9 @@ def require_balance(study: Study, plan: Plan) -> Plan:
 
 def _cells(study: Study, kind: str, plan: Plan) -> tuple[Cell, ...]:
     """List the conditions of a kind that a dyad should have; of a between-dyads factor, only the dyad's own level."""
-    own = {factor: level for block in plan.blocks for factor, level in block.conditions}
+    planned = {factor: level for block in plan.blocks for factor, level in block.conditions}
     levels = [
-        [own[name]] if factor.order == "between" and name in own else list(factor.levels)
+        [planned[name]] if factor.order == "between" and name in planned else list(factor.levels)
         for name, factor in study.factors_of(kind).items()
     ]
     return tuple((kind, cell) for cell in product(*levels))
@@ -95,13 +95,13 @@ def _blocks_of(plan: Plan, participant: str) -> list[PlanBlock]:
 
 def _problems(study: Study, plans: Sequence[Plan]) -> Iterator[str]:
     """Find unbalanced counts."""
-    for plan, participant in product(plans, PEOPLE):
+    for plan, participant in product(plans, PARTICIPANTS):
         blocks = _blocks_of(plan, participant)
         for kind in study.kinds:
-            mine = [block for block in blocks if block.kind == kind]
-            if mine and study.factors_of(kind):
+            of_kind = [block for block in blocks if block.kind == kind]
+            if of_kind and study.factors_of(kind):
                 where = f"dyad {plan.dyad}, participant {participant}, {kind}"
-                yield from (f"{where}: {problem}" for problem in _kind_problems(study, plan, kind, mine))
+                yield from (f"{where}: {problem}" for problem in _kind_problems(study, plan, kind, of_kind))
 
 
 def _kind_problems(study: Study, plan: Plan, kind: str, blocks: list[PlanBlock]) -> Iterator[str]:
@@ -110,7 +110,7 @@ def _kind_problems(study: Study, plan: Plan, kind: str, blocks: list[PlanBlock])
     trials = {cell: sum(block.count for block in blocks if _cell(block) == cell) for cell in cells}
     times = {cell: sum(block.duration for block in blocks if _cell(block) == cell) for cell in cells}
     number = Counter(_cell(block) for block in blocks)
-    found = ", ".join(f"{_words(cell)} {trials[cell]} in {number[cell]} blocks" for cell in cells)
+    found = ", ".join(f"{_levels_text(cell)} {trials[cell]} in {number[cell]} blocks" for cell in cells)
     promised = study.trials_per_condition
     if len(set(trials.values())) > 1 or len({number[cell] for cell in cells}) > 1 or len(set(times.values())) > 1:
         yield f"trials are not even: {found}; expected as many in every condition (blocks in multiples of {len(cells)})"
@@ -129,13 +129,13 @@ def _counts(study: Study, plans: Sequence[Plan]) -> Iterator[tuple[str, Counter[
             yield name, _counted(tuple(factor.levels), found)
             continue
         for kind, performer in sequences_of(study, name):
-            firsts = [_firsts(plan, kind, performer)[:1] for plan in plans]
+            firsts = [_blocks_in(plan, kind, performer)[:1] for plan in plans]
             found = [dict(block.conditions)[name] for first in firsts for block in first]
             if found:
                 yield f"{_sequence(kind, performer)} begins with {name}", _counted(tuple(factor.levels), found)
     sides: dict[str, list[str]] = {}
     for block in (block for plan in plans for block in plan.blocks):
-        what = f"first target of {_sequence(block.kind, block.performer)} {_words(_cell(block))}".rstrip()
+        what = f"first target of {_sequence(block.kind, block.performer)} {_levels_text(_cell(block))}".rstrip()
         sides.setdefault(what, []).append(block.first_target)
     for what in sorted(sides):
         yield what, _counted(("left", "right"), sides[what])
@@ -151,8 +151,8 @@ def _varying(plan: Plan, factor: str) -> list[PlanBlock]:
     return [block for block in plan.blocks if factor in dict(block.conditions)]
 
 
-def _firsts(plan: Plan, kind: str, performer: str) -> list[PlanBlock]:
-    """List the blocks of a sequence."""
+def _blocks_in(plan: Plan, kind: str, performer: str) -> list[PlanBlock]:
+    """List the blocks of a sequence, in order."""
     return [block for block in plan.blocks if (block.kind, block.performer) == (kind, performer)]
 
 
@@ -163,13 +163,15 @@ def _trials_table(study: Study, plans: Sequence[Plan]) -> Table:
     """Return the table of trials per participant, kind and condition."""
     cells = [cell for kind in study.kinds for cell in _all_cells(study, kind)]
     rows = []
-    for plan, participant in product(plans, PEOPLE):
+    for plan, participant in product(plans, PARTICIPANTS):
         blocks = _blocks_of(plan, participant)
         rows.append(
             (f"{plan.dyad} {participant}", *(_amount([b for b in blocks if _cell(b) == cell]) for cell in cells))
         )
     return Table(
-        "Trials of each participant", ("dyad", *(f"{cell[0]} {_words(cell)}".strip() for cell in cells)), tuple(rows)
+        "Trials of each participant",
+        ("dyad", *(f"{cell[0]} {_levels_text(cell)}".strip() for cell in cells)),
+        tuple(rows),
     )
 
 
@@ -184,8 +186,8 @@ def _starts_table(study: Study, plans: Sequence[Plan]) -> Table:
     sequences = [one for one in sequences_of(study) if study.factors_of(one[0])]
     rows = []
     for plan in plans:
-        firsts = [_firsts(plan, *one)[:1] for one in sequences]
-        cells = (_words(_cell(first[0])) if first else "" for first in firsts)
+        firsts = [_blocks_in(plan, *one)[:1] for one in sequences]
+        cells = (_levels_text(_cell(first[0])) if first else "" for first in firsts)
         rows.append((str(plan.dyad), plan.order, plan.seat_a, *cells))
     columns = ("dyad", "order", "seat of A", *(_sequence(*one) for one in sequences))
     return Table("What each dyad begins with", columns, tuple(rows))
@@ -194,11 +196,11 @@ def _starts_table(study: Study, plans: Sequence[Plan]) -> Table:
 def _practice_table(study: Study, plans: Sequence[Plan]) -> Table:
     """Return the table of mean practice: blocks done before a block of each kind and condition."""
     before: dict[Cell, list[int]] = {}
-    for plan, participant in product(plans, PEOPLE):
+    for plan, participant in product(plans, PARTICIPANTS):
         for done, block in enumerate(_blocks_of(plan, participant)):
             before.setdefault(_cell(block), []).append(done)
     rows = [
-        (f"{cell[0]} {_words(cell)}".strip(), f"{sum(before[cell]) / len(before[cell]):.2f}")
+        (f"{cell[0]} {_levels_text(cell)}".strip(), f"{sum(before[cell]) / len(before[cell]):.2f}")
         for kind in study.kinds
         for cell in _all_cells(study, kind)
         if cell in before
@@ -213,7 +215,7 @@ def _all_cells(study: Study, kind: str) -> tuple[Cell, ...]:
     return tuple((kind, cell) for cell in product(*(factor.levels for factor in study.factors_of(kind).values())))
 
 
-def _words(cell: Cell) -> str:
+def _levels_text(cell: Cell) -> str:
     """Format the levels of a condition."""
     return " ".join(cell[1])
 
@@ -224,7 +226,7 @@ def _sequence(kind: str, performer: str) -> str:
 
 
 def _even(count: Counter[str]) -> bool:
-    """Return whether all values were found equally often."""
+    """Return whether all values occur equally often."""
     return len(set(count.values())) == 1
 
 

@@ -88,9 +88,9 @@ class Conditions:
         if factor.order == "random":
             which = list(self._study.factors).index(name), self._sequences.index(sequence)
             return shuffled(len(factor.levels), self._seed, self._dyad, Draw.LEVELS, *which, cycle)
-        own = self._rows[name]
+        rows_of_factor = self._rows[name]
         start = self._turn.starts[self._by_rows.index(name)][sequences_of(self._study, name).index(sequence)]
-        return own[(start + (cycle if factor.order == "latin" else 0)) % len(own)]
+        return rows_of_factor[(start + (cycle if factor.order == "latin" else 0)) % len(rows_of_factor)]
 
     def first_targets(
         self, sequence: Sequence, conditions: tuple[tuple[str, str], ...], number: int

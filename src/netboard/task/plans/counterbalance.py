@@ -42,19 +42,10 @@ def shuffled(number: int, *words: int) -> Row:
 
 
 def rows(levels: int, order: str) -> tuple[Row, ...]:
-    """Return the rows of levels of a counterbalanced order.
+    """Return the rows of levels of a counterbalanced order, as level numbers; an order other than these has none.
 
-    Parameters
-    ----------
-    order : {"alternate", "latin", ...}
-        ``alternate``: the levels in turn, one row per first level. ``latin``: a balanced Latin square, in which each
-        level follows every other equally often (Williams 1949; an odd number of levels needs twice as many rows). Any
-        other order has no rows.
-
-    Returns
-    -------
-    tuple of tuple of int
-        Rows of level numbers; empty if the order has none [1].
+    ``alternate``: the levels in turn, one row per first level. ``latin``: a balanced Latin square, in which each level
+    follows every other equally often (Williams 1949; an odd number of levels needs twice as many rows).
     """
     if order == "alternate":
         return tuple(tuple((start + step) % levels for step in range(levels)) for start in range(levels))
@@ -67,23 +58,13 @@ def rows(levels: int, order: str) -> tuple[Row, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Turn:
-    """The counterbalanced assignments of one dyad.
-
-    Attributes
-    ----------
-    group : int
-        Number of earlier dyads with the same order and the same between-dyads levels [1].
-    seat : int
-        Seat of participant A if both have the same dominant hand; 0: left, 1: right [1].
-    starts : tuple of tuple of int
-        For each factor with rows, the first row of each of its sequences [1].
-    """
+    """The counterbalanced assignments of one dyad."""
 
     order: int
-    between: tuple[int, ...]
-    group: int
-    seat: int
-    starts: tuple[Row, ...]
+    between: tuple[int, ...]  # level of each between-dyads factor
+    group: int  # number of earlier dyads with the same order and the same between-dyads levels
+    seat: int  # seat of participant A if both have the same dominant hand; 0: left, 1: right
+    starts: tuple[Row, ...]  # for each factor with rows, the first row of each of its sequences
 
 
 def turn_of(dyad: int, orders: int, between: Sequence[int], factors: Sequence[tuple[int, Sequence[int]]]) -> Turn:
@@ -95,10 +76,7 @@ def turn_of(dyad: int, orders: int, between: Sequence[int], factors: Sequence[tu
     (on, off, off), (off, on, on), and 1 to 8 with all combinations (reading C2). Seats follow the Thue-Morse sequence,
     two dyads per term: they are balanced after every four dyads, and not aligned with any of the digits.
 
-    Parameters
-    ----------
-    factors : sequence of (int, sequence of int)
-        For each factor with rows, the number of rows, and the offset of each of its sequences [1].
+    ``factors``: for each factor with rows, the number of rows, and the offset of each of its sequences.
     """
     rest, order = divmod(dyad - 1, orders)
     levels = []
@@ -116,18 +94,15 @@ def turn_of(dyad: int, orders: int, between: Sequence[int], factors: Sequence[tu
         for _ in offsets[1:]:
             rest, digit = divmod(rest, number)
             digits.append(digit)
-        own = [0, *reversed(digits)]
-        starts.append(tuple((digit + offset + shift) % number for digit, offset in zip(own, offsets, strict=True)))
+        differences = [0, *reversed(digits)]
+        starts.append(tuple((d + offset + shift) % number for d, offset in zip(differences, offsets, strict=True)))
     return Turn(order, tuple(levels), group, seat, tuple(starts))
 
 
 def first_sides(number: int, spare: int, *words: int) -> Row:
-    """Draw the first target sides of blocks with the same conditions, balanced over left and right.
+    """Draw the first target sides of blocks with the same conditions, balanced over left (0) and right (1).
 
-    Parameters
-    ----------
-    spare : int
-        The side that comes once more if the number of blocks is odd: 0 left, 1 right [1].
+    ``spare``: the side that comes once more if the number of blocks is odd.
     """
     sides = [index % 2 for index in range(number - number % 2)] + [spare] * (number % 2)
     return tuple(sides[index] for index in shuffled(number, *words))
@@ -150,6 +125,6 @@ def trial_levels(levels: int, trials: int, *words: int) -> Row:
     odd = trials - trials // 2
     drawn = [0] * trials
     for parity, (first, count) in enumerate(((0, odd), (odd, trials // 2))):
-        own = [order[(first + index) % levels] for index in range(count)]
-        drawn[parity::2] = [own[index] for index in shuffled(count, *words, 1 + parity)]
+        balanced = [order[(first + index) % levels] for index in range(count)]
+        drawn[parity::2] = [balanced[index] for index in shuffled(count, *words, 1 + parity)]
     return tuple(drawn)

@@ -37,19 +37,7 @@ class PlanTrial:
 
 @dataclass(frozen=True, slots=True)
 class PlanBlock:
-    """One planned block.
-
-    Attributes
-    ----------
-    duration : float
-        Time limit after which no trial begins; 0: none [s].
-    rest : float
-        Rest before the block [s].
-    instructions : tuple of dict
-        Parts of the instructions before the block, each by language.
-    design : Design
-        Role, factors and levels of the block, as in its configuration.
-    """
+    """One planned block."""
 
     number: int
     kind: str
@@ -57,15 +45,15 @@ class PlanBlock:
     other_hand: Literal["own", "still", "robot"]
     conditions: tuple[tuple[str, str], ...]
     count: int
-    duration: float
+    duration: float  # time limit after which no trial begins; 0: none [s]
     first_target: Side
     catch: tuple[int, ...]
-    rest: float
+    rest: float  # before the block [s]
     questionnaires: tuple[tuple[str, str], ...]
-    instructions: tuple[dict[str, str], ...]
+    instructions: tuple[dict[str, str], ...]  # parts of the instructions before the block, each by language
     changes: dict[str, dict[str, Any]]
     seed: int
-    design: Design
+    design: Design  # role, factors and levels, as in the block's configuration
 
     @property
     def role(self) -> Role:
@@ -87,8 +75,8 @@ class PlanBlock:
     def trials(self) -> tuple[PlanTrial, ...]:
         """Trials of the block; the target changes side after each."""
         sides = (self.first_target, OTHER_SIDE[self.first_target])
-        caught = set(self.catch)
-        return tuple(PlanTrial(n, sides[(n - 1) % 2], n in caught) for n in range(1, self.count + 1))
+        catch = set(self.catch)
+        return tuple(PlanTrial(n, sides[(n - 1) % 2], n in catch) for n in range(1, self.count + 1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,20 +89,14 @@ class PlanSession:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """The plan of one dyad.
-
-    Attributes
-    ----------
-    seat_a : {"left", "right"}
-        Proposed seat of participant A; B sits on the other side.
-    """
+    """The plan of one dyad."""
 
     study: str
     seed: int
     dyad: int
     order: str
     hands: tuple[Hand, Hand]
-    seat_a: Side
+    seat_a: Side  # proposed seat of participant A; B sits on the other side
     sessions: tuple[PlanSession, ...]
 
     @property
@@ -129,30 +111,24 @@ class Plan:
 def plan_of(study: Study, seed: int, dyad: int, hands: tuple[Hand, Hand] = ("right", "right")) -> Plan:
     """Make the plan of a dyad.
 
-    Parameters
-    ----------
-    hands : tuple of {"right", "left"}
-        Dominant hands of participants A and B; if they differ, they decide the seats (reading C5).
+    ``hands``: dominant hands of participants A and B; if they differ, they decide the seats (reading C5).
     """
     if seed < 0 or dyad < 1:
         raise ValueError(f"seed {seed}, dyad {dyad}: expected a seed from 0 and a dyad from 1")
-    spread, done = Conditions(study, seed, dyad), Counter[Sequence]()
+    assigned, done = Conditions(study, seed, dyad), Counter[Sequence]()
     sessions = tuple(
-        PlanSession(number, tuple(_blocks(study, spread, steps, done)))
-        for number, steps in enumerate(_performed(study, spread.order), start=1)
+        PlanSession(number, tuple(_blocks(study, assigned, steps, done)))
+        for number, steps in enumerate(_performed(study, assigned.order), start=1)
     )
-    seat_a: Side = spread.seat if hands[0] == hands[1] else hands[0]
-    return Plan(study.name, seed, dyad, spread.order, hands, seat_a, tuple(_with_targets(spread, sessions)))
+    seat_a: Side = assigned.seat if hands[0] == hands[1] else hands[0]
+    return Plan(study.name, seed, dyad, assigned.order, hands, seat_a, tuple(_with_targets(assigned, sessions)))
 
 
 def to_json(plan: Plan) -> str:
-    """Return a plan as JSON in a canonical form: equal plans give the same text.
+    """Return a plan as one line of JSON with sorted keys: equal plans give the same text.
 
-    Returns
-    -------
-    str
-        One line, keys in alphabetical order. Of a block's design it holds only what does not follow from the study: a
-        declared role, and the levels drawn for trials.
+    Of a block's design it holds only what does not follow from the study: a declared role, and the levels drawn for
+    trials.
     """
     whole = asdict(plan)
     for block in (block for session in whole["sessions"] for block in session["blocks"]):
@@ -168,7 +144,7 @@ def digest(plan: Plan) -> str:
 
 @dataclass(frozen=True, slots=True)
 class _Step:
-    """Kind and performer of one block, and whether a long rest precedes it."""
+    """One block of a session: its kind and performer, whether a long rest precedes it, and whether it is the last."""
 
     sequence: Sequence
     rested: bool
@@ -186,16 +162,16 @@ def _performed(study: Study, order: str) -> Iterator[list[_Step]]:
         yield [*steps[:-1], replace(steps[-1], last=True)]
 
 
-def _blocks(study: Study, spread: Conditions, steps: list[_Step], done: Counter[Sequence]) -> Iterator[PlanBlock]:
+def _blocks(study: Study, assigned: Conditions, steps: list[_Step], done: Counter[Sequence]) -> Iterator[PlanBlock]:
     """Make the blocks of a session; `_with_targets` sets their first targets."""
     for number, step in enumerate(steps, start=1):
-        conditions = spread.at(step.sequence, done[step.sequence])
-        yield _block(study, spread, step, number, conditions, done.total())
+        conditions = assigned.at(step.sequence, done[step.sequence])
+        yield _block(study, assigned, step, number, conditions, done.total())
         done[step.sequence] += 1
 
 
 def _block(
-    study: Study, spread: Conditions, step: _Step, number: int, conditions: tuple[tuple[str, str], ...], place: int
+    study: Study, assigned: Conditions, step: _Step, number: int, conditions: tuple[tuple[str, str], ...], place: int
 ) -> PlanBlock:
     """Make one block."""
     name, performer = step.sequence
@@ -203,11 +179,11 @@ def _block(
     levels = [study.factors[factor].levels[level] for factor, level in conditions]
     changes = _merged([part.changed() for part in (study, kind, *levels)])
     block = replace(Block(), **changes.get("block", {}))
-    within = spread.within(name, block.trials, place) if block.haptics else {}
+    within = assigned.within(name, block.trials, place) if block.haptics else {}
     if scales := _scales(study, within, block.force_scale):
         changes = {**changes, "block": {**changes.get("block", {}), "trial_scales": scales}}
     base = {**study.instructions, **kind.instructions}
-    asked = {name, SESSION} if step.last else {name}
+    ended = {name, SESSION} if step.last else {name}
     return PlanBlock(
         number=number,
         kind=name,
@@ -217,12 +193,12 @@ def _block(
         count=block.trials,
         duration=block.duration,
         first_target="left",
-        catch=spread.catch(name, block.trials, place) if block.haptics else (),
+        catch=assigned.catch(name, block.trials, place) if block.haptics else (),
         rest=0.0 if number == 1 else study.long_rest if step.rested else block.rest,
-        questionnaires=tuple((q, it.text) for q, it in study.questionnaires.items() if asked & {*it.after}),
+        questionnaires=tuple((q, one.text) for q, one in study.questionnaires.items() if ended & {*one.after}),
         instructions=tuple(part for part in (base, *(level.instructions for level in levels)) if part),
         changes=changes,
-        seed=spread.seed_at(place),
+        seed=assigned.seed_at(place),
         design=_design(study, name, conditions, within),
     )
 
@@ -231,17 +207,17 @@ def _design(
     study: Study, kind: str, conditions: tuple[tuple[str, str], ...], trials: dict[str, tuple[str, ...]]
 ) -> Design:
     """Make the design of a block: its factors with their levels."""
-    own = {name: declared(study.factors[name]) for name in (*dict(conditions), *trials)}
+    factors = {name: declared(study.factors[name]) for name in (*dict(conditions), *trials)}
     return Design(
         kind=kind,
         role=study.kinds[kind].role,
-        between=tuple(name for name in own if study.factors[name].order == "between"),
+        between=tuple(name for name in factors if study.factors[name].order == "between"),
         factors=dict(conditions),
         trials=trials,
-        levels={name: one.levels for name, one in own.items()},
-        types={name: one.type for name, one in own.items()},
-        values={name: one.values for name, one in own.items() if one.values},
-        units={name: one.unit for name, one in own.items() if one.unit},
+        levels={name: one.levels for name, one in factors.items()},
+        types={name: one.type for name, one in factors.items()},
+        values={name: one.values for name, one in factors.items() if one.values},
+        units={name: one.unit for name, one in factors.items() if one.unit},
     )
 
 
@@ -265,11 +241,11 @@ def _merged(parts: list[dict[str, dict[str, Any]]]) -> dict[str, dict[str, Any]]
     return whole
 
 
-def _with_targets(spread: Conditions, sessions: tuple[PlanSession, ...]) -> Iterator[PlanSession]:
+def _with_targets(assigned: Conditions, sessions: tuple[PlanSession, ...]) -> Iterator[PlanSession]:
     """Set the first target of each block, balanced over the blocks of a sequence and condition (C7)."""
     blocks = [block for session in sessions for block in session.blocks]
     alike = Counter(((block.kind, block.performer), block.conditions) for block in blocks)
-    drawn = {cell: iter(spread.first_targets(*cell, number)) for cell, number in alike.items()}
+    drawn = {cell: iter(assigned.first_targets(*cell, number)) for cell, number in alike.items()}
     for session in sessions:
         given = []
         for block in session.blocks:
@@ -290,11 +266,8 @@ def seated(config: Config, plan: Plan) -> Config:
 def config_of(config: Config, session: PlanSession, number: int) -> Config:
     """Make the configuration of one block.
 
-    Parameters
-    ----------
-    config : Config
-        Configuration of the rig: the seats (``session.seat_a``) and all keys that the study does not set; its
-        ``[block]`` is ignored.
+    ``config``: configuration of the rig: the seats (``session.seat_a``) and all keys that the study does not set; its
+    ``[block]`` is ignored.
     """
     plan = session.blocks[number - 1]
     tables = {
@@ -354,12 +327,7 @@ def blocks_of(config: Config, study: Study, seed: int, dyad: int) -> list[Config
 def shortened(blocks: list[Config], most: int | None, trials: int | None) -> Iterator[Config]:
     """Yield only the first blocks, with fewer trials each.
 
-    Parameters
-    ----------
-    most : int or None
-        Number of blocks to keep; None for all [1].
-    trials : int or None
-        Most trials per block; None for no limit [1].
+    ``most``: number of blocks to keep; None for all. ``trials``: most trials per block; None for no limit.
     """
     kept = blocks[:most]
     for config in kept:

@@ -114,10 +114,10 @@ def valid_in_words(name: str, study: Study, plans: Sequence[Plan], balance: Bala
 def _by_role(blocks: Sequence[PlanBlock]) -> Iterator[str]:
     """Count blocks and trials of each role, tests first."""
     for role in sorted({block.role for block in blocks}, key=lambda role: (role != "test", role)):
-        own = [block for block in blocks if block.role == role]
-        trials = sum(block.count for block in own)
-        many = f"{len(own)} {'' if role == 'test' else f'{role} '}block{'s' * (len(own) > 1)}"
-        yield f"{many}, {trials} trials" if role == "test" else f"{many} with {trials} trials"
+        found = [block for block in blocks if block.role == role]
+        trials = sum(block.count for block in found)
+        size = f"{len(found)} {'' if role == 'test' else f'{role} '}block{'s' * (len(found) > 1)}"
+        yield f"{size}, {trials} trials" if role == "test" else f"{size} with {trials} trials"
 
 
 def examine(
@@ -132,11 +132,11 @@ def misfits(config: Config, plans: Sequence[Plan]) -> list[str]:
     """Find blocks that contradict the rig's configuration; the same problem of several blocks is reported once."""
     found: dict[str, str] = {}
     for plan in plans:
-        entered = seated(config, plan)
+        rig = seated(config, plan)
         for session in plan.sessions:
             for block in session.blocks:
                 try:
-                    config_of(entered, session, block.number)
+                    config_of(rig, session, block.number)
                 except ConfigError as error:
                     for line in str(error).splitlines():
                         found.setdefault(line.partition("): ")[2], f"dyad {plan.dyad}, {line}")

@@ -35,17 +35,11 @@ _ROLES: tuple[tuple[str, Role], ...] = (
 
 @dataclass(frozen=True, slots=True)
 class Declared:
-    """Declaration of a factor: type, levels, values and unit.
-
-    Attributes
-    ----------
-    values : tuple of float
-        Value of each level of a numeric factor; empty for others [unit].
-    """
+    """Declaration of a factor: type, levels, values and unit."""
 
     type: FactorType
     levels: tuple[str, ...]
-    values: tuple[float, ...] = ()
+    values: tuple[float, ...] = ()  # value of each level of a numeric factor; empty for others
     unit: str = ""
 
 
@@ -53,7 +47,7 @@ def declared(factor: Factor) -> Declared:
     """Return the declaration of a study's factor."""
     key, found = _only_key(factor)
     given = [level.value for level in factor.levels.values()]
-    values = [one if isinstance(one, float) else _number(own) for one, own in zip(given, found, strict=True)]
+    values = [one if isinstance(one, float) else _number(value) for one, value in zip(given, found, strict=True)]
     levels = tuple(factor.levels)
     kind = factor.type
     if kind == "auto":
@@ -67,8 +61,8 @@ def declared(factor: Factor) -> Declared:
     lacking = [level for level, value in zip(levels, values, strict=True) if isnan(value)]
     if lacking:
         raise ConfigError(f"levels.{lacking[0]} value: there is none, expected one for each level of a numeric factor")
-    own = factor.unit or (_units().get(key, "") if all(one == "auto" for one in given) else "")
-    return Declared("numeric", levels, tuple(values), own or "1")
+    unit = factor.unit or (_units().get(key, "") if all(one == "auto" for one in given) else "")
+    return Declared("numeric", levels, tuple(values), unit or "1")
 
 
 def _only_key(factor: Factor) -> tuple[str, list[Any]]:
@@ -100,18 +94,12 @@ def _units() -> dict[str, str]:
 
 @dataclass(frozen=True, slots=True)
 class BlockFactor:
-    """A factor in one block.
-
-    Attributes
-    ----------
-    sequence : tuple of str
-        The level of the block; for a trial factor, the levels of its trials, repeated cyclically.
-    """
+    """A factor in one block."""
 
     name: str
     scope: Scope
     of: Declared
-    sequence: tuple[str, ...]
+    sequence: tuple[str, ...]  # the level of the block; for a trial factor, those of its trials, repeated cyclically
 
     def level(self, trial: int = 1) -> str:
         """Return the level in a trial."""
@@ -140,18 +128,7 @@ def level_text(of: Declared, level: str) -> str:
 
 
 def factors_of(config: Config) -> tuple[BlockFactor, ...]:
-    """List the factors of a block, with its levels.
-
-    Parameters
-    ----------
-    config : Config
-        Configuration of the block, possibly recorded by an older version.
-
-    Returns
-    -------
-    tuple of BlockFactor
-        Factors in the study's order, trial factors last; empty if the block belongs to no study.
-    """
+    """List the factors of a block with its levels, in the study's order, trial factors last; none without a study."""
     return tuple(_factors(design_of(config)))
 
 
@@ -200,13 +177,7 @@ def trial_role(config: Config, trial: int) -> TrialRole:
 
 
 def merge(found: Sequence[BlockFactor]) -> tuple[Scope, Declared]:
-    """Merge the declarations of a factor from several blocks; if they contradict each other, it becomes categorical.
-
-    Parameters
-    ----------
-    found : sequence of BlockFactor
-        The factor in each block that has it.
-    """
+    """Merge the declarations of a factor from all blocks that have it; contradictory ones make it categorical."""
     levels = tuple(dict.fromkeys(level for one in found for level in one.of.levels))
     first, kinds = found[0].of, {(one.of.type, one.of.unit) for one in found}
     pairs = {pair for one in found for pair in zip(one.of.levels, one.of.values, strict=False)}
@@ -228,11 +199,11 @@ class TrialDetails:
     def __init__(self, config: Config) -> None:
         self._factors = factors_of(config)
         self._role, self._catch = role_of(config), frozenset(config.block.catch)
-        self._says_role = bool(self._factors or self._catch or self._role != "test" or config.design.kind)
+        self._has_design = bool(self._factors or self._catch or self._role != "test" or config.design.kind)
 
     def of(self, trial: int) -> dict[str, str]:
         """Return the ``role`` of a trial and, per factor, column name and level; empty in a block without a design."""
-        if not self._says_role:
+        if not self._has_design:
             return {}
         role = "catch" if trial in self._catch else self._role
         return {"role": role} | {column_of(one.name): level_text(one.of, one.level(trial)) for one in self._factors}

@@ -88,11 +88,8 @@ class Study(Changes):
 def parse_study(text: str, source: str = "study.toml") -> Study:
     """Parse and check a study file.
 
-    Raises
-    ------
-    ConfigError
-        If the text is not TOML, a key is unknown, of the wrong type or out of range, or parts contradict each other.
-        The message has one line per problem.
+    Raises `ConfigError` if the text is not TOML, a key is unknown, of the wrong type or out of range, or parts
+    contradict each other. The message has one line per problem.
     """
     try:
         values = tomllib.loads(text)
@@ -187,8 +184,8 @@ def _changes(cls: type[T], values: dict[str, Any], path: Sequence[str], problems
         checked = _checked(of, changed, (*path, table), problems) if changed else None
         if checked is not None:
             values[table] = {key: getattr(checked, key) for key in changed}
-    own = {item.name for item in fields(cls)}  # type: ignore[arg-type]
-    for key in [key for key in values if key not in own]:
+    known = {item.name for item in fields(cls)}  # type: ignore[arg-type]
+    for key in [key for key in values if key not in known]:
         homes = [table for table, of in CHANGED.items() if key in {item.name for item in fields(of)}]
         if homes and key not in PLANNED:
             del values[key]
@@ -316,12 +313,12 @@ def resolve_study(study: Study) -> str:
 
 def _lines(part: Any) -> Iterator[str]:
     """Yield the lines of a part without its subtables: plain keys, and changes as ``table.key``."""
-    own = (*CHANGED, "instructions")
+    written = (*CHANGED, "instructions")
     for item in fields(part):
         value = getattr(part, item.name)
         if item.name in _LATER and value == _LATER[item.name]:
             continue  # keeps the digest of studies written before the key existed
         if not isinstance(value, dict):
             yield f"{item.name} = {to_toml(value)}"
-        elif item.name in own:
+        elif item.name in written:
             yield from (f"{item.name}.{key} = {to_toml(inner)}" for key, inner in value.items())
