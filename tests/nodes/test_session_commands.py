@@ -112,6 +112,9 @@ def test_refused_form_leaves_no_consent_behind(tmp_path: Path, context: sockets.
         False,
         "without the consent of both participants, only a pilot run is possible",
     )
+    long = "n" * 81
+    why = "the form: [session] name: found 81 characters, expected at most 80"
+    assert stepped.do("open", f'{{"name": "{long}", "consent": true}}') == (False, why)
     assert stepped.do("open", '{"name": "S02", "consent": true}') == (True, "")
     session = stepped.state.block.config.session
     assert (session.name, session.participant_a, session.consent) == ("S02", "A", True)

@@ -408,7 +408,7 @@ class BackgroundLog(logging.Handler):
         """Pass a line to the thread; drop it if too many wait."""
         try:
             line = self.format(record)
-        except Exception as error:  # a mistake in a message must not end a loop
+        except (TypeError, ValueError, LookupError) as error:  # a mistake in a message must not end a loop
             line = f"{record.msg!r} {record.args!r}: {error!r}"
         try:
             self._lines.put_nowait(line)
