@@ -1,6 +1,7 @@
 """Operators' commands in every phase of a session, and the transitions from block to block."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -211,15 +212,28 @@ def test_status_before_a_trial_gives_the_reason_of_a_logger_that_left(stepped: S
 def test_device_replaced_in_a_trial_is_recorded_and_awaits_the_operator(automatic: SteppedSession) -> None:
     state, seen = automatic.state, []
     state.note = lambda name, details: seen.append((name, details))  # type: ignore[method-assign]
-    device = {"side": "left", "device": "virtual", "model": "virtual Touch", "serial": "1"}
-    for serial, phase in (("1", Phase.IDLE), ("2", Phase.IDLE), ("2", Phase.PAUSED), ("3", Phase.PAUSED)):
+
+    def join(phase: Phase, name: str, serial: str) -> None:
         state._phase_word[0] = phase
-        state.ports.motion.news.append(("agent_joined", device | {"serial": serial}))
+        details = {"side": "left", "name": name, "device": "virtual", "model": "virtual Touch", "serial": serial}
+        state.ports.motion.news.append(("agent_joined", details))
         automatic.session.records.keep(now_ns())
-    replaced = [details for name, details in seen if name == "device_replaced"]
-    assert replaced == [{"side": "left", "before": "virtual virtual Touch 2", "now": "virtual virtual Touch 3"}]
+        state._phase_word[0] = Phase.IDLE
+
+    join(Phase.IDLE, "a:1", "1")
+    join(Phase.IDLE, "a:1", "2")
+    join(Phase.PAUSED, "a:2", "2")  # the agent was restarted
+    assert not state.supervisor._replaced
+    join(Phase.PAUSED, "a:2", "3")
     assert state.supervisor._replaced == "the left device was replaced by another one"
-    state._phase_word[0] = Phase.IDLE
+    join(Phase.PAUSED, "b:1", "3")
+    whole, state.block = state.block, replace(state.block, people=("right",))
+    join(Phase.PAUSED, "b:1", "4")  # at the side of a robot, where it has no force
+    state.block = whole
+    assert [details for name, details in seen if name == "device_replaced"] == [
+        {"side": "left", "before": "virtual virtual Touch 2 at a", "now": "virtual virtual Touch 3 at a"},
+        {"side": "left", "before": "virtual virtual Touch 3 at a", "now": "virtual virtual Touch 3 at b"},
+    ]
 
 
 def test_block_does_not_start_by_itself_after_an_emergency_stop(automatic: SteppedSession) -> None:
