@@ -41,13 +41,13 @@ def doctor(
     console.print(findings_table("This computer", report.findings))
     console.print(report.summary)
     problems = []
-    for path in filter(None, (doctor_report_path(), json)):
+    for path_of in (doctor_report_path, lambda: json):
         try:
-            report.save(path)
+            if path := path_of():
+                report.save(path)
+                console.print(f"report  {path}")
         except NetboardError as error:  # the other file is written nevertheless
             problems.append(str(error))
-        else:
-            console.print(f"report  {path}")
     if problems:
         raise NetboardError("\n".join(problems))
     raise typer.Exit(0 if report.fit else 1)
