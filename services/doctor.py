@@ -41,13 +41,14 @@ def doctor(
     console.print(findings_table("This computer", report.findings))
     console.print(report.summary)
     problems = []
-    for path_of in (doctor_report_path, lambda: json):
+    for copy in (None, json) if json else (None,):
         try:
-            if path := path_of():
-                report.save(path)
-                console.print(f"report  {path}")
+            path = copy or doctor_report_path()
+            report.save(path)
         except NetboardError as error:  # the other file is written nevertheless
             problems.append(str(error))
+        else:
+            console.print(f"report  {path}")
     if problems:
         raise NetboardError("\n".join(problems))
     raise typer.Exit(0 if report.fit else 1)
