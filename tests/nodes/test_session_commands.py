@@ -160,6 +160,18 @@ def test_end_stops_the_block_in_every_phase(stepped: SteppedSession, bring: Call
 AGENT = b"agent.left@1"
 
 
+def test_each_block_records_the_agents_that_are_there_as_it_begins(stepped: SteppedSession) -> None:
+    """They joined in the recording of an earlier block, and each block has one of its own."""
+    agent, said = stepped.state.ports.motion.agents["left"], hello("agent", "left")
+    agent.hello = replace(said, details={"model": "Touch", "serial": "7", "side": "right"})
+    stepped.session._blocks._begin_block()
+    agent.hello = None
+    began, present = stepped.events()[-2:]
+    assert (began.name, began.tick) == ("block_began", present.tick)
+    assert present.name == "agent_present"
+    assert present.details == {"side": "left", "name": said.name, "model": "Touch", "serial": "7"}
+
+
 def test_session_ends_with_a_heartbeat_that_commands_no_force(
     stepped: SteppedSession, context: sockets.Context
 ) -> None:
