@@ -41,8 +41,9 @@ def doctor(
     console.print(findings_table("This computer", report.findings))
     console.print(report.summary)
     problems = []
-    for path in filter(None, (doctor_report_path(), json)):
+    for copy in (None, json) if json else (None,):
         try:
+            path = copy or doctor_report_path()
             report.save(path)
         except NetboardError as error:  # the other file is written nevertheless
             problems.append(str(error))

@@ -18,14 +18,16 @@ DEFAULT_FILE = Path("netboard.toml")
 
 def load(file: Path | None, overrides: Sequence[str] | None = None) -> "Config":
     """Read the configuration from a file, else from ``netboard.toml`` if it exists, else take the defaults."""
-    from netboard.base.config import parse
+    from netboard.base.config import parse, require_short_names
 
-    if file is None:
-        if not DEFAULT_FILE.exists():
-            return parse("", "defaults", overrides or ())
+    if file is None and DEFAULT_FILE.exists():
         file = DEFAULT_FILE
-    missing = f"no such file; create it with: netboard config init {file}"
-    return parse(text_of(str(file), missing), str(file), overrides or ())
+    source, text = "defaults", ""
+    if file is not None:
+        source, text = str(file), text_of(str(file), f"no such file; create it with: netboard config init {file}")
+    config = parse(text, source, overrides or ())
+    require_short_names(config.session, f"{source} with --set" if overrides else source)
+    return config
 
 
 def load_readings(file: Path | None, overrides: Sequence[str] | None) -> "Readings":

@@ -3,6 +3,7 @@
 import contextlib
 import errno
 import gc
+import io
 import logging
 import math
 import os
@@ -11,6 +12,7 @@ import socket
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from threading import Thread
 
 import pytest
 
@@ -388,3 +390,38 @@ def test_log_lines_beyond_the_limit_and_a_closed_terminal_are_no_error(monkeypat
             background.flush()
             background.close()
         terminal.buffer.raw.close()  # type: ignore[attr-defined]  # what is buffered cannot be written any more
+
+
+def test_no_log_line_of_a_burst_before_the_end_is_lost_silently() -> None:
+    """A pipe that is read only when the queue is full."""
+    reading, writing = os.pipe()
+    received: list[bytes] = []
+
+    def read() -> None:
+        while part := os.read(reading, 2**20):
+            received.append(part)
+
+    reader = Thread(target=read)
+    with os.fdopen(writing, "w") as terminal:
+        background = process.BackgroundLog(terminal)
+        for number in range(2 * process.MAX_LOG_LINES):
+            text = f"{number} {'x' * 200}"
+            background.emit(logging.LogRecord("test", logging.ERROR, __file__, 1, text, None, None))
+        reader.start()
+        background.flush()
+        background.close()
+    reader.join()
+    os.close(reading)
+    *lines, last = b"".join(received).decode().splitlines()
+    dropped = int(last.removesuffix(" log lines were dropped: the terminal was stopped, or too slow"))
+    assert dropped > 0
+    assert len(lines) + dropped == 2 * process.MAX_LOG_LINES
+
+
+def test_log_line_that_cannot_be_formatted_is_no_error_of_the_loop() -> None:
+    terminal = io.StringIO()
+    background = process.BackgroundLog(terminal)
+    background.handle(logging.LogRecord("test", logging.ERROR, __file__, 1, "%d samples", ("no",), None))
+    background.flush()
+    background.close()
+    assert terminal.getvalue().startswith("'%d samples' ('no',): TypeError(")

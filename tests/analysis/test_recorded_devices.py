@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from netboard.analysis.extraction.devices import Mechanics, mechanics_of
+from netboard.analysis.extraction.devices import Mechanics, at, mechanics_of
 from netboard.base.config import Config
 from netboard.participants.device_models import MODELS, resolved
 
@@ -14,6 +14,7 @@ from netboard.participants.device_models import MODELS, resolved
 class Joined:
     details: dict[str, str]
     name: str = "agent_joined"
+    tick: int = 0
 
 
 @dataclass
@@ -28,7 +29,7 @@ class FakeRecording:
 
 
 def found(config: Config, recording: Any) -> dict[str, Mechanics | None]:
-    return dict(mechanics_of(config, recording))
+    return {side: at(held, 0) for side, held in mechanics_of(config, recording).items()}
 
 
 def with_device(backend: str) -> Config:
@@ -81,3 +82,13 @@ def test_mouse_and_imported_table_have_no_mechanics() -> None:
         "right": None,
     }
     assert found(Config(), FakeRecording(metadata={"imported": "measured"})) == {"left": None, "right": None}
+
+
+def test_device_replaced_in_a_block_counts_from_then_on() -> None:
+    """So it does not describe the trials before; an agent that is present as the block begins did not join in it."""
+    first = Joined({"side": "left", "device": "openhaptics", "model": "Touch"}, "agent_present", 10)
+    second = Joined({"side": "left", "device": "falcon", "model": "Falcon"}, "agent_joined", 5000)
+    left = mechanics_of(with_device("openhaptics"), FakeRecording([first, second]))["left"]  # type: ignore[arg-type]
+    touch_model, falcon = MODELS["touch"], MODELS["falcon"]
+    for tick, model in ((0, touch_model), (4999, touch_model), (5000, falcon), (9000, falcon)):
+        assert at(left, tick) == Mechanics(model.mass, model.damping, model.friction)

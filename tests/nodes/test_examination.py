@@ -236,6 +236,16 @@ def test_doctor_command_writes_its_json_even_if_the_state_folder_is_not_writable
     assert "doctor.json: cannot be written" in result.stderr
     assert json.loads((tmp_path / "copy.json").read_text(encoding="utf-8"))["findings"][0]["name"] == "a"
 
+    def homeless() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.delenv("XDG_STATE_HOME")
+    monkeypatch.setattr(Path, "home", homeless)
+    result = runner.invoke(app, ["doctor", "--json", "homeless.json"])
+    assert result.exit_code == 1
+    assert "this user has no home folder" in result.stderr
+    assert (tmp_path / "homeless.json").exists()
+
 
 @pytest.mark.slow
 def test_doctor_command_prints_and_saves_its_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -126,6 +126,16 @@ def test_newest_sample_is_used_in_any_order_of_arrival(rig: Rig) -> None:
     assert (row["right_seq"], row["right_live"]) == (-1, 0)
 
 
+@pytest.mark.parametrize("z", [1e300, -75.0, 1.001, float("inf")])
+def test_samples_from_impossible_heights_are_not_live(rig: Rig, z: float) -> None:
+    """A trial must pause for them: as a device in millimetres, they would hold the end of the board at its limit."""
+    rig.registered()
+    for seq, (height, live) in enumerate([(1.0, 1), (z, 0), (-1.0, 1)]):
+        rig.router.send_from(A, replace(STYLUS, seq=seq, z=height))
+        rig.drain(lambda: 0)
+        assert rig.row(MS)["left_live"] == live
+
+
 def test_expired_and_non_finite_samples_are_not_live(rig: Rig) -> None:
     rig.registered()
     rig.router.send_from(A, STYLUS)

@@ -1,6 +1,7 @@
 """Operators' commands in every phase of a session, and the transitions from block to block."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -116,6 +117,9 @@ def test_refused_form_leaves_no_consent_behind(tmp_path: Path, context: sockets.
         False,
         "without the consent of both participants, only a pilot run is possible",
     )
+    long = "n" * 81
+    why = "the form: [session] name: found 81 characters, expected at most 80"
+    assert stepped.do("open", f'{{"name": "{long}", "consent": true}}') == (False, why)
     assert stepped.do("open", '{"name": "S02", "consent": true}') == (True, "")
     session = stepped.state.block.config.session
     assert (session.name, session.participant_a, session.consent) == ("S02", "A", True)
@@ -158,6 +162,18 @@ def test_end_stops_the_block_in_every_phase(stepped: SteppedSession, bring: Call
 
 
 AGENT = b"agent.left@1"
+
+
+def test_each_block_records_the_agents_that_are_there_as_it_begins(stepped: SteppedSession) -> None:
+    """They joined in the recording of an earlier block, and each block has one of its own."""
+    agent, said = stepped.state.ports.motion.agents["left"], hello("agent", "left")
+    agent.hello = replace(said, details={"model": "Touch", "serial": "7", "side": "right"})
+    stepped.session._blocks._begin_block()
+    agent.hello = None
+    began, present = stepped.events()[-2:]
+    assert (began.name, began.tick) == ("block_began", present.tick)
+    assert present.name == "agent_present"
+    assert present.details == {"side": "left", "name": said.name, "model": "Touch", "serial": "7"}
 
 
 class LeftAgent:
@@ -272,15 +288,28 @@ def test_status_before_a_trial_gives_the_reason_of_a_logger_that_left(stepped: S
 def test_device_replaced_in_a_trial_is_recorded_and_awaits_the_operator(automatic: SteppedSession) -> None:
     state, seen = automatic.state, []
     state.note = lambda name, details: seen.append((name, details))  # type: ignore[method-assign]
-    device = {"side": "left", "device": "virtual", "model": "virtual Touch", "serial": "1"}
-    for serial, phase in (("1", Phase.IDLE), ("2", Phase.IDLE), ("2", Phase.PAUSED), ("3", Phase.PAUSED)):
+
+    def join(phase: Phase, name: str, serial: str) -> None:
         state._phase_word[0] = phase
-        state.ports.motion.news.append(("agent_joined", device | {"serial": serial}))
+        details = {"side": "left", "name": name, "device": "virtual", "model": "virtual Touch", "serial": serial}
+        state.ports.motion.news.append(("agent_joined", details))
         automatic.session.records.keep(now_ns())
-    replaced = [details for name, details in seen if name == "device_replaced"]
-    assert replaced == [{"side": "left", "before": "virtual virtual Touch 2", "now": "virtual virtual Touch 3"}]
+        state._phase_word[0] = Phase.IDLE
+
+    join(Phase.IDLE, "a:1", "1")
+    join(Phase.IDLE, "a:1", "2")
+    join(Phase.PAUSED, "a:2", "2")  # the agent was restarted
+    assert not state.supervisor._replaced
+    join(Phase.PAUSED, "a:2", "3")
     assert state.supervisor._replaced == "the left device was replaced by another one"
-    state._phase_word[0] = Phase.IDLE
+    join(Phase.PAUSED, "b:1", "3")
+    whole, state.block = state.block, replace(state.block, people=("right",))
+    join(Phase.PAUSED, "b:1", "4")  # at the side of a robot, where it has no force
+    state.block = whole
+    assert [details for name, details in seen if name == "device_replaced"] == [
+        {"side": "left", "before": "virtual virtual Touch 2 at a", "now": "virtual virtual Touch 3 at a"},
+        {"side": "left", "before": "virtual virtual Touch 3 at a", "now": "virtual virtual Touch 3 at b"},
+    ]
 
 
 def test_block_does_not_start_by_itself_after_an_emergency_stop(automatic: SteppedSession) -> None:

@@ -121,6 +121,8 @@ def test_trial_is_not_resumed_automatically_with_another_device() -> None:
     wait(supervisor, Phase.PAUSED, PERSISTENT_TICKS + 1, NOTHING_MISSING, "the left device is not armed")
     assert wait(supervisor, Phase.PAUSED, 10 * READY_TICKS) is Cause.NONE
     assert supervisor.notice == "ready to resume (paused: the left device was replaced by another one)"
+    assert wait(supervisor, Phase.IDLE, 10 * READY_TICKS) is Cause.NONE  # replaced after the last trial of a block
+    assert supervisor.notice == "ready to start: the left device was replaced by another one"
     supervisor.command_carried_out(Cause.RESUME)
     supervisor.command(next(TICKS), Phase.RUNNING, NOTHING_MISSING, "no sample from the left agent")
     assert wait(supervisor, Phase.PAUSED, READY_TICKS + 1) is Cause.RESUME

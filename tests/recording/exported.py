@@ -1,5 +1,6 @@
 """A recording with difficult content for exports: random bits, all outcomes, unusual texts, and a gap."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -60,8 +61,14 @@ def without_payloads(rows: NDArray[np.void]) -> NDArray[np.void]:
     return plain
 
 
-def write(path: Path, rows: NDArray[np.void], config: Config | None = None, part: int = 1) -> Path:
-    """Write a recording of rows, with some records of every other kind."""
+def write(
+    path: Path,
+    rows: NDArray[np.void],
+    config: Config | None = None,
+    part: int = 1,
+    joined: Sequence[tuple[int, dict[str, str]]] = (),
+) -> Path:
+    """Write a recording of rows, with some records of every other kind. ``joined``: ticks and details of agents."""
     text = resolve(config or Config())
     welcome = Welcome("3f2a9c1e00000000", 1, 7, text)
     writer = RecordingWriter(
@@ -72,7 +79,11 @@ def write(path: Path, rows: NDArray[np.void], config: Config | None = None, part
         ClockRecord(0, "agent.left", START_NS, 5, 6, START_NS + 1500 * 1000, 2**62 + 1, 3, float("nan")),
         FrameRecord(0, "left", 3, 2**61 + 1, 2**61 + 3, 0),
         *(TickRecord(row.tobytes()) for row in rows),
-        EventRecord(1, 299, START_NS + 250 * MS, "stop", {}),
+        *(
+            EventRecord(1 + k, tick, START_NS + tick * MS, "agent_joined", said)
+            for k, (tick, said) in enumerate(joined)
+        ),
+        EventRecord(1 + len(joined), 299, START_NS + 250 * MS, "stop", {}),
     ]
     for number, record in enumerate(records):
         writer.write(record, number, UTC_NS + number * MS)

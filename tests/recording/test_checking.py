@@ -14,6 +14,7 @@ import proofs
 from netboard.base.config import resolve
 from netboard.base.errors import RecordingError
 from netboard.network.protocol.records import ClockRecord
+from netboard.recording.files.locate import recovery_advice
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.summary import Attempt
 from netboard.recording.integrity import checking
@@ -107,6 +108,8 @@ def test_check_says_if_a_file_may_be_growing_or_was_recovered(tmp_path: Path) ->
     found = findings_text(check(part))
     assert f"it was recovered as {tmp_path / 'a.recovered.mcap'}" in found
     assert "run:" not in found
+    gone = tmp_path / "b.mcap.part"  # its logger has finished it since it was opened
+    assert recovery_advice(gone) == f"run: netboard recover {gone}"
 
 
 def test_check_of_another_file_type_finds_nothing_to_recover(tmp_path: Path) -> None:

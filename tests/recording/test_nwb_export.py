@@ -15,6 +15,7 @@ pynwb = pytest.importorskip("pynwb")
 
 from netboard.recording.export import nwb  # noqa: E402
 from netboard.recording.export.formats import export  # noqa: E402
+from netboard.recording.export.runs import devices_of  # noqa: E402
 from netboard.recording.files.reader import Recording  # noqa: E402
 from netboard.task.trials.state_machine import Phase  # noqa: E402
 
@@ -72,6 +73,25 @@ def test_participants_have_their_own_stylus_and_the_same_board_bit_for_bit(folde
                 assert same_bits(behavior[f"{name}/data"][:], rows[field])
             assert f"{other}_stylus" not in behavior
             assert behavior["board/board_tilt/data"].attrs["unit"] == "radians"
+
+
+def test_all_devices_of_a_side_that_moved_in_the_run_are_listed(tmp_path: Path) -> None:
+    """The first one was replaced before the first attempt, and the last agent has the same device again."""
+    serials = [(0, "1"), (5, "2"), (155, "3"), (220, "3")]
+    joined = [(tick, {"side": "left", "device": "falcon", "model": "Falcon", "serial": said}) for tick, said in serials]
+    (tmp_path / "out").mkdir()
+    path = write(tmp_path / "replaced.mcap", make_rows(1), joined=joined)
+    with Recording(path) as recording:
+        assert [(one.side, one.serial) for one in devices_of(recording.config, recording)] == [
+            ("left", "2"),
+            ("left", "3"),
+            ("right", ""),
+        ]
+    nwb.write([path], tmp_path / "out", quiet)
+    first, *_ = sorted((tmp_path / "out").rglob("*.nwb"))
+    with pynwb.NWBHDF5IO(first, "r") as io:
+        found = {name: (one.serial_number, one.model.name) for name, one in io.read().devices.items()}
+    assert found == {"left stylus 1": ("2", "left Falcon 1"), "left stylus 2": ("3", "left Falcon 2")}
 
 
 def test_recording_without_trials_and_events_has_no_tables_of_them(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from mcap.reader import NonSeekingReader, make_reader
 from mcap.records import Chunk, Message
 from mcap.stream_reader import StreamReader
 
-from netboard.base.config import Config, parse
+from netboard.base.config import Config, parse, require_short_names
 from netboard.base.errors import ConfigError, RecordingError
 from netboard.base.tables.rig import Recording
 from netboard.base.tick import TICK
@@ -347,5 +347,7 @@ def test_longest_labels_fit_the_name_of_a_recording(tmp_path: Path) -> None:
     part = PartFile(recovered, "test", 1000, repeatable=True)
     part.finish()
     assert recovered.exists()
-    with pytest.raises(ConfigError, match="expected text of at most 80 letters"):
-        parse("", "test", ("session.name=" + "n" * 81,))
+    for key in ("name", "dyad", "participant_a", "participant_b"):
+        config = parse("", "test", (f"session.{key}=" + "n" * 81,))
+        with pytest.raises(ConfigError, match=rf"test: \[session\] {key}: found 81 characters, expected at most 80"):
+            require_short_names(config.session, "test")

@@ -308,6 +308,12 @@ def test_config_check_refuses_unknown_devices_and_options_of_both_sides() -> Non
     assert right.startswith("[agents.right.options] stifness: unknown key; did you mean stiffness")
 
 
+def test_name_too_long_for_a_recording_is_refused() -> None:
+    result = runner.invoke(app, ["config", "check", "--set", "session.dyad=" + "d" * 81])
+    assert result.exit_code == 2
+    assert result.stderr == "netboard: defaults with --set: [session] dyad: found 81 characters, expected at most 80\n"
+
+
 @pytest.mark.parametrize("words", ["control strat", "control start --until strat"])
 def test_mistyped_choice_lists_what_is_possible(words: str) -> None:
     result = runner.invoke(app, words.split())

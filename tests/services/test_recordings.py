@@ -13,6 +13,7 @@ from netboard.base.tick import TICK
 from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.records import TickRecord
 from netboard.recording.files.provenance import provenance
+from netboard.recording.files.reader import Recording
 from netboard.recording.files.writer import RecordingWriter
 from netboard.services.cli import app
 
@@ -49,6 +50,16 @@ def test_info_describes_a_recording(writer: RecordingWriter) -> None:
     account = f"{TICKS}: 0 to {TICKS - 1}"
     for words in ("S01, dyad D01, run a1b2c3d4", "dyadic, haptics on, 60 trials", "complete", str(TICKS), account):
         assert words in result.output
+
+
+def test_recording_with_names_too_long_for_a_new_one_is_readable() -> None:
+    """Earlier versions limited no name, and a participant's name is in no file name."""
+    config = replace(proofs.config(), session=replace(proofs.config().session, participant_a="p" * 100))
+    proofs.write(Path("S01.mcap"), proofs.rows(), config)
+    result = runner.invoke(app, ["check", "S01.mcap"])
+    assert (result.exit_code, "complete" in result.output) == (0, True), result.output
+    with Recording(Path("S01.mcap")) as recording:
+        assert recording.config == config
 
 
 def test_info_marks_catch_trials() -> None:

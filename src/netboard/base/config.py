@@ -15,7 +15,7 @@ from typing import Literal
 from pydantic import TypeAdapter
 
 from netboard.base.errors import ConfigError
-from netboard.base.settings import FORBID_UNKNOWN_KEYS, read, write, write_template
+from netboard.base.settings import FORBID_UNKNOWN_KEYS, MAX_LABEL, read, write, write_template
 from netboard.base.tables.experiment import MAX_TRIALS, Block, Design, Quality, Session, Task
 from netboard.base.tables.forces import CONDITIONS, FORCES
 from netboard.base.tables.rig import MOUSE, Agents, Display, Fixture, Network, Realtime, Recording, Safety
@@ -81,6 +81,31 @@ def parse(text: str, source: str = "netboard.toml", overrides: Sequence[str] = (
     if problems:
         raise ConfigError("\n".join(problems))
     return config
+
+
+def require_short_names(session: Session, source: str) -> None:
+    """Refuse a new session whose names are too long for the names of files; `parse` also reads old recordings.
+
+    Parameters
+    ----------
+    session : Session
+        The table ``[session]``.
+    source : str
+        Where it comes from, for error messages.
+
+    Raises
+    ------
+    ConfigError
+        If a name is too long. The message has a line for each.
+    """
+    names = {key: len(getattr(session, key)) for key in ("name", "dyad", "participant_a", "participant_b")}
+    problems = [
+        f"{source}: [session] {key}: found {length} characters, expected at most {MAX_LABEL}"
+        for key, length in names.items()
+        if length > MAX_LABEL
+    ]
+    if problems:
+        raise ConfigError("\n".join(problems))
 
 
 def resolve(config: Config) -> str:

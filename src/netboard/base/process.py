@@ -401,18 +401,25 @@ class BackgroundLog(logging.Handler):
         super().__init__()
         self._stream = stream
         self._lines: Queue[str | Event | None] = Queue(MAX_LOG_LINES)
+        self._dropped = 0
         Thread(target=self._write, name="log", daemon=True).start()
 
     def emit(self, record: logging.LogRecord) -> None:
         """Pass a line to the thread; drop it if too many wait."""
-        with suppress(Full):
-            self._lines.put_nowait(self.format(record))
+        try:
+            line = self.format(record)
+        except (TypeError, ValueError, LookupError) as error:  # a mistake in a message must not end a loop
+            line = f"{record.msg!r} {record.args!r}: {error!r}"
+        try:
+            self._lines.put_nowait(line)
+        except Full:
+            self._dropped += 1
 
     def flush(self) -> None:
         """Wait until all lines so far are written, or the terminal has accepted none for some time."""
         written = Event()
         with suppress(Full):
-            self._lines.put_nowait(written)
+            self._lines.put(written, timeout=FLUSH_S)
             written.wait(FLUSH_S)
 
     def close(self) -> None:
@@ -424,13 +431,26 @@ class BackgroundLog(logging.Handler):
     def _write(self) -> None:
         while (line := self._lines.get()) is not None:
             if isinstance(line, Event):
+                self._report_dropped()
                 line.set()
                 continue
             beside_loop()
-            with suppress(OSError, ValueError):  # the other end of the pipe, or the stream, was closed
-                if self._stream is not None:
-                    self._stream.write(line + "\n")
-                    self._stream.flush()
+            self._put_out(line)
+            if self._lines.empty():
+                self._report_dropped()
+
+    def _report_dropped(self) -> None:
+        """Write how many lines were dropped since the last report."""
+        if dropped := self._dropped:
+            self._dropped -= dropped
+            self._put_out(f"{dropped} log lines were dropped: the terminal was stopped, or too slow")
+
+    def _put_out(self, line: str) -> None:
+        """Write a line; lose it if the other end of the pipe, or the stream, was closed."""
+        with suppress(OSError, ValueError):
+            if self._stream is not None:
+                self._stream.write(line + "\n")
+                self._stream.flush()
 
 
 class RateLimitedLog:

@@ -50,8 +50,11 @@ class Form(NamedTuple):
     words: str
 
 
-LABEL = Form("^[A-Za-z0-9_-]{1,80}$", "of at most 80 letters, digits, - and _, such as D03")
-"""Form of a name that is part of the names of files and columns; two of them fit the name of a recording."""
+MAX_LABEL = 80
+"""Largest length of a name; two of them fit the name of a recording [1]."""
+
+LABEL = Form("^[A-Za-z0-9_-]+$", f"of at most {MAX_LABEL} letters, digits, - and _, such as D03")
+"""Form of a name that is part of the names of files and columns; in an old recording it may be longer."""
 
 
 def about(text: str, unit: str = "", *, form: Form | None = None, **limits: Any) -> FieldInfo:

@@ -15,12 +15,11 @@ from numpy.typing import NDArray
 
 from netboard.analysis.extraction.attempts import PAPER
 from netboard.analysis.extraction.details import MOVEMENTS, movements
-from netboard.analysis.extraction.devices import simulated_mechanics
+from netboard.analysis.extraction.devices import always, simulated_mechanics
 from netboard.analysis.extraction.recordings import ATTEMPT, BLOCKS, Measured, attempt_row, block_row, place_of
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.tables import columns_of
 from netboard.analysis.extraction.trials import Block
-from netboard.base.config import SIDES
 from netboard.network.protocol.motion import Safeguard
 from netboard.nodes.rehearsal.block import Rehearsal
 from netboard.nodes.rehearsal.jobs import Job
@@ -75,8 +74,7 @@ def rehearse(job: Job) -> Rehearsed:
     summary = rehearsal.summary()
     columns: dict[str, NDArray[Any]] = {name: np.concatenate(own) for name, own in parts.items()}
     columns["tick"] = np.arange(summary.ticks)
-    mechanics = dict.fromkeys(SIDES, simulated_mechanics(job.config))
-    block = Block(job.config, READINGS, columns, attempts, mechanics)
+    block = Block(job.config, READINGS, columns, attempts, always(simulated_mechanics(job.config)))
     return Rehearsed(block, flags, summary.ticks, summary.given_up)
 
 

@@ -11,6 +11,7 @@ from math import nan
 import numpy as np
 from numpy.typing import NDArray
 
+from netboard.analysis.extraction.devices import at
 from netboard.analysis.extraction.settings import Movements
 from netboard.analysis.extraction.tables import Group, number, words
 from netboard.analysis.extraction.trials import RATE, Take
@@ -239,7 +240,7 @@ def _passive_partner(take: Take) -> dict[str, float]:
     p = take.found.p[window]
     if p.size < _LEAST:
         return {}
-    held = take.block.mechanics
+    held = {side: at(devices, take.attempt.tick) for side, devices in take.block.mechanics.items()}
     gains = dict(zip(SIDES, gains_of(parts_of(config.physics), pack_scene(config.physics)[0]), strict=True))
     moved = {side: getattr(take.found, f"{side}_z")[window] for side in SIDES}
     rates = {side: getattr(take.found, f"{side}_vz")[window] for side in SIDES}

@@ -11,6 +11,7 @@ from math import isnan, nan
 from netboard.base.config import SIDES, Config, Side
 from netboard.participants.device_models import MODELS, DeviceModel, resolved
 from netboard.recording.files.reader import Recording
+from netboard.recording.format.summary import agents_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,15 +23,32 @@ class Mechanics:
     friction: float
 
 
-def mechanics_of(config: Config, recording: Recording) -> dict[Side, Mechanics | None]:
-    """Return the mechanics of both devices of a recording."""
+Held = tuple[tuple[int, Mechanics | None], ...]
+"""The mechanics of a side's devices in turn, each with the first tick of its use."""
+
+
+def always(mechanics: Mechanics | None) -> dict[Side, Held]:
+    """Return the same mechanics for both sides and all ticks."""
+    return dict.fromkeys(SIDES, ((0, mechanics),))
+
+
+def at(held: Held, tick: int) -> Mechanics | None:
+    """Return the mechanics of a side's device at a tick; before the first device was there, those of that one."""
+    return next((mechanics for first, mechanics in reversed(held) if first <= tick), held[0][1])
+
+
+def mechanics_of(config: Config, recording: Recording) -> dict[Side, Held]:
+    """Return the mechanics of all devices of a recording."""
     said = recording.metadata
     if said.get("imported") == "measured":
-        return dict.fromkeys(SIDES)
+        return always(None)
     if "rehearsed" in said or said.get("imported") == "simulated":
-        return dict.fromkeys(SIDES, simulated_mechanics(config))
-    told = {event.details.get("side"): event.details for event in recording.events() if event.name == "agent_joined"}
-    return {side: _reported_mechanics(config, side, told.get(side, {})) for side in SIDES}
+        return always(simulated_mechanics(config))
+    agents = agents_of(recording.events())
+    return {
+        side: tuple((tick, _reported_mechanics(config, side, said)) for tick, said in agents.get(side) or [(0, {})])
+        for side in SIDES
+    }
 
 
 def _reported_mechanics(config: Config, side: Side, details: Mapping[str, str]) -> Mechanics | None:

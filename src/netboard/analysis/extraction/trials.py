@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.analysis.extraction.devices import Mechanics, mechanics_of
+from netboard.analysis.extraction.devices import Held, mechanics_of
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.measures.motion import (
     Completion,
@@ -54,7 +54,7 @@ def columns_for(readings: Readings) -> tuple[str, ...]:
 class Block:
     """A recording, or a rehearsed block, in memory; columns [SI] are not copied, and lack forces not needed.
 
-    It has all attempts, in order, and the mechanics of the device at each side, if known.
+    It has all attempts, in order, and the mechanics of the devices at each side, if known.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class Block:
         readings: Readings,
         columns: Mapping[str, NDArray[Any]],
         attempts: Sequence[Attempt],
-        mechanics: Mapping[Side, Mechanics | None],
+        mechanics: Mapping[Side, Held],
     ) -> None:
         self.config, self.readings = config, readings
         self.attempts, self.mechanics = tuple(attempts), mechanics

@@ -5,6 +5,9 @@ A message is data only; `netboard.network.protocol.messages` holds the rules for
 
 from dataclasses import dataclass
 
+AGENT_JOINED, AGENT_PRESENT = "agent_joined", "agent_present"
+"""Names of the events that describe an agent and its device: it has joined, or it is there as a block begins."""
+
 BLOCK_BEGAN = "block_began"
 """Name of the event with which a block begins; its detail ``config`` is the block's configuration.
 

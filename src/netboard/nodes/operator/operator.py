@@ -97,9 +97,8 @@ class Operator:
     def command(self, name: str, argument: str = "") -> int:
         """Send a command; return the number with which to ask for its `reply`."""
         self._number += 1
-        sendable = argument.encode(
-            errors="replace"
-        ).decode()  # half of a character, from a terminal with another coding
+        # A terminal with another coding than UTF-8 yields halves of characters, which cannot be sent.
+        sendable = argument.encode(errors="replace").decode()
         self._send(Command(name, sendable, self._number))
         return self._number
 

@@ -86,6 +86,9 @@ _ROW_FORCE = np.array([TICK_WORDS[f"{side}_force"] for side in SIDES])
 _TICK, _TIME, _LATE = TICK_WORDS["tick"], TICK_WORDS["time_ns"], TICK_WORDS["late_ns"]
 _BOARD_Z, _BOARD_VZ, _THETA, _OMEGA = (TICK_WORDS[name] for name in ("z", "vz", "theta", "omega"))
 
+MAX_HEIGHT = 1.0
+"""A stylus further from its origin is impossible, as after a mistake in a unit: its sample is not live [m]."""
+
 MAX_FRAMES = 64
 """Frames taken at once, so that no sender can hold up a tick [1]."""
 
@@ -231,9 +234,9 @@ def fill(row: Any, agents: Any, number: int, due_ns: int, late_ns: int, timeout_
         agent = agents[place]
         for k in range(len(_COPIED_FROM)):
             row[_COPIED_TO[place, k]] = agent[_COPIED_FROM[k]]
-        finite = np.isfinite(values[place, _Z] + values[place, _VZ])
+        possible = abs(values[place, _Z]) <= MAX_HEIGHT and np.isfinite(values[place, _VZ])
         in_time = due_ns - agent[ARRIVED] < timeout_ns and abs(due_ns - agent[SERVER_STAMP]) < timeout_ns
-        if agent[TAKEN] > 0 and finite and in_time:
+        if agent[TAKEN] > 0 and possible and in_time:
             row[_LIVE[place]] = 1
             found |= LIVE << place
         old = due_ns - agent[SERVER_STAMP] - agent[TRANSIT] > KNOWN_NS or abs(due_ns - agent[ARRIVED]) > KNOWN_NS

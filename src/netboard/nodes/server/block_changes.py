@@ -2,7 +2,7 @@
 
 from dataclasses import asdict
 
-from netboard.network.protocol.records import BLOCK_BEGAN
+from netboard.network.protocol.records import AGENT_PRESENT, BLOCK_BEGAN
 from netboard.nodes.server.state import SessionState
 from netboard.task.studies.factors import TrialDetails
 
@@ -75,5 +75,9 @@ class BlockChanges:
         stepping = {name: str(value) for name, value in asdict(state.block.stage.choice).items()}
         label = {"number": str(config.block.number), "blocks": str(config.block.blocks), "label": config.block.label}
         state.note(BLOCK_BEGAN, {**label, **stepping, "config": state.block.text})
+        for side, agent in state.ports.motion.agents.items():
+            if agent.hello is not None:  # the recording of this block is another file than that in which it joined
+                own = {"side": side, "name": agent.hello.name}
+                state.note(AGENT_PRESENT, {**own, **agent.hello.details, **own})
         for robot in state.block.robots:
             state.note("robot_joined", {"side": robot.side, **robot.identity})

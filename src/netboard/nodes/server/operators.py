@@ -8,6 +8,7 @@ Pure: it decides from the `Situation` that it is given; the session carries the 
 import json
 from dataclasses import asdict, dataclass
 
+from netboard.base.config import require_short_names
 from netboard.base.errors import ConfigError
 from netboard.base.settings import check
 from netboard.base.tables.experiment import Session
@@ -162,6 +163,7 @@ def form_of(text: str, known: Session) -> Session:
     consent.
     """
     form = check(Session, asdict(known) | _object(text, "the form"), ("session",))
+    require_short_names(form, "the form")
     if not form.ready:
         raise ConfigError("without the consent of both participants, only a pilot run is possible")
     return form

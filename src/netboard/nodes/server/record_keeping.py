@@ -103,10 +103,15 @@ class RecordKeeping:
         self._log.pump(now)
 
     def _know_device(self, details: dict[str, str]) -> None:
-        """Compare the device of an agent that has joined with the side's last one; in a trial it must be the same."""
-        side, device = details["side"], " ".join(filter(None, map(details.get, DEVICE)))
+        """Compare the device of an agent that has joined with the side's last one; in a trial it must be the same.
+
+        Many devices have no serial number, so one at another machine is another one.
+        """
+        side, machine = details["side"], details["name"].rpartition(":")[0]
+        device = " ".join(filter(None, (*map(details.get, DEVICE), machine and f"at {machine}")))
         before, self._devices[side] = self._devices.get(side, device), device
-        if device != before and self._state.phase not in (Phase.IDLE, Phase.FINISHED):
+        in_use = side in self._state.block.people and self._state.phase not in (Phase.IDLE, Phase.FINISHED)
+        if device != before and in_use:
             self._state.supervisor.device_replaced(side)
             self._state.note("device_replaced", {"side": side, "before": before, "now": device})
 

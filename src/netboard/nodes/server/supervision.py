@@ -90,7 +90,7 @@ class Supervisor:
         waiting = "waiting for " + ", ".join(missing) if missing else ""
         if phase == Phase.IDLE:
             ready = "ready to start after the emergency stop" if self._released else ""
-            self.notice = waiting or ready
+            self.notice = waiting or ready or (f"ready to start: {self._replaced}" if self._replaced else "")
         elif phase == Phase.PAUSED:
             if trouble and tick - self._trouble_since >= PERSISTENT_TICKS:
                 self._cause = trouble

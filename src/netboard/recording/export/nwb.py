@@ -135,22 +135,23 @@ class Layout:
             sex="U",
             age=_UNKNOWN_AGE,
         )
-        for device in devices_of(run.config, recording):
-            if device.side in person.sides:
-                self._add_device(device)
+        for side in person.sides:
+            own = [device for device in devices_of(run.config, recording) if device.side == side]
+            for number, device in enumerate(own, start=1):
+                self._add_device(device, f" {number}" if len(own) > 1 else "")
         self._add_signals(signals_of(person.sides))
         self._add_trials(run)
         self._add_events()
 
-    def _add_device(self, device: HandDevice) -> None:
-        """Describe the device in the hand."""
+    def _add_device(self, device: HandDevice, number: str) -> None:
+        """Describe a device in the hand; ``number``: if it was replaced in the run."""
         model = self.file.create_device_model(
-            name=f"{device.side} {device.model or device.backend}",
+            name=f"{device.side} {device.model or device.backend}{number}",
             manufacturer=device.maker or "unknown",
             description=f"Haptic device, driven by netboard's backend {device.backend}",
         )
         self.file.create_device(
-            name=f"{device.side} stylus",
+            name=f"{device.side} stylus{number}",
             description=f"What the {device.side} end of the board is moved with",
             serial_number=device.serial or "unknown",
             model=model,

@@ -9,12 +9,14 @@ has it. Runs are numbered in order of time, jointly for both persons, so equal r
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 from typing import Literal
 
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import RecordingError
 from netboard.recording.files.reader import Recording
+from netboard.recording.format.summary import agents_of
 from netboard.task.plans.plan import OTHER_SIDE
 
 Letter = Literal["A", "B"]
@@ -164,12 +166,16 @@ class HandDevice:
 
 
 def devices_of(config: Config, recording: Recording) -> tuple[HandDevice, ...]:
-    """Return the devices of a recording, left before right."""
-    joined = {event.details.get("side"): event.details for event in recording.events() if event.name == "agent_joined"}
-    found = []
+    """Return the devices that moved in a recording, left before right, and those of a side in the order of use."""
+    agents, attempts = agents_of(recording.events()), recording.attempts()
+    start = attempts[0].began if attempts else 0
+    found: dict[HandDevice, None] = {}
     for side in SIDES:
-        backend, details = getattr(config.agents, side).device, joined.get(side, {})
-        found.append(
-            HandDevice(side, backend, MAKERS.get(backend, ""), details.get("model", ""), details.get("serial", ""))
-        )
+        said: list[tuple[int, dict[str, str]]] = agents.get(side) or [(0, {})]
+        replaced = [tick for tick, _ in said[1:]]
+        for (_, details), until in zip(said, (*replaced, inf), strict=True):
+            if until > start:
+                backend = details.get("device", getattr(config.agents, side).device)
+                maker, model, serial = MAKERS.get(backend, ""), details.get("model", ""), details.get("serial", "")
+                found[HandDevice(side, backend, maker, model, serial)] = None
     return tuple(found)

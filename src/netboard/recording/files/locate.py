@@ -84,7 +84,10 @@ def recovered_path(path: Path) -> Path:
 def recovery_advice(path: Path) -> str:
     """Return what to do about an unfinished or damaged recording."""
     recovered = recovered_path(path)
-    if recovered.exists():
-        return f"it was recovered as {recovered}"
-    growing = path.suffix == ".part" and abs(time.time() - path.stat().st_mtime) < GROWING_S
+    try:
+        if recovered.exists():
+            return f"it was recovered as {recovered}"
+        growing = path.suffix == ".part" and abs(time.time() - path.stat().st_mtime) < GROWING_S
+    except OSError:  # a logger has just finished and renamed it, or the disk does not answer
+        growing = False
     return "a logger may still be writing it; after its session, " * growing + f"run: netboard recover {path}"

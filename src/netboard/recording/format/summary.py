@@ -15,7 +15,14 @@ from numpy.typing import NDArray
 
 from netboard.base.tick import LATE_NS, TICK_SECONDS, joined
 from netboard.network.protocol.motion import Safeguard
-from netboard.network.protocol.records import ClockRecord, EventRecord, FrameRecord, kind_of_peer
+from netboard.network.protocol.records import (
+    AGENT_JOINED,
+    AGENT_PRESENT,
+    ClockRecord,
+    EventRecord,
+    FrameRecord,
+    kind_of_peer,
+)
 from netboard.recording.format.backfill import unknown_ticks
 from netboard.task.trials.state_machine import BALL_FREE, Cause, Phase
 
@@ -111,6 +118,15 @@ def find_attempts(ticks: NDArray[Any]) -> tuple[Attempt, ...]:
             )
         )
     return tuple(attempts)
+
+
+def agents_of(events: Iterable[EventRecord]) -> dict[str, list[tuple[int, dict[str, str]]]]:
+    """Return by side what its agents said of their devices, each with the tick from which it applies."""
+    agents: dict[str, list[tuple[int, dict[str, str]]]] = {}
+    for event in events:
+        if event.name in {AGENT_JOINED, AGENT_PRESENT}:
+            agents.setdefault(event.details.get("side", ""), []).append((event.tick, event.details))
+    return agents
 
 
 def attempts_along(portions: Iterable[NDArray[Any]]) -> tuple[Attempt, ...]:

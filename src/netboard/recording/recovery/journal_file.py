@@ -83,7 +83,8 @@ class Journal:
             handle = os.open(path, os.O_RDWR | _BINARY)
             try:
                 _lock(handle, path)
-                lines = read_lines(path.read_bytes(), str(path))
+                with open(handle, "rb", closefd=False) as file:  # a share may lock it for all other handles
+                    lines = read_lines(file.read(), str(path))
             except BaseException:
                 os.close(handle)
                 raise
