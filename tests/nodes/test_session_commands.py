@@ -15,7 +15,7 @@ from netboard.base.tables.experiment import MAX_TRIALS
 from netboard.base.tick import RENDERED, TICK_NS
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.control import Status
-from netboard.network.protocol.joining import Goodbye, Hello
+from netboard.network.protocol.joining import Goodbye, Hello, Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
 from netboard.network.protocol.motion import BackfillRequest, Force, Heartbeat
 from netboard.network.protocol.records import BackfillRecord, EventRecord
@@ -183,8 +183,12 @@ class LeftAgent:
         address = channels.addresses(stepped.state.block.config.network).listen(channels.MOTION).address
         self.peers, self.motion = Peers(context, address), stepped.state.ports.motion
         self.received: list[Message] = []
+
+    def join(self) -> None:
+        """Say hello, and wait for the welcome."""
+        self.received.clear()
         self.send(hello("agent", "left"))
-        while not self.received:  # the welcome
+        while not any(isinstance(message, Welcome) for message in self.received):
             self.read()
 
     def send(self, message: Message) -> None:
@@ -208,12 +212,14 @@ def left(stepped: SteppedSession, context: sockets.Context) -> Iterator[LeftAgen
     stepped.start()
     stepped.until(Phase.RUNNING)
     agent = LeftAgent(stepped, context)
+    agent.join()
+    stepped.tick()  # compiling what sends the first force can take longer than an agent may be silent
+    agent.join()
     yield agent
     agent.close()
 
 
 def test_session_ends_with_a_heartbeat_that_commands_no_force(stepped: SteppedSession, left: LeftAgent) -> None:
-    stepped.tick()
     stepped.session._end()
     while not isinstance(left.received[-1], Goodbye):
         left.received += left.peers.received_by(AGENT)
