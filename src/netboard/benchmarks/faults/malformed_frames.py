@@ -111,8 +111,8 @@ def _message(kind: type[Message], rng: random.Random) -> Message:
         rng.choice(CHOICES[kind, field.name]) if (kind, field.name) in CHOICES else _value(hints[field.name], rng)
         for field in fields(kind)
     ]
-    make: Callable[..., Message] = kind
-    return make(*values)
+    build: Callable[..., Message] = kind
+    return build(*values)
 
 
 def _value(hint: Any, rng: random.Random) -> Any:
