@@ -201,8 +201,8 @@ PROCESSES = (
     # Alone: after other cases the spill may not have been taken yet, and would not begin anew.
     replace(_suspended(LOGGER, "logger", 10.0, LOGGED, _SPILLS, *CONTINUES, recorded("log_spilling")), alone=True),
     _process(
-        *("display-killed", SHOWN, "kill -9 of a display, restarted after 1 s", _SHOWN),
-        *(actions.kill(DISPLAY), *_SHOWN_AGAIN),
+        *("display-killed", SHOWN, "kill -9 of a display, restarted after 1 s", _SHOWN, actions.kill(DISPLAY)),
+        *_SHOWN_AGAIN,
     ),
     *(_suspended(DISPLAY, "display", seconds, SHOWN, _SHOWN, *_SHOWN_AGAIN) for seconds in (0.05, 1.0, 10.0)),
     _process(

@@ -18,6 +18,11 @@ from netboard.benchmarks.harness.results import Folder, Part, Verdict, new_folde
 Tell = Callable[[str, float], object]
 """Callback for progress: the current step, and the share done [1]."""
 
+
+def no_progress(text: str, share: float) -> None:
+    """Ignore progress."""
+
+
 WIDTH = 160
 """Minimum width of tables [characters]."""
 

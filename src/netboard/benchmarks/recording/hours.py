@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from netboard.base.config import SIDES, parse
 from netboard.base.tick import TICK, TICK_NS
-from netboard.benchmarks.harness.running import Tell
+from netboard.benchmarks.harness.running import Tell, no_progress
 from netboard.benchmarks.loop.usage import read_usage
 from netboard.benchmarks.recording.specimen import OPENED_NS, open_writer
 from netboard.network.protocol.records import ClockRecord, EventRecord, FrameRecord, TickRecord
@@ -202,7 +202,7 @@ def write_messages(session: Session, path: Path, ticks: int) -> int:
 def bytes_by_channel(session: Session, folder: Path, ticks: int) -> dict[str, float]:
     """Return the bytes per tick of each channel, found by writing it alone with the upstream writer."""
     whole = folder / "whole.mcap"
-    write_hour(session, whole, ticks, lambda text, share: None)
+    write_hour(session, whole, ticks, no_progress)
     found: dict[str, float] = {}
     for topic in IDS:
         with whole.open("rb") as file:
