@@ -77,7 +77,7 @@ def run(
         console.print(line)
     parts: list[Part] = []
     with progress_bars(Console(stderr=True), shown=bar) as progress:
-        task = progress.add_task("getting ready", total=1.0)
+        task = progress.add_task("starting", total=1.0)
 
         def tell(text: str, share: float) -> None:
             if bar:
