@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rehearsed_plan import rehearsed_plan
 from typer.testing import CliRunner
 
 from netboard.base.config import Config
@@ -28,6 +27,7 @@ from netboard.benchmarks.harness.results import Folder, Part
 from netboard.services.cli import app
 from netboard.task.plans.plan import blocks_of, shortened
 from netboard.task.studies.study import paper_study
+from rehearsed_study import rehearse
 
 whole = pytest.mark.daily(1, of="longest", part="sensitivity")
 
@@ -43,7 +43,7 @@ def test_short_study_has_each_condition_twice() -> None:
 
 @pytest.fixture(scope="module")
 def recordings(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    return rehearsed_plan(tmp_path_factory.mktemp("plan"), 2)
+    return rehearse(tmp_path_factory.mktemp("plan"), 1, tuple(range(1, 19)), 2)
 
 
 @pytest.fixture(scope="module")

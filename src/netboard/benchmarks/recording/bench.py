@@ -36,11 +36,8 @@ from netboard.recording.format.batches import pack
 from netboard.recording.format.channels import TICK_FIELDS
 from netboard.recording.format.predictions import PREDICTIONS, constants_of
 
-QUICK_TICKS = 150_000
 MINUTE = 60_000
-STALL_SECONDS, QUICK_STALL_SECONDS = 20.0, 3.0
-LOAD_SECONDS, QUICK_LOAD_SECONDS = 6.0, 2.0
-RATES, QUICK_RATES = (1, 5, 10, 15, 20, 30, 40, 60, 80), (1, 20)
+"""Ticks in a minute [1]."""
 
 COLUMNS_SECONDS, TRIAL_SECONDS, HOUR_GB = 5.0, 0.05, 0.25
 """Targets: reading an hour into columns [s], reading one trial of it [s], and its size [GB]."""
@@ -68,21 +65,21 @@ class Effort:
     """How much is measured.
 
     - `stall_seconds`: duration of each kind of interference with the logger [s].
-    - `load_seconds`: duration at each rate [s].
+    - `load_seconds`, `rates`: duration at each rate, and the rates as multiples of one dyad's [s, 1].
     """
 
-    ticks: int = HOUR
-    stall_seconds: float = STALL_SECONDS
-    load_seconds: float = LOAD_SECONDS
-    rates: tuple[int, ...] = RATES
+    ticks: int
+    stall_seconds: float
+    load_seconds: float
+    rates: tuple[int, ...]
 
 
-QUICK = Effort(QUICK_TICKS, QUICK_STALL_SECONDS, QUICK_LOAD_SECONDS, QUICK_RATES)
+WHOLE, QUICK = Effort(HOUR, 20.0, 6.0, (1, 5, 10, 15, 20, 30, 40, 60, 80)), Effort(150_000, 3.0, 2.0, (1, 20))
 
 
 def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
     """Measure everything, on the disk of the folder of results."""
-    place, effort = folder.path, QUICK if quick else Effort()
+    place, effort = folder.path, QUICK if quick else WHOLE
     (place / "session").mkdir(exist_ok=True)
     session_recording = record_stalls(place / "session", effort.stall_seconds, tell)
     yield stalls_part(session_recording)
