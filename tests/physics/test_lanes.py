@@ -8,7 +8,7 @@ import pytest
 from netboard.base.compiled import kernel
 from netboard.physics.arithmetic.simd import (
     applied,
-    extracted,
+    gathered,
     lane,
     lanes_at,
     larger,
@@ -41,7 +41,7 @@ def moved(a: Any, out: Any) -> float:
     left, right = pair_at(a, 0, 4)
     put(out, 0, left)
     put(out, 4, spread(right, 2))
-    put(out, 8, extracted((1.0, lane(right, 1)), 4))
+    put(out, 8, gathered((1.0, lane(right, 1)), 4))
     return lane(left, 3)
 
 
