@@ -9,8 +9,8 @@ from hypothesis import HealthCheck, settings
 
 import daily
 
-# The first example of a test may compile a kernel, and the machine may be busy. It is loaded before any test is
-# imported: what is decorated keeps the profile in force then.
+# No deadline: the first example of a test may compile a kernel, and the machine may be busy. The profile is loaded
+# before any test is imported, because a decorated test keeps the profile that is active at import.
 settings.register_profile(
     "untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow], max_examples=100 if daily.ALL else 50
 )
@@ -34,7 +34,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Generator[None, object, object]:
-    """Let the garbage collector pass over what is imported and collected: it stays, and is most of what there is."""
+    """Exempt imported modules and collected tests from garbage collection: they stay, and are most of all objects."""
     gc.disable()
     try:
         return (yield)

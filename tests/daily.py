@@ -1,10 +1,10 @@
-"""Slow tests take turns: what is left out today runs within days. NETBOARD_TEST_ALL=1 runs all.
+"""Selection of the slow tests of a day; the others run within days. NETBOARD_TEST_ALL=1 runs all.
 
-The slow tests of a file run every fourth day; those beside this file and whole sessions with their faults run every
-day, and all tests of a file that is named on the command line. ``@pytest.mark.daily(3)`` runs three cases of a test;
-with ``of="NAME"``, three of all tests that give this name; with ``part="NAME"``, tests that give this name too, and
-share what is costly, are one of these. A test with two marks, its own and its module's, runs if both draw it. `some`
-draws from what one test runs together. The seed, a date, is printed at the head of a run:
+The slow tests of a file run every fourth day. Every day run those in the folder of this file, those of whole sessions
+and their faults, and those of a file that is named on the command line. ``@pytest.mark.daily(3)`` runs three random
+cases of a test; with ``of="NAME"``, three of all tests with this name. Tests with the same ``part="NAME"`` share a
+costly set-up and count as one case. A test with two marks, its own and its module's, runs if both select it. `some`
+selects from the cases that one test runs together. The seed, a date, is printed at the head of a run:
 NETBOARD_TEST_SEED=2026-11-22 runs the same tests and cases again.
 """
 
@@ -35,14 +35,14 @@ def some(name: str, cases: Iterable[str], count: int) -> list[str]:
 
 
 TURNS = 4
-"""Days in which the slow tests of each file run once."""
+"""Number of days in which the slow tests of each file run once [1]."""
 
 EVERY_DAY = ("test_processes.py", "test_faults.py")
 """Files with sessions of all processes, and with what can go wrong in them."""
 
 
 def left_out(items: list[pytest.Item], named: set[str]) -> set[pytest.Item]:
-    """Choose the tests that are not run today; all of the files that are named are."""
+    """Return the tests that are not run today, except those of the files that are named."""
     others = [item for item in items if not ALL and _file(item) not in named]
     waiting = {item for item in others if not _has_turn(item)}
     return waiting | _not_drawn([item for item in others if item not in waiting])

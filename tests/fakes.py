@@ -45,11 +45,11 @@ STATUS = Status(
     stations=(),
     refused=(),
 )
-"""How a session is that has just begun."""
+"""Status of a session that has just begun."""
 
 
 class Answers:
-    """What operators may ask, and are told nothing new."""
+    """Answers to the requests of operators: a new session without outcomes."""
 
     def status(self) -> Status:
         return STATUS
@@ -62,7 +62,7 @@ class Answers:
 
 
 class FakeClock:
-    """A monotonic clock that only moves when it is told to."""
+    """A monotonic clock that only `advance` moves."""
 
     def __init__(self, now_ns: int = 1_000_000_000) -> None:
         self.now_ns = now_ns
@@ -75,7 +75,7 @@ class FakeClock:
 
 
 class FakeLogServer:
-    """The server's end of the log channel, as PROTOCOL.md has it: a ring, a cursor, and the end of the session."""
+    """The server's end of the log channel by PROTOCOL.md: a ring buffer, a cursor, and the end of the session."""
 
     def __init__(self, session: str, config: str, capacity: int, clock: FakeClock, batch: int = 7) -> None:
         self.ring = LogRing(capacity)
@@ -87,7 +87,7 @@ class FakeLogServer:
         self._batch = batch
         self._cursor: int | None = None
         self._ended = False
-        self._told_end = False
+        self._end_sent = False
         self.greeted = False
 
     def append(self, record: Message) -> None:
@@ -96,7 +96,7 @@ class FakeLogServer:
     def end(self) -> None:
         self._ended = True
 
-    def hear(self, frame: bytes) -> list[Message]:
+    def receive_from_logger(self, frame: bytes) -> list[Message]:
         """Answer one frame of the logger."""
         match decode(frame):
             case Pong() as pong:
@@ -109,7 +109,7 @@ class FakeLogServer:
             case LogRequest(first=first):
                 self.requests.append(first)
                 self._cursor = self.ring.start(first)
-                self._told_end = False
+                self._end_sent = False
             case LogAck() as ack:
                 self.acks.append(ack)
                 assert self.ring.acknowledge(ack.durable)
@@ -119,7 +119,7 @@ class FakeLogServer:
         return []
 
     def lose(self) -> None:
-        """Forget the logger."""
+        """Drop the logger's connection."""
         self.greeted, self._cursor = False, None
 
     def pump(self) -> list[Message]:
@@ -131,8 +131,8 @@ class FakeLogServer:
             batch = self.ring.batch(self._cursor, self._batch, 100_000)
             self._cursor = batch.first + len(batch.records)
             sent.append(batch)
-        if self._ended and not self._told_end:
-            self._told_end = True
+        if self._ended and not self._end_sent:
+            self._end_sent = True
             sent.append(LogEnd(self.ring.next - 1))
         return sent
 
@@ -140,7 +140,7 @@ class FakeLogServer:
 class FakeLogLink:
     """The logger's end of the log channel in memory, over a line that may drop, repeat and reorder frames both ways.
 
-    Each wait moves the clock on, lets ``live`` do what happens in the world meanwhile, and lets the server send.
+    Each wait advances the clock, calls ``live`` for whatever else happens meanwhile, and lets the server send.
     """
 
     def __init__(self, server: FakeLogServer | None, clock: FakeClock, live: Callable[[], None] = lambda: None) -> None:
@@ -165,15 +165,15 @@ class FakeLogLink:
         if self.server is None:
             return False
         for _ in range(self._copies()):
-            self._deliver(self.server.hear(frame))
+            self._deliver(self.server.receive_from_logger(frame))
         return True
 
     def inject(self, frame: bytes) -> None:
-        """Put a frame on the line that the server did not send."""
+        """Deliver a frame that the server did not send."""
         self._inbox.append(frame)
 
     def hang_up(self) -> None:
-        """Lose the logger, and what is on the line to it."""
+        """Drop the connection, and the frames in transit to the logger."""
         self._inbox.clear()
         if self.server is not None:
             self.server.lose()

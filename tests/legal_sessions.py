@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import proofs
+import rehearsed
 from netboard.base.config import Config, resolve
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import TICK_NS
@@ -49,24 +49,14 @@ HEADER = Header(
 
 
 class Operated(Rehearsal):
-    """A rehearsed block in which an operator gives commands: at given ticks, and at random ones.
-
-    Parameters
-    ----------
-    config : Config
-        Rig and experiment.
-    chance : random.Random or None
-        Chooses what is wished; None for nothing.
-    given : mapping of int to Cause
-        Commands by their tick.
-    """
+    """A rehearsed block in which an operator gives commands: those `given` by tick, and random ones from `chance`."""
 
     def __init__(self, config: Config, chance: random.Random | None, given: Mapping[int, Cause]) -> None:
         super().__init__(config, PEOPLE)
         self._chance, self._given, self._trials = chance, given, config.block.trials
 
     def rows(self) -> NDArray[Any]:
-        """All ticks, once."""
+        """Return each tick once."""
         return np.concatenate([rows.copy() for rows in self.pieces(200)])
 
     def _command(self, commands: NDArray[np.int64]) -> None:
@@ -89,20 +79,9 @@ class Operated(Rehearsal):
 
 @dataclass
 class Session:
-    """What a server has made of a block.
+    """A block as a server records it: its ticks, the records of the log channel, and the entries of the journal.
 
-    Attributes
-    ----------
-    config : Config
-        Rig and experiment.
-    rows : ndarray of TICK
-        The ticks.
-    records : list of Record
-        The records of the log channel, in order.
-    entries : list of Entry
-        What the journal says.
-    trouble : str
-        Nothing: the journal can be written.
+    It replaces the server's journal, with `append`, `close`, and `trouble`, the reason if it cannot be written.
     """
 
     config: Config
@@ -122,22 +101,14 @@ class Session:
 def session_of(config: Config, rows: NDArray[Any], reported_ticks: int = 500, stood_still: int = 0) -> Session:
     """Let a server follow a block's ticks.
 
-    Parameters
-    ----------
-    config : Config
-        Rig and experiment.
-    rows : ndarray of TICK, shape (n,)
-        The ticks.
-    reported_ticks : int
-        The left display reports its frames so many ticks later at most [1].
-    stood_still : int
-        Tick before which the server stood still for 30 ms; 0 for none [1].
+    The left display reports its frames every `reported_ticks`. Before the tick `stood_still`, if it is not 0, the
+    server stalls for 30 ms.
     """
     made = Session(config, rows)
     if stood_still:
         rows["time_ns"][stood_still:] += 30 * TICK_NS
     attempts = Attempts(journal=made)  # type: ignore[arg-type]
-    attempts.open(config, proofs.SESSION)
+    attempts.open(config, rehearsed.SESSION)
     attempts.begin(config, 0)
     _note(made, 0, BLOCK_BEGAN, {"config": resolve(config)})
     frames = 0
@@ -163,7 +134,7 @@ def session_of(config: Config, rows: NDArray[Any], reported_ticks: int = 500, st
 
 
 def _over(row: Any) -> Any:
-    """State after the last tick: as it was, and the block is over."""
+    """Return the state after the last tick: that of the tick, with the block finished."""
     after = row.copy()
     after["phase"] = Phase.FINISHED
     return after
@@ -176,27 +147,17 @@ def _note(made: Session, tick: int, name: str, details: dict[str, str]) -> None:
 
 
 def write(folder: Path, made: Session, cuts: Sequence[int] = ()) -> list[Path]:
-    """Write the records and the journal as files.
-
-    Parameters
-    ----------
-    folder : Path
-        Where.
-    made : Session
-        The session.
-    cuts : sequence of int
-        Numbers of records at which another logger goes on [1].
-    """
+    """Write the records and the journal as files; at the records `cuts` another logger continues."""
     lines = [line_of(entry, "now") for entry in (HEADER, *made.entries)]
     journal_path(folder, made.config).write_bytes(b"".join(lines))
     paths = []
     bounds = [0, *cuts, len(made.records)]
     for part, (first, stop) in enumerate(pairwise(bounds), start=1):
-        path = folder / f"S01_D01_{proofs.SESSION[:8]}_block01_part{part}.mcap"
-        writer = proofs.writer_of(path, made.config, {"part": str(part), "block": "1"})
-        now = proofs.UTC_NS
+        path = folder / f"S01_D01_{rehearsed.SESSION[:8]}_block01_part{part}.mcap"
+        writer = rehearsed.writer_of(path, made.config, {"part": str(part), "block": "1"})
+        now = rehearsed.UTC_NS
         for number in range(first, stop):
-            now = proofs.UTC_NS + number * proofs.MS // 2
+            now = rehearsed.UTC_NS + number * rehearsed.MS // 2
             writer.write(made.records[number], number, now)
             if writer.is_due(now):
                 writer.flush(now)

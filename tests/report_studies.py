@@ -1,30 +1,21 @@
 """Synthetic studies for reports, row by row."""
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from made_study import Row, rows_of
 from netboard.analysis.extraction.recordings import BLOCKS, FIELDS, Measured
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.study import Study, study_of
-from netboard.analysis.extraction.tables import columns_of
 from netboard.analysis.topics.result import Result, table_of
-from netboard.recording.format.channels import Field
-
-_EMPTY: Mapping[str, Any] = {"integer": 0, "number": float("nan"), "string": ""}
-Row = Mapping[str, Any]
 
 
-def filled(fields: Sequence[Field], rows: Sequence[Row]) -> dict[str, Any]:
-    """Columns of rows that name some of their fields only."""
-    return columns_of(tuple(fields), [{f.name: _EMPTY[f.kind] for f in fields} | dict(row) for row in rows])
-
-
-def swings(name: str, attempts: Sequence[tuple[int, int]], seconds: float) -> dict[str, Any]:
-    """Paths of a ball that goes over to the target and swings there."""
+def ball_paths(name: str, attempts: Sequence[tuple[int, int]], seconds: float) -> dict[str, Any]:
+    """Make paths of a ball that rolls to the target and oscillates there."""
     time = np.arange(0.0, seconds, 0.02)
     return {field.name: np.full(time.size * len(attempts), np.nan) for field in FIELDS["paths"]} | {
         "recording": np.full(time.size * len(attempts), name, object),
@@ -36,9 +27,9 @@ def swings(name: str, attempts: Sequence[tuple[int, int]], seconds: float) -> di
 
 
 def block(
-    name: str, trials: int = 3, seconds: float = 4.0, falls: int = 1, rows: Row | None = None, **said: Any
+    name: str, trials: int = 3, seconds: float = 4.0, falls: int = 1, rows: Row | None = None, **changes: Any
 ) -> Measured:
-    """A recording whose first trial fell ``falls`` times before it was done."""
+    """Make a recording in whose first trial the ball fell ``falls`` times before the success."""
     whole = {
         "recording": name,
         "dyad": "D01",
@@ -57,7 +48,7 @@ def block(
         "ticks": 60_000,
         "trials": trials,
         "netboard": "0.1.0",
-    } | said
+    } | changes
     attempts: list[Row] = [(trial, 1 + (falls if trial == 1 else 0), "success") for trial in range(1, trials + 1)]
     attempts = [(1, k, "fell") for k in range(1, falls + 1)] + attempts
     done = [
@@ -76,14 +67,14 @@ def block(
         for at, (trial, attempt, outcome) in enumerate(attempts)
     ]
     return Measured(
-        filled(BLOCKS, [whole]),
-        filled(FIELDS["trials"], done),
-        filled(FIELDS["movements"], []),
-        swings(name, [(trial, attempt) for trial, attempt, _ in attempts], seconds),
+        rows_of(BLOCKS, [whole]),
+        rows_of(FIELDS["trials"], done),
+        rows_of(FIELDS["movements"], []),
+        ball_paths(name, [(trial, attempt) for trial, attempt, _ in attempts], seconds),
     )
 
 
-def small_study(readings: Readings | None = None, **said: Any) -> Study:
+def small_study(readings: Readings | None = None, **changes: Any) -> Study:
     """One dyad: each alone, with and without forces, and both together."""
     plans: list[dict[str, Any]] = [
         {"configuration": "bimanual", "force": force, "performer": who, "left_by": who, "right_by": who}
@@ -94,20 +85,20 @@ def small_study(readings: Readings | None = None, **said: Any) -> Study:
         {"configuration": "dyadic", "force": "full", "performer": "D01", "left_by": "D01B", "right_by": "D01A"}
     )
     measured = [
-        block(f"made_{k}", **(plan | {"block": k, "part": k, "haptics": int(plan["force"] == "full")} | said))
+        block(f"made_{k}", **(plan | {"block": k, "part": k, "haptics": int(plan["force"] == "full")} | changes))
         for k, plan in enumerate(plans, start=1)
     ]
     return study_of(measured, readings or Readings())
 
 
-def provenance_of(study: Study, **said: Any) -> dict[str, Any]:
+def provenance_of(study: Study, **changes: Any) -> dict[str, Any]:
     """Where it comes from: files named after the recordings, with the SHA-256 of their names."""
     return {
         "recordings": {
             name: {"file": f"recordings/{name}.mcap", "sha256": sha256_of(name)} for name in study.blocks["recording"]
         },
         "versions": {"netboard": "0.1.0", "numpy": "2.2.0"},
-    } | said
+    } | changes
 
 
 def sha256_of(name: str) -> str:

@@ -52,7 +52,7 @@ ENDS: tuple[Outcome, ...] = ("success", "success", "success", "fell", "timed_out
 
 
 class Server:
-    """One run of the server, from where a journal stands."""
+    """One run of the server, from the progress that a journal records."""
 
     def __init__(
         self, chance: random.Random, run: str, progress: Progress, rules: Quality, plan: tuple[Planned, ...]
@@ -62,7 +62,7 @@ class Server:
         self.tick = 0
 
     def entries(self) -> Iterator[Entry]:
-        """Everything until the session is complete or is ended."""
+        """Yield the entries until the session is complete or is ended."""
         yield Resumed(self.run) if self.start.runs else Opened(self.run, {"dyad": "D03", "ü": 'a "b"\n'})
         now = self.start
         for block in self.plan:
@@ -117,26 +117,26 @@ class Server:
         yield BlockEnded(block.number, "finished")
 
 
-def a_run(
+def entries_of_run(
     chance: random.Random, run: str, so_far: list[Entry], rules: Quality, plan: tuple[Planned, ...] = PLAN
 ) -> Iterator[Entry]:
-    """What a server that is started now adds to a journal."""
+    """Return the entries that a server that is started now adds to a journal."""
     return Server(chance, run, progress_of(HEADER, so_far, plan), rules, plan).entries()
 
 
-def skipped_in_a_pause(before: tuple[OutcomeRow, ...], row: OutcomeRow) -> bool:
+def was_skipped_in_a_pause(before: tuple[OutcomeRow, ...], row: OutcomeRow) -> bool:
     """Whether a trial was skipped of which no attempt was under way."""
     return row[3] == "skipped" and (row[2] == 0 or row[:3] in [other[:3] for other in before])
 
 
 def check(entries: list[Entry], progress: Progress, plan: tuple[Planned, ...] = PLAN) -> None:
-    """What must hold wherever a journal ends."""
+    """Check what must hold wherever a journal ends."""
     begun = [(e.block, e.trial, e.attempt) for e in entries if isinstance(e, AttemptBegan)]
     assert len(set(begun)) == len(begun), "numbers were given twice"
     ended = [e for e in entries if isinstance(e, AttemptEnded)]
-    passed = [row for k, row in enumerate(progress.outcomes) if skipped_in_a_pause(progress.outcomes[:k], row)]
-    told = [row[:3] for row in progress.outcomes if row not in passed]
-    assert told == begun, "an attempt has no outcome, or two"
+    passed = [row for k, row in enumerate(progress.outcomes) if was_skipped_in_a_pause(progress.outcomes[:k], row)]
+    recorded = [row[:3] for row in progress.outcomes if row not in passed]
+    assert recorded == begun, "an attempt has no outcome, or two"
     assert len(progress.incomplete) == len(begun) - len(ended) + len(passed)
     for block in plan:
         done = [e.trial for e in ended if e.block == block.number and e.outcome in ("success", "skipped")]

@@ -1,5 +1,6 @@
 """``netboard bench``: benchmarks that simulate or compute, and need no other process in real time."""
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -88,7 +89,7 @@ def participants(
     from netboard.benchmarks.harness.running import run
     from netboard.benchmarks.participants.bench import study
 
-    run("participants", study(studies, dyads, workers), options)
+    run("participants", partial(study, studies, dyads, workers), options)
 
 
 @benchmark(
@@ -120,25 +121,25 @@ def analysis(
     ] = None,
 ) -> None:
     """Cost of analysing a study: time and memory against its size, with and without the cache."""
-    alone = not (sensitivity or recordings is not None or workers is not None)
-    if calibration and (truth or not alone):
+    other_options = sensitivity or recordings is not None or workers is not None
+    if calibration and (truth or other_options):
         raise ConfigError(
             "--calibration: found with recordings, --sensitivity, --truth or --workers; it simulates its own studies"
         )
-    if truth and not alone:
+    if truth and other_options:
         raise ConfigError("--truth: found with recordings, --sensitivity or --workers; it makes its own trials")
-    if workers is not None and sensitivity:
+    if sensitivity and workers is not None:
         raise ConfigError("--workers: found with --sensitivity, which uses all cores; leave it out")
     from netboard.benchmarks.harness.running import run
 
     if calibration:
-        from netboard.benchmarks.analysis.calibration import study as simulations
+        from netboard.benchmarks.analysis import calibration as calibration_bench
 
-        run("calibration", simulations, options)
+        run("calibration", calibration_bench.study, options)
     elif truth:
-        from netboard.benchmarks.analysis.ground_truth_bench import study as ground_truth
+        from netboard.benchmarks.analysis import ground_truth_bench
 
-        run("truth", ground_truth, options)
+        run("truth", ground_truth_bench.study, options)
     elif sensitivity:
         from netboard.benchmarks.analysis import sensitivity_bench
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from harvests import assert_same, gathered, studied
+from extractions import assert_same, extracted, study_from
 from netboard.analysis.cohort.workers import run_all
 from netboard.analysis.extraction import workers
 from netboard.analysis.extraction.settings import Readings
@@ -30,10 +30,10 @@ def address() -> Iterator[str]:
 
 @on_cluster
 def test_cluster_computes_the_same_tables(address: str, recordings: tuple[Path, ...]) -> None:
-    there = gathered(recordings, Readings(), dask(address))
-    here = gathered(recordings, Readings())
+    there = extracted(recordings, Readings(), dask(address))
+    here = extracted(recordings, Readings())
     assert there.peak > 1e7
-    assert_same(studied(there), studied(here))
+    assert_same(study_from(there), study_from(here))
 
 
 @on_cluster
@@ -49,8 +49,8 @@ def test_unreadable_recording_on_the_cluster_is_refused_or_left_out(
     damaged = tmp_path / "damaged.mcap"
     damaged.write_bytes(data[:200_000] + bytes(64) + data[200_064:])
     with pytest.raises(RecordingError, match=r"damaged.mcap: is damaged"):
-        gathered([damaged, recordings[1]], Readings(), dask(address))
-    found = gathered([damaged, recordings[1]], Readings(), dask(address), skip=True)
+        extracted([damaged, recordings[1]], Readings(), dask(address))
+    found = extracted([damaged, recordings[1]], Readings(), dask(address), skip=True)
     assert [one.file for one in found.left_out] == ["damaged.mcap"]
 
 

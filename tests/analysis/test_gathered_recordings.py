@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harvests import HERE, assert_same, gathered, studied
+from extractions import HERE, assert_same, extracted, study_from
 from made_recordings import recorded, two_trials
 from netboard.analysis.extraction import running
 from netboard.analysis.extraction.cache import Cache
@@ -31,56 +31,56 @@ def no_workers(recordings: Sequence[Path]) -> Iterator[Executor]:
 
 @pytest.fixture(scope="module")
 def alone(recordings: tuple[Path, ...]) -> Study:
-    return studied(gathered(recordings, Readings()))
+    return study_from(extracted(recordings, Readings()))
 
 
 def test_tables_do_not_depend_on_file_order_or_processes(recordings: tuple[Path, ...], alone: Study) -> None:
     reports: list[tuple[str, int, int]] = []
-    found = gathered(recordings[::-1], Readings(), processes(2), None, lambda *words: reports.append(words))
+    found = extracted(recordings[::-1], Readings(), processes(2), None, lambda *words: reports.append(words))
     assert [source.run.path for source in found.sources] == list(recordings)
     assert found.left_out == ()
     assert found.peak > 1e7
     assert [done for _, done, _ in reports] == [1, 2, 3, 4]
     seconds = alone.blocks["duration"].sum()
     assert reports[-1] == (f"4 of 4 recordings, {seconds:.0f} s of data", 4, 4)
-    assert_same(studied(found), alone)
+    assert_same(study_from(found), alone)
 
 
 def test_cached_tables_equal_measured_tables(recordings: tuple[Path, ...], alone: Study, tmp_path: Path) -> None:
     cache = Cache(tmp_path)
-    some = gathered(recordings[:2], Readings(), HERE, cache)
+    some = extracted(recordings[:2], Readings(), HERE, cache)
     assert [source.kept for source in some.sources] == [False, False]
-    mixed = gathered(recordings, Readings(), HERE, cache)
+    mixed = extracted(recordings, Readings(), HERE, cache)
     assert [source.kept for source in mixed.sources] == [True, True, False, False]
-    assert_same(studied(mixed), alone)
-    kept = gathered(recordings, Readings(), no_workers, cache)
+    assert_same(study_from(mixed), alone)
+    kept = extracted(recordings, Readings(), no_workers, cache)
     assert kept.peak == 0.0
-    assert_same(studied(kept), alone)
+    assert_same(study_from(kept), alone)
 
 
 def test_changed_exclusions_reuse_cached_measures(recordings: tuple[Path, ...], alone: Study, tmp_path: Path) -> None:
     cache = Cache(tmp_path)
-    gathered(recordings, Readings(), HERE, cache)
+    extracted(recordings, Readings(), HERE, cache)
     stricter = parse("[exclusions]\nwarm_up = 1")
-    study = studied(gathered(recordings, stricter, no_workers, cache), stricter)
+    study = study_from(extracted(recordings, stricter, no_workers, cache), stricter)
     assert len(study.counted) == len(alone.counted) - len(recordings)
     coarser = parse("[filters]\nfast = 10.0")
-    found = gathered(recordings[:1], coarser, HERE, cache)
+    found = extracted(recordings[:1], coarser, HERE, cache)
     assert not found.sources[0].kept
     name = recordings[0].stem
-    assert not np.array_equal(studied(found, coarser).paths[name]["theta"], alone.paths[name]["theta"])
+    assert not np.array_equal(study_from(found, coarser).paths[name]["theta"], alone.paths[name]["theta"])
 
 
 def test_changed_byte_invalidates_the_cache(recordings: tuple[Path, ...], tmp_path: Path) -> None:
     copy = tmp_path / recordings[0].name
     shutil.copy(recordings[0], copy)
     cache = Cache(tmp_path / "cache")
-    gathered([copy], Readings(), HERE, cache)
+    extracted([copy], Readings(), HERE, cache)
     data = bytearray(copy.read_bytes())
     data[len(data) // 2] ^= 1
     copy.write_bytes(data)
     with pytest.raises(pytest.fail.Exception, match="measured anew"):
-        gathered([copy], Readings(), no_workers, cache)
+        extracted([copy], Readings(), no_workers, cache)
 
 
 def unreadable(folder: Path, recordings: tuple[Path, ...]) -> list[Path]:
@@ -102,15 +102,15 @@ def test_unreadable_recordings_are_refused_or_left_out(recordings: tuple[Path, .
     paths = unreadable(tmp_path, recordings)
     for path, why in zip(paths[1:], ("is damaged", "cut short", "not an MCAP file", "contains no ticks"), strict=True):
         with pytest.raises(RecordingError, match=rf"{path.name}: .*{why}") as caught:
-            gathered([paths[0], path], Readings())
+            extracted([paths[0], path], Readings())
         assert "\n" not in str(caught.value)
-    found = gathered(paths, Readings(), processes(2), skip=True)
+    found = extracted(paths, Readings(), processes(2), skip=True)
     assert [source.run.path for source in found.sources] == paths[:1]
     assert [one.file for one in found.left_out] == sorted(path.name for path in paths[1:])
     assert not any(str(tmp_path) in one.why for one in found.left_out)
-    assert len(studied(found).blocks) == 1
+    assert len(study_from(found).blocks) == 1
     with pytest.raises(RecordingError, match="no recording can be"):
-        gathered(paths[1:], Readings(), skip=True)
+        extracted(paths[1:], Readings(), skip=True)
 
 
 def test_file_that_changes_during_measuring_is_refused(
@@ -118,7 +118,7 @@ def test_file_that_changes_during_measuring_is_refused(
 ) -> None:
     monkeypatch.setattr(running, "digests_of", lambda paths: dict.fromkeys(paths, "0" * 64))
     with pytest.raises(RecordingError, match="has changed since the start"):
-        gathered(recordings[:1], Readings())
+        extracted(recordings[:1], Readings())
 
 
 def die() -> None:

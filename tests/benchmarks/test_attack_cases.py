@@ -15,7 +15,7 @@ from netboard.benchmarks.faults.attack_cases import (
 )
 from netboard.benchmarks.faults.attackers import ROLE_MESSAGES
 from netboard.benchmarks.faults.bench import Outcome, parts_of
-from netboard.benchmarks.faults.evidence import Evidence, Pause, Taken, Window
+from netboard.benchmarks.faults.evidence import DyadRecordings, Evidence, Pause, Window
 from netboard.network.protocol.codec import decode, encode
 from netboard.nodes.server.tick_clock import LATE_NS
 from netboard.task.trials.state_machine import Cause
@@ -38,7 +38,7 @@ def evidence(late: dict[int, int], pauses: tuple[int, ...] = ()) -> Evidence:
     for tick, late_ns in late.items():
         ticks["late_ns"][tick] = late_ns
     paused = tuple(Pause(tick * TICK_NS, Cause.FAULT.name, 1, 1, (1, 2)) for tick in pauses)
-    taken = Taken(ticks, (), paused, (), {})
+    taken = DyadRecordings(ticks, (), paused, (), {})
     return Evidence(Window(0, 6 * SECOND, FACTS), Safety(), {}, taken, None)
 
 

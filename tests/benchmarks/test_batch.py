@@ -66,9 +66,9 @@ def run_strict(physics: Physics, scene: NDArray[Any], x: Array, hands: Array) ->
     return run("rk4", tuple(x.tolist()), np.ascontiguousarray(hands), grid, parts, scene)[-1]
 
 
-def assert_close(found: Array, wanted: Array) -> None:
-    scale = np.abs(wanted).max(axis=0) + 1e-30
-    assert np.max(np.abs(found - wanted) / scale) < 1e-12
+def assert_close(found: Array, selection: Array) -> None:
+    scale = np.abs(selection).max(axis=0) + 1e-30
+    assert np.max(np.abs(found - selection) / scale) < 1e-12
 
 
 @pytest.mark.slow
@@ -101,8 +101,8 @@ def test_large_tilts_are_as_accurate_as_small_ones(tilt: float) -> None:
     x[5, 2], x[5, 3] = tilt, 10.0
     found = run_batch(physics, scene, x, hands)
     assert np.isfinite(found).all()
-    wanted = run_strict(physics, scene, x[5], hands[:, 5])
-    assert np.allclose(found[5], wanted, rtol=1e-12, atol=1e-12)
+    selection = run_strict(physics, scene, x[5], hands[:, 5])
+    assert np.allclose(found[5], selection, rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e7])
@@ -110,11 +110,11 @@ def test_large_tilts_are_as_accurate_as_small_ones(tilt: float) -> None:
 def test_non_finite_values_stay_within_their_simulation(bad: float, place: int) -> None:
     physics, scene = Physics(), pack_scene(Physics())
     x, hands = initial_states(6), drives_of(physics, 1)
-    wanted = run_batch(physics, scene, x, hands)
+    selection = run_batch(physics, scene, x, hands)
     x[7, place] = bad
     found = run_batch(physics, scene, x, hands)
     others = np.arange(COUNT) != 7
-    assert np.allclose(found[others], wanted[others], rtol=1e-14, atol=1e-18)
+    assert np.allclose(found[others], selection[others], rtol=1e-14, atol=1e-18)
     assert place == 5 or bad == 1e7 or not np.isfinite(found[7]).all()
     strict = run_strict(physics, scene, x[7], hands[:, 7])
     assert np.array_equal(np.isfinite(found[7]), np.isfinite(strict))

@@ -8,8 +8,8 @@ import pytest
 from netboard.base.config import Config
 from netboard.base.tables.simulated import VirtualDevice
 from netboard.benchmarks.coupling.boundary import AGREED, Case, predicted, scene, simulated_is_stable
-from netboard.benchmarks.coupling.far import Distance, Far
-from netboard.benchmarks.coupling.remedies import everyday_part, felt, let_go, make_loop
+from netboard.benchmarks.coupling.distant_dyad import Delays, DistantDyad
+from netboard.benchmarks.coupling.remedies import everyday_part, make_loop, move_and_release, rendered
 
 pytestmark = pytest.mark.slow
 
@@ -34,32 +34,32 @@ def test_simulated_service_is_stable_below_the_predicted_stiffness(case: Case) -
 
 
 def test_released_stylus_at_20_ms_is_stable_only_with_a_remedy() -> None:
-    assert not let_go(make_loop("server alone", BARE, 20)).quiet
+    assert not move_and_release(make_loop("server alone", BARE, 20)).quiet
     for remedy in ("with passivity control", "both"):
-        assert let_go(make_loop(remedy, BARE, 20)).quiet
+        assert move_and_release(make_loop(remedy, BARE, 20)).quiet
 
 
 def test_local_coupling_renders_full_stiffness_at_20_ms() -> None:
-    stiffness, damping = felt("both", 20, 2.0)
+    stiffness, damping = rendered("both", 20, 2.0)
     assert stiffness == pytest.approx(200.0, rel=0.02)
     assert damping == pytest.approx(2.0, rel=0.05)
 
 
 def test_passivity_control_restores_damping_lost_to_delay() -> None:
-    _, alone = felt("server alone", 5, 2.0)
+    _, alone = rendered("server alone", 5, 2.0)
     assert alone == pytest.approx(2.0 - 200.0 * 0.010, abs=0.1)
-    _, helped = felt("with passivity control", 5, 2.0)
+    _, helped = rendered("with passivity control", 5, 2.0)
     assert helped == pytest.approx(2.0, abs=0.3)
 
 
 def test_both_coupling_modes_are_equal_without_delay() -> None:
     found = []
     for at in ("server", "both"):
-        far = Far(Config(physics=scene(at, "board"), virtual=replace(BARE, resolution=0.0)), Distance(0, 0))  # type: ignore[arg-type]
-        far.get_ready()
-        far.put(0.001, -0.0005)
-        far.live(300)
-        found.append(np.array(far.heights))
+        dyad = DistantDyad(Config(physics=scene(at, "board"), virtual=replace(BARE, resolution=0.0)), Delays(0, 0))  # type: ignore[arg-type]
+        dyad.settle()
+        dyad.place(0.001, -0.0005)
+        dyad.run(300)
+        found.append(np.array(dyad.heights))
     np.testing.assert_allclose(found[0], found[1], atol=1e-12)
 
 

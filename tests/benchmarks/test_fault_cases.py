@@ -6,7 +6,7 @@ import pytest
 
 from netboard.base.config import parse
 from netboard.base.errors import ConfigError
-from netboard.benchmarks.faults.bench import CASES, Outcome, about, choose, parts_of, play_all
+from netboard.benchmarks.faults.bench import CASES, Outcome, about, choose, parts_of, run_all
 from netboard.benchmarks.faults.cases import PARTS
 from netboard.benchmarks.faults.rigs import tampered
 from netboard.benchmarks.faults.sites import PACE, Setup
@@ -47,7 +47,7 @@ class Impossible(Setup):
 
 def test_case_that_cannot_run_here_is_reported(tmp_path) -> None:
     case = replace(CASES[0], setup=Impossible("nowhere"))
-    (outcome,) = play_all([case], tmp_path, True, lambda _: None)
+    (outcome,) = run_all([case], tmp_path, True, lambda _: None)
     assert (outcome.refusal, outcome.verdicts) == ("not here", ())
     (part,) = parts_of([outcome])
     assert part.rows[0][-1] == "not run"
@@ -56,11 +56,11 @@ def test_case_that_cannot_run_here_is_reported(tmp_path) -> None:
 
 def test_case_holds_if_all_checks_hold_and_the_table_names_failures() -> None:
     good, bad = Verdict("it falls", True, "after 10 ms"), Verdict("it is gentle", False, "1.2 of it")
-    whole = Outcome(CASES[0], (good, good), (10.0, 60.0, 0.5, 1, 0))
+    sound = Outcome(CASES[0], (good, good), (10.0, 60.0, 0.5, 1, 0))
     broken = Outcome(CASES[1], (good, bad))
-    (part,) = parts_of([broken, whole])
+    (part,) = parts_of([broken, sound])
     assert [row[0] for row in part.rows] == [CASES[0].name, CASES[1].name]
     assert [row[-1] for row in part.rows] == ["yes", "NO"]
     assert part.verdicts[0].found == "after 10 ms; after 10 ms"
     assert part.verdicts[1].found == "NOT it is gentle: 1.2 of it"
-    assert [case["name"] for case in about([broken, whole], True)["cases"]] == [CASES[1].name, CASES[0].name]
+    assert [case["name"] for case in about([broken, sound], True)["cases"]] == [CASES[1].name, CASES[0].name]

@@ -10,28 +10,28 @@ from numpy.typing import NDArray
 from netboard.base.tables.rig import Safety
 from netboard.base.tick import TICK
 from netboard.benchmarks.faults.checks import (
-    back,
+    continues,
     disturbed,
-    either,
+    fact_contains,
     falls,
-    gentle,
-    goes_on,
-    neighbour_unmoved,
+    frames_shown,
+    may_pause,
+    neighbour_unaffected,
     no_damage,
-    noted,
+    no_force_if_failing,
+    no_force_in_pauses,
     nothing_lost,
     paused,
-    powerless,
+    recorded,
+    recovered,
     rendered_known,
-    rests,
-    safeguarded,
-    shown,
-    told,
+    safeguard_reported,
+    ticks_accounted,
     verdict_of,
-    whole,
+    within_slew_limit,
 )
 from netboard.benchmarks.faults.devices import TRACE
-from netboard.benchmarks.faults.evidence import Evidence, Pause, Taken, Window
+from netboard.benchmarks.faults.evidence import DyadRecordings, Evidence, Pause, Window
 from netboard.network.protocol.motion import Safeguard
 from netboard.network.protocol.records import EventRecord
 from netboard.recording.integrity.account import Account, NumberRange
@@ -69,21 +69,21 @@ def account(lost: tuple[NumberRange, ...] = (), unexplained: tuple[NumberRange, 
     return Account("s", (), (), lost, unexplained, (), (), (Told(1, "why"),), ())
 
 
-def taken(pauses: tuple[Pause, ...] = (), phase: Phase = Phase.RUNNING, **changes: object) -> Taken:
+def taken(pauses: tuple[Pause, ...] = (), phase: Phase = Phase.RUNNING, **changes: object) -> DyadRecordings:
     ticks = np.zeros(LENGTH, TICK)
     ticks["tick"], ticks["phase"] = np.arange(LENGTH), phase
     ticks["time_ns"] = START + MS * np.arange(LENGTH)
     painted = {"left": np.empty(0, np.int64), "right": np.empty(0, np.int64)}
-    return replace(Taken(ticks, (), pauses, (account(),), painted), **changes)
+    return replace(DyadRecordings(ticks, (), pauses, (account(),), painted), **changes)
 
 
-def evidence(left: NDArray | None = None, rig: Taken | None = None, **changes: object) -> Evidence:
+def evidence(left: NDArray | None = None, rig: DyadRecordings | None = None, **changes: object) -> Evidence:
     traces = {"left": [trace_of(updated_forces() if left is None else left)], "right": [trace_of(updated_forces())]}
     return replace(Evidence(WINDOW, Safety(), traces, rig or taken(), None), **changes)
 
 
-def pause(at: int = 100, why: str = WHY, again: tuple[int, int] | None = (1, 2)) -> Pause:
-    return Pause(START + at * MS, why, 1, 1, again)
+def pause(at: int = 100, reason: str = WHY, again: tuple[int, int] | None = (1, 2)) -> Pause:
+    return Pause(START + at * MS, reason, 1, 1, again)
 
 
 def test_force_that_falls_in_time_passes() -> None:
@@ -116,42 +116,42 @@ def test_stalls_of_the_machine_are_not_counted_against_the_agent() -> None:
 
 
 def test_smooth_force_passes_and_step_fails_the_gentleness_check() -> None:
-    assert gentle()(evidence(fading_forces(100))).holds
+    assert within_slew_limit()(evidence(fading_forces(100))).holds
     stepped = np.where(np.arange(LENGTH) < 500, 1.0, -1.0)
-    assert not gentle()(evidence(stepped)).holds
+    assert not within_slew_limit()(evidence(stepped)).holds
 
 
 def test_cut_to_zero_is_allowed_only_on_the_named_side() -> None:
     cut = evidence(np.where(np.arange(LENGTH) < 500, 2.0, 0.0))
-    assert not gentle()(cut).holds
-    assert not gentle("right")(cut).holds
-    assert gentle("left")(cut).holds
+    assert not within_slew_limit()(cut).holds
+    assert not within_slew_limit("right")(cut).holds
+    assert within_slew_limit("left")(cut).holds
 
 
 def test_pause_passes_if_its_reason_matches_and_the_trial_is_repeated() -> None:
     check = paused("left agent")
     assert check(evidence(rig=taken((pause(),)))).holds
     assert not check(evidence(rig=taken())).holds
-    assert not check(evidence(rig=taken((pause(why="the operator"),)))).holds
+    assert not check(evidence(rig=taken((pause(reason="the operator"),)))).holds
     assert not check(evidence(rig=taken((pause(again=(2, 1)),)))).holds
     assert not check(evidence(rig=taken((pause(again=None),)))).holds
     assert not check(evidence(rig=taken((pause(at=-500),)))).holds
 
 
 def test_trial_continues_unless_paused() -> None:
-    assert goes_on(evidence()).holds
-    assert not goes_on(evidence(rig=taken((pause(),)))).holds
-    assert either("left agent")(evidence()).holds
-    assert either("left agent")(evidence(rig=taken((pause(),)))).holds
-    assert not either("left agent")(evidence(rig=taken((pause(why="something else"),)))).holds
+    assert continues(evidence()).holds
+    assert not continues(evidence(rig=taken((pause(),)))).holds
+    assert may_pause("left agent")(evidence()).holds
+    assert may_pause("left agent")(evidence(rig=taken((pause(),)))).holds
+    assert not may_pause("left agent")(evidence(rig=taken((pause(reason="something else"),)))).holds
 
 
 def test_pause_caused_by_the_machine_is_excused() -> None:
-    assert goes_on(evidence(rig=taken((pause(why="paused: the server stalled for 50 ms"),)))).holds
+    assert continues(evidence(rig=taken((pause(reason="paused: the server stalled for 50 ms"),)))).holds
     held_up = np.delete(trace_of(updated_forces()), slice(40, 95))
     excused = evidence(rig=taken((pause(100),)), traces={"left": [held_up], "right": []})
-    assert goes_on(excused).holds
-    assert not goes_on(replace(excused, rig=taken((pause(500),)))).holds
+    assert continues(excused).holds
+    assert not continues(replace(excused, rig=taken((pause(500),)))).holds
 
 
 def test_forces_must_be_zero_while_paused() -> None:
@@ -159,83 +159,83 @@ def test_forces_must_be_zero_while_paused() -> None:
     rig = taken((pause(),))
     rig.ticks["phase"] = phases
     quiet = {"left": [trace_of(fading_forces(90))], "right": [trace_of(fading_forces(95))]}
-    assert rests(evidence(rig=rig, traces=quiet)).holds
-    assert not rests(evidence(rig=rig)).holds
+    assert no_force_in_pauses(evidence(rig=rig, traces=quiet)).holds
+    assert not no_force_in_pauses(evidence(rig=rig)).holds
     rig.ticks["phase"][170:] = Phase.LEVELLING
     back_again = np.where(np.arange(LENGTH) < 170, fading_forces(90), updated_forces())
-    assert rests(evidence(rig=rig, traces={"left": [trace_of(back_again)], "right": []})).holds
+    assert no_force_in_pauses(evidence(rig=rig, traces={"left": [trace_of(back_again)], "right": []})).holds
 
 
 def test_every_tick_must_be_accounted_for() -> None:
     lost = taken(accounts=(account(lost=(NumberRange(3, 5, "no room"),)),))
     unexplained = taken(accounts=(account(unexplained=(NumberRange(3, 5),)),))
-    assert whole(evidence()).holds
+    assert ticks_accounted(evidence()).holds
     assert nothing_lost(evidence()).holds
-    assert whole(evidence(rig=lost)).holds
-    assert "3 lost (no room)" in whole(evidence(rig=lost)).found
+    assert ticks_accounted(evidence(rig=lost)).holds
+    assert "3 lost (no room)" in ticks_accounted(evidence(rig=lost)).found
     assert not nothing_lost(evidence(rig=lost)).holds
-    assert not whole(evidence(rig=unexplained)).holds
-    assert not whole(evidence(rig=taken(accounts=()))).holds
+    assert not ticks_accounted(evidence(rig=unexplained)).holds
+    assert not ticks_accounted(evidence(rig=taken(accounts=()))).holds
 
 
 def test_event_must_be_recorded_with_its_words_within_the_window() -> None:
     event = EventRecord(0, 1, START + MS, "refused", {"reason": "say hello first"})
     noticed = evidence(rig=taken(events=(event,)))
-    assert noted("refused")(noticed).holds
-    assert noted("refused", "hello", "first")(noticed).holds
-    assert not noted("refused", "goodbye")(noticed).holds
-    assert not noted("joined")(noticed).holds
-    assert not noted("refused")(evidence(rig=taken(events=(replace(event, time_ns=0),)))).holds
+    assert recorded("refused")(noticed).holds
+    assert recorded("refused", "hello", "first")(noticed).holds
+    assert not recorded("refused", "goodbye")(noticed).holds
+    assert not recorded("joined")(noticed).holds
+    assert not recorded("refused")(evidence(rig=taken(events=(replace(event, time_ns=0),)))).holds
 
 
 def test_facts_and_failures_of_a_case_are_checked() -> None:
     fact = evidence(window=replace(WINDOW, facts={"answer": "say hello first"}))
-    assert told("answer", "hello")(fact).holds
-    assert not told("answer", "welcome")(fact).holds
-    assert not told("question", "hello")(fact).holds
-    assert back(fact).holds
-    assert not back(evidence(window=replace(WINDOW, trouble="nobody came"))).holds
+    assert fact_contains("answer", "hello")(fact).holds
+    assert not fact_contains("answer", "welcome")(fact).holds
+    assert not fact_contains("question", "hello")(fact).holds
+    assert recovered(fact).holds
+    assert not recovered(evidence(window=replace(WINDOW, trouble="nobody came"))).holds
 
 
 def test_active_safeguards_are_read_from_the_ticks() -> None:
     rig = taken()
     rig.ticks["left_safeguards"][5] = Safeguard.NOT_FINITE | Safeguard.ARMED
-    assert safeguarded("left", Safeguard.NOT_FINITE)(evidence(rig=rig)).holds
-    assert not safeguarded("left", Safeguard.TOO_FAST)(evidence(rig=rig)).holds
+    assert safeguard_reported("left", Safeguard.NOT_FINITE)(evidence(rig=rig)).holds
+    assert not safeguard_reported("left", Safeguard.TOO_FAST)(evidence(rig=rig)).holds
 
 
 def test_device_with_non_finite_position_must_have_zero_force() -> None:
     trace = trace_of(np.where(np.arange(LENGTH) < 500, 1.0, 0.0))
     trace["z"][500:] = np.nan
     found = evidence(traces={"left": [trace], "right": []})
-    assert powerless("left", to_the_end=True)(found).holds
-    assert powerless("left", to_the_end=False)(found).holds
+    assert no_force_if_failing("left", to_the_end=True)(found).holds
+    assert no_force_if_failing("left", to_the_end=False)(found).holds
     trace["z"][600:], trace["fz"][700:] = 0.0, 1.0
-    assert powerless("left", to_the_end=False)(found).holds
-    assert not powerless("left", to_the_end=True)(found).holds
+    assert no_force_if_failing("left", to_the_end=False)(found).holds
+    assert not no_force_if_failing("left", to_the_end=True)(found).holds
     trace["z"][499] = np.nan
-    assert powerless("left", to_the_end=False)(found).holds  # by which it found out
+    assert no_force_if_failing("left", to_the_end=False)(found).holds  # by which it found out
     trace["z"][498] = np.nan
-    assert not powerless("left", to_the_end=False)(found).holds
+    assert not no_force_if_failing("left", to_the_end=False)(found).holds
     trace["z"][:] = 0.0
-    assert not powerless("left", to_the_end=False)(found).holds
+    assert not no_force_if_failing("left", to_the_end=False)(found).holds
 
 
 def test_display_must_show_frames_at_the_end() -> None:
     at_end = {"left": np.array([WINDOW.stop_ns - MS]), "right": np.empty(0, np.int64)}
-    assert shown("left")(evidence(rig=taken(painted_ns=at_end))).holds
-    assert not shown("right")(evidence(rig=taken(painted_ns=at_end))).holds
+    assert frames_shown("left")(evidence(rig=taken(painted_ns=at_end))).holds
+    assert not frames_shown("right")(evidence(rig=taken(painted_ns=at_end))).holds
 
 
 def test_trial_paused_by_the_machine_before_the_fault_is_repeated() -> None:
     stood = pause(-4, "paused: the server stalled for 28 ms")
-    assert disturbed(evidence(rig=taken((stood,)))) == stood.why
-    for late in (pause(0, stood.why), pause(-301, stood.why)):
+    assert disturbed(evidence(rig=taken((stood,)))) == stood.reason
+    for late in (pause(0, stood.reason), pause(-301, stood.reason)):
         assert disturbed(evidence(rig=taken((late,)))) == ""
     lost = pause(-100)
     assert disturbed(evidence(rig=taken((lost,)))) == "", "the machine is not to blame"
     stalls = START + MS * np.array([[-250, -150]])
-    assert disturbed(evidence(rig=taken((lost,)), stalls=stalls)) == lost.why
+    assert disturbed(evidence(rig=taken((lost,)), stalls=stalls)) == lost.reason
 
 
 def test_recorded_force_must_equal_the_device_force_or_be_briefly_unknown() -> None:
@@ -257,11 +257,13 @@ def test_recorded_force_must_equal_the_device_force_or_be_briefly_unknown() -> N
 
 
 def test_neighbouring_dyad_must_be_unaffected() -> None:
-    assert neighbour_unmoved(evidence()).holds
-    assert neighbour_unmoved(evidence(neighbour=taken())).holds
-    assert neighbour_unmoved(evidence(neighbour=taken((pause(at=-500),)))).holds
-    assert not neighbour_unmoved(evidence(neighbour=taken((pause(),)))).holds
-    assert not neighbour_unmoved(evidence(neighbour=taken(accounts=(account(unexplained=(NumberRange(1, 2),)),)))).holds
+    assert neighbour_unaffected(evidence()).holds
+    assert neighbour_unaffected(evidence(neighbour=taken())).holds
+    assert neighbour_unaffected(evidence(neighbour=taken((pause(at=-500),)))).holds
+    assert not neighbour_unaffected(evidence(neighbour=taken((pause(),)))).holds
+    assert not neighbour_unaffected(
+        evidence(neighbour=taken(accounts=(account(unexplained=(NumberRange(1, 2),)),)))
+    ).holds
 
 
 def test_damaged_recording_fails_every_case(tmp_path: Path) -> None:

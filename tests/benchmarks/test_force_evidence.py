@@ -10,12 +10,12 @@ from netboard.base.tick import TICK
 from netboard.benchmarks.faults.devices import TRACE
 from netboard.benchmarks.faults.evidence import (
     between,
+    cuts_to_zero,
     fades,
     largest_step,
     pauses,
-    pauses_between,
-    steps_to_nothing,
-    without_cut,
+    split_at_cuts,
+    stalls_in,
 )
 from netboard.network.protocol.records import EventRecord
 from netboard.task.trials.state_machine import Cause, Phase
@@ -55,7 +55,7 @@ def test_fade_is_timed_from_the_last_updated_force() -> None:
     assert fade.held == pytest.approx(0.010)
     assert fade.begun == pytest.approx(0.011)
     assert fade.zero == pytest.approx(0.060)
-    assert fade.held_up == 0.0
+    assert fade.stalled == 0.0
 
 
 def test_force_updated_before_zero_has_no_time_of_zero() -> None:
@@ -73,7 +73,7 @@ def test_stall_of_the_agent_is_reported_with_the_fade() -> None:
     trace = np.delete(trace_of(fading_force, 100), slice(40, 55))
     fade, gap = fades(trace, 5 * MS)
     assert gap.held == 0.0
-    assert fade.held_up == pytest.approx(0.015)
+    assert fade.stalled == pytest.approx(0.015)
 
 
 def test_step_within_the_slew_limit_has_share_below_1() -> None:
@@ -109,17 +109,17 @@ def test_two_forces_give_no_step() -> None:
 def test_cut_to_zero_is_distinguished_from_a_ramp_down() -> None:
     down = trace_of(lambda k: max(0.0, 2.0 - 0.4 * k), 10)
     cut = trace_of(lambda k: 2.0 if k < 5 else 0.0, 10)
-    assert steps_to_nothing(down, SLEW) == []
-    assert [step.at_ns for step in steps_to_nothing(cut, SLEW)] == [1005 * MS]
-    parts = without_cut(cut, SLEW)
+    assert cuts_to_zero(down, SLEW) == []
+    assert [step.at_ns for step in cuts_to_zero(cut, SLEW)] == [1005 * MS]
+    parts = split_at_cuts(cut, SLEW)
     assert [part.size for part in parts] == [5, 5]
     assert max(largest_step(part, SLEW).share for part in parts) == 0.0
 
 
 def test_long_gaps_of_a_loop_are_found() -> None:
     times = MS * np.array([0, 1, 2, 40, 41, 100], np.int64)
-    assert (pauses_between(times) // MS).tolist() == [[2, 40], [41, 100]]
-    assert pauses_between(times[:3]).size == 0
+    assert (stalls_in(times) // MS).tolist() == [[2, 40], [41, 100]]
+    assert stalls_in(times[:3]).size == 0
 
 
 def test_between_returns_samples_of_a_half_open_interval() -> None:
@@ -135,16 +135,16 @@ def ticks_of(phases: list[tuple[Phase, int, int]]) -> NDArray:
     return ticks
 
 
-def fault(tick: int, why: str) -> EventRecord:
-    return EventRecord(0, tick, 0, "fault", {"notice": why})
+def fault(tick: int, reason: str) -> EventRecord:
+    return EventRecord(0, tick, 0, "fault", {"notice": reason})
 
 
 def test_pause_has_its_reason_and_the_next_trial() -> None:
     ticks = ticks_of([(Phase.RUNNING, 3, 1), (Phase.RUNNING, 3, 1), (Phase.PAUSED, 3, 1), (Phase.LEVELLING, 3, 2)])
     ticks["event"][1] = Cause.FAULT
     (pause,) = pauses(ticks, [fault(1, "paused: nobody there")])
-    assert (pause.at_ns, pause.why) == (MS, "paused: nobody there")
-    assert (pause.trial, pause.attempt, pause.again) == (3, 1, (3, 2))
+    assert (pause.at_ns, pause.reason) == (MS, "paused: nobody there")
+    assert (pause.trial, pause.attempt, pause.next_attempt) == (3, 1, (3, 2))
     assert pause.repeated
 
 
@@ -152,4 +152,4 @@ def test_unrepeated_trial_is_reported() -> None:
     ticks = ticks_of([(Phase.RUNNING, 3, 1), (Phase.PAUSED, 3, 1), (Phase.LEVELLING, 4, 1)])
     ticks["event"][0] = Cause.FAULT
     assert not pauses(ticks, [fault(0, "why")])[0].repeated
-    assert pauses(ticks[:2], [])[0].again is None
+    assert pauses(ticks[:2], [])[0].next_attempt is None

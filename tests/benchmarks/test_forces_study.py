@@ -23,7 +23,7 @@ def test_quick_study_writes_results_and_all_claims_hold(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("movement", [forces.MINE, forces.OTHERS])
+@pytest.mark.parametrize("movement", [forces.FIRST_MOVEMENT, forces.SECOND_MOVEMENT])
 def test_hands_move_the_ball_smoothly_into_its_target(movement: forces.Movement) -> None:
     rows = forces.record(forces._config("full"), movement, forces.TICKS)
     assert (rows["event"] == Cause.HELD).any()

@@ -8,7 +8,7 @@ import pytest
 
 from netboard.base.config import SIDES, Config, parse
 from netboard.base.tick import TICK, TICK_NS
-from netboard.benchmarks.loop.crowd import LightAgent, LightDyad, LightLogger, sample_frames
+from netboard.benchmarks.loop.light_peers import LightAgent, LightDyad, LightLogger, sample_frames
 from netboard.network.protocol import fixed
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import Hello, Ping, Pong, Welcome
@@ -78,7 +78,7 @@ def take_until(agent: LightAgent, counts: Counter[str], what: str) -> None:
     before = counts[what]
     while counts[what] == before:
         assert poller.wait_readable(agent._socket, TIMEOUT)
-        agent.take(counts)
+        agent.receive(counts)
 
 
 def test_light_agent_follows_the_agent_protocol(config: Config) -> None:

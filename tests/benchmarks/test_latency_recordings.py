@@ -5,7 +5,7 @@ import pytest
 
 from netboard.base.config import SIDES
 from netboard.base.tick import TICK, TICK_NS
-from netboard.benchmarks.loop.timing import REST, UP, WAIT, Played, played, punctuality, within
+from netboard.benchmarks.loop.timing import REST, UPLINK, WAIT, LoopTiming, loop_timing, tick_timing, within
 from netboard.recording.timing.stamps import COLUMNS, stamps_from
 from netboard.task.trials.state_machine import Phase
 
@@ -33,39 +33,39 @@ def whole(rows: np.ndarray) -> list[tuple[int, int]]:
     return [(int(rows["time_ns"][0]), int(rows["time_ns"][-1]) + 1)]
 
 
-def played_in(rows: np.ndarray, times: list[tuple[int, int]]) -> Played:
-    return played(stamps_from({name: rows[name] for name in COLUMNS}), times)
+def played_in(rows: np.ndarray, times: list[tuple[int, int]]) -> LoopTiming:
+    return loop_timing(stamps_from({name: rows[name] for name in COLUMNS}), times)
 
 
 def test_every_loop_is_counted_once(ticks: np.ndarray) -> None:
     found = played_in(ticks, whole(ticks))
     for side in SIDES:
-        assert found.took_ns[side].tolist() == [LOOP_NS + number for number in range(COUNT - 1)]
+        assert found.latency_ns[side].tolist() == [LOOP_NS + number for number in range(COUNT - 1)]
     assert found.answered == pytest.approx((COUNT - 1) / COUNT)
 
 
 def test_loop_time_is_the_sum_of_its_parts(ticks: np.ndarray) -> None:
     found = played_in(ticks, whole(ticks)).parts_ns
-    assert set(found[UP]) == {UP_NS, UP_NS + 1}
+    assert set(found[UPLINK]) == {UP_NS, UP_NS + 1}
     assert set(found[WAIT]) == {LEAD_NS - EARLY_NS}
-    assert (found[UP] + found[WAIT] + found[REST]).tolist() == 2 * [LOOP_NS + number for number in range(COUNT - 1)]
+    assert (found[UPLINK] + found[WAIT] + found[REST]).tolist() == 2 * [LOOP_NS + number for number in range(COUNT - 1)]
 
 
 def test_only_loops_reported_by_the_next_sample_are_split_into_parts(ticks: np.ndarray) -> None:
     ticks["left_seq"][50:] += 1  # one was lost
-    assert played_in(ticks, whole(ticks)).parts_ns[UP].size == 2 * (COUNT - 1) - 1
+    assert played_in(ticks, whole(ticks)).parts_ns[UPLINK].size == 2 * (COUNT - 1) - 1
 
 
 def test_repeated_loop_time_is_not_counted_again(ticks: np.ndarray) -> None:
     ticks["left_loop_ns"][20:30] = ticks["left_loop_ns"][19]
-    assert played_in(ticks, whole(ticks)).took_ns["left"].size == COUNT - 1 - 10
+    assert played_in(ticks, whole(ticks)).latency_ns["left"].size == COUNT - 1 - 10
 
 
 def test_ticks_outside_the_intervals_or_paused_are_left_out(ticks: np.ndarray) -> None:
     ticks["phase"][30:40] = Phase.PAUSED
     times = [(int(ticks["time_ns"][10]), int(ticks["time_ns"][20])), (int(ticks["time_ns"][30]), 2**62)]
     found = played_in(ticks, times)
-    assert found.took_ns["left"].size == 10 + 60
+    assert found.latency_ns["left"].size == 10 + 60
     assert found.ticks.ticks == 10 + 70
 
 
@@ -75,7 +75,7 @@ def test_intervals_are_half_open() -> None:
 
 def test_late_and_missed_ticks_are_counted() -> None:
     late_ns = np.array([-300_000, 0, 400_000, 600_000, 1_100_000, 5_000_000])
-    found = punctuality(late_ns, 3)
+    found = tick_timing(late_ns, 3)
     assert (found.ticks, found.late, found.missed) == (6, 3, 2 + 3)
     assert found.missed_of(600) == 500
 

@@ -15,8 +15,8 @@ from netboard.base.tick import TICK_NS
 from netboard.benchmarks.harness.running import Options
 from netboard.benchmarks.loop.servo import (
     BARE,
-    BUSY,
     KINDS,
+    LOADS,
     PYTHON,
     C,
     compute,
@@ -31,17 +31,17 @@ from netboard.services.cli import app
 COUNT = 1000
 
 
-def ticks(took_ns: int, off_ns: int) -> np.ndarray:
+def ticks(latency_ns: int, off_ns: int) -> np.ndarray:
     """Ticks that are alternately early and late."""
     began = np.arange(COUNT) * TICK_NS + np.arange(COUNT) % 2 * off_ns
-    return np.stack([began, began + took_ns], axis=1)
+    return np.stack([began, began + latency_ns], axis=1)
 
 
 def found(python_ns: int, busy_ns: int) -> dict[str, np.ndarray]:
     cost = {BARE: 100, PYTHON: python_ns, C: 1000}
     return {
-        kind + company: ticks(busy_ns if company and kind == PYTHON else cost[kind], 10 * cost[kind])
-        for company in BUSY.values()
+        kind + suffix: ticks(busy_ns if suffix and kind == PYTHON else cost[kind], 10 * cost[kind])
+        for suffix in LOADS
         for kind in KINDS
     }
 

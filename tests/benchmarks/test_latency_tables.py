@@ -20,12 +20,12 @@ from netboard.benchmarks.loop.loop import (
     loop_series,
     ratios_part,
 )
-from netboard.benchmarks.loop.rig import own_configs, write_configs
-from netboard.benchmarks.loop.scale import Served, holds, scale_part, waiting_part
-from netboard.benchmarks.loop.skips import AT_REST, CASES, FULL, NO_FORCES, NOBODY, skips_part
-from netboard.benchmarks.loop.soak import Kept, growth, memory_part, minutes_part, records_part, steady
-from netboard.benchmarks.loop.timing import played, punctuality
-from netboard.benchmarks.loop.usage import LOOP, OTHER, TRANSPORT, Cost, Spent, Usage
+from netboard.benchmarks.loop.rig import dyad_configs, write_configs
+from netboard.benchmarks.loop.scale import Served, holds, idle_part, scale_part
+from netboard.benchmarks.loop.skips import AT_REST, CASES, FULL, NO_FEEDBACK, NO_PEERS, skips_part
+from netboard.benchmarks.loop.soak import RecordedDyad, growth, memory_part, minutes_part, records_part, stays_prompt
+from netboard.benchmarks.loop.timing import loop_timing, tick_timing
+from netboard.benchmarks.loop.usage import LOOP, OTHER, TRANSPORT, Cost, ThreadUsage, Usage
 from netboard.recording.timing.stamps import COLUMNS, Stamps, stamps_from
 from netboard.services.loading import load
 from netboard.task.trials.state_machine import Phase
@@ -34,7 +34,11 @@ COUNT = 1000
 
 
 def cost(loop: float, transport: float = 0.0, seconds: float = 1.0) -> Cost:
-    spent = {LOOP: Spent(loop, 0.0, 1000, 0), TRANSPORT: Spent(transport, 0.0, 2000, 3), OTHER: Spent()}
+    spent = {
+        LOOP: ThreadUsage(loop, 0.0, 1000, 0),
+        TRANSPORT: ThreadUsage(transport, 0.0, 2000, 3),
+        OTHER: ThreadUsage(),
+    }
     return Cost(spent, seconds)
 
 
@@ -57,12 +61,12 @@ def stamps_with(loops_ns: Sequence[int], late_ns: int = 0) -> Stamps:
 def measured(*loops_ns: int, echo_ns: int = 200_000, late_ns: int = 0, agent: float = 0.1) -> Measured:
     """One round for each duration of the loop."""
     stamps = stamps_with(loops_ns, late_ns)
-    timer = punctuality(np.zeros(COUNT, np.int64), 0)
+    timer = tick_timing(np.zeros(COUNT, np.int64), 0)
     costs = {"server": cost(0.1, 0.05), "echo": cost(0.1)}
     costs |= {f"{side} agent": cost(agent) for side in SIDES} | {f"peer {side}": cost(0.05) for side in SIDES}
     spans = [(k * COUNT * TICK_NS, (k + 1) * COUNT * TICK_NS) for k in range(len(loops_ns))]
     rounds = [Round(span, np.full(2 * COUNT, echo_ns), timer, costs) for span in spans]
-    return Measured(rounds, stamps, played(stamps, spans), {"server": cost(0.1, 0.05)})
+    return Measured(rounds, stamps, loop_timing(stamps, spans), {"server": cost(0.1, 0.05)})
 
 
 def verdicts(part: Part) -> list[bool]:
@@ -106,16 +110,16 @@ def test_plotted_series_are_the_measured_durations() -> None:
 
 def test_costs_are_percentages_of_a_core_and_counts_per_tick() -> None:
     part = costs_part({"server": cost(0.2, 0.1, seconds=2.0)})
-    ((name, loop, transport, other, whole, waits, sleeps, wakes, ousted),) = part.rows
+    ((name, loop, transport, other, whole, waits, sleeps, wakes, preemptions),) = part.rows
     assert (name, other, waits) == ("server", 0.0, 0.0)
     assert (loop, transport, whole) == (pytest.approx(10), pytest.approx(5), pytest.approx(15))
-    assert (sleeps, wakes, ousted) == (pytest.approx(0.5), pytest.approx(1.0), pytest.approx(0.0015))
+    assert (sleeps, wakes, preemptions) == (pytest.approx(0.5), pytest.approx(1.0), pytest.approx(0.0015))
 
 
 def served(share: float, late: int = 0, active: float = 1.0, **counts: float) -> Served:
     late_ns = np.zeros(COUNT, np.int64)
     late_ns[:late] = TICK_NS
-    return Served(cost(share), counts, punctuality(late_ns, 0), active, np.zeros(COUNT, np.int64))
+    return Served(cost(share), counts, tick_timing(late_ns, 0), active, np.zeros(COUNT, np.int64))
 
 
 def test_server_holds_while_ticks_are_on_time_and_trials_continue() -> None:
@@ -140,16 +144,16 @@ def test_scaling_verdict_requires_linear_cost_and_held_dyads() -> None:
 
 def test_waiting_dyads_should_cost_little() -> None:
     found = {"agents, loggers, no trial": served(0.4), "no peers": served(0.02)}
-    assert verdicts(waiting_part(8, found)) == [True]
-    assert verdicts(waiting_part(2, found)) == [False]
+    assert verdicts(idle_part(8, found)) == [True]
+    assert verdicts(idle_part(2, found)) == [False]
 
 
 def test_skips_table_reports_the_saved_work() -> None:
     found = {name: served(0.1, forces=2000.0, beats=0.0, views=222.0) for name in CASES}
     assert verdicts(skips_part(found)) == [False, False, False]
-    found[NO_FORCES] = served(0.08, beats=500.0)
+    found[NO_FEEDBACK] = served(0.08, beats=500.0)
     found[AT_REST] = served(0.09, beats=500.0, views=40.0)
-    found[NOBODY] = served(0.001)
+    found[NO_PEERS] = served(0.001)
     part = skips_part(found)
     assert verdicts(part) == [True, True, True]
     assert part.rows[0][0] == FULL
@@ -159,7 +163,7 @@ def test_skips_table_reports_the_saved_work() -> None:
 # --- soak ----------------------------------------------------------------------------------------------------------
 
 
-def kept(p99_ms: float = 0.3, **changes: object) -> Kept:
+def dyads(p99_ms: float = 0.3, **changes: object) -> RecordedDyad:
     count = 600_000
     time_ns = np.arange(count) * TICK_NS
     loop_ns = np.full(count, 200_000)
@@ -177,27 +181,27 @@ def kept(p99_ms: float = 0.3, **changes: object) -> Kept:
         "loop_ns": loop_ns,
         "size": 5_000_000,
     }
-    return Kept(**(values | changes))  # type: ignore[arg-type]
+    return RecordedDyad(**(values | changes))  # type: ignore[arg-type]
 
 
 def test_records_verdict_fails_on_any_loss() -> None:
-    assert verdicts(records_part([kept(), kept()])) == [True]
+    assert verdicts(records_part([dyads(), dyads()])) == [True]
     for fault in ({"missing": 1}, {"lost": 1}, {"verified": False}):
-        assert verdicts(records_part([kept(), kept(**fault)])) == [False]
+        assert verdicts(records_part([dyads(), dyads(**fault)])) == [False]
 
 
 def test_end_of_a_soak_is_compared_with_its_beginning() -> None:
-    part = minutes_part([kept(p99_ms=0.4)])
+    part = minutes_part([dyads(p99_ms=0.4)])
     assert len(part.rows) == 10
     assert verdicts(part) == [True, True]
-    assert verdicts(minutes_part([kept(p99_ms=0.6)])) == [True, False]
+    assert verdicts(minutes_part([dyads(p99_ms=0.6)])) == [True, False]
     assert all(len(row) == len(part.columns) for row in part.rows)
 
 
 def test_very_short_times_may_vary_within_a_tolerance() -> None:
-    assert steady("ticks begin", [-0.2, -0.2, -0.12]).holds
-    assert steady("ticks begin", [0.01, 0.01, 0.1]).holds
-    assert not steady("ticks begin", [0.01, 0.01, 0.2]).holds
+    assert stays_prompt("ticks begin", [-0.2, -0.2, -0.12]).holds
+    assert stays_prompt("ticks begin", [0.01, 0.01, 0.1]).holds
+    assert not stays_prompt("ticks begin", [0.01, 0.01, 0.2]).holds
 
 
 def test_growth_is_the_slope_of_a_linear_fit() -> None:
@@ -237,11 +241,11 @@ def test_setting_is_converted_to_a_configuration() -> None:
 
 
 def test_dyads_have_their_own_ports_folders_and_ids(tmp_path: Path) -> None:
-    configs = own_configs(Setting(curve=True).config, tmp_path, 3)
+    configs = dyad_configs(Setting(curve=True).config, tmp_path, 3)
     assert len({config.network.port for config in configs}) == 3
     assert len({config.recording.directory for config in configs}) == 3
     assert len({config.session.dyad for config in configs}) == 3
     assert {config.network.keys for config in configs} == {str(tmp_path / "keys")}
     assert (tmp_path / "keys" / "agent.left.key").exists()
-    assert own_configs(Config(), tmp_path, 1)[0].network.port
+    assert dyad_configs(Config(), tmp_path, 1)[0].network.port
     assert [load(file) for file in write_configs(configs, tmp_path)] == configs

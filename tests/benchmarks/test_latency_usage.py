@@ -13,7 +13,7 @@ from netboard.benchmarks.loop.usage import (
     OTHER,
     TRANSPORT,
     Cost,
-    Spent,
+    ThreadUsage,
     Usage,
     add_costs,
     kind_of,
@@ -29,11 +29,11 @@ STATUS = "Name:\tZMQbg/IO/0\nvoluntary_ctxt_switches:\t1200\nnonvoluntary_ctxt_s
 def test_thread_times_are_read_from_schedstat() -> None:
     name, spent = parse_thread(STAT, "1500000000 2000000 42\n", STATUS, 100)
     assert name == "ZMQbg/IO/0"
-    assert spent == Spent(1.5, 0.002, 1200, 34)
+    assert spent == ThreadUsage(1.5, 0.002, 1200, 34)
 
 
 def test_thread_times_fall_back_to_clock_ticks() -> None:
-    assert parse_thread(STAT, "", STATUS, 100)[1] == Spent(3.0, 0.0, 1200, 34)
+    assert parse_thread(STAT, "", STATUS, 100)[1] == ThreadUsage(3.0, 0.0, 1200, 34)
 
 
 def test_thread_names_may_contain_parentheses_and_spaces() -> None:
@@ -47,18 +47,20 @@ def test_threads_are_classified_by_name() -> None:
 
 
 def test_usage_between_two_readings_is_a_difference() -> None:
-    before = Usage(1_000, {(7, LOOP): Spent(1.0, 0.5, 10, 1)}, 0)
-    after = Usage(2_000_001_000, {(7, LOOP): Spent(1.5, 0.5, 30, 1), (8, TRANSPORT): Spent(0.25, 0.0, 5, 0)}, 0)
+    before = Usage(1_000, {(7, LOOP): ThreadUsage(1.0, 0.5, 10, 1)}, 0)
+    after = Usage(
+        2_000_001_000, {(7, LOOP): ThreadUsage(1.5, 0.5, 30, 1), (8, TRANSPORT): ThreadUsage(0.25, 0.0, 5, 0)}, 0
+    )
     found = after.since(before)
     assert set(found) == set(KINDS)
-    assert found[LOOP] == Spent(0.5, 0.0, 20, 0)
-    assert found[TRANSPORT] == Spent(0.25, 0.0, 5, 0)
-    assert total(found.values()) == Spent(0.75, 0.0, 25, 0)
+    assert found[LOOP] == ThreadUsage(0.5, 0.0, 20, 0)
+    assert found[TRANSPORT] == ThreadUsage(0.25, 0.0, 5, 0)
+    assert total(found.values()) == ThreadUsage(0.75, 0.0, 25, 0)
     costs: dict[str, Cost] = {}
     add_costs(costs, {"server": before}, {"server": after})
     add_costs(costs, {"server": before}, {"server": after})
     assert costs["server"].seconds == pytest.approx(4.0)
-    assert costs["server"].spent[LOOP] == Spent(1.0, 0.0, 40, 0)
+    assert costs["server"].spent[LOOP] == ThreadUsage(1.0, 0.0, 40, 0)
 
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="there is no /proc")

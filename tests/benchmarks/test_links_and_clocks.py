@@ -36,11 +36,11 @@ def test_setting_the_wall_clock_of_a_process_keeps_its_monotonic_clock(tmp_path:
 @pytest.mark.skipif(bool(links.refusal()), reason=links.refusal())
 def test_disconnected_link_delays_messages_until_reconnected() -> None:
     before = Path("/proc/thread-self/ns/net").readlink()
-    with links.Spaces() as spaces, socket.create_server((links.SERVER, 0)) as server:
+    with links.Namespaces() as namespaces, socket.create_server((links.SERVER, 0)) as server:
         assert Path("/proc/thread-self/ns/net").readlink() != before
         server.settimeout(60)
-        way = spaces.way("left", server.getsockname()[1])
-        command = [*way.before, sys.executable, "-c", _STATION.format(way.host, way.port)]
+        route = namespaces.route("left", server.getsockname()[1])
+        command = [*route.prefix, sys.executable, "-c", _STATION.format(route.host, route.port)]
         with subprocess.Popen(command, stdin=subprocess.PIPE, bufsize=0) as station:
             assert station.stdin is not None
             connection, (peer, _) = server.accept()
@@ -48,12 +48,12 @@ def test_disconnected_link_delays_messages_until_reconnected() -> None:
                 connection.settimeout(60)
                 assert peer == "10.213.1.2"
                 assert connection.recv(5) == b"first"
-                spaces.pull("left")
+                namespaces.pull("left")
                 station.stdin.write(b"\n")
                 connection.settimeout(0.2)
                 with pytest.raises(TimeoutError):
                     connection.recv(6)
-                spaces.plug("left")
+                namespaces.plug("left")
                 connection.settimeout(60)
                 assert connection.recv(6) == b"second"
     assert Path("/proc/thread-self/ns/net").readlink() == before

@@ -5,22 +5,22 @@ import pytest
 from netboard.analysis.extraction.settings import Readings
 from netboard.base.errors import ConfigError
 from netboard.benchmarks.analysis.multiverse import EXCLUDED, random_paths
-from netboard.benchmarks.analysis.open_questions import AMBIGUITIES, PAIRS, Alternative, ambiguity, readings_of
+from netboard.benchmarks.analysis.open_questions import PAIRS, QUESTIONS, Alternative, question_named, readings_of
 
-ALTERNATIVES = [(one.name, other) for one in AMBIGUITIES for other in one.alternatives]
+ALTERNATIVES = [(one.name, other) for one in QUESTIONS for other in one.alternatives]
 
 
 def test_every_open_question_is_listed_once() -> None:
-    names = [one.name for one in AMBIGUITIES]
+    names = [one.name for one in QUESTIONS]
     assert names == [f"A{number}" for number in range(1, 33)] + ["B5", "E4", "E5"]
 
 
 def test_every_question_has_alternatives_or_a_reason() -> None:
-    for one in AMBIGUITIES:
+    for one in QUESTIONS:
         assert bool(one.alternatives) != bool(one.reason), one.name
-        assert one.question
+        assert one.text
         assert one.default
-        assert one.touches
+        assert one.families
 
 
 @pytest.mark.parametrize(("name", "other"), ALTERNATIVES, ids=[f"{name} {other.name}" for name, other in ALTERNATIVES])
@@ -48,14 +48,14 @@ def test_unknown_setting_is_refused() -> None:
 
 def test_paired_questions_affect_the_same_numbers() -> None:
     for one, other in PAIRS:
-        assert set(ambiguity(one).touches) & set(ambiguity(other).touches)
-        assert ambiguity(one).alternatives
-        assert ambiguity(other).alternatives
+        assert set(question_named(one).families) & set(question_named(other).families)
+        assert question_named(one).alternatives
+        assert question_named(other).alternatives
 
 
 def test_unknown_question_is_refused() -> None:
     with pytest.raises(KeyError, match="A33"):
-        ambiguity("A33")
+        question_named("A33")
 
 
 @pytest.mark.slow
@@ -68,7 +68,7 @@ def test_random_paths_cover_likely_answers_and_depend_only_on_the_seed() -> None
     for one, variants in zip(paths.measured, paths.summaries, strict=True):
         assert all((way.filters, way.delays, way.peaks) == (one.filters, one.delays, one.peaks) for way in variants)
     seen = {setting for one in (*paths.measured, *sum(paths.summaries, ())) for setting in _settings(one)}
-    for one in AMBIGUITIES:
+    for one in QUESTIONS:
         for other in one.alternatives:
             expected = other.likely and one.name not in EXCLUDED
             assert all(setting in seen for setting in other.settings) == expected, (one.name, other.name)
@@ -85,7 +85,7 @@ def _settings(readings: Readings) -> set[str]:
 
 
 def test_number_of_paths_is_the_product_of_the_numbers_of_answers() -> None:
-    answers = [1 + sum(other.likely for other in one.alternatives) for one in AMBIGUITIES if one.name not in EXCLUDED]
+    answers = [1 + sum(other.likely for other in one.alternatives) for one in QUESTIONS if one.name not in EXCLUDED]
     product = 1
     for count in answers:
         product *= count

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -124,7 +125,7 @@ def test_study_writes_predictions_ablations_and_comparisons(tmp_path: Path, monk
         "netboard.benchmarks.participants.bench._performances",
         lambda *_: (Performance(next(pools), given_up=0) for _ in range(4)),
     )
-    run("participants", study(3, 4, 1), Options(tmp_path / "found", tmp_path / "found.json", quick=True))
+    run("participants", partial(study, 3, 4, 1), Options(tmp_path / "found", tmp_path / "found.json", quick=True))
     parts = {part["name"]: part for part in json.loads((tmp_path / "found.json").read_text())["parts"]}
     assert set(parts) == {"predictions", "others", "ablations"}
     assert len(parts["predictions"]["rows"]) == len(parts["ablations"]["rows"]) > len(STATEMENTS)

@@ -6,7 +6,7 @@ from contextlib import ExitStack
 
 import pytest
 
-from netboard.benchmarks.faults.relay import FAIR, Flow, Relay, Weather
+from netboard.benchmarks.faults.relay import UNIMPAIRED, Flow, Impairment, Relay
 
 pytestmark = pytest.mark.integration
 
@@ -66,7 +66,7 @@ def test_data_larger_than_any_buffer_passes_complete(line: Line) -> None:
 
 
 def test_delay_jitter_and_stalls_lose_no_data(line: Line) -> None:
-    line.relay.weather(Weather(delay=0.001, jitter=0.005, stalls=20.0, rate=1e6), Weather(delay=0.002))
+    line.relay.impair(Impairment(delay=0.001, jitter=0.005, stalls=20.0, rate=1e6), Impairment(delay=0.002))
     client, server = line.connect()
     client.sendall(b"".join(b"%04d" % k for k in range(1000)))
     received = b""
@@ -85,7 +85,7 @@ def test_held_data_arrives_after_mending(line: Line) -> None:
     with pytest.raises(TimeoutError):
         server.recv(1)
     server.settimeout(TIMEOUT)
-    line.relay.mend()
+    line.relay.restore()
     assert server.recv(1) == b"b"
 
 
@@ -97,14 +97,14 @@ def test_cut_resets_connections_until_mended(line: Line) -> None:
     with pytest.raises(ConnectionResetError):
         server.recv(1)
     assert_reset(line.relay.port)
-    line.relay.mend()
+    line.relay.restore()
     client, server = line.connect()
     client.sendall(b"again")
     assert server.recv(100) == b"again"
 
 
 def test_doubled_connection_is_received_twice_and_answered_once(line: Line) -> None:
-    line.relay.double(True)
+    line.relay.duplicate(True)
     client, server = line.connect()
     copy = line.accept()
     client.sendall(b"twice")
@@ -115,7 +115,7 @@ def test_doubled_connection_is_received_twice_and_answered_once(line: Line) -> N
 
 
 def test_close_is_forwarded_after_data_in_flight(line: Line) -> None:
-    line.relay.weather(up=Weather(delay=0.05))
+    line.relay.impair(up=Impairment(delay=0.05))
     client, server = line.connect()
     client.sendall(b"last words")
     client.close()
@@ -141,15 +141,15 @@ def flow() -> Iterator[tuple[Flow, socket.socket, socket.socket]]:
 def test_flow_releases_only_data_that_is_due(flow: tuple[Flow, socket.socket, socket.socket]) -> None:
     line, a, b = flow
     a.sendall(b"first")
-    line.take(Weather(delay=0.010), 0)
+    line.read(Impairment(delay=0.010), 0)
     a.sendall(b"second")
-    line.take(FAIR, 1 * MS)
+    line.read(UNIMPAIRED, 1 * MS)
     assert line.due_ns == 10 * MS
-    line.give(9 * MS)
+    line.forward(9 * MS)
     b.setblocking(False)
     with pytest.raises(BlockingIOError):
         b.recv(100)
-    line.give(10 * MS)  # data with a shorter delay does not overtake
+    line.forward(10 * MS)  # data with a shorter delay does not overtake
     assert b.recv(100) == b"firstsecond"
     assert line.due_ns == float("inf")
 
@@ -158,7 +158,7 @@ def test_throttled_flow_limits_the_rate(flow: tuple[Flow, socket.socket, socket.
     line, a, _ = flow
     for _ in range(3):
         a.sendall(bytes(1000))
-        line.take(Weather(rate=1e6), 0)
-    line.give(2 * MS)
+        line.read(Impairment(rate=1e6), 0)
+    line.forward(2 * MS)
     assert line.bytes == 1000
     assert line.due_ns == 3 * MS

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rehearsed_plan import rehearsed_plan
 
 from made_recordings import recorded as written
 from made_recordings import two_trials
@@ -26,12 +25,13 @@ from netboard.benchmarks.analysis.remeasuring import (
 )
 from netboard.recording.export.runs import Run, runs_of
 from netboard.recording.files.reader import Recording
+from rehearsed_study import rehearse
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     """A rehearsed block of eight trials."""
-    (path,) = rehearsed_plan(tmp_path_factory.mktemp("plan"), 8, blocks=1)
+    (path,) = rehearse(tmp_path_factory.mktemp("plan"), 1, (1,), 8)
     return runs_of([path])[0]
 
 

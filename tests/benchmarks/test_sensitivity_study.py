@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rehearsed_plan import rehearsed_plan
 from typer.testing import CliRunner
 
 from netboard.base.config import Config
@@ -14,7 +13,7 @@ from netboard.base.errors import RecordingError
 from netboard.benchmarks.analysis.disturbance_tables import MEASURES
 from netboard.benchmarks.analysis.disturbances import DISTURBANCES
 from netboard.benchmarks.analysis.multiverse import HEADLINES, count_holding
-from netboard.benchmarks.analysis.open_questions import AMBIGUITIES
+from netboard.benchmarks.analysis.open_questions import QUESTIONS
 from netboard.benchmarks.analysis.question_tables import change, signed
 from netboard.benchmarks.analysis.reported_numbers import STATEMENTS
 from netboard.benchmarks.analysis.sensitivity_bench import (
@@ -28,6 +27,7 @@ from netboard.benchmarks.harness.results import Folder, Part
 from netboard.services.cli import app
 from netboard.task.plans.plan import blocks_of, shortened
 from netboard.task.studies.study import paper_study
+from rehearsed_study import rehearse
 
 whole = pytest.mark.daily(1, of="longest", part="sensitivity")
 
@@ -43,7 +43,7 @@ def test_short_study_has_each_condition_twice() -> None:
 
 @pytest.fixture(scope="module")
 def recordings(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    return rehearsed_plan(tmp_path_factory.mktemp("plan"), 2)
+    return rehearse(tmp_path_factory.mktemp("plan"), 1, tuple(range(1, 19)), 2)
 
 
 @pytest.fixture(scope="module")
@@ -66,9 +66,9 @@ def parts(recordings: list[Path], tmp_path_factory: pytest.TempPathFactory) -> d
 @whole
 def test_every_alternative_has_a_row(parts: dict[str, Part]) -> None:
     rows = [(row[0], row[3]) for row in parts["readings"].rows]
-    expected = [(one.name, other.name) for one in AMBIGUITIES for other in one.alternatives]
+    expected = [(one.name, other.name) for one in QUESTIONS for other in one.alternatives]
     assert [row for row in rows if row[1] != "none"] == expected
-    assert {name for name, _ in rows} == {one.name for one in AMBIGUITIES}
+    assert {name for name, _ in rows} == {one.name for one in QUESTIONS}
 
 
 @pytest.mark.slow
@@ -113,7 +113,7 @@ def test_paths_and_statements_cover_all_paths(parts: dict[str, Part]) -> None:
     assert [row[-1] for row in parts["paths"].rows[:2]] == [16, 16]
     for _, _, least, low, middle, high, most, _, _ in parts["paths"].rows:
         assert np.isnan(least) or least <= low <= middle <= high <= most
-    assert [row[0] for row in parts["statements"].rows] == [one.words for one in STATEMENTS]
+    assert [row[0] for row in parts["statements"].rows] == [one.text for one in STATEMENTS]
 
 
 @pytest.mark.slow
@@ -177,11 +177,11 @@ def test_statements_are_counted_where_they_are_defined() -> None:
 
 
 def test_invalid_arguments_are_refused(tmp_path: Path) -> None:
-    for words, message in (
+    for text, message in (
         (("--sensitivity", str(tmp_path)), "folder with recordings"),
         (("--sensitivity", "--workers", "2"), "--workers"),
     ):
-        found = CliRunner().invoke(app, ["bench", "analysis", *words])
+        found = CliRunner().invoke(app, ["bench", "analysis", *text])
         assert found.exit_code == 2
         assert message in found.output
     assert not list(tmp_path.iterdir())

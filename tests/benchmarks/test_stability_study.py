@@ -17,6 +17,7 @@ from netboard.benchmarks.harness.machine import describe
 from netboard.benchmarks.harness.results import Folder, Part, Verdict, new_folder, show
 from netboard.benchmarks.physics.batch import LANES, in_blocks, make_batch, scene_blocks
 from netboard.benchmarks.physics.problem import hermite_drives, styluses_at
+from netboard.benchmarks.stability.corrupted_samples import corrupted_samples
 from netboard.benchmarks.stability.maps import (
     PLANES,
     Cell,
@@ -26,11 +27,10 @@ from netboard.benchmarks.stability.maps import (
     measure_cell,
     tick_limits,
 )
-from netboard.benchmarks.stability.odd_hands import odd_hands
 from netboard.benchmarks.stability.rest import energies, energy_drift, perfect_rest
 from netboard.benchmarks.stability.runs import STUDIED, is_bounded, scaled
 from netboard.benchmarks.stability.soak import BALANCE, soak_kind
-from netboard.benchmarks.stability.soak_audit import GROWTH, SUMS, SUPPLY, THROUGH, WRONG, make_audit
+from netboard.benchmarks.stability.soak_audit import GROWTH, IMBALANCE, SUMS, SUPPLY, THROUGH, make_audit
 from netboard.benchmarks.stability.soak_dyads import (
     DYADS,
     HAND,
@@ -129,7 +129,7 @@ def test_board_at_rest_reaches_zero_without_denormals() -> None:
 
 @pytest.mark.slow
 def test_live_tick_survives_invalid_hand_samples() -> None:
-    part = odd_hands(Config())
+    part = corrupted_samples(Config())
     assert part.holds, part.verdicts
 
 
@@ -145,7 +145,7 @@ def test_short_soak_finds_no_energy_error(name: str) -> None:
     assert found.within.checks + found.beyond.checks == found.steps // 100
     assert found.within.lost == 0
     assert found.within.excess < 0.0
-    assert found.within.wrong < BALANCE
+    assert found.within.imbalance < BALANCE
 
 
 @pytest.mark.slow
@@ -160,10 +160,10 @@ def test_audit_detects_spurious_energy() -> None:
     sums = np.zeros((2, SUMS, LANES))
     audit(before, after, hands, scenes, sums[:1])
     audit(before, 1.05 * after, hands, scenes, sums[1:])
-    honest, wrong = sums
-    assert np.all(np.abs(honest[WRONG]) < 1e-2 * honest[THROUGH])
+    honest, imbalance = sums
+    assert np.all(np.abs(honest[IMBALANCE]) < 1e-2 * honest[THROUGH])
     assert np.all(honest[GROWTH] < honest[SUPPLY])
-    assert np.median(np.abs(wrong[WRONG]) / wrong[THROUGH]) > 0.1
+    assert np.median(np.abs(imbalance[IMBALANCE]) / imbalance[THROUGH]) > 0.1
 
 
 def test_drawn_scenes_need_one_rk4_step_per_tick() -> None:

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 
 from netboard.base.errors import ConfigError
 from netboard.benchmarks.harness.results import Folder
-from netboard.benchmarks.physics.bench import Wanted, choose_peers, study
+from netboard.benchmarks.physics.bench import Selection, choose_peers, study
 from netboard.benchmarks.physics.figures import draw
 from netboard.benchmarks.physics.horizons import holds_part
-from netboard.benchmarks.physics.own_methods import collocation_solvers, meeting, one_step_solvers
+from netboard.benchmarks.physics.netboard_methods import collocation_solvers, meeting, one_step_solvers
 from netboard.benchmarks.physics.parts import ratios_parts
 from netboard.benchmarks.physics.problem import MODELS, Model, Problem, make_reference, tight
 from netboard.benchmarks.physics.skips import SAME, SKIPS, Skip, difference
@@ -216,8 +216,8 @@ def test_skipped_work_changes_no_result(model: Model, skip: Skip) -> None:
 @pytest.mark.daily(1, of="quick benchmarks")
 def test_quick_study_has_all_its_parts(tmp_path: Path) -> None:
     folder = Folder(tmp_path / "results")
-    wanted = Wanted((Problem("paper", "settled"),), (), repeats=1, budget=0.0)
-    parts = list(study(wanted, folder, lambda text, share: None, quick=True))
+    selection = Selection((Problem("paper", "settled"),), (), repeats=1, budget=0.0)
+    parts = list(study(selection, folder, lambda text, share: None, quick=True))
     names = [part.name for part in parts]
     assert names[:5] == ["reference", "runs", "steps", "costs-paper-settled", "frontier"]
     assert {"holds", "tick", "skips"} < set(names)

@@ -22,17 +22,7 @@ ENDPOINTS = (0x81, 0x02)
 
 
 class Falcon:
-    """One device.
-
-    Parameters
-    ----------
-    serial : str
-        Its serial number.
-    loaded : bool
-        Whether its firmware is loaded already.
-    homed : bool
-        Whether its encoders are homed.
-    """
+    """One device; ``loaded``: its firmware is loaded already, ``homed``: its encoders are homed."""
 
     def __init__(self, serial: str = "FALCON1", loaded: bool = True, homed: bool = True) -> None:
         self.serial = serial
@@ -200,13 +190,7 @@ class Handle:
 
 
 class Bus(usb.backend.IBackend):
-    """USB backend that pyusb takes for the one of this machine.
-
-    Parameters
-    ----------
-    *falcons : Falcon
-        The devices on it.
-    """
+    """USB backend that pyusb takes for the one of this machine."""
 
     def __init__(self, *falcons: Falcon) -> None:
         super().__init__()

@@ -4,20 +4,8 @@ from collections import deque
 from typing import Any
 
 
-class Cap:
-    """A SpaceMouse.
-
-    Parameters
-    ----------
-    vendor, product : int
-        Its ids.
-    serial : str
-        Its serial number.
-    path : bytes
-        Where hidapi finds it.
-    separate_rotation : bool
-        Whether rotations have a separate report.
-    """
+class FakeSpaceMouse:
+    """A SpaceMouse; ``path``: its name for hidapi, ``separate_rotation``: rotations have a separate report."""
 
     def __init__(
         self,
@@ -72,7 +60,7 @@ class device:  # noqa: N801 - as hidapi calls it
     hid: "FakeHid"
 
     def __init__(self) -> None:
-        self._cap: Cap | None = None
+        self._cap: FakeSpaceMouse | None = None
 
     def open_path(self, path: bytes) -> None:
         caps = [cap for cap in self.hid.caps if cap.path == path and cap.plugged and cap.permitted]
@@ -106,22 +94,16 @@ class device:  # noqa: N801 - as hidapi calls it
             self._cap.opened -= 1
             self._cap = None
 
-    def _open_cap(self) -> Cap:
+    def _open_cap(self) -> FakeSpaceMouse:
         if self._cap is None:
             raise ValueError("not open")
         return self._cap
 
 
 class FakeHid:
-    """The module.
+    """The module, with the devices that are plugged in."""
 
-    Parameters
-    ----------
-    *caps : Cap
-        What is plugged in.
-    """
-
-    def __init__(self, *caps: Cap) -> None:
+    def __init__(self, *caps: FakeSpaceMouse) -> None:
         self.caps = caps
         self.device = type("device", (device,), {"hid": self})
 

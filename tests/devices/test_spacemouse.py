@@ -7,7 +7,7 @@ from math import hypot
 
 import pytest
 from contract import MS, DeviceContract
-from fake_hid import Cap, FakeHid
+from fake_hid import FakeHid, FakeSpaceMouse
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -37,16 +37,16 @@ def plug(monkeypatch: pytest.MonkeyPatch) -> Plug:
 
 
 @pytest.fixture
-def cap(plug: Plug) -> Cap:
+def cap(plug: Plug) -> FakeSpaceMouse:
     """A cap that is plugged in."""
-    connected = Cap()
+    connected = FakeSpaceMouse()
     plug(connected)
     return connected
 
 
 class TestSpaceMouse(DeviceContract):
     @pytest.fixture(autouse=True)
-    def plugged(self, cap: Cap) -> None:
+    def plugged(self, cap: FakeSpaceMouse) -> None:
         self.cap = cap
 
     def make(self, config: Config) -> Device:
@@ -70,7 +70,7 @@ class TestSpaceMouse(DeviceContract):
 )
 def test_pushes_map_to_scene_axes(plug: Plug, separate: bool, pushed: tuple, moved: tuple) -> None:
     """On the wire, right is y, towards the person is x, and down is -z; in both report formats."""
-    cap = Cap(separate_rotation=separate)
+    cap = FakeSpaceMouse(separate_rotation=separate)
     plug(cap)
     with mouse(speed=0.1) as device:
         cap.push(*pushed, rx=200, ry=-100, rz=50)
@@ -80,7 +80,7 @@ def test_pushes_map_to_scene_axes(plug: Plug, separate: bool, pushed: tuple, mov
         assert (reading.x, reading.y, reading.z) == pytest.approx([0.001 * part for part in moved])
 
 
-def test_recorded_report_is_decoded(cap: Cap) -> None:
+def test_recorded_report_is_decoded(cap: FakeSpaceMouse) -> None:
     """x = 100, y = -200, z = 350; then buttons 1 and 2, then none."""
     with mouse(dead_zone=0, expo=0, speed=0.35) as device:
         cap.reports += [[0x01, 0x64, 0x00, 0x38, 0xFF, 0x5E, 0x01], [0x02, 0, 0, 0, 0, 0, 0], [0x03, 0x03, 0x00]]
@@ -91,13 +91,13 @@ def test_recorded_report_is_decoded(cap: Cap) -> None:
         assert device.read(2 * MS).buttons == 0
 
 
-def test_long_button_report_is_one_bit_mask(cap: Cap) -> None:
+def test_long_button_report_is_one_bit_mask(cap: FakeSpaceMouse) -> None:
     with mouse() as device:
         cap.press(1 << 26 | 1, size=6)
         assert device.read(MS).buttons == 1 << 26 | 1
 
 
-def test_read_consumes_all_reports_and_uses_the_latest(cap: Cap) -> None:
+def test_read_consumes_all_reports_and_uses_the_latest(cap: FakeSpaceMouse) -> None:
     with mouse(speed=0.1) as device:
         for push in (10, 200, FULL):
             cap.push(push, 0, 0)
@@ -108,7 +108,7 @@ def test_read_consumes_all_reports_and_uses_the_latest(cap: Cap) -> None:
 @pytest.mark.slow
 @given(st.lists(st.lists(st.integers(0, 255), min_size=1, max_size=20), max_size=20))
 def test_arbitrary_reports_keep_position_and_velocity_in_bounds(reports: list) -> None:
-    cap = Cap()
+    cap = FakeSpaceMouse()
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(sys.modules, "hid", FakeHid(cap))  # type: ignore[arg-type]
         with mouse(workspace=0.02) as device:
@@ -122,7 +122,7 @@ def test_arbitrary_reports_keep_position_and_velocity_in_bounds(reports: list) -
 # --- movement of the stylus --------------------------------------------------------------------------------------
 
 
-def test_cap_at_rest_does_not_move_the_stylus(cap: Cap) -> None:
+def test_cap_at_rest_does_not_move_the_stylus(cap: FakeSpaceMouse) -> None:
     """A cap whose rest position is slightly off does not move the stylus, even after a long time."""
     with mouse() as device:
         for k in range(5000):
@@ -131,7 +131,7 @@ def test_cap_at_rest_does_not_move_the_stylus(cap: Cap) -> None:
         assert (reading.x, reading.y, reading.z) == (0.0, 0.0, 0.0)
 
 
-def test_push_moves_the_stylus_and_release_stops_it(cap: Cap) -> None:
+def test_push_moves_the_stylus_and_release_stops_it(cap: FakeSpaceMouse) -> None:
     with mouse(speed=0.1) as device:
         device.read(0)
         for k in range(1, 101):
@@ -159,7 +159,7 @@ def test_expo_reduces_small_pushes_but_not_full_ones() -> None:
     assert curved._share(FULL // 3) < linear._share(FULL // 3) / 4
 
 
-def test_stylus_stays_in_its_workspace(cap: Cap) -> None:
+def test_stylus_stays_in_its_workspace(cap: FakeSpaceMouse) -> None:
     with mouse(workspace=0.03) as device:
         for k in range(1000):
             cap.push(FULL, FULL, FULL)
@@ -171,7 +171,7 @@ def test_stylus_stays_in_its_workspace(cap: Cap) -> None:
         assert device.read(1010 * MS).z > -0.03
 
 
-def test_position_mode_follows_the_push_and_returns_to_the_centre(cap: Cap) -> None:
+def test_position_mode_follows_the_push_and_returns_to_the_centre(cap: FakeSpaceMouse) -> None:
     with mouse(mode="position", reach=0.04) as device:
         last = device.read(0)
         for k in range(1, 400):
@@ -184,7 +184,7 @@ def test_position_mode_follows_the_push_and_returns_to_the_centre(cap: Cap) -> N
         assert last.z == pytest.approx(0.0, abs=1e-4)
 
 
-def test_push_without_further_reports_ends_at_the_timeout(cap: Cap) -> None:
+def test_push_without_further_reports_ends_at_the_timeout(cap: FakeSpaceMouse) -> None:
     with mouse() as device:
         cap.push(FULL, 0, 0)
         assert device.read(MS).vy > 0
@@ -192,14 +192,14 @@ def test_push_without_further_reports_ends_at_the_timeout(cap: Cap) -> None:
         assert device.read(2 * MS + RELEASE_TIMEOUT_NS).vy == 0.0
 
 
-def test_long_pause_between_readings_causes_no_jump(cap: Cap) -> None:
+def test_long_pause_between_readings_causes_no_jump(cap: FakeSpaceMouse) -> None:
     with mouse(speed=1.0) as device:
         device.read(0)
         cap.push(FULL, 0, 0)
         assert device.read(10_000 * MS).y == pytest.approx(0.05)
 
 
-def test_reopened_device_starts_at_the_centre(cap: Cap) -> None:
+def test_reopened_device_starts_at_the_centre(cap: FakeSpaceMouse) -> None:
     device = mouse()
     with device:
         cap.push(FULL, 0, 0)
@@ -214,14 +214,14 @@ def test_reopened_device_starts_at_the_centre(cap: Cap) -> None:
 
 @pytest.mark.parametrize("ids", SPACEMOUSE)
 def test_every_supported_model_is_named(plug: Plug, ids: tuple[int, int]) -> None:
-    plug(Cap(*ids))
+    plug(FakeSpaceMouse(*ids))
     with mouse() as device:
         assert device.info.model == f"3Dconnexion {SPACEMOUSE[ids]}"
         assert device.info.max_force == 0.0
 
 
 def test_device_is_selected_by_serial_number_or_path(plug: Plug) -> None:
-    first, second = Cap(serial="A", path=b"1-1:1.0"), Cap(serial="B", path=b"1-2:1.0")
+    first, second = FakeSpaceMouse(serial="A", path=b"1-1:1.0"), FakeSpaceMouse(serial="B", path=b"1-2:1.0")
     plug(first, second)
     with mouse(serial="B") as device:
         assert device.info.serial == "B"
@@ -231,12 +231,12 @@ def test_device_is_selected_by_serial_number_or_path(plug: Plug) -> None:
 
 
 def test_device_without_serial_number_is_identified_by_its_path(plug: Plug) -> None:
-    plug(Cap(serial=""))
+    plug(FakeSpaceMouse(serial=""))
     with mouse() as device:
         assert device.info.serial == "1-2:1.0"
 
 
-def test_unknown_device_error_lists_connected_ones(cap: Cap) -> None:
+def test_unknown_device_error_lists_connected_ones(cap: FakeSpaceMouse) -> None:
     with pytest.raises(
         DeviceNotFound, match=r"with serial 'X'; there are: SpaceMouse Compact, serial 'CAP1', path '1-2:1"
     ):
@@ -251,7 +251,7 @@ def test_missing_spacemouse_is_reported(plug: Plug) -> None:
         mouse().open()
 
 
-def test_missing_permission_error_points_to_the_udev_rules(cap: Cap) -> None:
+def test_missing_permission_error_points_to_the_udev_rules(cap: FakeSpaceMouse) -> None:
     cap.permitted = False
     with pytest.raises(
         DeviceNotFound, match=r"SpaceMouse Compact at 1-2:1\.0 cannot be opened .*udev/70-netboard\.rules"
@@ -259,7 +259,7 @@ def test_missing_permission_error_points_to_the_udev_rules(cap: Cap) -> None:
         mouse().open()
 
 
-def test_unplugged_spacemouse_raises_device_lost(cap: Cap) -> None:
+def test_unplugged_spacemouse_raises_device_lost(cap: FakeSpaceMouse) -> None:
     device = mouse()
     device.open()
     cap.plugged = False
@@ -269,7 +269,7 @@ def test_unplugged_spacemouse_raises_device_lost(cap: Cap) -> None:
     assert cap.opened == 0
 
 
-def test_lamp_is_lit_while_the_device_is_open(cap: Cap) -> None:
+def test_lamp_is_lit_while_the_device_is_open(cap: FakeSpaceMouse) -> None:
     with mouse():
         assert cap.lamp
     assert not cap.lamp

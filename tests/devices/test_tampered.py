@@ -16,9 +16,9 @@ from netboard.benchmarks.faults.devices import (
     NAME,
     TamperedTouch,
     install,
-    play_trick,
     read_trace,
     read_traces,
+    set_device_fault,
     trace_file,
 )
 from netboard.devices.contract import registry
@@ -79,22 +79,22 @@ def test_device_can_be_held_by_a_simulated_hand(device: TamperedTouch) -> None:
 
 def test_nan_fault_gives_nan_readings(device: TamperedTouch, tmp_path: Path) -> None:
     assert not isnan(device.read(MS).z)
-    play_trick(tmp_path, "left", "nan")
+    set_device_fault(tmp_path, "left", "nan")
     reading = device.read(2 * MS)
     assert all(map(isnan, (reading.x, reading.y, reading.z, reading.vz)))
 
 
 def test_frozen_fault_repeats_the_reading_until_cleared(device: TamperedTouch, tmp_path: Path) -> None:
     before = device.read(MS)
-    play_trick(tmp_path, "left", "frozen")
+    set_device_fault(tmp_path, "left", "frozen")
     assert device.read(5 * MS) == before
-    play_trick(tmp_path, "left", "none")
+    set_device_fault(tmp_path, "left", "none")
     assert device.read(6 * MS).stamp_ns == 6 * MS
 
 
 def test_jump_fault_shifts_the_position_and_raises_the_velocity(device: TamperedTouch, tmp_path: Path) -> None:
     before = device.read(MS)
-    play_trick(tmp_path, "left", "jump")
+    set_device_fault(tmp_path, "left", "jump")
     after = device.read(2 * MS)
     assert after.z - before.z == pytest.approx(JUMP, abs=1e-3)
     assert after.vz > 10.0
@@ -102,7 +102,7 @@ def test_jump_fault_shifts_the_position_and_raises_the_velocity(device: Tampered
 
 def test_gone_fault_loses_the_device_after_zero_force(device: TamperedTouch, tmp_path: Path) -> None:
     device.write(0.0, 0.0, 0.5)
-    play_trick(tmp_path, "left", "gone")
+    set_device_fault(tmp_path, "left", "gone")
     with pytest.raises(DeviceLost):
         device.read(MS)
     with pytest.raises(DeviceLost):

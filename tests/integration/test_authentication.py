@@ -75,7 +75,7 @@ class Intruder:
         """Send messages repeatedly until a condition holds."""
         end = time.monotonic() + TIMEOUT
         while not condition():
-            assert time.monotonic() < end, self.rig.said("server")
+            assert time.monotonic() < end, self.rig.output_of("server")
             for message in messages:
                 self.sent += sockets.send(self.socket, encode(message))
             time.sleep(0.01)
@@ -83,7 +83,7 @@ class Intruder:
 
     def until_logged(self, reason: str, *messages: Message) -> None:
         """Send until the server has logged the reason of the refusal."""
-        self.send_until(lambda: reason in self.rig.said("server"), *messages)
+        self.send_until(lambda: reason in self.rig.output_of("server"), *messages)
 
     def until_refused(self, reason: str, *messages: Message) -> None:
         """Send until the server has answered with this reason; earlier refusals may have another reason."""

@@ -14,8 +14,8 @@ from skewed import SkewedClock
 
 from netboard.base.clock import now_ns
 from netboard.base.config import Side
-from netboard.benchmarks.faults.relay import Weather, between
-from netboard.benchmarks.faults.rigs import TIMEOUT, Rig, Way
+from netboard.benchmarks.faults.relay import Impairment, relay_to_server
+from netboard.benchmarks.faults.rigs import TIMEOUT, Rig, Route
 from netboard.network.protocol.motion import Safeguard
 from netboard.network.protocol.records import ClockRecord
 from netboard.network.transport.ports import free_port
@@ -29,11 +29,11 @@ SETTLED_NS = 2_500_000_000
 """Time until a step has left the window of the estimator and a new estimate is recorded [ns]."""
 
 
-def skewed_agents(folder: Path, clocks: dict[Side, SkewedClock], port: int) -> dict[str, Way]:
+def skewed_agents(folder: Path, clocks: dict[Side, SkewedClock], port: int) -> dict[str, Route]:
     """How to start agents that run with these clocks."""
     script = str(Path(__file__).with_name("skewed.py"))
     return {
-        f"{side} agent": Way(
+        f"{side} agent": Route(
             "127.0.0.1",
             port,
             (
@@ -57,7 +57,7 @@ def test_offsets_of_skewed_and_stepped_clocks_lie_within_their_bounds(tmp_path: 
         "left": SkewedClock(-7_000_000_000, 50.0, since_ns),
         "right": SkewedClock(10**15, -45.0, since_ns),
     }
-    with Rig(tmp_path, (*PACE, f"network.port={port}"), ways=skewed_agents(tmp_path, clocks, port)) as rig:
+    with Rig(tmp_path, (*PACE, f"network.port={port}"), routes=skewed_agents(tmp_path, clocks, port)) as rig:
         rig.start_all()
         running = rig.until(lambda s: s.phase == "running")
         rig.until(lambda s: s.tick > running.tick + 2500)
@@ -89,10 +89,10 @@ def test_offsets_of_skewed_and_stepped_clocks_lie_within_their_bounds(tmp_path: 
 @pytest.mark.daily(2, of="sessions in real time")
 def test_device_is_not_armed_while_its_clock_bound_is_too_wide(tmp_path: Path) -> None:
     port = free_port()
-    with between(("127.0.0.1", port)) as relay:
-        relay.weather(up=Weather(delay=0.005))
-        ways = {"left agent": Way("127.0.0.1", relay.port)}
-        with Rig(tmp_path, (*PACE, f"network.port={port}"), ways=ways) as rig:
+    with relay_to_server(port) as relay:
+        relay.impair(up=Impairment(delay=0.005))
+        routes = {"left agent": Route("127.0.0.1", relay.port)}
+        with Rig(tmp_path, (*PACE, f"network.port={port}"), routes=routes) as rig:
             rig.start_all()
             blocked = rig.until(lambda s: any("the left agent's clock" in lack for lack in s.waiting_for))
             assert "to 0.5 ms" in " ".join(blocked.waiting_for)
@@ -101,7 +101,7 @@ def test_device_is_not_armed_while_its_clock_bound_is_too_wide(tmp_path: Path) -
             assert waited.phase == "idle"
             (bound,) = [link[5] for link in waited.links if link[0] == "agent.left"]
             assert 0.0025 < bound < 0.05
-            relay.weather()
+            relay.impair()
             rig.until(lambda s: s.phase == "running")
             (path,) = rig.finish()
     with Recording(path) as recording:

@@ -77,7 +77,7 @@ def captured(tmp_path_factory: pytest.TempPathFactory) -> Captured:
         assert sockets.send(control_socket, encode(Hello("display", "left", PROTOCOL_VERSION, "test:1", "0", {})))
         moving, end = 0, time.monotonic() + COLLECT_TIMEOUT
         while moving < MIN_VIEWS:
-            assert time.monotonic() < end, rig.said("server")
+            assert time.monotonic() < end, rig.output_of("server")
             if poller.wait_readable(view_socket, 0.05) and (frame := sockets.receive(view_socket)) is not None:
                 views.append((now_ns(), frame))
                 moving += decode(frame).phase in ("running", "holding")

@@ -74,7 +74,7 @@ def test_full_disk_ends_the_recording_and_pauses_the_trial_without_data_loss(rig
     with (disk / "filler").open("wb") as file:
         file.write(bytes(FILLER_BYTES))
     assert rig.wait("logger") == 1
-    assert "free: the recording had to end" in rig.said("logger")
+    assert "free: the recording had to end" in rig.output_of("logger")
     paused = rig.until(lambda s: s.phase == "paused")
     assert "the logger has left" in paused.notice
     assert "free: the recording had to end" in paused.notice
@@ -97,7 +97,7 @@ def test_deleted_folder_ends_the_recording_without_data_loss(rig: Rig) -> None:
     rig.until(recorded)
     shutil.rmtree(rig.folder / "recordings")
     assert rig.wait("logger") == 1
-    assert "was deleted while it was being written" in rig.said("logger")
+    assert "was deleted while it was being written" in rig.output_of("logger")
     rig.until(lambda s: s.phase == "paused" and "was deleted" in s.notice)
     rig.start("logger", "logger", "--once")
     rig.until(lambda s: s.phase == "running")
@@ -119,7 +119,7 @@ def test_records_without_a_logger_are_spilled_and_recovered(rig: Rig) -> None:
     rig.kill("logger")
     last = rig.until(lambda s: spill.exists())
     assert rig.stop("server") == 1
-    assert f"{spill}: netboard recover" in rig.said("server")
+    assert f"{spill}: netboard recover" in rig.output_of("server")
     unfinished = sorted((rig.folder / "recordings").glob("*.part"))
     assert len(unfinished) == 2
     reports = (report for path in (*unfinished, spill) for report in recover_any(path))

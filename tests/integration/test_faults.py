@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import daily
-from netboard.benchmarks.faults.bench import choose, play_all
+from netboard.benchmarks.faults.bench import choose, run_all
 from netboard.benchmarks.faults.cases import RELAYED, Case
 
 pytestmark = [pytest.mark.integration, pytest.mark.quiet, pytest.mark.slow, pytest.mark.timeout(900)]
@@ -28,7 +28,7 @@ RELAYED_DAILY, STANDALONE_DAILY = 4, 1
 
 def check_cases(cases: list[Case], folder: Path) -> None:
     """Run cases once, and fail with the checks that do not hold."""
-    outcomes = list(play_all(cases, folder / "played", True, lambda _: None))
+    outcomes = list(run_all(cases, folder / "played", True, lambda _: None))
     assert [outcome.refusal for outcome in outcomes] == [""] * len(cases)
     failed = {
         outcome.case.name: [verdict for verdict in outcome.verdicts if not verdict.holds]

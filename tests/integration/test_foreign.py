@@ -64,7 +64,7 @@ def start_client(rig: Rig, javascript_clients: Path, what: str) -> None:
 
 
 def client_output(rig: Rig, what: str) -> list[Line]:
-    return [json.loads(line) for line in rig.said(f"left {what}").splitlines()]
+    return [json.loads(line) for line in rig.output_of(f"left {what}").splitlines()]
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +79,7 @@ def foreign_session(javascript_clients: Path, tmp_path_factory: pytest.TempPathF
         status = rig.until(lambda status: status.successes + status.failures > 0)
         (path,) = rig.finish()
         for what in ("agent", "display"):
-            assert rig.stop(f"left {what}") == 0, rig.said(f"left {what}")
+            assert rig.stop(f"left {what}") == 0, rig.output_of(f"left {what}")
         return ForeignSession(status, path, client_output(rig, "agent"), client_output(rig, "display"))
 
 
@@ -169,7 +169,7 @@ def test_foreign_clients_continue_with_the_next_block(javascript_clients: Path, 
         status = rig.until(lambda status: status.block == 2 and status.successes + status.failures > 0)
         paths = rig.finish()
         for what in ("agent", "display"):
-            assert rig.stop(f"left {what}") == 0, rig.said(f"left {what}")
+            assert rig.stop(f"left {what}") == 0, rig.output_of(f"left {what}")
         agent, display = client_output(rig, "agent"), client_output(rig, "display")
     for output in (agent, display):
         require_one_session(output, status.session)

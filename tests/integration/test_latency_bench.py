@@ -9,7 +9,7 @@ import pytest
 
 from netboard.benchmarks.harness.running import Options
 from netboard.benchmarks.loop.bench import Setting, loop, soak
-from netboard.benchmarks.loop.scale import Crowd, Peers
+from netboard.benchmarks.loop.scale import LightPeers, Peers
 
 pytestmark = [pytest.mark.integration, pytest.mark.quiet, pytest.mark.slow, pytest.mark.timeout(240)]
 
@@ -42,8 +42,8 @@ def test_loop_benchmark_measures_the_loop_and_its_baselines(tmp_path: Path) -> N
 
 @pytest.mark.daily(2, of="sessions in real time")
 def test_lightweight_peers_run_a_trial_on_a_real_server(tmp_path: Path) -> None:
-    with Crowd(tmp_path) as crowd:
-        served = crowd.serve(Setting().config, 1, Peers(displays=True), 1.0)
+    with LightPeers(tmp_path) as light_peers:
+        served = light_peers.serve(Setting().config, 1, Peers(displays=True), 1.0)
     assert {name for name, count in served.counts.items() if count > 0} >= {"forces", "views", "records", "batches"}
     assert served.active > 0
     assert served.ticks.ticks > 0

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from netboard.base.clock import now_ns
-from netboard.benchmarks.faults.rigs import Rig, Way
+from netboard.benchmarks.faults.rigs import Rig, Route
 from netboard.network.transport.ports import free_port
 from netboard.recording.export.lsl_streams import STREAMS, description, event_text, samples, seconds
 from netboard.recording.files.reader import Recording
@@ -124,7 +124,7 @@ def test_lsl_recorder_receives_a_whole_session_bit_identically(rig: Rig, tmp_pat
         assert found == {child.tag: texts_of(child) for child in description(stream, {})}
         assert desc.find("clock/layer_bound_ns") is not None
     assert rig.stop("lsl", signal.SIGINT) == 0
-    assert "0 records lost" in rig.said("lsl")
+    assert "0 records lost" in rig.output_of("lsl")
 
 
 @pytest.mark.daily(1, of="whole sessions")
@@ -158,8 +158,8 @@ def test_lsl_time_stamps_on_a_skewed_clock_are_within_the_reported_bound(tmp_pat
     port = free_port()
     script = str(Path(__file__).with_name("skewed.py"))
     ahead = (sys.executable, script, str(tmp_path / "steps"), str(AHEAD_NS), "0", str(now_ns()), "0")
-    ways = {"lsl": Way("127.0.0.1", port, ahead)}
-    with Rig(tmp_path, (*SOON_LEVEL, f"network.port={port}"), lsl_environment(tmp_path), ways) as rig:
+    routes = {"lsl": Route("127.0.0.1", port, ahead)}
+    with Rig(tmp_path, (*SOON_LEVEL, f"network.port={port}"), lsl_environment(tmp_path), routes) as rig:
         rig.start("lsl", "lsl")
         with Recorder(tmp_path, 1) as recorder:
             rig.start_all()

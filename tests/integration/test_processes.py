@@ -166,9 +166,9 @@ def test_services_stop_cleanly_while_waiting_for_peers(rig: Rig, number: signal.
     rig.start("left display", "display", "--station", "left")
     rig.start("server", "server")
     rig.until(lambda s: {"agent.left", "display.left", "logger"} <= set(s.peers))
-    assert rig.stop("server", number) == 0, rig.said("server")
+    assert rig.stop("server", number) == 0, rig.output_of("server")
     for name in ("left display", "left agent", "logger"):
-        assert rig.stop(name, number) == 0, rig.said(name)
+        assert rig.stop(name, number) == 0, rig.output_of(name)
     (path,) = rig.recordings()
     verified(path)
 
@@ -179,7 +179,7 @@ def test_second_server_on_the_same_ports_exits_with_an_error(rig: Rig) -> None:
     rig.until(lambda s: True)
     second = rig.start("second server", "server")
     assert second.wait(60) == 1
-    assert "is another server running?" in rig.said("second server")
+    assert "is another server running?" in rig.output_of("second server")
 
 
 @pytest.mark.daily(3, of="processes")
@@ -222,8 +222,8 @@ def test_server_waits_at_the_end_for_a_suspended_logger(rig: Rig) -> None:
     rig.operator.command("end")
     time.sleep(3)
     rig.send_signal("logger", signal.SIGCONT)
-    assert rig.running.pop("server").wait(60) == 0, rig.said("server")
-    assert rig.running.pop("logger").wait(60) == 0, rig.said("logger")
+    assert rig.running.pop("server").wait(60) == 0, rig.output_of("server")
+    assert rig.running.pop("logger").wait(60) == 0, rig.output_of("logger")
     ticks = np.concatenate([verified(path) for path in rig.recordings()])
     assert np.array_equal(np.unique(ticks["tick"]), np.arange(ticks["tick"].max() + 1))
     assert ticks["tick"].max() > status.tick + 500
@@ -235,7 +235,7 @@ def test_server_without_its_logger_reports_unsaved_records_and_fails(rig: Rig) -
     rig.until(lambda s: s.phase == "running")
     rig.kill("logger")
     assert rig.stop("server") == 1
-    assert "records may not be on disk" in rig.said("server")
+    assert "records may not be on disk" in rig.output_of("server")
 
 
 @pytest.mark.daily(3, of="processes")
@@ -282,12 +282,12 @@ def test_fault_of_one_dyad_does_not_affect_another_on_the_same_server(folder: Pa
         one.until(lambda s: s.phase == "running")
         other.until(lambda s: s.tick > status.tick + 500)
         one.operator.command("end")
-        assert one.wait("logger") == 0, one.said("logger")
+        assert one.wait("logger") == 0, one.output_of("logger")
         after = other.until(lambda s: True)
         other.until(lambda s: s.tick > after.tick + 200)
         other.operator.command("end")
-        assert other.wait("logger") == 0, other.said("logger")
-        assert one.wait("server") == 0, one.said("server")
+        assert other.wait("logger") == 0, other.output_of("logger")
+        assert one.wait("server") == 0, one.output_of("server")
         first, second = (verified(path) for rig in (one, other) for path in rig.recordings())
     assert np.any(first["event"] == Cause.FAULT)
     for ticks in (first, second):

@@ -185,10 +185,10 @@ def test_replay_is_controlled_from_a_shell(rig: Rig, recording: LoadedRecording)
     assert status["notice"].startswith(f"replay of {recording.name}: paused at ")
     assert not status["armed"]
     rig.start("status", "status", "--watch", "--json")
-    rig.until(lambda status: rig.said("status").count("\n") >= 2)
+    rig.until(lambda status: rig.output_of("status").count("\n") >= 2)
     rig.send_signal("status", signal.SIGINT)
     assert rig.wait("status") == 0
-    assert {json.loads(line)["tick"] for line in rig.said("status").splitlines()} == {status["tick"]}
+    assert {json.loads(line)["tick"] for line in rig.output_of("status").splitlines()} == {status["tick"]}
     refused = run(rig, "control", "arm")
     assert refused.returncode == 1
     assert "cannot arm: this is a replay" in refused.stderr
@@ -201,7 +201,7 @@ def test_display_shows_a_replay_and_agent_is_refused(rig: Rig) -> None:
     rig.start_agent("left")
     assert rig.wait("left display") == 0
     assert picture.stat().st_size > 1000
-    status = rig.until(lambda status: "it has no forces, so no agent can connect" in rig.said("left agent"))
+    status = rig.until(lambda status: "it has no forces, so no agent can connect" in rig.output_of("left agent"))
     assert not status.armed
     assert "agent.left" not in status.peers
     assert rig.stop("left agent") == 0
@@ -225,7 +225,7 @@ def test_foreign_display_shows_a_replay_like_a_live_session(
         rig.do("play")
 
         def display_output() -> list[dict[str, object]]:
-            whole, _, _ = rig.said("foreign").rpartition("\n")
+            whole, _, _ = rig.output_of("foreign").rpartition("\n")
             return [json.loads(line) for line in whole.splitlines()]
 
         rig.until(lambda status: any(" running " in str(line.get("picture")) for line in display_output()))

@@ -165,7 +165,7 @@ def test_session_started_before_is_not_restarted(tmp_path: Path) -> None:
         before = journal(rig).read_bytes()
         rig.start("server", "server", *STUDY)
         assert rig.wait("server") == 1
-        assert "was started before. Continue it with netboard server --resume" in rig.said("server")
+        assert "was started before. Continue it with netboard server --resume" in rig.output_of("server")
         assert journal(rig).read_bytes() == before
 
 
@@ -202,7 +202,7 @@ def run_and_kill(rig: Rig, number: int, chance: random.Random) -> None:
         time.sleep(chance.uniform(0.0, FROM_ANSWER))
     else:
         time.sleep(chance.uniform(0.3, FROM_START))
-    assert rig.running["server"].poll() is None, rig.said("server")[-2000:]
+    assert rig.running["server"].poll() is None, rig.output_of("server")[-2000:]
     rig.kill("server")
 
 
@@ -310,7 +310,7 @@ def test_resume_without_confirmation_is_refused(tmp_path: Path) -> None:
         rig.kill("server")
         rig.start("server", "server", *STUDY, "--resume")
         assert rig.wait("server") == 2
-        assert "add --yes, or run it in a terminal" in rig.said("server")
-        assert "resumes at block 1 of 18, trial 1 of 60 (0 done)" in rig.said("server")
+        assert "add --yes, or run it in a terminal" in rig.output_of("server")
+        assert "resumes at block 1 of 18, trial 1 of 60 (0 done)" in rig.output_of("server")
         with pytest.raises(NetboardError):
             rig.until(lambda s: s.opened, seconds=1.0)

@@ -13,7 +13,7 @@ from typing import Any
 
 from netboard.network.protocol import codec
 from netboard.network.protocol.joining import ROLES
-from netboard.network.protocol.messages import CHOICES, KINDS, Kind, Message
+from netboard.network.protocol.messages import CHOICES, KINDS, Kind
 from netboard.network.protocol.motion import Safeguard
 
 PROTOCOL = Path(codec.__file__).with_name("PROTOCOL.md")
@@ -129,11 +129,6 @@ def documented_fields(text: str) -> dict[int, tuple[str, list[tuple[str, str]]]]
             rows = re.findall(r"^\| \d+ \| `(\w+)` \| ([^|]+) \|", part, flags=re.MULTILINE)
             found[int(heading[2])] = (heading[1], rows)
     return found
-
-
-def message_classes() -> tuple[type[Message], ...]:
-    """Every class of the union `Message`."""
-    return typing.get_args(Message)
 
 
 def main() -> None:

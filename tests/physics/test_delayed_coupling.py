@@ -77,9 +77,9 @@ def test_largest_stable_delay_with_a_moving_end(
 ) -> None:
     loop = Loop(Mechanism(*stylus), End(*end))
     assert largest_delay(loop) == server
-    far = replace(loop, at="both")
-    assert is_stable(delayed(far, both, both))
-    assert not is_stable(delayed(far, both + 1, both + 1))
+    distant_dyad = replace(loop, at="both")
+    assert is_stable(delayed(distant_dyad, both, both))
+    assert not is_stable(delayed(distant_dyad, both + 1, both + 1))
 
 
 def test_coupling_on_both_sides_of_a_fixed_end_is_stable_at_long_delays() -> None:

@@ -1,7 +1,7 @@
 """Kill a process that writes a journal, repeatedly and at random times, and check the remaining file.
 
-Run as a program, in a process without threads of its own: it forks a server for each round, and prints what it found.
-Every round goes on with the journal that the one before left behind.
+Run as a program, in a process without threads: it forks a server for each round, and prints the results. Every round
+continues with the journal that the previous one left.
 """
 
 import json
@@ -17,7 +17,7 @@ from netboard.base.tables.experiment import Quality
 from netboard.recording.recovery.journal_file import Journal
 from netboard.task.journal.entries import Entry, line_of, read_lines
 from netboard.task.journal.progress import progress_of
-from session_model import HEADER, Planned, a_run, check
+from session_model import HEADER, Planned, check, entries_of_run
 
 PLAN = tuple(Planned(number, 60) for number in range(1, 19))
 RULES = Quality(repeat="flagged")
@@ -31,7 +31,7 @@ def serve(path: Path, report: int, seed: int) -> None:
         journal, _, entries, _ = Journal.reopen(path)
     else:
         journal, entries = Journal.create(path, HEADER), ()
-    for entry in a_run(chance, f"run{seed}", list(entries), RULES, PLAN):
+    for entry in entries_of_run(chance, f"run{seed}", list(entries), RULES, PLAN):
         os.write(report, b"+" + line_of(entry, "") + b"=%d\n" % journal.durable)
         journal.append(entry)
         ahead = chance.randrange(4)
@@ -48,8 +48,8 @@ def read_all(reports: int) -> list[bytes]:
     return data.split(b"\n")[:-1]
 
 
-def a_round(path: Path, seed: int, chance: random.Random) -> dict[str, Any]:
-    """Let a server run for a while, kill it, and look at its journal."""
+def run_round(path: Path, seed: int, chance: random.Random) -> dict[str, Any]:
+    """Let a server run for a random time, kill it, and check its journal."""
     before = read_lines(path.read_bytes(), str(path)).entries if path.exists() else ()
     reports, report = os.pipe()
     child = os.fork()
@@ -91,7 +91,7 @@ def main(path: Path, rounds: int, seed: int) -> None:
     """Do some rounds, and print a line of JSON for each."""
     chance = random.Random(seed)
     for number in range(rounds):
-        sys.stdout.write(json.dumps(a_round(path, number, chance)) + "\n")
+        sys.stdout.write(json.dumps(run_round(path, number, chance)) + "\n")
         sys.stdout.flush()  # before the next fork, which would write it too
 
 

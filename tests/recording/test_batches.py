@@ -15,7 +15,7 @@ from netboard.base.config import Config, parse
 from netboard.base.errors import RecordingError
 from netboard.base.tables.rig import Recording as Settings
 from netboard.base.tick import TICK, TICK_NS
-from netboard.benchmarks.coupling.forces import MINE, record
+from netboard.benchmarks.coupling.forces import FIRST_MOVEMENT, record
 from netboard.network.protocol.records import TickRecord
 from netboard.recording.files.container import Container
 from netboard.recording.files.reader import Recording
@@ -71,7 +71,7 @@ def test_batches_decoded_together_equal_batches_decoded_alone() -> None:
 )
 def test_predictable_columns_are_stored_as_zeros(setting: str) -> None:
     config = parse("", overrides=[setting] if setting else [])
-    rows = record(config, MINE, 300)
+    rows = record(config, FIRST_MOVEMENT, 300)
     planes = np.frombuffer(pack(rows, constants_of(config)), np.uint8).reshape(len(TICK.names), 8, 300)
     for name in ("used_z", "used_vz", "used_az", "coupling", "force", "z", "az", "seen_ns", "seen_vz"):
         for side in ("left", "right"):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-import proofs
+import rehearsed
 from netboard.recording.integrity.catalogue import Filter, entry_of, files_in, in_order, with_check, with_trials
 
 pytestmark = pytest.mark.slow
@@ -16,13 +16,13 @@ pytestmark = pytest.mark.slow
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two dyads: a whole block; and one without its end, one unfinished, one cut."""
     made = tmp_path_factory.mktemp("catalogue")
-    config, rows = proofs.config(), proofs.rows()
+    config, rows = rehearsed.config(), rehearsed.rows()
     other = replace(config, session=replace(config.session, dyad="D02", study="own", pilot=True))
-    whole = proofs.write(made / "whole.mcap", rows)
+    whole = rehearsed.write(made / "whole.mcap", rows)
     (made / "deep").mkdir()
-    proofs.write(made / "deep" / "early.mcap", rows[:-2000], other, ended="the server began another session")
-    writer = proofs.writer_of(made / "deep" / "left.mcap", other, {})
-    writer.flush(proofs.fill(writer, rows[:500]))
+    rehearsed.write(made / "deep" / "early.mcap", rows[:-2000], other, ended="the server began another session")
+    writer = rehearsed.writer_of(made / "deep" / "left.mcap", other, {})
+    writer.flush(rehearsed.fill(writer, rows[:500]))
     writer.abandon()
     (made / "cut.mcap").write_bytes(whole.read_bytes()[:-100])
     (made / "junk.mcap").write_bytes(b"junk")
@@ -35,7 +35,7 @@ def test_every_recording_file_has_a_catalogue_entry(folder: Path) -> None:
     assert sorted(entries) == ["cut.mcap", "early.mcap", "junk.mcap", "left.mcap.part", "whole.mcap"]
     whole, early, left = entries["whole.mcap"], entries["early.mcap"], entries["left.mcap.part"]
     assert (whole.verdict, whole.done, whole.trials, whole.dyad) == ("complete", 2, 2, "D01")
-    assert whole.duration == pytest.approx(len(proofs.rows()) * 0.5e-3, rel=0.01)
+    assert whole.duration == pytest.approx(len(rehearsed.rows()) * 0.5e-3, rel=0.01)
     assert (early.verdict, early.done, early.study) == ("complete with listed losses", 1, "own")
     assert "the server began another session" in early.why
     assert (left.kind, left.verdict, left.dyad, left.pilot) == ("unfinished", "damaged", "D02", True)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-import proofs
+import rehearsed
 from netboard.base.config import resolve
 from netboard.base.errors import RecordingError
 from netboard.network.protocol.records import ClockRecord
@@ -33,8 +33,11 @@ def findings_text(report: Report, severity: Severity = Severity.DAMAGE) -> str:
 
 @pytest.fixture(scope="module")
 def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return proofs.write(
-        tmp_path_factory.mktemp("proofs") / "sound.mcap", proofs.rows(), clocks=proofs.probes(30), said={"block": "1"}
+    return rehearsed.write(
+        tmp_path_factory.mktemp("proofs") / "sound.mcap",
+        rehearsed.rows(),
+        clocks=rehearsed.probes(30),
+        metadata={"block": "1"},
     )
 
 
@@ -42,7 +45,7 @@ def test_sound_recording_is_complete(sound: Path) -> None:
     progress: list[int] = []
     report = check(sound, replay=True, progress=progress.append)
     assert (report.result, findings_text(report), findings_text(report, Severity.LOSS)) == ("complete", "", "")
-    assert report.ticks == len(proofs.rows()) == sum(progress)
+    assert report.ticks == len(rehearsed.rows()) == sum(progress)
     assert report.replay is not None
     assert report.replay.identical
     assert report.replay.checked == report.ticks
@@ -74,7 +77,7 @@ def test_flipped_bit_is_damage_and_the_rest_is_recoverable(tmp_path: Path, sound
     assert report.result == "damaged"
     assert "netboard recover" in findings_text(report)
     assert "recoverable" in findings_text(report)
-    assert report.ticks > 0.5 * len(proofs.rows())
+    assert report.ticks > 0.5 * len(rehearsed.rows())
     assert [file.name for file in tmp_path.iterdir()] == ["flipped.mcap"]
 
 
@@ -87,8 +90,8 @@ def test_check_of_a_truncated_file_reports_the_recoverable_ticks(tmp_path: Path,
 
 
 def test_check_of_an_unfinished_part_reports_the_recoverable_ticks(tmp_path: Path) -> None:
-    writer = proofs.writer_of(tmp_path / "a.mcap", proofs.config(), {})
-    writer.flush(proofs.fill(writer, proofs.rows()[:1000]))
+    writer = rehearsed.writer_of(tmp_path / "a.mcap", rehearsed.config(), {})
+    writer.flush(rehearsed.fill(writer, rehearsed.rows()[:1000]))
     writer.abandon()
     report = check(tmp_path / "a.mcap.part")
     assert (report.result, report.ticks) == ("damaged", 1000)
@@ -96,8 +99,8 @@ def test_check_of_an_unfinished_part_reports_the_recoverable_ticks(tmp_path: Pat
 
 
 def test_check_says_if_a_file_may_be_growing_or_was_recovered(tmp_path: Path) -> None:
-    writer = proofs.writer_of(tmp_path / "a.mcap", proofs.config(), {})
-    writer.flush(proofs.fill(writer, proofs.rows()[:100]))
+    writer = rehearsed.writer_of(tmp_path / "a.mcap", rehearsed.config(), {})
+    writer.flush(rehearsed.fill(writer, rehearsed.rows()[:100]))
     part = tmp_path / "a.mcap.part"
     assert f"may still be writing it; after its session, run: netboard recover {part}" in findings_text(check(part))
     writer.abandon()
@@ -126,7 +129,7 @@ def test_full_temporary_folder_does_not_mean_that_nothing_can_be_recovered(
         raise RecordingError(f"{output}.part: cannot be written: No space left on device")
 
     monkeypatch.setattr(checking, "recover_any", refuse)
-    writer = proofs.writer_of(tmp_path / "a.mcap", proofs.config(), {})
+    writer = rehearsed.writer_of(tmp_path / "a.mcap", rehearsed.config(), {})
     writer.abandon()
     found = findings_text(check(tmp_path / "a.mcap.part"))
     assert "what can be recovered is unknown" in found
@@ -134,36 +137,36 @@ def test_full_temporary_folder_does_not_mean_that_nothing_can_be_recovered(
 
 
 def test_changed_configuration_is_detected_by_its_checksum(tmp_path: Path) -> None:
-    other = resolve(proofs.config()).replace("k_h = 200.0", "k_h = 201.0")
-    path = proofs.write(tmp_path / "a.mcap", proofs.rows()[:50], text=other, said={"config_sha256": "0" * 64})
+    other = resolve(rehearsed.config()).replace("k_h = 200.0", "k_h = 201.0")
+    path = rehearsed.write(tmp_path / "a.mcap", rehearsed.rows()[:50], text=other, metadata={"config_sha256": "0" * 64})
     assert "its configuration is damaged" in findings_text(check(path))
 
 
 def test_wrong_configuration_is_detected_by_metadata_and_replay(tmp_path: Path) -> None:
-    config = proofs.config()
+    config = rehearsed.config()
     other = replace(config, physics=replace(config.physics, k_h=201.0))
-    path = proofs.write(tmp_path / "a.mcap", proofs.rows(), other, said={"dyad": "D99"})
+    path = rehearsed.write(tmp_path / "a.mcap", rehearsed.rows(), other, metadata={"dyad": "D99"})
     report = check(path, replay=True)
     assert "dyad 'D99', expected 'D01'" in findings_text(report)
     assert "not identical: tick" in findings_text(report)
 
 
 def test_dropped_ticks_without_a_note_are_damage(tmp_path: Path) -> None:
-    rows = np.delete(proofs.rows(), slice(700, 705))
-    report = check(proofs.write(tmp_path / "a.mcap", rows), replay=True)
+    rows = np.delete(rehearsed.rows(), slice(700, 705))
+    report = check(rehearsed.write(tmp_path / "a.mcap", rows), replay=True)
     assert "5 ticks are missing without a note by the logger, from tick 700 on" in findings_text(report)
     assert report.replay is not None
     assert (report.replay.identical, report.replay.gaps) == (True, 1)
 
 
 def test_dropped_ticks_noted_by_the_logger_are_a_loss(tmp_path: Path) -> None:
-    rows = proofs.rows()
-    writer = proofs.writer_of(tmp_path / "a.mcap", proofs.config(), {})
+    rows = rehearsed.rows()
+    writer = rehearsed.writer_of(tmp_path / "a.mcap", rehearsed.config(), {})
     before = rows[:700]
-    now = proofs.fill(writer, before)
+    now = rehearsed.fill(writer, before)
     assert writer.next_record is not None
     writer.note_lost(writer.next_record, 5, now)
-    writer.finish(proofs.fill(writer, rows[705:], events=int(np.count_nonzero(before["event"]))))
+    writer.finish(rehearsed.fill(writer, rows[705:], events=int(np.count_nonzero(before["event"]))))
     report = check(tmp_path / "a.mcap")
     assert (report.result, findings_text(report)) == ("complete with listed losses", "")
     assert "5 records were lost after tick 699: the server no longer had them" in findings_text(report, Severity.LOSS)
@@ -171,56 +174,58 @@ def test_dropped_ticks_noted_by_the_logger_are_a_loss(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("place", [10, -10])
 def test_swapped_tick_times_are_damage(tmp_path: Path, place: int) -> None:
-    rows = proofs.rows()
+    rows = rehearsed.rows()
     rows["time_ns"][[place, place + 1]] = rows["time_ns"][[place + 1, place]]
-    report = check(proofs.write(tmp_path / "a.mcap", rows))
+    report = check(rehearsed.write(tmp_path / "a.mcap", rows))
     assert "ticks are not 1 ms after the one before" in findings_text(report)
 
 
 def test_ticks_out_of_order_are_damage(tmp_path: Path) -> None:
-    rows = proofs.rows()
+    rows = rehearsed.rows()
     words = rows.view(np.int64).reshape(len(rows), -1)
     words[[300, 301]] = words[[301, 300]]
     assert "come after one with the same or a higher number" in findings_text(
-        check(proofs.write(tmp_path / "a.mcap", rows))
+        check(rehearsed.write(tmp_path / "a.mcap", rows))
     )
 
 
 def test_wrong_number_of_trials_is_damage(tmp_path: Path) -> None:
-    config = proofs.config()
+    config = rehearsed.config()
     for trials in (1, 3):
         settings = replace(config, block=replace(config.block, trials=trials))
-        report = check(proofs.write(tmp_path / f"{trials}.mcap", proofs.rows(), settings))
+        report = check(rehearsed.write(tmp_path / f"{trials}.mcap", rehearsed.rows(), settings))
         assert f"2 of {trials} trials done" in findings_text(report)
 
 
 def test_unfinished_block_is_a_loss(tmp_path: Path) -> None:
-    report = check(proofs.write(tmp_path / "a.mcap", proofs.rows()[:-2000], ended="the server began another session"))
+    report = check(
+        rehearsed.write(tmp_path / "a.mcap", rehearsed.rows()[:-2000], ended="the server began another session")
+    )
     assert (report.result, findings_text(report)) == ("complete with listed losses", "")
     assert "ends before its session" in findings_text(report, Severity.LOSS)
     assert "1 of 2 trials done" in findings_text(report, Severity.LOSS)
 
 
 def test_target_on_the_wrong_side_is_damage(tmp_path: Path) -> None:
-    config = proofs.config()
+    config = rehearsed.config()
     settings = replace(config, block=replace(config.block, first_target="right"))
-    report = check(proofs.write(tmp_path / "a.mcap", proofs.rows(), settings))
+    report = check(rehearsed.write(tmp_path / "a.mcap", rehearsed.rows(), settings))
     assert "have their target on the wrong side: trial 1" in findings_text(report)
 
 
 def test_force_that_contradicts_the_condition_is_damage(tmp_path: Path) -> None:
-    config = proofs.config()
+    config = rehearsed.config()
     for changes in ({"force": "none"}, {"catch": (1,)}):
         settings = replace(config, block=replace(config.block, **changes))
-        path = proofs.write(tmp_path / f"{next(iter(changes))}.mcap", proofs.rows(), settings)
+        path = rehearsed.write(tmp_path / f"{next(iter(changes))}.mcap", rehearsed.rows(), settings)
         assert "ticks have a force where none is allowed" in findings_text(check(path))
 
 
 @pytest.mark.parametrize("field", ["theta", "left_force", "right_used_z"])
 def test_only_the_replay_detects_a_change_in_the_last_bit(tmp_path: Path, field: str) -> None:
-    rows = proofs.rows()
+    rows = rehearsed.rows()
     rows[field].view()[4321:4322] = np.nextafter(rows[field][4321], np.inf)
-    path = proofs.write(tmp_path / "a.mcap", rows)
+    path = rehearsed.write(tmp_path / "a.mcap", rows)
     assert check(path).result == "complete"
     assert f"tick 4321, {field}" in findings_text(check(path, replay=True))
 
@@ -254,14 +259,14 @@ def _loosened(probes: list[ClockRecord]) -> None:
     [(_stamped_back, "impossible"), (_tightened, "contradict their own probe"), (_loosened, "contradict")],
 )
 def test_inconsistent_clock_probe_is_damage(tmp_path: Path, change: Change, words: str) -> None:
-    clocks = proofs.probes(30)
+    clocks = rehearsed.probes(30)
     change(clocks)
-    assert words in findings_text(check(proofs.write(tmp_path / "a.mcap", proofs.rows()[:50], clocks=clocks)))
+    assert words in findings_text(check(rehearsed.write(tmp_path / "a.mcap", rehearsed.rows()[:50], clocks=clocks)))
 
 
 def test_journal_that_contradicts_the_recording_is_damage(tmp_path: Path) -> None:
-    config = proofs.config()
-    path = proofs.write(tmp_path / "a.mcap", proofs.rows())
+    config = rehearsed.config()
+    path = rehearsed.write(tmp_path / "a.mcap", rehearsed.rows())
     with Recording(path) as recording:
         attempts = recording.attempts()
     _keep_journal(tmp_path, attempts, 0.0)
@@ -275,10 +280,10 @@ def _keep_journal(folder: Path, attempts: tuple[Attempt, ...], wrong: float) -> 
     header = Header(
         1, "own", "", "", 1, "D01", "S01", 1, ("A", "B"), pilot=True, consent=False, netboard="0", config_digest=""
     )
-    entries: list[Entry] = [Opened(proofs.SESSION, {}), BlockBegan(1, 1, 1, proofs.SESSION, 0)]
+    entries: list[Entry] = [Opened(rehearsed.SESSION, {}), BlockBegan(1, 1, 1, rehearsed.SESSION, 0)]
     for one in attempts:
         entries += [
-            AttemptBegan(1, one.trial, one.attempt, proofs.SESSION, one.began),
+            AttemptBegan(1, one.trial, one.attempt, rehearsed.SESSION, one.began),
             AttemptEnded(
                 1,
                 one.trial,
@@ -288,10 +293,10 @@ def _keep_journal(folder: Path, attempts: tuple[Attempt, ...], wrong: float) -> 
                 (),
                 0,
                 again=False,
-                run=proofs.SESSION,
+                run=rehearsed.SESSION,
                 tick=one.stop - 1,
                 block_ticks=one.stop,
             ),
         ]
     lines = [line_of(entry, "now") for entry in (header, *entries)]
-    journal_path(folder, proofs.config()).write_bytes(b"".join(lines))
+    journal_path(folder, rehearsed.config()).write_bytes(b"".join(lines))

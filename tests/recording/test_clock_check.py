@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import proofs
+import rehearsed
 from netboard.network.protocol.clock_estimator import ClockEstimator
 from netboard.network.protocol.records import ClockRecord
 from netboard.recording.integrity.clock_check import check_clocks, contradicts, line_through, stepped
@@ -14,7 +14,7 @@ from netboard.recording.integrity.severity import Severity, worst
 
 @pytest.mark.parametrize("drift", [-80.0, -3.0, 0.0, 20.0, 80.0])
 def test_drift_of_a_regular_clock_is_the_slope_of_the_fit(drift: float) -> None:
-    clocks = proofs.probes(50, drift)
+    clocks = rehearsed.probes(50, drift)
     fit = line_through(clocks)
     assert fit is not None
     assert fit.drift_ppm == pytest.approx(drift, abs=0.01)
@@ -45,7 +45,7 @@ def test_live_estimates_of_a_noisy_clock_are_not_refuted() -> None:
 
 
 def test_stepped_clock_is_a_loss() -> None:
-    clocks = proofs.probes(40)
+    clocks = rehearsed.probes(40)
     clocks[20:] = [
         replace(p, t1_ns=p.t1_ns + 10**7, t2_ns=p.t2_ns + 10**7, offset_ns=p.offset_ns + 10**7) for p in clocks[20:]
     ]
@@ -54,12 +54,12 @@ def test_stepped_clock_is_a_loss() -> None:
 
 
 def test_excessive_drift_counts_as_clock_steps() -> None:
-    assert stepped(proofs.probes(40, 500.0)) > 0
-    assert stepped(proofs.probes(40, -500.0)) > 0
+    assert stepped(rehearsed.probes(40, 500.0)) > 0
+    assert stepped(rehearsed.probes(40, -500.0)) > 0
 
 
 def test_wide_clock_bound_is_a_loss_only_for_agents_during_trials() -> None:
-    clocks = proofs.probes(10)
+    clocks = rehearsed.probes(10)
     during = (clocks[0].t0_ns, clocks[-1].t3_ns)
     assert worst([*check_clocks(clocks, 0.05, during)]) == Severity.LOSS
     assert worst([*check_clocks(clocks, 0.05, None)]) == Severity.SOUND
@@ -69,7 +69,7 @@ def test_wide_clock_bound_is_a_loss_only_for_agents_during_trials() -> None:
 
 
 def test_estimate_may_be_tighter_than_its_probe_but_not_looser() -> None:
-    (probe,) = proofs.probes(1)
+    (probe,) = rehearsed.probes(1)
     assert not contradicts(probe)
     assert not contradicts(replace(probe, bound_ns=1000))
     assert contradicts(replace(probe, bound_ns=probe.bound_ns + 10_000))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import legal_sessions
-import proofs
+import rehearsed
 from legal_sessions import Operated, Session, session_of, write
 from netboard.base.config import Config
 from netboard.base.tables.experiment import Block, Quality, Task
@@ -175,10 +175,10 @@ def lossy(folder: Path, losses: tuple[int, ...], noted: int) -> Report:
     """Check a session whose server stood still at tick 2000, while some records in a row were lost."""
     made = made_of(stood_still=2000)
     place = next(k for k, r in enumerate(made.records) if isinstance(r, EventRecord) and r.name == "stood_still")
-    writer = proofs.writer_of(folder / "a.mcap", made.config, {})
-    now = proofs.UTC_NS
+    writer = rehearsed.writer_of(folder / "a.mcap", made.config, {})
+    now = rehearsed.UTC_NS
     for number, record in enumerate(made.records[: place - 5]):
-        now += proofs.MS // 2
+        now += rehearsed.MS // 2
         writer.write(record, number, now)
     number = place - 5
     for count in losses[:noted]:
@@ -186,7 +186,7 @@ def lossy(folder: Path, losses: tuple[int, ...], noted: int) -> Report:
         number += count
     stop = place - 5 + sum(losses)
     for record in made.records[stop:]:
-        now += proofs.MS // 2
+        now += rehearsed.MS // 2
         writer.write(record, number, now)
         number += 1
     writer.finish(now)

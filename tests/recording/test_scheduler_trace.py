@@ -9,7 +9,7 @@ import pytest
 from staged_timing import MS, START, Staged
 from typer.testing import CliRunner
 
-import proofs
+import rehearsed
 from netboard.base.errors import RecordingError
 from netboard.recording.timing.scheduler import ran_instead, read
 from netboard.services.cli import app
@@ -55,7 +55,7 @@ def test_trace_command_lists_the_program_that_ran_instead(tmp_path: Path, monkey
     rows = Staged(500, server=[stall]).rows()
     for name in ("time_ns", "left_stamp_ns", "right_stamp_ns"):
         rows[name] += DUE_NS - START - 400 * MS
-    proofs.write(tmp_path / "S01.mcap", rows)
+    rehearsed.write(tmp_path / "S01.mcap", rows)
     result = runner.invoke(app, ["trace", str(tmp_path / "S01.mcap"), "--scheduler", str(TEXT)])
     assert result.exit_code == 0, result.output
     line = next(line for line in result.output.splitlines() if "13823" in line)

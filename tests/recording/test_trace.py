@@ -10,7 +10,7 @@ import pytest
 from staged_timing import MS, START, Staged
 from typer.testing import CliRunner
 
-import proofs
+import rehearsed
 from netboard.base.config import SIDES
 from netboard.base.errors import RecordingError
 from netboard.base.tick import TICK
@@ -191,7 +191,7 @@ def _wide_and_plain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def recorded(path: Path, staged: Staged) -> Path:
-    return proofs.write(path, staged.rows())
+    return rehearsed.write(path, staged.rows())
 
 
 def test_trace_command_names_the_cause_and_the_remedy(tmp_path: Path) -> None:
@@ -266,7 +266,7 @@ def test_older_formats_can_be_traced(version: int) -> None:
     ],
 )
 def test_simulated_stamps_are_refused(tmp_path: Path, provenance: dict[str, str], what: str) -> None:
-    proofs.write(tmp_path / "S01.mcap", Staged(50).rows(), said=provenance)
+    rehearsed.write(tmp_path / "S01.mcap", Staged(50).rows(), metadata=provenance)
     result = runner.invoke(app, ["trace", "S01.mcap"])
     assert result.exit_code == 1
     assert what in result.stderr
@@ -277,7 +277,7 @@ def test_invalid_or_empty_recording_is_refused(tmp_path: Path) -> None:
     Path("text.mcap").write_text("never was one")
     assert "not an MCAP file" in runner.invoke(app, ["trace", "text.mcap"]).stderr
     assert "cannot be read" in runner.invoke(app, ["trace", "nowhere.mcap"]).stderr
-    proofs.write(tmp_path / "empty.mcap", np.zeros(0, TICK))
+    rehearsed.write(tmp_path / "empty.mcap", np.zeros(0, TICK))
     assert "contains no ticks" in runner.invoke(app, ["trace", "empty.mcap"]).stderr
     recorded(tmp_path / "S01.mcap", Staged(50))
     result = runner.invoke(app, ["trace", "S01.mcap", "--tick", "7000"])

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import proofs
+import rehearsed
 from netboard.base.config import Config
 from netboard.recording.counterfactual.figure import draw
 from netboard.recording.counterfactual.what_if import attempt_to_show, save, ticks_of_attempts, what_if
@@ -21,13 +21,13 @@ pytestmark = pytest.mark.slow
 
 
 def changed(**physics: object) -> Config:
-    config = proofs.config()
+    config = rehearsed.config()
     return replace(config, physics=replace(config.physics, **physics))
 
 
 def test_unchanged_parameters_reproduce_every_tick_bit_for_bit() -> None:
-    rows = np.delete(proofs.rows(), slice(100, 120))
-    found = what_if(rows, make_stage(proofs.config()))
+    rows = np.delete(rehearsed.rows(), slice(100, 120))
+    found = what_if(rows, make_stage(rehearsed.config()))
     assert found.identical
     assert found.computed.tobytes() == rows.tobytes()
     assert [one.now.outcome for one in found.comparisons] == ["success", "success"]
@@ -39,8 +39,8 @@ def test_unchanged_parameters_reproduce_every_tick_bit_for_bit() -> None:
 
 
 def test_force_condition_does_not_change_the_board() -> None:
-    config = proofs.config()
-    rows = proofs.rows()
+    config = rehearsed.config()
+    rows = rehearsed.rows()
     found = what_if(rows, make_stage(replace(config, block=replace(config.block, force="none"))))
     for one in found.comparisons:
         assert not one.changed
@@ -51,13 +51,13 @@ def test_force_condition_does_not_change_the_board() -> None:
 
 
 def test_half_force_scale_halves_the_force() -> None:
-    config = proofs.config()
-    found = what_if(proofs.rows(), make_stage(replace(config, block=replace(config.block, force_scale=0.5))))
+    config = rehearsed.config()
+    found = what_if(rehearsed.rows(), make_stage(replace(config, block=replace(config.block, force_scale=0.5))))
     np.testing.assert_array_equal(found.computed["left_force"], 0.5 * found.recorded["left_force"])
 
 
 def test_ball_rolls_at_constant_speed_without_gravity() -> None:
-    found = what_if(proofs.rows(), make_stage(changed(g=0.0)))
+    found = what_if(rehearsed.rows(), make_stage(changed(g=0.0)))
     assert {one.now.outcome for one in found.comparisons} == {"unfinished"}
     for one in found.comparisons:
         start = np.searchsorted(found.computed["tick"], one.then.tick)
@@ -67,7 +67,7 @@ def test_ball_rolls_at_constant_speed_without_gravity() -> None:
 
 
 def test_each_attempt_starts_from_the_recorded_release() -> None:
-    found = what_if(proofs.rows(), make_stage(changed(k_h=400.0)))
+    found = what_if(rehearsed.rows(), make_stage(changed(k_h=400.0)))
     assert not found.identical
     for one in found.comparisons:
         start = np.searchsorted(found.computed["tick"], one.then.tick)
@@ -76,8 +76,8 @@ def test_each_attempt_starts_from_the_recorded_release() -> None:
 
 
 def test_missing_ticks_in_an_attempt_add_no_ticks_from_after_it() -> None:
-    (first, *_) = what_if(proofs.rows(), make_stage(proofs.config())).comparisons
-    rows = np.delete(proofs.rows(), slice(first.then.tick + 500, first.then.tick + 1500))
+    (first, *_) = what_if(rehearsed.rows(), make_stage(rehearsed.config())).comparisons
+    rows = np.delete(rehearsed.rows(), slice(first.then.tick + 500, first.then.tick + 1500))
     found = what_if(rows, make_stage(changed(k_h=400.0)))
     for one in found.comparisons:
         stop = min(one.then.stop, one.now.stop)
@@ -90,8 +90,8 @@ def test_missing_ticks_in_an_attempt_add_no_ticks_from_after_it() -> None:
 
 
 def test_interrupted_save_leaves_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    found = what_if(proofs.rows(), make_stage(proofs.config()))
-    with Recording(proofs.write(tmp_path / "a.mcap", proofs.rows())) as recording:
+    found = what_if(rehearsed.rows(), make_stage(rehearsed.config()))
+    with Recording(rehearsed.write(tmp_path / "a.mcap", rehearsed.rows())) as recording:
         source = recording.metadata
 
     def interrupt(*_: object) -> None:
@@ -99,21 +99,21 @@ def test_interrupted_save_leaves_no_file(tmp_path: Path, monkeypatch: pytest.Mon
 
     monkeypatch.setattr(RecordingWriter, "is_due", interrupt)
     with pytest.raises(KeyboardInterrupt):
-        save(tmp_path / "b.mcap", found, proofs.config(), source, "a.mcap", [])
+        save(tmp_path / "b.mcap", found, rehearsed.config(), source, "a.mcap", [])
     assert [path.name for path in tmp_path.iterdir()] == ["a.mcap"]
 
 
 def test_source_that_lost_its_start_time_can_be_saved(tmp_path: Path) -> None:
-    found = what_if(proofs.rows(), make_stage(proofs.config()))
-    with Recording(proofs.write(tmp_path / "a.mcap", proofs.rows())) as recording:
+    found = what_if(rehearsed.rows(), make_stage(rehearsed.config()))
+    with Recording(rehearsed.write(tmp_path / "a.mcap", rehearsed.rows())) as recording:
         source = {name: value for name, value in recording.metadata.items() if name != "opened_log_ns"}
-    kept = save(tmp_path / "b.mcap", found, proofs.config(), source, "a.mcap", [])
+    kept = save(tmp_path / "b.mcap", found, rehearsed.config(), source, "a.mcap", [])
     with Recording(tmp_path / "b.mcap") as recording:
         assert len(recording.ticks()) == kept
 
 
 def test_saved_result_verifies_and_names_its_source(tmp_path: Path) -> None:
-    config, source = changed(model="lagrangian"), proofs.write(tmp_path / "a.mcap", proofs.rows())
+    config, source = changed(model="lagrangian"), rehearsed.write(tmp_path / "a.mcap", rehearsed.rows())
     with Recording(source) as recording:
         found = what_if(recording.ticks(), make_stage(config))
         kept = save(tmp_path / "b.mcap", found, config, recording.metadata, "a.mcap", ["physics.model=lagrangian"])
@@ -123,11 +123,11 @@ def test_saved_result_verifies_and_names_its_source(tmp_path: Path) -> None:
     assert (report.result, report.ticks) == ("complete with listed losses", kept)
     with Recording(tmp_path / "b.mcap") as recording:
         assert recording.ticks().tobytes() == rows.tobytes()
-        assert recording.metadata["source_session"] == proofs.SESSION != recording.metadata["session"]
+        assert recording.metadata["source_session"] == rehearsed.SESSION != recording.metadata["session"]
 
 
 def test_figure_has_units_on_every_axis(tmp_path: Path) -> None:
-    found = what_if(proofs.rows(), make_stage(changed(k_h=400.0)))
+    found = what_if(rehearsed.rows(), make_stage(changed(k_h=400.0)))
     figure = draw(found, ["physics.k_h=400"])
     labels = [axis.get_ylabel() for axis in figure.axes]
     assert len(labels) == 8

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-import proofs
+import rehearsed
 from netboard.services.cli import app
 
 pytestmark = pytest.mark.slow
@@ -22,7 +22,7 @@ def _run_in_folder_with_a_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     monkeypatch.setenv("COLUMNS", "200")
     monkeypatch.setenv("NO_COLOR", "1")
     Path("recordings").mkdir()
-    proofs.write(Path("recordings/whole.mcap"), proofs.rows())
+    rehearsed.write(Path("recordings/whole.mcap"), rehearsed.rows())
 
 
 def test_check_reports_checksums_trials_and_speed() -> None:
@@ -33,7 +33,7 @@ def test_check_reports_checksums_trials_and_speed() -> None:
 
 
 def test_check_exits_with_the_code_of_the_worst_recording() -> None:
-    proofs.write(Path("recordings/early.mcap"), proofs.rows()[:-2000])
+    rehearsed.write(Path("recordings/early.mcap"), rehearsed.rows()[:-2000])
     assert runner.invoke(app, ["check", "recordings"]).exit_code == 3
     Path("recordings/cut.mcap").write_bytes(Path("recordings/whole.mcap").read_bytes()[:-9])
     result = runner.invoke(app, ["check", "recordings", "--json", "--verify"])

@@ -15,7 +15,7 @@ from typing import get_args
 import pytest
 from typer.testing import CliRunner
 
-import proofs
+import rehearsed
 from netboard.base.config import Config, parse, played_sides
 from netboard.network.protocol import control
 from netboard.services.cli import app
@@ -391,7 +391,7 @@ def test_config_check_takes_one_file_and_checks_the_recording_folder(tmp_path: P
 def test_missing_library_is_reported_with_its_install_command(
     command: str, module: str, extra: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    proofs.write(Path("rec.mcap"), proofs.rows())
+    rehearsed.write(Path("rec.mcap"), rehearsed.rows())
     for name in [name for name in sys.modules if name.partition(".")[0] == module]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, module, None)

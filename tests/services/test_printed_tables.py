@@ -16,7 +16,7 @@ from rich.console import Console, RenderableType
 from typer.testing import CliRunner
 
 import netboard
-import proofs
+import rehearsed
 from netboard import services
 from netboard.base.finding import Finding
 from netboard.base.terminal import GAP, WIDEST_NAMES, FittedTable
@@ -127,7 +127,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     created = tmp_path_factory.mktemp("printed")
     (created / "rec").mkdir()
     for end in ("practice", "test"):
-        proofs.write(created / "rec" / f"{'S01_D03_2026-11-22_' * 3}{end}.mcap", proofs.rows())
+        rehearsed.write(created / "rec" / f"{'S01_D03_2026-11-22_' * 3}{end}.mcap", rehearsed.rows())
         columns = np.stack([np.arange(201) / 1000, *np.zeros((4, 201))], 1)
         np.savetxt(
             created / f"{end}.csv", columns, delimiter=",", header="t,z_left,v_left,z_right,v_right", comments=""
@@ -138,12 +138,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def late_recording(folder: Path) -> Path:
     """A recording with several episodes of each of two causes."""
-    path, rows = folder / "late.mcap", proofs.rows()
+    path, rows = folder / "late.mcap", rehearsed.rows()
     for at in (700, 710, 720):
         rows["late_ns"][at] = 5_000_000
         rows["left_loop_ns"][at + 100] += 5_000_000
     rows["left_stamp_ns"] -= rows["tick"] % 2  # otherwise it looks like a robot's
-    return path if path.exists() else proofs.write(path, rows)
+    return path if path.exists() else rehearsed.write(path, rows)
 
 
 def cases(folder: Path) -> list[Callable[[int], str]]:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-import proofs
+import rehearsed
 from netboard.base.config import Config, resolve
 from netboard.base.tick import TICK
 from netboard.network.protocol.joining import Welcome
@@ -63,8 +63,8 @@ def test_recording_with_names_too_long_for_a_new_one_is_readable() -> None:
 
 
 def test_info_marks_catch_trials() -> None:
-    config = replace(proofs.config(), block=replace(proofs.config().block, catch=(2,)))
-    proofs.write(Path("S01.mcap"), proofs.rows(), config)
+    config = replace(rehearsed.config(), block=replace(rehearsed.config().block, catch=(2,)))
+    rehearsed.write(Path("S01.mcap"), rehearsed.rows(), config)
     result = runner.invoke(app, ["info", "S01.mcap"])
     assert result.exit_code == 0, result.exception
     table = result.output.partition("Trials")[2].partition("Timing")[0]

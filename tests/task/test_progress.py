@@ -35,7 +35,7 @@ from netboard.task.journal.entries import (
 from netboard.task.journal.progress import Progress, progress_of, resume_words
 from netboard.task.journal.same_session import changes, require_same_plan
 from netboard.task.trials.repeats import Repeats, wants_repeat
-from session_model import HEADER, PLAN, Planned, a_run, check
+from session_model import HEADER, PLAN, Planned, check, entries_of_run
 
 AT = "2026-11-22T18:52:03.123Z"
 SOURCE = "D03_S01.journal.jsonl"
@@ -146,7 +146,7 @@ def test_journal_without_header_is_reported_as_empty(data: bytes) -> None:
 @given(st.integers(0, 2**32), st.integers(0, 400), st.data())
 @settings(max_examples=60, deadline=None)
 def test_one_corrupted_byte_raises_only_recording_error(seed: int, place: int, data: st.DataObject) -> None:
-    entries = list(a_run(random.Random(seed), "r1", [], Quality()))
+    entries = list(entries_of_run(random.Random(seed), "r1", [], Quality()))
     whole = bytearray(written(entries))
     whole[place % len(whole)] = data.draw(st.integers(0, 255))
     with suppress(RecordingError):
@@ -265,7 +265,7 @@ def test_counts_are_correct_after_any_number_of_crashes(seed: int, rules: Qualit
     chance = random.Random(seed)
     entries: list[Entry] = []
     for run, written_before in enumerate([*crashes, *[1000] * 20]):
-        for number, entry in enumerate(a_run(chance, f"r{run}", entries, rules)):
+        for number, entry in enumerate(entries_of_run(chance, f"r{run}", entries, rules)):
             if number >= written_before:
                 break
             entries.append(entry)
@@ -280,7 +280,7 @@ def test_counts_are_correct_after_any_number_of_crashes(seed: int, rules: Qualit
 def test_journal_truncated_at_any_byte_gives_the_progress_at_that_point(
     seed: int, rules: Quality, data: st.DataObject
 ) -> None:
-    entries = list(a_run(random.Random(seed), "r1", [], rules))
+    entries = list(entries_of_run(random.Random(seed), "r1", [], rules))
     whole, header = written(entries), len(line_of(HEADER, AT))
     cut = data.draw(st.integers(header, len(whole)))
     found = read_lines(whole[:cut], SOURCE)

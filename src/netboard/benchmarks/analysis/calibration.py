@@ -205,7 +205,6 @@ Counts = dict[Setting, Array]
 
 def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
     """Simulate studies and tabulate the rejections."""
-    del folder
     studies = QUICK if quick else STUDIES
     counts = rejections(studies, tell)
     yield about_part(studies)
@@ -269,16 +268,15 @@ TITLES = {
 def table_part(counts: Counts, studies: int, place: int, term: int) -> Part:
     """Tabulate the share of studies in which each test rejects.
 
-    - `place`: 0 without an effect, 1 with `EFFECT` [1].
-    - `term`: index of the term in `TERMS` [1].
+    - `place`, `term`: 0 without an effect, 1 with `EFFECT`; index of the term in `TERMS` [1].
     """
     name, title = TITLES[place, term]
     part = Part(name, title, ("dyads", "errors", "SD of effect [log]", *METHODS))
     for setting, found in counts.items():
         cells = [share(int(count), studies) for count in found[place, term]]
         part.add(setting.dyads, setting.errors, f"{setting.slopes:g}", *cells)
-    verdicts = _verdicts(counts, studies) if (place, term) == (0, 0) else []
-    part.verdicts += verdicts
+    if (place, term) == (0, 0):
+        part.verdicts += _verdicts(counts, studies)
     return part
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from numpy.random import Generator
 from numpy.typing import NDArray
 
 from netboard.analysis.extraction.trials import RATE
@@ -17,7 +18,8 @@ from netboard.analysis.measures.signals import bridge
 Columns = Mapping[str, NDArray[np.float64]]
 """Recorded columns by name [SI]."""
 
-Change = Callable[[Columns, np.random.Generator], dict[str, NDArray[np.float64]]]
+Changed = dict[str, NDArray[np.float64]]
+Change = Callable[[Columns, Generator], Changed]
 """Takes the recorded columns and a random generator, and returns the changed columns."""
 
 HANDS = ("left_used_z", "right_used_z")
@@ -48,23 +50,17 @@ class Disturbance:
     settings: tuple[str, ...] = ()
 
 
-def noise(
-    columns: Columns, generator: np.random.Generator, *, names: tuple[str, ...], deviation: float
-) -> dict[str, NDArray[np.float64]]:
+def noise(columns: Columns, rng: Generator, *, names: tuple[str, ...], deviation: float) -> Changed:
     """Add white Gaussian noise."""
-    return {name: columns[name] + generator.normal(0.0, deviation, columns[name].shape) for name in names}
+    return {name: columns[name] + rng.normal(0.0, deviation, columns[name].shape) for name in names}
 
 
-def quantised(
-    columns: Columns, generator: np.random.Generator, *, names: tuple[str, ...], step: float
-) -> dict[str, NDArray[np.float64]]:
+def quantised(columns: Columns, rng: Generator, *, names: tuple[str, ...], step: float) -> Changed:
     """Round to multiples of a step, as an encoder does."""
     return {name: step * np.round(columns[name] / step) for name in names}
 
 
-def lost(
-    columns: Columns, generator: np.random.Generator, *, share: float, length: float = 0.0, bridged: bool = False
-) -> dict[str, NDArray[np.float64]]:
+def lost(columns: Columns, rng: Generator, *, share: float, length: float = 0.0, bridged: bool = False) -> Changed:
     """Replace samples by NaN, in all columns at the same ticks.
 
     - `share`: share of lost samples [1].
@@ -73,13 +69,13 @@ def lost(
     """
     width = max(round(length * RATE), 1)
     count = next(iter(columns.values())).size
-    started = np.cumsum(generator.random(count) < share / width)
+    started = np.cumsum(rng.random(count) < share / width)
     gone = started > np.concatenate([np.zeros(width, np.int64), started])[:count]
     gapped = {name: np.where(gone, np.nan, values) for name, values in columns.items()}
     return {name: bridge(values, RATE, MAX_BRIDGE) for name, values in gapped.items()} if bridged else gapped
 
 
-def downsampled(columns: Columns, generator: np.random.Generator, *, rate: float) -> dict[str, NDArray[np.float64]]:
+def downsampled(columns: Columns, rng: Generator, *, rate: float) -> Changed:
     """Sample at a lower rate without an anti-aliasing filter, and interpolate linearly to 1 kHz."""
     every = round(RATE / rate)
     if every < 1 or abs(every * rate - RATE) > 1e-6:
@@ -88,16 +84,14 @@ def downsampled(columns: Columns, generator: np.random.Generator, *, rate: float
     return {name: np.interp(at, at[::every], values[::every]) for name, values in columns.items()}
 
 
-def jitter(columns: Columns, generator: np.random.Generator, *, deviation: float) -> dict[str, NDArray[np.float64]]:
+def jitter(columns: Columns, rng: Generator, *, deviation: float) -> Changed:
     """Sample at times with Gaussian jitter, the same in all columns."""
     at = np.arange(next(iter(columns.values())).size)
-    times = at + generator.normal(0.0, deviation * RATE, at.size)
+    times = at + rng.normal(0.0, deviation * RATE, at.size)
     return {name: np.interp(times, at, values) for name, values in columns.items()}
 
 
-def offset(
-    columns: Columns, generator: np.random.Generator, *, names: tuple[str, ...], by: float
-) -> dict[str, NDArray[np.float64]]:
+def offset(columns: Columns, rng: Generator, *, names: tuple[str, ...], by: float) -> Changed:
     """Add a constant, like the offset of a stylus that was not calibrated."""
     return {name: columns[name] + by for name in names}
 

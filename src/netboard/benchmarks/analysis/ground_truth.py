@@ -35,7 +35,7 @@ FORCES = (1.0, 0.7), (1.5, 0.9)
 TREMOR = 1e-5
 """Amplitude of the tremor of both hands, at 1 Hz [m]."""
 
-FASTER = np.radians(1.0)
+TURNING = np.radians(1.0)
 STILL = 0.003
 """Thresholds of the paper for a turning board [rad/s] and a moving hand [m/s]."""
 
@@ -75,8 +75,8 @@ def _ball(time: Signal, rng: np.random.Generator) -> tuple[Signal, Signal]:
     place, velocity, at = np.full(time.size, -REACH), np.zeros(time.size), float(rng.uniform(0.3, 0.6))
     for way in ways:
         duration = float(rng.uniform(0.7, 1.3))
-        more, faster = roll(time, at, duration, way)
-        place, velocity, at = place + more, velocity + faster, at + duration * float(rng.uniform(0.9, 1.1))
+        distance, velocity_change = roll(time, at, duration, way)
+        place, velocity, at = place + distance, velocity + velocity_change, at + duration * float(rng.uniform(0.9, 1.1))
     return place, velocity
 
 
@@ -90,8 +90,8 @@ def _hands(time: Signal, rng: np.random.Generator, end: float) -> tuple[list[Sig
     while at < end - 1.0:
         size, duration = way * float(rng.uniform(0.015, 0.03)), float(rng.uniform(0.5, 0.8))
         for side, (sign, late) in enumerate(((-1.0, delay), (1.0, 0.0))):
-            more, faster = roll(time, at + late, duration, sign * size)
-            heights[side], rates[side] = heights[side] + more, rates[side] + faster
+            distance, velocity_change = roll(time, at + late, duration, sign * size)
+            heights[side], rates[side] = heights[side] + distance, rates[side] + velocity_change
         at, way = at + duration + delay + float(rng.uniform(0.25, 0.5)), -way
     return heights, rates, delay
 
@@ -149,10 +149,10 @@ def _values(before: Mapping[str, Signal], p: Signal, completion: float) -> dict[
 
 def _turns(omega: Signal) -> Signal:
     """Return the onsets of turns faster than 1 degree/s that last at least 100 ms and 1 degree [s]."""
-    fast = np.concatenate([[0], (np.abs(omega) > FASTER).astype(int), [0]])
+    fast = np.concatenate([[0], (np.abs(omega) > TURNING).astype(int), [0]])
     starts, stops = (np.flatnonzero(np.diff(fast) == way) for way in (1, -1))
     angles = np.array([abs(omega[a:b].sum()) / RATE for a, b in zip(starts, stops, strict=True)])
-    return np.asarray(starts[(stops - starts > RATE // 10) & (angles >= FASTER)] / RATE)
+    return np.asarray(starts[(stops - starts > RATE // 10) & (angles >= TURNING)] / RATE)
 
 
 def block(count: int, seed: int) -> tuple[list[Known], NDArray[Any], Config]:
@@ -172,13 +172,13 @@ def block(count: int, seed: int) -> tuple[list[Known], NDArray[Any], Config]:
             back = float(before) - values[0]
             parts.setdefault(name, []).extend((values[0] + back * (1.0 - away), values))
         target = 1 if (number - 1) % 2 else -1
-        for name, idle, own in (
+        for name, idle, moving in (
             ("trial", np.zeros(IDLE, np.int64), np.full(size, number)),
             ("target", np.full(IDLE, target), np.full(size, target)),
             ("outcome", np.full(IDLE, "", object), outcome),
             ("completion", np.full(IDLE, np.nan), completion),
         ):
-            parts.setdefault(name, []).extend((idle, own))
+            parts.setdefault(name, []).extend((idle, moving))
     columns = {name: np.concatenate(values) for name, values in parts.items()}
     config = Config()
     config = replace(config, block=replace(config.block, trials=count))

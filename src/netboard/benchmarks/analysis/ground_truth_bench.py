@@ -45,10 +45,10 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
 def measured_block(folder: Path, trials: int, seed: int) -> tuple[list[Known], Measured]:
     """Write a block of synthetic trials as a recording, and measure it."""
     known, rows, config = block(trials, seed)
-    keeper = BlockWriter(folder, config, f"{seed:08x}".ljust(32, "0"), seed * 10**12, IMPORTED, int(rows["time_ns"][0]))
-    keeper.take(rows)
-    keeper.finish()
-    return known, measure(runs_of([keeper.path])[0], Readings())
+    writer = BlockWriter(folder, config, f"{seed:08x}".ljust(32, "0"), seed * 10**12, IMPORTED, int(rows["time_ns"][0]))
+    writer.take(rows)
+    writer.finish()
+    return known, measure(runs_of([writer.path])[0], Readings())
 
 
 def table(known: list[Known], found: list[Measured]) -> Part:
@@ -94,13 +94,13 @@ def _movements(known: list[Known], found: list[Measured]) -> Iterator[tuple[str 
     for one in found:
         turns = one.movements
         for number in one.trials["trial"]:
-            own = turns["trial"] == number
+            of_trial = turns["trial"] == number
             truth = known[place]
             place += 1
-            counts.append((len(truth.turns), int(own.sum())))
-            if len(truth.turns) == own.sum():
-                onsets += zip(truth.turns, turns["onset"][own], strict=True)
-                delays += [(truth.delay, value) for value in turns["own_delay_20"][own]]
+            counts.append((len(truth.turns), int(of_trial.sum())))
+            if len(truth.turns) == of_trial.sum():
+                onsets += zip(truth.turns, turns["onset"][of_trial], strict=True)
+                delays += [(truth.delay, value) for value in turns["own_delay_20"][of_trial]]
     for name, pairs, unit in (
         ("movements of the board", counts, "1"),
         ("onset of a movement", onsets, "s"),

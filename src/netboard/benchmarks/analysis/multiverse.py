@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from netboard.analysis.extraction.settings import Readings
-from netboard.benchmarks.analysis.open_questions import AMBIGUITIES, readings_of
+from netboard.benchmarks.analysis.open_questions import QUESTIONS, readings_of
 from netboard.benchmarks.analysis.reported_numbers import STATEMENTS
 
 SEED = 1
@@ -51,7 +51,7 @@ class Paths:
 def _questions() -> dict[str, list[list[tuple[str, ...]]]]:
     """Return the likely answers to each question about filters, other measures and summaries."""
     questions: dict[str, list[list[tuple[str, ...]]]] = {"filters": [], "measures": [], "summaries": []}
-    for one in AMBIGUITIES:
+    for one in QUESTIONS:
         answers = [(), *(other.settings for other in one.alternatives if other.likely)]
         if one.name not in EXCLUDED and len(answers) > 1:
             table = one.alternatives[0].settings[0].partition(".")[0]

@@ -9,11 +9,11 @@ import pandas as pd
 from netboard.analysis.extraction.study import Study
 from netboard.benchmarks.analysis import multiverse
 from netboard.benchmarks.analysis.multiverse import HEADLINES
-from netboard.benchmarks.analysis.open_questions import AMBIGUITIES, Alternative, Ambiguity
+from netboard.benchmarks.analysis.open_questions import QUESTIONS, Alternative, Question
 from netboard.benchmarks.analysis.reported_numbers import STATEMENTS, Numbers
 from netboard.benchmarks.harness.results import Part, Value
 
-Singles = Sequence[tuple[Ambiguity, Alternative, Numbers]]
+Singles = Sequence[tuple[Question, Alternative, Numbers]]
 """The reported numbers with one alternative at a time."""
 
 NO_CHANGE = 1e-6
@@ -75,12 +75,12 @@ def alternatives_part(default: Numbers, singles: Singles) -> Part:
         "Effect of each alternative on the reported numbers",
         "id | question | default | alternative | largest change | changed by 1 %",
     )
-    for one in AMBIGUITIES:
+    for one in QUESTIONS:
         mine = [(other, found) for asked, other, found in singles if asked is one]
         if not mine:
-            part.add(one.name, one.question, one.default, "none", one.reason, "")
+            part.add(one.name, one.text, one.default, "none", one.reason, "")
         for other, found in mine:
-            part.add(one.name, one.question, one.default, other.name, *_largest_change(one, default, found))
+            part.add(one.name, one.text, one.default, other.name, *_largest_change(one, default, found))
     unrelated = [f"{one.name} {other.name}" for one, other, found in singles if _changes_unrelated(one, default, found)]
     part.claim(
         "no alternative changes a number that is independent of its question",
@@ -90,18 +90,18 @@ def alternatives_part(default: Numbers, singles: Singles) -> Part:
     return part
 
 
-def _changes_unrelated(one: Ambiguity, default: Numbers, found: Numbers) -> bool:
+def _changes_unrelated(one: Question, default: Numbers, found: Numbers) -> bool:
     """Return whether a setting changes a number outside the families that its question touches."""
-    others = [name for name, number in default.items() if number.family not in one.touches]
+    others = [name for name, number in default.items() if number.family not in one.families]
     return any(not abs(change(default[name].value, found[name].value)) <= NO_CHANGE for name in others)
 
 
-def _largest_change(one: Ambiguity, default: Numbers, found: Numbers) -> tuple[str, str]:
+def _largest_change(one: Question, default: Numbers, found: Numbers) -> tuple[str, str]:
     """Describe the largest change of a mean, else of a spread, else of a count; and count the changed numbers."""
     mine = {
         name: change(number.value, found[name].value)
         for name, number in default.items()
-        if number.family in one.touches
+        if number.family in one.families
     }
     moved = f"{sum(not abs(share) <= CHANGED for share in mine.values())} of {len(mine)}"
     for kind in ("mean", "spread", "count"):
@@ -158,7 +158,7 @@ def moved_part(default: Numbers, singles: Singles) -> Part:
     return part
 
 
-def pairs_part(default: Numbers, singles: Singles, pairs: Sequence[tuple[Ambiguity, Ambiguity, Numbers]]) -> Part:
+def pairs_part(default: Numbers, singles: Singles, pairs: Sequence[tuple[Question, Question, Numbers]]) -> Part:
     """Tabulate the joint effect of two alternatives and their interaction.
 
     - `pairs`: two questions, and the numbers with the first alternative of both.
@@ -173,7 +173,7 @@ def pairs_part(default: Numbers, singles: Singles, pairs: Sequence[tuple[Ambigui
             next((answer.name, found) for asked, answer, found in singles if asked is question)
             for question in (one, other)
         )
-        families = set(one.touches) & set(other.touches)
+        families = set(one.families) & set(other.families)
         for name, label, factor in [row for row in HEADLINES if default[row[0]].family in families][:2]:
             base, *after = (factor * found[name].value for found in (default, by_one, by_other, both))
             joint = after[2] - after[0] - after[1] + base
@@ -211,7 +211,7 @@ def statements_part(default: Numbers, singles: Singles, paths: Sequence[dict[str
     )
     for statement, (alone, of), (held, among) in zip(STATEMENTS, one, every, strict=True):
         share = f"{100 * held / among:.0f} %" if among else "undefined"
-        part.add(statement.words, statement.gap(plain) > 0, f"{alone} of {of}", share, among)
+        part.add(statement.text, statement.gap(plain) > 0, f"{alone} of {of}", share, among)
     return part
 
 
@@ -225,8 +225,8 @@ def affected_part(base: Study, whole_ball: Study) -> Part:
     )
     keys = ["recording", "trial", "attempt"]
     completion = whole_ball.trials.set_index(keys)["completion"]  # without a completion time, no trial counts there
-    for condition, own in base.counted.groupby("condition"):
-        wrong, none = float((own["wrong_way"] > 0).mean()), float(own["braking_distance"].isna().mean())
-        lost = float(completion[pd.MultiIndex.from_frame(own[keys])].isna().mean())
-        part.add(str(condition), len(own), *(f"{100 * share:.1f} %" for share in (wrong, none, lost)))
+    for condition, trials in base.counted.groupby("condition"):
+        lost = completion[pd.MultiIndex.from_frame(trials[keys])].isna()
+        affected = (trials["wrong_way"] > 0, trials["braking_distance"].isna(), lost)
+        part.add(str(condition), len(trials), *(f"{100 * float(one.mean()):.1f} %" for one in affected))
     return part

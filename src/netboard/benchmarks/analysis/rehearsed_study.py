@@ -1,4 +1,4 @@
-"""A study to analyse: the paper's plan with simulated participants and any number of dyads, blocks and trials."""
+"""A study to be analysed: the paper's plan with simulated participants, of any size."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -31,8 +31,8 @@ def rehearse_study(
     - `progress`: called with the numbers of finished and of all blocks.
     """
     jobs = [job for dyad in range(1, dyads + 1) for job in _jobs(folder, dyad, blocks, trials)]
-    ended = count(1)
-    rehearse_all(jobs, workers, lambda sheet: progress(next(ended), len(jobs)))
+    finished = count(1)
+    rehearse_all(jobs, workers, lambda result: progress(next(finished), len(jobs)))
     return tuple(sorted(folder.glob("*.mcap")))
 
 

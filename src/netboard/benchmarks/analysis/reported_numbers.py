@@ -94,9 +94,9 @@ def _strategies(study: Study) -> Iterator[tuple[str, Number]]:
     """Yield mean distance and velocity at the first braking movement."""
     trials = counted(study)
     for one in conditions(study):
-        own = trials[trials["condition"] == one.name]
+        of_condition = trials[trials["condition"] == one.name]
         for quantity, unit in (("distance", "m"), ("velocity", "m/s")):
-            mean = float(of_dyads(of_performers(own, f"braking_{quantity}")).mean())
+            mean = float(of_dyads(of_performers(of_condition, f"braking_{quantity}")).mean())
             yield f"braking {quantity}, {one.label}", Number("strategy", mean, unit)
 
 
@@ -135,7 +135,7 @@ class Statement:
     - `gap`: takes the values by name; returns a difference that is positive if the statement holds [of the numbers].
     """
 
-    words: str
+    text: str
     gap: Gap
 
 

@@ -22,11 +22,11 @@ from netboard.benchmarks.analysis.disturbance_tables import all_disturbances_par
 from netboard.benchmarks.analysis.disturbances import DISTURBANCES
 from netboard.benchmarks.analysis.filter_forms import forms_part
 from netboard.benchmarks.analysis.open_questions import (
-    AMBIGUITIES,
     PAIRS,
+    QUESTIONS,
     Alternative,
-    Ambiguity,
-    ambiguity,
+    Question,
+    question_named,
     readings_of,
 )
 from netboard.benchmarks.analysis.remeasuring import Remeasured, Request, remeasure_all
@@ -64,13 +64,13 @@ NO_BRIDGING = "filters.bridge=0"
 def main(recordings: Path | None, options: Options) -> None:
     """Run the study on recordings, or else on rehearsed ones."""
     if recordings is not None:
-        running.run("sensitivity", partial(study, found_in(recordings)), options)
+        running.run("sensitivity", partial(study, recordings_in(recordings)), options)
         return
     with tempfile.TemporaryDirectory() as made:
         running.run("sensitivity", partial(study, rehearse(Path(made), quick=options.quick)), options)
 
 
-def found_in(folder: Path) -> list[Path]:
+def recordings_in(folder: Path) -> list[Path]:
     """List the recordings of a folder, sorted by name."""
     found = sorted(folder.glob("*.mcap"))
     if not found:
@@ -86,7 +86,7 @@ def rehearse(folder: Path, *, quick: bool) -> list[Path]:
         blocks = shortened(blocks_of(Config(), paper_study(), SEED, dyad), most, trials)
         jobs += jobs_of(list(blocks), SEED, dyad, folder)
     rehearsal.in_parallel(jobs, 2)
-    return found_in(folder)
+    return recordings_in(folder)
 
 
 @dataclass(frozen=True)
@@ -101,8 +101,8 @@ class Variants:
     runs: tuple[Run, ...]
     settings: tuple[str, ...]
     base: Readings
-    singles: tuple[tuple[Ambiguity, Alternative], ...]
-    pairs: tuple[tuple[Ambiguity, Ambiguity], ...]
+    singles: tuple[tuple[Question, Alternative], ...]
+    pairs: tuple[tuple[Question, Question], ...]
     paths: multiverse.Paths
 
     @property
@@ -130,15 +130,15 @@ def variants_of(recordings: Sequence[Path], *, quick: bool) -> Variants:
         key = block.configuration, block.force, run.config.session.dyad, block.performer
         trials[key] = trials.get(key, 0) + block.trials
     if missing := CONDITIONS - {key[:2] for key in trials}:
-        words = ", ".join(sorted(f"{configuration} with force {force}" for configuration, force in missing))
-        raise RecordingError(f"{len(runs)} recordings: expected the paper's four conditions, found none of {words}")
+        names = ", ".join(sorted(f"{configuration} with force {force}" for configuration, force in missing))
+        raise RecordingError(f"{len(runs)} recordings: expected the paper's four conditions, found none of {names}")
     settings = window_settings(min(trials.values()))
     return Variants(
         runs,
         settings,
         readings_of((), settings),
-        tuple((one, other) for one in AMBIGUITIES for other in one.alternatives),
-        tuple((ambiguity(one), ambiguity(other)) for one, other in PAIRS),
+        tuple((one, other) for one in QUESTIONS for other in one.alternatives),
+        tuple((question_named(one), question_named(other)) for one, other in PAIRS),
         multiverse.random_paths(settings, *(QUICK_PATHS if quick else PATHS)),
     )
 
@@ -192,8 +192,8 @@ def study(recordings: Sequence[Path], folder: Folder, tell: Tell, *, quick: bool
 def _singles_and_pairs(
     variants: Variants, found: Sequence[Remeasured], default: Numbers
 ) -> tuple[
-    list[tuple[Ambiguity, Alternative, Numbers]],
-    list[tuple[Ambiguity, Ambiguity, Numbers]],
+    list[tuple[Question, Alternative, Numbers]],
+    list[tuple[Question, Question, Numbers]],
 ]:
     each = [
         numbers(study_of([one.others[number] for one in found], readings), default)

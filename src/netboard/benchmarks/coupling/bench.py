@@ -12,32 +12,32 @@ import numpy as np
 
 from netboard.base.tables.scene import Physics
 from netboard.benchmarks.coupling import boundary, remedies
-from netboard.benchmarks.coupling.boundary import HANDS, MAPS, STIFFEST, Found, ruled_stiffness
+from netboard.benchmarks.coupling.boundary import HANDS, MAPS, STIFFEST, Limit, ruled_stiffness
 from netboard.benchmarks.harness.results import Folder, Part
 from netboard.benchmarks.harness.running import Tell
 
 QUICK_HANDS = ("bare stylus", "hand")
 
-REMEDY_WAYS, QUICK_REMEDY_WAYS = (0, 5, 10, 20, 30), (20,)
-FELT_WAYS, QUICK_FELT_WAYS = (0, 1, 5, 20), (20,)
-EVERYDAY_WAYS, QUICK_EVERYDAY_WAYS = (0, 1, 5), (0,)
+REMEDY_DELAYS, QUICK_REMEDY_DELAYS = (0, 5, 10, 20, 30), (20,)
+FELT_DELAYS, QUICK_FELT_DELAYS = (0, 1, 5, 20), (20,)
+EVERYDAY_DELAYS, QUICK_EVERYDAY_DELAYS = (0, 1, 5), (0,)
 
 
 def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
     """Run the parts of the study, one after the other."""
     hands = QUICK_HANDS if quick else tuple(HANDS)
     yield boundary.delays_part(hands, tell)
-    ways = boundary.QUICK_WAYS if quick else boundary.WAYS
-    found = boundary.limits(hands, ways, tell, 2 * boundary.AGREED if quick else 5e-3)
+    delays = boundary.QUICK_DELAYS if quick else boundary.DELAYS
+    found = boundary.limits(hands, delays, tell, 2 * boundary.AGREED if quick else 5e-3)
     folder.save("coupling", lambda: draw_limits(found))
     yield boundary.limits_part(found)
-    yield remedies.releases_part(remedies.QUICK_WAYS if quick else remedies.WAYS, tell)
-    yield remedies.remedies_part(QUICK_REMEDY_WAYS if quick else REMEDY_WAYS, tell)
-    yield remedies.transparency_part(QUICK_FELT_WAYS if quick else FELT_WAYS, tell)
-    yield remedies.everyday_part(QUICK_EVERYDAY_WAYS if quick else EVERYDAY_WAYS, tell)
+    yield remedies.releases_part(remedies.QUICK_DELAYS if quick else remedies.DELAYS, tell)
+    yield remedies.remedies_part(QUICK_REMEDY_DELAYS if quick else REMEDY_DELAYS, tell)
+    yield remedies.transparency_part(QUICK_FELT_DELAYS if quick else FELT_DELAYS, tell)
+    yield remedies.everyday_part(QUICK_EVERYDAY_DELAYS if quick else EVERYDAY_DELAYS, tell)
 
 
-def draw_limits(found: Sequence[Found]) -> Any:
+def draw_limits(found: Sequence[Limit]) -> Any:
     """Draw the largest stable stiffness over the delay: theory as lines, the simulated service as dots."""
     from matplotlib.figure import Figure
 
@@ -47,12 +47,12 @@ def draw_limits(found: Sequence[Found]) -> Any:
     for axis, (at, end) in zip(axes, MAPS, strict=True):
         for number, hand in enumerate(HANDS):
             mine = [one for one in found if (one.case.at, one.case.end, one.case.hand) == (at, end, hand)]
-            ways = [one.case.way for one in mine]
-            axis.plot(ways, [_shown(one.virtual) for one in mine], color=f"C{number}", label=hand if mine else None)
-            axis.plot(ways, [one.simulated for one in mine], "o", color=f"C{number}", markersize=4)
+            delays = [one.case.delay for one in mine]
+            axis.plot(delays, [_shown(one.virtual) for one in mine], color=f"C{number}", label=hand if mine else None)
+            axis.plot(delays, [one.simulated for one in mine], "o", color=f"C{number}", markersize=4)
             if mine and at == "server" and end == "fixed":
-                ruled = [ruled_stiffness(HANDS[hand], physics.c_h, 2e-3 * way) for way in ways]
-                axis.plot(ways, ruled, ":", color=f"C{number}", linewidth=1)
+                ruled = [ruled_stiffness(HANDS[hand], physics.c_h, 2e-3 * delay) for delay in delays]
+                axis.plot(delays, ruled, ":", color=f"C{number}", linewidth=1)
         axis.axhline(physics.k_h, color="grey", linewidth=0.8, linestyle="--")
         axis.set(yscale="log", ylim=(5.0, STIFFEST), xlabel="delay one way (ms)")
         axis.set_title(f"coupling at {at}, {'a fixed end' if end == 'fixed' else 'the board of the paper'}")

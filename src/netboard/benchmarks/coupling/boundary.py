@@ -15,7 +15,7 @@ from netboard.base.config import Config
 from netboard.base.tables.scene import Physics
 from netboard.base.tables.simulated import VirtualDevice
 from netboard.base.tick import TICK_SECONDS
-from netboard.benchmarks.coupling.far import Distance, Far
+from netboard.benchmarks.coupling.distant_dyad import Delays, DistantDyad
 from netboard.benchmarks.harness.results import Part
 from netboard.benchmarks.harness.running import Tell
 from netboard.devices.safety.virtual_coupling import REACH
@@ -29,7 +29,7 @@ from netboard.physics.stability.delayed_coupling import (
     is_stable,
     largest_delay,
 )
-from netboard.physics.stability.delayed_coupling import LONGEST as MAX_WAY
+from netboard.physics.stability.delayed_coupling import LONGEST as MAX_DELAY
 
 HANDS = {
     "bare stylus": Mechanism(0.045, 0.1),
@@ -54,16 +54,16 @@ AGREED = 0.01
 NUDGE = 1e-5
 """Initial displacement of a simulation from rest [m]."""
 
-LOST, FOUND = 1e-2, 1e-10
+DIVERGED, DECAYED = 1e-2, 1e-10
 """Displacement above which a motion is unstable, and below which it has decayed [m]."""
 
 PERIODS = 24.0
 """Periods of a motion for which it is observed [1]."""
 
-SHORTEST, LONGEST = 1200, 24_000
+MIN_DURATION, MAX_DURATION = 1200, 24_000
 """Shortest and longest observation time [ms]."""
 
-SLOWEST = 2.0
+MIN_RATE = 2.0
 """Lower bound on the angular frequency of a motion [rad/s]."""
 
 
@@ -72,13 +72,13 @@ class Case:
     """The conditions of one stability limit.
 
     - `end`: ``fixed``, or ``board`` for the paper's board with both hands on it.
-    - `way`: delay one way [ms].
+    - `delay`: delay one way [ms].
     """
 
     hand: str
     at: At
     end: str
-    way: int
+    delay: int
 
 
 def scene(at: At, end: str, k: float = Physics().k_h) -> Physics:
@@ -92,7 +92,7 @@ def loops_of(case: Case, k: float, substeps: int = SUBSTEPS) -> dict[str, Loop]:
     ends = ends_of(Physics()) if case.end == "board" else {"fixed": FIXED}
     mechanism = replace(HANDS[case.hand], substeps=substeps)
     return {
-        name: Loop(mechanism, end, k, Physics().c_h, case.way, case.way, case.at, "zoh", 1, REACH)
+        name: Loop(mechanism, end, k, Physics().c_h, case.delay, case.delay, case.at, "zoh", 1, REACH)
         for name, end in ends.items()
     }
 
@@ -149,20 +149,20 @@ def simulated_is_stable(case: Case, k: float, mode: str) -> bool:
     """
     hand = HANDS[case.hand]
     device = VirtualDevice(mass=hand.mass, damping=hand.damping, friction=0.0, resolution=0.0)
-    far = Far(Config(physics=scene(case.at, case.end, k), virtual=device), Distance(case.way, case.way))
-    far.get_ready()
-    far.put(NUDGE, -NUDGE if mode == "tilt" else NUDGE)
-    period = 2.0 * math.pi / max(dominant_frequency(loops_of(case, k)[mode]), SLOWEST)
-    quarter = int(min(max(PERIODS * 1000.0 * period, SHORTEST), LONGEST)) // 4
+    dyad = DistantDyad(Config(physics=scene(case.at, case.end, k), virtual=device), Delays(case.delay, case.delay))
+    dyad.settle()
+    dyad.place(NUDGE, -NUDGE if mode == "tilt" else NUDGE)
+    period = 2.0 * math.pi / max(dominant_frequency(loops_of(case, k)[mode]), MIN_RATE)
+    quarter = int(min(max(PERIODS * 1000.0 * period, MIN_DURATION), MAX_DURATION)) // 4
     sizes = []
     for _ in range(4):
-        far.heights.clear()
-        far.live(quarter)
-        heights = np.array(far.heights)
+        dyad.heights.clear()
+        dyad.run(quarter)
+        heights = np.array(dyad.heights)
         sizes.append(float(np.ptp(heights[:, 0] - (heights[:, 1] if mode == "tilt" else 0.0))))
-        if not sizes[-1] < LOST:
+        if not sizes[-1] < DIVERGED:
             return False
-        if sizes[-1] < FOUND:
+        if sizes[-1] < DECAYED:
             return True
     return sizes[3] < sizes[1]
 
@@ -187,19 +187,19 @@ def simulated(case: Case, near: float, mode: str, precision: float = 5e-3) -> fl
 # --- parts of the study ------------------------------------------------------------------------------------------
 
 
-WAYS = (0, 1, 2, 3, 5, 10, 20, 40, 60)
-QUICK_WAYS = (1, 5)
+DELAYS = (0, 1, 2, 3, 5, 10, 20, 40, 60)
+QUICK_DELAYS = (1, 5)
 MAPS: tuple[tuple[At, str], ...] = (("server", "fixed"), ("server", "board"), ("both", "board"))
 """Where the coupling is computed, and its far end. With "both" and a fixed end, delays have no effect."""
 
 
 @dataclass(frozen=True)
-class Found:
+class Limit:
     """One stability limit.
 
-    - `exact`: largest stable stiffness of a real device [N/m].
-    - `virtual`: of the virtual one [N/m].
-    - `simulated`: in the simulated service; NaN without a limit to compare [N/m].
+    - `exact`, `virtual`: largest stable stiffness with a real and with a virtual device, in theory [N/m].
+    - `simulated`: that in the simulated service; NaN without a limit to compare [N/m].
+    - `mode`: mode that becomes unstable first.
     """
 
     case: Case
@@ -209,22 +209,21 @@ class Found:
     mode: str
 
 
-def limits(hands: Sequence[str], ways: Sequence[int], tell: Tell, precision: float = 5e-3) -> list[Found]:
+def limits(hands: Sequence[str], delays: Sequence[int], tell: Tell, precision: float = 5e-3) -> list[Limit]:
     """Find all stability limits."""
-    cases = [Case(hand, at, end, way) for at, end in MAPS for hand in hands for way in ways]
+    cases = [Case(hand, at, end, delay) for at, end in MAPS for hand in hands for delay in delays]
     found = []
     for i, case in enumerate(cases):
-        tell(f"{case.hand}, {case.at}, {case.end}: {case.way} ms", i / len(cases))
+        tell(f"{case.hand}, {case.at}, {case.end}: {case.delay} ms", i / len(cases))
         virtual, mode = predicted(case)
         exact, _ = predicted(case, 0, 0.6 * virtual) if 0.0 < virtual < math.inf else predicted(case, 0)
-        there = LOOSEST <= virtual < math.inf
-        found.append(
-            Found(case, exact, virtual, simulated(case, virtual, mode, precision) if there else math.nan, mode)
-        )
+        comparable = LOOSEST <= virtual < math.inf
+        in_service = simulated(case, virtual, mode, precision) if comparable else math.nan
+        found.append(Limit(case, exact, virtual, in_service, mode))
     return found
 
 
-def limits_part(found: Sequence[Found]) -> Part:
+def limits_part(found: Sequence[Limit]) -> Part:
     """Tabulate stability limits."""
     part = Part(
         "limits",
@@ -234,9 +233,9 @@ def limits_part(found: Sequence[Found]) -> Part:
     )
     for one in found:
         case, hand = one.case, HANDS[one.case.hand]
-        ruled = ruled_stiffness(hand, Physics().c_h, 2e-3 * case.way) if case.at == "server" else math.nan
+        ruled = ruled_stiffness(hand, Physics().c_h, 2e-3 * case.delay) if case.at == "server" else math.nan
         part.add(
-            *(case.at, case.end, case.hand, case.way, _stiffness(one.exact), _stiffness(one.virtual)),
+            *(case.at, case.end, case.hand, case.delay, _stiffness(one.exact), _stiffness(one.virtual)),
             _stiffness(one.simulated),
             "-" if math.isnan(one.simulated) else f"{100 * (one.simulated / one.virtual - 1):+.2f} %",
             one.mode,
@@ -272,16 +271,16 @@ def delays_part(hands: Sequence[str], tell: Tell) -> Part:
     for i, hand in enumerate(hands):
         for j, (at, end) in enumerate(MAPS):
             tell(f"largest delay: {hand}, {at}, {end}", (i + j / len(MAPS)) / len(hands))
-            ways = {}
+            delays = {}
             for substeps in (0, SUBSTEPS):
                 loops = loops_of(Case(hand, at, end, 0), physics.k_h, substeps)
-                ways[substeps] = {name: largest_delay(loop) for name, loop in loops.items()}
-            mode = min(ways[SUBSTEPS], key=lambda name: ways[SUBSTEPS][name])
-            way = ways[SUBSTEPS][mode]
-            tried = [(way, True), (way + 1, False)] if way < MAX_WAY else [(way, True)]
+                delays[substeps] = {name: largest_delay(loop) for name, loop in loops.items()}
+            mode = min(delays[SUBSTEPS], key=lambda name: delays[SUBSTEPS][name])
+            delay = delays[SUBSTEPS][mode]
+            tried = [(delay, True), (delay + 1, False)] if delay < MAX_DELAY else [(delay, True)]
             right = [simulated_is_stable(Case(hand, at, end, w), physics.k_h, mode) == so for w, so in tried]
             agreeing, checked = agreeing + sum(right), checked + len(right)
-            part.add(at, end, hand, _way(min(ways[0].values())), _way(way), "yes" if all(right) else "no")
+            part.add(at, end, hand, _delay(min(delays[0].values())), _delay(delay), "yes" if all(right) else "no")
     part.claim(
         "the simulated service is stable at the largest delay, and not 1 ms beyond",
         agreeing == checked,
@@ -290,5 +289,5 @@ def delays_part(hands: Sequence[str], tell: Tell) -> Part:
     return part
 
 
-def _way(way: int) -> str:
-    return f">= {MAX_WAY}" if way >= MAX_WAY else str(way)
+def _delay(delay: int) -> str:
+    return f">= {MAX_DELAY}" if delay >= MAX_DELAY else str(delay)

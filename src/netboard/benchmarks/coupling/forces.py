@@ -47,7 +47,7 @@ class Movement:
     duration: float
 
 
-MINE, OTHERS = Movement(0.7, 0.008, 0.45, 2.4), Movement(0.4, -0.012, 0.7, 1.7)
+FIRST_MOVEMENT, SECOND_MOVEMENT = Movement(0.7, 0.008, 0.45, 2.4), Movement(0.4, -0.012, 0.7, 1.7)
 
 
 def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
@@ -55,7 +55,7 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
     count = QUICK_TICKS if quick else TICKS
     tell("a movement, and another one", 0.0)
     config = _config("full")
-    samples, others = record(config, MINE, count), record(config, OTHERS, count)
+    samples, others = record(config, FIRST_MOVEMENT, count), record(config, SECOND_MOVEMENT, count)
     for side in SIDES:
         samples[f"{side}_other"] = others[f"{side}_force"]
     found = {}

@@ -3,8 +3,9 @@
 The releases have friction, encoder steps, and every limit of the safety chain. Friction damps a small motion but not a
 large one, so a loop that is stable for small motions may still oscillate.
 
-Passivity control and coupling in both are netboard's own. Wave variables are here for comparison only: a loop of the
-virtual device and a fixed end with the paper's virtual coupling, and wave variables in place of positions and forces.
+Passivity control and coupling in both (the server and the agent) are part of netboard. Wave variables are here for
+comparison only: a loop of the virtual device and a fixed end with the paper's virtual coupling, which exchange wave
+variables instead of positions and forces.
 
 G. Niemeyer, J.-J. E. Slotine, Stable adaptive teleoperation, IEEE J. Oceanic Engineering 16 (1991).
 """
@@ -24,17 +25,17 @@ from netboard.base.tables.scene import Physics
 from netboard.base.tables.simulated import VirtualDevice
 from netboard.base.tick import START_NS, TICK_NS, TICK_SECONDS
 from netboard.benchmarks.coupling.boundary import HANDS, Case, loops_of, scene
-from netboard.benchmarks.coupling.far import Distance, Far, prepared
+from netboard.benchmarks.coupling.distant_dyad import Delays, DistantDyad, simulation_config
 from netboard.benchmarks.harness.results import Part, Value
 from netboard.benchmarks.harness.running import Tell
 from netboard.devices.simulated.virtual import VirtualTouch
 from netboard.participants.device_models import resolved
 from netboard.physics.stability.delayed_coupling import At, is_stable
 
-RELEASED = 0.010
+RELEASE_HEIGHT = 0.010
 """Distance from rest at the release [m]."""
 
-LED, WAITED = 300, 200
+MOVE_MS, HOLD_MS = 300, 200
 """Durations of the movement to that position, and of the hold there [ms]."""
 
 SECONDS = 4
@@ -45,8 +46,8 @@ QUIET = 0.5e-3
 
 FRICTION = resolved(VirtualDevice()).friction
 
-WAYS = (0, 1, 2, 3, 4, 5, 10, 20, 40)
-QUICK_WAYS = (2, 10)
+DELAYS = (0, 1, 2, 3, 4, 5, 10, 20, 40)
+QUICK_DELAYS = (2, 10)
 
 
 @dataclass(frozen=True)
@@ -80,29 +81,29 @@ class Loop(Protocol):
     forces: list[tuple[float, float]]
     cut: bool
 
-    def get_ready(self) -> None:
+    def settle(self) -> None:
         """Simulate until the loop is ready."""
 
-    def put(self, left: float, right: float) -> None:
+    def place(self, left: float, right: float) -> None:
         """Place the styluses at heights [m]."""
 
-    def live(self, ticks: int) -> None:
+    def run(self, ticks: int) -> None:
         """Simulate a duration [ms]."""
 
 
-def lead(loop: Loop, height: Callable[[int], float], ticks: int) -> None:
+def move_along_path(loop: Loop, height: Callable[[int], float], ticks: int) -> None:
     """Move the left stylus along a path."""
     for t in range(ticks):
-        loop.put(height(t), 0.0)
-        loop.live(1)
+        loop.place(height(t), 0.0)
+        loop.run(1)
 
 
-def let_go(loop: Loop) -> Release:
+def move_and_release(loop: Loop) -> Release:
     """Move the left stylus away, hold it until the server has received this, and release it."""
-    loop.get_ready()
-    lead(loop, lambda t: RELEASED * smooth(t / LED), LED + WAITED)
+    loop.settle()
+    move_along_path(loop, lambda t: RELEASE_HEIGHT * smooth(t / MOVE_MS), MOVE_MS + HOLD_MS)
     start = len(loop.heights)
-    loop.live(1000 * SECONDS)
+    loop.run(1000 * SECONDS)
     heights = np.array(loop.heights)[start:, 0]
     away = np.flatnonzero(np.abs(heights - heights[-1]) > QUIET)
     rest = (int(away[-1]) + 1) * 1e-3 if len(away) else 0.0
@@ -116,13 +117,15 @@ def smooth(share: float) -> float:
     return s * s * s * (10.0 - 15.0 * s + 6.0 * s * s)
 
 
-def release(physics: Physics, device: VirtualDevice, way: int, *, passivity: bool = False) -> Release:
+def release(physics: Physics, device: VirtualDevice, delay: int, *, passivity: bool = False) -> Release:
     """Release the left stylus, and return the outcome."""
-    far = Far(Config(physics=physics, virtual=device, safety=Safety(passivity=passivity)), Distance(way, way))
-    return let_go(far)
+    dyad = DistantDyad(
+        Config(physics=physics, virtual=device, safety=Safety(passivity=passivity)), Delays(delay, delay)
+    )
+    return move_and_release(dyad)
 
 
-def releases_part(ways: Sequence[int], tell: Tell) -> Part:
+def releases_part(delays: Sequence[int], tell: Tell) -> Part:
     """Release a bare stylus with several delays."""
     part = Part(
         "releases",
@@ -134,24 +137,24 @@ def releases_part(ways: Sequence[int], tell: Tell) -> Part:
     bare = HANDS["bare stylus"]
     slick, rough = (VirtualDevice(mass=bare.mass, damping=bare.damping, friction=f) for f in (0.0, FRICTION))
     quiet: dict[tuple[str, str], list[int]] = {}
-    for i, way in enumerate(ways):
-        tell(f"releases: {way} ms one way", i / len(ways))
-        row: list[Value] = [way]
+    for i, delay in enumerate(delays):
+        tell(f"releases: {delay} ms one way", i / len(delays))
+        row: list[Value] = [delay]
         for at in ("server", "both"):
-            case = Case("bare stylus", at, "fixed" if at == "server" else "board", way)
+            case = Case("bare stylus", at, "fixed" if at == "server" else "board", delay)
             stable = all(is_stable(loop) for loop in loops_of(case, Physics().k_h).values())
             row.append("stable" if stable else "unstable")
             for name, device in (("no friction", slick), ("friction", rough)):
-                found = release(scene(at, case.end), device, way)
+                found = release(scene(at, case.end), device, delay)
                 row.append(str(found))
                 if found.quiet:
-                    quiet.setdefault((at, name), []).append(way)
+                    quiet.setdefault((at, name), []).append(delay)
         part.add(*row)
     furthest = {key: max(found) for key, found in quiet.items()}
     part.claim(
         "with both a stylus comes to rest further from its server than with the server alone",
         all(furthest[("both", name)] > furthest[("server", name)] for name in ("no friction", "friction")),
-        ", ".join(f"{at}, {name}: {way} ms" for (at, name), way in furthest.items()),
+        ", ".join(f"{at}, {name}: {delay} ms" for (at, name), delay in furthest.items()),
     )
     return part
 
@@ -177,29 +180,29 @@ NAMES = ("server alone", "with passivity control", "wave variables", "both")
 class Waves:
     """The left hand coupled to a fixed end by wave variables.
 
-    - `way`: delay one way [ms].
+    - `delay`: delay one way [ms].
     """
 
-    def __init__(self, config: Config, way: int) -> None:
+    def __init__(self, config: Config, delay: int) -> None:
         self.heights: list[tuple[float, float]] = []
         self.forces: list[tuple[float, float]] = []
         self.cut = False
         self._k, self._c = config.physics.k_h, config.physics.c_h
-        self._device = VirtualTouch("left", prepared(config))
+        self._device = VirtualTouch("left", simulation_config(config))
         self._device.open()
-        self._up, self._down = deque([0.0] * way), deque([0.0] * way)
+        self._up, self._down = deque([0.0] * delay), deque([0.0] * delay)
         self._height = self._there = 0.0
         self._number = 0
 
-    def get_ready(self) -> None:
-        """Simulate until the loop is ready."""
-        self.live(10)
+    def settle(self) -> None:
+        """Simulate until the device is ready."""
+        self.run(10)
 
-    def put(self, left: float, right: float) -> None:
+    def place(self, left: float, right: float) -> None:
         """Place the stylus at a height."""
         self._device.put(left)
 
-    def live(self, ticks: int) -> None:
+    def run(self, ticks: int) -> None:
         """Simulate a duration."""
         root = math.sqrt(2.0 * IMPEDANCE)
         for _ in range(ticks):
@@ -221,18 +224,18 @@ class Waves:
         return (IMPEDANCE * rate - (root * wave - IMPEDANCE * rate)) / root
 
 
-def make_loop(name: str, device: VirtualDevice, way: int) -> Loop:
+def make_loop(name: str, device: VirtualDevice, delay: int) -> Loop:
     """Return one of the loops of `NAMES`, with a fixed end."""
     at: At = "both" if name == "both" else "server"
     safety = Safety(passivity=name == "with passivity control")
     config = Config(physics=scene(at, "fixed"), virtual=device, safety=safety)
-    return Waves(config, way) if name == "wave variables" else Far(config, Distance(way, way))
+    return Waves(config, delay) if name == "wave variables" else DistantDyad(config, Delays(delay, delay))
 
 
 # --- releases ----------------------------------------------------------------------------------------------------
 
 
-def remedies_part(ways: Sequence[int], tell: Tell) -> Part:
+def remedies_part(delays: Sequence[int], tell: Tell) -> Part:
     """Release a bare stylus with each method."""
     part = Part(
         "remedies",
@@ -241,60 +244,60 @@ def remedies_part(ways: Sequence[int], tell: Tell) -> Part:
         ("one way [ms]", "friction", *NAMES),
     )
     quiet: dict[tuple[str, float], list[int]] = {}
-    for i, way in enumerate(ways):
+    for i, delay in enumerate(delays):
         for j, friction in enumerate((0.0, FRICTION)):
-            tell(f"remedies: {way} ms one way", (i + j / 2) / len(ways))
-            told = []
+            tell(f"remedies: {delay} ms one way", (i + j / 2) / len(delays))
+            outcomes = []
             for name in NAMES:
-                found = let_go(make_loop(name, VirtualDevice(friction=friction), way))
-                told.append(str(found))
+                found = move_and_release(make_loop(name, VirtualDevice(friction=friction), delay))
+                outcomes.append(str(found))
                 if found.quiet:
-                    quiet.setdefault((name, friction), []).append(way)
-            part.add(way, f"{friction:g} N", *told)
+                    quiet.setdefault((name, friction), []).append(delay)
+            part.add(delay, f"{friction:g} N", *outcomes)
     stable = quiet.get(("with passivity control", 0.0), [])
     part.claim(
         "with passivity control a bare stylus without friction comes to rest 20 ms from its server",
-        bool(stable) and max(stable) >= min(20, max(ways)),
-        f"at {', '.join(map(str, stable))} ms of {', '.join(map(str, ways))}",
+        bool(stable) and max(stable) >= min(20, max(delays)),
+        f"at {', '.join(map(str, stable))} ms of {', '.join(map(str, delays))}",
     )
     return part
 
 
-# --- what it feels like ------------------------------------------------------------------------------------------
+# --- rendered stiffness ------------------------------------------------------------------------------------------
 
 
-def felt(name: str, way: int, frequency: float) -> tuple[float, float]:
+def rendered(name: str, delay: int, frequency: float) -> tuple[float, float]:
     """Return the stiffness and damping that are rendered to a hand in sinusoidal movement."""
-    loop = make_loop(name, VirtualDevice(mass=IMMOVABLE, damping=0.0, friction=0.0), way)
-    loop.get_ready()
+    loop = make_loop(name, VirtualDevice(mass=IMMOVABLE, damping=0.0, friction=0.0), delay)
+    loop.settle()
     cycle = round(1000 / frequency)
     start = len(loop.heights)
-    lead(loop, lambda t: AMPLITUDE * math.sin(2.0 * math.pi * t / cycle), (CYCLES + 1) * cycle)
+    move_along_path(loop, lambda t: AMPLITUDE * math.sin(2.0 * math.pi * t / cycle), (CYCLES + 1) * cycle)
     heights, forces = (np.array(kept)[start + cycle :, 0] for kept in (loop.heights, loop.forces))
     turns = np.exp(-2j * math.pi * np.arange(len(heights)) / cycle)
     ratio = -(forces @ turns) / (heights @ turns)
     return float(ratio.real), float(ratio.imag / (2.0 * math.pi * frequency))
 
 
-def transparency_part(ways: Sequence[int], tell: Tell) -> Part:
+def transparency_part(delays: Sequence[int], tell: Tell) -> Part:
     """Measure the stiffness and damping that the virtual coupling renders to a hand."""
     part = Part(
         "transparency",
         "Stiffness and damping felt at a fixed end by a hand that moves 5 mm either way [N/m, N s/m]; ideal: 200, 2.00",
         ("one way [ms]", "frequency [Hz]", *NAMES),
     )
-    for i, way in enumerate(ways):
+    for i, delay in enumerate(delays):
         for frequency in FREQUENCIES:
-            tell(f"what is felt: {way} ms, {frequency:g} Hz", i / len(ways))
-            found = [felt(name, way, frequency) for name in NAMES]
-            part.add(way, frequency, *(f"{k:.0f}, {c:.2f}" for k, c in found))
-    lag = felt("both", max(ways), FREQUENCIES[0])
+            tell(f"rendered stiffness: {delay} ms, {frequency:g} Hz", i / len(delays))
+            found = [rendered(name, delay, frequency) for name in NAMES]
+            part.add(delay, frequency, *(f"{k:.0f}, {c:.2f}" for k, c in found))
+    stiffness, damping = rendered("both", max(delays), FREQUENCIES[0])
     physics = Physics()
-    right = abs(lag[0] / physics.k_h - 1.0) < 0.03 and abs(lag[1] / physics.c_h - 1.0) < 0.15
+    right = abs(stiffness / physics.k_h - 1.0) < 0.03 and abs(damping / physics.c_h - 1.0) < 0.15
     part.claim(
         "with both a hand feels the coupling itself at any distance",
         right,
-        f"{lag[0]:.0f} N/m and {lag[1]:.2f} N s/m at {max(ways)} ms, {FREQUENCIES[0]:g} Hz",
+        f"{stiffness:.0f} N/m and {damping:.2f} N s/m at {max(delays)} ms, {FREQUENCIES[0]:g} Hz",
     )
     return part
 
@@ -308,19 +311,19 @@ PAUSE = 200
 """Rest of the hand after a movement [ms]."""
 
 
-def everyday_part(ways: Sequence[int], tell: Tell) -> Part:
+def everyday_part(delays: Sequence[int], tell: Tell) -> Part:
     """Measure the effect of passivity control on forces in ordinary movements, on the paper's board."""
     part = Part(
         "everyday",
         "Movements of 5 to 20 mm by both hands on the paper's board: force with passivity control less force without",
         "one way [ms] | force, rms [N] | difference, rms, of that [1] | largest difference [N]",
     )
-    for i, way in enumerate(ways):
-        tell(f"everyday movements: {way} ms", i / len(ways))
-        plain, limited = (_played(way, passivity=passivity) for passivity in (False, True))
+    for i, delay in enumerate(delays):
+        tell(f"everyday movements: {delay} ms", i / len(delays))
+        plain, limited = (_play_movements(delay, passivity=passivity) for passivity in (False, True))
         off = limited - plain
         scale = float(np.sqrt(np.mean(plain**2)))
-        part.add(way, scale, float(np.sqrt(np.mean(off**2))) / scale, float(np.abs(off).max()))
+        part.add(delay, scale, float(np.sqrt(np.mean(off**2))) / scale, float(np.abs(off).max()))
     nearest = part.rows[0]
     part.claim(
         "next to its server passivity control changes an everyday force by less than 5 %",
@@ -330,19 +333,19 @@ def everyday_part(ways: Sequence[int], tell: Tell) -> Part:
     return part
 
 
-def _played(way: int, *, passivity: bool) -> NDArray[np.float64]:
+def _play_movements(delay: int, *, passivity: bool) -> NDArray[np.float64]:
     """Simulate movements of both hands, and return the forces on them."""
     device = VirtualDevice(mass=IMMOVABLE, damping=0.0, friction=0.0)
     config = Config(physics=scene("server", "board"), virtual=device, safety=Safety(passivity=passivity))
-    far = Far(config, Distance(way, way))
-    far.get_ready()
+    dyad = DistantDyad(config, Delays(delay, delay))
+    dyad.settle()
     rng = np.random.default_rng(1)
     at = np.zeros(2)
     for _ in range(20):
         aim = np.clip(rng.choice((-1.0, 1.0), 2) * rng.uniform(0.005, 0.020, 2), -0.03, 0.03)
         for t in range(SUBMOVEMENT + PAUSE):
             here = at + (aim - at) * smooth(t / SUBMOVEMENT)
-            far.put(float(here[0]), float(here[1]))
-            far.live(1)
+            dyad.place(float(here[0]), float(here[1]))
+            dyad.run(1)
         at = aim
-    return np.array(far.forces)
+    return np.array(dyad.forces)

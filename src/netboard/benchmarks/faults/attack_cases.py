@@ -19,11 +19,11 @@ import numpy as np
 from netboard.base.clock import now_ns
 from netboard.base.errors import NetboardError
 from netboard.base.tick import LATE_NS
+from netboard.benchmarks.faults.actions import Facts
 from netboard.benchmarks.faults.cases import Case
-from netboard.benchmarks.faults.checks import Check, agents_stood_still, noted, nothing_lost
+from netboard.benchmarks.faults.checks import Check, agent_stalled, nothing_lost, recorded
 from netboard.benchmarks.faults.deferred import deferred
 from netboard.benchmarks.faults.evidence import Evidence, between
-from netboard.benchmarks.faults.harm import Facts
 from netboard.benchmarks.faults.sites import GUESTS, Setup, Site
 from netboard.benchmarks.harness.results import Value, Verdict
 from netboard.network import keys
@@ -243,7 +243,7 @@ def no_more_pauses(evidence: Evidence) -> Verdict:
     most = max(without.pauses, on_sink.pauses)
     start_ns, stop_ns = int(evidence.window.facts["begun_ns"]), int(evidence.window.facts["over_ns"])
     during = [pause for pause in evidence.rig.pauses if start_ns <= pause.at_ns < stop_ns]
-    stalls = sum(agents_stood_still(pause, evidence.stalls) for pause in during)
+    stalls = sum(agent_stalled(pause, evidence.stalls) for pause in during)
     found = f"{on_server.pauses} pauses, {stalls} of them while an agent stalled too; at most {most} without the attack"
     return Verdict(claim, on_server.pauses - stalls <= most, found)
 
@@ -308,7 +308,13 @@ def _unknown_keys_case(channel: str) -> Case:
         f"a peer with a valid key joins within {JOIN_S:g} s; {EXPECTED}",
         KEYED_DYAD,
         join_during(f"unauthenticated-{channel}"),
-        (no_more_misses, no_more_pauses, joins_in_time, noted("refused", "its key is not known here"), nothing_lost),
+        (
+            no_more_misses,
+            no_more_pauses,
+            joins_in_time,
+            recorded("refused", "its key is not known here"),
+            nothing_lost,
+        ),
     )
 
 

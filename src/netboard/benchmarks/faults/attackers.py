@@ -55,7 +55,7 @@ BATCH = 25
 CHURN_HZ = 100
 """Rate of connections of a peer that connects and leaves repeatedly [Hz]."""
 
-STYLUS = Stylus(0, 0, 0.0, 0.0, 0.05, 0.0, 0.0, 0.0, 0, 0, 0.0, -1, 0, 0, 0, 0)
+SAMPLE = Stylus(0, 0, 0.0, 0.0, 0.05, 0.0, 0.0, 0.0, 0, 0, 0.0, -1, 0, 0, 0, 0)
 CLIENTS = {
     channels.MOTION: sockets.motion_agent,
     channels.LOG: sockets.log_client,
@@ -80,8 +80,8 @@ ROLE_MESSAGES: dict[str, tuple[tuple[int, str, Sequence[Message], Sequence[Messa
         (channels.CONTROL, "display.left", [hello("display", "left"), Goodbye("done")], [FRAMES]),
     ),
     "agent": (
-        (channels.MOTION, "agent.left", [], [hello("agent", "left", 32), STYLUS, Goodbye("x" * 4000)]),
-        (channels.MOTION, "agent.left", [], [STYLUS]),
+        (channels.MOTION, "agent.left", [], [hello("agent", "left", 32), SAMPLE, Goodbye("x" * 4000)]),
+        (channels.MOTION, "agent.left", [], [SAMPLE]),
     ),
     "console": (
         (
@@ -147,7 +147,7 @@ def flood_as_stranger(config: Config, stop: Callable[[], bool], stack: ExitStack
     """Send messages without a greeting, greetings that the server refuses, and invalid bytes, on every channel."""
     context = stack.enter_context(sockets.open_context())
     refused = hello("listener", pairs=32)
-    frames = [encode(message) for message in (FRAMES, STYLUS, refused, LogRequest(0), StatusRequest())]
+    frames = [encode(message) for message in (FRAMES, SAMPLE, refused, LogRequest(0), StatusRequest())]
     frames += [b"\xc1" * 4000, b"\xdc" + b"\x01" * 4000]
     addresses = channels.addresses(config.network)
     short = [frame for frame in frames if len(frame) <= sockets.MAX_SAMPLE]  # a longer one closes the connection

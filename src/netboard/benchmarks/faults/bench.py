@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import groupby
+from math import isnan
 from operator import attrgetter
 from pathlib import Path
 
@@ -23,7 +24,7 @@ from netboard.base.terminal import FittedTable
 from netboard.benchmarks.faults import attack_cases
 from netboard.benchmarks.faults.cases import DEVICES, LINKS, MACHINES, PARTS, PEERS, PROCESSES, Case
 from netboard.benchmarks.faults.checks import UNDISTURBED_NS, Falls, disturbed, fades_of, verdict_of
-from netboard.benchmarks.faults.evidence import Evidence, Window, gather, largest_step, without_cut
+from netboard.benchmarks.faults.evidence import Evidence, Window, gather, largest_step, split_at_cuts
 from netboard.benchmarks.faults.sites import Setup, Site, open_site
 from netboard.benchmarks.harness.machine import describe
 from netboard.benchmarks.harness.results import Part, Value, Verdict, show
@@ -34,19 +35,19 @@ COLUMNS = (
     *("pauses [1]", "ticks lost [1]", "check", "holds"),
 )
 
-WELL_S = 90.0
+RECOVERY_S = 90.0
 """Longest time until a trial runs again after a fault [s]."""
 
-NOTICED_S = 0.2
+DETECTION_S = 0.2
 """Longest time until the end of a fault is detected [s]."""
 
-CALM_S = 0.5
+AFTER_S = 0.5
 """Time after recovery that still belongs to the fault [s]."""
 
-AGAIN = "pauses while a trial was waited for"
+PAUSES_BEFORE = "pauses while a trial was waited for"
 """Name of the number of pauses before the fault could be injected."""
 
-MAX_AGAIN = 3
+MAX_REPETITIONS = 3
 """Most repetitions of a case that the machine disturbed [1]."""
 
 Tell = Callable[[str], object]
@@ -70,7 +71,7 @@ class Outcome:
 
     - `verdicts`: the checks and their results; empty if the case could not be run.
     - `disturbed`: reason of a pause by the machine itself just before the fault, or empty.
-    - `again`: number of repetitions because of that [1].
+    - `repetitions`: number of repetitions because of that [1].
     """
 
     case: Case
@@ -79,7 +80,7 @@ class Outcome:
     facts: tuple[tuple[str, str], ...] = ()
     refusal: str = ""
     disturbed: str = ""
-    again: int = 0
+    repetitions: int = 0
 
     @property
     def holds(self) -> bool:
@@ -101,7 +102,7 @@ def main(names: Sequence[str], options: Options) -> int:
         def tell(name: str) -> None:
             progress.update(task, description=name)
 
-        for outcome in play_all(chosen, folder.path / "sites", options.quick, tell):
+        for outcome in run_all(chosen, folder.path / "sites", options.quick, tell):
             outcomes.append(outcome)
             progress.advance(task)
             folder.write(parts_of(outcomes), about(outcomes, options.quick))
@@ -110,26 +111,26 @@ def main(names: Sequence[str], options: Options) -> int:
     for part in parts_of(outcomes):
         show(console, part)
     held = sum(outcome.holds for outcome in outcomes if not outcome.refusal)
-    played = sum(not outcome.refusal for outcome in outcomes)
-    console.print(f"{held} of {played} cases hold, {len(outcomes) - played} could not be run; results in {folder.path}")
-    console.print(told_again(outcomes))
-    return 0 if held == played else 1
+    ran = sum(not outcome.refusal for outcome in outcomes)
+    console.print(f"{held} of {ran} cases hold, {len(outcomes) - ran} could not be run; results in {folder.path}")
+    console.print(repetitions_line(outcomes))
+    return 0 if held == ran else 1
 
 
 def choose(names: Sequence[str], *, quick: bool) -> list[Case]:
     """Find cases by name."""
-    there = {case.name: case for case in CASES}
-    if unknown := [name for name in names if name not in there]:
+    by_name = {case.name: case for case in CASES}
+    if unknown := [name for name in names if name not in by_name]:
         raise ConfigError(f"--case {unknown[0]}: there is no such case; netboard bench faults --list shows all")
-    return [there[name] for name in names] or [case for case in CASES if case.name in QUICK or not quick]
+    return [by_name[name] for name in names] or [case for case in CASES if case.name in QUICK or not quick]
 
 
-def told_again(outcomes: Sequence[Outcome]) -> str:
+def repetitions_line(outcomes: Sequence[Outcome]) -> str:
     """Report how often the machine itself paused a trial before a fault could be made."""
-    names = [f"{outcome.case.name} ({outcome.again})" for outcome in outcomes if outcome.again]
-    total = sum(outcome.again for outcome in outcomes)
-    told = f"Repeated, because the machine had paused the trial before the fault: {total} times"
-    return f"{told}: {', '.join(names)}" if names else told
+    names = [f"{outcome.case.name} ({outcome.repetitions})" for outcome in outcomes if outcome.repetitions]
+    total = sum(outcome.repetitions for outcome in outcomes)
+    line = f"Repeated, because the machine had paused the trial before the fault: {total} times"
+    return f"{line}: {', '.join(names)}" if names else line
 
 
 def list_cases() -> int:
@@ -144,45 +145,42 @@ def list_cases() -> int:
     return 0
 
 
-def play_all(cases: Sequence[Case], folder: Path, quick: bool, tell: Tell) -> Iterator[Outcome]:
+def run_all(cases: Sequence[Case], folder: Path, quick: bool, tell: Tell) -> Iterator[Outcome]:
     """Run cases, grouped by the site that they need."""
-    together = {
-        setup: list(group)
-        for setup, group in groupby(sorted(cases, key=attrgetter("setup.name")), lambda case: case.setup)
-    }
-    for setup, group in together.items():
+    for setup, group in groupby(sorted(cases, key=attrgetter("setup.name")), attrgetter("setup")):
+        waiting = list(group)
         if refusal := setup.refusal():
-            yield from (Outcome(case, refusal=refusal) for case in group)
+            yield from (Outcome(case, refusal=refusal) for case in waiting)
             continue
-        left = group
-        again: Counter[str] = Counter()
-        while left:
-            place = folder / f"{left[0].name}{'-again' * again[left[0].name]}"
-            outcomes = play(setup, [left[0]] if left[0].alone else [c for c in left if not c.alone], place, quick, tell)
-            outcomes = judged(outcomes, again)
+        repetitions: Counter[str] = Counter()
+        while waiting:
+            first = waiting[0]
+            site_folder = folder / f"{first.name}{'-again' * repetitions[first.name]}"
+            cases_of_site = [first] if first.alone else [case for case in waiting if not case.alone]
+            outcomes = without_repeated(run_in_site(setup, cases_of_site, site_folder, quick, tell), repetitions)
             yield from outcomes
             if all(outcome.holds for outcome in outcomes):
-                shutil.rmtree(place)
+                shutil.rmtree(site_folder)
             done = {outcome.case.name for outcome in outcomes}
-            left = [case for case in left if case.name not in done]
+            waiting = [case for case in waiting if case.name not in done]
 
 
-def judged(outcomes: Sequence[Outcome], again: Counter[str]) -> list[Outcome]:
+def without_repeated(outcomes: Sequence[Outcome], repetitions: Counter[str]) -> list[Outcome]:
     """Return the outcomes without the cases that must be repeated, because the machine had paused the trial.
 
-    - `again`: number of repetitions of each case, updated.
+    - `repetitions`: number of repetitions of each case, updated.
     """
     kept = []
     for outcome in outcomes:
         name = outcome.case.name
-        if outcome.disturbed and again[name] < MAX_AGAIN:
-            again[name] += 1
+        if outcome.disturbed and repetitions[name] < MAX_REPETITIONS:
+            repetitions[name] += 1
         else:
-            kept.append(replace(outcome, again=outcome.again + again[name]))
+            kept.append(replace(outcome, repetitions=outcome.repetitions + repetitions[name]))
     return kept
 
 
-def play(setup: Setup, cases: Sequence[Case], folder: Path, quick: bool, tell: Tell) -> list[Outcome]:
+def run_in_site(setup: Setup, cases: Sequence[Case], folder: Path, quick: bool, tell: Tell) -> list[Outcome]:
     """Run cases in one site, up to the first after which the site does not recover."""
     tell(f"{cases[0].name}: starting")
     with open_site(setup, folder, quick=quick) as site:
@@ -193,18 +191,20 @@ def play(setup: Setup, cases: Sequence[Case], folder: Path, quick: bool, tell: T
             return [Outcome(case, (Verdict("a trial begins", False, str(error)),)) for case in cases]
         for case in cases:
             tell(case.name)
-            windows.append(make(case, site))
+            windows.append(inject(case, site))
             if windows[-1].trouble:
                 break
         else:
-            windows[-1] = _finished(site, windows[-1])
+            windows[-1] = _shut_down(site, windows[-1])
         site.end()
-        tell(f"{cases[0].name}: judging")
+        tell(f"{cases[0].name}: checking")
         found = gather(site, windows)
-    return [_from_within(folder, judge(case, evidence)) for case, evidence in zip(cases, found, strict=False)]
+    return [
+        _with_relative_paths(folder, evaluate(case, evidence)) for case, evidence in zip(cases, found, strict=False)
+    ]
 
 
-def _from_within(folder: Path, outcome: Outcome) -> Outcome:
+def _with_relative_paths(folder: Path, outcome: Outcome) -> Outcome:
     """Prefix an outcome's file names with the folder of its site."""
     outside = f"{folder.resolve()}/"
     return replace(
@@ -214,7 +214,7 @@ def _from_within(folder: Path, outcome: Outcome) -> Outcome:
     )
 
 
-def _finished(site: Site, last: Window) -> Window:
+def _shut_down(site: Site, last: Window) -> Window:
     """Shut everything down in order; return the last window, with any trouble of the shutdown."""
     try:
         site.finish()
@@ -223,31 +223,31 @@ def _finished(site: Site, last: Window) -> Window:
     return last
 
 
-def make(case: Case, site: Site) -> Window:
+def inject(case: Case, site: Site) -> Window:
     """Inject a fault while a trial runs, and wait until a trial runs again."""
     start_ns = now_ns()
     facts: dict[str, str] = {}
     try:
-        pauses = site.rig.until_undisturbed(UNDISTURBED_NS * 1e-9, WELL_S)
+        pauses = site.rig.until_undisturbed(UNDISTURBED_NS * 1e-9, RECOVERY_S)
         start_ns = now_ns()
         if pauses:
-            facts[AGAIN] = str(pauses)
-        facts.update(case.act(site) or {})
-        site.sleep(NOTICED_S)
-        site.rig.until_felt(WELL_S)
+            facts[PAUSES_BEFORE] = str(pauses)
+        facts.update(case.action(site) or {})
+        site.sleep(DETECTION_S)
+        site.rig.until_forces(RECOVERY_S)
     except (NetboardError, OSError) as error:
         return Window(start_ns, now_ns(), facts, f"{type(error).__name__}: {error}")
-    site.sleep(CALM_S)
+    site.sleep(AFTER_S)
     return Window(start_ns, now_ns(), facts)
 
 
-def judge(case: Case, evidence: Evidence) -> Outcome:
+def evaluate(case: Case, evidence: Evidence) -> Outcome:
     """Check the evidence of a case."""
     verdicts = tuple(check(evidence) for check in case.all_checks)
     found = attack_cases.figures(evidence) if case.part == attack_cases.PART else figures(case, evidence)
     facts = evidence.window.facts
-    again = int(facts.get(AGAIN, "0"))
-    return Outcome(case, verdicts, found, tuple(facts.items()), disturbed=disturbed(evidence), again=again)
+    pauses = int(facts.get(PAUSES_BEFORE, "0"))
+    return Outcome(case, verdicts, found, tuple(facts.items()), disturbed=disturbed(evidence), repetitions=pauses)
 
 
 def figures(case: Case, evidence: Evidence) -> tuple[Value, ...]:
@@ -259,15 +259,14 @@ def figures(case: Case, evidence: Evidence) -> tuple[Value, ...]:
         largest_step(part, slew).share
         for side in SIDES
         for trace in evidence.traces[side]
-        for part in (without_cut(trace, slew) if side == case.cut else [trace])
+        for part in (split_at_cuts(trace, slew) if side == case.cut else [trace])
     ]
-    lost = sum(stretch.last - stretch.first + 1 for account in evidence.rig.accounts for stretch in account.lost)
     return (
         max((fade.begun * 1e3 for fade in fades), default=""),
-        max((fade.zero * 1e3 for fade in fades if fade.zero == fade.zero), default=""),
+        max((fade.zero * 1e3 for fade in fades if not isnan(fade.zero)), default=""),
         max(shares, default=0.0),
         len(evidence.pauses),
-        lost,
+        evidence.rig.lost_ticks,
         verdict_of(evidence),
     )
 
@@ -280,7 +279,7 @@ def parts_of(outcomes: Sequence[Outcome]) -> list[Part]:
         mine = sorted((o for o in outcomes if o.case.part == part), key=lambda o: order.index(o.case.name))
         if mine:
             columns = attack_cases.COLUMNS if part == attack_cases.PART else COLUMNS
-            rows: list[tuple[Value, ...]] = [(o.case.name, *_padded(o, len(columns) - 2), _word(o)) for o in mine]
+            rows: list[tuple[Value, ...]] = [(o.case.name, *_padded(o, len(columns) - 2), _holds_text(o)) for o in mine]
             found.append(Part(part, title, columns, rows, [_verdict(o) for o in mine]))
     return found
 
@@ -290,7 +289,7 @@ def _padded(outcome: Outcome, count: int) -> tuple[Value, ...]:
     return outcome.figures if len(outcome.figures) == count else ("",) * count
 
 
-def _word(outcome: Outcome) -> str:
+def _holds_text(outcome: Outcome) -> str:
     return "not run" if outcome.refusal else "yes" if outcome.holds else "NO"
 
 
@@ -302,8 +301,8 @@ def _verdict(outcome: Outcome) -> Verdict:
     failed = [verdict for verdict in outcome.verdicts if not verdict.holds]
     if failed:
         return Verdict(claim, False, "; ".join(f"NOT {verdict.claim}: {verdict.found}" for verdict in failed))
-    again = f"; repeated {outcome.again} times" if outcome.again else ""
-    return Verdict(claim, True, "; ".join(verdict.found for verdict in outcome.verdicts) + again)
+    repeated = f"; repeated {outcome.repetitions} times" if outcome.repetitions else ""
+    return Verdict(claim, True, "; ".join(verdict.found for verdict in outcome.verdicts) + repeated)
 
 
 def about(outcomes: Sequence[Outcome], quick: bool) -> dict[str, object]:
@@ -315,7 +314,7 @@ def about(outcomes: Sequence[Outcome], quick: bool) -> dict[str, object]:
             "expected": outcome.case.expected,
             "site": outcome.case.setup.name,
             "refusal": outcome.refusal,
-            "prepared_again": outcome.again,
+            "prepared_again": outcome.repetitions,
             "verdicts": [asdict(verdict) for verdict in outcome.verdicts],
             "facts": dict(outcome.facts),
         }

@@ -15,15 +15,15 @@ from netboard.base.config import SIDES, Side
 from netboard.base.tick import TICK_NS
 from netboard.benchmarks.faults.deferred import deferred
 from netboard.benchmarks.faults.evidence import (
+    DyadRecordings,
     Evidence,
     Fade,
     Pause,
-    Taken,
     between,
+    cuts_to_zero,
     fades,
     largest_step,
-    steps_to_nothing,
-    without_cut,
+    split_at_cuts,
 )
 from netboard.benchmarks.harness.results import Verdict
 from netboard.network.protocol.motion import Safeguard
@@ -36,32 +36,32 @@ Check: TypeAlias = Callable[[Evidence], Verdict]
 STALE_NS = 8_000_000
 """Age above which a force that is not renewed is examined [ns]."""
 
-DONE_NS = 2_000_000
+EFFECT_NS = 2_000_000
 """Delay after the start of a fault until immediate effects are visible and messages in transit have arrived [ns]."""
 
-GONE = 0.06
+FADE_TIME = 0.06
 """Longest time from the first decrease of a force to zero [s]."""
 
 UNDISTURBED_NS = 300_000_000
 """Time without a pause that a trial must have run before a fault [ns]."""
 
 EXCUSED_NS = 150_000_000
-"""Longest time after a loop stalled for which a pause is attributed to the stall [ns]."""
+"""Longest time from a stall of a loop to a pause that is attributed to it [ns]."""
 
-WAY_DOWN = 3
-"""Steps in which the slew limit reduces the largest force to zero, for an agent that was suspended [1]."""
+SLEW_DOWN_STEPS = 3
+"""Steps in which the slew limit reduces the largest force to zero, after an agent was suspended [1]."""
 
-STOPPED_WITHIN = 0.003
+STOP_LATENCY = 0.003
 """Longest latency of an emergency stop to the devices [s]."""
 
 UNKNOWN_TICKS = 20
 """Most ticks after an interruption at which the rendered force may be unknown [1]."""
 
-JUST_BEFORE = 6
-"""Largest delay in ms from writing a force to the tick that records it; a sample is 3 ms old [1]."""
+MAX_RECORD_DELAY = 6
+"""Largest number of ticks from writing a force to the tick that records it; a sample is up to 3 ms old [1]."""
 
 LATELY_NS = 1_000_000_000
-_WORDS = {Severity.SOUND: "complete", Severity.LOSS: "losses", Severity.DAMAGE: "damaged"}
+_SEVERITIES = {Severity.SOUND: "complete", Severity.LOSS: "losses", Severity.DAMAGE: "damaged"}
 TICK = TICK_NS * 1e-9
 
 
@@ -81,17 +81,18 @@ class Falls:
         """Return the result of the check."""
         stale = evidence.limits.stale_after_ms * 1e-3 + TICK
         claim = f"the force begins to fall within {stale * 1e3:g} ms of the last fresh one"
-        claim += f" and is zero {GONE * 1e3:g} ms later" if self.to_zero else ""
-        good, words = True, []
+        claim += f" and is zero {FADE_TIME * 1e3:g} ms later" if self.to_zero else ""
+        good, found = True, []
         for side in self.sides:
-            found = fades_of(evidence, side)
-            if not found:
+            fades_here = fades_of(evidence, side)
+            if not fades_here:
                 return Verdict(claim, False, f"{side}: it was renewed all the time")
-            good &= all(fade.held <= stale + fade.held_up for fade in found)
-            gone = stale + GONE + found[0].held_up + _before(evidence, found[0])
-            good &= not self.to_zero or found[0].zero <= gone
-            words.append(f"{side} {found[0]}" + (f" and {len(found) - 1} times more" if found[1:] else ""))
-        return Verdict(claim, good, ", ".join(words))
+            good &= all(fade.held <= stale + fade.stalled for fade in fades_here)
+            first, *more = fades_here
+            gone = stale + FADE_TIME + first.stalled + _already_late(evidence, first)
+            good &= not self.to_zero or first.zero <= gone
+            found.append(f"{side} {first}" + (f" and {len(more)} times more" if more else ""))
+        return Verdict(claim, good, ", ".join(found))
 
 
 def falls(*sides: Side, to_zero: bool = True) -> Falls:
@@ -99,106 +100,102 @@ def falls(*sides: Side, to_zero: bool = True) -> Falls:
     return Falls(sides, to_zero)
 
 
-def _before(evidence: Evidence, fade: Fade) -> float:
+def _already_late(evidence: Evidence, fade: Fade) -> float:
     """Return the time from the last renewal of the force to the fault, if the machine was already late."""
-    return max(0, evidence.window.start_ns + DONE_NS - fade.last_ns) * 1e-9
+    return max(0, evidence.window.start_ns + EFFECT_NS - fade.last_ns) * 1e-9
 
 
 @deferred
-def gentle(evidence: Evidence, cut: Side | None = None) -> Verdict:
+def within_slew_limit(evidence: Evidence, cut: Side | None = None) -> Verdict:
     """Check that no force exceeds the slew limit; on one side a fault may cut it to zero."""
     slew = evidence.limits.max_slew
     claim = f"no step of the force is larger than {slew:g} N/s allow"
     worst, cuts = 0.0, 0
     for side in SIDES:
         for trace in evidence.traces[side]:
-            cuts += len(steps_to_nothing(trace, slew)) if side == cut else 0
-            parts = without_cut(trace, slew) if side == cut else [trace]
+            cuts += len(cuts_to_zero(trace, slew)) if side == cut else 0
+            parts = split_at_cuts(trace, slew) if side == cut else [trace]
             worst = max([worst, *(largest_step(part, slew).share for part in parts)])
     found = f"at most {worst:.2f} of it" + (f", cut to zero at once {cuts} times" if cut else "")
     return Verdict(claim + (", except to nothing" if cut else ""), worst <= 1.0 + 1e-9, found)
 
 
 @deferred
-def paused(evidence: Evidence, *whys: str) -> Verdict:
+def paused(evidence: Evidence, *reasons: str) -> Verdict:
     """Check that the trial is paused, that the reason is recorded, and that the trial is repeated."""
-    claim = f"the trial is paused ({' or '.join(whys)}), marked and repeated"
-    mine = [pause for pause in evidence.pauses if any(why in pause.why for why in whys)]
+    claim = f"the trial is paused ({' or '.join(reasons)}), marked and repeated"
+    mine = [pause for pause in evidence.pauses if any(reason in pause.reason for reason in reasons)]
     if not mine:
-        return Verdict(claim, False, f"pauses: {_told(evidence.pauses)}")
-    repeated = all(pause.repeated for pause in evidence.pauses if pause.again is not None)
-    again = mine[-1].again is not None or evidence.pauses[-1].again is not None
-    return Verdict(claim, repeated and again, _told(evidence.pauses))
+        return Verdict(claim, False, f"pauses: {_described(evidence.pauses)}")
+    repeated = all(pause.repeated for pause in evidence.pauses if pause.next_attempt is not None)
+    resumed = mine[-1].next_attempt is not None or evidence.pauses[-1].next_attempt is not None
+    return Verdict(claim, repeated and resumed, _described(evidence.pauses))
 
 
-def goes_on(evidence: Evidence) -> Verdict:
+def continues(evidence: Evidence) -> Verdict:
     """Check that no trial is paused, except by the machine itself."""
-    return _undisturbed("the trial goes on", evidence.pauses, evidence.held_up)
+    return _undisturbed("the trial goes on", evidence.pauses, evidence.window_stalls)
 
 
 @deferred
-def either(evidence: Evidence, *whys: str) -> Verdict:
+def may_pause(evidence: Evidence, *reasons: str) -> Verdict:
     """Check that the trial goes on, or is paused for one of these reasons and repeated."""
-    if not [pause for pause in evidence.pauses if any(why in pause.why for why in whys)]:
-        return goes_on(evidence)
-    return paused(*whys)(evidence)
+    if not [pause for pause in evidence.pauses if any(reason in pause.reason for reason in reasons)]:
+        return continues(evidence)
+    return paused(*reasons)(evidence)
 
 
-def rests(evidence: Evidence) -> Verdict:
+def no_force_in_pauses(evidence: Evidence) -> Verdict:
     """Check that no vertical force is rendered from shortly after a pause until the trial resumes."""
     claim = "while the trial is paused no hand is given a vertical force"
-    late = evidence.limits.stale_after_ms * 1e-3 + TICK + GONE
+    late = evidence.limits.stale_after_ms * 1e-3 + TICK + FADE_TIME
     ticks = evidence.ticks
-    largest, looked = 0.0, 0
+    largest, checked = 0.0, 0
     for pause in evidence.pauses:
         later = ticks[ticks["time_ns"] > pause.at_ns]
-        on = later["time_ns"][later["phase"] != Phase.PAUSED]
+        resumed = later["time_ns"][later["phase"] != Phase.PAUSED]
         from_ns = pause.at_ns + round(late * 1e9)
-        to_ns = int(on[0]) - 2 * TICK_NS if on.size else evidence.window.stop_ns  # recorded a tick later
+        to_ns = int(resumed[0]) - 2 * TICK_NS if resumed.size else evidence.window.stop_ns  # recorded a tick later
         for trace in (trace for side in SIDES for trace in evidence.traces[side]):
-            rows = between(trace, from_ns, to_ns)[WAY_DOWN:]
-            looked += rows.size
+            rows = between(trace, from_ns, to_ns)[SLEW_DOWN_STEPS:]
+            checked += rows.size
             largest = max(largest, float(np.max(np.abs(rows["fz"]), initial=0.0)))
-    return Verdict(claim, largest == 0.0, f"at most {largest:.3g} N in {looked} forces")
+    return Verdict(claim, largest == 0.0, f"at most {largest:.3g} N in {checked} forces")
 
 
-def whole(evidence: Evidence) -> Verdict:
+def ticks_accounted(evidence: Evidence) -> Verdict:
     """Check that the recordings account for every tick: recorded, or listed as lost with its cause."""
     return _accounted(evidence.rig)
 
 
 def nothing_lost(evidence: Evidence) -> Verdict:
     """Check that no tick is lost."""
-    lost = sum(stretch.last - stretch.first + 1 for account in evidence.rig.accounts for stretch in account.lost)
+    lost = evidence.rig.lost_ticks
     return Verdict("no tick is lost", lost == 0 and _accounted(evidence.rig).holds, f"{lost} lost")
 
 
-def _accounted(taken: Taken) -> Verdict:
+def _accounted(dyad: DyadRecordings) -> Verdict:
     claim = "every tick is recorded, or listed as lost with its cause"
-    lost = [stretch for account in taken.accounts for stretch in account.lost]
-    unexplained = [
-        stretch for account in taken.accounts for stretch in (*account.unexplained, *account.unexplained_records)
-    ]
-    count = sum(stretch.last - stretch.first + 1 for stretch in lost)
-    words = f"{taken.ticks.size} ticks in {sum(len(account.parts) for account in taken.accounts)} parts, {count} lost"
-    causes = sorted({stretch.cause for stretch in lost})
-    words += f" ({'; '.join(causes)})" if causes else ""
-    words += f", unexplained: {unexplained}" if unexplained else ""
-    sound = bool(taken.accounts) and all(account.sound for account in taken.accounts)
-    return Verdict(claim, sound, words)
+    accounts = dyad.accounts
+    unexplained = [stretch for one in accounts for stretch in (*one.unexplained, *one.unexplained_records)]
+    found = f"{dyad.ticks.size} ticks in {sum(len(one.parts) for one in accounts)} parts, {dyad.lost_ticks} lost"
+    causes = sorted({stretch.cause for one in accounts for stretch in one.lost})
+    found += f" ({'; '.join(causes)})" if causes else ""
+    found += f", unexplained: {unexplained}" if unexplained else ""
+    return Verdict(claim, bool(accounts) and all(one.sound for one in accounts), found)
 
 
 @deferred
-def noted(evidence: Evidence, name: str, *words: str) -> Verdict:
+def recorded(evidence: Evidence, name: str, *words: str) -> Verdict:
     """Check that an event is recorded with these words in its details."""
     claim = f"recorded: {name}" + (f" ({', '.join(words)})" if words else "")
-    told = [" ".join(event.details.values()) for event in evidence.events if event.name == name]
-    good = any(all(word in text for word in words) for text in told)
-    return Verdict(claim, good, f"{len(told)} times" + (f": {told[-1]}" if told else ""))
+    texts = [" ".join(event.details.values()) for event in evidence.events if event.name == name]
+    good = any(all(word in text for word in words) for text in texts)
+    return Verdict(claim, good, f"{len(texts)} times" + (f": {texts[-1]}" if texts else ""))
 
 
 @deferred
-def powerless(evidence: Evidence, side: Side, *, to_the_end: bool) -> Verdict:
+def no_force_if_failing(evidence: Evidence, side: Side, *, to_the_end: bool) -> Verdict:
     """Check that no force was written to a device that returned invalid readings, or did not answer.
 
     The first force may be the write by which the agent detects that its device does not answer.
@@ -213,25 +210,25 @@ def powerless(evidence: Evidence, side: Side, *, to_the_end: bool) -> Verdict:
     return Verdict(f"the {side} device is handed no force while it fails", rows.size > 0 and largest == 0.0, found)
 
 
-def stopped(evidence: Evidence) -> Verdict:
+def emergency_stopped(evidence: Evidence) -> Verdict:
     """Check that an emergency stop reaches both devices with the next tick, and holds until it is released."""
     events = {event.name: event.time_ns for event in evidence.events}
     claim = "both forces go to zero by the slew limit from the next tick on, and stay there until released"
     if not {emergency.STOP, emergency.RELEASE} <= set(events):
         return Verdict(claim, False, "no stop and release are recorded")
     way_down = evidence.limits.max_force / evidence.limits.max_slew
-    good, words = True, []
+    good, found = True, []
     for side in SIDES:
         trace = between(evidence.traces[side][0], events[emergency.STOP], events[emergency.RELEASE])
         felt = trace["time_ns"][np.any([trace[axis] != 0.0 for axis in ("fx", "fy", "fz")], axis=0)]
         last = (int(felt[-1]) - events[emergency.STOP]) * 1e-9 if felt.size else 0.0
-        good &= last <= way_down + STOPPED_WITHIN
-        words.append(f"{side} zero {last * 1e3:.1f} ms after the stop")
-    return Verdict(claim, good, ", ".join(words))
+        good &= last <= way_down + STOP_LATENCY
+        found.append(f"{side} zero {last * 1e3:.1f} ms after the stop")
+    return Verdict(claim, good, ", ".join(found))
 
 
 @deferred
-def safeguarded(evidence: Evidence, side: Side, guard: Safeguard) -> Verdict:
+def safeguard_reported(evidence: Evidence, side: Side, guard: Safeguard) -> Verdict:
     """Check that an agent has reported the action of its safety chain."""
     ticks = int(np.count_nonzero(evidence.ticks[f"{side}_safeguards"] & guard.value))
     name = str(guard.name).lower().replace("_", " ")
@@ -242,30 +239,30 @@ def safeguarded(evidence: Evidence, side: Side, guard: Safeguard) -> Verdict:
 def rendered_known(evidence: Evidence, side: Side) -> Verdict:
     """Check that the recorded force is that written to the device, and unknown at a few ticks only."""
     claim = f"the {side} force is recorded as the device was handed it, and unknown in {UNKNOWN_TICKS} ticks at most"
-    recorded = evidence.ticks[f"{side}_rendered"]
-    known = ~np.isnan(recorded)
+    recorded_forces = evidence.ticks[f"{side}_rendered"]
+    known = ~np.isnan(recorded_forces)
     handed = np.sort(np.concatenate(evidence.traces[side]), order="time_ns")
     times = evidence.ticks["time_ns"][known]
-    wrong = ~_was_handed(handed, times, recorded[known])
+    differing = ~_was_handed(handed, times, recorded_forces[known])
     count = int(np.count_nonzero(~known))
-    found = f"{int(np.count_nonzero(wrong))} of {times.size} ticks hold another force, {count} are unknown"
-    return Verdict(claim, times.size > 0 and not wrong.any() and count <= UNKNOWN_TICKS, found)
+    found = f"{int(np.count_nonzero(differing))} of {times.size} ticks hold another force, {count} are unknown"
+    return Verdict(claim, times.size > 0 and not differing.any() and count <= UNKNOWN_TICKS, found)
 
 
 def _was_handed(handed: NDArray[Any], times: NDArray[np.int64], forces: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return whether forces were written to a device just before these times, or were its last ones."""
     newest = np.searchsorted(handed["time_ns"], times + TICK_NS, side="right") - 1
     found = np.zeros(times.size, bool)
-    for back in range(3 * JUST_BEFORE):  # an agent that was held up makes up for it in a burst
+    for back in range(3 * MAX_RECORD_DELAY):  # an agent that stalled catches up in a burst
         place = np.maximum(newest - back, 0)
         later = handed["time_ns"][np.minimum(place + 1, handed.size - 1)]
-        in_force = (newest >= back) & ((later > times - JUST_BEFORE * TICK_NS) | (place == handed.size - 1))
+        in_force = (newest >= back) & ((later > times - MAX_RECORD_DELAY * TICK_NS) | (place == handed.size - 1))
         found |= in_force & (handed["fz"][place] == forces)
     return found
 
 
 @deferred
-def shown(evidence: Evidence, station: Side) -> Verdict:
+def frames_shown(evidence: Evidence, station: Side) -> Verdict:
     """Check that a display shows frames at the end."""
     painted = evidence.rig.painted_ns[station]
     stop = evidence.window.stop_ns
@@ -274,13 +271,13 @@ def shown(evidence: Evidence, station: Side) -> Verdict:
 
 
 @deferred
-def told(evidence: Evidence, fact: str, wanted: str) -> Verdict:
+def fact_contains(evidence: Evidence, fact: str, wanted: str) -> Verdict:
     """Check that a fact noted during the fault contains the expected text."""
     found = evidence.window.facts.get(fact, "nothing")
     return Verdict(f"{fact}: {wanted}", wanted in found, found)
 
 
-def back(evidence: Evidence) -> Verdict:
+def recovered(evidence: Evidence) -> Verdict:
     """Check that the fault was injected as intended and that everything recovered."""
     return Verdict("a trial is on again", not evidence.window.trouble, evidence.window.trouble or "it is")
 
@@ -299,21 +296,21 @@ def no_damage(evidence: Evidence) -> Verdict:
 
 def verdict_of(evidence: Evidence) -> str:
     """Return the worst result of `netboard check` on the recordings, in one word."""
-    return _WORDS[max((report.severity for report in evidence.reports), default=Severity.SOUND)]
+    return _SEVERITIES[max((report.severity for report in evidence.reports), default=Severity.SOUND)]
 
 
-def neighbour_unmoved(evidence: Evidence) -> Verdict:
+def neighbour_unaffected(evidence: Evidence) -> Verdict:
     """Check that the fault leaves the other dyad unaffected: no pause, no lost tick, no added latency."""
     claim = "the other dyad does not notice"
     other, window = evidence.neighbour, evidence.window
     if other is None:
         return Verdict(claim, True, "there is none")
     mine = [pause for pause in other.pauses if window.start_ns <= pause.at_ns < window.stop_ns]
-    calm = _undisturbed(claim, mine, evidence.held_up)
+    calm = _undisturbed(claim, mine, evidence.window_stalls)
     now = (other.ticks["time_ns"] >= window.start_ns) & (other.ticks["time_ns"] < window.stop_ns)
     sound = _accounted(other)
-    words = f"ticks late by {_late(other.ticks[now])}, at all times {_late(other.ticks)}; {calm.found}"
-    return Verdict(claim, calm.holds and sound.holds, words if sound.holds else f"{words}; {sound.found}")
+    found = f"ticks late by {_late(other.ticks[now])}, at all times {_late(other.ticks)}; {calm.found}"
+    return Verdict(claim, calm.holds and sound.holds, found if sound.holds else f"{found}; {sound.found}")
 
 
 def _late(ticks: NDArray[Any]) -> str:
@@ -331,27 +328,27 @@ def disturbed(evidence: Evidence) -> str:
     """
     start_ns = evidence.window.start_ns
     just_before = [pause for pause in evidence.rig.pauses if start_ns - UNDISTURBED_NS <= pause.at_ns < start_ns]
-    return next((pause.why for pause in just_before if _excused(pause, evidence.stalls)), "")
+    return next((pause.reason for pause in just_before if _excused(pause, evidence.stalls)), "")
 
 
-def _undisturbed(claim: str, found: list[Pause], held_up: NDArray[np.int64]) -> Verdict:
-    excused = [pause for pause in found if _excused(pause, held_up)]
-    words = f"pauses: {_told(found)}" + (f", {len(excused)} of them the machine's fault" if excused else "")
-    return Verdict(claim, len(excused) == len(found), words)
+def _undisturbed(claim: str, found: list[Pause], stalls: NDArray[np.int64]) -> Verdict:
+    excused = [pause for pause in found if _excused(pause, stalls)]
+    text = f"pauses: {_described(found)}" + (f", {len(excused)} of them the machine's fault" if excused else "")
+    return Verdict(claim, len(excused) == len(found), text)
 
 
-def _excused(pause: Pause, held_up: NDArray[np.int64]) -> bool:
+def _excused(pause: Pause, stalls: NDArray[np.int64]) -> bool:
     """Return whether the machine, not the fault, may have caused a pause."""
-    return "stalled" in pause.why or agents_stood_still(pause, held_up)
+    return "stalled" in pause.reason or agent_stalled(pause, stalls)
 
 
-def agents_stood_still(pause: Pause, held_up: NDArray[np.int64]) -> bool:
+def agent_stalled(pause: Pause, stalls: NDArray[np.int64]) -> bool:
     """Return whether the machine suspended an agent shortly before a pause."""
-    started, ended = held_up[:, 0], held_up[:, 1]
+    started, ended = stalls[:, 0], stalls[:, 1]
     return bool(np.any((started < pause.at_ns) & (pause.at_ns < ended + EXCUSED_NS)))
 
 
-def _told(found: list[Pause]) -> str:
+def _described(found: list[Pause]) -> str:
     if not found:
         return "none"
-    return "; ".join(f"trial {p.trial}.{p.attempt} {p.why}" for p in found)
+    return "; ".join(f"trial {p.trial}.{p.attempt} {p.reason}" for p in found)

@@ -13,7 +13,7 @@ def deferred(function: Callable[Concatenate[S, P], R]) -> Callable[P, Callable[[
     """Let a function take its other arguments now, and its first one (a site, or evidence) later."""
 
     @wraps(function)
-    def take(*arguments: P.args, **keywords: P.kwargs) -> Callable[[S], R]:
+    def bind(*arguments: P.args, **keywords: P.kwargs) -> Callable[[S], R]:
         return lambda subject: function(subject, *arguments, **keywords)
 
-    return take
+    return bind

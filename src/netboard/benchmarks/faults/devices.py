@@ -35,9 +35,9 @@ TRACE = np.dtype([("time_ns", "<i8"), ("fx", "<f8"), ("fy", "<f8"), ("fz", "<f8"
 """One row for each force written to the device: time, force, and the last height, NaN if the device returns none or is
 gone [ns, N, N, N, m]."""
 
-Trick = Literal["none", "nan", "frozen", "jump", "gone"]
+DeviceFault = Literal["none", "nan", "frozen", "jump", "gone"]
 
-_TRICKS: dict[bytes, Trick] = {b"-": "none", b"n": "nan", b"f": "frozen", b"j": "jump", b"g": "gone"}
+_FAULT_BYTES: dict[bytes, DeviceFault] = {b"-": "none", b"n": "nan", b"f": "frozen", b"j": "jump", b"g": "gone"}
 
 JUMP = 0.1
 """Apparent jump of the stylus [m]."""
@@ -58,10 +58,10 @@ class TamperedTouch(Device):
     def __init__(self, side: Side, config: Config) -> None:
         super().__init__(side, config)
         self._folder = Path(self.read_options(Options).folder)
-        self._touch = VirtualTouch(side, _plain(config, side))
+        self._touch = VirtualTouch(side, _virtual_config(config, side))
         self._velocimeter = Velocimeter(resolved(config.virtual).resolution)
         self._reading: Reading | None = None
-        self._trace = self._trick = -1
+        self._trace_descriptor = self._fault_descriptor = -1
 
     @property
     def felt(self) -> float:
@@ -78,31 +78,31 @@ class TamperedTouch(Device):
 
     def _open(self) -> DeviceInfo:
         flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND
-        self._trace = os.open(trace_file(self._folder, self.side, os.getpid()), flags, 0o600)
-        self._trick = os.open(_trick_file(self._folder, self.side), os.O_RDONLY | os.O_CREAT, 0o600)
-        if self._tricked() == "gone":
+        self._trace_descriptor = os.open(trace_file(self._folder, self.side, os.getpid()), flags, 0o600)
+        self._fault_descriptor = os.open(_fault_file(self._folder, self.side), os.O_RDONLY | os.O_CREAT, 0o600)
+        if self._active_fault() == "gone":
             self._close_files()
             raise DeviceNotFound("the device is gone")
         return self._touch.open(placed=False)  # the profile is applied once, to the device around it
 
     def _read(self, now_ns: int) -> Reading:
-        trick = self._tricked()
-        if trick == "gone":
+        fault = self._active_fault()
+        if fault == "gone":
             raise DeviceLost("the device is gone")
-        if trick == "frozen" and self._reading is not None:
+        if fault == "frozen" and self._reading is not None:
             return self._reading
         there = self._touch.read(now_ns)
-        x, y, z = (nan, nan, nan) if trick == "nan" else (there.x, there.y, there.z)
-        if trick == "jump":
+        x, y, z = (nan, nan, nan) if fault == "nan" else (there.x, there.y, there.z)
+        if fault == "jump":
             z += JUMP
         vx, vy, vz = self._velocimeter.update(now_ns, x, y, z)
         self._reading = there._replace(x=x, y=y, z=z, vx=vx, vy=vy, vz=vz)
         return self._reading
 
     def _write(self, fx: float, fy: float, fz: float) -> None:
-        gone = self._tricked() == "gone"
+        gone = self._active_fault() == "gone"
         z = self._reading.z if self._reading is not None and not gone else nan
-        os.write(self._trace, np.array((now_ns(), fx, fy, fz, z), TRACE).tobytes())
+        os.write(self._trace_descriptor, np.array((now_ns(), fx, fy, fz, z), TRACE).tobytes())
         if gone:
             raise DeviceLost("the device is gone")
         self._touch.write(fx, fy, fz)
@@ -113,27 +113,27 @@ class TamperedTouch(Device):
         self._touch.close()
 
     def _close_files(self) -> None:
-        os.close(self._trace)
-        os.close(self._trick)
+        os.close(self._trace_descriptor)
+        os.close(self._fault_descriptor)
 
-    def _tricked(self) -> Trick:
-        return _TRICKS.get(os.pread(self._trick, 1, 0), "none")
+    def _active_fault(self) -> DeviceFault:
+        return _FAULT_BYTES.get(os.pread(self._fault_descriptor, 1, 0), "none")
 
 
-def _plain(config: Config, side: Side) -> Config:
+def _virtual_config(config: Config, side: Side) -> Config:
     """Return the configuration for the wrapped virtual device."""
     agents = replace(config.agents, left=Agent()) if side == "left" else replace(config.agents, right=Agent())
     return replace(config, agents=agents)
 
 
-def _trick_file(folder: Path, side: Side) -> Path:
+def _fault_file(folder: Path, side: Side) -> Path:
     return folder / f"{side}.trick"
 
 
-def play_trick(folder: Path, side: Side, trick: Trick) -> None:
+def set_device_fault(folder: Path, side: Side, fault: DeviceFault) -> None:
     """Make the device of a side fail or work again."""
-    letter = next(letter for letter, name in _TRICKS.items() if name == trick)
-    _trick_file(folder, side).write_bytes(letter)
+    letter = next(letter for letter, name in _FAULT_BYTES.items() if name == fault)
+    _fault_file(folder, side).write_bytes(letter)
 
 
 def trace_file(folder: Path, side: Side, process_id: int) -> Path:

@@ -7,6 +7,7 @@ not been renewed. So the time of the last renewed force follows from the trace a
 All times are of the monotonic clock of the one machine.
 """
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -30,9 +31,8 @@ from netboard.recording.integrity.severity import Report
 from netboard.recording.recovery.spilled import recover_any
 from netboard.task.trials.state_machine import Cause, Phase
 
-HELD_UP_NS = 20_000_000
+MIN_STALL_NS = 20_000_000
 """Shortest stall of a 1 kHz loop that counts as a suspension [ns]."""
-
 
 SOON_NS = 1_000_000_000
 """Longest time from the last renewal to zero force; a later zero means that the force was renewed meanwhile [ns]."""
@@ -47,7 +47,7 @@ class Fade:
     - `held`: delay until it was written for the last time [s].
     - `begun`: delay until another force was written; NaN without one [s].
     - `zero`: delay until the force was zero; NaN if it was not soon [s].
-    - `held_up`: duration for which the machine suspended the agent meanwhile [s].
+    - `stalled`: duration for which the machine suspended the agent meanwhile [s].
     """
 
     last_ns: int
@@ -55,12 +55,12 @@ class Fade:
     held: float
     begun: float
     zero: float
-    held_up: float
+    stalled: float
 
     def __str__(self) -> str:
-        words = f"{self.force:.2f} N falls after {self.begun * 1e3:.1f} ms"
-        words += f", zero after {self.zero * 1e3:.1f} ms" if self.zero == self.zero else ", not zero soon"
-        return words + (f" (the agent was held up for {self.held_up * 1e3:.1f} ms)" if self.held_up else "")
+        zero = ", not zero soon" if math.isnan(self.zero) else f", zero after {self.zero * 1e3:.1f} ms"
+        stalled = f" (the agent was held up for {self.stalled * 1e3:.1f} ms)" if self.stalled else ""
+        return f"{self.force:.2f} N falls after {self.begun * 1e3:.1f} ms{zero}{stalled}"
 
 
 def fades(trace: NDArray[Any], longer_ns: int) -> list[Fade]:
@@ -81,8 +81,8 @@ def fades(trace: NDArray[Any], longer_ns: int) -> list[Fade]:
         zero = (int(times[stop + zeros[0]]) - last) * 1e-9 if gone else float("nan")
         until = stop + int(zeros[0]) if gone else min(stop, forces.size - 1)
         gaps = np.diff(times[first : until + 1])
-        held_up = float(np.sum(gaps[gaps > MAX_STEP_NS] - TICK_NS)) * 1e-9
-        found.append(Fade(last, float(forces[first]), (int(times[stop - 1]) - last) * 1e-9, begun, zero, held_up))
+        stalled = float(np.sum(gaps[gaps > MAX_STEP_NS] - TICK_NS)) * 1e-9
+        found.append(Fade(last, float(forces[first]), (int(times[stop - 1]) - last) * 1e-9, begun, zero, stalled))
     return found
 
 
@@ -122,7 +122,7 @@ def largest_step(trace: NDArray[Any], slew: float) -> Step:
     return Step(int(times[worst + 2]), float(sizes[worst]), float(shares[worst]))
 
 
-def steps_to_nothing(trace: NDArray[Any], slew: float) -> list[Step]:
+def cuts_to_zero(trace: NDArray[Any], slew: float) -> list[Step]:
     """Return where the force was cut to zero faster than the slew limit, as the safety chain does after a fault."""
     force = np.stack([trace["fx"], trace["fy"], trace["fz"]], axis=1)
     cut = np.flatnonzero(np.all(force[1:] == 0.0, axis=1) & np.any(force[:-1] != 0.0, axis=1)) + 1
@@ -130,15 +130,15 @@ def steps_to_nothing(trace: NDArray[Any], slew: float) -> list[Step]:
     return [step for step in found if step.share > 1.0]
 
 
-def without_cut(trace: NDArray[Any], slew: float) -> list[NDArray[Any]]:
+def split_at_cuts(trace: NDArray[Any], slew: float) -> list[NDArray[Any]]:
     """Split a trace where the force was cut to zero."""
-    times = [step.at_ns for step in steps_to_nothing(trace, slew)]
+    times = [step.at_ns for step in cuts_to_zero(trace, slew)]
     return np.split(trace, np.searchsorted(trace["time_ns"], times).tolist())
 
 
-def pauses_between(times_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the stalls of a loop that exceed `HELD_UP_NS`."""
-    rows = np.flatnonzero(np.diff(times_ns) > HELD_UP_NS)
+def stalls_in(times_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the stalls of a loop that exceed `MIN_STALL_NS`."""
+    rows = np.flatnonzero(np.diff(times_ns) > MIN_STALL_NS)
     return np.stack([times_ns[rows], times_ns[rows + 1]], axis=1)
 
 
@@ -147,35 +147,37 @@ class Pause:
     """A pause of a trial, caused by a fault.
 
     - `at_ns`: time [ns].
+    - `next_attempt`: trial and attempt that came next; None at the end of the recording [1].
     """
 
     at_ns: int
-    why: str
+    reason: str
     trial: int
     attempt: int
-    again: tuple[int, int] | None
+    next_attempt: tuple[int, int] | None
 
     @property
     def repeated(self) -> bool:
         """Whether the same trial came next, as a new attempt."""
-        return self.again == (self.trial, self.attempt + 1)
+        return self.next_attempt == (self.trial, self.attempt + 1)
 
 
 def pauses(ticks: NDArray[Any], events: Sequence[EventRecord]) -> list[Pause]:
     """Return the pauses of one session that were caused by faults."""
-    told = [(event.tick, event.details.get("notice", "")) for event in events if event.name == Cause.FAULT.name.lower()]
+    notices = [
+        (event.tick, event.details.get("notice", "")) for event in events if event.name == Cause.FAULT.name.lower()
+    ]
     found = []
     for row in np.flatnonzero(ticks["event"] == Cause.FAULT).tolist():
         tick = int(ticks["tick"][row])
-        _, notice = min(told, key=lambda event: abs(event[0] - tick), default=(tick, ""))
+        _, notice = min(notices, key=lambda event: abs(event[0] - tick), default=(tick, ""))
         later = np.flatnonzero(ticks["phase"][row + 1 :] == Phase.LEVELLING)
-        again = None
+        next_attempt = None
         if later.size:
             then = ticks[row + 1 + int(later[0])]
-            again = int(then["trial"]), int(then["attempt"])
-        found.append(
-            Pause(int(ticks["time_ns"][row]), notice, int(ticks["trial"][row]), int(ticks["attempt"][row]), again)
-        )
+            next_attempt = int(then["trial"]), int(then["attempt"])
+        at_ns, trial, attempt = (int(ticks[name][row]) for name in ("time_ns", "trial", "attempt"))
+        found.append(Pause(at_ns, notice, trial, attempt, next_attempt))
     return found
 
 
@@ -204,7 +206,7 @@ class Window:
 
 
 @dataclass(frozen=True)
-class Taken:
+class DyadRecordings:
     """All recordings of one dyad.
 
     - `painted_ns`: times at which each station's display painted a frame [ns].
@@ -216,6 +218,11 @@ class Taken:
     accounts: tuple[Account, ...]
     painted_ns: Mapping[Side, NDArray[np.int64]]
     reports: tuple[Report, ...] = ()
+
+    @property
+    def lost_ticks(self) -> int:
+        """Number of ticks that the recordings list as lost [1]."""
+        return sum(stretch.last - stretch.first + 1 for account in self.accounts for stretch in account.lost)
 
 
 @dataclass(frozen=True)
@@ -229,8 +236,8 @@ class Evidence:
     window: Window
     limits: Safety
     traces: Mapping[Side, Sequence[NDArray[Any]]]
-    rig: Taken
-    neighbour: Taken | None
+    rig: DyadRecordings
+    neighbour: DyadRecordings | None
     stalls: NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 2), np.int64))
 
     @property
@@ -254,8 +261,8 @@ class Evidence:
         return [pause for pause in self.rig.pauses if self._within(pause.at_ns)]
 
     @property
-    def held_up(self) -> NDArray[np.int64]:
-        """Start and end of long stalls of an agent, shape (k, 2) [ns]."""
+    def window_stalls(self) -> NDArray[np.int64]:
+        """Start and end of the stalls of an agent in that time, shape (k, 2) [ns]."""
         return _stalls(self.traces)
 
     def _within(self, time_ns: int) -> bool:
@@ -264,15 +271,15 @@ class Evidence:
 
 def gather(site: Site, windows: Sequence[Window]) -> list[Evidence]:
     """Read the evidence of a site whose processes have all ended."""
-    rig = take(recordings_in(site.rig.folder))
-    neighbour = take(recordings_in(site.neighbour.folder)) if site.neighbour is not None else None
+    rig = read_recordings(recordings_in(site.rig.folder))
+    neighbour = read_recordings(recordings_in(site.neighbour.folder)) if site.neighbour is not None else None
     traces = {side: read_traces(site.rig.folder, side) for side in SIDES}
     stalls, safety = _stalls(traces), site.rig.config.safety
     return [Evidence(window, safety, _traces_in(traces, window), rig, neighbour, stalls) for window in windows]
 
 
 def _stalls(traces: Mapping[Side, Sequence[NDArray[Any]]]) -> NDArray[np.int64]:
-    found = [pauses_between(trace["time_ns"]) for parts in traces.values() for trace in parts]
+    found = [stalls_in(trace["time_ns"]) for parts in traces.values() for trace in parts]
     return np.concatenate([np.empty((0, 2), np.int64), *found])
 
 
@@ -289,7 +296,7 @@ def recordings_in(folder: Path) -> list[Path]:
     return sorted(folder.rglob("*.mcap"))
 
 
-def take(paths: Sequence[Path]) -> Taken:
+def read_recordings(paths: Sequence[Path]) -> DyadRecordings:
     """Read the recordings of a dyad."""
     sessions: dict[str, list[Path]] = {}
     painted: dict[Side, list[int]] = {side: [] for side in SIDES}
@@ -301,9 +308,9 @@ def take(paths: Sequence[Path]) -> Taken:
     accounts = [account_of(parts) for parts in sessions.values()]
     ticks = [_ticks(parts) for parts in sessions.values()]
     found = [pause for rows, account in zip(ticks, accounts, strict=True) for pause in pauses(rows, account.events)]
-    whole = np.concatenate([np.empty(0, TICK), *ticks])
-    return Taken(
-        ticks=whole[np.argsort(whole["time_ns"], kind="stable")],
+    ticks_of_all = np.concatenate([np.empty(0, TICK), *ticks])
+    return DyadRecordings(
+        ticks=ticks_of_all[np.argsort(ticks_of_all["time_ns"], kind="stable")],
         events=tuple(sorted((e for account in accounts for e in account.events), key=lambda event: event.time_ns)),
         pauses=tuple(sorted(found, key=lambda pause: pause.at_ns)),
         accounts=tuple(accounts),

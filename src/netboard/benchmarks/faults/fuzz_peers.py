@@ -2,9 +2,8 @@
 
 One agent runs the simulated participant of a dyad; the other one is bimanual and receives commands over the channel
 moves, so that every socket of every process is tested. The devices must render exactly the forces that the servers
-command. The valid messages between the malformed ones are simple, so that any effect is visible: a
-constant force, ticks that contain only their number, a slowly moving board, and from time to time the start of an
-identical block.
+command. The valid messages between the malformed ones are simple, so that any effect is visible: a constant force,
+ticks that contain only their number, a slowly moving board, and from time to time the start of an identical block.
 """
 
 import socket as net

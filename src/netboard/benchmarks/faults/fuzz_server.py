@@ -22,9 +22,9 @@ from netboard.base.errors import NetboardError
 from netboard.base.tables.rig import Network
 from netboard.base.tick import LATE_NS, TICK_NS
 from netboard.benchmarks.faults import zmtp
-from netboard.benchmarks.faults.checks import gentle, goes_on, whole
+from netboard.benchmarks.faults.checks import continues, ticks_accounted, within_slew_limit
 from netboard.benchmarks.faults.devices import read_traces
-from netboard.benchmarks.faults.evidence import Evidence, Window, between, take
+from netboard.benchmarks.faults.evidence import Evidence, Window, between, read_recordings
 from netboard.benchmarks.faults.malformed_frames import MalformedFrames, decode_or_none, valid_frames
 from netboard.benchmarks.faults.rigs import Rig, tampered
 from netboard.benchmarks.faults.sites import PACE
@@ -255,7 +255,7 @@ def server_parts(folder: Path, count: int, tell: Tell, quiet: float = QUIET_SECO
         agents = _fuzz_as_agents(rig, round(count * AGENT_SHARE), tell)
         rig.start_stations()
         rig.start("left display", "display", "--station", "left", "--offscreen")
-        rig.until_felt()
+        rig.until_forces()
         rig.until(lambda status: "display.left" in status.peers)
         before_period = _period("nothing", lambda: time.sleep(quiet))
         before = rig.memory()
@@ -266,7 +266,7 @@ def server_parts(folder: Path, count: int, tell: Tell, quiet: float = QUIET_SECO
         after = rig.memory()
         tell("server: checking the results", 1.0)
         (path,) = rig.finish()
-    yield _sockets_part(take([path]).events, [*agents, *others], non_zmq)
+    yield _sockets_part(read_recordings([path]).events, [*agents, *others], non_zmq)
     yield _trial_part(rig, path, (before_period, fuzzed_period, after_period))
     yield memory_part("server-memory", "Memory of the server and its peers", before, after)
 
@@ -345,7 +345,7 @@ def _sockets_part(events: Sequence[EventRecord], clients: Sequence[FuzzingClient
 
 def _trial_part(rig: Rig, path: Path, periods: Sequence[Period]) -> Part:
     """Tabulate deadline misses and pauses in each period, and check the recording."""
-    taken = take([path])
+    taken = read_recordings([path])
     with Recording(path) as recording:
         verification = verify_recording(recording)
     part = Part(
@@ -367,9 +367,9 @@ def _trial_part(rig: Rig, path: Path, periods: Sequence[Period]) -> Part:
     evidence = Evidence(trial, rig.config.safety, traces, taken, None)
     found = f"{verification.checked} ticks recomputed" if verification.identical else str(verification)
     part.claim("replay reproduces the recording to the bit", verification.identical, found)
-    part.verdicts.append(whole(evidence))
-    part.verdicts.append(gentle()(evidence))
-    part.verdicts.append(goes_on(evidence))
+    part.verdicts.append(ticks_accounted(evidence))
+    part.verdicts.append(within_slew_limit()(evidence))
+    part.verdicts.append(continues(evidence))
     return part
 
 

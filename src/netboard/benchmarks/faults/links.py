@@ -1,8 +1,8 @@
 """Real links between stations and server: network namespaces on this machine, joined by virtual Ethernet pairs.
 
-Each station has a namespace with its own address. The server and the process that entered `Spaces` are in a third one,
-separate from the machine's network. To pull a cable, its interface is set down: the kernels on both sides behave as
-with a real cable. This requires the right to create namespaces (`refusal`).
+Each station has a namespace with its own address. The server and the thread that entered `Namespaces` are in a third
+one, separate from the machine's network. To pull a cable, its interface is set down: the kernel behaves on both sides
+as with a real cable. This requires the right to create namespaces (`refusal`).
 """
 
 import ctypes
@@ -15,23 +15,23 @@ from typing import Self
 
 from netboard.base.config import SIDES, Side
 from netboard.base.errors import NetboardError
-from netboard.benchmarks.faults.rigs import Way
+from netboard.benchmarks.faults.rigs import Route
 
 SERVER = "10.213.0.1"
-_OWN_SPACE = Path("/proc/thread-self/ns/net")
+_CURRENT_NAMESPACE = Path("/proc/thread-self/ns/net")
 _CLONE_NEWNET = 0x4000_0000
-_TRIAL = "ip link add cable0 type veth peer name cable1"
+_TEST_COMMAND = "ip link add cable0 type veth peer name cable1"
 
 
 def refusal() -> str:
     """Return why this machine cannot provide such links, or an empty string."""
-    if not _OWN_SPACE.exists() or shutil.which("ip") is None or shutil.which("unshare") is None:
+    if not _CURRENT_NAMESPACE.exists() or shutil.which("ip") is None or shutil.which("unshare") is None:
         return "this machine has no network namespaces, or no ip command"
-    tried = subprocess.run(["unshare", "-n", "sh", "-c", _TRIAL], capture_output=True, text=True, check=False)
+    tried = subprocess.run(["unshare", "-n", "sh", "-c", _TEST_COMMAND], capture_output=True, text=True, check=False)
     return f"namespaces are not permitted ({tried.stderr.strip()})" if tried.returncode else ""
 
 
-class Spaces:
+class Namespaces:
     """Puts this thread and the processes it starts into a network of their own, with a cable to each station."""
 
     def __init__(self) -> None:
@@ -40,7 +40,7 @@ class Spaces:
 
     def __enter__(self) -> Self:
         with self._stack:
-            before = self._stack.enter_context(_OWN_SPACE.open("rb"))
+            before = self._stack.enter_context(_CURRENT_NAMESPACE.open("rb"))
             _call("unshare", _CLONE_NEWNET)
             self._stack.callback(_call, "setns", before.fileno(), _CLONE_NEWNET)
             _ip("link set lo up")
@@ -53,9 +53,9 @@ class Spaces:
     def __exit__(self, *raised: object) -> None:
         self._stack.close()
 
-    def way(self, side: Side, port: int) -> Way:
-        """Return the connection of a process at a station to a port of the server."""
-        return Way(SERVER, port, ("ip", "netns", "exec", self._names[side]))
+    def route(self, side: Side, port: int) -> Route:
+        """Return the route of a process at a station to a port of the server."""
+        return Route(SERVER, port, ("ip", "netns", "exec", self._names[side]))
 
     def pull(self, side: Side) -> None:
         """Pull the cable of a station."""
@@ -78,15 +78,15 @@ class Spaces:
         _ip(f"-n {name} route add default via {net}.1")
 
 
-def _ip(words: str) -> None:
-    system("ip", *words.split())
+def _ip(arguments: str) -> None:
+    run_command("ip", *arguments.split())
 
 
-def system(*command: str) -> None:
-    """Run a command, and raise what it says if it fails."""
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise NetboardError(f"{' '.join(command)}: {done.stderr.strip()}")
+def run_command(*command: str) -> None:
+    """Run a command; raise an error with its output if it fails."""
+    completed = subprocess.run(command, capture_output=True, text=True, check=False)
+    if completed.returncode:
+        raise NetboardError(f"{' '.join(command)}: {completed.stderr.strip()}")
 
 
 def _call(name: str, *arguments: int) -> None:

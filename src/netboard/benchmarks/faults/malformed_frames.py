@@ -43,40 +43,11 @@ class Raw(bytes):
 
 
 UNUSUAL_VALUES: tuple[Any, ...] = (
-    None,
-    False,
-    True,
-    0,
-    -1,
-    127,
-    128,
-    -129,
-    2**31,
-    2**63 - 1,
-    2**63,
-    2**64 - 1,
-    -(2**63),
-    0.0,
-    -0.0,
-    5e-324,
-    1.7976931348623157e308,
-    math.nan,
-    math.inf,
-    -math.inf,
-    "",
-    "left",
-    "end",
-    "\0",
-    "ä" * 40,
-    b"",
-    b"\xff" * 40,
-    [],
-    [[]],
-    [None] * 20,
-    {},
-    {"": ""},
-    {1: 2},
-    {b"k": "v"},
+    *(None, False, True),
+    *(0, -1, 127, 128, -129, 2**31, 2**63 - 1, 2**63, 2**64 - 1, -(2**63)),
+    *(0.0, -0.0, 5e-324, 1.7976931348623157e308, math.nan, math.inf, -math.inf),
+    *("", "left", "end", "\0", "ä" * 40, b"", b"\xff" * 40),
+    *([], [[]], [None] * 20, {}, {"": ""}, {1: 2}, {b"k": "v"}),
     Raw(b"\xc1"),  # the type byte that MessagePack never uses
     Raw(b"\xa2\xff\xfe"),  # a string that is not UTF-8
     Raw(b"\xa3\xed\xa0\x80"),  # an unpaired surrogate
@@ -111,8 +82,8 @@ def _message(kind: type[Message], rng: random.Random) -> Message:
         rng.choice(CHOICES[kind, field.name]) if (kind, field.name) in CHOICES else _value(hints[field.name], rng)
         for field in fields(kind)
     ]
-    make: Callable[..., Message] = kind
-    return make(*values)
+    build: Callable[..., Message] = kind
+    return build(*values)
 
 
 def _value(hint: Any, rng: random.Random) -> Any:

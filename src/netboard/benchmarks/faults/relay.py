@@ -1,8 +1,8 @@
-"""A TCP relay: the line between one peer and the server, all channels of it, in a thread of its own.
+"""A TCP relay between one peer and all channels of the server, in its own thread.
 
 It delays, jitters, throttles and stalls bytes. It can hold all bytes (a pulled plug: connections stay, and the bytes
-arrive later), cut (existing and new connections are reset until `mend`), and duplicate connections (the server receives
-the same bytes twice). Bytes keep their order, as in TCP: late bytes delay all that follow. It does not parse them.
+arrive later), cut (existing and new connections are reset until `restore`), and duplicate connections (the server
+receives the same bytes twice). Bytes keep their order, as in TCP: late bytes delay all that follow. None are parsed.
 """
 
 import logging
@@ -44,12 +44,13 @@ _RESET = struct.pack("ii", 1, 0)
 
 
 @dataclass(frozen=True)
-class Weather:
-    """Treatment of the bytes in one direction.
+class Impairment:
+    """Impairment of one direction of a line.
 
     - `delay`: delay of every byte [s].
     - `jitter`: upper limit of an additional, uniformly distributed delay [s].
     - `stalls`: mean rate of stalls of 200 ms, as after a lost packet [Hz].
+    - `rate`: throughput [bytes/s].
     """
 
     delay: float = 0.0
@@ -58,14 +59,14 @@ class Weather:
     rate: float = inf
 
 
-FAIR = Weather()
+UNIMPAIRED = Impairment()
 
 
 class Flow:
     """One direction of a connection: bytes in transit, each with its release time."""
 
-    def __init__(self, source: net.socket, sink: net.socket, double: net.socket | None, seed: int) -> None:
-        self.source, self.sink, self.double = source, sink, double
+    def __init__(self, source: net.socket, sink: net.socket, duplicate: net.socket | None, seed: int) -> None:
+        self.source, self.sink, self.duplicate = source, sink, duplicate
         self.bytes = 0
         self.ended = False
         self._queue: deque[tuple[int, bytes]] = deque()
@@ -83,20 +84,20 @@ class Flow:
         return not self.ended and self.bytes < MAX_BYTES
 
     @property
-    def over(self) -> bool:
+    def finished(self) -> bool:
         """Return whether all bytes have been released and no more will come."""
         return self.ended and not self._queue
 
-    def take(self, weather: Weather, now: int) -> None:
+    def read(self, impairment: Impairment, now: int) -> None:
         """Read from the source."""
         data = self.source.recv(CHUNK_BYTES)
         if data:
-            self._queue.append((self._arrival(weather, len(data), now), data))
+            self._queue.append((self._arrival(impairment, len(data), now), data))
             self.bytes += len(data)
         else:
             self.ended = True
 
-    def give(self, now: int) -> None:
+    def forward(self, now: int) -> None:
         """Send the bytes that are due, as far as the sink accepts them."""
         while self._queue and self._queue[0][0] <= now:
             due, data = self._queue.popleft()
@@ -105,19 +106,19 @@ class Flow:
             except BlockingIOError:
                 sent = 0
             self.bytes -= sent
-            if self.double is not None:
+            if self.duplicate is not None:
                 with suppress(BlockingIOError):
-                    self.double.send(data[:sent])
+                    self.duplicate.send(data[:sent])
             if sent < len(data):
                 self._queue.appendleft((due, data[sent:]))
                 return
 
-    def _arrival(self, weather: Weather, size: int, now: int) -> int:
+    def _arrival(self, impairment: Impairment, size: int, now: int) -> int:
         """Return when a chunk is released, never before the one ahead of it [ns]."""
-        seconds = weather.delay + weather.jitter * self._random.random() + size / weather.rate
-        arrival = max(now + round(seconds * 1e9), self._last_ns + round(size / weather.rate * 1e9))
+        seconds = impairment.delay + impairment.jitter * self._random.random() + size / impairment.rate
+        arrival = max(now + round(seconds * 1e9), self._last_ns + round(size / impairment.rate * 1e9))
         since = (now - self._taken_ns) * 1e-9 if self._taken_ns else 0.0
-        if self._random.random() < weather.stalls * since:
+        if self._random.random() < impairment.stalls * since:
             arrival += STALL_NS
         self._taken_ns, self._last_ns = now, arrival
         return arrival
@@ -133,7 +134,7 @@ class Connection:
     @property
     def sockets(self) -> tuple[net.socket, ...]:
         """Return all its sockets."""
-        ends = (self.up.source, self.up.sink, self.up.double)
+        ends = (self.up.source, self.up.sink, self.up.duplicate)
         return tuple(end for end in ends if end is not None)
 
 
@@ -145,8 +146,8 @@ class Relay:
         self._targets = targets
         self._listeners = [_listen(("127.0.0.1", self.port + channel)) for channel in range(len(targets))]
         self._connections: list[Connection] = []
-        self._up = self._down = FAIR
-        self._holding = self._cutting = self._doubling = self._ending = False
+        self._up = self._down = UNIMPAIRED
+        self._holding = self._cutting = self._duplicating = self._ending = False
         self._made = 0
         self._waker, self._woken = net.socketpair()
         self._thread = threading.Thread(target=self._run, name=f"relay {self.port}", daemon=True)
@@ -162,7 +163,7 @@ class Relay:
         for socket in (*self._listeners, self._waker, self._woken):
             socket.close()
 
-    def weather(self, up: Weather = FAIR, down: Weather = FAIR) -> None:
+    def impair(self, up: Impairment = UNIMPAIRED, down: Impairment = UNIMPAIRED) -> None:
         """Change the delay, jitter and stalls from now on: to the server, and from it."""
         self._up, self._down = up, down
 
@@ -172,24 +173,24 @@ class Relay:
         self._wake()
 
     def cut(self) -> None:
-        """Reset all connections, old and new, until `mend`."""
+        """Reset all connections, old and new, until `restore`."""
         self._cutting = True
         self._wake()
 
-    def mend(self) -> None:
+    def restore(self) -> None:
         """End `hold` and `cut`."""
         self._holding = self._cutting = False
         self._wake()
 
-    def double(self, wanted: bool) -> None:
+    def duplicate(self, wanted: bool) -> None:
         """Turn the duplication of new connections on or off."""
-        self._doubling = wanted
+        self._duplicating = wanted
 
     def _wake(self) -> None:
         self._waker.send(b"!")
 
     def _run(self) -> None:
-        _hurry()
+        _request_real_time()
         while not self._ending:
             readable = self._wait()
             if self._cutting:
@@ -232,12 +233,12 @@ class Relay:
             return
         try:
             server = net.create_connection(target, CONNECT_SECONDS)
-            double = net.create_connection(target, CONNECT_SECONDS) if self._doubling else None
+            duplicate = net.create_connection(target, CONNECT_SECONDS) if self._duplicating else None
         except OSError:  # there is no server: refuse the peer's connection too
             _reset(peer)
             return
         self._made += 1
-        up, down = Flow(peer, server, double, 2 * self._made), Flow(server, peer, None, 2 * self._made + 1)
+        up, down = Flow(peer, server, duplicate, 2 * self._made), Flow(server, peer, None, 2 * self._made + 1)
         connection = Connection(up, down)
         for socket in connection.sockets:
             socket.setblocking(False)
@@ -248,19 +249,19 @@ class Relay:
         """Forward bytes in both directions; when one end closes, close the other."""
         if self._holding:
             return
-        over = False
+        finished = False
         try:
-            for flow, weather in ((connection.up, self._up), (connection.down, self._down)):
+            for flow, impairment in ((connection.up, self._up), (connection.down, self._down)):
                 if flow.source in readable:
-                    flow.take(weather, now_ns())
-                flow.give(now_ns())
-                over |= flow.over
-            if connection.up.double is not None:
+                    flow.read(impairment, now_ns())
+                flow.forward(now_ns())
+                finished |= flow.finished
+            if connection.up.duplicate is not None:
                 with suppress(BlockingIOError):  # discard the server's answers to the duplicate connection
-                    connection.up.double.recv(CHUNK_BYTES)
+                    connection.up.duplicate.recv(CHUNK_BYTES)
         except OSError:  # one end has closed
-            over = True
-        if over:
+            finished = True
+        if finished:
             self._drop(net.socket.close, connection)
 
     def _drop(self, close: Callable[[net.socket], None], *connections: Connection) -> None:
@@ -270,10 +271,9 @@ class Relay:
             self._connections.remove(connection)
 
 
-def between(peer_to: Place) -> Relay:
-    """Return the relay of a peer, whose port is then `Relay.port`."""
-    host, port = peer_to
-    return Relay([(host, port + channel) for channel in range(len(CHANNELS))])
+def relay_to_server(port: int) -> Relay:
+    """Return a relay to all channels of a server on this machine; the peer connects to `Relay.port` instead."""
+    return Relay([("127.0.0.1", port + channel) for channel in range(len(CHANNELS))])
 
 
 def _listen(place: Place) -> net.socket:
@@ -288,7 +288,7 @@ def _reset(socket: net.socket) -> None:
     socket.close()
 
 
-def _hurry() -> None:
+def _request_real_time() -> None:
     """Request real-time priority for this thread."""
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))

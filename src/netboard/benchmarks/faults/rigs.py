@@ -33,7 +33,7 @@ POLL_INTERVAL_S = 0.02
 ACTIVE = ("levelling", "running", "holding")
 """Lasting phases in which forces are rendered."""
 
-FELT_ROWS = 50
+FORCE_ROWS = 50
 """Number of different consecutive forces from which forces count as rendered [1]."""
 
 
@@ -43,19 +43,18 @@ def _paused(status: Status) -> int:
 
 
 @dataclass(frozen=True)
-class Way:
-    """Connection of a process to the server."""
+class Route:
+    """Address at which a process reaches the server, and a command that its own command line is prefixed with."""
 
     host: str
     port: int
-    before: tuple[str, ...] = ()
+    prefix: tuple[str, ...] = ()
 
 
 class Rig:
     """The processes of one dyad.
 
-    - `ways`: connections that differ from the configuration, by name of the process.
-
+    - `routes`: connections that differ from the configuration, by name of the process.
     - `running`: the processes that have been started and not ended, by name.
     """
 
@@ -64,20 +63,20 @@ class Rig:
         folder: Path,
         settings: tuple[str, ...] = (),
         environment: Mapping[str, str] | None = None,
-        ways: Mapping[str, Way] | None = None,
+        routes: Mapping[str, Route] | None = None,
     ) -> None:
         self.folder = folder.resolve()
-        own = (f"network.port={free_port()}", f"recording.directory={self.folder / 'recordings'}")
-        self.config: Config = parse("", "rig", (*own, *settings))
+        defaults = (f"network.port={free_port()}", f"recording.directory={self.folder / 'recordings'}")
+        self.config: Config = parse("", "rig", (*defaults, *settings))
         self.file = self._write("rig", self.config)
         self.running: dict[str, subprocess.Popen[bytes]] = {}
         self._environment = (
             os.environ | {"QT_QPA_PLATFORM": "offscreen", STOP_WITH_PARENT: "1"} | dict(environment or {})
         )
-        self._ways = dict(ways or {})
+        self._routes = dict(routes or {})
         self._stack = ExitStack()
         self.context = self._stack.enter_context(sockets.open_context())
-        self._line = ExitStack()
+        self._operator_stack = ExitStack()
         self._operator: Operator | None = None
 
     def __enter__(self) -> Self:
@@ -85,7 +84,7 @@ class Rig:
 
     def __exit__(self, *raised: object) -> None:
         self.end()
-        self._line.close()
+        self._operator_stack.close()
         self._stack.close()
 
     def end(self) -> None:
@@ -99,21 +98,22 @@ class Rig:
     def operator(self) -> Operator:
         """Return the operator of this rig, a new one after the server has ended."""
         if self._operator is None:
-            self._operator = Operator(self.config.network, self._line.enter_context(sockets.open_context()))
+            self._operator = Operator(self.config.network, self._operator_stack.enter_context(sockets.open_context()))
         return self._operator
 
     def start(self, name: str, *arguments: str) -> subprocess.Popen[bytes]:
         """Start ``netboard ARGUMENTS -c FILE`` under a name."""
-        way = self._ways.get(name)
-        file = self.file if way is None else self._write(name, _by_way(self.config, way))
-        before = () if way is None else way.before
-        command = [*before, sys.executable, "-m", "netboard.services.cli", *arguments, "-c", str(file)]
-        with self._words(name).open("ab") as said:
+        file, prefix = self.file, tuple[str, ...]()
+        if route := self._routes.get(name):
+            network = replace(self.config.network, host=route.host, port=route.port)
+            file, prefix = self._write(name, replace(self.config, network=network)), route.prefix
+        command = [*prefix, sys.executable, "-m", "netboard.services.cli", *arguments, "-c", str(file)]
+        with self._log_file(name).open("ab") as log:
             process = subprocess.Popen(
                 command,
                 stdin=subprocess.DEVNULL,
-                stdout=said,
-                stderr=said,
+                stdout=log,
+                stderr=log,
                 env=self._environment,
                 cwd=self.folder,
                 start_new_session=True,
@@ -138,16 +138,16 @@ class Rig:
         """Start an agent."""
         return self.start(f"{side} agent", "agent", "--side", side)
 
-    def until(self, what: Callable[[Status], bool], seconds: float = TIMEOUT) -> Status:
+    def until(self, condition: Callable[[Status], bool], seconds: float = TIMEOUT) -> Status:
         """Wait for a status that meets a condition."""
         end = time.monotonic() + seconds
         while time.monotonic() < end and not self._lost_server():
             status = self.operator.ask(ANSWER_SECONDS)
-            if status is not None and what(status):
+            if status is not None and condition(status):
                 return status
             time.sleep(POLL_INTERVAL_S)
         raise NetboardError(
-            f"waited {seconds:g} s, or for a server that ended: {self.operator.status}; {self._last_words('server')}"
+            f"waited {seconds:g} s, or the server ended: {self.operator.status}; {self._last_line('server')}"
         )
 
     def _lost_server(self) -> bool:
@@ -166,21 +166,21 @@ class Rig:
         self.until(lambda status: True)
         self.operator.command("end")
 
-    def until_felt(self, seconds: float = TIMEOUT) -> Status:
+    def until_forces(self, seconds: float = TIMEOUT) -> Status:
         """Wait until forces are rendered in a trial to both hands; for a rig with tampered devices."""
 
-        def felt(status: Status) -> bool:
+        def forces_rendered(status: Status) -> bool:
             self.require_running()
-            return status.phase in ACTIVE and all(map(self._feels, SIDES))
+            return status.phase in ACTIVE and all(map(self._renders, SIDES))
 
-        return self.until(felt, seconds)
+        return self.until(forces_rendered, seconds)
 
     def until_undisturbed(self, seconds: float, patience: float = TIMEOUT) -> int:
         """Wait until forces have been rendered for this duration without a pause [s]; return the pauses before."""
         pauses = 0
         end = time.monotonic() + patience
         while True:
-            before = self.until_felt(patience)
+            before = self.until_forces(patience)
             time.sleep(seconds)
             after = self.until(lambda status: True)
             if after.phase != "paused" and _paused(after) == _paused(before):
@@ -193,24 +193,25 @@ class Rig:
         """Raise an error if a process has ended."""
         for name, process in self.running.items():
             if (code := process.poll()) is not None:
-                raise NetboardError(f"the {name} ended with exit code {code}:\n{self.said(name)[-2000:]}")
+                raise NetboardError(f"the {name} ended with exit code {code}:\n{self.output_of(name)[-2000:]}")
 
     def memory(self) -> dict[str, float]:
         """Return the resident memory of each process [bytes]."""
         return {name: resident_memory(process.pid) for name, process in self.running.items()}
 
-    def _feels(self, side: Side) -> bool:
+    def _renders(self, side: Side) -> bool:
         """Return whether changing forces are written to the device of a side."""
         agent = self.running[f"{side} agent"].pid
-        forces = read_trace(trace_file(self.folder, side, agent), FELT_ROWS)["fz"].tolist()
-        return len(forces) == FELT_ROWS and 0.0 not in forces and len(set(forces)) > FELT_ROWS // 4
+        forces = read_trace(trace_file(self.folder, side, agent), FORCE_ROWS)["fz"].tolist()
+        return len(forces) == FORCE_ROWS and 0.0 not in forces and len(set(forces)) > FORCE_ROWS // 4
 
-    def said(self, name: str) -> str:
+    def output_of(self, name: str) -> str:
         """Return the output of a process so far."""
-        return self._words(name).read_text(errors="replace") if self._words(name).exists() else ""
+        log = self._log_file(name)
+        return log.read_text(errors="replace") if log.exists() else ""
 
-    def _last_words(self, name: str) -> str:
-        return self.said(name).strip().rpartition("\n")[2]
+    def _last_line(self, name: str) -> str:
+        return self.output_of(name).strip().rpartition("\n")[2]
 
     def send_signal(self, name: str, number: signal.Signals) -> None:
         """Send a process a signal."""
@@ -221,7 +222,7 @@ class Rig:
         process = self.running.pop(name)
         process.send_signal(signal.SIGKILL)
         process.wait()
-        self._forget(name)
+        self._disconnect_from(name)
 
     def stop(self, name: str, number: signal.Signals = signal.SIGTERM) -> int:
         """Ask a process to stop; return its exit code."""
@@ -233,15 +234,15 @@ class Rig:
         try:
             code = self.running[name].wait(TIMEOUT)
         except subprocess.TimeoutExpired as error:
-            raise NetboardError(f"the {name} did not end within {TIMEOUT:g} s: {self._last_words(name)}") from error
+            raise NetboardError(f"the {name} did not end within {TIMEOUT:g} s: {self._last_line(name)}") from error
         del self.running[name]
-        self._forget(name)
+        self._disconnect_from(name)
         return code
 
-    def _forget(self, name: str) -> None:
-        """Forget the operator's connection to a server that has ended."""
+    def _disconnect_from(self, name: str) -> None:
+        """Close the operator's connection if it is the server that has ended."""
         if name == "server":
-            self._line.close()
+            self._operator_stack.close()
             self._operator = None
 
     def finish(self) -> list[Path]:
@@ -249,24 +250,20 @@ class Rig:
         self.ask_to_end()
         for name in ("server", "logger"):
             if self.wait(name) != 0:
-                raise NetboardError(f"the {name} did not end cleanly: {self._last_words(name)}")
+                raise NetboardError(f"the {name} did not end cleanly: {self._last_line(name)}")
         return self.recordings()
 
     def recordings(self) -> list[Path]:
         """Return the finished recordings, oldest first."""
         return sorted(Path(self.config.recording.directory).glob("*.mcap"))
 
-    def _words(self, name: str) -> Path:
+    def _log_file(self, name: str) -> Path:
         return self.folder / f"{name}.log"
 
     def _write(self, name: str, config: Config) -> Path:
         file = self.folder / f"{name}.toml"
         file.write_text(resolve(config), encoding="utf-8")
         return file
-
-
-def _by_way(config: Config, way: Way) -> Config:
-    return replace(config, network=replace(config.network, host=way.host, port=way.port))
 
 
 def tampered(folder: Path) -> tuple[tuple[str, ...], dict[str, str]]:

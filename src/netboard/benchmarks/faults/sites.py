@@ -1,4 +1,4 @@
-"""Test site of a fault: a rig, and what else the fault needs.
+"""Test site of a fault: a rig, and whatever else the fault needs.
 
 That may be a relay on a peer's line, real links between stations, an adjustable wall clock, a small disk, or a second
 dyad on the same server that must not be affected. A `Setup` lists these parts; cases with the same setup can run in one
@@ -15,8 +15,9 @@ from typing import cast
 
 from netboard.base.config import SIDES, Side
 from netboard.benchmarks.faults import links, wall_clock
-from netboard.benchmarks.faults.relay import Relay, between
-from netboard.benchmarks.faults.rigs import Rig, Way, tampered
+from netboard.benchmarks.faults.relay import Relay, relay_to_server
+from netboard.benchmarks.faults.rigs import Rig, Route, tampered
+from netboard.benchmarks.harness.dyad_keys import add_dyad_keys
 from netboard.network import keys
 from netboard.network.transport.ports import free_port
 
@@ -24,9 +25,9 @@ PACE = (
     *("task.level_time=0.05", "task.level_angle_deg=5.0", "task.level_rate_deg_s=30.0", "block.trials=10000"),
     *("safety.arm_time=0.2", "virtual.resolution=0", "virtual.friction=0"),
 )
-"""Trials that start at once and never end the block, with full forces from the beginning, so there is always a force to
-check; hands without friction and encoder steps, so consecutive renewed forces differ. No limit of the safety chain is
-changed."""
+"""Settings for trials that start at once and never end the block, with full forces from the beginning, so that there is
+always a force to check; and for devices without friction and encoder steps, so that consecutive forces differ. No limit
+of the safety chain is changed."""
 
 START_S = 300.0
 """Timeout for a site to start, including kernel compilation [s]."""
@@ -51,7 +52,7 @@ class Setup:
     relayed: tuple[str, ...] = ()
     displays: bool = False
     neighbour: bool = False
-    spaces: bool = False
+    namespaces: bool = False
     wall_clock: bool = False
     small_disk: bool = False
     follow: bool = False
@@ -60,11 +61,11 @@ class Setup:
     def refusal(self) -> str:
         """Return why this machine cannot provide such a site, or an empty string."""
         asked: list[tuple[bool, Callable[[], str]]] = [
-            (self.spaces, links.refusal),
+            (self.namespaces, links.refusal),
             (self.wall_clock, wall_clock.refusal),
             (self.small_disk, _disk_refusal),
         ]
-        return next((why for wanted, ask in asked if wanted and (why := ask())), "")
+        return next((reason for wanted, ask in asked if wanted and (reason := ask())), "")
 
 
 @dataclass
@@ -75,7 +76,7 @@ class Site:
     rig: Rig
     relays: dict[str, Relay] = field(default_factory=dict)
     neighbour: Rig | None = None
-    spaces: links.Spaces | None = None
+    namespaces: links.Namespaces | None = None
     clock: wall_clock.WallClock | None = None
     quick: bool = False
 
@@ -86,19 +87,19 @@ class Site:
 
     def start(self) -> None:
         """Start everything and wait until a trial runs."""
-        self.start_again("server")
+        self.restart("server")
         for rig in self.rigs:
             rig.start("logger", *self._logger())
             rig.start_stations(self.setup.displays)
         for rig in self.rigs:
-            rig.until_felt(START_S)
+            rig.until_forces(START_S)
 
-    def start_again(self, process: str) -> None:
+    def restart(self, process: str) -> None:
         """Restart a process of the affected dyad, or the server of all dyads."""
         match process.split():
             case ["server"]:
                 others = [word for rig in self.rigs[1:] for word in ("-c", str(rig.file))]
-                self.rig.start("server", "server", *others, *(["--insecure"] if self.setup.spaces else []))
+                self.rig.start("server", "server", *others, *(["--insecure"] if self.setup.namespaces else []))
             case ["logger"]:
                 self.rig.start("logger", *self._logger())
             case [side, "display"]:
@@ -136,20 +137,20 @@ def open_site(setup: Setup, folder: Path, *, quick: bool) -> Iterator[Site]:
     (folder / "a").mkdir(parents=True)
     settings, environment = tampered((folder / "a").resolve())
     with ExitStack() as stack:
-        spaces = stack.enter_context(links.Spaces()) if setup.spaces else None
+        namespaces = stack.enter_context(links.Namespaces()) if setup.namespaces else None
         clock = wall_clock.WallClock(folder) if setup.wall_clock else None
         if setup.small_disk:
             stack.enter_context(_mounted(folder / "a" / "recordings"))
         if setup.keyed:
             settings += (f"network.keys={_keys(folder / 'a')}",)
         port = free_port()
-        settings += (*PACE, f"network.port={port}", *_address(spaces), *setup.settings)
-        relays = {name: stack.enter_context(between(("127.0.0.1", port))) for name in setup.relayed}
-        ways = {name: Way("127.0.0.1", relay.port) for name, relay in relays.items()}
-        if spaces is not None:
-            ways |= {f"{side} agent": spaces.way(side, port) for side in SIDES}
-        rig = Rig(folder / "a", settings, environment | (clock.environment if clock else {}), ways)
-        site = Site(setup, stack.enter_context(rig), relays, None, spaces, clock, quick)
+        settings += (*PACE, f"network.port={port}", *_address(namespaces), *setup.settings)
+        relays = {name: stack.enter_context(relay_to_server(port)) for name in setup.relayed}
+        routes = {name: Route("127.0.0.1", relay.port) for name, relay in relays.items()}
+        if namespaces is not None:
+            routes |= {f"{side} agent": namespaces.route(side, port) for side in SIDES}
+        rig = Rig(folder / "a", settings, environment | (clock.environment if clock else {}), routes)
+        site = Site(setup, stack.enter_context(rig), relays, None, namespaces, clock, quick)
         if setup.neighbour and not quick:
             site.neighbour = stack.enter_context(_neighbour(folder / "b"))
         yield site
@@ -159,12 +160,8 @@ def _keys(folder: Path) -> Path:
     """Create the keys of a dyad, and equally valid ones for guests."""
     made = (folder / "keys").resolve()
     keys.init(made)
-    for place in (made, folder / GUESTS):
-        for side in SIDES:
-            keys.add(made, "agent", side, place)
-            keys.add(made, "display", side, place)
-        keys.add(made, "logger", "", place)
-        keys.add(made, "console", "", place)
+    for destination in (made, folder / GUESTS):
+        add_dyad_keys(made, destination)
     return made
 
 
@@ -174,9 +171,9 @@ def _neighbour(folder: Path) -> Rig:
     return Rig(folder, (*settings, *PACE, "session.name=S02", "session.dyad=D02"), environment)
 
 
-def _address(spaces: links.Spaces | None) -> tuple[str, ...]:
+def _address(namespaces: links.Namespaces | None) -> tuple[str, ...]:
     """Return the settings of a server that other hosts can reach."""
-    if spaces is None:
+    if namespaces is None:
         return ()
     return f"network.host={links.SERVER}", f"network.bind={links.SERVER}", "network.curve=off"
 
@@ -187,16 +184,17 @@ def side_of(process: str) -> Side:
 
 
 @contextmanager
-def _mounted(place: Path) -> Iterator[None]:
-    place.mkdir()
-    links.system("mount", "-t", "tmpfs", "-o", f"size={DISK_BYTES}", "none", str(place))
+def _mounted(folder: Path) -> Iterator[None]:
+    """Mount a small disk on a new folder."""
+    folder.mkdir()
+    links.run_command("mount", "-t", "tmpfs", "-o", f"size={DISK_BYTES}", "none", str(folder))
     try:
         yield
     finally:
-        links.system("umount", "-l", str(place))
+        links.run_command("umount", "-l", str(folder))
 
 
 def _disk_refusal() -> str:
     """Return why no small disk can be mounted here, or an empty string."""
-    tried = subprocess.run(["unshare", "-m", "mount", "-t", "tmpfs", "none", "/mnt"], capture_output=True, check=False)
-    return "disks cannot be mounted here" if tried.returncode else ""
+    test = subprocess.run(["unshare", "-m", "mount", "-t", "tmpfs", "none", "/mnt"], capture_output=True, check=False)
+    return "disks cannot be mounted here" if test.returncode else ""

@@ -28,7 +28,7 @@ class Machine:
     libraries: dict[str, str]
 
     def lines(self) -> list[str]:
-        """Return the same as lines of text."""
+        """Return the description as lines of text."""
         return [
             f"{self.cpu}, {self.cores} cores, {self.vectors}, load {self.load:.2f}",
             f"{self.system}, Python {self.python}",
@@ -69,13 +69,13 @@ def _cpu() -> str:
     listing = Path("/proc/cpuinfo")
     if not listing.exists():
         return platform.processor() or platform.machine()
-    said: dict[str, str] = {}
+    entries: dict[str, str] = {}
     for line in listing.read_text(encoding="utf-8").splitlines():
         name, _, value = line.partition(":")
-        said.setdefault(name.strip(), value.strip())
-    if "model name" not in said:
+        entries.setdefault(name.strip(), value.strip())
+    if "model name" not in entries:
         return platform.machine()
-    return f"{said['model name']} (family {said.get('cpu family', '?')}, model {said.get('model', '?')})"
+    return f"{entries['model name']} (family {entries.get('cpu family', '?')}, model {entries.get('model', '?')})"
 
 
 def _vectors() -> str:

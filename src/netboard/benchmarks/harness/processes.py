@@ -1,6 +1,6 @@
-"""Functions called in processes of their own.
+"""Functions called in new processes.
 
-Imports little, because a cost that is measured there includes what is imported.
+This module imports little, because a cost that is measured in such a process includes its imports.
 """
 
 from collections.abc import Callable

@@ -94,8 +94,8 @@ class Folder:
         for part in parts:
             with (self.path / f"{part.name}.csv").open("w", encoding="utf-8", newline="") as file:
                 csv.writer(file).writerows([part.columns, *part.rows])
-        whole = {"machine": asdict(describe()), **about, "parts": [part.plain() for part in parts]}
-        text = json.dumps(whole, indent=1, allow_nan=False)
+        results = {"machine": asdict(describe()), **about, "parts": [part.plain() for part in parts]}
+        text = json.dumps(results, indent=1, allow_nan=False)
         (self.path / "results.json").write_text(text + "\n", encoding="utf-8")
 
     def save(self, name: str, draw: Callable[[], Any]) -> None:
@@ -130,13 +130,15 @@ def new_folder(name: str) -> Path:
 def show(console: Console, part: Part) -> None:
     """Print a part: its table and its claims."""
     head, *others = part.columns
-    table = FittedTable(head, *(Column(column, number=_counted(part, column)) for column in others), title=part.title)
+    table = FittedTable(
+        head, *(Column(column, number=_is_numeric(part, column)) for column in others), title=part.title
+    )
     for row in part.rows:
         table.add_row(*map(shown, row))
     console.print(Group(table, *(_line(verdict) for verdict in part.verdicts), Text("")))
 
 
-def _counted(part: Part, column: str) -> bool:
+def _is_numeric(part: Part, column: str) -> bool:
     """Return whether a column holds only numbers."""
     place = part.columns.index(column)
     return all(isinstance(row[place], int | float) for row in part.rows)

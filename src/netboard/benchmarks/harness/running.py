@@ -18,6 +18,11 @@ from netboard.benchmarks.harness.results import Folder, Part, Verdict, new_folde
 Tell = Callable[[str, float], object]
 """Callback for progress: the current step, and the share done [1]."""
 
+
+def no_progress(text: str, share: float) -> None:
+    """Ignore progress."""
+
+
 WIDTH = 160
 """Minimum width of tables [characters]."""
 
@@ -72,7 +77,7 @@ def run(
         console.print(line)
     parts: list[Part] = []
     with progress_bars(Console(stderr=True), shown=bar) as progress:
-        task = progress.add_task("getting ready", total=1.0)
+        task = progress.add_task("starting", total=1.0)
 
         def tell(text: str, share: float) -> None:
             if bar:

@@ -27,8 +27,6 @@ PACKET_TIMEOUT_MS = 10_000
 """Timeout of an echo, after which the benchmark ends [ms]."""
 
 Order = dict[str, Any]
-
-
 ANSWER = bytes(FORCE.size)
 
 
@@ -92,17 +90,16 @@ def main(role: str, name: str, file: Path) -> None:
     log_to_stderr(f"{role} {name}")
     agent = role == "peer"
     priority = Priority.AGENT if agent else Priority.SERVER
-    came = prepare(
-        config.realtime, priority, cpus_for(name.removeprefix("agent.") if agent else "server", config.realtime)
-    )
-    with sockets.open_context(io_priority(came, priority)) as context:
+    cpus = cpus_for(name.removeprefix("agent.") if agent else "server", config.realtime)
+    prepared = prepare(config.realtime, priority, cpus)
+    with sockets.open_context(io_priority(prepared, priority)) as context:
         carry_out = _role(role, name, config, context)
         steady_loop()
         serve(carry_out)
 
 
 def _role(role: str, name: str, config: Config, context: sockets.Context) -> Callable[[Order], Order]:
-    """Return the function that carries out the orders of a role."""
+    """Open the sockets of a role, and return the function that carries out its orders."""
     match role:
         case "echo":
             authenticator = keys.make_authenticator(config.network)

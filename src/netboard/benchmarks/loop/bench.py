@@ -23,7 +23,7 @@ from netboard.benchmarks.loop.loop import (
     measure_loop,
     ratios_part,
 )
-from netboard.benchmarks.loop.scale import Crowd, measure_scale, measure_waiting, scale_part, waiting_part
+from netboard.benchmarks.loop.scale import LightPeers, idle_part, measure_idle, measure_scale, scale_part
 from netboard.benchmarks.loop.skips import measure_skips, skips_part, tick_part
 from netboard.benchmarks.loop.soak import measure_soak, memory_part, minutes_part, records_part
 from netboard.benchmarks.loop.timing import draw_histograms, histogram_part
@@ -68,14 +68,14 @@ class Setting:
         return f"{self.transport}, {keys}, {scheduling} scheduling, displays: {self.displays}"
 
 
-def read_dyads(words: str | None) -> tuple[int, ...]:
+def read_dyads(text: str | None) -> tuple[int, ...]:
     """Parse the numbers of dyads, as in ``1,2,4``."""
     try:
-        numbers = tuple(int(word) for word in words.split(",")) if words else ()
+        numbers = tuple(int(number) for number in text.split(",")) if text else ()
     except ValueError:
         numbers = (0,)
     if not all(0 < number <= MAX_DYADS for number in numbers):
-        raise ConfigError(f"--dyads: found {words}, expected numbers from 1 to {MAX_DYADS} with commas between")
+        raise ConfigError(f"--dyads: found {text}, expected numbers from 1 to {MAX_DYADS} with commas between")
     return numbers
 
 
@@ -91,7 +91,7 @@ def loop(
     rounds = max(1, round(seconds / (QUICK_TURN_SECONDS if options.quick else TURN_SECONDS)))
 
     def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
-        with _processes(setting, folder, tell) as scratch:
+        with _scratch_folder(setting, folder, tell) as scratch:
             found = measure_loop(setting.config, scratch, setting.displays, seconds, rounds, tell)
             series = loop_series(found)
             yield ratios_part(found)
@@ -100,25 +100,25 @@ def loop(
             yield costs_part(found.costs)
             yield histogram_part(series[0] | series[1])
             if dyads or skips:
-                with Crowd(scratch) as crowd:
-                    yield from _crowded(crowd, setting.config, dyads, seconds / rounds, tell, skips=skips)
+                with LightPeers(scratch) as peers:
+                    yield from _light_peer_parts(peers, setting.config, dyads, seconds / rounds, tell, skips=skips)
             folder.save("loop", lambda: draw_histograms(series, f"Stylus to force: {setting}"))
 
     settings = {**asdict(setting), "seconds": seconds, "rounds": rounds, "dyads": list(dyads)}
     run("loop", study, options, settings, lines=[str(setting)])
 
 
-def _crowded(
-    crowd: Crowd, config: Config, dyads: Sequence[int], seconds: float, tell: Tell, *, skips: bool
+def _light_peer_parts(
+    light_peers: LightPeers, config: Config, dyads: Sequence[int], seconds: float, tell: Tell, *, skips: bool
 ) -> Iterator[Part]:
     """Measure a server with lightweight peers."""
     if dyads:
-        found = measure_scale(config, crowd, dyads, seconds, tell)
+        found = measure_scale(config, light_peers, dyads, seconds, tell)
         yield scale_part(found)
         most = max(found)
-        yield waiting_part(most, measure_waiting(config, crowd, most, seconds, tell))
+        yield idle_part(most, measure_idle(config, light_peers, most, seconds, tell))
     if skips:
-        yield skips_part(measure_skips(config, crowd, seconds, tell))
+        yield skips_part(measure_skips(config, light_peers, seconds, tell))
         yield tick_part(config)
 
 
@@ -127,11 +127,11 @@ def soak(setting: Setting, minutes: float | None, dyads: int, options: Options) 
     minutes = minutes or (QUICK_MINUTES if options.quick else MINUTES)
 
     def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
-        with _processes(setting, folder, tell) as scratch:
+        with _scratch_folder(setting, folder, tell) as scratch:
             found = measure_soak(setting.config, scratch, dyads, setting.displays, 60 * minutes, tell)
-            yield records_part(found.kept)
+            yield records_part(found.dyads)
             yield memory_part(found.samples)
-            yield minutes_part(found.kept)
+            yield minutes_part(found.dyads)
             costs: Costs = {}
             add_costs(costs, found.samples[0], found.samples[-1])
             yield costs_part(costs)
@@ -142,14 +142,14 @@ def soak(setting: Setting, minutes: float | None, dyads: int, options: Options) 
 
 
 @contextmanager
-def _processes(setting: Setting, folder: Folder, tell: Tell) -> Iterator[Path]:
-    """Get the kernels ready; yield a folder for recordings and logs, which is removed if the study succeeds."""
+def _scratch_folder(setting: Setting, folder: Folder, tell: Tell) -> Iterator[Path]:
+    """Compile the kernels; yield a folder for recordings and logs, which is removed if the study succeeds."""
     if not Path("/proc/self/task").exists():
-        raise NetboardError("what processes use is read from /proc, which this system does not have")
+        raise NetboardError("the resource use of processes is read from /proc, which this system does not have")
     scratch = folder.path / "processes"
     shutil.rmtree(scratch, ignore_errors=True)
     scratch.mkdir()
-    tell("getting the kernels ready", 0.0)
+    tell("compiling the kernels", 0.0)
     make_stage(setting.config).warm()
     yield scratch
     shutil.rmtree(scratch)

@@ -29,7 +29,7 @@ from netboard.windows.participant.client import DisplayClient
 from netboard.windows.participant.window import BoardWindow, application, run_events
 
 SECONDS, QUICK_SECONDS = 30.0, 3.0
-"""Default measurement time of each way [s]."""
+"""Default measurement time of each case [s]."""
 
 WAVES = ((0.020, 0.7), (0.003, 2.2), (0.0002, 9.0))
 """Hand motion: amplitudes and frequencies of aim, corrections and tremor [m, Hz]."""
@@ -55,9 +55,8 @@ POLL_TIMEOUT_NS = 60_000_000_000
 class Shown:
     """Views that reached a screen.
 
-    - `sent_to_received`, `received_to_painted`, `between`: for each frame with a new view: the two parts of its
-    latency,
-      and the time since the frame before [ns].
+    - `sent_to_received`, `received_to_painted`: the two parts of the latency of each frame with a new view [ns].
+    - `between`: time from each frame to the next [ns].
     - `painted`: time at which each frame was painted [ns].
     - `heights`: drawn height of the right end of the board [m].
     """
@@ -139,11 +138,11 @@ def _note(client: DisplayClient, frames: list[Frame]) -> None:
 
 def _shown(frames: list[Frame], sent: dict[int, int], busy: float, dropped: int) -> Shown:
     """Return the latencies of the frames with a new view."""
-    own = [b for a, b in pairwise(frames) if b[0] != a[0] and b[0] in sent]
+    new = [b for a, b in pairwise(frames) if b[0] != a[0] and b[0] in sent]
     painted = np.array([frame[2] for frame in frames], np.int64)
     return Shown(
-        sent_to_received=np.array([came - sent[tick] for tick, came, _, _ in own], np.int64),
-        received_to_painted=np.array([done - came for _, came, done, _ in own], np.int64),
+        sent_to_received=np.array([came - sent[tick] for tick, came, _, _ in new], np.int64),
+        received_to_painted=np.array([done - came for _, came, done, _ in new], np.int64),
         between=np.diff(painted),
         painted=painted,
         heights=np.array([frame[3] for frame in frames]),
@@ -154,9 +153,9 @@ def _shown(frames: list[Frame], sent: dict[int, int], busy: float, dropped: int)
 
 def lateness(shown: Shown) -> tuple[float, float]:
     """Return the delay that best explains the drawn positions, by least squares, and the RMS residual [s, m]."""
-    truth = np.array([height_at(int(at)) for at in shown.painted])
-    off = truth[:, 0] - shown.heights
-    return float(off @ truth[:, 1] / (truth[:, 1] @ truth[:, 1])), float(np.sqrt(np.mean(off**2)))
+    heights, velocities = np.array([height_at(int(at)) for at in shown.painted]).T
+    errors = heights - shown.heights
+    return float(errors @ velocities / (velocities @ velocities)), float(np.sqrt(np.mean(errors**2)))
 
 
 def main(config: Config, seconds: float | None, options: Options) -> None:
@@ -178,11 +177,11 @@ def study(config: Config, seconds: float, folder: Folder, tell: Tell, *, quick: 
         tell(f"{name}: {seconds:g} s", len(found) / 3)
         shown = replace(config, display=replace(config.display, smooth=smooth))
         found[name] = measure(shown, seconds, moving=moving)
-    yield _way(found)
-    yield _sight(found, seconds)
+    yield _latency_part(found)
+    yield _error_part(found, seconds)
 
 
-def _way(found: dict[str, Shown]) -> Part:
+def _latency_part(found: dict[str, Shown]) -> Part:
     times = {}
     for name, shown in found.items():
         if shown.sent_to_received.size:
@@ -197,7 +196,7 @@ def _way(found: dict[str, Shown]) -> Part:
     )
 
 
-def _sight(found: dict[str, Shown], seconds: float) -> Part:
+def _error_part(found: dict[str, Shown], seconds: float) -> Part:
     """Return delay and error of the drawn board and the cost of painting, as a table."""
     part = Part(
         "sight",
@@ -205,7 +204,7 @@ def _sight(found: dict[str, Shown], seconds: float) -> Part:
         "what | frames [Hz] | seen late by [ms] | off by, RMS [mm] | dropped | of a core [%]",
     )
     for name, shown in found.items():
-        delay, off = lateness(shown) if shown.between.size else (float("nan"), float("nan"))
+        delay, error = lateness(shown) if shown.between.size else (float("nan"), float("nan"))
         rate = len(shown.painted) / seconds
-        part.add(name, rate, delay * 1e3, off * 1e3, shown.dropped, shown.busy * 100)
+        part.add(name, rate, delay * 1e3, error * 1e3, shown.dropped, shown.busy * 100)
     return part

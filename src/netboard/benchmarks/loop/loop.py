@@ -19,16 +19,16 @@ from netboard.base.config import SIDES, Config
 from netboard.base.tick import TICK_NS, TICK_SECONDS
 from netboard.benchmarks.harness.results import Part, Value, Verdict
 from netboard.benchmarks.harness.running import Tell
-from netboard.benchmarks.loop.rig import Rig, own_configs, write_configs
+from netboard.benchmarks.loop.rig import Rig, dyad_configs, write_configs
 from netboard.benchmarks.loop.timing import (
     HEADS,
-    Played,
-    Punctuality,
+    LoopTiming,
+    TickTiming,
     Times,
-    played,
-    punctuality,
+    loop_timing,
     ratio_row,
     spread_rows,
+    tick_timing,
 )
 from netboard.benchmarks.loop.usage import KINDS, LOOP, TRANSPORT, Costs, Usage, add_costs, read_usage, total
 from netboard.benchmarks.loop.workers import Worker, Workers
@@ -47,7 +47,7 @@ GREETINGS = 100
 
 @dataclass
 class Round:
-    """A turn of each.
+    """A turn of netboard, of the echo and of the timer.
 
     - `span_ns`: start and end of netboard's turn, monotonic clock [ns].
     - `echo_ns`: times from waking to the answer, of both peers of the echo [ns].
@@ -56,20 +56,21 @@ class Round:
 
     span_ns: tuple[int, int]
     echo_ns: Times
-    timer: Punctuality
+    timer: TickTiming
     costs: Costs
 
 
 @dataclass
 class Measured:
-    """All measurements: of each round, and of the recording.
+    """All measurements.
 
-    - `stamps`: stamps of netboard's ticks.
+    - `stamps`, `timing`: stamps of netboard's ticks, and their timing in all rounds, from the recording.
+    - `costs`: as in each round, summed.
     """
 
     rounds: list[Round]
     stamps: Stamps
-    played: Played
+    timing: LoopTiming
     costs: Costs
 
     @property
@@ -78,39 +79,39 @@ class Measured:
         return np.concatenate([one.echo_ns for one in self.rounds])
 
     @property
-    def timer(self) -> Punctuality:
+    def timer(self) -> TickTiming:
         """Return the timing of the timer in all rounds."""
         timers = [one.timer for one in self.rounds]
         late_ns = np.concatenate([timer.late_ns for timer in timers])
-        return Punctuality(late_ns, sum(timer.late for timer in timers), sum(timer.missed for timer in timers))
+        return TickTiming(late_ns, sum(timer.late for timer in timers), sum(timer.missed for timer in timers))
 
 
 def measure_loop(config: Config, folder: Path, displays: int, seconds: float, rounds: int, tell: Tell) -> Measured:
     """Measure netboard and the baselines, interleaved."""
-    own, spare = own_configs(config, folder, 2)
+    measured, spare = dyad_configs(config, folder, 2)
     costs: Costs = {}
     found: list[Round] = []
-    with Workers() as workers, Rig([own], folder, displays) as rig:
+    with Workers() as workers, Rig([measured], folder, displays) as rig:
         baselines = Baselines(spare, folder, workers, round(seconds / rounds * 1e9) // TICK_NS)
         for number in range(rounds):
-            say = _progress(tell, number, rounds)
-            say("waiting for a trial", 0.0)
-            rig.play()
-            stretch = rig.measure(seconds / rounds, partial(say, "netboard"))
-            rig.halt()
-            say("echo", 1.0)
+            report = _progress(tell, number, rounds)
+            report("waiting for a trial", 0.0)
+            rig.wait_for_trials()
+            period = rig.measure(seconds / rounds, partial(report, "netboard"))
+            rig.suspend()
+            report("echo", 1.0)
             echo_ns, before, after = baselines.run_echo()
-            say("timer", 1.0)
-            found.append(Round((stretch.start_ns, stretch.end_ns), echo_ns, baselines.run_timer(), {}))
+            report("timer", 1.0)
+            found.append(Round((period.start_ns, period.end_ns), echo_ns, baselines.run_timer(), {}))
             for where in (costs, found[-1].costs):
-                add_costs(where, stretch.before, stretch.after)
+                add_costs(where, period.before, period.after)
                 add_costs(where, before, after)
-            rig.run_once()
+            rig.resume()
         tell("reading the recording", 1.0)
         (path,) = rig.finish()
     with Recording(path) as recording:
         stamps = stamps_of(recording)
-    return Measured(found, stamps, played(stamps, [one.span_ns for one in found]), costs)
+    return Measured(found, stamps, loop_timing(stamps, [one.span_ns for one in found]), costs)
 
 
 def _progress(tell: Tell, number: int, rounds: int) -> Callable[[str, float], object]:
@@ -135,18 +136,18 @@ class Baselines:
     def run_echo(self) -> tuple[Times, dict[str, Usage], dict[str, Usage]]:
         """Run the echo's turn; return the times of both peers [ns], and all resource use before and after."""
         processes = {"echo": self._echo, **self._peers}
-        before, found, after = (
-            {name: read_usage(worker.process_id) for name, worker in processes.items()},
-            self._exchange(self._count),
-            {name: read_usage(worker.process_id) for name, worker in processes.items()},
-        )
+
+        def usage() -> dict[str, Usage]:
+            return {name: read_usage(worker.process_id) for name, worker in processes.items()}
+
+        before, found, after = usage(), self._exchange(self._count), usage()
         return np.concatenate([np.array(took, np.int64) for took in found.values()]), before, after
 
-    def run_timer(self) -> Punctuality:
+    def run_timer(self) -> TickTiming:
         """Run the timer's turn."""
         self._timer.order(count=self._count, start_ns=now_ns() + LEAD_NS)
         found = self._timer.answer()
-        return punctuality(np.array(found["late_ns"], np.int64), found["moved_ns"] // TICK_NS)
+        return tick_timing(np.array(found["late_ns"], np.int64), found["moved_ns"] // TICK_NS)
 
     def _exchange(self, count: int, *, greeting: bool = False) -> dict[str, list[int]]:
         self._echo.order(count=count * len(self._peers), greeting=greeting)
@@ -173,39 +174,37 @@ LOOP_NAME, ECHO_NAME = "sample to force", "echo"
 
 def loop_series(found: Measured) -> list[dict[str, Times]]:
     """Return the series for histograms: the loop and the echo, the ticks and the timer."""
-    late_ns = found.played.ticks.late_ns
+    late_ns = found.timing.ticks.late_ns
     return [
-        {LOOP_NAME: _together(found.played.took_ns), ECHO_NAME: found.echo_ns},
+        {LOOP_NAME: _concatenated(found.timing.latency_ns), ECHO_NAME: found.echo_ns},
         {"tick begins late": late_ns[late_ns > 0], "timer is late": found.timer.late_ns},
     ]
 
 
 def ratios_part(found: Measured) -> Part:
     """Return the ratios of netboard to its baselines over the rounds: medians and extremes."""
-    columns: dict[str, list[float]] = {}
-    for one in found.rounds:
-        for name, value in _ratios(one, played(found.stamps, [one.span_ns])).items():
-            columns.setdefault(name, []).append(value)
-    wanted = [*MAX_RATIOS.values(), MAX_MISSED, MAX_CPU, MAX_CPU]
+    rounds = [_ratios(one, loop_timing(found.stamps, [one.span_ns])) for one in found.rounds]
+    limits = [*MAX_RATIOS.values(), MAX_MISSED, MAX_CPU, MAX_CPU]
     part = Part(
         "ratios",
         f"netboard compared with its baselines, over {len(found.rounds)} rounds",
         " | median | least | largest | limit",
     )
-    for (name, values), most in zip(columns.items(), wanted, strict=True):
+    for name, most in zip(rounds[0], limits, strict=True):
+        values = [ratios[name] for ratios in rounds]
         median = float(np.median(values))
         part.add(name, median, min(values), max(values), most)
         part.claim(f"{name}: at most {most:g}", median <= most, f"{median:.2f}")
     return part
 
 
-def _ratios(one: Round, ours: Played) -> dict[str, float]:
-    _, *ratios = ratio_row("", _together(ours.took_ns), one.echo_ns)
+def _ratios(one: Round, timing: LoopTiming) -> dict[str, float]:
+    _, *ratios = ratio_row("", _concatenated(timing.latency_ns), one.echo_ns)
     spent = {name: total(cost.spent.values()).seconds / cost.seconds for name, cost in one.costs.items()}
-    agents, peers = (sum(spent[f"{side} agent"] for side in SIDES), sum(spent[f"peer {side}"] for side in SIDES))
+    agents, peers = sum(spent[f"{side} agent"] for side in SIDES), sum(spent[f"peer {side}"] for side in SIDES)
     return {
         **{f"sample to force / echo, {at} [1]": float(ratio) for at, ratio in zip(MAX_RATIOS, ratios, strict=False)},
-        f"missed of {MANY}, beyond those of the timer [1]": ours.ticks.missed_of(MANY) - one.timer.missed_of(MANY),
+        f"missed of {MANY}, beyond those of the timer [1]": timing.ticks.missed_of(MANY) - one.timer.missed_of(MANY),
         "CPU of the server / echo [1]": spent["server"] / spent["echo"],
         "CPU of the agents / peers [1]": agents / peers,
     }
@@ -216,18 +215,18 @@ def latency_part(found: Measured, *, real_time: bool) -> Part:
 
     - `real_time`: whether real-time scheduling was requested; then the loop should take less than a tick.
     """
-    took = _together(found.played.took_ns)
+    took = _concatenated(found.timing.latency_ns)
     rows = spread_rows(
         {LOOP_NAME: took}
-        | {f"  {side}": times for side, times in found.played.took_ns.items()}
-        | {f"  of it: {name}": times for name, times in found.played.parts_ns.items()}
+        | {f"  {side}": times for side, times in found.timing.latency_ns.items()}
+        | {f"  of it: {name}": times for name, times in found.timing.parts_ns.items()}
         | {f"{ECHO_NAME} of the same bytes": found.echo_ns}
     )
     p999 = spread(took).p999
     verdicts = [Verdict("99.9 % take less than a tick", p999 < TICK_SECONDS, f"{p999 * 1e3:.3f} ms")]
     return Part(
         "latency",
-        f"Sample-to-force latency and that of an echo; {found.played.answered:.2%} of the ticks have a latency",
+        f"Sample-to-force latency and that of an echo; {found.timing.answered:.2%} of the ticks have a latency",
         ("", "samples [1]", *HEADS),
         rows,
         verdicts if real_time else [],
@@ -236,7 +235,7 @@ def latency_part(found: Measured, *, real_time: bool) -> Part:
 
 def lateness_part(found: Measured) -> Part:
     """Return the tick jitter of the server and of the timer."""
-    named = {"server's ticks": found.played.ticks, "timer alone": found.timer}
+    named = {"server's ticks": found.timing.ticks, "timer alone": found.timer}
     return Part(
         "lateness",
         f"Start of ticks after their deadline; late: by over {TICK_NS / 2e6:g} ms; missed: by over a tick, or never",
@@ -261,8 +260,8 @@ def costs_part(costs: Costs) -> Part:
                 *(percent * cost.spent[kind].seconds for kind in KINDS),
                 percent * whole.seconds,
                 percent * whole.waited,
-                *(cost.spent[kind].slept * TICK_SECONDS / cost.seconds for kind in (LOOP, TRANSPORT)),
-                whole.ousted * TICK_SECONDS / cost.seconds,
+                *(cost.spent[kind].sleeps * TICK_SECONDS / cost.seconds for kind in (LOOP, TRANSPORT)),
+                whole.preemptions * TICK_SECONDS / cost.seconds,
             )
         )
     return Part(
@@ -280,6 +279,6 @@ def costs_part(costs: Costs) -> Part:
     )
 
 
-def _together(named: Mapping[str, Times]) -> Times:
+def _concatenated(named: Mapping[str, Times]) -> Times:
     """Return all durations in one array."""
     return np.concatenate([*named.values(), np.empty(0, np.int64)])

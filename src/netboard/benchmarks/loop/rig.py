@@ -1,4 +1,4 @@
-"""The processes of a lab, for a benchmark: all those of some dyads on this machine, with simulated participants.
+"""All processes of some dyads on this machine, with simulated participants.
 
 A block with haptic feedback runs in every dyad. Between measurements the processes can be stopped (SIGSTOP), so that
 they use no CPU while something else is measured. When they continue, the server detects the stall, pauses the trials
@@ -17,6 +17,7 @@ from typing import Self
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES, Config, resolve
 from netboard.base.errors import NetboardError
+from netboard.benchmarks.harness.dyad_keys import add_dyad_keys
 from netboard.benchmarks.loop.usage import Usage, read_usage
 from netboard.network import keys
 from netboard.network.protocol.control import Status
@@ -44,11 +45,8 @@ ACTIVE = frozenset(name for phase, name in PHASE_NAMES.items() if is_active(phas
 
 
 @dataclass(frozen=True)
-class Stretch:
-    """A measurement.
-
-    - `start_ns`, `end_ns`: start and end, monotonic clock [ns].
-    """
+class Period:
+    """A period of a measurement, on the monotonic clock [ns], and the resource use of each process before and after."""
 
     start_ns: int
     end_ns: int
@@ -69,27 +67,27 @@ class Rig:
 
     def __enter__(self) -> Self:
         many = len(self._files) > 1
-        self._start("server", "server", *(word for file in self._files for word in ("-c", str(file))))
+        self._start("server", "server", *(argument for file in self._files for argument in ("-c", str(file))))
         for number, file in enumerate(self._files, start=1):
-            of = f" {number}" if many else ""
-            self._start(f"logger{of}", "logger", "--once", "-c", str(file))
+            suffix = f" {number}" if many else ""
+            self._start(f"logger{suffix}", "logger", "--once", "-c", str(file))
             for side in SIDES:
-                self._start(f"{side} agent{of}", "agent", "--side", side, "-c", str(file))
+                self._start(f"{side} agent{suffix}", "agent", "--side", side, "-c", str(file))
             for i in range(self._displays):
                 station = SIDES[i % len(SIDES)]
-                name = f"{station} display{of}" + (f" again {i // 2}" if i >= len(SIDES) else "")
+                name = f"{station} display{suffix}" + (f" again {i // 2}" if i >= len(SIDES) else "")
                 self._start(name, "display", "--station", station, "--offscreen", "-c", str(file))
         return self
 
     def __exit__(self, *raised: object) -> None:
-        self.run_once()
+        self.resume()
         self._launcher.stop(*self._launcher.running())
 
     def _start(self, name: str, *arguments: str) -> None:
         self._launcher.start(name, *arguments)
         self._pids[name] = self._launcher.process_id(name)
 
-    def play(self) -> None:
+    def wait_for_trials(self) -> None:
         """Wait until every dyad is in a trial and has settled."""
         with sockets.open_context() as context:
             operators = [Operator(config.network, context) for config in self._configs]
@@ -97,24 +95,24 @@ class Rig:
                 await_status(self._launcher, operator, lambda status: status.phase in ACTIVE)
         time.sleep(SETTLE_SECONDS)
 
-    def measure(self, seconds: float, tell: Callable[[float], object]) -> Stretch:
-        """Run for a period and return it."""
+    def measure(self, seconds: float, tell: Callable[[float], object]) -> Period:
+        """Let the processes run for a period, and return it."""
         before, start_ns = self.usage(), now_ns()
         while (done := (now_ns() - start_ns) * 1e-9) < seconds:
             tell(done / seconds)
             time.sleep(min(POLL_INTERVAL_S, seconds - done))
             self.poll()
-        return Stretch(start_ns, now_ns(), before, self.usage())
+        return Period(start_ns, now_ns(), before, self.usage())
 
     def usage(self) -> dict[str, Usage]:
         """Return the resource use of every process."""
         return {name: read_usage(pid) for name, pid in self._pids.items()}
 
-    def halt(self) -> None:
+    def suspend(self) -> None:
         """Suspend all processes."""
         self._signal(signal.SIGSTOP)
 
-    def run_once(self) -> None:
+    def resume(self) -> None:
         """Resume all processes."""
         self._signal(signal.SIGCONT)
 
@@ -141,7 +139,7 @@ class Rig:
 
     def _signal(self, number: signal.Signals) -> None:
         for pid in self._pids.values():
-            with suppress(ProcessLookupError):  # `look` reports a process that has ended
+            with suppress(ProcessLookupError):  # `poll` reports a process that has ended
                 os.kill(pid, number)
 
 
@@ -157,19 +155,21 @@ def await_status(launcher: Launcher, operator: Operator, ready: Callable[[Status
     while (status := operator.ask(ANSWER_SECONDS)) is None or not ready(status):
         check_running(launcher)
         if time.monotonic() > until:
-            said = operator.status.notice or operator.status.phase if operator.status else "the server is silent"
-            raise NetboardError(f"waited {START_SECONDS:.0f} s in vain: {said}")
+            state = operator.status.notice or operator.status.phase if operator.status else "the server is silent"
+            raise NetboardError(f"waited {START_SECONDS:.0f} s in vain: {state}")
         time.sleep(ANSWER_SECONDS)
 
 
-def own_configs(config: Config, folder: Path, count: int) -> list[Config]:
-    """Return configurations for some dyads on this machine, with their own ports and folders."""
+def dyad_configs(config: Config, folder: Path, count: int) -> list[Config]:
+    """Return configurations for some dyads on this machine, each with its port and its folder of recordings."""
     ports: set[int] = set()
     while len(ports) < count:
         ports.add(free_port())
-    network = replace(config.network, host="127.0.0.1", bind="127.0.0.1", keys=str(folder / "keys"))
-    if keys.encrypted(network) and not Path(network.keys).exists():
-        make_keys(Path(network.keys))
+    key_folder = folder / "keys"
+    network = replace(config.network, host="127.0.0.1", bind="127.0.0.1", keys=str(key_folder))
+    if keys.encrypted(network) and not key_folder.exists():
+        keys.init(key_folder)
+        add_dyad_keys(key_folder, key_folder)
     return [
         replace(
             config,
@@ -182,20 +182,9 @@ def own_configs(config: Config, folder: Path, count: int) -> list[Config]:
     ]
 
 
-def make_keys(folder: Path) -> None:
-    """Make keys for a server and every peer that a dyad may have."""
-    keys.init(folder)
-    for side in SIDES:
-        keys.add(folder, "agent", side, folder)
-        keys.add(folder, "display", side, folder)
-    keys.add(folder, "logger", "", folder)
-    keys.add(folder, "console", "", folder)
-
-
 def write_configs(configs: Sequence[Config], folder: Path) -> list[Path]:
-    """Write configurations into files."""
-    files = []
-    for config in configs:
-        files.append(folder / f"{config.session.dyad}.toml")
-        files[-1].write_text(resolve(config), encoding="utf-8")
+    """Write each configuration into a file with the name of its dyad."""
+    files = [folder / f"{config.session.dyad}.toml" for config in configs]
+    for file, config in zip(files, configs, strict=True):
+        file.write_text(resolve(config), encoding="utf-8")
     return files

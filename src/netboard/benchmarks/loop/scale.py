@@ -1,7 +1,7 @@
 """Many dyads in one server process on one core: CPU cost and tick jitter by number of dyads, up to the limit.
 
-The server is a real one. Two more processes are all its lightweight peers (`netboard.benchmarks.loop.crowd`); their
-orders say which peers, and for how long.
+The server is a real one. Two more processes run all its lightweight peers (`netboard.benchmarks.loop.light_peers`);
+their orders say which peers, and for how long.
 
 Every dyad is in a trial with haptic feedback and has a logger; all peers are on another core. Then idle dyads: with
 agents but no trial, and without peers.
@@ -9,7 +9,6 @@ agents but no trial, and without peers.
 
 import os
 import signal
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -21,8 +20,9 @@ from netboard.base.clock import now_ns
 from netboard.base.config import Config
 from netboard.benchmarks.harness.results import Part, Verdict
 from netboard.benchmarks.harness.running import Tell
-from netboard.benchmarks.loop.rig import await_status, own_configs, write_configs
-from netboard.benchmarks.loop.timing import HEADS, Punctuality, Times, in_milliseconds, punctuality
+from netboard.benchmarks.loop.light_peers import sleep_until
+from netboard.benchmarks.loop.rig import await_status, dyad_configs, write_configs
+from netboard.benchmarks.loop.timing import HEADS, TickTiming, Times, in_milliseconds, tick_timing
 from netboard.benchmarks.loop.usage import LOOP, TRANSPORT, Cost, read_usage, total
 from netboard.benchmarks.loop.workers import Workers
 from netboard.network.transport import sockets
@@ -30,7 +30,7 @@ from netboard.nodes.operator.launcher import Launcher
 from netboard.nodes.operator.operator import Operator
 from netboard.recording.format.summary import spread
 
-CROWD = "netboard.benchmarks.loop.crowd"
+PEERS_MODULE = "netboard.benchmarks.loop.crowd"
 
 WARM_SECONDS = 4.0
 """Time for sessions to begin their trials and for agents to adjust their phase, before counting starts [s]."""
@@ -38,7 +38,7 @@ WARM_SECONDS = 4.0
 
 @dataclass(frozen=True)
 class Peers:
-    """The peers of a server."""
+    """The kinds of peers of a server, whether hands move, and whether a trial runs."""
 
     agents: bool = True
     loggers: bool = True
@@ -57,26 +57,27 @@ class Served:
 
     cost: Cost
     counts: dict[str, float]
-    ticks: Punctuality
+    ticks: TickTiming
     active: float
     peers_late_ns: Times
 
 
-class Crowd(Workers):
+class LightPeers(Workers):
     """The two processes that are all peers of a server; leaving the context ends them."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__()
         self._folder = folder
-        self._agents, self._watchers = (self.start(role, CROWD, role, folder=folder) for role in ("agents", "watchers"))
+        self._agents = self.start("agents", PEERS_MODULE, "agents", folder=folder)
+        self._watchers = self.start("watchers", PEERS_MODULE, "watchers", folder=folder)
 
     def serve(self, config: Config, dyads: int, peers: Peers, seconds: float) -> Served:
         """Run a server of some dyads with these peers."""
-        configs = own_configs(config, self._folder, dyads)
+        configs = dyad_configs(config, self._folder, dyads)
         files = [str(file) for file in write_configs(configs, self._folder)]
         with Launcher(self._folder, {}) as launcher:
-            words = [word for file in files for word in ("-c", file)]
-            launcher.start("server", "server", *words, *([] if peers.trial else ["--no-autostart"]))
+            arguments = [argument for file in files for argument in ("-c", file)]
+            launcher.start("server", "server", *arguments, *([] if peers.trial else ["--no-autostart"]))
             with sockets.open_context() as context:
                 operator = Operator(configs[-1].network, context)  # the context closes its socket
                 await_status(launcher, operator)
@@ -87,24 +88,20 @@ class Crowd(Workers):
             if peers.agents:
                 self._agents.order(**order, moving=peers.moving)
             cost, process = Cost(), launcher.process_id("server")
-            _sleep_until(from_ns)
+            sleep_until(from_ns)
             before = read_usage(process)
-            _sleep_until(until_ns)
+            sleep_until(until_ns)
             cost.add(before, read_usage(process))
-            seen = self._watchers.answer()
-            felt = self._agents.answer() if peers.agents else {"counts": {}, "late_ns": []}
+            received = self._watchers.answer()
+            of_agents = self._agents.answer() if peers.agents else {"counts": {}, "late_ns": []}
             os.kill(process, signal.SIGKILL)  # its recording is not needed
         return Served(
             cost,
-            {name: count / seconds for name, count in (seen["counts"] | felt["counts"]).items()},
-            punctuality(np.array(seen["late_ns"], np.int64), seen["passed_over"]),
-            seen["active"],
-            np.array(felt["late_ns"], np.int64),
+            {name: count / seconds for name, count in (received["counts"] | of_agents["counts"]).items()},
+            tick_timing(np.array(received["late_ns"], np.int64), received["skipped_ticks"]),
+            received["active"],
+            np.array(of_agents["late_ns"], np.int64),
         )
-
-
-def _sleep_until(at_ns: int) -> None:
-    time.sleep(max(0.0, (at_ns - now_ns()) * 1e-9))
 
 
 MAX_LATE, MIN_ACTIVE = 0.02, 0.99
@@ -136,12 +133,14 @@ def core_share(served: Served) -> float:
     return total(served.cost.spent.values()).seconds / served.cost.seconds
 
 
-def measure_scale(config: Config, crowd: Crowd, dyads: Sequence[int], seconds: float, tell: Tell) -> dict[int, Served]:
+def measure_scale(
+    config: Config, light_peers: LightPeers, dyads: Sequence[int], seconds: float, tell: Tell
+) -> dict[int, Served]:
     """Add dyads to one server until it no longer holds them."""
     found: dict[int, Served] = {}
     for step, count in enumerate(sorted(dyads)):
         tell(f"dyads at one server: {count}", step / len(dyads))
-        found[count] = crowd.serve(on_cores(config), count, Peers(), seconds)
+        found[count] = light_peers.serve(on_cores(config), count, Peers(), seconds)
         if not holds(found[count]):
             break
     return found
@@ -185,40 +184,39 @@ def scale_part(found: Mapping[int, Served]) -> Part:
 
 
 def _verdicts(found: Mapping[int, Served]) -> list[Verdict]:
-    held = {count: core_share(served) for count, served in found.items() if holds(served)}
-    most = max(held, default=0)
+    shares = {count: core_share(served) for count, served in found.items() if holds(served)}
+    most = max(shares, default=0)
     verdicts = []
     if max(found) >= MANY_DYADS:
-        said = f"{most} dyads" + ("" if most == max(found) else f", not {max(found)}")
-        verdicts.append(Verdict(f"one core holds {MANY_DYADS} dyads", most >= MANY_DYADS, said))
-    if len(held) > 1:
-        slope, base = np.polyfit(list(held), list(held.values()), 1)
-        least = min(held)
-        growth = max(share / count for count, share in held.items()) * least / held[least]
-        fit = (
-            f"{100 * base:.2f} % + {100 * slope:.2f} % a dyad; each costs at most {growth:.2f} times as much as {least}"
-        )
+        capacity = f"{most} dyads" + ("" if most == max(found) else f", not {max(found)}")
+        verdicts.append(Verdict(f"one core holds {MANY_DYADS} dyads", most >= MANY_DYADS, capacity))
+    if len(shares) > 1:
+        slope, base = np.polyfit(list(shares), list(shares.values()), 1)
+        least = min(shares)
+        growth = max(share / count for count, share in shares.items()) * least / shares[least]
+        fit = f"{100 * base:.2f} % + {100 * slope:.2f} % a dyad"
+        fit += f"; each costs at most {growth:.2f} times as much as {least}"
         verdicts.append(Verdict("cost grows linearly", growth <= MAX_GROWTH, fit))
     return verdicts
 
 
-WAITING = {
+IDLE = {
     "agents, loggers, no trial": Peers(trial=False),
     "no peers": Peers(agents=False, loggers=False, trial=False),
 }
-"""Kinds of idle dyads, by the peers that are connected."""
+"""Kinds of idle dyads, and their connected peers."""
 
 
-def measure_waiting(config: Config, crowd: Crowd, dyads: int, seconds: float, tell: Tell) -> dict[str, Served]:
+def measure_idle(config: Config, light_peers: LightPeers, dyads: int, seconds: float, tell: Tell) -> dict[str, Served]:
     """Measure idle dyads."""
     found = {}
-    for step, (name, peers) in enumerate(WAITING.items()):
-        tell(f"idle dyads: {name}", step / len(WAITING))
-        found[name] = crowd.serve(on_cores(config), dyads, peers, seconds)
+    for step, (name, peers) in enumerate(IDLE.items()):
+        tell(f"idle dyads: {name}", step / len(IDLE))
+        found[name] = light_peers.serve(on_cores(config), dyads, peers, seconds)
     return found
 
 
-def waiting_part(dyads: int, found: Mapping[str, Served]) -> Part:
+def idle_part(dyads: int, found: Mapping[str, Served]) -> Part:
     """Tabulate the cost of idle dyads."""
     idle = core_share(found["no peers"]) / dyads
     claim = f"a dyad without peers costs less than {MAX_IDLE:.1%} of a core"

@@ -21,7 +21,7 @@ from netboard.benchmarks.harness.processes import in_fresh_process
 from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict
 from netboard.benchmarks.harness.running import Options, Tell, run
 from netboard.benchmarks.loop.timing import HEADS, Times, in_milliseconds, ratio_row, spread_rows
-from netboard.devices.touch.api import load
+from netboard.devices.touch import api
 from netboard.devices.touch.find import find
 from netboard.devices.touch.library import rig_of
 from netboard.devices.touch.servo import PythonServo, Servo
@@ -37,7 +37,9 @@ SERVOS: dict[str, type[PythonServo] | type[ShimServo]] = {BARE: ShimServo, PYTHO
 
 TIMEOUT_NS = 20_000_000
 WARM_UP_TICKS = 200
-BUSY = {False: "", True: ", busy thread"}
+ALONE, BUSY = "", ", busy thread"
+LOADS = (ALONE, BUSY)
+"""Whether a second thread computes, as the end of a variant's name."""
 
 
 def main(library: str, seconds: float | None, options: Options) -> None:
@@ -45,7 +47,7 @@ def main(library: str, seconds: float | None, options: Options) -> None:
 
     - `seconds`: duration of each measurement; None for the default [s].
     """
-    load(library)
+    api.load(library)
     shim()
     seconds = seconds or (QUICK_SECONDS if options.quick else SECONDS)
     run("servo", partial(study, library, seconds), options, {"library": library, "seconds": seconds}, bar=False)
@@ -54,11 +56,11 @@ def main(library: str, seconds: float | None, options: Options) -> None:
 def study(library: str, seconds: float, folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
     """Measure each callback, alone and beside a busy thread."""
     found: dict[str, Times] = {}
-    for busy, company in BUSY.items():
+    for load in LOADS:
         for kind in KINDS:
-            name = kind + company
-            tell(f"{name}: {seconds:g} s", len(found) / (len(BUSY) * len(KINDS)))
-            found[name] = measure(library, kind, seconds, busy=busy)
+            name = kind + load
+            tell(f"{name}: {seconds:g} s", len(found) / (len(LOADS) * len(KINDS)))
+            found[name] = measure(library, kind, seconds, busy=load == BUSY)
     yield lateness_part(found)
     yield duration_part(found)
 
@@ -70,9 +72,9 @@ def lateness_part(found: Mapping[str, Times]) -> Part:
     """
     off = {name: unsteadiness(times) for name, times in found.items()}
     rows: list[tuple[Value, ...]] = list(spread_rows(off))
-    for company in BUSY.values():
+    for load in LOADS:
         for kind in (PYTHON, C):
-            name, *ratios = ratio_row(f"{kind} / {BARE}{company} [1]", off[kind + company], off[BARE + company])
+            name, *ratios = ratio_row(f"{kind} / {BARE}{load} [1]", off[kind + load], off[BARE + load])
             rows.append((name, "", *ratios))
     return Part(
         "lateness",
@@ -89,12 +91,12 @@ def duration_part(found: Mapping[str, Times]) -> Part:
     """
     took = {name: times[:, 1] - times[:, 0] for name, times in found.items()}
     rows: list[tuple[Value, ...]] = list(spread_rows(took))
-    for company in BUSY.values():
-        name, *ratios = ratio_row(f"{PYTHON} / {C}{company} [1]", took[PYTHON + company], took[C + company])
+    for load in LOADS:
+        name, *ratios = ratio_row(f"{PYTHON} / {C}{load} [1]", took[PYTHON + load], took[C + load])
         rows.append((name, "", *ratios))
     verdicts = []
     for kind in (PYTHON, C):
-        p999_ms = in_milliseconds(spread(took[kind + BUSY[True]]))[2]
+        p999_ms = in_milliseconds(spread(took[kind + BUSY]))[2]
         claim = f"99.9 % of the callbacks in {kind} take less than a tick beside a busy thread"
         verdicts.append(Verdict(claim, p999_ms < TICK_NS * 1e-6, f"{p999_ms:.3f} ms"))
     return Part(
@@ -125,10 +127,10 @@ def work(library: str, kind: str, seconds: float, busy: bool) -> Times:
     rig = rig_of(library)
     count = round(seconds * 1e9) // TICK_NS
     with rig.paused():
-        seat = find(rig, "", "")
-        servo = SERVOS[kind](rig.library, seat.handle, TIMEOUT_NS)
+        device = find(rig, "", "")
+        servo = SERVOS[kind](rig.library, device.handle, TIMEOUT_NS)
         watch = Watch(None if kind == BARE else servo.entry, count + 2 * WARM_UP_TICKS)
-        rig.schedule(seat, servo, watch.entry)
+        rig.schedule(device, servo, watch.entry)
     stopping = threading.Event()
     thread = threading.Thread(target=compute, args=(stopping,), daemon=True)
     try:
@@ -144,7 +146,7 @@ def work(library: str, kind: str, seconds: float, busy: bool) -> Times:
         return watch.times[first:]
     finally:
         stopping.set()
-        rig.release(seat)
+        rig.release(device)
 
 
 def compute(stopping: threading.Event) -> None:

@@ -11,7 +11,7 @@ from netboard.base.config import Config
 from netboard.base.tick import TICK, TICK_NS, TICK_SECONDS
 from netboard.benchmarks.harness.results import Part, Value, Verdict
 from netboard.benchmarks.harness.running import Tell
-from netboard.benchmarks.loop.scale import Crowd, Peers, Served, core_share, on_cores
+from netboard.benchmarks.loop.scale import LightPeers, Peers, Served, core_share, on_cores
 from netboard.benchmarks.loop.usage import LOOP, TRANSPORT
 from netboard.stage.stage import make_stage
 from netboard.task.trials.state_machine import Phase
@@ -34,26 +34,26 @@ class Case:
         )
 
 
-FULL, WAITING, AT_REST, NOBODY = "everything, in a trial", "no trial", "no trial, hands at rest", "no peers"
-NO_FORCES = "no forces"
+FULL, NO_TRIAL, AT_REST, NO_PEERS = "everything, in a trial", "no trial", "no trial, hands at rest", "no peers"
+NO_FEEDBACK = "no forces"
 CASES = {
     FULL: Case(Peers(displays=True)),
-    NO_FORCES: Case(Peers(displays=True), haptics=False),
+    NO_FEEDBACK: Case(Peers(displays=True), haptics=False),
     "no displays": Case(Peers()),
     "no logger": Case(Peers(displays=True, loggers=False), logger=False),
-    WAITING: Case(Peers(displays=True, trial=False)),
+    NO_TRIAL: Case(Peers(displays=True, trial=False)),
     AT_REST: Case(Peers(displays=True, trial=False, moving=False)),
     "no agents": Case(Peers(agents=False, displays=True, trial=False)),
-    NOBODY: Case(Peers(agents=False, loggers=False, trial=False)),
+    NO_PEERS: Case(Peers(agents=False, loggers=False, trial=False)),
 }
 
 
-def measure_skips(config: Config, crowd: Crowd, seconds: float, tell: Tell) -> dict[str, Served]:
+def measure_skips(config: Config, light_peers: LightPeers, seconds: float, tell: Tell) -> dict[str, Served]:
     """Run a server of one dyad in every case."""
     found = {}
     for step, (name, case) in enumerate(CASES.items()):
         tell(f"work done: {name}", step / len(CASES))
-        found[name] = crowd.serve(case.of(on_cores(config)), 1, case.peers, seconds)
+        found[name] = light_peers.serve(case.of(on_cores(config)), 1, case.peers, seconds)
     return found
 
 
@@ -70,7 +70,7 @@ def skips_part(found: dict[str, Served]) -> Part:
             (
                 name,
                 *(round(served.counts.get(what, 0.0)) for what in SENT),
-                *(round(spent[kind].slept / seconds) for kind in (LOOP, TRANSPORT)),
+                *(round(spent[kind].sleeps / seconds) for kind in (LOOP, TRANSPORT)),
                 *(1e6 * spent[kind].seconds * TICK_SECONDS / seconds for kind in (LOOP, TRANSPORT)),
                 100 * core_share(served),
             )
@@ -91,9 +91,9 @@ def skips_part(found: dict[str, Served]) -> Part:
 
 
 def _verdicts(found: dict[str, Served]) -> list[Verdict]:
-    forces, beats = (found[NO_FORCES].counts.get(what, 0.0) for what in ("forces", "beats"))
-    views, fewer = (found[name].counts.get("views", 0.0) for name in (WAITING, AT_REST))
-    busy, idle = core_share(found[FULL]), core_share(found[NOBODY])
+    forces, beats = (found[NO_FEEDBACK].counts.get(what, 0.0) for what in ("forces", "beats"))
+    views, fewer = (found[name].counts.get("views", 0.0) for name in (NO_TRIAL, AT_REST))
+    busy, idle = core_share(found[FULL]), core_share(found[NO_PEERS])
     return [
         Verdict(
             "no force is sent without haptic feedback",
@@ -119,11 +119,11 @@ def tick_part(config: Config) -> Part:
     """Return the cost of the stage's part of a tick, with and without each part."""
     bare = replace(config, physics=replace(config.physics, balls=0))
     lone = replace(bare, physics=replace(bare.physics, coupling="left"))
-    part, unfelt = _with_force(config, "environment_only"), _with_force(config, "none")
+    part, no_force = _with_force(config, "environment_only"), _with_force(config, "none")
     costs = {
         "the ball rolls": stage_cost(config, Phase.RUNNING),
         "the ball rolls, forces of the environment only": stage_cost(part, Phase.RUNNING),
-        "the ball rolls, no forces": stage_cost(unfelt, Phase.RUNNING),
+        "the ball rolls, no forces": stage_cost(no_force, Phase.RUNNING),
         "the ball is fixed": stage_cost(config, Phase.LEVELLING),
         "no ball": stage_cost(bare, Phase.LEVELLING),
         "no ball, no forces: a board alone": stage_cost(_with_force(bare, "none"), Phase.LEVELLING),

@@ -16,7 +16,7 @@ from netboard.base.config import SIDES, Config
 from netboard.base.tick import LATE_NS
 from netboard.benchmarks.harness.results import Part, Value, Verdict
 from netboard.benchmarks.harness.running import Tell
-from netboard.benchmarks.loop.rig import Rig, own_configs
+from netboard.benchmarks.loop.rig import Rig, dyad_configs
 from netboard.benchmarks.loop.timing import HEADS, Times, in_milliseconds
 from netboard.benchmarks.loop.usage import Usage
 from netboard.recording.files.reader import Recording
@@ -46,12 +46,13 @@ MAX_SLOWER = 1.5
 
 
 @dataclass(frozen=True)
-class Kept:
-    """Measurements from one dyad's recording.
+class RecordedDyad:
+    """What the recording of a dyad shows.
 
     - `verified`: whether the stage computes the same outputs from the recorded inputs, to the bit.
     - `time_ns`, `late_ns`: deadline of each tick, and its start after the deadline [ns].
     - `loop_at_ns`, `loop_ns`: sample-to-force latencies of both sides: the tick that records each, and its value [ns].
+    - `size`: size of the recording [bytes].
     """
 
     ticks: int
@@ -73,26 +74,26 @@ class Kept:
 
 @dataclass(frozen=True)
 class Soaked:
-    """Results of a soak."""
+    """Results of a soak: the resource use of all processes every second, and each dyad's recording."""
 
     samples: list[dict[str, Usage]]
-    kept: list[Kept]
+    dyads: list[RecordedDyad]
 
 
 def measure_soak(config: Config, folder: Path, dyads: int, displays: int, seconds: float, tell: Tell) -> Soaked:
     """Run dyads for a long time."""
     small = replace(config, network=replace(config.network, log_ring_s=RING_SECONDS))
-    with Rig(own_configs(small, folder, dyads), folder, displays) as rig:
+    with Rig(dyad_configs(small, folder, dyads), folder, displays) as rig:
         tell("waiting for trials", 0.0)
-        rig.play()
+        rig.wait_for_trials()
         samples = _watch(rig, seconds, tell)
         tell("ending the sessions", 1.0)
         paths = rig.finish()
-    kept = []
+    recorded = []
     for path in paths:
         tell(f"verifying {path.name}", 1.0)
-        kept.append(read_kept(path))
-    return Soaked(samples, kept)
+        recorded.append(read_dyad(path))
+    return Soaked(samples, recorded)
 
 
 def _watch(rig: Rig, seconds: float, tell: Callable[[str, float], object]) -> list[dict[str, Usage]]:
@@ -107,7 +108,7 @@ def _watch(rig: Rig, seconds: float, tell: Callable[[str, float], object]) -> li
     return samples
 
 
-def read_kept(path: Path) -> Kept:
+def read_dyad(path: Path) -> RecordedDyad:
     """Read and verify a recording."""
     with Recording(path) as recording:
         ticks = recording.ticks()
@@ -115,7 +116,7 @@ def read_kept(path: Path) -> Kept:
         missing = sum(gap.count for gaps in recording.gaps().values() for gap in gaps)
         verdict = verify_recording(recording)
     closed = {side: closed_loops(ticks[f"{side}_loop_ns"]) for side in SIDES}
-    return Kept(
+    return RecordedDyad(
         ticks.size,
         missing,
         lost,
@@ -132,20 +133,20 @@ def read_kept(path: Path) -> Kept:
 # --- tables --------------------------------------------------------------------------------------------------------
 
 
-def records_part(kept: Sequence[Kept]) -> Part:
+def records_part(dyads: Sequence[RecordedDyad]) -> Part:
     """Return the number of recorded ticks and losses."""
-    whole = sum(one.whole for one in kept)
+    whole = sum(one.whole for one in dyads)
     part = Part(
         "records",
         "Recorded ticks and losses",
         "dyad | ticks [1] | missing numbers [1] | records lost [1] | faults [1] | verified | size [MB]",
         [
             (number, one.ticks, one.missing, one.lost, one.faults, one.verified, one.size / 1e6)
-            for number, one in enumerate(kept, start=1)
+            for number, one in enumerate(dyads, start=1)
         ],
     )
     part.claim(
-        "nothing is lost", whole == len(kept), f"{whole} of {len(kept)} recordings complete and verified bit for bit"
+        "nothing is lost", whole == len(dyads), f"{whole} of {len(dyads)} recordings complete and verified bit for bit"
     )
     return part
 
@@ -178,15 +179,15 @@ def growth(at: NDArray[np.float64], held: NDArray[np.float64]) -> float:
     return float(np.polyfit(at - at[0], held, 1)[0]) if at.size > 1 else 0.0
 
 
-def minutes_part(kept: Sequence[Kept]) -> Part:
+def minutes_part(dyads: Sequence[RecordedDyad]) -> Part:
     """Return the tick jitter and the sample-to-force latency over the run."""
-    start, end = min(one.time_ns[0] for one in kept), max(one.time_ns[-1] for one in kept) + 1
+    start, end = min(one.time_ns[0] for one in dyads), max(one.time_ns[-1] for one in dyads) + 1
     count = max(STRETCHES, int((end - start) * 1e-9 / 60))
     edges = np.linspace(start, end, count + 1).astype(np.int64)
     rows: list[tuple[Value, ...]] = []
     for since, until in pairwise(edges.tolist()):
-        late = _between(since, until, [(one.time_ns, one.late_ns) for one in kept])
-        loop = _between(since, until, [(one.loop_at_ns, one.loop_ns) for one in kept])
+        late = _between(since, until, [(one.time_ns, one.late_ns) for one in dyads])
+        loop = _between(since, until, [(one.loop_at_ns, one.loop_ns) for one in dyads])
         rows.append(
             (
                 float(since - start) * 1e-9 / 60,
@@ -201,8 +202,8 @@ def minutes_part(kept: Sequence[Kept]) -> Part:
         ("from [min]", *(f"tick late, {head}" for head in HEADS), "late [1]", *(f"loop, {head}" for head in HEADS)),
         rows,
     )
-    part.verdicts.append(steady("ticks begin", [float(row[2]) for row in rows]))
-    part.verdicts.append(steady("loops close", [float(row[7]) for row in rows]))
+    part.verdicts.append(stays_prompt("ticks begin", [float(row[2]) for row in rows]))
+    part.verdicts.append(stays_prompt("loops close", [float(row[7]) for row in rows]))
     return part
 
 
@@ -211,7 +212,7 @@ def _between(since: int, until: int, series: Sequence[tuple[Times, Times]]) -> T
     return np.concatenate([values[(at >= since) & (at < until)] for at, values in series])
 
 
-def steady(what: str, p99: Sequence[float]) -> Verdict:
+def stays_prompt(what: str, p99: Sequence[float]) -> Verdict:
     """Compare percentiles of the last third of the run with those of the first."""
     third = max(len(p99) // 3, 1)
     first, last = float(np.median(p99[:third])), float(np.median(p99[-third:]))

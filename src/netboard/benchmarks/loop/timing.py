@@ -98,12 +98,12 @@ def draw_histograms(groups: Sequence[Mapping[str, Times]], title: str) -> Any:
 
 # --- from a recording ----------------------------------------------------------------------------------------------
 
-UP, WAIT, REST = "stylus read to arrival at the server", "wait for the tick", "tick, return and rendering"
+UPLINK, WAIT, REST = "stylus read to arrival at the server", "wait for the tick", "tick, return and rendering"
 """Parts of a sample-to-force latency."""
 
 
 @dataclass(frozen=True)
-class Punctuality:
+class TickTiming:
     """Timing of ticks.
 
     - `late_ns`: start of each after its deadline; negative: before it [ns].
@@ -124,44 +124,44 @@ class Punctuality:
         return self.missed * many / max(self.ticks, 1)
 
 
-def punctuality(late_ns: Times, passed_over: int) -> Punctuality:
+def tick_timing(late_ns: Times, skipped_ticks: int) -> TickTiming:
     """Count deadline misses."""
-    missed = int(np.count_nonzero(late_ns > TICK_NS)) + passed_over
-    return Punctuality(late_ns, int(np.count_nonzero(late_ns > LATE_NS)), missed)
+    missed = int(np.count_nonzero(late_ns > TICK_NS)) + skipped_ticks
+    return TickTiming(late_ns, int(np.count_nonzero(late_ns > LATE_NS)), missed)
 
 
-def passed_over(time_ns: Times) -> int:
+def skipped_ticks(time_ns: Times) -> int:
     """Return the number of ticks skipped while the loop stalled [1]."""
     return int(np.sum(np.diff(time_ns) // TICK_NS - 1))
 
 
 @dataclass(frozen=True)
-class Played:
+class LoopTiming:
     """Timing of a dyad's recording during its measurements.
 
-    - `took_ns`: sample-to-force latency of each side, once for each sample with a force [ns].
+    - `latency_ns`: sample-to-force latency of each side, once for each sample with a force [ns].
     - `parts_ns`: parts of the latency, of both sides [ns].
     """
 
-    took_ns: dict[str, Times]
+    latency_ns: dict[str, Times]
     parts_ns: dict[str, Times]
-    ticks: Punctuality
+    ticks: TickTiming
     answered: float
 
 
-def played(stamps: Stamps, times: Sequence[tuple[int, int]]) -> Played:
+def loop_timing(stamps: Stamps, times: Sequence[tuple[int, int]]) -> LoopTiming:
     """Read a dyad's timing from its recording."""
     inside = within(stamps.due_ns, times)
     felt = inside & stamps.in_trial
     took: dict[str, Times] = {name: side.loop_ns[felt & (side.loop_ns > 0)] for name, side in stamps.sides.items()}
     halves = [_loop_parts(stamps, side, felt) for side in stamps.sides.values()]
-    parts = {name: np.concatenate([half[name] for half in halves]) for name in (UP, WAIT, REST)}
+    parts = {name: np.concatenate([half[name] for half in halves]) for name in (UPLINK, WAIT, REST)}
     due = [stamps.due_ns[within(stamps.due_ns, [one])] for one in times]
     late_ns = (stamps.late_ns - stamps.moved_ns)[inside]  # after the deadline to which a stall has moved the tick
-    return Played(
+    return LoopTiming(
         took,
         parts,
-        punctuality(late_ns, sum(map(passed_over, due))),
+        tick_timing(late_ns, sum(map(skipped_ticks, due))),
         sum(times.size for times in took.values()) / max(len(SIDES) * int(np.count_nonzero(felt)), 1),
     )
 
@@ -179,4 +179,4 @@ def _loop_parts(stamps: Stamps, side: SideStamps, felt: Mask) -> dict[str, Times
     known = felt & (side.rendered_ns != UNKNOWN)
     read_ns, arrived_ns, rendered_ns = side.read_ns[known], side.arrived_ns[known], side.rendered_ns[known]
     began_ns = stamps.began_ns[known]
-    return {UP: arrived_ns - read_ns, WAIT: began_ns - arrived_ns, REST: rendered_ns - began_ns}
+    return {UPLINK: arrived_ns - read_ns, WAIT: began_ns - arrived_ns, REST: rendered_ns - began_ns}

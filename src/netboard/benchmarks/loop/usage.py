@@ -21,7 +21,7 @@ _TRANSPORT_NAME = "ZMQbg/IO"
 
 
 @dataclass(frozen=True, slots=True)
-class Spent:
+class ThreadUsage:
     """Usage of threads.
 
     - `seconds`: time on a core [s].
@@ -30,16 +30,16 @@ class Spent:
 
     seconds: float = 0.0
     waited: float = 0.0
-    slept: int = 0
-    ousted: int = 0
+    sleeps: int = 0
+    preemptions: int = 0
 
-    def plus(self, other: "Spent", sign: int = 1) -> "Spent":
+    def plus(self, other: "ThreadUsage", sign: int = 1) -> "ThreadUsage":
         """Return the sum with another, or with sign -1 the difference."""
-        return Spent(
+        return ThreadUsage(
             self.seconds + sign * other.seconds,
             self.waited + sign * other.waited,
-            self.slept + sign * other.slept,
-            self.ousted + sign * other.ousted,
+            self.sleeps + sign * other.sleeps,
+            self.preemptions + sign * other.preemptions,
         )
 
 
@@ -51,21 +51,21 @@ class Usage:
     """
 
     at_ns: int
-    threads: dict[tuple[int, str], Spent]
+    threads: dict[tuple[int, str], ThreadUsage]
     resident: float
 
-    def since(self, before: "Usage") -> dict[str, Spent]:
+    def since(self, before: "Usage") -> dict[str, ThreadUsage]:
         """Return the usage since an earlier time by kind of thread, without threads that have ended."""
-        found = dict.fromkeys(KINDS, Spent())
+        found = dict.fromkeys(KINDS, ThreadUsage())
         for thread, spent in self.threads.items():
-            change = spent.plus(before.threads.get(thread, Spent()), -1)
+            change = spent.plus(before.threads.get(thread, ThreadUsage()), -1)
             found[thread[1]] = found[thread[1]].plus(change)
         return found
 
 
-def total(parts: Iterable[Spent]) -> Spent:
+def total(parts: Iterable[ThreadUsage]) -> ThreadUsage:
     """Return the sum."""
-    whole = Spent()
+    whole = ThreadUsage()
     for part in parts:
         whole = whole.plus(part)
     return whole
@@ -78,13 +78,13 @@ class Cost:
     - `seconds`: duration of the measurement [s].
     """
 
-    spent: dict[str, Spent] = field(default_factory=dict)
+    spent: dict[str, ThreadUsage] = field(default_factory=dict)
     seconds: float = 0.0
 
     def add(self, before: Usage, after: Usage) -> None:
         """Add a measurement."""
         for kind, spent in after.since(before).items():
-            self.spent[kind] = self.spent.get(kind, Spent()).plus(spent)
+            self.spent[kind] = self.spent.get(kind, ThreadUsage()).plus(spent)
         self.seconds += (after.at_ns - before.at_ns) * 1e-9
 
 
@@ -104,7 +104,7 @@ def kind_of(process: int, thread: int, name: str) -> str:
     return LOOP if thread == process else OTHER
 
 
-def parse_thread(stat: str, schedstat: str, status: str, clock_hz: int) -> tuple[str, Spent]:
+def parse_thread(stat: str, schedstat: str, status: str, clock_hz: int) -> tuple[str, ThreadUsage]:
     """Parse the usage of a thread from /proc.
 
     - `stat`, `schedstat`, `status`: the three files; `schedstat` may be empty.
@@ -117,8 +117,8 @@ def parse_thread(stat: str, schedstat: str, status: str, clock_hz: int) -> tuple
         times = ran * 1e-9, waited * 1e-9
     else:
         times = (int(fields[11]) + int(fields[12])) / clock_hz, 0.0
-    slept, ousted = (int(switches[f"{kind}_ctxt_switches"]) for kind in ("voluntary", "nonvoluntary"))
-    return head.partition("(")[2], Spent(*times, slept, ousted)
+    sleeps, preemptions = (int(switches[f"{kind}_ctxt_switches"]) for kind in ("voluntary", "nonvoluntary"))
+    return head.partition("(")[2], ThreadUsage(*times, sleeps, preemptions)
 
 
 def read_usage(process: int) -> Usage:
@@ -134,7 +134,7 @@ def read_usage(process: int) -> Usage:
         raise NetboardError(f"cannot tell what process {process} uses: {error}") from error
 
 
-def _read_thread(process: int, thread: int, folder: Path, clock_hz: int) -> tuple[tuple[int, str], Spent]:
+def _read_thread(process: int, thread: int, folder: Path, clock_hz: int) -> tuple[tuple[int, str], ThreadUsage]:
     schedstat = folder / "schedstat"
     name, spent = parse_thread(
         (folder / "stat").read_text(),

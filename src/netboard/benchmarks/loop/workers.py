@@ -21,10 +21,10 @@ END_SECONDS = 5.0
 class Worker:
     """Handle of a worker process."""
 
-    def __init__(self, module: str, *arguments: str, said: Path) -> None:
+    def __init__(self, module: str, *arguments: str, log: Path) -> None:
         self._name = f"{module.rpartition('.')[2]} {' '.join(arguments[:-1])}".strip()
-        self._said = said
-        with said.open("ab") as file:
+        self._log = log
+        with log.open("ab") as file:
             self._process = subprocess.Popen(
                 [sys.executable, "-m", module, *arguments],
                 stdin=subprocess.PIPE,
@@ -65,8 +65,8 @@ class Worker:
             process.communicate()
 
     def _gone(self) -> NetboardError:
-        words = self._said.read_text(errors="replace").strip().splitlines()
-        return NetboardError(f"the {self._name} ended: {words[-1] if words else 'it said nothing'}")
+        lines = self._log.read_text(errors="replace").strip().splitlines()
+        return NetboardError(f"the {self._name} ended: {lines[-1] if lines else 'without output'}")
 
 
 class Workers(ExitStack):
@@ -74,7 +74,7 @@ class Workers(ExitStack):
 
     def start(self, name: str, module: str, *arguments: str, folder: Path) -> Worker:
         """Start another worker."""
-        worker = Worker(module, *arguments, said=folder / f"{name.replace(' ', '-')}.log")
+        worker = Worker(module, *arguments, log=folder / f"{name.replace(' ', '-')}.log")
         self.callback(worker.stop)
         return worker
 

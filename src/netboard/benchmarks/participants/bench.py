@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from netboard.base.config import Config
 from netboard.base.tables.simulated import Participant
 from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict
-from netboard.benchmarks.harness.running import Study, Tell
+from netboard.benchmarks.harness.running import Tell
 from netboard.benchmarks.participants.paper import EXTRA, STATEMENTS, Sample, Statement
 from netboard.benchmarks.participants.trials import SEED, Performance, Population, perform_all
 from netboard.nodes.rehearsal.jobs import Job
@@ -33,18 +33,18 @@ STATES = 4
 LIKELY = 0.8
 """Share of studies with the paper's direction from which a direction counts as reproduced [1]."""
 
-USUAL = Participant()
+DEFAULT = Participant()
 
 ABLATIONS = {
-    "full model": USUAL,
-    "friction at rest": replace(USUAL, rest_skill=0.0),
-    "no load skill": replace(USUAL, load_skill=0.0),
-    "no information": replace(USUAL, haptic_gain=0.0),
-    "fixed partner": replace(USUAL, mirror_rate=0.0),
-    "no learning": replace(USUAL, novice=1.0),
-    "with yielding": replace(USUAL, reflex_gain=1.0),
-    "with impedance": replace(USUAL, impedance_gain=20_000.0),
-    "with goal": replace(USUAL, partner_prediction="goal"),
+    "full model": DEFAULT,
+    "friction at rest": replace(DEFAULT, rest_skill=0.0),
+    "no load skill": replace(DEFAULT, load_skill=0.0),
+    "no information": replace(DEFAULT, haptic_gain=0.0),
+    "fixed partner": replace(DEFAULT, mirror_rate=0.0),
+    "no learning": replace(DEFAULT, novice=1.0),
+    "with yielding": replace(DEFAULT, reflex_gain=1.0),
+    "with impedance": replace(DEFAULT, impedance_gain=20_000.0),
+    "with goal": replace(DEFAULT, partner_prediction="goal"),
 }
 """Variants of the model: each is without one part, or ("with") has a part that the model leaves out."""
 
@@ -117,33 +117,31 @@ SLOWING_DYADS, SLOWING_TRIALS = 8, 8
 QUICK_VARIANTS = ("full model", "no information")
 
 
-def study(count: int, dyads: int | None, workers: int | None) -> Study:
-    """Return a benchmark that draws `count` virtual studies from a pool of dyads."""
-
-    def run(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
-        # A multiple of STATES, so that each starting state has as many dyads.
-        pool = STATES * ceil((dyads or (QUICK_DYADS if quick else DYADS)) / STATES)
-        cores = workers or os.cpu_count() or 1
-        variants = QUICK_VARIANTS if quick else tuple(ABLATIONS)
-        found: dict[str, list[Prediction]] = {}
-        for number, name in enumerate(variants):
-            size, trials = pool, QUICK_TRIALS if quick else TRIALS
-            if name != variants[0]:
-                size = min(size, QUICK_ABLATED_DYADS if quick else ABLATED_DYADS)
-                trials = min(trials, ABLATED_TRIALS)
-            performances = list(_performances(name, size, trials, cores, number, len(variants), tell))
-            found[name] = predictions(studies([one.attempts for one in performances], count))
-            if name == variants[0]:
-                yield predictions_part(found[name], performances, trials, count)
-                folder.save("participants", lambda: draw(found[variants[0]]))
-                sample = Sample(np.concatenate([one.attempts for one in performances]))
-                yield others_part(sample, Participant(), Config())
-        yield ablations_part(found)
-        if not quick:
-            tell("bimanual blocks with parts of the force", 1.0)
-            yield slowing_part(SLOWING_DYADS, SLOWING_TRIALS, cores)
-
-    return run
+def study(
+    count: int, dyads: int | None, workers: int | None, folder: Folder, tell: Tell, *, quick: bool
+) -> Iterator[Part]:
+    """Draw `count` virtual studies from a pool of dyads, and compare them with the paper's results."""
+    # A multiple of STATES, so that each starting state has as many dyads.
+    pool = STATES * ceil((dyads or (QUICK_DYADS if quick else DYADS)) / STATES)
+    cores = workers or os.cpu_count() or 1
+    variants = QUICK_VARIANTS if quick else tuple(ABLATIONS)
+    found: dict[str, list[Prediction]] = {}
+    for number, name in enumerate(variants):
+        size, trials = pool, QUICK_TRIALS if quick else TRIALS
+        if name != variants[0]:
+            size = min(size, QUICK_ABLATED_DYADS if quick else ABLATED_DYADS)
+            trials = min(trials, ABLATED_TRIALS)
+        performances = list(_performances(name, size, trials, cores, number, len(variants), tell))
+        found[name] = predictions(studies([one.attempts for one in performances], count))
+        if name == variants[0]:
+            yield predictions_part(found[name], performances, trials, count)
+            folder.save("participants", lambda: draw(found[variants[0]]))
+            sample = Sample(np.concatenate([one.attempts for one in performances]))
+            yield others_part(sample, Participant(), Config())
+    yield ablations_part(found)
+    if not quick:
+        tell("bimanual blocks with parts of the force", 1.0)
+        yield slowing_part(SLOWING_DYADS, SLOWING_TRIALS, cores)
 
 
 def _performances(
@@ -265,7 +263,7 @@ def others_part(sample: Sample, person: Participant, config: Config) -> Part:
         "others",
         "Comparison with measurements and models of others",
         "quantity | model | others, low | others, high | agrees | source",
-        [*_parameters(person, config), *_behaviour(sample)],
+        [*_compare_parameters(person, config), *_compare_behaviour(sample)],
     )
 
 
@@ -274,7 +272,7 @@ def _row(name: str, value: float, low: float, high: float, source: str) -> tuple
     return name, float(value), low, high, "yes" if low <= value <= high else "NO", source
 
 
-def _parameters(person: Participant, config: Config) -> Iterator[tuple[Any, ...]]:
+def _compare_parameters(person: Participant, config: Config) -> Iterator[tuple[Any, ...]]:
     yield _row("visual delay [s]", person.visual_delay, 0.08, 0.23, "models: Takagi 2017, Lokesh 2023, Insperger")
     yield _row("haptic delay [s]", person.haptic_delay, 0.05, 0.1, "Cluff, Crevecoeur and Scott 2015; Lokesh 2023")
     yield _row("delay of the reflexes [s]", person.reflex_delay, 0.025, 0.1, "Cluff, Crevecoeur and Scott 2015")
@@ -288,7 +286,7 @@ def _parameters(person: Participant, config: Config) -> Iterator[tuple[Any, ...]
     yield _row("weight of touch for the partner's height", gain, 0.5, 1.0, "touch dominates: Crevecoeur et al. 2016")
 
 
-def _behaviour(sample: Sample) -> Iterator[tuple[Any, ...]]:
+def _compare_behaviour(sample: Sample) -> Iterator[tuple[Any, ...]]:
     alone = float(sample.of("peaks", "bimanual").sum() / sample.of("completion", "bimanual").sum())
     first, sparc = (float(np.nanmedian(sample.of(name, "bimanual"))) for name in ("first_move", "sparc"))
     yield _row("first movement of the board after the release, median [s]", first, 0.2, 0.6, "reaction and muscle lags")
@@ -328,25 +326,25 @@ def slowing_part(dyads: int, trials: int, workers: int) -> Part:
         f"Effect of parts of the force on one person with both hands: {2 * dyads} participants, blocks of {trials}",
         "bimanual blocks | completion time [s] | change [%] | 95 % CI low | 95 % CI high",
     )
-    for name, own in means.items():
-        ratios = np.log(own / base)
+    for name, times in means.items():
+        ratios = np.log(times / base)
         mean, error = float(ratios.mean()), float(ratios.std(ddof=1) / np.sqrt(len(ratios)))
         low, high = (100.0 * np.expm1(mean + way * 1.96 * error) for way in (-1, 1))
-        part.add(name, float(own.mean()), 100.0 * float(np.expm1(mean)), float(low), float(high))
+        part.add(name, float(times.mean()), 100.0 * float(np.expm1(mean)), float(low), float(high))
     return part
 
 
 def _tasks(name: str, dyads: int, trials: int) -> list[tuple[Sequence[Job], int]]:
-    """Return the blocks of a case: those without haptic feedback, with another force."""
+    """Return the blocks of a case: the bimanual blocks without haptic feedback, with the force of the case."""
     force, keys = CASES[name]
     population = Population(replace(Participant(), **keys), trials=trials)
     return [
-        ([_with_force(job, force) for job in population.jobs(dyad) if _alone(job)], dyad)
+        ([_with_force(job, force) for job in population.jobs(dyad) if _is_bimanual_off(job)], dyad)
         for dyad in range(1, dyads + 1)
     ]
 
 
-def _alone(job: Job) -> bool:
+def _is_bimanual_off(job: Job) -> bool:
     """Return whether a block is bimanual and without haptic feedback."""
     return job.config.block.configuration == "bimanual" and not job.config.block.haptics
 

@@ -21,7 +21,7 @@ from scipy.optimize import minimize
 from netboard.analysis.topics.delay import OVER_ALL
 from netboard.base.tables.simulated import Participant
 from netboard.benchmarks.harness.processes import fresh_processes
-from netboard.benchmarks.participants.paper import ENDS_OF, QUANTITIES, printed
+from netboard.benchmarks.participants.paper import ENDS, QUANTITIES, printed
 from netboard.benchmarks.participants.trials import PAPER_TRIALS, Performance, Population, perform
 from netboard.nodes.rehearsal.jobs import Job
 
@@ -31,7 +31,7 @@ DYADS = 4
 EVALUATIONS = 16
 """Largest number of evaluations of the loss [1]."""
 
-_ENDS = [printed(quantity, f"bimanual, {which} {{ends}}") for quantity in QUANTITIES.values() for which in ENDS_OF]
+_ENDS = [printed(quantity, f"bimanual, {which} {{ends}}") for quantity in QUANTITIES.values() for which in ENDS]
 
 TARGETS = (
     *(number for times in _ENDS[:2] for number in (times.value, times.deviation)),
@@ -80,13 +80,13 @@ def ends_of(population: Population, dyad: int) -> list[Job]:
     half = PAPER_TRIALS // 2
     jobs = []
     for performer in ("A", "B"):
-        own = [
+        blocks = [
             job
             for job in population.jobs(dyad)
             if (job.config.block.configuration, job.config.block.performer) == ("bimanual", performer)
             and not job.config.block.haptics
         ]
-        for job, before in ((own[0], 0), (own[-1], half)):
+        for job, before in ((blocks[0], 0), (blocks[-1], half)):
             person = job.people[performer]
             practised = replace(person, practice=float(person.practice) + before)
             block = replace(job.config.block, trials=half)
@@ -100,9 +100,10 @@ def results(performances: Sequence[Performance]) -> NDArray[np.float64]:
     rows = rows[rows["success"]]
     early = np.concatenate([_early(one) for one in performances])
     values: list[float] = []
-    for own in (rows[early], rows[~early]):
-        values += [own["completion"].mean(), own["completion"].std(ddof=1)]
-    values += [rows[early]["peaks"].mean(), rows[~early]["peaks"].mean()]
+    first, last = rows[early], rows[~early]
+    for trials in (first, last):
+        values += [trials["completion"].mean(), trials["completion"].std(ddof=1)]
+    values += [first["peaks"].mean(), last["peaks"].mean()]
     return np.array([*values, (rows["delay"].sum(axis=0) / rows["delays"].sum(axis=0)).mean()])
 
 
@@ -119,8 +120,8 @@ def loss(log_factors: NDArray[np.float64], start: Participant, pool: Executor) -
     dyads = range(1, DYADS + 1)
     found = results(list(pool.map(perform, [ends_of(population, dyad) for dyad in dyads], dyads)))
     error = float(np.sum(np.log(found / TARGETS) ** 2))
-    words = " ".join(f"{name} {factor:.3f}" for name, factor in zip(FREE, np.exp(log_factors), strict=True))
-    sys.stdout.write(f"{error:.4f}  {words}  {np.round(found, 3).tolist()}\n")
+    factors = " ".join(f"{name} {factor:.3f}" for name, factor in zip(FREE, np.exp(log_factors), strict=True))
+    sys.stdout.write(f"{error:.4f}  {factors}  {np.round(found, 3).tolist()}\n")
     sys.stdout.flush()
     return error
 

@@ -23,7 +23,7 @@ Configuration = Literal["bimanual", "dyadic"]
 End = Literal["first", "last"]
 
 CONFIGURATIONS: tuple[Configuration, ...] = ("bimanual", "dyadic")
-ENDS_OF: tuple[End, ...] = ("first", "last")
+ENDS: tuple[End, ...] = ("first", "last")
 
 QUANTITIES = {"completion": "completion time", "peaks": "number of velocity peaks"}
 """Names of the columns in the analysis."""
@@ -31,7 +31,7 @@ QUANTITIES = {"completion": "completion time", "peaks": "number of velocity peak
 GROUPS = 6
 """Number of groups of trials in a condition; the paper draws an ellipse of each [1]."""
 
-ENDS = 1 / 6
+END_SHARE = 1 / 6
 """Share of the first and of the last trials in a condition: 30 of 180 [1]."""
 
 
@@ -77,7 +77,7 @@ class Sample:
     def end(self, name: str, configuration: Configuration, which: End) -> NDArray[Any]:
         """Return a column of the first or last trials of a configuration, both haptic conditions pooled."""
         share = self._share[self._masks[configuration, None]]
-        return self.of(name, configuration)[share <= ENDS if which == "first" else share > 1 - ENDS]
+        return self.of(name, configuration)[share <= END_SHARE if which == "first" else share > 1 - END_SHARE]
 
     def better(self, name: str, haptics: bool) -> int:
         """Count the dyads that are better than the mean of their two participants alone."""
@@ -85,8 +85,8 @@ class Sample:
 
     def levels(self, name: str, dyad: int, haptics: bool) -> tuple[float, float, float]:
         """Return the means of both participants alone and of the dyad in a haptic condition."""
-        own = self.rows[(self.rows["dyad"] == dyad) & (self.rows["haptics"] == haptics)]
-        a, b, both = (float(np.mean(own[name][own["performer"] == who])) for who in ("A", "B", "dyad"))
+        trials = self.rows[(self.rows["dyad"] == dyad) & (self.rows["haptics"] == haptics)]
+        a, b, both = (float(np.mean(trials[name][trials["performer"] == who])) for who in ("A", "B", "dyad"))
         return a, b, both
 
     def gain(self, name: str, dyad: int, haptics: bool) -> float:
@@ -133,18 +133,18 @@ class Statement:
 
 def _ends() -> list[Statement]:
     """Completion times and numbers of peaks of the first and last trials."""
-    words = {"completion": "completion time [s]", "peaks": "velocity peaks"}
+    labels = {"completion": "completion time [s]", "peaks": "velocity peaks"}
     found = []
-    for name, configuration in product(words, CONFIGURATIONS):
-        text, fitted = f"{words[name]}, {configuration}", configuration == "bimanual"
-        for which in ENDS_OF:
+    for name, configuration in product(labels, CONFIGURATIONS):
+        text, fitted = f"{labels[name]}, {configuration}", configuration == "bimanual"
+        for which in ENDS:
             of = partial(_end, name=name, configuration=configuration, which=which)
             spread = partial(of, summary=_deviation)
-            said = printed(QUANTITIES[name], f"{configuration}, {which} {{ends}}")
+            reported = printed(QUANTITIES[name], f"{configuration}, {which} {{ends}}")
             # The fit does not use the standard deviation of the peaks.
             of_fit = fitted and name == "completion"
-            found.append(Statement(f"{text}, {which} 30", of, said.value, fitted=fitted))
-            found.append(Statement(f"{text}, {which} 30, SD", spread, said.deviation, fitted=of_fit))
+            found.append(Statement(f"{text}, {which} 30", of, reported.value, fitted=fitted))
+            found.append(Statement(f"{text}, {which} 30, SD", spread, reported.deviation, fitted=of_fit))
         learned = partial(_learned, name=name, configuration=configuration)
         found.append(Statement(f"{text}, last - first", learned, sense=-1, fitted=fitted))
     return found

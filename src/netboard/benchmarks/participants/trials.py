@@ -111,9 +111,9 @@ def perform_all(tasks: Sequence[tuple[Sequence[Job], int]], workers: int) -> Ite
 
 def _attempts(block: Block, dyad: int) -> NDArray[Any]:
     takes = [take for take in block.takes() if take.attempt.outcome in ("success", "fell")]
-    rows, own = np.zeros(len(takes), ATTEMPT), block.config.block
-    rows["dyad"], rows["block"], rows["haptics"] = dyad, own.number, own.haptics
-    rows["performer"] = own.performer if own.configuration == "bimanual" else "dyad"
+    rows, conditions = np.zeros(len(takes), ATTEMPT), block.config.block
+    rows["dyad"], rows["block"], rows["haptics"] = dyad, conditions.number, conditions.haptics
+    rows["performer"] = conditions.performer if conditions.configuration == "bimanual" else "dyad"
     for row, take in zip(rows, takes, strict=True):
         row["trial"], row["success"], row["completion"] = take.attempt.trial, bool(take.source), take.completion
         speed = take.found.speed[take.trial.window()]

@@ -16,11 +16,7 @@ from netboard.benchmarks.harness.running import Options, Tell, run
 from netboard.benchmarks.physics import figures, peer_drake, peer_heyoka, peer_mujoco, peer_solvers
 from netboard.benchmarks.physics import parts as physics_parts
 from netboard.benchmarks.physics.horizons import expect_parts, holds_part
-from netboard.benchmarks.physics.own_methods import (
-    collocation_solvers,
-    one_step_solvers,
-    own_solution,
-)
+from netboard.benchmarks.physics.netboard_methods import collocation_solvers, one_step_solution, one_step_solvers
 from netboard.benchmarks.physics.problem import MODELS, STARTS, Model, Problem, errors_of, make_reference, tight
 from netboard.benchmarks.physics.skips import skips_part
 from netboard.benchmarks.physics.tick_cost import tick_part
@@ -58,15 +54,15 @@ PEERS = {
 
 REPEATS, QUICK_REPEATS = 15, 5
 QUICK_PROBLEMS = 3
-"""A quick run leaves the last one out [1]."""
+"""Number of problems of a quick run, which leaves the last one out [1]."""
 
 BUDGET, QUICK_BUDGET = 1.0, 0.1
 """Time after which a solver is not repeated again [s]."""
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """Options of a run.
+class Selection:
+    """The problems and the peers of a run, and how often each solver is timed.
 
     - `peers`: names of the libraries under comparison, all of them installed.
     - `budget`: time after which a solver is not repeated again [s].
@@ -85,16 +81,16 @@ def main(options: Options, *, peers: Sequence[str] | None, model: Model | None, 
     """
     quick = options.quick
     problems = [Problem(one, start) for one in MODELS if model in (None, one) for start in STARTS]
-    wanted = Wanted(
+    selection = Selection(
         tuple(problems[:QUICK_PROBLEMS] if quick else problems),
         choose_peers(peers, quick),
         repeats or (QUICK_REPEATS if quick else REPEATS),
         QUICK_BUDGET if quick else BUDGET,
     )
-    lines = _libraries(wanted)
+    lines = _libraries(selection)
     if find_spec("matplotlib") is None:
         lines.append("no figures: matplotlib is not installed")
-    run("physics", partial(study, wanted), options, about(wanted), lines=lines)
+    run("physics", partial(study, selection), options, about(selection), lines=lines)
 
 
 def choose_peers(asked: Sequence[str] | None, quick: bool) -> tuple[str, ...]:
@@ -109,16 +105,18 @@ def choose_peers(asked: Sequence[str] | None, quick: bool) -> tuple[str, ...]:
     return tuple(name for name, peer in PEERS.items() if peer.available and (peer.quick or not quick))
 
 
-def study(wanted: Wanted, folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
+def study(selection: Selection, folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
     """Run all parts of the study, and draw the runs."""
     references: dict[Problem, physics_parts.Checked] = {}
     rows: list[Row] = []
-    for problem in wanted.problems:
-        share = 0.8 * len(references) / len(wanted.problems)
+    for problem in selection.problems:
+        share = 0.8 * len(references) / len(selection.problems)
         tell(f"{problem.name}: reference", share)
         references[problem] = find_reference(problem)
-        solvers = _solvers(problem, wanted, quick)
-        rows += measure(problem, references[problem].reference, solvers, wanted.repeats, wanted.budget, tell, share)
+        solvers = _solvers(problem, selection, quick)
+        rows += measure(
+            problem, references[problem].reference, solvers, selection.repeats, selection.budget, tell, share
+        )
     comparisons = compare(rows)
     yield physics_parts.reference_part(list(references.values()))
     yield physics_parts.runs_part(rows)
@@ -128,15 +126,15 @@ def study(wanted: Wanted, folder: Folder, tell: Tell, *, quick: bool) -> Iterato
     yield from physics_parts.ratios_parts(comparisons)
     if any(row.library == peer_mujoco.LIBRARY for row in rows):
         yield physics_parts.mujoco_part(rows, comparisons)
-    chosen = [problem for problem in wanted.problems if problem.start == "settled"][: 1 if quick else None]
+    chosen = [problem for problem in selection.problems if problem.start == "settled"][: 1 if quick else None]
     tell("from samples", 0.8)
     yield holds_part((problem, references[problem].reference) for problem in chosen)
     for problem in chosen[:1]:
         yield from expect_parts(problem, references[problem].reference)
     tell("the live tick", 0.9)
-    yield tick_part(chosen, wanted.repeats)
+    yield tick_part(chosen, selection.repeats)
     tell("simpler scenes", 0.95)
-    yield skips_part([problem.model for problem in chosen], wanted.repeats)
+    yield skips_part([problem.model for problem in chosen], selection.repeats)
     figures.draw(rows, folder, signals=not quick)
 
 
@@ -147,21 +145,21 @@ def find_reference(problem: Problem) -> physics_parts.Checked:
         reference, check = make_reference(problem, "heyoka, 80 bits", peer_heyoka.precise(problem)), "scipy DOP853"
     else:
         reference, check = make_reference(problem, "scipy DOP853", states), "our dop853, 0.25 ms"
-        states = own_solution(problem, "dop853", 0.00025)
+        states = one_step_solution(problem, "dop853", 0.00025)
     apart = errors_of(problem, reference, states, 1) / reference.scales
     return physics_parts.Checked(problem, reference, check, float(apart.max()))
 
 
-def _solvers(problem: Problem, wanted: Wanted, quick: bool) -> list[Solver]:
+def _solvers(problem: Problem, selection: Selection, quick: bool) -> list[Solver]:
     found = one_step_solvers(problem, quick) + collocation_solvers(problem, quick)
-    for name in wanted.peers:
+    for name in selection.peers:
         found += PEERS[name].solvers(problem, quick)
     return found
 
 
-def _libraries(wanted: Wanted) -> list[str]:
+def _libraries(selection: Selection) -> list[str]:
     """List the libraries under comparison, and those that are not installed."""
-    here = ", ".join(f"{PEERS[name].package} {version_of(PEERS[name].package)}" for name in wanted.peers)
+    here = ", ".join(f"{PEERS[name].package} {version_of(PEERS[name].package)}" for name in selection.peers)
     missing = ", ".join(peer.package for peer in PEERS.values() if not peer.available)
     lines = [f"peers: {here or 'none'}"]
     if missing:
@@ -169,14 +167,14 @@ def _libraries(wanted: Wanted) -> list[str]:
     return lines
 
 
-def about(wanted: Wanted) -> dict[str, object]:
+def about(selection: Selection) -> dict[str, object]:
     """Return the settings of the run, for the head of the results."""
     return {
-        "repeats": wanted.repeats,
-        "budget_s": wanted.budget,
+        "repeats": selection.repeats,
+        "budget_s": selection.budget,
         "peers": {peer.package: version_of(peer.package) for peer in PEERS.values()},
         "problems": [
             {"name": problem.name, "duration_s": problem.duration, "first": problem.first, **asdict(problem.physics)}
-            for problem in wanted.problems
+            for problem in selection.problems
         ],
     }

@@ -217,12 +217,12 @@ def cardinals(points: Sequence[Decimal]) -> list[list[Decimal]]:
     result = []
     with localcontext() as context:
         context.prec = DIGITS
-        for own in points:
+        for point in points:
             terms, scale = [Decimal(1)], Decimal(1)
             for other in points:
-                if other != own:
+                if other != point:
                     terms = [a - other * b for a, b in zip([Decimal(0), *terms], [*terms, Decimal(0)], strict=True)]
-                    scale *= own - other
+                    scale *= point - other
             result.append([term / scale for term in terms])
     return result
 

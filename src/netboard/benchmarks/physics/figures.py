@@ -11,10 +11,8 @@ from math import isfinite
 from typing import Any
 
 from netboard.benchmarks.harness.results import Folder
-from netboard.benchmarks.physics.problem import SIGNALS
+from netboard.benchmarks.physics.problem import ERRORS
 from netboard.benchmarks.physics.work_precision import COSTS, OURS, PHYSICS, Row, frontier
-
-UNITS = {"z": "m", "theta": "rad", "p": "m", "force": "N"}
 
 _LARGEST = 1.0
 """Runs with errors E beyond this are left out [1]."""
@@ -66,9 +64,9 @@ def _overview(rows: Sequence[Row], problem: str) -> Any:
 
 def _signals(rows: Sequence[Row], problem: str) -> Any:
     figure, axes = _figure(13.0, 10.0, 2, 2)
-    for i, (ax, signal) in enumerate(zip(axes, SIGNALS, strict=True)):
+    for i, (ax, signal) in enumerate(zip(axes, ERRORS, strict=True)):
         _curves(ax, rows, _error_of(i), PHYSICS)
-        ax.set_xlabel(f"largest error of {signal} [{UNITS[signal]}]")
+        ax.set_xlabel(f"largest error of {signal}")
         ax.set_ylabel("cost of a second of simulated time, physics alone [us]")
     figure.suptitle(problem)
     axes[1].legend(fontsize=7, loc="upper left", bbox_to_anchor=(1.0, 1.0))
@@ -84,15 +82,15 @@ def _curves(ax: Any, rows: Sequence[Row], error: Callable[[Row], float], cost: C
     ours = [method for method, _ in groupby(row.method for row in rows if row.library == OURS)]
     for i, ((library, method), curve) in enumerate(groupby(rows, key=lambda row: (row.library, row.method))):
         shown = [(error(row), cost(row)) for row in frontier(curve, cost) if isfinite(error(row)) and error(row) > 0.0]
-        own = library == OURS
+        is_ours = library == OURS
         ax.plot(
             [x for x, _ in shown],
             [y for _, y in shown],
             marker=_MARKS[i % len(_MARKS)],
             markersize=4,
-            linewidth=1.5 if own else 1.0,
-            linestyle="-" if own else "--",
-            color=_shade(ours.index(method) / max(len(ours), 1)) if own else _COLOURS.get(library, _OTHER),
+            linewidth=1.5 if is_ours else 1.0,
+            linestyle="-" if is_ours else "--",
+            color=_shade(ours.index(method) / max(len(ours), 1)) if is_ours else _COLOURS.get(library, _OTHER),
             label=f"{library} {method}",
         )
     ax.set_xscale("log")

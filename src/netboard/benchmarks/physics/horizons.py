@@ -99,10 +99,10 @@ def expectations(problem: Problem, reference: Reference) -> Iterator[Row]:
         ("offline, hermite, dop853 (the default)", "hermite", "dop853", 2, 0.0),
     ]
     for name, hold, method, substeps, age in ways:
-        yield from _errors(name, *_wrong(reference, *sampled_run(problem, hold, method, substeps, age)))
+        yield from _errors(name, *_errors_at_reference(reference, *sampled_run(problem, hold, method, substeps, age)))
 
 
-def _wrong(reference: Reference, states: Array, forces: Array) -> tuple[Array, Array]:
+def _errors_at_reference(reference: Reference, states: Array, forces: Array) -> tuple[Array, Array]:
     """Return the errors of a run at every second tick."""
     states, forces = states[::2], forces[::2]
     return states - reference.states[: len(states)], forces - reference.forces[: len(forces)]
@@ -163,7 +163,7 @@ def holds_part(cases: Iterable[tuple[Problem, Reference]]) -> Part:
             runs.append(("hermite", name, sampled_run(problem, "hermite", method, substeps)))
         best: dict[str, tuple[float, str]] = {}
         for hold, name, found in runs:
-            states, forces = _wrong(reference, *found)
+            states, forces = _errors_at_reference(reference, *found)
             errors = largest(states, forces).tolist()
             part.add(problem.name, hold, name, *errors, float(np.sqrt(np.mean(forces**2))))
             best[hold] = min(best.get(hold, (inf, "")), (errors[-1], f"{hold}, {name}"))

@@ -193,13 +193,13 @@ def mujoco_part(rows: Sequence[Row], comparisons: Sequence[Comparison]) -> Part:
     held = []
     for problem in dict.fromkeys(row.problem for row in rows if row.library == MUJOCO):
         ours = [row for row in rows if row.problem == problem and row.library == OURS]
-        own = [row for row in ours if row.method == "rk4"]
+        our_rk4 = [row for row in ours if row.method == "rk4"]
         theirs = [row for row in rows if row.problem == problem and row.library == MUJOCO]
         staged = min(row.step_ns for row in theirs if row.method == STAGES)
-        ns = min(row.step_ns for row in own if row.scaled < 1.0)
+        ns = min(row.step_ns for row in our_rk4 if row.scaled < 1.0)
         part.add(problem, "a step of RK4 on the same equations [ns]", staged, ns, staged / ns)
         cost = least_cost((row for row in theirs if row.held), HELD_ERROR)
-        for name, curve in (("our rk4", own), ("our best", ours)):
+        for name, curve in (("our rk4", our_rk4), ("our best", ours)):
             other = least_cost(curve, HELD_ERROR)
             if cost < inf and other < inf:
                 part.add(problem, f"E = {HELD_ERROR:.0e}, controls held, {name} [us/s]", cost, other, cost / other)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from netboard.benchmarks.physics.problem import Problem, derivatives, push_and_turn
+from netboard.benchmarks.physics.problem import STATE_NAMES, Problem, derivatives, push_and_turn
 from netboard.benchmarks.physics.work_precision import Solution, Solver
 
 LIBRARY = "Drake"
@@ -44,7 +44,7 @@ class Run:
         from pydrake.all import ResetIntegratorFromFlags, Simulator, SymbolicVectorSystem, Variable, cos, sin
 
         self._problem = problem
-        t, x = Variable("t"), [Variable(name) for name in ("z", "vz", "theta", "omega", "p", "vp")]
+        t, x = Variable("t"), [Variable(name) for name in STATE_NAMES]
         push, turn = push_and_turn(problem.waves.tolist(), t, sin) if hands else (0.0, 0.0)
         rates = derivatives(problem.physics, x, push, turn, sin, cos)
         system = SymbolicVectorSystem(time=t, state=np.array(x), dynamics=np.array(rates))

@@ -5,14 +5,13 @@ expressions, so their cost cannot be subtracted by counting calls. It follows fr
 run for the same number of steps.
 """
 
-from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.benchmarks.physics.problem import Problem, derivatives, push_and_turn
+from netboard.benchmarks.physics.problem import STATE_NAMES, Problem, derivatives, push_and_turn
 from netboard.benchmarks.physics.work_precision import Solution, Solver
 
 LIBRARY = "heyoka"
@@ -41,7 +40,7 @@ def _make(problem: Problem, tolerance: float, kind: type = float, hands: bool = 
     """Compile an integrator; without hands, their drives are parameters with value 0."""
     import heyoka
 
-    x = heyoka.make_vars("z", "vz", "theta", "omega", "p", "vp")
+    x = heyoka.make_vars(*STATE_NAMES)
     push, turn = heyoka.par[0], heyoka.par[1]
     if hands:
         push, turn = push_and_turn(problem.waves.tolist(), heyoka.time, heyoka.sin)
@@ -73,7 +72,8 @@ def _solver(problem: Problem, tolerance: float) -> Solver:
     def solve() -> Solution:
         states = np.ascontiguousarray(dense())
         steps = bare()
-        made["alone"] = _alone(problem, tolerance, steps)
+        alone = _make(problem, tolerance, hands=False)
+        made["alone"] = partial(_run_alone, alone, problem.duration, problem.duration / steps)
         return Solution(states, 1, steps, 0)
 
     return Solver(LIBRARY, "Taylor", f"tol {tolerance:.0e}", solve, bare, True, alone, dense=dense)
@@ -83,13 +83,6 @@ def _rewound(integrator: Any, state: tuple[float, ...]) -> Any:
     integrator.time = 0.0
     integrator.state[:] = state
     return integrator
-
-
-def _alone(problem: Problem, tolerance: float, steps: int) -> Callable[[], object]:
-    """Return a run of the same number of steps without hands."""
-    integrator = _make(problem, tolerance, hands=False)
-    longest = problem.duration / steps
-    return partial(_run_alone, integrator, problem.duration, longest)
 
 
 def _run_alone(integrator: Any, duration: float, longest: float) -> object:

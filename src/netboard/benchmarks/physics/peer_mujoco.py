@@ -22,7 +22,9 @@ from netboard.benchmarks.physics.work_precision import Solution, Solver
 LIBRARY = "MuJoCo"
 STEPS = (0.004, 0.002, 0.001, 0.0005, 0.00025)
 COARSE = (0.002, 0.0005)
-HELD = {"Euler": "Euler", "implicitfast": "implicitfast", "RK4": "RK4"}
+HELD = ("Euler", "implicitfast", "RK4")
+"""Integrators that are run with controls that are constant in each step."""
+
 TIMED = 2000
 """Steps that are timed; each costs the same [1]."""
 
@@ -171,9 +173,9 @@ def solvers(problem: Problem, coarse: bool) -> list[Solver]:
         return []
     found: list[Solver] = []
     for step in COARSE if coarse else STEPS:
-        for method, integrator in HELD.items():
+        for integrator in HELD:
             scene = Scene(problem, integrator, step)
-            found.append(_solver(f"{method}, controls held", scene, partial(scene.held, 0.0), held=True))
+            found.append(_solver(f"{integrator}, controls held", scene, partial(scene.held, 0.0), held=True))
         scene = Scene(problem, "RK4", step)
         found.append(_solver(MIDDLE, scene, partial(scene.held, 0.5), held=True))
         found.append(_solver(STAGES, scene, scene.sampled, held=False))

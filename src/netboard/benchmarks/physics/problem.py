@@ -32,6 +32,9 @@ Array = NDArray[np.float64]
 
 MODELS: tuple[Model, ...] = ("paper", "lagrangian")
 STARTS: tuple[Start, ...] = ("settled", "cold")
+STATE_NAMES = ("z", "vz", "theta", "omega", "p", "vp")
+"""Components of a state with one ball."""
+
 SIGNALS = ("z", "theta", "p", "force")
 """Signals with errors: height [m], tilt [rad], ball [m], force of the hand with the larger error [N]."""
 
@@ -77,7 +80,7 @@ class Problem:
 
     @property
     def name(self) -> str:
-        """Name of the problem."""
+        """Model and start."""
         return f"{self.model}, {self.start}"
 
     @cached_property

@@ -37,10 +37,12 @@ HUGE = 1e30
 class Skip:
     """A simpler scene, and the full scene in which the omitted part has no effect.
 
+    - `proof`: how the part has no effect in the full scene.
     - `scene`: settings that differ from the full scene.
     - `inert`: constants of the full scene with which the part has no effect [SI].
     - `limp`: whether the left and the right hand of the full scene follow the board without force.
     - `carried`: the hands of the full scene also carry the load of the hinge.
+    - `still`: components of the state that are constant, and 0 at first.
     """
 
     name: str
@@ -146,7 +148,7 @@ def samples_of(ticks: int) -> Array:
     return np.ascontiguousarray(np.stack([z[1:], vz[1:], az], axis=-1).reshape(ticks, 6))
 
 
-def _first(model: Model, skip: Skip, length: int) -> State:
+def _initial_state(model: Model, skip: Skip, length: int) -> State:
     first = Problem(model, "settled").first
     return tuple(0.0 if i in skip.still else value for i, value in enumerate(first[:length]))
 
@@ -162,7 +164,7 @@ def _simpler(model: Model, skip: Skip) -> Callable[[Array, Array], object]:
     loop = _make_loop(NUMBER[skip.method], parts, skip.forces)
     return partial(
         loop,
-        _first(model, skip, length),
+        _initial_state(model, skip, length),
         samples_of(skip.ticks),
         _table(skip.method, scene, parts, length),
         scene,
@@ -181,7 +183,7 @@ def _full(model: Model, skip: Skip) -> Callable[[Array, Array], object]:
         loop = _make_loop(NUMBER[skip.proof_method], parts, True)
     return partial(
         loop,
-        _first(model, skip, 6),
+        _initial_state(model, skip, 6),
         samples_of(skip.ticks),
         _table(skip.proof_method, scene, parts, 6),
         scene,
@@ -195,8 +197,8 @@ def difference(model: Model, skip: Skip) -> float:
     full_states, full_forces = np.empty((skip.ticks, 6)), np.zeros((skip.ticks, 2))
     _simpler(model, skip)(forces, states)
     _full(model, skip)(full_forces, full_states)
-    wrong = np.abs(states - full_states[:, :length])[:, ::2].max()
-    return float(max(wrong, np.abs(forces - full_forces).max()) if skip.forces else wrong)
+    largest = np.abs(states - full_states[:, :length])[:, ::2].max()
+    return float(max(largest, np.abs(forces - full_forces).max()) if skip.forces else largest)
 
 
 LEVEL, SAME = 4.0, 1e-8
@@ -221,9 +223,9 @@ def skips_part(models: Sequence[Model], repeats: int) -> Part:
         differences = [difference(model, skip) for skip in SKIPS]
         times = in_turns(runs, repeats, 10.0)
         ns = [min(taken) / skip.ticks * 1e9 for taken, skip in zip(times, SKIPS, strict=True)]
-        for skip, tick, wrong in zip(SKIPS, ns, differences, strict=True):
-            part.add(model, skip.name, skip.method, tick, ns[0] / tick, skip.proof, wrong)
-            worst = max(worst, wrong)
+        for skip, tick, largest in zip(SKIPS, ns, differences, strict=True):
+            part.add(model, skip.name, skip.method, tick, ns[0] / tick, skip.proof, largest)
+            worst = max(worst, largest)
             level = min(level, ns[0] / tick) if skip.method == "exact" else level
     part.claim(f"a board that cannot tilt at least {LEVEL:g} times cheaper", level >= LEVEL, f"{level:.3g} times")
     part.claim("omitting a part changes nothing else", worst <= SAME, f"at most {worst:.1e}")

@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.compiled import kernel
-from netboard.base.config import Config
+from netboard.base.config import SIDES, Config
 from netboard.base.tables.experiment import Task
 from netboard.base.tables.scene import Geometry, Physics
 from netboard.base.tick import TICK, TICK_NS, TICK_SECONDS
 from netboard.benchmarks.harness.results import Part
 from netboard.benchmarks.physics.batch import LANES, in_blocks, make_batch, scene_blocks
-from netboard.benchmarks.physics.problem import Array, Problem, styluses_at
+from netboard.benchmarks.physics.problem import STATE_NAMES, Array, Problem, styluses_at
 from netboard.benchmarks.physics.work_precision import in_turns, timed
 from netboard.physics.arithmetic.trig import sincos
 from netboard.physics.methods.catalogue import NUMBER
@@ -43,7 +43,6 @@ MANY, MANY_TICKS = 1024, 20
 
 STAGES = 4
 """Right-hand sides in a step of RK4 [1]."""
-
 
 # Too small to change a sum, but the addition makes each evaluation depend on the last.
 _NOTHING = 1e-30
@@ -226,7 +225,7 @@ def live_rows(problem: Problem) -> NDArray[Any]:
     number = np.arange(len(rows))
     z, vz = styluses_at(number * TICK_SECONDS)
     rows["tick"], rows["time_ns"] = number, (number + 2) * TICK_NS
-    for i, side in enumerate(("left", "right")):
+    for i, side in enumerate(SIDES):
         rows[f"{side}_live"] = 1
         rows[f"{side}_seq"] = number
         rows[f"{side}_stamp_ns"] = rows["time_ns"]
@@ -238,10 +237,10 @@ def live_state(stage: Stage, problem: Problem) -> NDArray[Any]:
     """Return the initial state of a problem: a running trial with the ball free."""
     state = stage.initial()
     state["phase"] = Phase.RUNNING
-    for name, value in zip(("z", "vz", "theta", "omega", "p", "vp"), problem.first, strict=True):
+    for name, value in zip(STATE_NAMES, problem.first, strict=True):
         state[name] = value
     _, before = styluses_at(np.array([-TICK_SECONDS]))
-    for i, side in enumerate(("left", "right")):
+    for i, side in enumerate(SIDES):
         state[f"{side}_seen_ns"], state[f"{side}_seen_vz"] = TICK_NS, before[0, i]
     return state
 
@@ -250,5 +249,5 @@ def live_run(problem: Problem, hold: str) -> tuple[Array, Array]:
     """Run a problem by the server's ticks, from samples at 1 kHz; return states and commanded forces [SI, N]."""
     stage, rows = live_stage(problem, hold), live_rows(problem)
     stage.advance(live_state(stage, problem), rows, 0, len(rows))
-    states = np.stack([rows[name] for name in ("z", "vz", "theta", "omega", "p", "vp")], axis=1)
+    states = np.stack([rows[name] for name in STATE_NAMES], axis=1)
     return states, np.stack([rows["left_coupling"], rows["right_coupling"]], axis=1)

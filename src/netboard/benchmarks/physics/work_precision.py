@@ -19,7 +19,7 @@ from time import perf_counter
 
 import numpy as np
 
-from netboard.benchmarks.harness.running import Tell
+from netboard.benchmarks.harness.running import Tell, no_progress
 from netboard.benchmarks.physics.problem import SPACING, Array, Problem, Reference, drives_at, errors_of
 
 OURS = "netboard"
@@ -135,7 +135,7 @@ def measure(
     solvers: Sequence[Solver],
     repeats: int,
     budget: float,
-    tell: Tell = lambda text, share: None,
+    tell: Tell = no_progress,
     share: float = 0.0,
 ) -> list[Row]:
     """Solve a problem with each solver, and time them, interleaved."""

@@ -25,22 +25,19 @@ from netboard.benchmarks.recording.hours import (
     bytes_by_channel,
     decode_upstream,
     read_columns,
+    read_messages,
     read_trial,
-    walk,
     write_hour,
     write_messages,
 )
-from netboard.benchmarks.recording.stalls import stalls_part, watch
+from netboard.benchmarks.recording.stalls import record_stalls, stalls_part
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.batches import pack
 from netboard.recording.format.channels import TICK_FIELDS
 from netboard.recording.format.predictions import PREDICTIONS, constants_of
 
-QUICK_TICKS = 150_000
 MINUTE = 60_000
-STALL_SECONDS, QUICK_STALL_SECONDS = 20.0, 3.0
-LOAD_SECONDS, QUICK_LOAD_SECONDS = 6.0, 2.0
-RATES, QUICK_RATES = (1, 5, 10, 15, 20, 30, 40, 60, 80), (1, 20)
+"""Ticks in a minute [1]."""
 
 COLUMNS_SECONDS, TRIAL_SECONDS, HOUR_GB = 5.0, 0.05, 0.25
 """Targets: reading an hour into columns [s], reading one trial of it [s], and its size [GB]."""
@@ -68,29 +65,26 @@ class Effort:
     """How much is measured.
 
     - `stall_seconds`: duration of each kind of interference with the logger [s].
-    - `load_seconds`: duration at each rate [s].
+    - `load_seconds`, `rates`: duration at each rate, and the rates as multiples of one dyad's [s, 1].
     """
 
-    ticks: int = HOUR
-    stall_seconds: float = STALL_SECONDS
-    load_seconds: float = LOAD_SECONDS
-    rates: tuple[int, ...] = RATES
+    ticks: int
+    stall_seconds: float
+    load_seconds: float
+    rates: tuple[int, ...]
 
 
-QUICK = Effort(QUICK_TICKS, QUICK_STALL_SECONDS, QUICK_LOAD_SECONDS, QUICK_RATES)
+WHOLE, QUICK = Effort(HOUR, 20.0, 6.0, (1, 5, 10, 15, 20, 30, 40, 60, 80)), Effort(150_000, 3.0, 2.0, (1, 20))
 
 
 def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
-    """Measure everything.
-
-    - `folder`: folder on the disk under test.
-    """
-    place, effort = folder.path, QUICK if quick else Effort()
+    """Measure everything, on the disk of the folder of results."""
+    place, effort = folder.path, QUICK if quick else WHOLE
     (place / "session").mkdir(exist_ok=True)
-    watched = watch(place / "session", effort.stall_seconds, tell)
-    yield stalls_part(watched)
+    session_recording = record_stalls(place / "session", effort.stall_seconds, tell)
+    yield stalls_part(session_recording)
     yield headroom_part(place / "headroom", live_log(5000), effort.rates, effort.load_seconds, tell)
-    session = Session(watched.path)
+    session = Session(session_recording.path)
     yield size_part(session, place, min(MINUTE, effort.ticks), tell)
     yield columns_part(session.rows, session.config)
     path = place / "hour.mcap"
@@ -104,10 +98,9 @@ def size_part(session: Session, folder: Path, ticks: int, tell: Tell) -> Part:
     """Tabulate the bytes that each kind of record takes."""
     tell("bytes by channel", 0.5)
     found = bytes_by_channel(session, folder, ticks)
-    single = write_messages(session, folder / "single.mcap", min(ticks, len(session.rows))) / min(
-        ticks, len(session.rows)
-    )
-    (folder / "single.mcap").unlink()
+    single, count = folder / "single.mcap", min(ticks, len(session.rows))
+    bytes_alone = write_messages(session, single, count) / count
+    single.unlink()
     whole = sum(found.values())
     rows: list[tuple[Value, ...]] = [(topic, size, size * HOUR / 1e9) for topic, size in found.items()]
     part = Part(
@@ -117,7 +110,7 @@ def size_part(session: Session, folder: Path, ticks: int, tell: Tell) -> Part:
         [
             *rows,
             ("all", whole, whole * HOUR / 1e9),
-            ("beside: ticks alone, a message each", single, single * HOUR / 1e9),
+            ("beside: ticks alone, a message each", bytes_alone, bytes_alone * HOUR / 1e9),
         ],
     )
     part.claim(
@@ -199,10 +192,10 @@ def reading_part(session: Session, path: Path, folder: Path, ticks: int, tell: T
     trial = float(np.median(trials))
     whole, four = (float(np.median([read_columns(path, names) for _ in range(TURNS)])) for names in ((), FOUR))
     tell("reading with the upstream library", 0.95)
-    decoded, walked = decode_upstream(path), walk(path)
+    decoded, all_messages = decode_upstream(path), read_messages(path)
     minute, single = min(MINUTE, len(session.rows)), folder / "single.mcap"
     write_messages(session, single, minute)
-    each = walk(single) * ticks / minute
+    each = read_messages(single) * ticks / minute
     single.unlink()
     with Recording(path) as recording:
         size = path.stat().st_size
@@ -217,7 +210,7 @@ def reading_part(session: Session, path: Path, folder: Path, ticks: int, tell: T
             ("four columns", four, four / hours),
             (f"one trial of {length[0]} ticks, opened anew", trial, trial),
             ("upstream reader, msgpack and numpy: all columns", decoded, decoded / hours),
-            ("upstream reader and msgpack: every message, no columns", walked, walked / hours),
+            ("upstream reader and msgpack: every message, no columns", all_messages, all_messages / hours),
             ("the same where each tick is a message (from a minute)", each, each / hours),
         ],
     )

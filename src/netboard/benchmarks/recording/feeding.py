@@ -1,4 +1,4 @@
-"""The log port of a server without the rest: feeds a real logger at any multiple of one dyad's rate.
+"""The log port of a server without the rest, which feeds a real logger at any multiple of one dyad's rate.
 
 Port, ring buffer, batches and sockets are those of the server. Each millisecond has the records that a server sends: a
 tick, sometimes an event, clock probes and frames of two displays; a multiple of the rate has a multiple of each.
@@ -80,8 +80,8 @@ class Feeder:
         spill = Spill(self.folder / "feeder.spill", welcome, 0)
         self.port = LogPort(sockets.log_server(context, endpoint), welcome, RING, spill)
         command = [sys.executable, "-m", "netboard.services.cli", "logger", "--once", "-c", str(file)]
-        with (self.folder / "logger.log").open("wb") as said:
-            self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=said, stderr=said)
+        with (self.folder / "logger.log").open("wb") as log:
+            self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=log, stderr=log)
         return self
 
     def __exit__(self, *raised: object) -> None:
@@ -97,8 +97,8 @@ class Feeder:
         while not self.port.loggers:
             self.port.pump(now_ns())
             if self.process.poll() is not None or now_ns() > end:
-                said = (self.folder / "logger.log").read_text(encoding="utf-8", errors="replace")
-                raise NetboardError(f"the logger did not come: {said.strip()[-200:]}")
+                log = (self.folder / "logger.log").read_text(encoding="utf-8", errors="replace")
+                raise NetboardError(f"the logger did not connect: {log.strip()[-200:]}")
             time.sleep(TICK_SECONDS)
 
     def feed(self, seconds: float, rate: int = 1, look: Callable[[], object] = lambda: None) -> None:

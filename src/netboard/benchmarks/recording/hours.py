@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from netboard.base.config import SIDES, parse
 from netboard.base.tick import TICK, TICK_NS
-from netboard.benchmarks.harness.running import Tell
+from netboard.benchmarks.harness.running import Tell, no_progress
 from netboard.benchmarks.loop.usage import read_usage
 from netboard.benchmarks.recording.specimen import OPENED_NS, open_writer
 from netboard.network.protocol.records import ClockRecord, EventRecord, FrameRecord, TickRecord
@@ -130,7 +130,7 @@ def read_trial(path: Path) -> tuple[float, int]:
     return time.perf_counter() - began, len(rows)
 
 
-def walk(path: Path) -> float:
+def read_messages(path: Path) -> float:
     """Return the time to read all messages with the upstream reader and msgpack [s]."""
     began = time.perf_counter()
     with path.open("rb") as file:
@@ -145,17 +145,24 @@ def decode_upstream(path: Path) -> float:
     with path.open("rb") as file, np.errstate(all="ignore"):
         for schema, _, message in make_reader(file).iter_messages(topics=["/ticks"], log_time_order=False):
             assert schema is not None
-            said, batch = json.loads(schema.data), msgpack.unpackb(message.data)
-            columns, ticks = said["columns"], dict(zip(said["constants"], batch["constants"], strict=True), **_HELPERS)
+            layout, batch = json.loads(schema.data), msgpack.unpackb(message.data)
+            columns, ticks = (
+                layout["columns"],
+                dict(zip(layout["constants"], batch["constants"], strict=True), **_HELPERS),
+            )
             table = np.frombuffer(batch["columns"], "u1").reshape(len(columns), 8, batch["count"]).transpose(0, 2, 1)
             for column, folded in zip(columns, table.copy().view("<u8")[:, :, 0], strict=True):
                 words = (folded >> 1).view("<i8") ^ -(folded & 1).view("<i8")
                 for _ in range(column["differences"]):
                     words = words.cumsum()
                 ticks[column["name"]] = words.view(column["type"])
-            for name, expression in said["predictions"].items():
-                guess, wrong = eval(expression, ticks), ticks.get(name)
-                ticks[name] = guess if wrong is None else (wrong.view("<i8") + _bits(guess)).view(wrong.dtype)
+            for name, expression in layout["predictions"].items():
+                prediction, correction = eval(expression, ticks), ticks.get(name)
+                ticks[name] = (
+                    prediction
+                    if correction is None
+                    else (correction.view("<i8") + _bits(prediction)).view(correction.dtype)
+                )
     return time.perf_counter() - began
 
 
@@ -195,7 +202,7 @@ def write_messages(session: Session, path: Path, ticks: int) -> int:
 def bytes_by_channel(session: Session, folder: Path, ticks: int) -> dict[str, float]:
     """Return the bytes per tick of each channel, found by writing it alone with the upstream writer."""
     whole = folder / "whole.mcap"
-    write_hour(session, whole, ticks, lambda text, share: None)
+    write_hour(session, whole, ticks, no_progress)
     found: dict[str, float] = {}
     for topic in IDS:
         with whole.open("rb") as file:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from netboard.base.config import Config, resolve
 from netboard.base.tick import TICK_NS
-from netboard.benchmarks.coupling.forces import MINE, record
+from netboard.benchmarks.coupling.forces import FIRST_MOVEMENT, record
 from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.records import EventRecord, TickRecord
 from netboard.recording.files.provenance import provenance
@@ -51,7 +51,7 @@ class Specimen:
 
 def movement(count: int) -> NDArray[Any]:
     """Ticks of a board that two simulated hands move, numbered from 0."""
-    rows = record(Config(), MINE, count)
+    rows = record(Config(), FIRST_MOVEMENT, count)
     rows["tick"] = np.arange(count)
     rows["time_ns"] = 10**12 + np.arange(count) * TICK_NS
     return rows

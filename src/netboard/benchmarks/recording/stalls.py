@@ -20,7 +20,7 @@ from netboard.benchmarks.harness.running import Tell
 from netboard.recording.files.reader import Recording
 
 STALL_SECONDS = 0.5
-TREATMENTS = {"runs": 0.0, "has a disk that stalls for 0.5 s in every second": 0.5, "is stopped": 1.0}
+STOPPED_SHARES = {"runs": 0.0, "has a disk that stalls for 0.5 s in every second": 0.5, "is stopped": 1.0}
 """Share of the time in which the logger is stopped [1]."""
 
 SETTLE_SECONDS = 3.0
@@ -30,19 +30,16 @@ ALLOWED_MS = 0.5
 
 
 @dataclass(frozen=True)
-class Watched:
-    """A session's recording, and the periods of each kind of interference with its logger.
-
-    - `stretches`: start and end of each period, server time [ns].
-    """
+class StallRecording:
+    """A session's recording, and start and end of each kind of interference with its logger, server time [ns]."""
 
     path: Path
-    stretches: dict[str, tuple[int, int]]
+    periods: dict[str, tuple[int, int]]
 
 
-def watch(folder: Path, seconds: float, tell: Tell) -> Watched:
+def record_stalls(folder: Path, seconds: float, tell: Tell) -> StallRecording:
     """Run a session with displays, and stop its logger in some periods."""
-    stretches = {}
+    periods = {}
     with Rig(folder, ("block.trials=1000",)) as rig:
         tell("starting a session", 0.0)
         rig.start("logger", "logger", "--once")
@@ -50,17 +47,17 @@ def watch(folder: Path, seconds: float, tell: Tell) -> Watched:
         rig.start_stations(displays=True)
         rig.until(lambda status: status.phase in ACTIVE)
         time.sleep(SETTLE_SECONDS)
-        for name, share in TREATMENTS.items():
+        for name, share in STOPPED_SHARES.items():
             tell(name, 0.1)
             began = now_ns()
-            _treat(rig, seconds, share)
-            stretches[name] = began, now_ns()
+            _stop_logger(rig, seconds, share)
+            periods[name] = began, now_ns()
             time.sleep(REST_SECONDS)
         (path,) = rig.finish()
-    return Watched(path, stretches)
+    return StallRecording(path, periods)
 
 
-def _treat(rig: Rig, seconds: float, share: float) -> None:
+def _stop_logger(rig: Rig, seconds: float, share: float) -> None:
     """Stop the logger for a share of the time."""
     turns, length = (round(seconds * share / STALL_SECONDS), STALL_SECONDS) if 0 < share < 1 else (1, seconds)
     for _ in range(turns):
@@ -72,12 +69,12 @@ def _treat(rig: Rig, seconds: float, share: float) -> None:
             time.sleep(length * (1 / share - 1))
 
 
-def stalls_part(watched: Watched) -> Part:
+def stalls_part(stall_recording: StallRecording) -> Part:
     """Compare the server's tick jitter."""
-    with Recording(watched.path) as recording:
+    with Recording(stall_recording.path) as recording:
         ticks = recording.columns("tick", "time_ns", "late_ns")
         lost = int(recording.end["lost"]) + sum(gap.count for gap in recording.gaps().get("/ticks", ()))
-    late = {name: _between(ticks, *span) for name, span in watched.stretches.items()}
+    late = {name: _between(ticks, *span) for name, span in stall_recording.periods.items()}
     p99 = [float(np.percentile(values, 99)) for values in late.values()]
     part = Part(
         "stalls",

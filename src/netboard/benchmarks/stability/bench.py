@@ -12,8 +12,8 @@ import numpy as np
 from netboard.base.config import Config
 from netboard.benchmarks.harness.results import Folder, Part
 from netboard.benchmarks.harness.running import Options, Tell, run
+from netboard.benchmarks.stability.corrupted_samples import corrupted_samples
 from netboard.benchmarks.stability.maps import PLANES, Plane, draw_map, make_map, map_parts, tick_limits
-from netboard.benchmarks.stability.odd_hands import odd_hands
 from netboard.benchmarks.stability.rest import energy_drift, perfect_rest
 from netboard.benchmarks.stability.runs import STUDIED
 from netboard.benchmarks.stability.soak import soak
@@ -43,14 +43,14 @@ def study(folder: Folder, tell: Tell, *, quick: bool, soak_too: bool) -> Iterato
     yield energy_drift(100_000 if quick else 10_000_000, methods, tell)
     yield ball_at_ends(tell=tell)
     yield perfect_rest(20_000 if quick else 200_000, methods, tell)
-    tell("odd hands", 0.0)
-    yield odd_hands(Config())
+    tell("corrupted samples", 0.0)
+    yield corrupted_samples(Config())
     if soak_too:
         yield soak(QUICK_SOAK_STEPS if quick else SOAK_STEPS, tell=tell)
 
 
 def _mapped(plane: Plane, folder: Folder, quick: bool, tell: Tell) -> Iterator[Part]:
-    """Make a map, and draw it if matplotlib is there."""
+    """Make a map, and draw it if matplotlib is installed."""
     cells = make_map(plane, QUICK_SCALES if quick else SCALES, QUICK_METHODS if quick else STUDIED, tell)
     folder.save(f"map-{plane.name}", lambda: draw_map(plane, cells))
     yield from map_parts(plane, cells)

@@ -16,7 +16,7 @@ import numpy as np
 from netboard.base.tables.scene import Physics
 from netboard.base.tick import TICK_SECONDS
 from netboard.benchmarks.harness.results import Part, Value, Verdict
-from netboard.benchmarks.harness.running import Tell
+from netboard.benchmarks.harness.running import Tell, no_progress
 from netboard.benchmarks.stability.runs import (
     STUDIED,
     edge,
@@ -117,7 +117,7 @@ def measure_cell(physics: Physics, method: str, across: float = 1.0, down: float
 
 
 def make_map(
-    plane: Plane, scales: Sequence[float], methods: Sequence[str] = STUDIED, tell: Tell = lambda text, share: None
+    plane: Plane, scales: Sequence[float], methods: Sequence[str] = STUDIED, tell: Tell = no_progress
 ) -> list[Cell]:
     """Measure every method in every scene of a plane."""
     cells: list[Cell] = []
@@ -199,10 +199,10 @@ WAYS: dict[str, Callable[[float], dict[str, float]]] = {
 }
 
 
-def tick_limits(methods: Sequence[str] = STUDIED, tell: Tell = lambda text, share: None) -> Part:
+def tick_limits(methods: Sequence[str] = STUDIED, tell: Tell = no_progress) -> Part:
     """Find the stability limit of the coupling at 1 ms steps, by theory and by runs on both sides of it."""
     rows: list[tuple[Value, ...]] = []
-    wrong: list[str] = []
+    failures: list[str] = []
     checked = 0
     for i, method in enumerate(methods):
         tell(f"largest scales in steps of a tick: {method}", i / len(methods))
@@ -214,7 +214,7 @@ def tick_limits(methods: Sequence[str] = STUDIED, tell: Tell = lambda text, shar
                 physics = scaled(Physics(), **factors(share * scale))
                 checked += 1
                 if is_bounded(physics, method, TICK_SECONDS, 4.0) is not bounded:
-                    wrong.append(f"{method}, {way} x{share * scale:.3g}")
+                    failures.append(f"{method}, {way} x{share * scale:.3g}")
         rows.append((method, *found))
     part = Part(
         "tick-limits",
@@ -224,8 +224,8 @@ def tick_limits(methods: Sequence[str] = STUDIED, tell: Tell = lambda text, shar
     )
     part.claim(
         "runs are bounded 4 % below each limit, and not 4 % above",
-        not wrong,
-        f"{checked - len(wrong)} of {checked}{': not ' + '; '.join(wrong) if wrong else ''}",
+        not failures,
+        f"{checked - len(failures)} of {checked}{': not ' + '; '.join(failures) if failures else ''}",
     )
     return part
 

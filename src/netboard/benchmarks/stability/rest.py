@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from netboard.base.tables.scene import Physics
 from netboard.base.tick import TICK_SECONDS
 from netboard.benchmarks.harness.results import Part
-from netboard.benchmarks.harness.running import Tell
+from netboard.benchmarks.harness.running import Tell, no_progress
 from netboard.benchmarks.physics.problem import hermite_drives, styluses_at
 from netboard.benchmarks.physics.work_precision import timed
 from netboard.benchmarks.stability.maps import board_matrix
@@ -50,9 +50,7 @@ def energies(method: str, start: State, steps: int) -> Array:
     return total
 
 
-def energy_drift(
-    steps: int = 10_000_000, methods: Sequence[str] = STUDIED, tell: Tell = lambda text, share: None
-) -> Part:
+def energy_drift(steps: int = 10_000_000, methods: Sequence[str] = STUDIED, tell: Tell = no_progress) -> Part:
     """Measure by method whether the energy of an undamped board falls or grows."""
     heave = board_matrix(UNDAMPED)[:2, :2]
     part = Part(
@@ -107,7 +105,7 @@ def _drift(energy: Array) -> float:
 # --- perfect rest ------------------------------------------------------------------------------------------------
 
 
-def perfect_rest(steps: int = 100_000, methods: Sequence[str] = STUDIED, tell: Tell = lambda text, share: None) -> Part:
+def perfect_rest(steps: int = 100_000, methods: Sequence[str] = STUDIED, tell: Tell = no_progress) -> Part:
     """Check that steps are not slower when the state decays to zero (denormal numbers)."""
     physics = Physics(g=0.0)
     parts, scene, length = parts_of(physics), pack_scene(physics), state_length(physics)

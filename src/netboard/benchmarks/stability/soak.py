@@ -19,7 +19,7 @@ from netboard.base.compiled import fast
 from netboard.base.tables.scene import Physics
 from netboard.base.tick import TICK_SECONDS
 from netboard.benchmarks.harness.results import Part
-from netboard.benchmarks.harness.running import Tell
+from netboard.benchmarks.harness.running import Tell, no_progress
 from netboard.benchmarks.physics.batch import LANES, in_blocks, make_batch, out_of_blocks, scene_blocks
 from netboard.benchmarks.stability import soak_audit, soak_dyads
 from netboard.physics.scene.parameters import pack_scene, parts_of, state_length
@@ -44,19 +44,19 @@ class Tally:
     """Results of the checks.
 
     - `excess`: largest growth of energy beyond the work that hands can do, relative to the flows [1].
-    - `wrong`: largest imbalance of energy and flows, relative to the flows [1].
+    - `imbalance`: largest imbalance of energy and flows, relative to the flows [1].
     """
 
     checks: int = 0
     lost: int = 0
     excess: float = -math.inf
-    wrong: float = 0.0
+    imbalance: float = 0.0
 
     @classmethod
     def of(cls, tallies: Sequence["Tally"]) -> "Tally":
         """Return the results of all."""
         checks, lost = sum(one.checks for one in tallies), sum(one.lost for one in tallies)
-        return cls(checks, lost, max(one.excess for one in tallies), max(one.wrong for one in tallies))
+        return cls(checks, lost, max(one.excess for one in tallies), max(one.imbalance for one in tallies))
 
     def take(self, x: Array, sums: Array) -> None:
         """Check simulations."""
@@ -64,11 +64,10 @@ class Tally:
         self.checks += len(x)
         self.lost += int(np.count_nonzero(~fine))
         flowed = sums[fine, soak_audit.THROUGH] + MIN_FLOW
-        self.excess = max(
-            self.excess,
-            float(np.max((sums[fine, soak_audit.GROWTH] - sums[fine, soak_audit.SUPPLY]) / flowed, initial=-1.0)),
-        )
-        self.wrong = max(self.wrong, float(np.max(np.abs(sums[fine, soak_audit.WRONG]) / flowed, initial=0.0)))
+        excess = (sums[fine, soak_audit.GROWTH] - sums[fine, soak_audit.SUPPLY]) / flowed
+        imbalance = np.abs(sums[fine, soak_audit.IMBALANCE]) / flowed
+        self.excess = max(self.excess, float(np.max(excess, initial=-1.0)))
+        self.imbalance = max(self.imbalance, float(np.max(imbalance, initial=0.0)))
 
 
 @dataclass
@@ -140,7 +139,7 @@ def _restart(x: Any) -> int:
     return count
 
 
-def soak(steps: int, seed: int = 1, scenes: int = 256, tell: Tell = lambda text, share: None) -> Part:
+def soak(steps: int, seed: int = 1, scenes: int = 256, tell: Tell = no_progress) -> Part:
     """Soak every kind of scene."""
     found = {}
     for i, (name, kind) in enumerate(soak_dyads.KINDS.items()):
@@ -160,13 +159,13 @@ def soak(steps: int, seed: int = 1, scenes: int = 256, tell: Tell = lambda text,
     )
     for name, one in found.items():
         for where, tally in (("within", one.within), ("beyond", one.beyond)):
-            part.add(name, where, tally.checks, tally.lost, tally.excess, tally.wrong)
+            part.add(name, where, tally.checks, tally.lost, tally.excess, tally.imbalance)
     within, beyond = Tally.of([one.within for one in found.values()]), Tally.of([one.beyond for one in found.values()])
     excess = f"{within.excess:+.2g} of the flows"
     part.claim("within: every state is finite", within.lost == 0, f"{within.lost} of {within.checks} are not")
     part.claim("within: energy grows by no more than hands can put in", within.excess < 0.0, excess)
     claim = f"within: energy is off by less than {BALANCE:.0%} of the flows"
-    part.claim(claim, within.wrong < BALANCE, f"{within.wrong:.2g}")
+    part.claim(claim, within.imbalance < BALANCE, f"{within.imbalance:.2g}")
     part.claim(
         "beyond: every state is finite, and energy grows by no more than hands can put in",
         beyond.lost == 0 and beyond.excess < 0.0,

@@ -30,7 +30,7 @@ MAX_TILT = max(TILTS)
 MAX_TURN = 0.1
 """Largest rotation in a step that a method can follow [rad]."""
 
-THROUGH, SUPPLY, GROWTH, WRONG, BEYOND = range(5)
+THROUGH, SUPPLY, GROWTH, IMBALANCE, BEYOND = range(5)
 SUMS = 5
 """Magnitudes of the flows, bound on the work of the hands, growth, growth minus work [J]; states out of range [1]."""
 
@@ -115,7 +115,7 @@ def make_audit(PARTS: Parts, LENGTH: int) -> Callable[[Array, Array, Array, Arra
                 done[THROUGH, j] = h / 6.0 * (a_size + 4.0 * m_size + e_size)
                 done[SUPPLY, j] = h / 6.0 * (a_most + 4.0 * m_most + e_most)
                 done[GROWTH, j] = growth
-                done[WRONG, j] = 0.0 if struck else growth - work
+                done[IMBALANCE, j] = 0.0 if struck else growth - work
                 done[BEYOND, j] = 1.0 if _is_beyond(x1, LENGTH, scene) else 0.0
             for k in range(SUMS):
                 for j in range(LANES):

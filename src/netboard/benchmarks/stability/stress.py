@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from netboard.base.tables.scene import Physics
 from netboard.base.tick import TICK_SECONDS
 from netboard.benchmarks.harness.results import Part, Value
-from netboard.benchmarks.harness.running import Tell
+from netboard.benchmarks.harness.running import Tell, no_progress
 from netboard.benchmarks.physics.problem import BALL, MODELS, styluses_at
 from netboard.benchmarks.stability.maps import board_matrix
 from netboard.benchmarks.stability.runs import DURATION, FIXED_PLACE, make_run, scaled
@@ -70,10 +70,10 @@ def force_error(physics: Physics, method: str, h: float, x: State, forces: Array
     return worst if math.isfinite(worst) else math.inf
 
 
-def stiff_forces(cases: Sequence[tuple[float, float]] = STIFF, tell: Tell = lambda text, share: None) -> Part:
+def stiff_forces(cases: Sequence[tuple[float, float]] = STIFF, tell: Tell = no_progress) -> Part:
     """Compare forces in stiff scenes."""
     rows: list[tuple[Value, ...]] = []
-    wrong, felt = [], []
+    failures, felt = [], []
     for i, (k, c) in enumerate(cases):
         tell(f"stiff scenes: k_h x{k:g}, c_h x{c:g}", i / len(cases))
         physics, a = scaled(Physics(), k_h=k, c_h=c), board_matrix(scaled(Physics(), k_h=k, c_h=c))
@@ -85,7 +85,7 @@ def stiff_forces(cases: Sequence[tuple[float, float]] = STIFF, tell: Tell = lamb
             error = force_error(physics, method, step, x, truth)
             stable = is_stable(method, a, step)
             if stable == (error > 1.0):
-                wrong.append(f"{method} {step * 1e3:g} ms at x{k:g}, x{c:g}: {error:.3g} N")
+                failures.append(f"{method} {step * 1e3:g} ms at x{k:g}, x{c:g}: {error:.3g} N")
             values.append(error if stable else "unstable")
         chosen = choose(physics, TICK_SECONDS)
         error = force_error(physics, chosen.method, TICK_SECONDS / chosen.substeps, x, truth)
@@ -103,19 +103,19 @@ def stiff_forces(cases: Sequence[tuple[float, float]] = STIFF, tell: Tell = lamb
         ),
         rows,
     )
-    part.claim("methods err by more than 1 N exactly where theory calls them unstable", not wrong, _list(wrong))
+    part.claim(
+        "methods err by more than 1 N exactly where theory calls them unstable",
+        not failures,
+        "; ".join(failures) or "in every case",
+    )
     part.claim(f"the automatic choice errs by less than {FELT:g} N", max(felt) < FELT, f"{max(felt):.3g} N")
     return part
-
-
-def _list(wrong: Sequence[str]) -> str:
-    return "; ".join(wrong) if wrong else "in every case"
 
 
 # --- large tilts -------------------------------------------------------------------------------------------------
 
 
-def large_tilts(tilts_deg: Sequence[float] = TILTS_DEG, tell: Tell = lambda text, share: None) -> Part:
+def large_tilts(tilts_deg: Sequence[float] = TILTS_DEG, tell: Tell = no_progress) -> Part:
     """Compare rk4 and etdrk4, which is exact for the level board, at large tilts."""
     physics = Physics()
     z, _ = styluses_at(np.arange(0.0, DURATION, TICK_SECONDS))
@@ -148,7 +148,7 @@ def large_tilts(tilts_deg: Sequence[float] = TILTS_DEG, tell: Tell = lambda text
 # --- ends of the board -------------------------------------------------------------------------------------------
 
 
-def ball_at_ends(duration: float = 20.0, tell: Tell = lambda text, share: None) -> Part:
+def ball_at_ends(duration: float = 20.0, tell: Tell = no_progress) -> Part:
     """Let a ball hit stops, and check that it stays between them and no impact adds energy."""
     kinds = [(model, share) for model in MODELS for share in (0.0, 0.5, 1.0)]
     part = Part(

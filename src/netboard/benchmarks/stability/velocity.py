@@ -32,8 +32,6 @@ IDEAL = "ideal"
 """Name of an estimator that knows the true velocity."""
 
 TOUCH = MODELS["touch"]
-"""The device."""
-
 START = 0.01
 """Distance of the mass from its equilibrium at the release [m]."""
 
@@ -45,10 +43,8 @@ LARGEST = 60
 class Loop:
     """A mass on a virtual coupling.
 
-    - `mass`: the mass [kg].
-    - `b`: damping of the device [N s/m].
-    - `stiffness`: stiffness of the coupling [N/m].
-    - `damping`: damping of the coupling [N s/m].
+    - `mass`, `b`: mass and damping of the device [kg, N s/m].
+    - `stiffness`, `damping`: those of the coupling [N/m, N s/m].
     """
 
     mass: float
@@ -151,7 +147,7 @@ UPDATES, QUICK_UPDATES = 100_000, 10_000
 GOES = 5
 
 SECONDS, QUICK_SECONDS = 8.0, 3.0
-"""Length of a run with delayed forces [s]."""
+"""Duration of a run with delayed forces [s]."""
 
 RUN_UP = 100
 """Samples before the measurement starts [1]."""
@@ -159,11 +155,7 @@ RUN_UP = 100
 
 @dataclass(frozen=True)
 class Movement:
-    """A movement in closed form.
-
-    - `height`: its height at times [m].
-    - `rate`: its velocity at times [m/s].
-    """
+    """A movement in closed form: its height and its velocity at times [m, m/s]."""
 
     name: str
     samples: int
@@ -172,12 +164,10 @@ class Movement:
 
 
 def _steady(speed: float) -> Movement:
-    """A steady movement."""
     return Movement(f"{speed * 1e3:.0f} mm/s", 2000, lambda t: speed * t, lambda t: np.full(len(t), speed))
 
 
 def _wave(name: str, size: float, frequency: float) -> Movement:
-    """A sine."""
     turn = 2.0 * pi * frequency
     return Movement(name, 2000, lambda t: size * np.sin(turn * t), lambda t: size * turn * np.cos(turn * t))
 
@@ -220,8 +210,7 @@ def errors_of(kind: str, movement: Movement, offsets: int) -> tuple[Array, Array
 
 def follow(meter: Estimator, heights: Array) -> Array:
     """Return the estimates for heights that are read each tick."""
-    said = [meter.update(k * TICK_NS, 0.0, 0.0, z)[2] for k, z in enumerate(heights.tolist())]
-    return np.array(said)
+    return np.array([meter.update(k * TICK_NS, 0.0, 0.0, z)[2] for k, z in enumerate(heights.tolist())])
 
 
 def time_of(kind: str, updates: int) -> float:
@@ -301,12 +290,12 @@ def _rule(rows: list[tuple[Value, ...]], loops: list[Loop]) -> Verdict:
     holds = all(
         isinstance(found, int) and limit - 2.5 < found <= limit for found, limit in zip(ideal, limits, strict=True)
     )
-    told = ", ".join(f"{found} of {limit:.1f} ms" for found, limit in zip(ideal, limits, strict=True))
-    return Verdict("the ideal one comes close to the linear rule, from below", holds, told)
+    limits_text = ", ".join(f"{found} of {limit:.1f} ms" for found, limit in zip(ideal, limits, strict=True))
+    return Verdict("the ideal one comes close to the linear rule, from below", holds, limits_text)
 
 
 def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
-    """Run the parts of the study, and draw what they found if matplotlib is there."""
+    """Run the parts of the study, and draw their results if matplotlib is installed."""
     found = figures(quick=quick, tell=tell)
     yield found
     late = delays(quick=quick, tell=tell)

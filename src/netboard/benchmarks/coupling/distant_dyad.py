@@ -34,7 +34,7 @@ TIMEOUT_NS = 1_000_000_000
 READY = 10
 """Ticks until both devices are armed and the trial runs, with a margin [1]."""
 
-ARMED = 1e-3
+ARM_TIME = 1e-3
 """Duration of the force ramp; it ends within the first armed tick [s]."""
 
 _COMMAND = TICK_WORDS["command"]
@@ -42,11 +42,8 @@ _STYLUS, _FORCE, _POINT = (fixed.packer_of(message) for message in (Stylus, Forc
 
 
 @dataclass(frozen=True)
-class Distance:
-    """Delays between a dyad and its server.
-
-    - `up`, `down`: delay of a sample, and of the answer to it [ms].
-    """
+class Delays:
+    """Delays of a sample to the server, and of the answer to it [ms]."""
 
     up: int
     down: int
@@ -54,16 +51,16 @@ class Distance:
 
 @cache
 def _stage(physics: Physics) -> Stage:
-    """Return the stage of a scene, built once."""
+    """Return the stage of a scene, which is built only once."""
     return make_stage(Config(physics=physics))
 
 
-def prepared(config: Config) -> Config:
+def simulation_config(config: Config) -> Config:
     """Return a configuration for a simulation: released styluses, no pauses."""
     free = Agent(options={"held": False})
     return replace(
         config,
-        safety=replace(config.safety, arm_time=ARMED, mean_force=config.safety.max_force),
+        safety=replace(config.safety, arm_time=ARM_TIME, mean_force=config.safety.max_force),
         agents=Agents(left=free, right=free),
         fixture=Fixture(0.0, 0.0),
     )
@@ -72,13 +69,13 @@ def prepared(config: Config) -> Config:
 class Station:
     """One side: device, agent, and the messages under way to the server and back."""
 
-    def __init__(self, side: Side, config: Config, distance: Distance) -> None:
+    def __init__(self, side: Side, config: Config, delays: Delays) -> None:
         self.device = VirtualTouch(side, config)
         self.rendered = 0.0
         self.safeguards = 0
         self.sent: deque[NDArray[np.uint8]] = deque()
-        self.told: deque[NDArray[np.uint8]] = deque()
-        self._distance = distance
+        self.answers: deque[NDArray[np.uint8]] = deque()
+        self._delays = delays
         most = self.device.open().max_force
         self._safety = Safety(config.safety, most, most)  # a run is too short to wear motors
         self._passivity = Passivity() if config.safety.passivity else None
@@ -106,22 +103,18 @@ class Station:
 
     def arriving(self) -> NDArray[np.uint8] | None:
         """Return the sample that arrives at the server now, if any."""
-        return self.sent.popleft() if len(self.sent) > self._distance.up else None
-
-    def tell(self, frame: NDArray[np.uint8]) -> None:
-        """Send an answer."""
-        self.told.append(frame)
+        return self.sent.popleft() if len(self.sent) > self._delays.up else None
 
     def render(self, now_ns: int) -> None:
         """Receive the answer that arrives now, if any, and render a force."""
-        if len(self.told) > self._distance.down:
-            self._hear(self.told.popleft())
+        if len(self.answers) > self._delays.down:
+            self._receive(self.answers.popleft())
         limited = self._safety.step(now_ns, (0.0, 0.0, self._wanted(now_ns)), now_ns, self.reading[4:7])
         self.device.write(limited.fx, limited.fy, limited.fz)
         self.rendered = limited.fz
         self.safeguards = int(limited.safeguards)
 
-    def _hear(self, frame: NDArray[np.uint8]) -> None:
+    def _receive(self, frame: NDArray[np.uint8]) -> None:
         if fixed.read(frame, *fixed.FORCE[:2], self._force):
             self._newest = Force(*_FORCE.unpack(self._force.data))
         elif fixed.read(frame, *fixed.POINT[:2], self._point):
@@ -139,16 +132,17 @@ class Station:
         return self._passivity.step(message.force, message.stylus_seq, reading.z, reading.vz, self.rendered)
 
 
-class Far:
+class DistantDyad:
     """Both sides, and the server.
 
     - `heights`, `forces`: of both styluses, for each millisecond since both were ready [m, N].
     - `cut`: whether a safety chain has cut a force since then, because the stylus was too fast.
     """
 
-    def __init__(self, config: Config, distance: Distance) -> None:
-        config = prepared(config)
-        self.stations = [Station(side, config, distance) for side in SIDES]
+    def __init__(self, config: Config, delays: Delays) -> None:
+        config = simulation_config(config)
+        self._delays = delays
+        self.stations = [Station(side, config, delays) for side in SIDES]
         self.heights: list[tuple[float, float]] = []
         self.forces: list[tuple[float, float]] = []
         self.cut = False
@@ -158,31 +152,30 @@ class Far:
         self._state = self._stage.initial()
         self._rows = np.zeros(1, TICK)
         self._row = self._rows.view(np.int64).reshape(-1)
-        self._seats = np.zeros((len(SIDES), samples.WORDS), np.int64)
-        for seat in self._seats:
-            samples.empty(seat)
-            seat[samples.CLOCK_KNOWN] = 1
+        self._samples = np.zeros((len(SIDES), samples.WORDS), np.int64)
+        for sample in self._samples:
+            samples.empty(sample)
+            sample[samples.CLOCK_KNOWN] = 1
         self._sample = np.zeros(samples.SAMPLE_WORDS, np.int64)
         form = fixed.POINT if self._both else fixed.FORCE
         self._form, self._words = form, np.zeros(len(form.markers), np.int64)
         self._gains = np.ones(len(SIDES))
         self._number = 0
 
-    def live(self, ticks: int) -> None:
-        """Simulate a duration."""
+    def run(self, ticks: int) -> None:
+        """Simulate a duration [ms]."""
         for _ in range(ticks):
             self._tick(START_NS + self._number * TICK_NS)
             self._number += 1
 
-    def get_ready(self) -> None:
+    def settle(self) -> None:
         """Simulate until both devices are armed, a trial runs, and all messages under way have arrived."""
-        distance = self.stations[0]._distance
-        self.live(READY + 2 * (distance.up + distance.down))
+        self.run(READY + 2 * (self._delays.up + self._delays.down))
         self.heights.clear()
         self.forces.clear()
         self.cut = False
 
-    def put(self, left: float, right: float) -> None:
+    def place(self, left: float, right: float) -> None:
         """Place both styluses at heights, at rest."""
         for station, height in zip(self.stations, (left, right), strict=True):
             station.device.put(height)
@@ -199,23 +192,23 @@ class Far:
         self.cut |= not left.safeguards & right.safeguards & Safeguard.ARMED
 
     def _serve(self, now_ns: int) -> None:
-        for seat, station in zip(self._seats, self.stations, strict=True):
+        for sample, station in zip(self._samples, self.stations, strict=True):
             frame = station.arriving()
             if frame is not None:
-                samples.take_frame(seat, frame, *fixed.STYLUS[:2], self._sample, now_ns, now_ns)
-        samples.fill(self._row, self._seats, self._number, now_ns, 0, TIMEOUT_NS)
+                samples.take_frame(sample, frame, *fixed.STYLUS[:2], self._sample, now_ns, now_ns)
+        samples.fill(self._row, self._samples, self._number, now_ns, 0, TIMEOUT_NS)
         self._row[_COMMAND] = int(Cause.START) if self._number == 0 else int(Cause.NONE)
         self._stage.advance(self._state, self._rows)
         for place, station in enumerate(self.stations):
-            station.tell(self._answer(place, now_ns))
+            station.answers.append(self._answer(place, now_ns))
 
     def _answer(self, place: int, now_ns: int) -> NDArray[np.uint8]:
         """Write the frame that one side receives after a tick."""
         words: Any = self._words
         if self._both:
-            samples.write_point(words, self._row, self._seats, self._gains, place, self._ends, now_ns)
+            samples.write_point(words, self._row, self._samples, self._gains, place, self._ends, now_ns)
         else:
-            samples.write_force(words, self._row, self._row, self._seats, self._gains, place, now_ns)
+            samples.write_force(words, self._row, self._row, self._samples, self._gains, place, now_ns)
         frame = np.zeros(self._form.size, np.uint8)
         fixed.write(frame, self._form.head, self._form.markers, words)
         return frame

@@ -1,4 +1,4 @@
-"""Netboard's own methods under comparison: one-step methods with several step lengths, and collocation.
+"""Netboard's methods under comparison: one-step methods with several step lengths, and collocation.
 
 The hands at the method's nodes and the method's tables are computed before the timed run. States are known at the ends
 of steps only, so steps longer than the grid of the reference coincide with fewer of its points.
@@ -93,7 +93,7 @@ def _solve(problem: Problem, method: Method, h: float) -> Solution:
     return Solution(np.ascontiguousarray(states[::every]), stride, len(hands), hands.shape[0] * hands.shape[1])
 
 
-def own_solution(problem: Problem, method: str, h: float) -> Array:
+def one_step_solution(problem: Problem, method: str, h: float) -> Array:
     """Solve a problem by a one-step method with a step that divides the spacing of the reference."""
     return _solve(problem, METHODS[NUMBER[method]], h).states
 
@@ -107,19 +107,17 @@ def _march(problem: Problem, method: Method, h: float, keep: bool) -> Callable[[
         steps = grid.lengths, grid.counts, grid.kinds, grid.tables
         return partial(march, problem.first, hands, *steps, problem.scene, np.empty((len(hands) + 1 if keep else 0, 6)))
 
-    return _Prepared(prepared)
+    return _prepared_once(prepared)
 
 
-class _Prepared:
-    """A run that is prepared at its first call."""
+def _prepared_once(prepare: Callable[[], Callable[[], object]]) -> Callable[[], object]:
+    """Return a run that is prepared at its first call."""
+    prepared = cache(prepare)
 
-    def __init__(self, prepare: Callable[[], Callable[[], object]]) -> None:
-        self._prepare = prepare
-        self._run: Callable[[], object] | None = None
+    def run_prepared() -> object:
+        return prepared()()
 
-    def __call__(self) -> None:
-        self._run = self._run or self._prepare()
-        self._run()
+    return run_prepared
 
 
 # --- collocation -------------------------------------------------------------------------------------------------
@@ -149,22 +147,21 @@ Segments = tuple[tuple[float, float], ...]
 def _collocation(problem: Problem, nodes: int, segments: Segments, tolerance: float) -> Solver:
     opening = ", short steps first" if len(segments) > 1 else ""
     setting = " then ".join(f"{h * 1e3:g} ms" for h, _ in segments) + f", tol {tolerance:.0e}"
+    chain = partial(_chain, problem, nodes, segments, tolerance)
     return Solver(
         OURS,
         f"collocation {nodes}{opening}",
         setting,
         partial(_collocate, problem, nodes, segments, tolerance),
-        _Prepared(partial(_chain, problem, nodes, segments, tolerance, False)),
+        _prepared_once(partial(chain, keep=False)),
         inputs=False,
-        dense=_Prepared(partial(_chain, problem, nodes, segments, tolerance, True))
-        if max(h for h, _ in segments) <= SPACING
-        else None,
+        dense=_prepared_once(partial(chain, keep=True)) if max(h for h, _ in segments) <= SPACING else None,
     )
 
 
 def _collocate(problem: Problem, nodes: int, segments: Segments, tolerance: float) -> Solution:
     """Solve by collocation; keep the states at equally spaced points of the reference."""
-    outs = _chain(problem, nodes, segments, tolerance, True)()
+    outs = _chain(problem, nodes, segments, tolerance, keep=True)()
     stride = meeting(segments[-1][0])[1]
     steps = sum(round(length / h) for h, length in segments)
     kept = [outs[0][:1]]
@@ -174,7 +171,7 @@ def _collocate(problem: Problem, nodes: int, segments: Segments, tolerance: floa
 
 
 def _chain(
-    problem: Problem, nodes: int, segments: Segments, tolerance: float, keep: bool
+    problem: Problem, nodes: int, segments: Segments, tolerance: float, *, keep: bool
 ) -> Callable[[], list[NDArray[Any]]]:
     """Prepare a run of all segments, each of which starts from the last state of the one before."""
     march = make_collocation(problem.parts, 6, nodes)

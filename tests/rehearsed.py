@@ -1,6 +1,6 @@
 """A short rehearsed block as rows, and files made of it: sound, or with one kind of damage."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -32,16 +32,13 @@ def config() -> Config:
 @cache
 def _rows() -> NDArray[Any]:
     people = {"A": Participant(), "B": Participant()}
-    # Pieces are views of a ring that is used again.
+    # Copies, because pieces are views of a ring buffer that is overwritten.
     return np.concatenate([rows.copy() for rows in Rehearsal(config(), people).pieces()])
 
 
 def rows() -> NDArray[Any]:
-    """The ticks of two trials, whole and to be changed."""
+    """Return a copy of the ticks of two complete trials."""
     return _rows().copy()
-
-
-Writing = Callable[[RecordingWriter, int], object]
 
 
 def write(
@@ -50,20 +47,20 @@ def write(
     settings: Config | None = None,
     clocks: Sequence[ClockRecord] = (),
     ended: str = "complete",
-    said: dict[str, str] | None = None,
+    metadata: dict[str, str] | None = None,
     text: str | None = None,
 ) -> Path:
     """Write ticks, with the events that are in them, as a finished recording."""
-    writer = writer_of(path, settings or config(), said or {}, text)
+    writer = writer_of(path, settings or config(), metadata or {}, text)
     last = fill(writer, ticks, clocks)
     writer.finish(last, ended)
     return path
 
 
-def writer_of(path: Path, settings: Config, said: dict[str, str], text: str | None = None) -> RecordingWriter:
+def writer_of(path: Path, settings: Config, metadata: dict[str, str], text: str | None = None) -> RecordingWriter:
     resolved = resolve(settings) if text is None else text
-    metadata = provenance(Welcome(SESSION, 1, 7, resolved), settings, 1, UTC_NS, 42) | said
-    return RecordingWriter(path, metadata, resolved, settings.recording, UTC_NS)
+    whole = provenance(Welcome(SESSION, 1, 7, resolved), settings, 1, UTC_NS, 42) | metadata
+    return RecordingWriter(path, whole, resolved, settings.recording, UTC_NS)
 
 
 def fill(writer: RecordingWriter, ticks: NDArray[Any], clocks: Sequence[ClockRecord] = (), events: int = 0) -> int:

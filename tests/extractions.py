@@ -21,7 +21,7 @@ def quiet(what: str, done: int, total: int) -> None:
     assert 0 < done <= total
 
 
-def gathered(
+def extracted(
     recordings: Sequence[Path],
     readings: Readings,
     pool: WorkerPool = HERE,
@@ -36,7 +36,7 @@ def gathered(
         return replace(found, paths=dict(found.paths))
 
 
-def studied(found: Extraction, readings: Readings | None = None) -> Study:
+def study_from(found: Extraction, readings: Readings | None = None) -> Study:
     return study_of(found.measured, readings or Readings(), found.paths)
 
 

@@ -1,4 +1,4 @@
-"""Implausible samples in live ticks: jumps, losses, invalid values, tremor, coarse quantisation.
+"""Corrupted samples in live ticks: jumps, losses, invalid values, tremor, coarse quantisation.
 
 The hands rest, the trial begins, and then they move as in the test problem. The samples of half a second are corrupted.
 All outputs of a tick must be finite, forces must not exceed those that the coupling computes from the samples used, and
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.config import Config
+from netboard.base.config import SIDES, Config
 from netboard.base.tick import OUTPUT, STATE, TICK, TICK_NS, TICK_SECONDS
 from netboard.benchmarks.harness.results import Part
 from netboard.benchmarks.physics.problem import styluses_at
@@ -22,17 +22,17 @@ from netboard.task.trials.state_machine import Cause
 REST, WHOLE = 1200, 4000
 """Ticks for which the hands rest, and ticks in all [1]."""
 
-SPOILT = slice(2500, 3000)
+CORRUPTED = slice(2500, 3000)
 AFTER = slice(3500, 4000)
 
 AGE_NS = 300_000
 """Age of the samples when a tick begins [ns]."""
 
-LEFT = 1e-6
+MAX_REMAINDER = 1e-6
 """Largest remainder of a disturbance in height and tilt [m, rad]."""
 
 Rows = NDArray[Any]
-Spoil = Callable[[Rows], None]
+Corruption = Callable[[Rows], None]
 """Function that corrupts the rows of the disturbed time."""
 
 
@@ -45,7 +45,7 @@ def smooth_rows() -> Rows:
     start = np.clip(times / 0.5, 0.0, 1.0)
     share, rate = start**2 * (3.0 - 2.0 * start), 6.0 * start * (1.0 - start) / 0.5
     z, vz = styluses_at(times)
-    for i, side in enumerate(("left", "right")):
+    for i, side in enumerate(SIDES):
         rows[f"{side}_live"] = 1
         rows[f"{side}_seq"] = rows["tick"]
         rows[f"{side}_stamp_ns"] = rows["time_ns"] - AGE_NS
@@ -95,7 +95,7 @@ def _tremor(rows: Rows) -> None:
 
 
 def _quantised(rows: Rows) -> None:
-    for side in ("left", "right"):
+    for side in SIDES:
         rows[f"{side}_sent_z"] = np.round(rows[f"{side}_sent_z"] / 0.001) * 0.001
         rows[f"{side}_sent_vz"] = np.gradient(rows[f"{side}_sent_z"], TICK_SECONDS)
 
@@ -111,16 +111,16 @@ def _huge(rows: Rows) -> None:
 
 
 def _huge_rates(rows: Rows) -> None:
-    for side in ("left", "right"):
+    for side in SIDES:
         rows[f"{side}_stamp_ns"], rows[f"{side}_sent_vz"] = rows["time_ns"], 1e300
 
 
 def _denormal(rows: Rows) -> None:
-    for side in ("left", "right"):
+    for side in SIDES:
         rows[f"{side}_sent_z"], rows[f"{side}_sent_vz"] = 5e-324, -5e-324
 
 
-KINDS: dict[str, Spoil] = {
+KINDS: dict[str, Corruption] = {
     "jumps of 10 cm, back in a tick": _jump,
     "the same, and seen in the rate": _seen_jump,
     "drop-outs of 1 to 100 ms": _drop_outs,
@@ -146,7 +146,7 @@ def play(stage: Stage, rows: Rows, started: bool) -> Rows:
     return played
 
 
-def odd_hands(config: Config, kinds: Sequence[str] = tuple(KINDS)) -> Part:
+def corrupted_samples(config: Config, kinds: Sequence[str] = tuple(KINDS)) -> Part:
     """Run all kinds of corrupted samples and tabulate the results."""
     stage, smooth = make_stage(config), smooth_rows()
     calm = play(stage, smooth, started=False)
@@ -158,20 +158,20 @@ def odd_hands(config: Config, kinds: Sequence[str] = tuple(KINDS)) -> Part:
     )
     lost, large, kept = [], [], []
     for kind in kinds:
-        spoilt = smooth.copy()
-        KINDS[kind](spoilt[SPOILT])
-        fixed, rolling = play(stage, spoilt, started=False), play(stage, spoilt, started=True)
-        bad = sum(_not_finite(played) for played in (fixed, rolling))
+        corrupted = smooth.copy()
+        KINDS[kind](corrupted[CORRUPTED])
+        fixed, rolling = play(stage, corrupted, started=False), play(stage, corrupted, started=True)
+        not_finite = sum(_not_finite(played) for played in (fixed, rolling))
         force, most = _forces(fixed, rolling, config)
-        left = max(float(np.abs(fixed[name][AFTER] - calm[name][AFTER]).max()) for name in ("z", "theta"))
+        remainder = max(float(np.abs(fixed[name][AFTER] - calm[name][AFTER]).max()) for name in ("z", "theta"))
         faults = int(np.count_nonzero(rolling["event"] == Cause.FAULT))
-        part.add(kind, bad, force, most, faults, left)
-        lost += [kind] if bad else []
+        part.add(kind, not_finite, force, most, faults, remainder)
+        lost += [kind] if not_finite else []
         large += [kind] if not force <= most else []
-        kept += [kind] if not left <= LEFT else []
+        kept += [kind] if not remainder <= MAX_REMAINDER else []
     part.claim("everything that comes out is finite", not lost, _named(lost))
     part.claim("forces are within what the coupling makes of the samples used", not large, _named(large))
-    part.claim(f"board is back to within {LEFT:g} m and rad", not kept, _named(kept))
+    part.claim(f"board is back to within {MAX_REMAINDER:g} m and rad", not kept, _named(kept))
     return part
 
 
@@ -194,9 +194,9 @@ def _forces(fixed: Rows, rolling: Rows, config: Config) -> tuple[float, float]:
     physics = config.physics
     force, most = 0.0, 0.0
     for rows in (fixed, rolling):
-        for side in ("left", "right"):
+        for side in SIDES:
             force = max(force, float(np.abs(rows[f"{side}_coupling"]).max()))
-        used = max(float(np.abs(rows[f"{side}_used_vz"]).max()) for side in ("left", "right"))
+        used = max(float(np.abs(rows[f"{side}_used_vz"]).max()) for side in SIDES)
         speed = min(used, 2.0 * config.task.stylus_range / TICK_SECONDS)
         weight = (physics.M + physics.balls * physics.m) * physics.g
         most = max(most, 3.0 * (physics.k_h * config.task.stylus_range + physics.c_h * speed + weight))

@@ -25,7 +25,7 @@ from netboard.base.clock import CATCH_UP_TICKS, now_ns
 from netboard.base.config import SIDES, Config, Side, parse
 from netboard.base.process import NAME, Priority, cpus_for, io_priority, log_to_stderr, prepare, steady_loop
 from netboard.base.tick import TICK, TICK_NS
-from netboard.benchmarks.loop.timing import passed_over
+from netboard.benchmarks.loop.timing import skipped_ticks
 from netboard.benchmarks.loop.workers import serve
 from netboard.network import keys
 from netboard.network.protocol import fixed
@@ -41,16 +41,16 @@ from netboard.task.trials.state_machine import is_active
 HEIGHT, FREQUENCY = 0.005, 0.5
 """Amplitude and frequency of a moving hand [m, Hz]."""
 
-TAKE_NS = 400_000
-"""Delay between sending a sample and polling for its force [ns]."""
+RECEIVE_DELAY_NS = 400_000
+"""Delay from sending a sample to polling for its force [ns]."""
 
 CHECK_INTERVAL_NS = 2_000_000
 """Interval at which loggers and displays poll [ns]."""
 
-PLENTY = 10**12
-"""Free space that these loggers report, in bytes [1]."""
+FREE_SPACE = 10**12
+"""Free space that these loggers report [bytes]."""
 
-_SEND, _TAKE = 0, 1
+_SEND, _RECEIVE = 0, 1
 _STYLUS_AT = len(fixed.STYLUS.head)
 _FRAME = np.dtype(
     {
@@ -102,23 +102,23 @@ class LightAgent:
         frame["z"], frame["vz"] = z, vz
         sockets.send(self._socket, frame.tobytes())
 
-    def take(self, counts: Counter[str]) -> None:
+    def receive(self, counts: Counter[str]) -> None:
         """Process the received frames."""
         while (frame := sockets.receive(self._socket)) is not None:
             if len(frame) == fixed.FORCE.size and frame[1] == _FORCE_KIND:
                 tick, sent_ns, _, _, lead_ns = _FORCE.unpack(frame)
-                self._note(tick, sent_ns, lead_ns)
+                self._note_answer(tick, sent_ns, lead_ns)
                 counts["forces"] += 1
                 continue
             match decode(frame):
                 case Heartbeat(tick=tick, sent_ns=sent_ns, lead_ns=lead_ns, arm=arm):
-                    self._note(tick, sent_ns, lead_ns)
+                    self._note_answer(tick, sent_ns, lead_ns)
                     self._frame["safeguards"] = int(Safeguard.ARMED) if arm else 0
                     counts["beats"] += 1
                 case Welcome():
                     self.welcome = True
 
-    def _note(self, tick: int, sent_ns: int, lead_ns: int) -> None:
+    def _note_answer(self, tick: int, sent_ns: int, lead_ns: int) -> None:
         frame = self._frame
         frame["force_tick"], frame["force_sent_ns"], frame["force_received_ns"] = tick, sent_ns, now_ns()
         self.lead_ns = lead_ns
@@ -144,14 +144,14 @@ class LightDyad:
             if agent.welcome:
                 agent.send(z, vz)
 
-    def take(self, counts: Counter[str]) -> int:
+    def receive(self, counts: Counter[str]) -> int:
         """Process the frames of both agents; return the phase delay of the next samples [ns]."""
         for agent in self._agents:
-            agent.take(counts)
+            agent.receive(counts)
         return phase_shift(min(agent.lead_ns for agent in self._agents))
 
 
-def be_agents(configs: Iterable[Config], context: sockets.Context, order: dict[str, Any]) -> dict[str, Any]:
+def run_agents(configs: Iterable[Config], context: sockets.Context, order: dict[str, Any]) -> dict[str, Any]:
     """Run all agents for a period.
 
     - `order`: ``from_ns``, ``until_ns``: start of the count, and end [ns]; ``moving``: whether their hands move.
@@ -165,7 +165,7 @@ def be_agents(configs: Iterable[Config], context: sockets.Context, order: dict[s
     late: list[int] = []
     start_ns, measuring = now_ns() + TICK_NS, False
     events = [(start_ns + k * TICK_NS // len(dyads), k, _SEND) for k in range(len(dyads))]
-    while (now := _awaited(events[0][0])) < order["until_ns"]:
+    while (now := sleep_until(events[0][0])) < order["until_ns"]:
         due_ns, k, what = events[0]
         if not measuring and now >= order["from_ns"]:
             measuring = True
@@ -174,16 +174,16 @@ def be_agents(configs: Iterable[Config], context: sockets.Context, order: dict[s
             due_ns = now
         if what == _SEND:
             dyads[k].send(now)
-            heapreplace(events, (due_ns + TAKE_NS, k, _TAKE))
+            heapreplace(events, (due_ns + RECEIVE_DELAY_NS, k, _RECEIVE))
             if measuring:
                 late.append(now - due_ns)
         else:
-            heapreplace(events, (due_ns + TICK_NS - TAKE_NS + dyads[k].take(counts), k, _SEND))
+            heapreplace(events, (due_ns + TICK_NS - RECEIVE_DELAY_NS + dyads[k].receive(counts), k, _SEND))
     return {"counts": counts, "late_ns": late}
 
 
-def _awaited(due_ns: int) -> int:
-    """Sleep until a time unless it has passed; return the time on waking [ns]."""
+def sleep_until(due_ns: int) -> int:
+    """Sleep until a time unless it has passed; return the present time [ns]."""
     now = now_ns()
     if now >= due_ns:
         return now
@@ -213,7 +213,7 @@ class LightLogger:
                     counts["batches"] += 1
                     counts["records"] += len(records)
                     self._keep(records)
-                    sockets.send(self._socket, encode(LogAck(first + len(records), PLENTY, "", 0)))
+                    sockets.send(self._socket, encode(LogAck(first + len(records), FREE_SPACE, "", 0)))
                 case Ping(sent_ns=ping_ns):
                     sockets.send(self._socket, encode(Pong(ping_ns, now, now_ns())))
                 case Welcome() if not self._welcomed:
@@ -227,13 +227,13 @@ class LightLogger:
             self.late.append(np.stack([rows[name] for name in ("time_ns", "late_ns", "phase")], axis=1))
 
 
-def be_watchers(configs: Iterable[Config], context: sockets.Context, order: dict[str, Any]) -> dict[str, Any]:
+def run_watchers(configs: Iterable[Config], context: sockets.Context, order: dict[str, Any]) -> dict[str, Any]:
     """Run all loggers and displays, and count the frames they receive.
 
     - `order`: ``from_ns``, ``until_ns``: start of the count, and end [ns]; ``loggers``, ``displays``: whether there are
       any.
-    - returns ``counts``; with loggers, of all later ticks: ``late_ns``: start after the deadline [ns]; ``passed_over``:
-      skipped ticks [1]; ``active``: share in a trial [1].
+    - returns ``counts``; with loggers, of all later ticks: ``late_ns``: start after the deadline [ns];
+      ``skipped_ticks``: their number [1]; ``active``: share in a trial [1].
     """
     configs = list(configs)
     loggers = [LightLogger(config, context) for config in configs if order["loggers"]]
@@ -259,14 +259,14 @@ def be_watchers(configs: Iterable[Config], context: sockets.Context, order: dict
 
 def _ticks_of(loggers: Iterable[LightLogger], from_ns: int) -> dict[str, Any]:
     """Summarise the timing of all ticks since a time."""
-    late_ns, never, active = [], 0, []
+    late_ns, skipped, active = [], 0, []
     for logger in loggers:
         rows = np.concatenate([np.empty((0, 3), np.int64), *logger.late])
         rows = rows[rows[:, 0] >= from_ns]
         late_ns += rows[:, 1].tolist()
-        never += passed_over(rows[:, 0])
+        skipped += skipped_ticks(rows[:, 0])
         active += [is_active(phase) for phase in rows[:, 2].tolist()]
-    return {"late_ns": late_ns, "passed_over": never, "active": float(np.mean(active)) if active else 0.0}
+    return {"late_ns": late_ns, "skipped_ticks": skipped, "active": float(np.mean(active)) if active else 0.0}
 
 
 def main(role: str) -> None:
@@ -283,7 +283,7 @@ def main(role: str) -> None:
             prepared = prepare(mine, Priority.AGENT, cpus_for("left", wanted))
             steady_loop()
         with sockets.open_context(io_priority(prepared, Priority.AGENT)) as context:
-            return (be_agents if role == "agents" else be_watchers)(configs, context, order)
+            return (run_agents if role == "agents" else run_watchers)(configs, context, order)
 
     serve(carry_out)
 
