@@ -54,8 +54,8 @@ def test_info_describes_a_recording(writer: RecordingWriter) -> None:
 
 def test_recording_with_names_too_long_for_a_new_one_is_readable() -> None:
     """Earlier versions limited no name, and a participant's name is in no file name."""
-    config = replace(proofs.config(), session=replace(proofs.config().session, participant_a="p" * 100))
-    proofs.write(Path("S01.mcap"), proofs.rows(), config)
+    config = replace(rehearsed.config(), session=replace(rehearsed.config().session, participant_a="p" * 100))
+    rehearsed.write(Path("S01.mcap"), rehearsed.rows(), config)
     result = runner.invoke(app, ["check", "S01.mcap"])
     assert (result.exit_code, "complete" in result.output) == (0, True), result.output
     with Recording(Path("S01.mcap")) as recording:
