@@ -291,7 +291,7 @@ MODERN = (
                 number(f"{side}_reaction", f"onset of the {side} stylus' movement, from the release", "s"),
                 number(
                     f"{side}_anticipated",
-                    "1: anticipation; the {side} stylus moved before any possible reaction to the release",
+                    f"1: anticipation; the {side} stylus moved before any possible reaction to the release",
                     "1",
                 ),
             )

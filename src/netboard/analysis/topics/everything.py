@@ -78,7 +78,12 @@ def results_in(study: Study, find: Callable[[Study], Finding]) -> tuple[Result, 
         return find(study).results
     except UNCOMPUTABLE as error:
         why = f"{type(error).__name__}: {error}"
-        return (plain(find.__name__, NOT_COMPUTED, "", nan, "", 0, "", why),)
+        return (plain(_name_of(find), NOT_COMPUTED, "", nan, "", 0, "", why),)
+
+
+def _name_of(function: Callable[[Study], object]) -> str:
+    """Return the name of a topic and of its figure: the module that computes and draws them."""
+    return function.__module__.rpartition(".")[2]
 
 
 PAPER_FIGURES: tuple[Callable[[Study], Picture], ...] = (
@@ -120,7 +125,7 @@ def drawn(study: Study, draw: Callable[[Study], Picture]) -> Picture:
         if picture.figure is not None:
             as_bytes(picture.figure, "svg")
     except UNCOMPUTABLE as error:
-        name = draw.__module__.rpartition(".")[2]
+        name = _name_of(draw)
         why = f"This figure could not be drawn ({type(error).__name__}: {error}). The tables do not depend on it."
         return Picture(name, name.capitalize(), why, None, failed=True)
     return picture
