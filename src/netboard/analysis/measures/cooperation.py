@@ -63,8 +63,6 @@ def contributions(
 
     Parameters
     ----------
-    left_z, right_z : ndarray, shape (n,)
-        Height of the styluses [m].
     opposite : {"net", "majority"}
         Quantity that must be opposite: the net displacements, or the directions in more than half of the samples.
     amount : {"net", "path"}
@@ -138,8 +136,6 @@ def delays(
     ----------
     moved : Contributions
         Contribution of each side, from `contributions`.
-    left_vz, right_vz : ndarray, shape (n,)
-        Vertical velocities of the styluses, including samples before the movements [m/s].
     portions : sequence of float
         Fractions of the peak, q of them [1].
     threshold : {"slower_side", "own_peak"}
@@ -152,7 +148,7 @@ def delays(
     velocity : {"own_direction", "magnitude"}
         Velocity that must reach the threshold: in the side's own direction, or its magnitude.
     search_back : float
-        Search window before a movement [s].
+        Search window before a movement; the velocities include it [s].
 
     Raises
     ------

@@ -92,8 +92,6 @@ def lag_of(
 
     Parameters
     ----------
-    left, right : array_like, shape (n,)
-        Velocities of both sides, or another signal of each [any].
     longest : float
         Largest delay in the search [s].
     relation : {"mirrored", "alike"}
@@ -140,8 +138,6 @@ def windowed_lags(
 
     Parameters
     ----------
-    left, right : array_like, shape (n,)
-        Velocities of both sides, or another signal of each [any].
     window : float
         Window length [s].
     step : float
@@ -174,16 +170,6 @@ def peak_delay(left: ArrayLike, right: ArrayLike, rate: float) -> float:
     """Return left minus right time of the velocity peaks of both sides, each in its own direction, + = right first [s].
 
     NaN if a side has its largest velocity at the first or last sample, or a sample is missing.
-
-    Parameters
-    ----------
-    left, right : array_like, shape (n,)
-        Velocities of both sides in one movement [m/s].
-
-    Raises
-    ------
-    ValueError
-        If the lengths of the sides differ.
     """
     sides = [_forward(side) for side in paired(left, right)]
     if not len(sides[0]):
@@ -201,8 +187,6 @@ def leadership(delays: ArrayLike, *, tolerance: float = 0.0, unit: str = "moveme
         Signed delays, + = right first; NaN are ignored [s].
     tolerance : float
         Largest absolute delay that counts as simultaneous [s].
-    unit : str
-        Unit to which each delay belongs.
     """
     signed = np.asarray(delays, dtype=float).ravel()
     signed = signed[np.isfinite(signed)]

@@ -44,8 +44,6 @@ def spectral_arc_length(
 
     Parameters
     ----------
-    speed : array_like, shape (n,)
-        Speed of the movement [m/s].
     cutoff : {"adaptive", "fixed"}
         The curve ends at the last frequency up to `highest` at which the magnitude is above the threshold (SPARC,
         2015), or at `highest` (SAL, 2012).
@@ -92,8 +90,6 @@ def dimensionless_jerk(speed: ArrayLike, rate: float, *, scale: Scale = "peak_sp
 
     Parameters
     ----------
-    speed : array_like, shape (n,)
-        Speed of the movement, from rest to rest; its duration is n samples [m/s].
     scale : {"peak_speed", "mean_speed"}
         Speed v: the largest (Balasubramanian et al. 2012), or distance over duration, which makes the factor T^5 /
         distance^2 (both in Hogan and Sternad, J. Mot. Behav. 41:529, 2009).
@@ -114,21 +110,15 @@ def dimensionless_jerk(speed: ArrayLike, rate: float, *, scale: Scale = "peak_sp
 
 
 def log_dimensionless_jerk(speed: ArrayLike, rate: float, *, scale: Scale = "peak_speed") -> float:
-    """Return the log dimensionless jerk (LDLJ) of a movement: minus the logarithm of its absolute value.
+    """Return the log dimensionless jerk (LDLJ): minus the logarithm of the absolute jerk; NaN without jerk [1].
 
-    For a minimum-jerk movement it is -5.322 with the peak speed, and -6.579 with the mean speed.
+    It is negative for all movements from rest to rest; for a minimum-jerk movement it is -5.322 with the peak speed
+    and -6.579 with the mean speed.
 
     Parameters
     ----------
-    speed : array_like, shape (n,)
-        Speed of the movement, from rest to rest; its duration is n samples [m/s].
     scale : {"peak_speed", "mean_speed"}
         As in `dimensionless_jerk`.
-
-    Returns
-    -------
-    float
-        LDLJ, negative for all movements from rest to rest; NaN without jerk [1].
 
     Raises
     ------

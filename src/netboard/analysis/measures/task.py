@@ -105,15 +105,7 @@ class Reaction:
 
 
 def time_in_target(p: ArrayLike, rate: float, *, centre: float, half_width: float = HALF_WIDTH) -> InTarget:
-    """Find the ball's stays in the target.
-
-    Parameters
-    ----------
-    centre : float
-        Centre of the target [m].
-    half_width : float
-        Half-width of the target, edges included [m].
-    """
+    """Find the ball's stays in the target."""
     ball = np.asarray(p, dtype=float)
     if np.isnan(ball).any():
         return InTarget(np.nan, np.nan, np.nan, np.nan, np.nan)
@@ -138,10 +130,6 @@ def overshoots(
 
     Parameters
     ----------
-    p : array_like, shape (n,)
-        Ball position along the board from the release; at least one sample [m].
-    centre : float
-        Centre of the target [m].
     beyond : {"far_edge", "centre"}
         Limit: the target's far edge, beyond which the hold restarts, or its centre.
 
@@ -212,8 +200,6 @@ def reaction(
         depend on the speed of the movement.
     threshold : float
         Minimum speed of a moving stylus [m/s].
-    hold : float
-        Minimum uninterrupted duration, as defined by `netboard.analysis.measures.signals.lasting` [s].
     portion : float
         Fraction of the first peak [1].
     soonest : float
