@@ -175,8 +175,8 @@ def powers(found: Sequence[Differences], sizes: Sequence[int], alpha: float = 0.
         effect = float(np.exp(mean)) if one.ratio else mean
         for dyads in sizes:
             own = divided(one.gaps, dyads)
-            p, low, high = paired(own, alpha)
-            null, _, _ = paired(own - mean, alpha)
+            p, low, high = paired_t_tests(own, alpha)
+            null, _, _ = paired_t_tests(own - mean, alpha)
             tests = {
                 T_TEST: (p, null),
                 PERMUTATION: (permutation_p(own, rng=rng), permutation_p(own - mean, rng=rng)),
@@ -201,7 +201,7 @@ def powers(found: Sequence[Differences], sizes: Sequence[int], alpha: float = 0.
                 )
 
 
-def paired(gaps: Array, alpha: float) -> tuple[Array, Array, Array]:
+def paired_t_tests(gaps: Array, alpha: float) -> tuple[Array, Array, Array]:
     """Return p of the paired t test of many studies, and the limits of the confidence interval of 1 - alpha.
 
     - `gaps` (shape (studies, dyads)): difference of each dyad; NaN are ignored [any].

@@ -15,7 +15,7 @@ import pandas as pd
 from netboard.analysis.extraction.conditions import STAND_INS
 from netboard.analysis.report.grids import Column, Grid, grid, name, number
 from netboard.analysis.report.numbers import after, between, records, unit_of, written
-from netboard.analysis.report.wording import amount, counted
+from netboard.analysis.report.wording import amount, plural
 from netboard.analysis.topics.delay import OVER_ALL, RISE
 
 _STAGES = r"(?P<team>.+), last (?P<count>\d+) vs first \d+"
@@ -253,7 +253,7 @@ def _trials(team: str) -> str:
 def _clause(pattern: SentencePattern, row: Mapping[str, Any], words: Mapping[str, str]) -> str:
     """Return a clause with the result of one group and its confidence interval."""
     value = f"{written(row)[0]}{after(unit_of(row))}"
-    aside = ", ".join(part for part in (between(row), counted(int(row["n"]), row["of"])) if part)
+    aside = ", ".join(part for part in (between(row), plural(int(row["n"]), row["of"])) if part)
     said = f"{pattern.clause.format(value=value, **words)} ({aside})"
     return f"{said}: {_sure(pattern, row)}" if pattern.none else said
 
@@ -279,7 +279,7 @@ def _table(theme: Theme, title: str, rows: Sequence[Mapping[str, Any]]) -> Grid:
     for group in _ends_of_series(list(cells)):
         found = cells[group]
         values = [_cell(one, found[one.title]) if one.title in found else "" for one in shown]
-        made_of = dict.fromkeys(counted(int(row["n"]), row["of"]) for row in found.values())
+        made_of = dict.fromkeys(plural(int(row["n"]), row["of"]) for row in found.values())
         lines.append([group, *values, "; ".join(made_of)])
     columns = [name("Group"), *(number(_heading(one, rows)) for one in shown), Column("n")]
     return grid(_caption(title, rows), columns, lines)
@@ -322,7 +322,7 @@ def few(dyads: int) -> str:
     """Return a caution for the number of dyads."""
     least = min(1.0, 2.0 / 2**dyads)
     said = (
-        f"The dyad is the unit of replication: {counted(dyads, 'dyad')}, however many trials. "
+        f"The dyad is the unit of replication: {plural(dyads, 'dyad')}, however many trials. "
         f"An exact two-sided test of a difference within dyads has no p below {amount(least)} here"
     )
     if least > 0.05:

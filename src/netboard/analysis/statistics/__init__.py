@@ -60,11 +60,11 @@ alternative : Alternative
     ``less``: the opposite.
 resamples : int
     Number of bootstrap resamples, or of random arrangements where not all can be evaluated [1].
-method : {"percentile", "basic", "BCa"}
-    Bootstrap interval: percentiles of the bootstrap distribution, reflected percentiles, or bias-corrected and
-    accelerated (Efron, J. Am. Stat. Assoc. 82:171, 1987).
-correction : {"none", "hedges"}
-    No correction (d), or multiplication of estimate and interval by Hedges' small-sample factor (g, `hedges_factor`).
+method : Bootstrap
+    ``percentile`` or ``basic``: percentiles of the bootstrap distribution, or reflected ones; ``BCa``: bias-corrected
+    and accelerated (Efron, J. Am. Stat. Assoc. 82:171, 1987).
+correction : Correction
+    ``none``: d; ``hedges``: g, by multiplication of estimate and interval by the small-sample `hedges_factor`.
 slopes : Slopes
     Random slopes: none, by dyad, or by dyad and performer, of each factor that varies within performers. Without
     them the confidence interval of an effect that differs between dyads is too short.

@@ -159,7 +159,7 @@ def picture(study: Study) -> Picture:
 
 def _crowded(found: list[Shares]) -> bool:
     """Return whether the team names do not fit: many conditions, or levels in the names."""
-    return len(found) > _FEW or any(one.condition.among for one in found)
+    return len(found) > _FEW or any(one.condition.other_levels for one in found)
 
 
 def _bars(axes: "Axes", found: list[Shares]) -> None:
@@ -203,7 +203,7 @@ def _named(axes: "Axes", found: list[Shares], at: dict[str, float]) -> None:
     if _crowded(found):
         axes.set_xticks(list(at.values()), [one.condition.label for one in found], fontsize=7, rotation=90)
         return
-    short = [one.condition.feeling.removeprefix("haptics ") for one in found]
+    short = [one.condition.haptics.removeprefix("haptics ") for one in found]
     axes.set_xticks(list(at.values()), short, fontsize=7)
     teams = dict.fromkeys(one.condition.team for one in found)
     middles = [

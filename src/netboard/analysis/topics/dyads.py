@@ -87,7 +87,7 @@ class Dyads:
 def dyads(study: Study) -> Dyads:
     """Compare dyads with their participants."""
     trials, every = counted(study), conditions(study)
-    alone = {(one.force, one.among): one.name for one in every if one.configuration == "bimanual"}
+    alone = {(one.force, one.other_levels): one.name for one in every if one.configuration == "bimanual"}
     found = []
     for quantity in QUANTITIES:
         levels = {
@@ -98,7 +98,7 @@ def dyads(study: Study) -> Dyads:
         }
         for one in every:
             if one.configuration == "dyadic" and not one.partner:
-                points = _points(levels, one.name, alone.get((one.force, one.among), ""))
+                points = _points(levels, one.name, alone.get((one.force, one.other_levels), ""))
                 found.append(_compare(quantity, one, points))
     return Dyads(tuple(found), tuple(result for one in found for result in _results(one)))
 
@@ -123,7 +123,7 @@ def _compare(quantity: Quantity, condition: Condition, points: Iterator[Point]) 
 
 
 def _results(found: Comparison) -> Iterator[Result]:
-    quantity, group = found.quantity, found.condition.felt
+    quantity, group = found.quantity, found.condition.haptics_label
     note = "" if found.known else "no dyad performed in both configurations with this force"
     yield estimated(TOPIC, f"{quantity.name}: mean of the two minus dyad", group, found.gain, quantity.unit, note)
     if found.known:
@@ -220,14 +220,14 @@ def _gains(axes: "Axes", found: list[Comparison]) -> None:
         look, gains = _look(one), one.gains
         draw_dyads(axes, gains, np.full(len(gains), row + 0.27), look.colour, one.condition.force)
         draw_mean(axes, row, one.gain, look, one.condition.force, across=True)
-    names = [f"{one.condition.felt}:\n{one.better} of {one.known} dyads better" for one in found]
+    names = [f"{one.condition.haptics_label}:\n{one.better} of {one.known} dyads better" for one in found]
     axes.set_yticks(range(len(found)), names)
     axes.set_ylim(max(len(found), 1) - 0.5, -0.5)
     axes.set_xlabel(f"mean of the two alone minus dyad [{found[0].quantity.unit if found else '1'}]")
 
 
 def _caption(found: list[Comparison]) -> str:
-    known = [(f"{one.condition.felt}, {one.quantity.name}", one.known, "dyad") for one in found]
+    known = [(f"{one.condition.haptics_label}, {one.quantity.name}", one.known, "dyad") for one in found]
     least = [one.test.least_p for one in found if np.isfinite(one.test.least_p)]
     power = f" The smallest possible p of a sign test with this number of dyads is {min(least):.3g}." if least else ""
     return (

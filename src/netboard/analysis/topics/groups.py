@@ -22,11 +22,11 @@ from netboard.analysis.extraction.study import Study, pooled
 from netboard.analysis.extraction.tables import ATTEMPT_KEY
 from netboard.analysis.measures.performance import ENDS, trial_times, window_sizes
 from netboard.analysis.statistics.estimates import Estimate, t_interval
-from netboard.analysis.topics.result import Result, kept
+from netboard.analysis.topics.result import Result, cached
 from netboard.base.tables.forces import CONDITIONS
 from netboard.task.studies.factors import level_text
 
-FORCES = {name: condition.label for name, condition in CONDITIONS.items()}
+FORCE_LABELS = {name: condition.label for name, condition in CONDITIONS.items()}
 """Name of each haptic condition, in display order."""
 
 MAX_CONDITIONS = 6
@@ -67,7 +67,7 @@ class Condition:
     role: str = ""
 
     @property
-    def among(self) -> tuple[str, ...]:
+    def other_levels(self) -> tuple[str, ...]:
         """Key that comparable conditions share: levels of all other factors, and role."""
         texts = [factor.text(level) for factor, level in self.levels]
         return (*texts, self.role) if self.role else tuple(texts)
@@ -75,49 +75,50 @@ class Condition:
     @property
     def team(self) -> str:
         """Team: configuration, partner, levels of other factors, and a role other than test."""
-        return ", ".join(filter(None, (self.configuration, self.partner, *self.among)))
+        return ", ".join(filter(None, (self.configuration, self.partner, *self.other_levels)))
 
     @property
-    def feeling(self) -> str:
+    def haptics(self) -> str:
         """Name of the haptic condition."""
-        return FORCES.get(self.force, self.force)
+        return FORCE_LABELS.get(self.force, self.force)
 
     @property
-    def felt(self) -> str:
+    def haptics_label(self) -> str:
         """Name of the haptic condition, with the levels of other factors."""
-        return ", ".join((self.feeling, *self.among))
+        return ", ".join((self.haptics, *self.other_levels))
 
     @property
     def label(self) -> str:
         """Team and haptic condition."""
-        return f"{self.team}, {self.feeling}"
+        return f"{self.team}, {self.haptics}"
 
 
-@kept
+@cached
 def conditions(study: Study) -> tuple[Condition, ...]:
     """Return the conditions of a study, bimanual first, and haptics off first."""
     analysed = study.analysed
-    told = [factor for factor in study.factors if factor.told]
+    named = [factor for factor in study.factors if factor.in_names]
     caught = set(study.counted.loc[study.counted["role"] == "catch", "recording"])
     found: dict[str, Condition] = {}
     for place, row in zip(analysed.index, analysed.to_dict("records"), strict=True):
-        lengths = (len(study.levels.sequences[one.name][place]) for one in told)
+        lengths = (len(study.levels.sequences[one.name][place]) for one in named)
         trials = range(1, 1 + lcm(*(length for length in lengths if length)))
-        levels = {one.name: study.levels.at(one, [place] * len(trials), trials) for one in told}
+        levels = {one.name: study.levels.at(one, [place] * len(trials), trials) for one in named}
         for role in {row["role"] or "test", *(["catch"] if row["recording"] in caught else [])}:
             names = names_of(pd.DataFrame([row] * len(trials)), levels, [role] * len(trials))
             for trial, name in enumerate(names):
-                own = tuple((one, levels[one.name][trial]) for one in told if levels[one.name][trial])
+                own = tuple((one, levels[one.name][trial]) for one in named if levels[one.name][trial])
                 who = row["configuration"], row["force"], row["partner"]
                 found[name] = Condition(name, *who, own, "" if role == "test" else role)
     return tuple(sorted(found.values(), key=_place))
 
 
-@kept
+@cached
 def bounded(study: Study) -> tuple[Study, str]:
     """Pool over as few factors as needed to fit the conditions in a figure, and say which; empty for none."""
     cells = len(conditions(study))
-    within_first = sorted((one for one in reversed(study.factors) if one.told), key=lambda one: one.scope != "trial")
+    named = [one for one in reversed(study.factors) if one.in_names]
+    within_first = sorted(named, key=lambda one: one.scope != "trial")
     over: list[StudyFactor] = []
     fewer = study
     while len(conditions(fewer)) > MAX_CONDITIONS and len(over) < len(within_first):
@@ -142,7 +143,7 @@ def block_labels(study: Study) -> dict[str, str]:
 
 def _place(condition: Condition) -> tuple[int, str, tuple[int, ...], str, int, str]:
     """Return the sort key of a condition."""
-    known = list(FORCES)
+    known = list(FORCE_LABELS)
     return (
         CONFIGURATIONS.index(condition.configuration),
         condition.partner,
@@ -288,8 +289,8 @@ def comparisons(every: tuple[Condition, ...], values: Mapping[str, pd.Series]) -
 
     for one, base in with_base(every):
         yield f"{one.label} vs off", difference([one.name], [base.name])
-    for among in dict.fromkeys(one.among for one in every):
-        own = [one for one in every if one.among == among and not one.partner]
+    for among in dict.fromkeys(one.other_levels for one in every):
+        own = [one for one in every if one.other_levels == among and not one.partner]
         alone = {one.force: one.name for one in own if one.configuration == "bimanual"}
         together = {one.force: one.name for one in own if one.configuration == "dyadic"}
         shared = [force for force in alone if force in together]
@@ -323,7 +324,7 @@ def by_factor(every: tuple[Condition, ...]) -> Iterator[tuple[str, Condition, Co
     for one in every:
         base = felt.setdefault(one.team, one)
         if base is not one and base.force != "none":
-            yield f"{one.feeling} vs {base.feeling}, {one.team}", one, base
+            yield f"{one.haptics} vs {base.haptics}, {one.team}", one, base
 
 
 def estimate(values: pd.Series, of: str = "dyad") -> Estimate:

@@ -27,7 +27,7 @@ from netboard.analysis.topics.figure import (
     styled,
 )
 from netboard.analysis.topics.groups import CLASSES, Condition, conditions, counted, estimated, excluded
-from netboard.analysis.topics.result import Result, kept
+from netboard.analysis.topics.result import Result, cached
 from netboard.analysis.topics.units import read_in
 
 if TYPE_CHECKING:
@@ -218,7 +218,7 @@ def levels_of_performers(study: Study, measure: Measure) -> pd.DataFrame:
     return sums.assign(level=sums["sum"] / sums["weight"])
 
 
-def as_read(study: Study) -> tuple[Measure, ...]:
+def measures_of(study: Study) -> tuple[Measure, ...]:
     """Return `MEASURES`; with the reading ``summaries.shares = "time"``, shares are weighted by time."""
     if study.readings.summaries.shares == "trials":
         return MEASURES
@@ -276,10 +276,10 @@ def levels_of(study: Study, measures: Iterable[Measure]) -> tuple[Levels, ...]:
     return tuple(found)
 
 
-@kept
+@cached
 def overview(study: Study) -> Overview:
     """Return the level of every measure in every condition."""
-    return Overview(levels_of(study, as_read(study)))
+    return Overview(levels_of(study, measures_of(study)))
 
 
 def exponential(estimate: Estimate) -> Estimate:

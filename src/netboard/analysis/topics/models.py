@@ -31,9 +31,9 @@ from netboard.analysis.topics.figure import (
     styled_whole,
     titled,
 )
-from netboard.analysis.topics.groups import FORCES
+from netboard.analysis.topics.groups import FORCE_LABELS
 from netboard.analysis.topics.measures import rows_of
-from netboard.analysis.topics.result import Result, kept, plain
+from netboard.analysis.topics.result import Result, cached, plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -112,18 +112,18 @@ def _checks(fit: Fit) -> Iterator[Result]:
             yield plain("models", f"{fit.measure}: {name}", "all", value, "1", model.trials, fit.of, note)
 
 
-@kept
+@cached
 def fits(study: Study) -> Fits:
     """Fit all models without robot and still hand; one that cannot be fitted gives the reason in its notes."""
-    trials, attempts = (people_alone(rows_of(study, of)) for of in ("trial", "attempt"))
-    attempts = attempts.assign(order=number_of(attempts))
+    trials, attempts = (human_test_rows(rows_of(study, of)) for of in ("trial", "attempt"))
+    attempts = attempts.assign(order=trial_numbers(attempts))
     return Fits(fits_of(trials, attempts, study.factors), _left_out(study, len(trials)))
 
 
 def fits_of(
     trials: pd.DataFrame, attempts: pd.DataFrame, others: Sequence[StudyFactor], level: float = 0.95
 ) -> tuple[Fit, ...]:
-    """Fit all models to trials that count and attempts numbered by `number_of`, with the study's further factors."""
+    """Fit all models to trials that count and attempts with `trial_numbers`, with the study's further factors."""
     of_trials, of_attempts = _labels(trials, others), _labels(attempts, others)
     times = log_time_model(trials["completion"].where(trials["completion"] > 0.0), *of_trials, level=level)
     peaks = count_model(trials["peaks"], *of_trials, level=level)
@@ -135,7 +135,7 @@ def fits_of(
     )
 
 
-def people_alone(rows: pd.DataFrame) -> pd.DataFrame:
+def human_test_rows(rows: pd.DataFrame) -> pd.DataFrame:
     """Return the rows of the models: test trials without a robot or a still hand."""
     return rows[(rows["partner"] == "") & rows["role"].isin(["", "test"])]
 
@@ -157,10 +157,10 @@ def factors_of(rows: pd.DataFrame, others: Sequence[StudyFactor] = ()) -> tuple[
     has already is called "factor NAME".
     """
     found = list(paper_factors(rows["haptics"] == 1, rows["configuration"] == "dyadic"))
-    felt = [force for force in FORCES if force in set(rows["force"])]
+    felt = [force for force in FORCE_LABELS if force in set(rows["force"])]
     if len([force for force in felt if force != "none"]) > 1:
         found[0] = _named("force", rows["force"], felt)
-    own = [_own(rows, one) for one in others if one.told]
+    own = [_own(rows, one) for one in others if one.in_names]
     if own:  # with only the paper's factors, notes state what the study lacks
         found = [one for one in found if len(set(one.values)) > 1]
     taken = {*_COLUMNS, *(one.name for one in found)}
@@ -184,7 +184,7 @@ def _own(rows: pd.DataFrame, factor: StudyFactor) -> Factor:
     return Factor(f"{factor.name} [{unit}]", values, numeric=True, unit=unit)
 
 
-def number_of(attempts: pd.DataFrame) -> pd.Series:
+def trial_numbers(attempts: pd.DataFrame) -> pd.Series:
     """Number attempts, from 1, by the performer's trial in the condition that they belong to."""
     succeeded = (attempts["outcome"] == "success").astype("int64")
     done = succeeded.groupby([attempts[name] for name in ("dyad", "performer", "condition")]).cumsum()

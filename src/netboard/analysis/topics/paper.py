@@ -161,7 +161,7 @@ COMPARISON = (
 
 def compare(study: Study) -> pd.DataFrame:
     """Compare a study's numbers with those of the paper."""
-    found = {(one.topic, one.quantity, one.group): one for find in PAPER for one in results_in(study, find)}
+    found = {(one.topic, one.quantity, one.group): one for topic in PAPER for one in results_in(study, topic)}
     ends = windows_of(study).ends
     rows = []
     for said in REPORTED:

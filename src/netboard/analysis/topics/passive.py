@@ -18,7 +18,7 @@ from netboard.analysis.extraction.study import Study
 from netboard.analysis.statistics.estimates import Estimate, bootstrap, ratio_of_sums, t_interval
 from netboard.analysis.topics.figure import Picture, beside, draw_dyads, draw_mean, look_of, many, new_mosaic, styled
 from netboard.analysis.topics.groups import Condition, conditions, estimated, with_base
-from netboard.analysis.topics.measures import as_read, column, levels, rows_of
+from netboard.analysis.topics.measures import column, levels, measures_of, rows_of
 from netboard.analysis.topics.result import Result
 from netboard.analysis.topics.units import PERCENT, POINTS
 
@@ -101,7 +101,7 @@ def controls(study: Study) -> Controls:
 
     There are no controls if no dyad has dyadic trials both with and without haptic feedback.
     """
-    cooperative = next(measure for measure in as_read(study) if measure.name == "cooperative share")
+    cooperative = next(measure for measure in measures_of(study) if measure.name == "cooperative share")
     live = levels(study, cooperative)
     found = []
     for stiffness in STIFFNESSES:
@@ -181,7 +181,7 @@ def picture(study: Study) -> Picture:
         means = [own[0].mean_effect, *(one.mean_passive for one in own)]
         for place, mean in zip(columns, means, strict=True):
             draw_mean(axes, place + offset, mean, look, f"{condition.name}, {place}", scale=POINTS.scale)
-        axes.plot([], [], linestyle="none", marker=look.marker, color=look.colour, label=condition.felt)
+        axes.plot([], [], linestyle="none", marker=look.marker, color=look.colour, label=condition.haptics_label)
     names = [
         "haptics on minus off,\nas recorded",
         *(f"passive,\n{one.arm.replace(', ', ',' + chr(10))}" for one in found if one.condition == felt[0]),
@@ -216,4 +216,4 @@ def _device(found: tuple[Control, ...]) -> str:
 def _share(one: Control) -> str:
     value, low, high = (f"{PERCENT.scale * end:.0f}" for end in (one.share.value, one.share.low, one.share.high))
     ends = f" ({low} to {high})" if np.isfinite(one.share.low) else ""
-    return f"{one.condition.felt}, {one.stiffness} N/m: {value} %{ends}"
+    return f"{one.condition.haptics_label}, {one.stiffness} N/m: {value} %{ends}"

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from netboard.analysis.extraction.attempts import classes_of, peaks_of, strategy_of
-from netboard.analysis.extraction.details import PERCENT, delays_of
+from netboard.analysis.extraction.details import THRESHOLDS, delays_of
 from netboard.analysis.extraction.trials import RATE, Take
 from netboard.analysis.measures.movements import Movement
 from netboard.analysis.measures.signals import derivative, runs
@@ -69,8 +69,8 @@ def draw_peaks(axes: Axes, take: Take) -> str:
     """Draw the ball's speed with its peaks; return the explanation."""
     window, time = _whole(take)
     how = take.block.readings.peaks
-    speed = take.found.speed[window] * MM
-    axes.plot(time, np.abs(take.found.vp[window]) * MM, color=GREY, lw=0.7)
+    speed = take.motion.speed[window] * MM
+    axes.plot(time, np.abs(take.motion.vp[window]) * MM, color=GREY, lw=0.7)
     axes.plot(time, speed, color=BLACK)
     every, counted = peaks_of(take, "whole"), peaks_of(take, how.window)
     axes.plot(time[every.samples], speed[every.samples], "o", mfc="white", mec=GREY, ms=4)
@@ -90,7 +90,8 @@ def draw_classes(axes: Axes, take: Take) -> str:
     """Draw the styluses' velocities and a strip of the movement classes; return the explanation."""
     window, time = _whole(take)
     for side in SIDES:
-        axes.plot(time, getattr(take.found, f"{side}_vz")[window] * MM, color=HANDS[side], ls=_STYLES[side], label=side)
+        velocity = getattr(take.motion, f"{side}_vz")[window]
+        axes.plot(time, velocity * MM, color=HANDS[side], ls=_STYLES[side], label=side)
     limit = take.block.readings.movements.still_below * MM
     for level in (-limit, limit):
         axes.axhline(level, color=GREY, lw=0.6)
@@ -112,23 +113,23 @@ def draw_movements(axes: Axes, take: Take) -> str:
     """Draw the board's angular velocity with its movements; return the explanation."""
     window, time = _whole(take)
     moved = delays_of(take)[0]
-    for first, stop, together in zip(take.own_turns.first, take.own_turns.stop, moved.cooperative, strict=True):
+    for first, stop, together in zip(take.own_segments.first, take.own_segments.stop, moved.cooperative, strict=True):
         span = ((first - take.trial.release) / RATE, (stop - take.trial.release) / RATE)
         axes.axvspan(*span, color=GREEN if together else ORANGE, alpha=0.25, lw=0)
-    axes.plot(time, derivative(take.found.theta, RATE)[window] * DEG, color=GREY, lw=0.7)
-    axes.plot(time, take.found.omega[window] * DEG, color=BLACK)
+    axes.plot(time, derivative(take.motion.theta, RATE)[window] * DEG, color=GREY, lw=0.7)
+    axes.plot(time, take.motion.omega[window] * DEG, color=BLACK)
     limit = take.block.readings.segments.least_rate_deg
     for level in (-limit, limit):
         axes.axhline(level, color=GREY, lw=0.6)
     axes.set_ylabel("board [deg/s]")
-    count, together = len(take.own_turns), int(moved.cooperative.sum())
+    count, together = len(take.own_segments), int(moved.cooperative.sum())
     return f"{count}, of which {together} cooperative (green); grey: before the {_slow(take)} filter"
 
 
 def draw_delay(axes: Axes, take: Take) -> str:
     """Draw the largest cooperative movement with the delay thresholds; return the explanation."""
     moved, found, _ = delays_of(take)
-    turns = take.own_turns
+    turns = take.own_segments
     axes.set_ylabel("styluses [mm/s]")
     if not moved.cooperative.any():
         return "no cooperative movement"
@@ -138,16 +139,16 @@ def draw_delay(axes: Axes, take: Take) -> str:
     axes.axvspan((turns.first[k] - take.trial.release) / RATE, time[-1], color=GREEN, alpha=0.15, lw=0)
     how, peaks = take.block.readings.delays, {"left": found.left_peak[k], "right": found.right_peak[k]}
     for side, went in (("left", moved.left[k]), ("right", moved.right[k])):
-        own = getattr(take.found, f"{side}_vz")[first:stop]
+        own = getattr(take.motion, f"{side}_vz")[first:stop]
         own = np.abs(own) if how.velocity == "magnitude" else np.sign(went) * own
         axes.plot(time, own * MM, color=HANDS[side], ls=_STYLES[side], label=side)
     levels = peaks if how.threshold == "own_peak" else {"": min(peaks.values())}
     for side, peak in levels.items():
-        for percent in PERCENT:
+        for percent in THRESHOLDS:
             axes.axhline(percent / 100 * peak * MM, color=HANDS.get(side, GREY), lw=0.6, label=f"_{side} {percent} %")
     axes.legend(loc="upper left")
     said = ", ".join(f"{value * MM:.0f}" if np.isfinite(value) else "none" for value in found.signed[k])
-    at = ", ".join(f"{percent}" for percent in PERCENT)
+    at = ", ".join(f"{percent}" for percent in THRESHOLDS)
     whose = "each side's own peak" if how.threshold == "own_peak" else "the slower side's peak"
     return f"left minus right {said} ms at {at} % of {whose} (lines), in the largest movement"
 
@@ -156,7 +157,7 @@ def draw_braking(axes: Axes, take: Take) -> str:
     """Draw the tilt with the initial and the first braking movement; return the explanation."""
     window, time = _whole(take)
     axes.axhline(0.0, color=GREY, lw=0.6)
-    axes.plot(time, -take.trial.side * take.found.theta[window] * DEG, color=BLACK)
+    axes.plot(time, -take.trial.side * take.motion.theta[window] * DEG, color=BLACK)
     axes.set_ylabel("tilt to target [deg]")
     found = strategy_of(take, take.block.readings.strategy.braking)
     for onset, colour, word in ((found.initial, ORANGE, "initial"), (found.onset, VERMILION, "braking")):
