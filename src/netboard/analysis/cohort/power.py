@@ -22,6 +22,7 @@ from scipy.special import stdtrit
 
 from netboard.analysis.cohort.rows import KEPT, SIZE, CohortMeasure
 from netboard.analysis.statistics.exact_tests import permutation_p
+from netboard.analysis.topics.contrasts import SEED
 from netboard.analysis.topics.groups import paired_levels
 from netboard.base.errors import ConfigError
 
@@ -30,9 +31,6 @@ Array = NDArray[np.float64]
 Scale = Literal["difference", "ratio"]
 
 T_TEST, PERMUTATION = "paired t test", "permutation test"
-
-SEED = 20_220_302
-"""Seed of permutation tests with many dyads."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,13 +24,13 @@ class Mechanics:
 
 def mechanics_of(config: Config, recording: Recording) -> dict[Side, Mechanics | None]:
     """Return the mechanics of both devices of a recording."""
-    said = recording.metadata
-    if said.get("imported") == "measured":
+    metadata = recording.metadata
+    if metadata.get("imported") == "measured":
         return dict.fromkeys(SIDES)
-    if "rehearsed" in said or said.get("imported") == "simulated":
+    if "rehearsed" in metadata or metadata.get("imported") == "simulated":
         return dict.fromkeys(SIDES, simulated_mechanics(config))
-    told = {event.details.get("side"): event.details for event in recording.events() if event.name == "agent_joined"}
-    return {side: _reported_mechanics(config, side, told.get(side, {})) for side in SIDES}
+    joined = {event.details.get("side"): event.details for event in recording.events() if event.name == "agent_joined"}
+    return {side: _reported_mechanics(config, side, joined.get(side, {})) for side in SIDES}
 
 
 def _reported_mechanics(config: Config, side: Side, details: Mapping[str, str]) -> Mechanics | None:

@@ -20,27 +20,27 @@ from netboard.analysis.extraction.conditions import (
     value_columns,
 )
 from netboard.analysis.extraction.exclusions import excluded
-from netboard.analysis.extraction.recordings import FIELDS, Measured
+from netboard.analysis.extraction.recordings import BLOCKS, FIELDS, Measured
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.tables import ATTEMPT_KEY, Columns, count, words
 from netboard.analysis.extraction.trials import RATE
 from netboard.analysis.measures.performance import running_number
 from netboard.recording.format.channels import Field
 
+_OF_BLOCKS = {field.name: field for field in BLOCKS}
+
 PLACE_IN_STUDY = (
-    words("dyad", "pseudonym of the dyad"),
-    words("performer", "performer: pseudonym of the participant, or of the dyad if both performed"),
+    _OF_BLOCKS["dyad"],
+    _OF_BLOCKS["performer"],
     words("configuration", "dyadic or bimanual"),
     words("force", "haptic feedback: the force condition"),
-    count("haptics", "1: with haptic feedback"),
+    _OF_BLOCKS["haptics"],
     words("partner", "robot partner or still partner; empty if the partner is a participant or there is none"),
-    words("kind", "kind of block, as in the study; empty: none"),
+    _OF_BLOCKS["kind"],
     words(
         "condition", "configuration, force, partner, levels that these do not determine, and the role if it is not test"
     ),
-    count(
-        "block", "number of the block in the dyad's plan, from 1; renumbered consecutively if two blocks have the same"
-    ),
+    _OF_BLOCKS["block"],
     count("counts", "1: a successful trial that is not excluded"),
     count(
         "order",

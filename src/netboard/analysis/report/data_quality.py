@@ -60,14 +60,14 @@ def _sentences(study: Study, left_out: int) -> list[str]:
     planned, done = _blocks(study)
     missing, there = int(blocks["missing"].sum()), int(blocks["ticks"].sum())
     unknown = int(blocks["unknown_rendered"].sum()) if "unknown_rendered" in blocks else 0
-    told = f"what a device rendered is unknown at {plural(unknown, 'tick')}; " if unknown else ""
+    unrendered = f"what a device rendered is unknown at {plural(unknown, 'tick')}; " if unknown else ""
     share = f" ({amount(100 * missing / (missing + there))} %)" if missing else ""
     ends = [f"{amount(n)} {str(end).replace('_', ' ')}" for end, n in trials["outcome"].value_counts().items()]
     marked = int((trials["flags"] != "").sum())
     return [
         f"{plural(len(blocks), 'recording')}: {amount(int((done >= planned).sum()))} of "
         f"{plural(len(planned), 'block')} complete; {amount(missing)} of {plural(missing + there, 'tick')} "
-        f"missing{share}; {told}{plural(int(blocks['repaired'].sum()), 'recording')} repaired; "
+        f"missing{share}; {unrendered}{plural(int(blocks['repaired'].sum()), 'recording')} repaired; "
         f"{plural(left_out, 'file')} left out.",
         f"{plural(len(trials), 'attempt')}: {', '.join(ends)}; {amount(marked)} with quality flags; "
         f"{amount(len(reasons(study)))} excluded.",

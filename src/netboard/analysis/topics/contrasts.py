@@ -21,6 +21,7 @@ from netboard.analysis.statistics.estimates import Estimate
 from netboard.analysis.statistics.exact_tests import SYMMETRIC
 from netboard.analysis.topics.figure import (
     BLACK,
+    NO_EFFECT,
     Look,
     Picture,
     beside,
@@ -286,7 +287,7 @@ def _panel(
     offsets = dict(zip(questions, beside(len(questions), 0.5 if len(questions) <= 2 else 0.75), strict=True))
     for row in range(0, len(names), 2):
         axes.axhspan(row - 0.5, row + 0.5, color=_BAND, zorder=0, linewidth=0.0)
-    axes.axvline(0.0, color="#888888", linewidth=0.8, zorder=1)
+    axes.axvline(0.0, **NO_EFFECT)
     for one in found:
         at = names.index(one.measure.name) + offsets[one.question]
         draw_mean(

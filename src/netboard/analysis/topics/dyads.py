@@ -25,6 +25,7 @@ from netboard.analysis.statistics.exact_tests import Test, sign_test
 from netboard.analysis.topics.figure import (
     BLACK,
     GREEN,
+    NO_EFFECT,
     ORANGE,
     PINK,
     SKY,
@@ -179,7 +180,7 @@ def _plane(axes: "Axes", found: list[Comparison]) -> None:
     ]
     reach = 1.15 * max([1e-3, *map(abs, every)])
     axes.fill_between([-reach, reach], [-reach, reach], -reach, color="#EEEEEE", zorder=0, linewidth=0.0)
-    axes.plot([-reach, reach], [-reach, reach], color="#888888", linewidth=0.8, zorder=1, label="_diagonal")
+    axes.plot([-reach, reach], [-reach, reach], **NO_EFFECT, label="_diagonal")
     axes.text(0.97 * reach, -0.97 * reach, "dyad better\nthan the mean of both", ha="right", va="bottom", fontsize=7)
     for one in found:
         look = _look(one)
@@ -215,7 +216,7 @@ def _plane(axes: "Axes", found: list[Comparison]) -> None:
 
 def _gains(axes: "Axes", found: list[Comparison]) -> None:
     """Draw the gain of each dyad and their mean, a row for each haptic condition."""
-    axes.axvline(0.0, color="#888888", linewidth=0.8, zorder=1)
+    axes.axvline(0.0, **NO_EFFECT)
     for row, one in enumerate(found):
         look, gains = _look(one), one.gains
         draw_dyads(axes, gains, np.full(len(gains), row + 0.27), look.colour, one.condition.force)

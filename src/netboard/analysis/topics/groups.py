@@ -219,15 +219,10 @@ def performed_by(every: Iterable[Condition]) -> dict[str, object]:
 def paired_levels(performers: pd.DataFrame, who: Mapping[str, object], names: Sequence[str]) -> pd.DataFrame:
     """Return the levels of each dyad in conditions that are compared; NaN where nothing can be compared.
 
-    Only performers with a value in all of these conditions of their configuration count: else a performer's own speed
-    would be taken for an effect. Between configurations, moreover, a dyad needs a value of each of its performers.
-
-    Parameters
-    ----------
-    performers : DataFrame
-        Level of each dyad and performer (rows) in each condition (columns, by name).
-    who : mapping
-        Who performs each condition, as from `performed_by`.
+    `performers` has the level of each dyad and performer (rows) in each condition (columns); `who` performs each
+    condition, as from `performed_by`. Only performers with a value in all of these conditions of their configuration
+    count: else a performer's own speed would be taken for an effect. Between configurations, moreover, a dyad needs a
+    value of each of its performers.
     """
     compared = {who[name]: [other for other in names if who[other] == who[name]] for name in names}
     parts = []
@@ -336,8 +331,8 @@ def estimated(topic: str, quantity: str, group: str, found: Estimate, unit: str,
     """Return an estimate, with its confidence interval and its number of units, as a result."""
     few = {0: f"no {found.unit} has a value", 1: f"no interval from one {found.unit}"}.get(found.n, "")
     interval = f"{100 * found.level:.0f} % {found.method}" if found.n > 1 else ""
-    said = "; ".join(word for word in (note, few) if word)
-    return Result(topic, quantity, group, found.value, found.low, found.high, unit, interval, found.n, found.unit, said)
+    note = "; ".join(filter(None, (note, few)))
+    return Result(topic, quantity, group, found.value, found.low, found.high, unit, interval, found.n, found.unit, note)
 
 
 def simulated(study: Study) -> str:

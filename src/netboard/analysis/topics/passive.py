@@ -16,7 +16,17 @@ from numpy.typing import NDArray
 from netboard.analysis.extraction.attempts import STIFFNESSES
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.statistics.estimates import Estimate, bootstrap, ratio_of_sums, t_interval
-from netboard.analysis.topics.figure import Picture, beside, draw_dyads, draw_mean, look_of, many, new_mosaic, styled
+from netboard.analysis.topics.figure import (
+    NO_EFFECT,
+    Picture,
+    beside,
+    draw_dyads,
+    draw_mean,
+    look_of,
+    many,
+    new_mosaic,
+    styled,
+)
 from netboard.analysis.topics.groups import Condition, conditions, estimated, with_base
 from netboard.analysis.topics.measures import column, levels, measures_of, rows_of
 from netboard.analysis.topics.result import Result
@@ -162,7 +172,7 @@ def picture(study: Study) -> Picture:
         return Picture("passive", TITLE, why, None)
     figure, panels = new_mosaic(3.0, [["all"]])
     axes = panels["all"]
-    axes.axhline(0.0, color="#888888", linewidth=0.8, zorder=1)
+    axes.axhline(0.0, **NO_EFFECT)
     felt = list(dict.fromkeys(one.condition for one in found))
     columns = list(range(1 + len({one.arm for one in found})))
     for condition, offset in zip(felt, beside(len(felt), 0.5), strict=True):

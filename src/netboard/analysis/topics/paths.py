@@ -95,8 +95,8 @@ def joined(trials: pd.DataFrame, paths: Mapping[str, pd.DataFrame]) -> Iterator[
     ``number`` counts the recording's trials from 0, and ``sample`` their samples. Recordings without paths are skipped.
     """
     for recording, own in trials.groupby("recording", sort=False):
-        told = own[[*ATTEMPT_KEY, "condition", "dyad", "target", "completion"]]
-        table = paths[str(recording)].merge(told, on=ATTEMPT_KEY, validate="many_to_one")
+        columns = own[[*ATTEMPT_KEY, "condition", "dyad", "target", "completion"]]
+        table = paths[str(recording)].merge(columns, on=ATTEMPT_KEY, validate="many_to_one")
         if len(table):
             samples = (table["time"] / PERIOD).round().astype("int64")
             yield table.assign(number=table.groupby(ATTEMPT_KEY, sort=False).ngroup(), sample=samples)

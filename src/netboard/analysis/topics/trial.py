@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from netboard.analysis.extraction.attempts import classes_of, peaks_of, strategy_of
 from netboard.analysis.extraction.details import THRESHOLDS, delays_of
 from netboard.analysis.extraction.trials import RATE, Take
+from netboard.analysis.measures.cooperation import SEARCH_BACK
 from netboard.analysis.measures.movements import Movement
 from netboard.analysis.measures.signals import derivative, runs
 from netboard.analysis.topics.figure import (
@@ -98,15 +99,15 @@ def draw_classes(axes: Axes, take: Take) -> str:
     low, high = axes.get_ylim()
     axes.set_ylim(low - _ROOM * (high - low), high)
     classes = classes_of(take)
-    said = []
+    texts = []
     for name, colour in CLASS_COLOURS.items():
         own = np.isin(classes, [kind for kind, word in _KINDS.items() if word == name])
         spans = [(first / RATE, (stop - first) / RATE) for first, stop in runs(own)]
         axes.broken_barh(spans, (low - _ROOM * (high - low), 0.6 * _ROOM * (high - low)), color=colour, lw=0)
-        said.append(f"{name} {own.mean():.0%}" if own.size else f"{name} unknown")
+        texts.append(f"{name} {own.mean():.0%}" if own.size else f"{name} unknown")
     axes.set_ylabel("styluses [mm/s]")
     axes.legend(loc="upper right", ncols=2)
-    return ", ".join(said) + f" of the time; lines: {limit:g} mm/s"
+    return ", ".join(texts) + f" of the time; lines: {limit:g} mm/s"
 
 
 def draw_movements(axes: Axes, take: Take) -> str:
@@ -134,7 +135,7 @@ def draw_delay(axes: Axes, take: Take) -> str:
     if not moved.cooperative.any():
         return "no cooperative movement"
     k = int(np.argmax(np.where(moved.cooperative, np.abs(turns.angle), 0.0)))
-    first, stop = max(int(turns.first[k]) - round(0.3 * RATE), 0), int(turns.stop[k])
+    first, stop = max(int(turns.first[k]) - round(SEARCH_BACK * RATE), 0), int(turns.stop[k])
     time = (np.arange(first, stop) - take.trial.release) / RATE
     axes.axvspan((turns.first[k] - take.trial.release) / RATE, time[-1], color=GREEN, alpha=0.15, lw=0)
     how, peaks = take.block.readings.delays, {"left": found.left_peak[k], "right": found.right_peak[k]}
@@ -147,10 +148,10 @@ def draw_delay(axes: Axes, take: Take) -> str:
         for percent in THRESHOLDS:
             axes.axhline(percent / 100 * peak * MM, color=HANDS.get(side, GREY), lw=0.6, label=f"_{side} {percent} %")
     axes.legend(loc="upper left")
-    said = ", ".join(f"{value * MM:.0f}" if np.isfinite(value) else "none" for value in found.signed[k])
+    delays = ", ".join(f"{value * MM:.0f}" if np.isfinite(value) else "none" for value in found.signed[k])
     at = ", ".join(f"{percent}" for percent in THRESHOLDS)
     whose = "each side's own peak" if how.threshold == "own_peak" else "the slower side's peak"
-    return f"left minus right {said} ms at {at} % of {whose} (lines), in the largest movement"
+    return f"left minus right {delays} ms at {at} % of {whose} (lines), in the largest movement"
 
 
 def draw_braking(axes: Axes, take: Take) -> str:
@@ -215,8 +216,8 @@ def sheet(take: Take) -> Picture:
 def _draw(axes: Axes, take: Take, name: str) -> None:
     """Draw a part with its title and its explanation."""
     title, draw = PANELS[name]
-    said = draw(axes, take)
-    axes.set_title(f"{title}: {said}", loc="left", fontsize=7.5)
+    explanation = draw(axes, take)
+    axes.set_title(f"{title}: {explanation}", loc="left", fontsize=7.5)
     axes.set_xlabel("time from the release [s]")
     if name != "delay":
         axes.set_xlim(-0.05, take.attempt.duration + 0.05)
