@@ -1,6 +1,6 @@
 """Measures of movements, forces and success: pure functions of arrays.
 
-A missing sample is NaN. Arrays that belong together have equal lengths; otherwise there is a ValueError.
+A missing sample is NaN. Arguments that differ in length, or lie outside the described range, raise a ValueError.
 
 An argument that means the same in all modules is described here, and in a function only where it differs:
 
@@ -27,7 +27,7 @@ p : array_like, shape (n,)
 vp : ndarray, shape (n,)
     Velocity of the ball along the board [m/s].
 speed : array_like, shape (n,)
-    Speed of one movement, from rest to rest; its duration is n samples [m/s].
+    Speed of one movement, from rest to rest, of at least two samples, for jerk three; it lasts n samples [m/s].
 theta : array_like, shape (n,)
     Tilt of the board, + = right end up [rad].
 target, centre : float

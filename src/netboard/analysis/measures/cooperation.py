@@ -137,7 +137,7 @@ def delays(
     moved : Contributions
         Contribution of each side, from `contributions`.
     portions : sequence of float
-        Fractions of the peak, q of them [1].
+        Fractions of the peak, q of them, above 0 and at most 1 [1].
     threshold : {"slower_side", "own_peak"}
         Reference peak: the slower side's peak for both sides, or each side's own peak.
     search : {"back", "inside", "before_peak"}
@@ -149,11 +149,6 @@ def delays(
         Velocity that must reach the threshold: in the side's own direction, or its magnitude.
     search_back : float
         Search window before a movement; the velocities include it [s].
-
-    Raises
-    ------
-    ValueError
-        If a fraction is not above 0 and at most 1.
     """
     if not all(0 < portion <= 1 for portion in portions):
         raise ValueError(f"a portion of a peak is above 0 and at most 1, found {tuple(portions)}")

@@ -217,11 +217,6 @@ def chance_level(
         Random generator, used for more than eight dyads.
     most : int
         Number of random permutations then, of which more than a third are surrogates [1].
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than two dyads, or unequal numbers of sources and targets.
     """
     n = len(sources)
     if n < 2 or len(targets) != n:

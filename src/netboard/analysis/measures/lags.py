@@ -93,7 +93,7 @@ def lag_of(
     Parameters
     ----------
     longest : float
-        Largest delay in the search [s].
+        Largest delay in the search; two or more samples must overlap there [s].
     relation : {"mirrored", "alike"}
         Whether the sides agree when they move in opposite directions, as in a tilt, or in the same direction.
     overlap : {"pearson", "full"}
@@ -105,11 +105,6 @@ def lag_of(
     Lag
         All NaN if a side does not vary; the delay is NaN if the best one lies at the end of the search range and is no
         maximum.
-
-    Raises
-    ------
-    ValueError
-        If the lengths of the sides differ, or fewer than two samples overlap at the longest delay.
     """
     a, b = paired(left, right)
     b = _SIGNS[relation] * b
@@ -143,7 +138,7 @@ def windowed_lags(
     step : float
         Step between windows [s].
     longest : float
-        Largest delay in the search [s].
+        Largest delay in the search, shorter than the window [s].
     relation : {"mirrored", "alike"}
         As in `lag_of`.
 
@@ -153,11 +148,6 @@ def windowed_lags(
         Centre times of the complete windows, from the first sample [s].
     lags : tuple of Lag
         Delay in each window [s].
-
-    Raises
-    ------
-    ValueError
-        If the lengths of the sides differ, or the window is too short for the delay.
     """
     a, b = paired(left, right)
     size, every = round(window * rate), max(1, round(step * rate))

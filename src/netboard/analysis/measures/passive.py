@@ -244,17 +244,12 @@ def passive_control(
     Parameters
     ----------
     with_forces, without : sequence of sequence of Heights
-        Trials of each dyad with and without haptic feedback.
+        Trials of each dyad with and without haptic feedback, at least one of each kind.
     respond : callable
         Passive partner: a function of the active stylus's height, the ball position and the passive side; returns a
         height.
     measure : callable
         Function of the heights of the left and right stylus, for example the share of cooperative movement.
-
-    Raises
-    ------
-    ValueError
-        If the numbers of dyads with and without haptic feedback differ, or a dyad lacks trials of either kind.
     """
     if len(with_forces) != len(without) or not all(map(len, [*with_forces, *without])):
         raise ValueError(

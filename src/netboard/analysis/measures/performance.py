@@ -60,12 +60,7 @@ def running_number(*labels: NDArray[Any]) -> NDArray[np.int64]:
     Parameters
     ----------
     *labels : ndarray, shape (n,)
-        Labels that must be equal [1].
-
-    Raises
-    ------
-    ValueError
-        If there are no labels, or their lengths differ.
+        One or more labels of each trial [1].
     """
     if len({label.shape for label in labels}) != 1:
         raise ValueError("expected one of each label for every trial")
@@ -164,14 +159,9 @@ def first_and_last(
     Parameters
     ----------
     count : int
-        Number of trials at each end [1].
+        Number of trials at each end, at most half of a condition [1].
     length : int, optional
         Number of trials in a condition; by default the largest number in `order` [1].
-
-    Raises
-    ------
-    ValueError
-        If the first and last trials overlap.
     """
     whole = length if length is not None else int(order.max(initial=0))
     if 2 * count > whole > 0:

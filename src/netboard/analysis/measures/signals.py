@@ -39,9 +39,9 @@ class LowPass:
     Attributes
     ----------
     cutoff : float
-        Cutoff frequency [Hz].
+        Cutoff frequency, above 0 and below half of the sampling rate [Hz].
     order : int
-        Filter order [1].
+        Filter order; even if both passes share it [1].
     order_of : {"both_passes", "each_pass"}
         Whether the order is that of both passes together, so that each has half of it (the convention of the field), or
         of each pass.
@@ -53,11 +53,6 @@ class LowPass:
         padding.
     pad : float
         Duration of the padding [s].
-
-    Raises
-    ------
-    ValueError
-        If the cutoff is not positive, or the order is not possible.
     """
 
     cutoff: float
@@ -81,13 +76,7 @@ class LowPass:
         return self.order // 2 if self.order_of == "both_passes" else self.order
 
     def pass_cutoff(self, rate: float) -> float:
-        """Return the cutoff frequency of each pass [Hz].
-
-        Raises
-        ------
-        ValueError
-            If the cutoff is not below half the sampling rate.
-        """
+        """Return the cutoff frequency of each pass [Hz]."""
         cutoff = self.cutoff
         if 0 < cutoff < rate / 2 and self.cutoff_of == "both_passes":
             stretch = (np.sqrt(2) - 1) ** (-0.5 / self.pass_order)
@@ -229,11 +218,6 @@ def by_number(numbers: NDArray[np.int64], values: NDArray[np.float64]) -> NDArra
     ----------
     numbers : ndarray of int64, shape (n,)
         Sample numbers, increasing [1].
-
-    Raises
-    ------
-    ValueError
-        If the numbers are not increasing.
     """
     if np.any(np.diff(numbers) <= 0):
         raise ValueError("the sample numbers must increase")
@@ -266,17 +250,12 @@ def bridge(values: NDArray[np.float64], rate: float, longest: float = 0.02) -> N
 def resample(values: NDArray[np.float64], rate: float, new_rate: float) -> NDArray[np.float64]:
     """Resample an evenly sampled signal without aliasing (zero-phase polyphase filter) [as given].
 
-    The first sample stays; there are ``ceil(n new_rate / rate)`` samples.
+    The signal has no missing samples. The first one stays; there are ``ceil(n new_rate / rate)`` samples.
 
     Parameters
     ----------
     rate, new_rate : float
         Old and new sampling rates, in a ratio of integers up to `FINEST_RATIO` [Hz].
-
-    Raises
-    ------
-    ValueError
-        If samples are missing, or the rates have no such ratio.
     """
     ratio = Fraction(new_rate / rate).limit_denominator(FINEST_RATIO)
     if ratio <= 0 or ratio.numerator > FINEST_RATIO or not np.isclose(float(ratio), new_rate / rate, rtol=1e-12):
@@ -301,16 +280,11 @@ def evenly(
     Parameters
     ----------
     times : ndarray, shape (n,)
-        Sample times, increasing [s].
+        Two or more sample times, increasing [s].
     rate : float
         New sampling rate, from the first time [Hz].
     kind : {"linear", "monotone"}
         Interpolation between two samples: linear, or a monotone cubic without overshoot (PCHIP).
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than two samples, or their times are not increasing.
     """
     if times.size < 2 or not np.all(np.diff(times) > 0):
         raise ValueError("even sampling needs two or more samples with increasing times")

@@ -48,16 +48,11 @@ def spectral_arc_length(
         The curve ends at the last frequency up to `highest` at which the magnitude is above the threshold (SPARC,
         2015), or at `highest` (SAL, 2012).
     highest : float
-        Largest frequency; 10 Hz for SPARC, 20 Hz was usual for SAL [Hz].
+        Largest frequency, at most half of the sampling rate; 10 Hz for SPARC, 20 Hz was usual for SAL [Hz].
     threshold : float
         Fraction of the largest magnitude, for the adaptive cutoff [1].
     padding : int
         Zero padding: the record is extended to ``2 ** (ceil(log2(n)) + padding)`` samples [1].
-
-    Raises
-    ------
-    ValueError
-        If the speed has fewer than two samples, or `highest` is above half the sampling rate.
     """
     v = _checked(speed)
     if not 0.0 < highest <= rate / 2.0:
@@ -93,11 +88,6 @@ def dimensionless_jerk(speed: ArrayLike, rate: float, *, scale: Scale = "peak_sp
     scale : {"peak_speed", "mean_speed"}
         Speed v: the largest (Balasubramanian et al. 2012), or distance over duration, which makes the factor T^5 /
         distance^2 (both in Hogan and Sternad, J. Mot. Behav. 41:529, 2009).
-
-    Raises
-    ------
-    ValueError
-        If the speed has fewer than three samples.
     """
     v = _checked(speed, least=3)
     duration = len(v) / rate
@@ -119,11 +109,6 @@ def log_dimensionless_jerk(speed: ArrayLike, rate: float, *, scale: Scale = "pea
     ----------
     scale : {"peak_speed", "mean_speed"}
         As in `dimensionless_jerk`.
-
-    Raises
-    ------
-    ValueError
-        If the speed has fewer than three samples.
     """
     jerk = -dimensionless_jerk(speed, rate, scale=scale)
     return float(-np.log(jerk)) if jerk > 0.0 else np.nan

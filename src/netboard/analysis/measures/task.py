@@ -126,17 +126,12 @@ def overshoots(
 ) -> Overshoots:
     """Find where the ball overshot: past the target, as seen from its initial position.
 
-    If it starts exactly at the target's centre, the board's middle replaces the initial position.
+    There must be a first sample. If it is exactly at the target's centre, the board's middle replaces it.
 
     Parameters
     ----------
     beyond : {"far_edge", "centre"}
         Limit: the target's far edge, beyond which the hold restarts, or its centre.
-
-    Raises
-    ------
-    ValueError
-        If there is no sample.
     """
     ball = np.asarray(p, dtype=float)
     if not len(ball):

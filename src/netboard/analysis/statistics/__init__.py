@@ -1,5 +1,7 @@
 """Models, tests, confidence intervals and effect sizes for few dyads.
 
+Arguments that differ in length, or lie outside the described range, raise a ValueError.
+
 Arguments that mean the same in all modules are described here, and in a function only where they differ:
 
 Parameters
@@ -43,7 +45,7 @@ dyads, performers : array_like, shape (n,)
 factors : sequence of Factor
     Fixed factors of the study, such as `netboard.analysis.statistics.factors.paper_factors`.
 order : array_like, shape (n,)
-    Position of each trial in its condition, from 1 [1].
+    Position of each trial in its condition, 1 or more [1].
 level : float
     Confidence level [1].
 interval : Interval

@@ -92,11 +92,6 @@ def condition_contrast(
         Unit label of each value, of any type. A unit's value in a condition is the mean of its values there.
     first : array_like of bool, shape (n,)
         Whether the value belongs to the first condition; otherwise to the second.
-
-    Raises
-    ------
-    ValueError
-        If the lengths of values, units and conditions differ.
     """
     labels, pairs = _pairs(values, units, first)
     both = np.isfinite(pairs).all(axis=1)
@@ -144,11 +139,6 @@ def holm(p: ArrayLike) -> NDArray[np.float64]:
     ----------
     p : array_like, shape (n,)
         One p value for each test; NaN, a test without a result, is not part of the family [1].
-
-    Raises
-    ------
-    ValueError
-        If a value is not a probability.
     """
     given = np.asarray(p, dtype=float)
     if given.ndim != 1 or ((given < 0.0) | (given > 1.0)).any():

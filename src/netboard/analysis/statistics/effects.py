@@ -92,11 +92,6 @@ class Effect:
         ----------
         method : str
             ``Satterthwaite`` or ``Kenward-Roger``.
-
-        Raises
-        ------
-        ValueError
-            If the model has no inference by that method.
         """
         found = {one.method: one for one in self.others}
         if method not in found:
@@ -210,13 +205,7 @@ class Model:
     diagnostics: Diagnostics | None
 
     def effect(self, name: str) -> Effect:
-        """Return the effect with a name.
-
-        Raises
-        ------
-        ValueError
-            If there is no effect with that name.
-        """
+        """Return the effect with a name."""
         found = {effect.name: effect for effect in self.effects}
         if name not in found:
             raise ValueError(f"no effect {name!r}, expected one of {', '.join(found)}")

@@ -128,11 +128,6 @@ def bootstrap(
         One or more values of each unit [any].
     statistic : callable
         Function of the columns, shape (..., n), and `axis`; returns shape (...) [any].
-
-    Raises
-    ------
-    ValueError
-        If the lengths of the columns differ.
     """
     data = [np.asarray(column, dtype=float) for column in columns]
     if not data or any(column.ndim != 1 or len(column) != len(data[0]) for column in data):
@@ -161,7 +156,7 @@ def bootstrap(
 
 
 def known(values: ArrayLike) -> NDArray[np.float64]:
-    """Return the finite values; a ValueError if the values are not one-dimensional [any]."""
+    """Return the finite values [any]."""
     x = np.asarray(values, dtype=float)
     if x.ndim != 1:
         raise ValueError(f"one value of each unit is expected, found shape {x.shape}")

@@ -230,13 +230,7 @@ def design_of(
     values : array_like, shape (n,)
         Response; trials with NaN are ignored [its own].
     factors : sequence of Factor
-        Fixed factors. The model has their main effects and all two-way interactions.
-
-    Raises
-    ------
-    ValueError
-        If the numbers of labels and trials differ, a trial number is below 1, two factors have the same name, or a
-        level is not among the factor's levels.
+        Fixed factors, each with its own name. The model has their main effects and all two-way interactions.
     """
     y = np.asarray(values, dtype=float)
     given = {"dyads": dyads, "performers": performers, "order": order} | {one.name: one.values for one in factors}

@@ -71,12 +71,7 @@ def log_time_model(
     Parameters
     ----------
     times : array_like, shape (n,)
-        Completion times of trials; NaN are ignored [s].
-
-    Raises
-    ------
-    ValueError
-        If the numbers of labels and trials differ, a trial number is below 1, or a time is not positive.
+        Completion times of trials, above 0; NaN are ignored [s].
     """
     seconds = np.asarray(times, dtype=float)
     if (seconds <= 0.0).any():
@@ -116,11 +111,6 @@ def count_model(
         Integers from 0 to `MOST`; NaN are ignored [1].
     family : {"poisson", "negative_binomial"}
         Variance of a count: its mean m, or m + alpha m^2, with alpha estimated from the residuals of the Poisson fit.
-
-    Raises
-    ------
-    ValueError
-        If the numbers of labels and trials differ, a trial number is below 1, or a value is not a count.
     """
     values = np.asarray(counts, dtype=float)
     strange = np.isfinite(values) & ((values < 0.0) | (values != np.floor(values)) | (values > MOST))
@@ -157,11 +147,6 @@ def share_model(
     ----------
     failed : array_like, shape (n,)
         1 for a failed attempt, 0 otherwise; NaN are ignored [1].
-
-    Raises
-    ------
-    ValueError
-        If the numbers of labels and attempts differ, a trial number is below 1, or a value is neither 0 nor 1.
     """
     values = np.asarray(failed, dtype=float)
     strange = np.isfinite(values) & (values != 0.0) & (values != 1.0)
