@@ -18,6 +18,8 @@ first, stop : array_like, shape (k,)
     First sample of each run, and the sample after its last [1].
 left, right : array_like, shape (n,)
     Velocities of both sides, or another signal of each [any].
+relation : Relation
+    ``mirrored``: the sides agree when they move in opposite directions, as in a tilt; ``alike``: in the same direction.
 left_z, right_z : ndarray, shape (n,)
     Heights of the styluses [m].
 left_vz, right_vz : ndarray, shape (n,)

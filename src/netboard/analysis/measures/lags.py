@@ -94,8 +94,6 @@ def lag_of(
     ----------
     longest : float
         Largest delay in the search; two or more samples must overlap there [s].
-    relation : {"mirrored", "alike"}
-        Whether the sides agree when they move in opposite directions, as in a tilt, or in the same direction.
     overlap : {"pearson", "full"}
         At each delay, the correlation of the overlapping samples, or their covariance divided by that of the whole
         record, which favours short delays.
@@ -139,8 +137,6 @@ def windowed_lags(
         Step between windows [s].
     longest : float
         Largest delay in the search, shorter than the window [s].
-    relation : {"mirrored", "alike"}
-        As in `lag_of`.
 
     Returns
     -------

@@ -135,7 +135,7 @@ def motion(
     placed : sequence of int
         First samples after each repositioning of the ball, from `placements` [1].
     fast : LowPass
-        Filter for all signals.
+        First filter, for all signals.
     slow : LowPass
         Second filter for the board's angular velocity and the ball's speed.
     speed : {"absolute_first", "filter_first"}

@@ -217,7 +217,7 @@ def linear_partner(rate: float, hand: PassiveHand, left: Gains, right: Gains) ->
     Parameters
     ----------
     left, right : Gains
-        Gains of both sides.
+        Gains of the board that each hand feels.
     """
 
     def respond(active: NDArray[np.float64], p: NDArray[np.float64], side: Side) -> NDArray[np.float64]:

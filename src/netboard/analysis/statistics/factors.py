@@ -83,7 +83,7 @@ class Factor:
         Parameters
         ----------
         level : object
-            One of the levels.
+            One of the levels; for a numeric factor, any value.
         """
         if self.numeric:
             return {self.name: float(self.at(level))}
@@ -305,7 +305,7 @@ def interaction(one: str, other: str) -> str:
     Parameters
     ----------
     one, other : str
-        Names of the columns.
+        Names of the multiplied columns, such as ``haptics``.
     """
     return f"{one} x {other}"
 

@@ -128,7 +128,7 @@ def profile_interval(
     Parameters
     ----------
     best : Penalised
-        Fit of these data.
+        Maximum of the penalised likelihood of these data.
     row : ndarray of float64, shape (k,)
         Linear combination of the coefficients [1].
     drop : float

@@ -77,7 +77,7 @@ def over_dispersed_model(fit: Specification, design: Design, poisson: Model) -> 
     Parameters
     ----------
     poisson : Model
-        The first fit.
+        The first fit, whose residuals give the over-dispersion.
     """
     coefficients = np.array([poisson.effect(name).estimate.value for name in design.names])
     mean = np.exp(design.columns @ coefficients)

@@ -241,18 +241,18 @@ def with_base(every: tuple[Condition, ...]) -> Iterator[tuple[Condition, Conditi
 
     The level of a factor that determines the force, such as ``none``, ``direct`` and ``delayed``, differs between them.
     """
-    tied = _that_determine_the_force(every)
+    force_factors = _force_factors(every)
     bases: dict[object, list[Condition]] = {}
     for one in every:
         if one.force == "none":
-            bases.setdefault(_beside(one, tied), []).append(one)
+            bases.setdefault(_comparison_key(one, force_factors), []).append(one)
     for one in every:
-        found = bases.get(_beside(one, tied), [])
+        found = bases.get(_comparison_key(one, force_factors), [])
         if one.force != "none" and len(found) == 1:
             yield one, found[0]
 
 
-def _that_determine_the_force(every: Iterable[Condition]) -> set[str]:
+def _force_factors(every: Iterable[Condition]) -> set[str]:
     """Return the factors within dyads whose levels have one force each, one of them none and one another."""
     forces: dict[str, dict[str, set[str]]] = {}
     for one in every:
@@ -263,9 +263,9 @@ def _that_determine_the_force(every: Iterable[Condition]) -> set[str]:
     return {name for name, of in found.items() if {"none"} in of and of.count({"none"}) < len(of)}
 
 
-def _beside(one: Condition, tied: set[str]) -> object:
+def _comparison_key(one: Condition, force_factors: set[str]) -> object:
     """Return what two conditions share that may differ only in the force and in the levels of these factors."""
-    levels = [(factor.name, "" if factor.name in tied else level) for factor, level in one.levels]
+    levels = [(factor.name, "" if factor.name in force_factors else level) for factor, level in one.levels]
     return one.configuration, one.partner, tuple(levels), one.role
 
 
