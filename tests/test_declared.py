@@ -35,7 +35,7 @@ from netboard.physics.scene.rendering import GAINS, rendering_of, force_on_hand
 import numpy as np
 felt = rendering_of(parse('[block]\\nforce = "made_up"').block)
 assert force_on_hand(0.25, 0.0, 0.0, 0.0, 0.0, np.ones(1, GAINS)[0], 1.0, felt) == -0.25
-assert groups.FORCES["made_up"] == "made-up force"
+assert groups.FORCE_LABELS["made_up"] == "made-up force"
 assert "made_up" in _SHAPES
 """
 """A program that adds an entry to the registry of force conditions, and finds it everywhere."""

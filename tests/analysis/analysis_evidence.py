@@ -53,21 +53,21 @@ WITHOUT = {
             *(
                 "effects.effects_of",
                 "effects.contrasts_of",
-                "effects.careful_freedom",
-                "effects.said",
+                "effects.between_dyad_freedom",
+                "effects.unique",
                 "effects.diagnose",
             ),
             *("factors.design_of", "factors.paper_factors", "factors.simple_effects", "factors.cells_of"),
             *("factors.interaction", "effects.interval_effect", "random_effects.residual_deviation"),
             *("random_effects.random_effects", "random_effects.mixed_model", "marginal.marginal_model"),
-            *("marginal.over_dispersed_model", "marginal.one_sided", "marginal.penalised_model"),
-            *("specification.lacking", "specification.noting"),
+            *("marginal.over_dispersed_model", "marginal.extreme_condition", "marginal.penalised_model"),
+            *("specification.too_few_trials", "specification.with_notes"),
         )
         for kind in ("truth", "properties", "disturbance")
     },
     **{
         (f"estimates.{name}", kind): COMMON
-        for name in ("known", "mean")
+        for name in ("known", "mean", "constant")
         for kind in ("truth", "properties", "disturbance")
     },
     **{

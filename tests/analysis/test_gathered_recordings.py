@@ -49,9 +49,9 @@ def test_tables_do_not_depend_on_file_order_or_processes(recordings: tuple[Path,
 def test_cached_tables_equal_measured_tables(recordings: tuple[Path, ...], alone: Study, tmp_path: Path) -> None:
     cache = Cache(tmp_path)
     some = extracted(recordings[:2], Readings(), HERE, cache)
-    assert [source.kept for source in some.sources] == [False, False]
+    assert [source.cached for source in some.sources] == [False, False]
     mixed = extracted(recordings, Readings(), HERE, cache)
-    assert [source.kept for source in mixed.sources] == [True, True, False, False]
+    assert [source.cached for source in mixed.sources] == [True, True, False, False]
     assert_same(study_from(mixed), alone)
     kept = extracted(recordings, Readings(), no_workers, cache)
     assert kept.peak == 0.0
@@ -66,7 +66,7 @@ def test_changed_exclusions_reuse_cached_measures(recordings: tuple[Path, ...], 
     assert len(study.counted) == len(alone.counted) - len(recordings)
     coarser = parse("[filters]\nfast = 10.0")
     found = extracted(recordings[:1], coarser, HERE, cache)
-    assert not found.sources[0].kept
+    assert not found.sources[0].cached
     name = recordings[0].stem
     assert not np.array_equal(study_from(found, coarser).paths[name]["theta"], alone.paths[name]["theta"])
 

@@ -90,6 +90,7 @@ def test_failed_results_and_figures_are_replaced_by_the_reason() -> None:
     assert b"could not be drawn" in as_bytes(picture.shown, "svg")
     (only,) = results_in(study, breaks)  # type: ignore[arg-type]
     assert (only.quantity, np.isnan(only.value)) == (NOT_COMPUTED, True)
+    assert only.topic == picture.name == __name__.rpartition(".")[2]
     assert replace(picture, figure=None).shown is not None
 
 

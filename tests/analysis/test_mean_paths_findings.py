@@ -7,11 +7,11 @@ import pytest
 from made_modern import Path, modern_study, with_paths, without_paths
 from made_study import Block
 from netboard.analysis.extraction.study import Study
-from netboard.analysis.topics.paths import Course, courses
+from netboard.analysis.topics.paths import MeanPath, mean_paths
 
 
-def course_of(study: Study, quantity: str) -> Course:
-    (only,) = [one for one in courses(study).courses if one.quantity == quantity]
+def course_of(study: Study, quantity: str) -> MeanPath:
+    (only,) = [one for one in mean_paths(study).paths if one.quantity == quantity]
     return only
 
 
@@ -74,12 +74,12 @@ def test_mean_path_ends_when_fewer_than_nine_of_ten_trials_remain() -> None:
 
 
 def test_reported_positions_are_points_of_the_mean_path() -> None:
-    rows = {(row.quantity, row.group): row for row in courses(study_of(1, 3)).results}
+    rows = {(row.quantity, row.group): row for row in mean_paths(study_of(1, 3)).results}
     row = rows["ball along the board", "dyadic, haptics on, 1.5 s"]
     assert row.value == pytest.approx(0.225)
     assert (row.n, row.of, row.unit) == (2, "dyad", "m")
 
 
 def test_study_without_paths_or_trials_has_no_mean_path() -> None:
-    assert courses(without_paths(study_of(2))).courses == ()
-    assert courses(modern_study([Block("D01", "D01", "dyadic", "full", [])])).courses == ()
+    assert mean_paths(without_paths(study_of(2))).paths == ()
+    assert mean_paths(modern_study([Block("D01", "D01", "dyadic", "full", [])])).paths == ()

@@ -47,6 +47,10 @@ def test_tables_have_all_declared_columns_with_their_types(folder: Path) -> None
             assert all(field.unit or field.kind == "string" for field in fields)
 
 
+def test_meanings_of_columns_have_no_placeholder() -> None:
+    assert [field.name for fields in FIELDS.values() for field in fields if "{" in field.text] == []
+
+
 def test_completion_times_are_the_servers_less_one_tick(folder: Path) -> None:
     for path, one in zip(sorted(folder.glob("*.mcap")), tables(folder), strict=True):
         with Recording(path) as recording:

@@ -7,7 +7,7 @@ import pytest
 from made_modern import modern_blocks, modern_study
 from made_study import Block, made_study, times
 from netboard.analysis.extraction.study import Study
-from netboard.analysis.topics.measures import MEASURES, Levels, Overview, as_read, levels, overview, rows_of
+from netboard.analysis.topics.measures import MEASURES, Levels, Overview, levels, measures_of, overview, rows_of
 from netboard.analysis.topics.result import table_of
 
 
@@ -125,4 +125,4 @@ def test_study_without_attempts_has_no_levels(of: str) -> None:
     study: Study = made_study([Block("D01", "D01", "dyadic", "full", [])])
     assert overview(study).levels == ()
     assert len(rows_of(study, of)) == 0  # type: ignore[arg-type]
-    assert all(len(levels(study, measure)) == 0 for measure in as_read(study))
+    assert all(len(levels(study, measure)) == 0 for measure in measures_of(study))

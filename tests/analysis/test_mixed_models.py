@@ -18,12 +18,13 @@ from statsmodels.genmod.generalized_linear_model import GLM
 
 from netboard.analysis.statistics.effects import Model
 from netboard.analysis.statistics.estimates import t_interval
-from netboard.analysis.statistics.factors import COLUMNS, Factor, paper_factors
+from netboard.analysis.statistics.factors import INTERCEPT, PRACTICE, Factor, paper_factors
 from netboard.analysis.statistics.models import MOST, count_model, log_time_model, share_model
 from netboard.analysis.statistics.random_effects import AT_ZERO
 
 Labels = dict[str, NDArray[Any]]
 NAMES = ("dyads", "performers", "haptics", "dyadic", "order")
+COLUMNS = (INTERCEPT, "haptics", "configuration", "haptics x configuration", PRACTICE)
 
 
 @dataclass(frozen=True)

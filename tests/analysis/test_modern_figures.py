@@ -26,7 +26,7 @@ from netboard.analysis.topics.leadership import leaders
 from netboard.analysis.topics.measures import overview
 from netboard.analysis.topics.models import fits
 from netboard.analysis.topics.passive import controls
-from netboard.analysis.topics.paths import courses
+from netboard.analysis.topics.paths import mean_paths
 from netboard.analysis.topics.quality import quality as find_quality
 from netboard.analysis.topics.result import table_of
 from netboard.analysis.topics.units import read_in
@@ -293,7 +293,7 @@ def test_passive_figure_shows_effect_and_passive_partner(study: Study, drawn: di
 
 def test_paths_figure_shows_means_and_bands(study: Study, drawn: dict[str, Picture]) -> None:
     picture = drawn["paths"]
-    for one in courses(study).courses:
+    for one in mean_paths(study).paths:
         means = [
             (axes, line)
             for axes in figure_of(picture).axes

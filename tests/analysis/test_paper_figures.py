@@ -9,10 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from made_study import SMALL, Block, made_study, random_block, random_blocks, times
+from netboard.analysis.extraction.details import THRESHOLDS
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.topics import classes, delay, dyads, learning, strategy
 from netboard.analysis.topics.classes import classes as find_classes
-from netboard.analysis.topics.delay import PERCENT
 from netboard.analysis.topics.delay import delay as find_delay
 from netboard.analysis.topics.dyads import dyads as find_dyads
 from netboard.analysis.topics.everything import PAPER_FIGURES as PAPER
@@ -160,7 +160,7 @@ def test_dyads_figure_shows_the_gains(study: Study) -> None:
     names = [label.get_text() for label in axes.get_yticklabels()]
     found = [one for one in find_dyads(study).comparisons if one.quantity.column == "completion"]
     for one, name in zip(found, names, strict=True):
-        assert name == f"{one.condition.feeling}:\n{one.better} of {one.known} dyads better"
+        assert name == f"{one.condition.haptics}:\n{one.better} of {one.known} dyads better"
         ends = lines(axes, f"_{one.condition.force}, interval")[:, 0]
         np.testing.assert_allclose(ends, [one.gain.low, one.gain.high])
         values = [line.get_xdata() for line in axes.lines if line.get_label() == f"_{one.condition.force}"]
@@ -220,7 +220,7 @@ def test_delay_figure_shows_the_results(study: Study) -> None:
     axes = figure_of(delay.picture(study)).axes
     for one in find_delay(study).conditions:
         for panel, found in zip(axes, (one.as_set, one.own_peak, one.signed), strict=True):
-            for q, mean in zip(PERCENT, found.means, strict=True):
+            for q, mean in zip(THRESHOLDS, found.means, strict=True):
                 label = f"_{one.condition.name}, {q} %"
                 assert lines(panel, label)[0, 1] == pytest.approx(1000 * mean.value)
                 np.testing.assert_allclose(

@@ -10,7 +10,7 @@ from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.study import study_of
 from netboard.analysis.report.trials import sparklines
 from netboard.analysis.topics.influence import influences
-from netboard.analysis.topics.paths import courses
+from netboard.analysis.topics.paths import mean_paths
 from netboard.base.errors import RecordingError
 from report_studies import block
 
@@ -36,8 +36,8 @@ def test_stored_paths_are_read_back_exactly(tmp_path: Path) -> None:
 def test_study_with_stored_paths_has_the_same_results(tmp_path: Path) -> None:
     held = study_of(BLOCKS, Readings())
     read = study_of(BLOCKS, Readings(), stored(tmp_path))
-    assert len(courses(held).results) > 1
-    assert courses(read).results == courses(held).results
+    assert len(mean_paths(held).results) > 1
+    assert mean_paths(read).results == mean_paths(held).results
     assert influences(read).results == influences(held).results
     assert len(sparklines(held)) == len(held.trials)
     assert sparklines(read) == sparklines(held)
@@ -52,7 +52,7 @@ def test_recording_without_attempts_has_no_paths(tmp_path: Path) -> None:
     study = study_of([nothing], Readings(), table)
     assert list(table["none"]) == list(nothing.paths)
     assert sparklines(study) == {}
-    assert courses(study).courses == ()
+    assert mean_paths(study).paths == ()
 
 
 def test_unwritable_folder_is_reported(tmp_path: Path) -> None:

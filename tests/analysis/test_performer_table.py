@@ -9,7 +9,7 @@ from made_study import Block, made_study, times
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.study import Study, study_of
 from netboard.analysis.topics.performers import PEOPLE, people_of
-from netboard.analysis.topics.result import kept
+from netboard.analysis.topics.result import cached
 from rehearsed_study import measured, rehearse
 
 pytestmark = pytest.mark.slow
@@ -83,8 +83,8 @@ def test_participant_in_two_dyads_has_a_partner_in_each() -> None:
 
 
 def test_excluded_trials_are_in_no_mean(study: Study) -> None:
-    kept = study.trials["counts"] * (study.trials["trial"] > 2)
-    fewer = people_of(replace(study, trials=study.trials.assign(counts=kept)))
+    cached = study.trials["counts"] * (study.trials["trial"] > 2)
+    fewer = people_of(replace(study, trials=study.trials.assign(counts=cached)))
     assert set(fewer["trials"]) == {1}
     assert (fewer["completion"] == fewer["completion_median"]).all()
     assert fewer["completion_sd"].isna().all()
@@ -92,6 +92,6 @@ def test_excluded_trials_are_in_no_mean(study: Study) -> None:
 
 def test_costly_results_are_computed_once_per_study(study: Study) -> None:
     asked: list[Study] = []
-    find = kept(lambda one: asked.append(one) or len(asked))  # type: ignore[func-returns-value]
+    find = cached(lambda one: asked.append(one) or len(asked))  # type: ignore[func-returns-value]
     other = replace(study)
     assert [find(study), find(study), find(other), find(study), find(other)] == [1, 1, 2, 1, 2]

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from netboard.analysis.report.trials import _path
-from netboard.analysis.report.wording import amount, command, counted, css_text, decimals, visible
+from netboard.analysis.report.wording import amount, command, css_text, decimals, plural, visible
 
 
 @pytest.mark.parametrize(
@@ -45,7 +45,7 @@ def test_largest_number_determines_the_decimals() -> None:
 
 
 def test_counted_nouns_have_their_plural() -> None:
-    assert [counted(1, "dyad"), counted(4, "dyad"), counted(2, "person")] == ["1 dyad", "4 dyads", "2 people"]
+    assert [plural(1, "dyad"), plural(4, "dyad"), plural(2, "person")] == ["1 dyad", "4 dyads", "2 people"]
 
 
 @pytest.mark.slow

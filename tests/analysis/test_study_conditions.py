@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from made_study import Block, made_study, measured, rows_of, times
-from netboard.analysis.extraction.conditions import factors_text, settings_text
+from netboard.analysis.extraction.conditions import factor_read, factors_text, settings_text
 from netboard.analysis.extraction.recordings import BLOCKS
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.study import Study, study_of
@@ -103,3 +103,9 @@ def test_trial_factors_of_different_periods_have_all_combinations() -> None:
 def test_plain_blocks_share_a_condition() -> None:
     assert [one.name for one in conditions(study_with([Config(), Config()]))] == ["dyadic, full"]
     assert len(conditions(made_study([Block("D01", "D01", "dyadic", "full", times(1.0))]))) == 1
+
+
+def test_factors_of_cohorts_of_earlier_versions_are_read() -> None:
+    of = {"type": "categorical", "levels": ["a", "b"], "values": [], "unit": "1"}
+    read = factor_read({"name": "mass", "scope": "block", "of": of, "told": True})
+    assert (read.name, read.of.levels, read.in_names) == ("mass", ("a", "b"), True)

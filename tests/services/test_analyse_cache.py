@@ -122,33 +122,33 @@ def test_damaged_or_incomplete_cache_entry_is_not_used(tmp_path: Path) -> None:
     (folder / "a.csv").write_bytes(b"1,2")
     (folder / "b.csv").write_bytes(b"3,4")
     store = Store(tmp_path / "store")
-    store_module.keep(store, "key", tmp_path / "folder", ["words"])
+    store_module.store_analysis(store, "key", tmp_path / "folder", ["words"])
     (restored := tmp_path / "restored").mkdir()
-    assert store_module.take(store, "other", restored) is None
-    assert store_module.take(store, "key", restored) == ("words",)
+    assert store_module.restore_analysis(store, "other", restored) is None
+    assert store_module.restore_analysis(store, "key", restored) == ("words",)
     assert contents(str(restored)) == contents(str(tmp_path / "folder"))
     (empty := tmp_path / "empty").mkdir()
     for victim in [*(tmp_path / "store").glob(f"*{FILE}"), tmp_path / "store" / f"key{ANALYSIS}"]:
         content = victim.read_bytes()
         victim.write_bytes(content[:-1] + b"x")
-        assert store_module.take(store, "key", empty) is None
+        assert store_module.restore_analysis(store, "key", empty) is None
         victim.unlink()
-        assert store_module.take(store, "key", empty) is None
+        assert store_module.restore_analysis(store, "key", empty) is None
         victim.write_bytes(content)
     assert list(empty.iterdir()) == []
-    assert store_module.take(store, "key", empty) == ("words",)
+    assert store_module.restore_analysis(store, "key", empty) == ("words",)
 
 
 def test_cached_analyses_respect_the_size_limit_of_the_store(tmp_path: Path) -> None:
     (folder := tmp_path / "folder").mkdir()
     for number in range(5):
         (folder / "table.csv").write_bytes(bytes([number]) * 10_000)
-        store_module.keep(Store(tmp_path / "store", limit=25_000), str(number), folder, [])
+        store_module.store_analysis(Store(tmp_path / "store", limit=25_000), str(number), folder, [])
     assert sum(path.stat().st_size for path in (tmp_path / "store").iterdir()) <= 25_000
     store = Store(tmp_path / "store")
     (restored := tmp_path / "restored").mkdir()
-    assert store_module.take(store, "4", restored) == ()
-    assert store_module.take(store, "0", restored) is None
+    assert store_module.restore_analysis(store, "4", restored) == ()
+    assert store_module.restore_analysis(store, "0", restored) is None
 
 
 def test_command_is_escaped_for_each_file_format(tmp_path: Path) -> None:

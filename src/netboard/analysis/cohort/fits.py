@@ -19,7 +19,7 @@ from netboard.analysis.cohort.power import Power, Rate, mean_width
 from netboard.analysis.cohort.workers import run_all
 from netboard.analysis.extraction.conditions import factor_read
 from netboard.analysis.statistics.factors import INTERCEPT, PRACTICE
-from netboard.analysis.topics.models import Fit, fits_of, number_of, people_alone
+from netboard.analysis.topics.models import Fit, fits_of, human_test_rows, trial_numbers
 from netboard.base.errors import ConfigError
 from netboard.recording.export.formats import Progress
 
@@ -47,9 +47,9 @@ def fitted(folder: Path, sizes: Sequence[int], alpha: float, trials: int, number
     - `number`: number of the virtual study [1].
     """
     packed = Cohort(folder).get(number)
-    rows = people_alone(pd.DataFrame(packed.tables["trials"], copy=False))
+    rows = human_test_rows(pd.DataFrame(packed.tables["trials"], copy=False))
     attempts = rows[(rows["excluded"] == 0) & rows["outcome"].isin(["success", "fell"])]
-    attempts = attempts.assign(order=number_of(attempts))
+    attempts = attempts.assign(order=trial_numbers(attempts))
     if trials:
         attempts = attempts[attempts["order"] <= trials]
     dyad = attempts["dyad"].str[1:].astype(int)

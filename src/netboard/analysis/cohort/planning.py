@@ -69,8 +69,8 @@ def answer(
             )
     config = parse(cohort.manifest["config"], str(cohort.folder))
     drawn = tuple(distributions(config, cohort.manifest["seed"]))
-    said = cohort.manifest["study"], cohort.manifest["netboard"], digest(config), cohort.manifest["seed"]
-    assumptions = Assumptions(*said, studies, cohort.manifest["dyads"], request.alpha, drawn)
+    origin = cohort.manifest["study"], cohort.manifest["netboard"], digest(config), cohort.manifest["seed"]
+    assumptions = Assumptions(*origin, studies, cohort.manifest["dyads"], request.alpha, drawn)
     write(folder, found, assumptions)
     return Answer(tuple(found), parts(found, assumptions), sentence(next(iter(by_test(found).values())), assumptions))
 

@@ -22,6 +22,7 @@ from scipy.special import stdtrit
 
 from netboard.analysis.cohort.rows import KEPT, SIZE, CohortMeasure
 from netboard.analysis.statistics.exact_tests import permutation_p
+from netboard.analysis.topics.contrasts import SEED
 from netboard.analysis.topics.groups import paired_levels
 from netboard.base.errors import ConfigError
 
@@ -30,9 +31,6 @@ Array = NDArray[np.float64]
 Scale = Literal["difference", "ratio"]
 
 T_TEST, PERMUTATION = "paired t test", "permutation test"
-
-SEED = 20_220_302
-"""Seed of permutation tests with many dyads."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,8 +173,8 @@ def powers(found: Sequence[Differences], sizes: Sequence[int], alpha: float = 0.
         effect = float(np.exp(mean)) if one.ratio else mean
         for dyads in sizes:
             own = divided(one.gaps, dyads)
-            p, low, high = paired(own, alpha)
-            null, _, _ = paired(own - mean, alpha)
+            p, low, high = paired_t_tests(own, alpha)
+            null, _, _ = paired_t_tests(own - mean, alpha)
             tests = {
                 T_TEST: (p, null),
                 PERMUTATION: (permutation_p(own, rng=rng), permutation_p(own - mean, rng=rng)),
@@ -201,7 +199,7 @@ def powers(found: Sequence[Differences], sizes: Sequence[int], alpha: float = 0.
                 )
 
 
-def paired(gaps: Array, alpha: float) -> tuple[Array, Array, Array]:
+def paired_t_tests(gaps: Array, alpha: float) -> tuple[Array, Array, Array]:
     """Return p of the paired t test of many studies, and the limits of the confidence interval of 1 - alpha.
 
     - `gaps` (shape (studies, dyads)): difference of each dyad; NaN are ignored [any].

@@ -276,7 +276,7 @@ def _lines(axes: Axes, own: Sequence[Power], which: int, name: str, shift: float
 
 def _frame(axes: Axes, measure: str, sizes: Sequence[int], alpha: float) -> None:
     """Set title and axes of a panel."""
-    for height in (alpha, 0.8):
+    for height in (alpha, ENOUGH):
         axes.axhline(height, color="#888888", linewidth=0.6, zorder=0)
     axes.set_title(measure, loc="left")
     axes.set_xticks(sizes)

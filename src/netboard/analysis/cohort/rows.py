@@ -11,14 +11,14 @@ import numpy as np
 import pandas as pd
 
 from netboard.analysis.cohort.block import TRIALS
-from netboard.analysis.extraction.details import PERCENT
+from netboard.analysis.extraction.details import THRESHOLDS
 from netboard.analysis.extraction.study import PLACE_IN_STUDY, Study
 from netboard.analysis.extraction.tables import ATTEMPT_KEY, count, number
 from netboard.analysis.measures.ellipses import groups_of
 from netboard.analysis.measures.performance import ENDS
 from netboard.analysis.topics.groups import CLASSES, counted, excluded
 from netboard.analysis.topics.measures import MEASURES, Measure, rows_of
-from netboard.analysis.topics.models import number_of
+from netboard.analysis.topics.models import trial_numbers
 from netboard.recording.format.channels import Field
 
 SIZE = ENDS
@@ -71,7 +71,7 @@ GROUPS = (
         "m/s",
     ),
     count("movements", "cooperative movements with a delay at 20 %"),
-    *(number(f"delay_{q}", f"mean absolute delay at {q} % of the slower side's peak", "s") for q in PERCENT),
+    *(number(f"delay_{q}", f"mean absolute delay at {q} % of the slower side's peak", "s") for q in THRESHOLDS),
     number("signed_delay_20", "mean delay at 20 %, left minus right: + = right first", "s"),
 )
 """Columns of the table of groups."""
@@ -129,7 +129,7 @@ def group_rows(study: Study, number: int) -> pd.DataFrame:
     - `number`: number of the virtual study [1].
     """
     attempts = rows_of(study, "attempt")
-    attempts = _grouped(attempts.assign(order=number_of(attempts), fell=attempts["outcome"] == "fell"))
+    attempts = _grouped(attempts.assign(order=trial_numbers(attempts), fell=attempts["outcome"] == "fell"))
     factors = [field.name for field in study.factor_fields if field.name not in _LABELS]
     first = {name: (name, "first") for name in (*_LABELS, *factors)}
     of_attempts = attempts.groupby(KEYS, sort=False).agg(**first, attempts=("fell", "size"), falls=("fell", "sum"))
@@ -162,7 +162,7 @@ def _of_trials(rows: pd.DataFrame) -> pd.DataFrame:
 
 def _of_movements(rows: pd.DataFrame) -> pd.DataFrame:
     """Summarise the cooperative movements of these trials."""
-    delays = {f"delay_{q}": rows[f"delay_{q}"].abs() for q in PERCENT}
+    delays = {f"delay_{q}": rows[f"delay_{q}"].abs() for q in THRESHOLDS}
     table = rows[KEYS].assign(**delays, signed_delay_20=rows["delay_20"])
     groups = table.groupby(KEYS, sort=False)
     return groups.agg(movements=("delay_20", "count")).join(groups.mean())

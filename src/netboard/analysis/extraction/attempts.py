@@ -34,7 +34,7 @@ def peaks_of(take: Take, window: Window) -> Peaks:
     """Find the velocity peaks of the ball, as the settings say."""
     how = take.block.readings.peaks
     return velocity_peaks(
-        take.found.speed[take.trial.window(window)],
+        take.motion.speed[take.trial.window(window)],
         extrema=how.extrema,
         plateau=how.plateau,
         least_prominence=how.least_prominence,
@@ -46,14 +46,14 @@ def classes_of(take: Take) -> NDArray[np.int8]:
     """Classify the movement of the styluses at each sample of the set window."""
     how = take.block.readings.movements
     window = take.trial.window(how.window)
-    left, right = take.found.left_vz[window], take.found.right_vz[window]
+    left, right = take.motion.left_vz[window], take.motion.right_vz[window]
     return classify(left, right, still_below=how.still_below, at_limit=how.at_limit)
 
 
 def strategy_of(take: Take, braking: Braking) -> Strategy:
     """Find the first braking movement."""
-    found = take.found
-    return first_braking(take.turns, found.theta, found.p, found.vp, RATE, take.trial, braking=braking)
+    found = take.motion
+    return first_braking(take.segments, found.theta, found.p, found.vp, RATE, take.trial, braking=braking)
 
 
 def _completion(take: Take) -> dict[str, float | str]:
@@ -171,7 +171,7 @@ _LEAST = 3
 
 def _lag(take: Take) -> dict[str, float]:
     window = take.trial.window()
-    left, right = take.found.left_vz[window], take.found.right_vz[window]
+    left, right = take.motion.left_vz[window], take.motion.right_vz[window]
     if left.size < 2 * MAX_LAG * RATE:
         return {}
     found = lag_of(left, right, RATE, longest=MAX_LAG)
@@ -179,7 +179,7 @@ def _lag(take: Take) -> dict[str, float]:
 
 
 def _smoothness(take: Take) -> dict[str, float]:
-    speed = take.found.speed[take.trial.window()]
+    speed = take.motion.speed[take.trial.window()]
     if speed.size < _LEAST:
         return {}
     return {"sparc": spectral_arc_length(speed, RATE), "ldlj": log_dimensionless_jerk(speed, RATE)}
@@ -188,7 +188,7 @@ def _smoothness(take: Take) -> dict[str, float]:
 def _reactions(take: Take) -> dict[str, float]:
     values: dict[str, float] = {}
     for side in SIDES:
-        found = reaction(getattr(take.found, f"{side}_vz")[take.trial.window()], RATE)
+        found = reaction(getattr(take.motion, f"{side}_vz")[take.trial.window()], RATE)
         values |= {f"{side}_reaction": found.time, f"{side}_anticipated": found.anticipated}
     return values
 
@@ -206,18 +206,18 @@ def _stays(take: Take) -> dict[str, float]:
 def _forces(take: Take) -> dict[str, float]:
     window, scene = take.trial.window(), take.block.config.physics
     force = {side: take.force(side, window) for side in SIDES}
-    power = {side: force[side] * getattr(take.found, f"{side}_vz")[window] for side in SIDES}
+    power = {side: force[side] * getattr(take.motion, f"{side}_vz")[window] for side in SIDES}
     duration = (window.stop - window.start) / RATE
     values: dict[str, float] = {}
     for side in SIDES:
-        done = work(force[side], getattr(take.found, f"{side}_vz")[window], RATE)
+        done = work(force[side], getattr(take.motion, f"{side}_vz")[window], RATE)
         values |= {f"{side}_given": done.given, f"{side}_received": done.received}
         values |= {
             f"{side}_effort": effort(force[side], RATE),
             f"{side}_power": done.net / duration if duration else np.nan,
         }
     to_right, to_left = exchanged(power["left"], power["right"], RATE)
-    borne = supports(take.found.p[window], board_mass=scene.M, ball_mass=scene.m, arm=scene.l, g=scene.g)
+    borne = supports(take.motion.p[window], board_mass=scene.M, ball_mass=scene.m, arm=scene.l, g=scene.g)
     left, right = (force[side] - bears for side, bears in zip(SIDES, borne, strict=True))
     between = np.abs(interaction(left, right).between)
     return values | {
@@ -237,13 +237,13 @@ def _passive_partner(take: Take) -> dict[str, float]:
     if config.block.configuration != "dyadic" or not config.block.haptics or config.physics.board != "free":
         return {}
     window = take.trial.window()
-    p = take.found.p[window]
+    p = take.motion.p[window]
     if p.size < _LEAST:
         return {}
     held = {side: at(devices, take.attempt.tick) for side, devices in take.block.mechanics.items()}
     gains = dict(zip(SIDES, gains_of(parts_of(config.physics), pack_scene(config.physics)[0]), strict=True))
-    moved = {side: getattr(take.found, f"{side}_z")[window] for side in SIDES}
-    rates = {side: getattr(take.found, f"{side}_vz")[window] for side in SIDES}
+    moved = {side: getattr(take.motion, f"{side}_z")[window] for side in SIDES}
+    rates = {side: getattr(take.motion, f"{side}_vz")[window] for side in SIDES}
 
     def share(active: Side, passive: Side, hand: PassiveHand) -> float:
         height = passive_partner(moved[active], p, RATE, hand, Gains(*gains[passive][1:]))
@@ -292,7 +292,7 @@ MODERN = (
                 number(f"{side}_reaction", f"onset of the {side} stylus' movement, from the release", "s"),
                 number(
                     f"{side}_anticipated",
-                    "1: anticipation; the {side} stylus moved before any possible reaction to the release",
+                    f"1: anticipation; the {side} stylus moved before any possible reaction to the release",
                     "1",
                 ),
             )

@@ -42,12 +42,12 @@ _BASE = ["configuration", "force", "partner"]
 
 @dataclass(frozen=True, slots=True)
 class StudyFactor:
-    """A factor of a study; `told` in conditions' names if configuration, force and partner do not determine it."""
+    """A factor of a study; `in_names` of conditions if configuration, force and partner do not determine its level."""
 
     name: str
     scope: Scope
     of: Declared
-    told: bool = False
+    in_names: bool = False
 
     @property
     def column(self) -> str:
@@ -103,7 +103,7 @@ def kind_text(config: Config) -> str:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Levels:
+class FactorLevels:
     """Level of each factor in each block, by name of the factor, in the order of the table.
 
     One level stands for a block, or one for each trial; none if the block has none.
@@ -121,7 +121,7 @@ class Levels:
         ]
 
 
-def study_levels(blocks: pd.DataFrame, analysed: pd.Series) -> Levels:
+def study_levels(blocks: pd.DataFrame, analysed: pd.Series) -> FactorLevels:
     """Find the factors of a study, and which of them the names of conditions must include.
 
     Declared factors come in the order of the study, then the kind of block, then settings that differ: columns
@@ -143,14 +143,12 @@ def study_levels(blocks: pd.DataFrame, analysed: pd.Series) -> Levels:
         factors.append(factor)
         sequences[factor.name] = own
     cells = [blocks.loc[analysed, name].tolist() for name in _BASE]
-    told = []
-    for factor in factors:
-        own = [one for one, kept in zip(sequences[factor.name], analysed, strict=True) if kept]
-        tells = not _is_known(cells, own)
-        if tells:
-            cells.append(own)
-        told.append(replace(factor, told=tells))
-    return Levels(tuple(told), sequences)
+    for place, factor in enumerate(factors):
+        levels = [sequence for sequence, kept in zip(sequences[factor.name], analysed, strict=True) if kept]
+        if not _is_known(cells, levels):
+            cells.append(levels)
+            factors[place] = replace(factor, in_names=True)
+    return FactorLevels(tuple(factors), sequences)
 
 
 def _read(values: Mapping[str, Any]) -> BlockFactor:
@@ -159,7 +157,8 @@ def _read(values: Mapping[str, Any]) -> BlockFactor:
 
 def factor_read(values: Mapping[str, Any]) -> StudyFactor:
     """Return a factor of a study from its JSON form."""
-    return StudyFactor(values["name"], values["scope"], _declared(values["of"]), values["told"])
+    name, scope, of, in_names = values.values()  # by position: cohorts of earlier versions have another last key
+    return StudyFactor(name, scope, _declared(of), in_names)
 
 
 def _declared(of: Mapping[str, Any]) -> Declared:
@@ -228,12 +227,12 @@ def participants_of(blocks: pd.DataFrame) -> list[str]:
     return sorted({*blocks["left_by"], *blocks["right_by"]} - {*STAND_INS, *blocks["dyad"]})
 
 
-def names_of(base: pd.DataFrame, told: Mapping[str, Sequence[str]], roles: Iterable[str] = ()) -> list[str]:
+def names_of(base: pd.DataFrame, levels_of: Mapping[str, Sequence[str]], roles: Iterable[str] = ()) -> list[str]:
     """Return names of conditions: configuration, force, partner, distinguishing levels, and a role other than test."""
-    extra = [[f"{name} {level}" if level else "" for level in levels] for name, levels in told.items()]
-    columns = [*(base[name] for name in _BASE), *extra]
-    said = [["" if role == "test" else role for role in roles]] if roles else []
-    return [", ".join(filter(None, row)) for row in zip(*columns, *said, strict=True)]
+    columns = [base[name].tolist() for name in _BASE]
+    columns += [[f"{name} {level}" if level else "" for level in levels] for name, levels in levels_of.items()]
+    columns += [["" if role == "test" else role for role in roles]] if roles else []
+    return [", ".join(filter(None, row)) for row in zip(*columns, strict=True)]
 
 
 def value_columns(factor: StudyFactor, levels: Sequence[str]) -> dict[str, Any]:

@@ -18,8 +18,8 @@ from netboard.base.config import SIDES
 STEP = 20
 """Samples between two rows of a path: 20 ms. The filtered motion has no relevant content above 20 Hz [1]."""
 
-PERCENT = tuple(round(100 * portion) for portion in PORTIONS)
-"""Fractions of a peak at which delays are measured [%]."""
+THRESHOLDS = tuple(round(100 * portion) for portion in PORTIONS)
+"""Thresholds of the delays, as fractions of a peak [%]."""
 
 MOVEMENTS = (
     *PLACE,
@@ -39,10 +39,10 @@ MOVEMENTS = (
         number(
             f"delay_{q}", f"delay at {q} % of the peak chosen in the settings, left minus right: + = right first", "s"
         )
-        for q in PERCENT
+        for q in THRESHOLDS
     ),
-    *(count(f"truncated_{q}", f"1: a side was already above {q} % where the search ended") for q in PERCENT),
-    *(number(f"own_delay_{q}", f"delay at {q} % of each side's own peak, left minus right", "s") for q in PERCENT),
+    *(count(f"truncated_{q}", f"1: a side was already above {q} % where the search ended") for q in THRESHOLDS),
+    *(number(f"own_delay_{q}", f"delay at {q} % of each side's own peak, left minus right", "s") for q in THRESHOLDS),
 )
 """Columns of the table of movements."""
 
@@ -65,7 +65,7 @@ def delays_of(take: Take) -> tuple[Contributions, Delays, Delays]:
 
     Delays are with the set threshold, and with fractions of each side's own peak.
     """
-    own, found, how = take.own_turns, take.found, take.block.readings.delays
+    own, found, how = take.own_segments, take.motion, take.block.readings.delays
     moved = contributions(
         own, found.left_z, found.right_z, opposite=how.opposite, amount=how.amount, largest_ratio=how.largest_ratio
     )
@@ -84,7 +84,7 @@ def delays_of(take: Take) -> tuple[Contributions, Delays, Delays]:
 
 def movements(take: Take) -> Iterator[Mapping[str, Any]]:
     """Yield the rows of the movements of the board that begin in an attempt, without the columns that locate it."""
-    own = take.own_turns
+    own = take.own_segments
     moved, as_set, of_own = delays_of(take)
     for k in range(len(own)):
         yield {
@@ -98,15 +98,15 @@ def movements(take: Take) -> Iterator[Mapping[str, Any]]:
             "cooperative": int(moved.cooperative[k]),
             "left_peak": as_set.left_peak[k],
             "right_peak": as_set.right_peak[k],
-            **{f"delay_{q}": as_set.signed[k, j] for j, q in enumerate(PERCENT)},
-            **{f"truncated_{q}": int(as_set.truncated[k, j]) for j, q in enumerate(PERCENT)},
-            **{f"own_delay_{q}": of_own.signed[k, j] for j, q in enumerate(PERCENT)},
+            **{f"delay_{q}": as_set.signed[k, j] for j, q in enumerate(THRESHOLDS)},
+            **{f"truncated_{q}": int(as_set.truncated[k, j]) for j, q in enumerate(THRESHOLDS)},
+            **{f"own_delay_{q}": of_own.signed[k, j] for j, q in enumerate(THRESHOLDS)},
         }
 
 
 def path(take: Take) -> Columns:
     """Return the rows of an attempt's path, from release to end, without the columns that locate it."""
-    trial, found = take.trial, take.found
+    trial, found = take.trial, take.motion
     at = np.arange(trial.release, trial.stop, STEP)
     names = (*(f"{side}_z" for side in SIDES), *(f"{side}_vz" for side in SIDES), "theta", "p", "speed")
     return {"time": (at - trial.release) / RATE, **{name: getattr(found, name)[at] for name in names}}

@@ -39,14 +39,14 @@ def at(held: Held, tick: int) -> Mechanics | None:
 
 def mechanics_of(config: Config, recording: Recording) -> dict[Side, Held]:
     """Return the mechanics of all devices of a recording."""
-    said = recording.metadata
-    if said.get("imported") == "measured":
+    metadata = recording.metadata
+    if metadata.get("imported") == "measured":
         return always(None)
-    if "rehearsed" in said or said.get("imported") == "simulated":
+    if "rehearsed" in metadata or metadata.get("imported") == "simulated":
         return always(simulated_mechanics(config))
     agents = agents_of(recording.events())
     return {
-        side: tuple((tick, _reported_mechanics(config, side, said)) for tick, said in agents.get(side) or [(0, {})])
+        side: tuple((tick, _reported_mechanics(config, side, about)) for tick, about in agents.get(side) or [(0, {})])
         for side in SIDES
     }
 

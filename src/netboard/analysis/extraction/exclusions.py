@@ -65,9 +65,9 @@ def require_recordings(rules: Exclusions, recordings: Collection[str]) -> None:
             raise ConfigError(f"[exclusions] trials: there is no trial {trial} in {recording!r}: no such recording")
 
 
-def _ended_otherwise(told: str) -> Iterator[tuple[int, int, str]]:
+def _ended_otherwise(text: str) -> Iterator[tuple[int, int, str]]:
     """Yield trial, attempt and reason of each attempt that is not measured, from the column of a block."""
-    for word in filter(None, told.split("; ")):
+    for word in filter(None, text.split("; ")):
         place, _, outcome = word.partition(" ")
         trial, _, attempt = place.partition(".")
         why = NO_RELEASE if outcome == UNRELEASED else f"ended without success, fall or timeout: {outcome}"

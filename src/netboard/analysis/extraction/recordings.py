@@ -200,7 +200,7 @@ def _paths(places: list[dict[str, Any]], takes: list[Take]) -> Columns:
 
 def block_row(run: Run, block: Block, repaired: bool, unknown: int) -> dict[str, Any]:
     """Return the row of a recording's block; `unknown` ticks, in both hands, have no known rendered force."""
-    said, config = run.metadata, run.config
+    metadata, config = run.metadata, run.config
     return {
         "recording": run.path.stem,
         "dyad": config.session.dyad,
@@ -208,7 +208,7 @@ def block_row(run: Run, block: Block, repaired: bool, unknown: int) -> dict[str,
         "study": config.session.study,
         "pilot": int(config.session.pilot),
         "block": config.block.number,
-        "part": int(said["part"]),
+        "part": int(metadata["part"]),
         "kind": kind_text(config),
         "role": role_of(config),
         "configuration": config.block.configuration,
@@ -218,7 +218,7 @@ def block_row(run: Run, block: Block, repaired: bool, unknown: int) -> dict[str,
         "left_by": _mover(run, "left"),
         "right_by": _mover(run, "right"),
         "simulated": int(all(person.simulated for person in run.people)),
-        "opened_utc": said["opened_utc"],
+        "opened_utc": metadata["opened_utc"],
         "duration": block.samples / RATE,
         "ticks": block.samples - block.missing,
         "missing": block.missing,
@@ -229,8 +229,8 @@ def block_row(run: Run, block: Block, repaired: bool, unknown: int) -> dict[str,
         "not_measured": "; ".join(
             f"{one.trial}.{one.attempt} {why}" for one in block.attempts if (why := block.unmeasured(one))
         ),
-        "netboard": said["netboard"],
-        "config_sha256": said["config_sha256"],
+        "netboard": metadata["netboard"],
+        "config_sha256": metadata["config_sha256"],
         "factors": factors_text(config),
         "settings": settings_text(config),
     }

@@ -42,7 +42,7 @@ class Source:
 
     run: Run
     sha256: str
-    kept: bool
+    cached: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ def extract(
     readings: Readings,
     workers_of: WorkerPool,
     cache: Cache | None,
-    shelf: "PathTable",
+    paths: "PathTable",
     progress: Progress,
     *,
     skip: bool = False,
@@ -74,11 +74,11 @@ def extract(
     runs, left_out = _readable(recordings) if skip else (runs_of(recordings), [])
     digests = digests_of([run.path for run in runs])
     keys = {run.path: key_of(run.path.stem, digests[run.path], readings) for run in runs}
-    taken = _Collector(shelf, progress, len(runs))
+    collector = _Collector(paths, progress, len(runs))
     if cache is not None:
-        _take_kept(keys, cache, taken)
-    missing = [run for run in runs if run.path not in taken.tables]
-    kept, peak = set(taken.tables), 0.0
+        _add_cached(keys, cache, collector)
+    missing = [run for run in runs if run.path not in collector.tables]
+    cached, peak = set(collector.tables), 0.0
     for run, answer in _answers(missing, digests, readings, workers_of):
         if isinstance(answer, Exception):
             if not skip:
@@ -89,28 +89,28 @@ def extract(
         peak = max(peak, used)
         if cache is not None:
             cache.put(keys[run.path], measured)
-        taken.add(run.path, measured)
+        collector.add(run.path, measured)
     if cache is not None:
         cache.trim()
-    if not taken.tables:
+    if not collector.tables:
         raise RecordingError("no recording can be measured")
-    sources = tuple(Source(run, digests[run.path], run.path in kept) for run in runs if run.path in taken.tables)
+    sources = tuple(Source(run, digests[run.path], run.path in cached) for run in runs if run.path in collector.tables)
     left_out.sort(key=lambda one: one.file)
-    tables = tuple(taken.tables[source.run.path] for source in sources)
-    return Extraction(sources, tuple(left_out), tables, shelf, peak)
+    tables = tuple(collector.tables[source.run.path] for source in sources)
+    return Extraction(sources, tuple(left_out), tables, paths, peak)
 
 
 class _Collector:
     """Collector of arriving tables: stores paths on disk, keeps the other tables and reports progress."""
 
-    def __init__(self, shelf: "PathTable", progress: Progress, total: int) -> None:
+    def __init__(self, paths: "PathTable", progress: Progress, total: int) -> None:
         self.tables: dict[Path, Measured] = {}
-        self._shelf, self._progress, self._total = shelf, progress, total
+        self._paths, self._progress, self._total = paths, progress, total
         self._seconds = 0.0
 
     def add(self, path: Path, measured: Measured) -> None:
         """Add the tables of a recording."""
-        self._shelf.put(measured)
+        self._paths.put(measured)
         self.tables[path] = replace(measured, paths={})
         self._seconds += float(measured.blocks["duration"][0])
         words = f"{len(self.tables)} of {self._total} recordings, {self._seconds:.0f} s of data"
@@ -136,11 +136,11 @@ def _left_out(path: Path, error: Exception) -> LeftOut:
     return LeftOut(path.name, why.removeprefix(f"{path.name}: "))
 
 
-def _take_kept(keys: Mapping[Path, str], cache: Cache, taken: _Collector) -> None:
+def _add_cached(keys: Mapping[Path, str], cache: Cache, collector: _Collector) -> None:
     """Add the cached tables."""
     for path, key in keys.items():
         if (measured := cache.get(key)) is not None:
-            taken.add(path, measured)
+            collector.add(path, measured)
 
 
 def _answers(
@@ -150,12 +150,12 @@ def _answers(
     if not runs:
         return
     with workers_of([run.path.absolute() for run in runs]) as executor:
-        asked = {
+        futures = {
             executor.submit(_measured, replace(run, path=run.path.absolute()), readings, digests[run.path]): run
             for run in runs
         }
-        for future in as_completed(asked):
-            run = asked.pop(future)
+        for future in as_completed(futures):
+            run = futures.pop(future)
             try:
                 yield run, future.result()
             except NetboardError as error:

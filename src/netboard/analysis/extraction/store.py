@@ -151,8 +151,8 @@ def _version(name: str) -> str:
 def key_of_analysis(recordings: Sequence[Path], settings: bytes, options: Sequence[str]) -> str:
     """Return the cache key of an analysis from everything that affects its output."""
     named = [[str(path), digest] for path, digest in digests_of(recordings).items()]
-    told = json.dumps([code_digest(), named, hashlib.sha256(settings).hexdigest(), list(options)])
-    return hashlib.sha256(told.encode()).hexdigest()
+    inputs = json.dumps([code_digest(), named, hashlib.sha256(settings).hexdigest(), list(options)])
+    return hashlib.sha256(inputs.encode()).hexdigest()
 
 
 def digests_of(paths: Sequence[Path]) -> dict[Path, str]:
@@ -161,7 +161,7 @@ def digests_of(paths: Sequence[Path]) -> dict[Path, str]:
         return dict(zip(paths, pool.map(sha256_of, paths), strict=True))
 
 
-def keep(store: Store, key: str, folder: Path, words: Sequence[str]) -> None:
+def store_analysis(store: Store, key: str, folder: Path, words: Sequence[str]) -> None:
     """Store an analysis."""
     files = {}
     for path in sorted(path for path in folder.rglob("*") if path.is_file()):
@@ -174,17 +174,17 @@ def keep(store: Store, key: str, folder: Path, words: Sequence[str]) -> None:
     store.trim()
 
 
-def take(store: Store, key: str, folder: Path) -> tuple[str, ...] | None:
+def restore_analysis(store: Store, key: str, folder: Path) -> tuple[str, ...] | None:
     """Write a completely cached analysis into an empty folder; return its messages, or None and write nothing."""
     listed = store.get(f"{key}{ANALYSIS}")
     if listed is None:
         return None
-    told = json.loads(bytes(listed))
-    contents = {name: store.get(entry) for name, entry in told["files"].items()}
+    entry = json.loads(bytes(listed))
+    contents = {name: store.get(file) for name, file in entry["files"].items()}
     whole = {name: content for name, content in contents.items() if content is not None}
     if len(whole) < len(contents):
         return None
     for name, content in whole.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(content)
-    return tuple(told["words"])
+    return tuple(entry["words"])

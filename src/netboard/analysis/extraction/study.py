@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from netboard.analysis.extraction.conditions import (
-    Levels,
+    FactorLevels,
     StudyFactor,
     names_of,
     participants_of,
@@ -20,27 +20,27 @@ from netboard.analysis.extraction.conditions import (
     value_columns,
 )
 from netboard.analysis.extraction.exclusions import excluded
-from netboard.analysis.extraction.recordings import FIELDS, Measured
+from netboard.analysis.extraction.recordings import BLOCKS, FIELDS, Measured
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.tables import ATTEMPT_KEY, Columns, count, words
 from netboard.analysis.extraction.trials import RATE
 from netboard.analysis.measures.performance import running_number
 from netboard.recording.format.channels import Field
 
+_OF_BLOCKS = {field.name: field for field in BLOCKS}
+
 PLACE_IN_STUDY = (
-    words("dyad", "pseudonym of the dyad"),
-    words("performer", "performer: pseudonym of the participant, or of the dyad if both performed"),
+    _OF_BLOCKS["dyad"],
+    _OF_BLOCKS["performer"],
     words("configuration", "dyadic or bimanual"),
     words("force", "haptic feedback: the force condition"),
-    count("haptics", "1: with haptic feedback"),
+    _OF_BLOCKS["haptics"],
     words("partner", "robot partner or still partner; empty if the partner is a participant or there is none"),
-    words("kind", "kind of block, as in the study; empty: none"),
+    _OF_BLOCKS["kind"],
     words(
         "condition", "configuration, force, partner, levels that these do not determine, and the role if it is not test"
     ),
-    count(
-        "block", "number of the block in the dyad's plan, from 1; renumbered consecutively if two blocks have the same"
-    ),
+    _OF_BLOCKS["block"],
     count("counts", "1: a successful trial that is not excluded"),
     count(
         "order",
@@ -63,7 +63,7 @@ class Study:
     movements: pd.DataFrame
     paths: Mapping[str, pd.DataFrame]
     exclusions: pd.DataFrame
-    levels: Levels
+    levels: FactorLevels
 
     @property
     def factors(self) -> tuple[StudyFactor, ...]:
@@ -132,7 +132,7 @@ def study_of(
 
 def pooled(study: Study, over: Collection[str]) -> Study:
     """Pool the trials of a study over factors: their levels are no longer part of conditions."""
-    factors = tuple(replace(one, told=one.told and one.name not in over) for one in study.factors)
+    factors = tuple(replace(one, in_names=one.in_names and one.name not in over) for one in study.factors)
     levels = replace(study.levels, factors=factors)
     blocks = study.blocks.assign(condition=_block_conditions(study.blocks, levels))
     added = [*_SHARED, *_columns_of(levels)]
@@ -153,12 +153,12 @@ def _analysed(blocks: pd.DataFrame, left_out: Collection[str]) -> pd.Series:
     return kept if kept.any() else ~kept
 
 
-def _columns_of(levels: Levels) -> list[str]:
+def _columns_of(levels: FactorLevels) -> list[str]:
     """Return the factor columns of a table of trials beside those of `PLACE_IN_STUDY`."""
     return [field.name for factor in levels.factors for field in factor.fields if field.name not in _SHARED]
 
 
-def _factor_columns(levels: Levels, places: Iterable[int], trials: Iterable[int]) -> dict[str, np.ndarray]:
+def _factor_columns(levels: FactorLevels, places: Iterable[int], trials: Iterable[int]) -> dict[str, np.ndarray]:
     """Return the factor columns for trials of blocks."""
     at, numbers = list(places), list(trials)
     columns: dict[str, np.ndarray] = {}
@@ -167,7 +167,7 @@ def _factor_columns(levels: Levels, places: Iterable[int], trials: Iterable[int]
     return columns
 
 
-def _block_columns(levels: Levels) -> dict[str, np.ndarray]:
+def _block_columns(levels: FactorLevels) -> dict[str, np.ndarray]:
     """Return the factor columns for blocks: a factor that varies within blocks lists all levels, with commas."""
     columns: dict[str, np.ndarray] = {}
     for factor in levels.factors:
@@ -176,17 +176,17 @@ def _block_columns(levels: Levels) -> dict[str, np.ndarray]:
     return columns
 
 
-def _block_conditions(blocks: pd.DataFrame, levels: Levels) -> list[str]:
+def _block_conditions(blocks: pd.DataFrame, levels: FactorLevels) -> list[str]:
     """Return the condition of each block, without factors that vary within it."""
-    told = {
+    names = {
         one.name: [sequence[0] if sequence else "" for sequence in levels.sequences[one.name]]
         for one in levels.factors
-        if one.told and one.scope != "trial"
+        if one.in_names and one.scope != "trial"
     }
-    return names_of(blocks, told, [role or "test" for role in blocks["role"]])
+    return names_of(blocks, names, [role or "test" for role in blocks["role"]])
 
 
-def _moved(movements: pd.DataFrame, trials: pd.DataFrame, levels: Levels) -> pd.DataFrame:
+def _moved(movements: pd.DataFrame, trials: pd.DataFrame, levels: FactorLevels) -> pd.DataFrame:
     """Add the columns of its trial to each movement."""
     shared = [*ATTEMPT_KEY, *_SHARED, "role", *_columns_of(levels)]
     return movements.merge(trials[shared], on=ATTEMPT_KEY, how="left", validate="many_to_one")
@@ -241,15 +241,15 @@ def series_labels(readings: Readings) -> list[str]:
 
 
 def _placed(
-    trials: pd.DataFrame, blocks: pd.DataFrame, left_out: pd.DataFrame, readings: Readings, levels: Levels
+    trials: pd.DataFrame, blocks: pd.DataFrame, left_out: pd.DataFrame, readings: Readings, levels: FactorLevels
 ) -> pd.DataFrame:
     """Add to each attempt its performer, condition, inclusion and running number."""
     known = [name for name in _SHARED if name not in ("counts", "order", "condition")]
     joined = trials.merge(blocks[["recording", *known]], on="recording", how="left", validate="many_to_one")
     places = dict(zip(blocks["recording"], range(len(blocks)), strict=True))
     at = [places[one] for one in joined["recording"]]
-    told = {one.name: levels.at(one, at, joined["trial"]) for one in levels.factors if one.told}
-    joined["condition"] = names_of(joined, told, [role or "test" for role in joined["role"]])
+    named = {one.name: levels.at(one, at, joined["trial"]) for one in levels.factors if one.in_names}
+    joined["condition"] = names_of(joined, named, [role or "test" for role in joined["role"]])
     out = pd.MultiIndex.from_frame(left_out[ATTEMPT_KEY])
     kept = ~pd.MultiIndex.from_frame(joined[ATTEMPT_KEY]).isin(out)
     joined["counts"] = ((joined["outcome"] == "success") & kept).astype("int64")
@@ -291,19 +291,19 @@ def notes(study: Study) -> tuple[str, ...]:
     from_recording = int((done["completion_source"] == "recording").sum())
     apart = np.abs(done["completion"] - done["recorded_completion"])
     differ = apart[(done["completion_source"] == "samples") & (apart > NEAR)]
-    told = [*_crowded(study.blocks), *_in_several_dyads(study.blocks)]
+    found = [*_crowded(study.blocks), *_in_several_dyads(study.blocks)]
     if from_recording:
-        told.append(
+        found.append(
             f"{from_recording} of {len(done)} completion times are those of the recording (completion_source in the "
             "table of trials): the samples show no hold."
         )
     if len(differ):
-        told.append(
+        found.append(
             f"{len(differ)} of {len(done)} completion times differ from the recorded ones by more than a tick, by "
             f"{1e3 * differ.max():.0f} ms at most: compare the columns completion and recorded_completion of the table "
             "of trials."
         )
-    return tuple(told)
+    return tuple(found)
 
 
 def _crowded(blocks: pd.DataFrame) -> Iterator[str]:

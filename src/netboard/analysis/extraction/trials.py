@@ -37,13 +37,13 @@ RATE = 1 / TICK_SECONDS
 """Sampling rate [Hz]."""
 
 UNRELEASED = "unreleased"
-"""What is said of an attempt whose release is not in the recording, so that its times are not known."""
+"""Mark of an attempt whose release is not in the recording, so that its times are not known."""
 
 _PLACES = ("theta", "p", "left_used_z", "right_used_z")
 _FORCES = ("left_coupling", "right_coupling")
 _RATES = ("left_used_vz", "right_used_vz")
 _COUNTS = ("tick", "run_ticks")
-_FILTERED = ("_seen", "placed", "fast", "slow", "whole", "forces", "_turns")
+_FILTERED = ("_seen", "placed", "fast", "slow", "whole", "forces", "_segments")
 
 
 def columns_for(readings: Readings) -> tuple[str, ...]:
@@ -105,7 +105,7 @@ class Block:
         if columns or readings.filters != self.readings.filters:
             stale: tuple[str, ...] = _FILTERED
         else:
-            stale = ("_turns",) if readings.segments != self.readings.segments else ()
+            stale = ("_segments",) if readings.segments != self.readings.segments else ()
         for name in stale:
             other.__dict__.pop(name, None)
         return other
@@ -176,12 +176,12 @@ class Block:
         left, right = (self.fast(self.raw(name), RATE) for name in _FORCES)
         return left, right
 
-    def segments(self, found: Motion) -> Segments:
+    def segments(self, filtered: Motion) -> Segments:
         """Return the movements of the board."""
         how = self.readings.segments
         return board_segments(
-            found.omega,
-            found.theta,
+            filtered.omega,
+            filtered.theta,
             RATE,
             turning=how.turning,
             angle=how.angle,
@@ -191,7 +191,7 @@ class Block:
         )
 
     @cached_property
-    def _turns(self) -> Segments:
+    def _segments(self) -> Segments:
         return self.segments(self.whole)
 
     def unmeasured(self, attempt: Attempt) -> str:
@@ -214,15 +214,15 @@ class Block:
         completion, source = self._completion(attempt, self.raw("p")[release:stop], target)
         done = None if completion.sample is None else release + completion.sample
         trial, part = Trial(release, stop, target, done), slice(0, self.samples)
-        found, turns = self.whole, self._turns
+        filtered, segments = self.whole, self._segments
         if how.filters.unit == "trial":
             part = slice(release, stop)
             trial = Trial(0, stop - release, target, completion.sample)
-            found = self.filtered(part)
-            turns = self.segments(found)
+            filtered = self.filtered(part)
+            segments = self.segments(filtered)
         elif how.segments.ends == "trial":
-            turns = _shifted(self.segments(_cut(found, trial)), release)
-        return Take(self, attempt, part, trial, found, turns, completion.time, completion.entries, source)
+            segments = _shifted(self.segments(_cut(filtered, trial)), release)
+        return Take(self, attempt, part, trial, filtered, segments, completion.time, completion.entries, source)
 
     def _completion(self, attempt: Attempt, p: NDArray[np.float64], target: float) -> tuple[Completion, str]:
         """Find the completion of a success from the ball's samples, or else from the recording.
@@ -260,8 +260,8 @@ class Take:
     attempt: Attempt
     part: slice
     trial: Trial
-    found: Motion
-    turns: Segments
+    motion: Motion
+    segments: Segments
     completion: float
     entries: float
     source: str
@@ -283,18 +283,18 @@ class Take:
         return window == "whole" or self.trial.completion is not None or self.attempt.outcome != "success"
 
     @cached_property
-    def own_turns(self) -> Segments:
+    def own_segments(self) -> Segments:
         """Movements of the board that begin in the attempt."""
-        return self.turns.of_trial(self.trial)
+        return self.segments.of_trial(self.trial)
 
 
-def _cut(found: Motion, trial: Trial) -> Motion:
+def _cut(recording: Motion, trial: Trial) -> Motion:
     """Return the samples of a trial."""
     inside = trial.window("whole")
-    arrays = {name: getattr(found, name)[inside] for name in Motion.__slots__ if name != "rate"}
-    return Motion(rate=found.rate, **arrays)
+    arrays = {name: getattr(recording, name)[inside] for name in Motion.__slots__ if name != "rate"}
+    return Motion(rate=recording.rate, **arrays)
 
 
-def _shifted(turns: Segments, by: int) -> Segments:
+def _shifted(segments: Segments, by: int) -> Segments:
     """Return movements with sample numbers from an earlier start."""
-    return Segments(turns.first + by, turns.stop + by, turns.angle, turns.cut)
+    return Segments(segments.first + by, segments.stop + by, segments.angle, segments.cut)

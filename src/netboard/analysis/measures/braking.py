@@ -63,36 +63,30 @@ def first_braking(
     ----------
     segments : Segments
         Movements of the board; only those that begin in the trial count.
-    vp : ndarray, shape (n,)
-        Ball velocity [m/s].
-    trial : Trial
-        Position of the trial in these arrays.
     braking : {"tilt", "rotation"}
         Definition of a braking movement: it turns the board back until the tilt accelerates the ball away from the
         target, or it turns the board back at all, so that levelling the board counts.
     """
-    own = segments.of_trial(trial)
-    holes = np.flatnonzero(np.isnan(theta[trial.release : trial.stop]))
-    if holes.size:  # a movement after a gap may not be the first
-        own = own.where(own.first < trial.release + holes[0])
-    back = own.direction == trial.side  # the end at the target goes up
-    towards = np.flatnonzero(own.direction == -trial.side)
+    movements = segments.of_trial(trial)
+    gaps = np.flatnonzero(np.isnan(theta[trial.release : trial.stop]))
+    if gaps.size:  # a movement after a gap may not be the first
+        movements = movements.where(movements.first < trial.release + gaps[0])
+    towards = np.flatnonzero(movements.direction == -trial.side)
     if towards.size == 0:
-        return Strategy(
-            float("nan"), float("nan"), float("nan"), float("nan"), float("nan") if holes.size else len(own)
-        )
+        return Strategy(np.nan, np.nan, np.nan, np.nan, np.nan if gaps.size else len(movements))
     initial = int(towards[0])
-    brakes = back & (np.arange(len(own)) > initial)
+    # A braking movement raises the end of the board at the target.
+    brakes = (movements.direction == trial.side) & (np.arange(len(movements)) > initial)
     if braking == "tilt":
-        brakes &= trial.side * theta[own.stop - 1] > 0
-    began = float(own.first[initial] - trial.release) / rate
+        brakes &= trial.side * theta[movements.stop - 1] > 0
+    initial_onset = float(movements.first[initial] - trial.release) / rate
     if not brakes.any():
-        return Strategy(float("nan"), float("nan"), float("nan"), began, initial)
-    onset = int(own.first[np.argmax(brakes)])
+        return Strategy(np.nan, np.nan, np.nan, initial_onset, initial)
+    onset = int(movements.first[np.argmax(brakes)])
     return Strategy(
         distance=trial.side * (trial.target - float(p[onset])),
         velocity=trial.side * float(vp[onset]),
         onset=(onset - trial.release) / rate,
-        initial=began,
+        initial=initial_onset,
         wrong_way=initial,
     )

@@ -63,8 +63,6 @@ def contributions(
 
     Parameters
     ----------
-    left_z, right_z : ndarray, shape (n,)
-        Height of the styluses [m].
     opposite : {"net", "majority"}
         Quantity that must be opposite: the net displacements, or the directions in more than half of the samples.
     amount : {"net", "path"}
@@ -138,10 +136,8 @@ def delays(
     ----------
     moved : Contributions
         Contribution of each side, from `contributions`.
-    left_vz, right_vz : ndarray, shape (n,)
-        Vertical velocities of the styluses, including samples before the movements [m/s].
     portions : sequence of float
-        Fractions of the peak, q of them [1].
+        Fractions of the peak, q of them, above 0 and at most 1 [1].
     threshold : {"slower_side", "own_peak"}
         Reference peak: the slower side's peak for both sides, or each side's own peak.
     search : {"back", "inside", "before_peak"}
@@ -152,12 +148,7 @@ def delays(
     velocity : {"own_direction", "magnitude"}
         Velocity that must reach the threshold: in the side's own direction, or its magnitude.
     search_back : float
-        Search window before a movement [s].
-
-    Raises
-    ------
-    ValueError
-        If a fraction is not above 0 and at most 1.
+        Search window before a movement; the velocities include it [s].
     """
     if not all(0 < portion <= 1 for portion in portions):
         raise ValueError(f"a portion of a peak is above 0 and at most 1, found {tuple(portions)}")

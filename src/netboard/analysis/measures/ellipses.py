@@ -58,17 +58,12 @@ class Ellipse:
         return float(np.pi / 4 * self.width * self.height * self.scale.prod())
 
     def outline(self, count: int = 100) -> NDArray[np.float64]:
-        """Return points on the ellipse, once around.
+        """Return points on the ellipse, once around, shape (count, 2) [m, m/s].
 
         Parameters
         ----------
         count : int
             Number of points [1].
-
-        Returns
-        -------
-        ndarray, shape (count, 2)
-            The points [m, m/s].
         """
         turn = np.linspace(0, 2 * np.pi, count)
         radii = np.stack([self.width / 2 * np.cos(turn), self.height / 2 * np.sin(turn)], axis=1)
@@ -94,8 +89,6 @@ def ellipse(points: NDArray[np.float64], *, extent: Extent = "middle_90", scalin
 
     Parameters
     ----------
-    points : ndarray, shape (n, 2)
-        Distance and velocity of each trial; rows with NaN are ignored [m, m/s].
     extent : {"middle_90", "twice_p90", "p10_to_p90", "nine_tenths"}
         Extent along a component: from the 5th to the 95th percentile of the scores, twice the 90th percentile of their
         magnitudes, from the 10th to the 90th percentile, or nine tenths of their range.
@@ -106,7 +99,7 @@ def ellipse(points: NDArray[np.float64], *, extent: Extent = "middle_90", scalin
     scale = np.ones(2)
     if len(known) < FEWEST:
         nothing = np.full(2, np.nan)
-        return Ellipse(nothing, np.full((2, 2), np.nan), float("nan"), float("nan"), scale, len(known))
+        return Ellipse(nothing, np.full((2, 2), np.nan), np.nan, np.nan, scale, len(known))
     centre = known.mean(axis=0)
     if scaling == "standardised":
         deviations = known.std(axis=0, ddof=1)
@@ -148,17 +141,12 @@ class Convergence:
 
 
 def groups_of(order: NDArray[np.int64], size: int = GROUP) -> NDArray[np.int64]:
-    """Return the group of each trial: the first 30 trials of a condition are group 0, the next 30 group 1.
+    """Return the group of each trial: 0 for the first 30 trials of a condition, 1 for the next 30, and so on [1].
 
     Parameters
     ----------
     size : int
         Number of trials in a group [1].
-
-    Returns
-    -------
-    ndarray of int64, shape (n,)
-        Group numbers [1].
     """
     return (order - 1) // size
 
@@ -176,8 +164,6 @@ def convergence(
 
     Parameters
     ----------
-    points : ndarray, shape (n, 2)
-        Distance and velocity of each trial; rows with NaN are ignored [m, m/s].
     groups : ndarray of int64, shape (n,)
         Group of each trial [1].
     extent, scaling

@@ -136,26 +136,8 @@ def granger(
 ) -> Granger:
     """Predict a target linearly, with and without the past of a source (Geweke, J. Am. Stat. Assoc. 77:304, 1982).
 
-    The strength is ``ln(RSS_without / RSS_with)`` of linear regressions with an intercept.
-
-    Parameters
-    ----------
-    sources, targets : sequence of array_like, shape (n_k,)
-        Trials of both, for example the velocities of two styluses [any].
-    past : Past or None
-        Samples of the past to use; None for three of each in steps of 20.
-    given : sequence of sequence of array_like, shape (n_k,)
-        Further signals to condition on, such as the ball's: for each signal, its trials [any].
-
-    Returns
-    -------
-    Granger
-        Strength and test; NaN for too few samples or a target that its own past predicts exactly.
-
-    Raises
-    ------
-    ValueError
-        If the trials of the signals do not match.
+    The strength is ``ln(RSS_without / RSS_with)`` of linear regressions with an intercept; NaN for too few samples or a
+    target that its own past predicts exactly.
     """
     past = past or Past()
     e = _embedded(sources, targets, past, given)
@@ -178,34 +160,22 @@ def transfer_entropy(
     bins: int = 3,
     neighbours: int = 4,
 ) -> float:
-    """Estimate the transfer entropy from a source to a target (Schreiber 2000); NaN for too few samples [nat].
+    """Estimate the transfer entropy from a source to a target (Schreiber, Phys. Rev. Lett. 85:461, 2000) [nat].
 
-    Without influence an estimate may lie slightly below 0.
-
-    It is the mutual information of the target's present and the source's past, conditional on the target's past.
+    It is the mutual information of the target's present and the source's past, conditional on the target's past; NaN
+    for too few samples. Without influence an estimate may lie slightly below 0.
 
     Parameters
     ----------
-    sources, targets : sequence of array_like, shape (n_k,)
-        Trials of both, for example the velocities of two styluses [any].
-    past : Past or None
-        Samples of the past to use; None for three of each in steps of 20.
-    given : sequence of sequence of array_like, shape (n_k,)
-        Further signals to condition on: for each signal, its trials [any].
     estimator : {"gaussian", "binned", "nearest"}
         "gaussian" assumes normal variables and equals half of `granger`'s strength (Barnett et al., Phys. Rev. Lett.
         103:238701, 2009). "binned" is the plug-in estimator with equally filled bins; it is biased upwards. "nearest"
         uses distances to nearest neighbours and assumes no model (Frenzel and Pompe, Phys. Rev. Lett. 99:204101, 2007,
-        after Kraskov et al. 2004).
+        after Kraskov et al., Phys. Rev. E 69:066138, 2004).
     bins : int
         For "binned", bins of each variable; ``bins ** variables`` should stay well below the number of samples [1].
     neighbours : int
         For "nearest", number of neighbours [1].
-
-    Raises
-    ------
-    ValueError
-        If the trials of the signals do not match.
     """
     past = past or Past()
     if estimator == "gaussian":
@@ -247,13 +217,6 @@ def chance_level(
         Random generator, used for more than eight dyads.
     most : int
         Number of random permutations then, of which more than a third are surrogates [1].
-    unit : str
-        Name of the paired unit.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than two dyads, or unequal numbers of sources and targets.
     """
     n = len(sources)
     if n < 2 or len(targets) != n:

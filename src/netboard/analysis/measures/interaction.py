@@ -65,7 +65,7 @@ class Work:
 def supports(
     p: ArrayLike, *, board_mass: float, ball_mass: float, arm: float, g: float = 9.81
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the static forces of two hands that hold a level board with the ball at rest.
+    """Return the static forces of two hands that hold a level board with the ball at rest, + = up [N].
 
     They are the unique pair that balances weight and torque: ``F_left, F_right = (M + m) g / 2 -+ m g p / (2 l)``. The
     spring to the origin is left out, because it is the hands that stretch it.
@@ -76,11 +76,6 @@ def supports(
         Masses M and m; the ball mass is 0 while something else carries the ball [kg].
     g : float
         Gravitational acceleration [m/s2].
-
-    Returns
-    -------
-    left, right : ndarray of float64, shape (n,)
-        Forces on the board, + = up [N].
     """
     half = (board_mass + ball_mass) * g / 2.0
     turn = ball_mass * g * np.asarray(p, dtype=float) / (2.0 * arm)
@@ -101,11 +96,6 @@ def interaction(left: ArrayLike, right: ArrayLike, *, axis: Axis = "tilt", rule:
         oppose each other (Groten et al., IEEE RO-MAN 2009, 723). "half_difference": half of the difference at all
         times, so that both sides contribute equally to the net force (the difference force of Reed and Peshkin, IEEE
         Trans. Haptics 1:108, 2008).
-
-    Raises
-    ------
-    ValueError
-        If the shapes of the forces differ.
     """
     a, b = paired(left, right)
     if axis == "tilt":
@@ -121,7 +111,7 @@ def interaction(left: ArrayLike, right: ArrayLike, *, axis: Axis = "tilt", rule:
 def point_velocities(
     vz: ArrayLike, theta: ArrayLike, omega: ArrayLike, *, arm: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the vertical velocities of both control points: ``z' -+ l theta' cos(theta)``.
+    """Return the vertical velocities of both control points, left and right: ``z' -+ l theta' cos(theta)`` [m/s].
 
     Parameters
     ----------
@@ -129,11 +119,6 @@ def point_velocities(
         Vertical velocity of the board's centre [m/s].
     omega : array_like, shape (n,)
         Angular velocity [rad/s].
-
-    Returns
-    -------
-    left, right : ndarray of float64, shape (n,)
-        Velocities, + = up [m/s].
     """
     turn = arm * np.asarray(omega, dtype=float) * np.cos(np.asarray(theta, dtype=float))
     middle = np.asarray(vz, dtype=float)
@@ -141,7 +126,7 @@ def point_velocities(
 
 
 def work(force: ArrayLike, velocity: ArrayLike, rate: float) -> Work:
-    """Integrate a partner's power by the trapezoidal rule.
+    """Integrate a partner's power, its positive part and its negative part by the trapezoidal rule.
 
     With the stylus velocity the result is the work of the hand, part of which the virtual coupling's damper dissipates.
     With the control point's velocity (`point_velocities`) it is the work on the board.
@@ -152,16 +137,6 @@ def work(force: ArrayLike, velocity: ArrayLike, rate: float) -> Work:
         Force of the hand on the board, + = up [N].
     velocity : array_like, shape (n,)
         Velocity of the stylus or of the control point, + = up [m/s].
-
-    Returns
-    -------
-    Work
-        Net, given and received energy; the last two integrate the positive and the negative power [J].
-
-    Raises
-    ------
-    ValueError
-        If the shapes of force and velocity differ.
     """
     f, v = paired(force, velocity)
     given, received = _integral(np.maximum(f * v, 0.0), rate), _integral(np.maximum(-f * v, 0.0), rate)
@@ -169,25 +144,15 @@ def work(force: ArrayLike, velocity: ArrayLike, rate: float) -> Work:
 
 
 def exchanged(left_power: ArrayLike, right_power: ArrayLike, rate: float) -> tuple[float, float]:
-    """Integrate the power that passes through the board from one partner to the other.
+    """Return the energy that passes through the board to the right partner and to the left one, never negative [J].
 
-    At any time this is the smaller of the power that one partner gives and the power that the other receives. The rest
-    drives the board and the ball, or comes from them.
+    At any time the transferred power is the smaller of the power that one partner gives and the power that the other
+    receives. The rest drives the board and the ball, or comes from them.
 
     Parameters
     ----------
     left_power, right_power : array_like, shape (n,)
         Force times velocity of each, + = into the board [W].
-
-    Returns
-    -------
-    to_right, to_left : float
-        Transferred energy, never negative [J].
-
-    Raises
-    ------
-    ValueError
-        If the shapes of the powers differ.
     """
     a, b = paired(left_power, right_power)
     to_right = np.minimum(np.maximum(a, 0.0), np.maximum(-b, 0.0))
@@ -222,11 +187,6 @@ def force_share(left: ArrayLike, right: ArrayLike, *, kind: Weighing = "absolute
         [N].
     kind : {"absolute", "squared"}
         Whether magnitudes or squares are summed.
-
-    Raises
-    ------
-    ValueError
-        If the shapes of the forces differ.
     """
     a, b = (np.abs(side) ** (2 if kind == "squared" else 1) for side in paired(left, right))
     total = a.sum() + b.sum()

@@ -92,12 +92,8 @@ def lag_of(
 
     Parameters
     ----------
-    left, right : array_like, shape (n,)
-        Velocities of both sides, or another signal of each [any].
     longest : float
-        Largest delay in the search [s].
-    relation : {"mirrored", "alike"}
-        Whether the sides agree when they move in opposite directions, as in a tilt, or in the same direction.
+        Largest delay in the search; two or more samples must overlap there [s].
     overlap : {"pearson", "full"}
         At each delay, the correlation of the overlapping samples, or their covariance divided by that of the whole
         record, which favours short delays.
@@ -107,11 +103,6 @@ def lag_of(
     Lag
         All NaN if a side does not vary; the delay is NaN if the best one lies at the end of the search range and is no
         maximum.
-
-    Raises
-    ------
-    ValueError
-        If the lengths of the sides differ, or fewer than two samples overlap at the longest delay.
     """
     a, b = paired(left, right)
     b = _SIGNS[relation] * b
@@ -140,16 +131,12 @@ def windowed_lags(
 
     Parameters
     ----------
-    left, right : array_like, shape (n,)
-        Velocities of both sides, or another signal of each [any].
     window : float
         Window length [s].
     step : float
         Step between windows [s].
     longest : float
-        Largest delay in the search [s].
-    relation : {"mirrored", "alike"}
-        As in `lag_of`.
+        Largest delay in the search, shorter than the window [s].
 
     Returns
     -------
@@ -157,11 +144,6 @@ def windowed_lags(
         Centre times of the complete windows, from the first sample [s].
     lags : tuple of Lag
         Delay in each window [s].
-
-    Raises
-    ------
-    ValueError
-        If the lengths of the sides differ, or the window is too short for the delay.
     """
     a, b = paired(left, right)
     size, every = round(window * rate), max(1, round(step * rate))
@@ -174,16 +156,6 @@ def peak_delay(left: ArrayLike, right: ArrayLike, rate: float) -> float:
     """Return left minus right time of the velocity peaks of both sides, each in its own direction, + = right first [s].
 
     NaN if a side has its largest velocity at the first or last sample, or a sample is missing.
-
-    Parameters
-    ----------
-    left, right : array_like, shape (n,)
-        Velocities of both sides in one movement [m/s].
-
-    Raises
-    ------
-    ValueError
-        If the lengths of the sides differ.
     """
     sides = [_forward(side) for side in paired(left, right)]
     if not len(sides[0]):
@@ -201,8 +173,6 @@ def leadership(delays: ArrayLike, *, tolerance: float = 0.0, unit: str = "moveme
         Signed delays, + = right first; NaN are ignored [s].
     tolerance : float
         Largest absolute delay that counts as simultaneous [s].
-    unit : str
-        Unit to which each delay belongs.
     """
     signed = np.asarray(delays, dtype=float).ravel()
     signed = signed[np.isfinite(signed)]

@@ -74,7 +74,7 @@ class Motion:
 
 
 def placements(p: NDArray[np.float64], rate: float, fastest: float = FASTEST) -> NDArray[np.int64]:
-    """Find where the ball was repositioned: at 1 kHz, a jump of 2 mm or more.
+    """Return the first sample after each repositioning of the ball: at 1 kHz, a jump of 2 mm or more [1].
 
     Parameters
     ----------
@@ -82,11 +82,6 @@ def placements(p: NDArray[np.float64], rate: float, fastest: float = FASTEST) ->
         Ball position along the board, as recorded [m].
     fastest : float
         Speed between two samples above which the ball was repositioned [m/s].
-
-    Returns
-    -------
-    ndarray of int64, shape (k,)
-        First sample at each new position [1].
     """
     return 1 + np.flatnonzero(np.abs(np.diff(p)) * rate > fastest)
 
@@ -99,23 +94,16 @@ def ball_speed(
     low_pass: LowPass = SLOW,
     breaks: Breaks = (),
 ) -> NDArray[np.float64]:
-    """Return the low-pass filtered absolute velocity of the ball; ringing near rest may make it slightly negative.
+    """Return the low-pass filtered absolute velocity of the ball, shape (n,) [m/s].
+
+    Ringing near rest may make it slightly negative.
 
     Parameters
     ----------
-    vp : ndarray, shape (n,)
-        Velocity of the ball [m/s].
     order : {"absolute_first", "filter_first"}
         Whether the absolute value is filtered, as the paper words it, or taken of the filtered velocity.
     low_pass : LowPass
-        The filter.
-    breaks : sequence of int
-        First samples after each repositioning of the ball [1].
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        The speed [m/s].
+        Low-pass filter; by default that of the paper, 5 Hz.
     """
     if order == "absolute_first":
         return low_pass(np.abs(vp), rate, breaks)
@@ -142,23 +130,16 @@ def motion(
 
     Parameters
     ----------
-    left_z, right_z : ndarray, shape (n,)
-        Heights of the styluses [m].
     left_vz, right_vz : ndarray, shape (n,), optional
         Stylus velocities as the devices estimated them; they are filtered and used instead [m/s].
     placed : sequence of int
         First samples after each repositioning of the ball, from `placements` [1].
     fast : LowPass
-        Filter for all signals.
+        First filter, for all signals.
     slow : LowPass
         Second filter for the board's angular velocity and the ball's speed.
     speed : {"absolute_first", "filter_first"}
         As for `ball_speed`.
-
-    Raises
-    ------
-    ValueError
-        If the lengths of the arrays differ.
     """
     if len({left_z.shape, right_z.shape, theta.shape, p.shape}) != 1 or left_z.ndim != 1:
         raise ValueError("heights, tilt and ball must have one value each for every sample")
@@ -255,22 +236,18 @@ def find_completion(
     ----------
     p : ndarray, shape (n,)
         Ball position along the board from the release, as recorded [m].
-    target : float
-        Centre of the target [m].
     inside : {"centre", "whole_ball"}
         Part of the ball that must be in the target, edges included: its centre, or all of it.
     radius : float
         Radius of the ball [m].
-    hold : float
-        Minimum duration of the stay, as defined by `netboard.analysis.measures.signals.lasting` [s].
     """
     reach = half_width if inside == "centre" else half_width - radius
     away = np.abs(p - target)
     # A missing sample may lie in or outside the target: only a result common to both cases is known.
-    found, other = _first_hold(away <= reach, hold, rate), _first_hold(~(away > reach), hold, rate)
-    if found.sample != other.sample:
-        return Completion(float("nan"), None, float("nan"))
-    return found if not np.isnan(away[: found.sample]).any() else replace(found, entries=float("nan"))
+    outside, inside_gaps = _first_hold(away <= reach, hold, rate), _first_hold(~(away > reach), hold, rate)
+    if outside.sample != inside_gaps.sample:
+        return Completion(np.nan, None, np.nan)
+    return outside if not np.isnan(away[: outside.sample]).any() else replace(outside, entries=np.nan)
 
 
 def _first_hold(within: NDArray[np.bool_], hold: float, rate: float) -> Completion:
@@ -278,6 +255,6 @@ def _first_hold(within: NDArray[np.bool_], hold: float, rate: float) -> Completi
     entries = runs(within)[:, 0]
     held = lasting(within, hold, rate)
     if held.size == 0:
-        return Completion(float("nan"), None, len(entries))
+        return Completion(np.nan, None, len(entries))
     sample = int(held[0, 0])
     return Completion(sample / rate, sample, int(np.searchsorted(entries, sample)) + 1)

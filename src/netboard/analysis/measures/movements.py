@@ -36,21 +36,14 @@ def classify(
     still_below: float = STILL_BELOW,
     at_limit: AtLimit = "moving",
 ) -> NDArray[np.int8]:
-    """Return the movement class of each sample.
+    """Return the `Movement` of each sample, shape (n,) [1].
 
     Parameters
     ----------
-    left_vz, right_vz : ndarray, shape (n,)
-        Vertical velocities of the styluses [m/s].
     still_below : float
         Speed below which a stylus is still [m/s].
     at_limit : {"moving", "still"}
         Class of a stylus whose speed equals `still_below`.
-
-    Returns
-    -------
-    ndarray of int8, shape (n,)
-        `Movement` of each sample [1].
     """
 
     def direction(vz: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -60,15 +53,14 @@ def classify(
 
     left, right = direction(left_vz), direction(right_vz)
     product = left * right
-    conditions = [np.isnan(product), product < 0, product > 0, left != 0, right != 0]
-    kinds = [
-        Movement.UNKNOWN,
-        Movement.COOPERATIVE,
-        Movement.COMPETITIVE,
-        Movement.LEFT_ONLY,
-        Movement.RIGHT_ONLY,
-    ]
-    return np.select(conditions, [np.int8(kind) for kind in kinds], np.int8(Movement.STILL))
+    kinds = {  # the first condition that holds decides
+        Movement.UNKNOWN: np.isnan(product),
+        Movement.COOPERATIVE: product < 0,
+        Movement.COMPETITIVE: product > 0,
+        Movement.LEFT_ONLY: left != 0,
+        Movement.RIGHT_ONLY: right != 0,
+    }
+    return np.select(list(kinds.values()), [np.int8(kind) for kind in kinds], np.int8(Movement.STILL))
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,17 +120,12 @@ def movement_times(classes: NDArray[np.int8], rate: float) -> MovementTimes:
 
 
 def shares(seconds: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the share of each class.
+    """Return the share of each class, shape (..., 4), with the sum 1; NaN for a zero duration [1].
 
     Parameters
     ----------
     seconds : ndarray, shape (..., 4)
         Duration of each class [s].
-
-    Returns
-    -------
-    ndarray, shape (..., 4)
-        Shares with the sum 1; NaN for a zero duration [1].
     """
     total = seconds.sum(axis=-1, keepdims=True)
     return np.asarray(np.divide(seconds, total, out=np.full(seconds.shape, np.nan), where=total > 0))
@@ -147,30 +134,25 @@ def shares(seconds: NDArray[np.float64]) -> NDArray[np.float64]:
 def mean_shares(
     seconds: NDArray[np.float64], people: NDArray[np.int64] | None = None, *, of: Average = "trials"
 ) -> NDArray[np.float64]:
-    """Return mean shares of a condition, averaged within participants or dyads and then over them.
+    """Return the mean shares of a condition, shape (4,); NaN without trials [1].
+
+    They are averaged within participants or dyads and then over them; without `people`, all trials belong to one.
 
     Parameters
     ----------
     seconds : ndarray, shape (n, 4)
         Duration of each class in each trial [s].
-    people : ndarray of int64, shape (n,), optional
-        Participant or dyad of each trial; without it all trials belong to one [1].
     of : {"trials", "time"}
         Weighting within a participant: every trial counts equally, or every second, so that long trials dominate.
-
-    Returns
-    -------
-    ndarray, shape (4,)
-        Mean shares; NaN without trials [1].
     """
-    whose = np.zeros(len(seconds), np.int64) if people is None else people
-    each = []
-    for person in np.unique(whose):
-        own = seconds[whose == person]
+    labels = np.zeros(len(seconds), np.int64) if people is None else people
+    means = []
+    for person in np.unique(labels):
+        trials = seconds[labels == person]
         if of == "time":
-            each.append(shares(own[np.isfinite(own).all(axis=1)].sum(axis=0)))
+            means.append(shares(trials[np.isfinite(trials).all(axis=1)].sum(axis=0)))
         else:
-            known = shares(own)[own.sum(axis=1) > 0]
-            each.append(known.mean(axis=0) if len(known) else np.full(4, np.nan))
-    found = np.array([row for row in each if not np.isnan(row).any()])
-    return np.asarray(found.mean(axis=0)) if len(found) else np.full(4, np.nan)
+            known = shares(trials)[trials.sum(axis=1) > 0]
+            means.append(known.mean(axis=0) if len(known) else np.full(4, np.nan))
+    finite = np.array([row for row in means if not np.isnan(row).any()])
+    return np.asarray(finite.mean(axis=0)) if len(finite) else np.full(4, np.nan)

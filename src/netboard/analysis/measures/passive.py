@@ -130,7 +130,7 @@ class PassiveControl:
 
 
 def driven(force: ArrayLike, rate: float, hand: PassiveHand) -> NDArray[np.float64]:
-    """Return a passive hand's response to a force: ``m z'' + b z' + k z + friction = F - F(0)``.
+    """Return a passive hand's height relative to its start: ``m z'' + b z' + k z + friction = F - F(0)`` [m].
 
     For the rendered force the result is the passive part of the recorded movement. The rest is voluntary, as far as the
     arm is linear and its stiffness known. Part of the rendered force answers the hand's own movement; `passive_partner`
@@ -140,11 +140,6 @@ def driven(force: ArrayLike, rate: float, hand: PassiveHand) -> NDArray[np.float
     ----------
     force : array_like, shape (n,)
         Force on the hand, + = up; linear between samples [N].
-
-    Returns
-    -------
-    ndarray of float64, shape (n,)
-        Height of the hand relative to its start [m].
     """
     f = np.asarray(force, dtype=float)
     if not len(f):
@@ -200,7 +195,7 @@ def _discretised(hand: PassiveHand, rate: float) -> tuple[NDArray[np.float64], N
 def passive_partner(
     active: ArrayLike, p: ArrayLike, rate: float, hand: PassiveHand, gains: Gains
 ) -> NDArray[np.float64]:
-    """Return the movement of a passive hand under the recorded movement of partner and ball, with haptic feedback.
+    """Return the height of a passive hand relative to its start, moved by partner and ball through haptic feedback [m].
 
     The board is taken to be in static equilibrium between the hands, which it reaches within about 10 ms. A hand
     without friction gives an upper bound: device friction (0.26 N for a Touch) suppresses most of this movement.
@@ -211,11 +206,6 @@ def passive_partner(
         Height of the partner's stylus [m].
     gains : Gains
         Gains of its side.
-
-    Returns
-    -------
-    ndarray of float64, shape (n,)
-        Height of the hand relative to its start [m].
     """
     push = -gains.partner * np.asarray(active, dtype=float) - gains.ball * np.asarray(p, dtype=float)
     return driven(push, rate, replace(hand, stiffness=hand.stiffness + gains.own))
@@ -227,7 +217,7 @@ def linear_partner(rate: float, hand: PassiveHand, left: Gains, right: Gains) ->
     Parameters
     ----------
     left, right : Gains
-        Gains of both sides.
+        Gains of the board that each hand feels.
     """
 
     def respond(active: NDArray[np.float64], p: NDArray[np.float64], side: Side) -> NDArray[np.float64]:
@@ -254,19 +244,12 @@ def passive_control(
     Parameters
     ----------
     with_forces, without : sequence of sequence of Heights
-        Trials of each dyad with and without haptic feedback.
+        Trials of each dyad with and without haptic feedback, at least one of each kind.
     respond : callable
         Passive partner: a function of the active stylus's height, the ball position and the passive side; returns a
         height.
     measure : callable
         Function of the heights of the left and right stylus, for example the share of cooperative movement.
-    unit : str
-        Name of the unit of replication.
-
-    Raises
-    ------
-    ValueError
-        If the numbers of dyads with and without haptic feedback differ, or a dyad lacks trials of either kind.
     """
     if len(with_forces) != len(without) or not all(map(len, [*with_forces, *without])):
         raise ValueError(

@@ -36,7 +36,7 @@ class Peaks:
     @property
     def count(self) -> float:
         """Number of peaks: the paper's NP; NaN if a gap may hide one [1]."""
-        return len(self.samples) if self.whole else float("nan")
+        return len(self.samples) if self.whole else np.nan
 
 
 def velocity_peaks(

@@ -41,27 +41,18 @@ class Summary:
 
 
 def summarise(values: NDArray[np.float64], people: NDArray[Any] | None = None) -> Summary:
-    """Return mean and standard deviation over trials, or over participants.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        One value for each trial [any].
-    people : ndarray, shape (n,), optional
-        Participant or dyad of each trial. If given, the statistics are those of participants' means; otherwise those of
-        all single trials [1].
-    """
+    """Return mean and standard deviation over single trials; with `people`, over the means of participants or dyads."""
     known = np.isfinite(values)
     kept = values[known]
     if people is not None:
-        whose = people[known]
-        kept = np.array([kept[whose == person].mean() for person in np.unique(whose)])
-    mean = float(kept.mean()) if kept.size else float("nan")
-    return Summary(mean, float(kept.std(ddof=1)) if kept.size > 1 else float("nan"), kept.size)
+        labels = people[known]
+        kept = np.array([kept[labels == person].mean() for person in np.unique(labels)])
+    mean = float(kept.mean()) if kept.size else np.nan
+    return Summary(mean, float(kept.std(ddof=1)) if kept.size > 1 else np.nan, kept.size)
 
 
 def running_number(*labels: NDArray[Any]) -> NDArray[np.int64]:
-    """Return the position of each trial among those with the same labels, from 1, in the order given.
+    """Return the position of each trial among those with the same labels, from 1, in the order given [1].
 
     The labels participant, configuration and haptics number the paper's 180 trials of a condition, so that both haptic
     conditions have a first and a last trial. Without haptics they number the 360 trials of a configuration.
@@ -69,17 +60,7 @@ def running_number(*labels: NDArray[Any]) -> NDArray[np.int64]:
     Parameters
     ----------
     *labels : ndarray, shape (n,)
-        Labels that must be equal [1].
-
-    Returns
-    -------
-    ndarray of int64, shape (n,)
-        Positions [1].
-
-    Raises
-    ------
-    ValueError
-        If there are no labels, or their lengths differ.
+        One or more labels of each trial [1].
     """
     if len({label.shape for label in labels}) != 1:
         raise ValueError("expected one of each label for every trial")
@@ -99,7 +80,7 @@ def trial_times(
     *,
     of: TrialTime = "successful_attempt",
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return the completion time of each trial from its attempts.
+    """Return trial numbers and completion times from attempts, shape (k,) each; NaN without a success [1, s].
 
     Parameters
     ----------
@@ -112,11 +93,6 @@ def trial_times(
     of : {"successful_attempt", "all_attempts"}
         Start of the completion time: the release of the successful attempt, or that of the first attempt, so that the
         durations of failed attempts are added (but not the pauses between them).
-
-    Returns
-    -------
-    tuple of ndarray, shape (k,)
-        Trial numbers and completion times; NaN for a trial without a success [1, s].
     """
     numbers = np.unique(trials)
     times = np.full(len(numbers), np.nan)
@@ -182,19 +158,10 @@ def first_and_last(
 
     Parameters
     ----------
-    values : ndarray, shape (n,)
-        One value for each trial [any].
     count : int
-        Number of trials at each end [1].
+        Number of trials at each end, at most half of a condition [1].
     length : int, optional
         Number of trials in a condition; by default the largest number in `order` [1].
-    people : ndarray, shape (n,), optional
-        Participant or dyad of each trial, for statistics over participants instead of trials [1].
-
-    Raises
-    ------
-    ValueError
-        If the first and last trials overlap.
     """
     whole = length if length is not None else int(order.max(initial=0))
     if 2 * count > whole > 0:
@@ -229,13 +196,7 @@ class LearningCurve:
 
 
 def learning_curve(values: NDArray[np.float64], order: NDArray[np.int64]) -> LearningCurve:
-    """Average trials at the same position in their condition, over participants and conditions.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        One value for each trial [any].
-    """
+    """Average trials at the same position in their condition, over participants and conditions."""
     places = np.arange(1, int(order.max(initial=0)) + 1)
     parts = [summarise(values[order == place]) for place in places]
     return LearningCurve(
@@ -251,8 +212,6 @@ def level(values: NDArray[np.float64], *, of: Level = "mean", last: int = LAST) 
 
     Parameters
     ----------
-    values : ndarray, shape (n,)
-        One value for each trial, in order [any].
     of : {"mean", "median", "last"}
         Mean of all trials, their median, or the mean of the last trials.
     last : int
@@ -260,7 +219,7 @@ def level(values: NDArray[np.float64], *, of: Level = "mean", last: int = LAST) 
     """
     known = values[np.isfinite(values)]
     if known.size == 0:
-        return float("nan")
+        return np.nan
     if of == "median":
         return float(np.median(known))
     return float((known[-last:] if of == "last" else known).mean())

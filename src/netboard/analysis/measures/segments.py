@@ -65,13 +65,7 @@ class Segments:
         return Segments(self.first[chosen], self.stop[chosen], self.angle[chosen], self.cut[chosen])
 
     def of_trial(self, trial: Trial) -> "Segments":
-        """Return the movements that begin in a trial.
-
-        Parameters
-        ----------
-        trial : Trial
-            The trial, with its position in the recording.
-        """
+        """Return the movements that begin in a trial."""
         begun = self.where((self.first >= trial.release) & (self.first < trial.stop))
         return replace(begun, cut=begun.cut | (begun.stop > trial.stop))
 
@@ -119,11 +113,6 @@ def board_segments(
         Minimum duration, as defined by `netboard.analysis.measures.signals.lasting` [s].
     least_angle : float
         Minimum angle [rad].
-
-    Raises
-    ------
-    ValueError
-        If the lengths of the arrays differ.
     """
     if omega.shape != theta.shape or omega.ndim != 1:
         raise ValueError("the board's tilt and its rate must have one value each for every sample")

@@ -39,9 +39,9 @@ class LowPass:
     Attributes
     ----------
     cutoff : float
-        Cutoff frequency [Hz].
+        Cutoff frequency, above 0 and below half of the sampling rate [Hz].
     order : int
-        Filter order [1].
+        Filter order; even if both passes share it [1].
     order_of : {"both_passes", "each_pass"}
         Whether the order is that of both passes together, so that each has half of it (the convention of the field), or
         of each pass.
@@ -53,11 +53,6 @@ class LowPass:
         padding.
     pad : float
         Duration of the padding [s].
-
-    Raises
-    ------
-    ValueError
-        If the cutoff is not positive, or the order is not possible.
     """
 
     cutoff: float
@@ -81,13 +76,7 @@ class LowPass:
         return self.order // 2 if self.order_of == "both_passes" else self.order
 
     def pass_cutoff(self, rate: float) -> float:
-        """Return the cutoff frequency of each pass [Hz].
-
-        Raises
-        ------
-        ValueError
-            If the cutoff is not below half the sampling rate.
-        """
+        """Return the cutoff frequency of each pass [Hz]."""
         cutoff = self.cutoff
         if 0 < cutoff < rate / 2 and self.cutoff_of == "both_passes":
             stretch = (np.sqrt(2) - 1) ** (-0.5 / self.pass_order)
@@ -97,18 +86,7 @@ class LowPass:
         return cutoff
 
     def __call__(self, values: NDArray[np.float64], rate: float, breaks: Breaks = ()) -> NDArray[np.float64]:
-        """Filter a signal.
-
-        Parameters
-        ----------
-        values : ndarray, shape (n,)
-            Signal [any].
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            Filtered signal [as given].
-        """
+        """Filter a signal [as given]."""
         sections, steady = _sections(self.pass_order, self.pass_cutoff(rate), rate)
         longest = round(self.pad * rate) if self.padding != "none" else 0
 
@@ -156,90 +134,35 @@ def _passed(sections: NDArray[np.float64], state: NDArray[np.float64], values: N
 
 
 def runs(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Find the runs of true values.
-
-    Parameters
-    ----------
-    mask : ndarray of bool, shape (n,)
-        Mask [1].
-
-    Returns
-    -------
-    ndarray of int64, shape (k, 2)
-        First sample of each run, and the sample after its last [1].
-    """
+    """Return the first sample of each run of true values, and the sample after its last, shape (k, 2) [1]."""
     padded = np.concatenate([[False], mask, [False]])
     return np.flatnonzero(padded[1:] != padded[:-1]).reshape(-1, 2)
 
 
 def ticks_of(seconds: float, rate: float) -> int:
-    """Return the number of sample intervals in a duration, rounded as in the trial state machine [1].
-
-    Parameters
-    ----------
-    seconds : float
-        Duration [s].
-    """
+    """Return the number of sample intervals in a duration, rounded as in the trial state machine [1]."""
     return round(seconds * rate)
 
 
 def lasts(first: ArrayLike, stop: ArrayLike, rate: float) -> NDArray[np.float64]:
-    """Return the durations of runs of samples, from first to last sample.
-
-    Parameters
-    ----------
-    first, stop : array_like, shape (k,)
-        First sample of each run, and the sample after its last, as from `runs` [1].
-
-    Returns
-    -------
-    ndarray, shape (k,)
-        Durations: a run of n samples lasts ``(n - 1) / rate`` [s].
-    """
+    """Return the durations of runs, from first to last sample: a run of n samples lasts ``(n - 1) / rate`` [s]."""
     return (np.asarray(stop, np.float64) - 1.0 - np.asarray(first, np.float64)) / rate
 
 
 def lasting(mask: NDArray[np.bool_], seconds: float, rate: float) -> NDArray[np.int64]:
-    """Find where a condition holds for a minimum duration. All measures use this definition.
+    """Return the runs of true values of a minimum duration, as `runs` does. All measures use this definition [1].
 
     A condition has lasted for a time T when it is true at a sample and at all samples up to and including the one T
-    later: at ``T rate + 1`` samples. The trial state machine counts the hold of the ball in the target in the same way
-    (it counts ticks from the one after the ball entered), so a hold of 1.5 s at 1 kHz takes 1501 samples.
-
-    Parameters
-    ----------
-    mask : ndarray of bool, shape (n,)
-        Whether the condition is true [1].
-    seconds : float
-        Minimum duration; a single sample lasts 0 s [s].
-
-    Returns
-    -------
-    ndarray of int64, shape (k, 2)
-        First sample of each sufficiently long run, and the sample after its last [1].
+    later: at ``T rate + 1`` samples. A single sample lasts 0 s. The trial state machine counts the hold of the ball in
+    the target in the same way (it counts ticks from the one after the ball entered), so a hold of 1.5 s at 1 kHz takes
+    1501 samples.
     """
     found = runs(mask)
     return found[found[:, 1] - 1 - found[:, 0] >= ticks_of(seconds, rate)]
 
 
 def paired(left: ArrayLike, right: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return two signals as float arrays of equal length.
-
-    Parameters
-    ----------
-    left, right : array_like, shape (n,)
-        Signals [any].
-
-    Returns
-    -------
-    left, right : ndarray of float64, shape (n,)
-        The same signals [as given].
-
-    Raises
-    ------
-    ValueError
-        If the lengths of the signals differ.
-    """
+    """Return two signals as float arrays of equal length [as given]."""
     a, b = np.asarray(left, dtype=float), np.asarray(right, dtype=float)
     if a.ndim != 1 or a.shape != b.shape:
         raise ValueError(f"expected two signals of the same length, found shapes {a.shape} and {b.shape}")
@@ -275,17 +198,9 @@ def _piecewise(
 
 
 def derivative(values: NDArray[np.float64], rate: float, breaks: Breaks = ()) -> NDArray[np.float64]:
-    """Return the derivative by central differences; at the ends of a piece by one-sided differences of equal order.
+    """Return the derivative by central differences, shape (n,); NaN for an isolated sample [as given, per s].
 
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        Signal [any].
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Derivative; NaN for an isolated sample [as given, per s].
+    At the ends of a piece it takes one-sided differences of equal order.
     """
 
     def differences(piece: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -297,24 +212,12 @@ def derivative(values: NDArray[np.float64], rate: float, breaks: Breaks = ()) ->
 
 
 def by_number(numbers: NDArray[np.int64], values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Place samples at their numbers, so that missing samples become gaps.
+    """Place samples at their numbers, from the first to the last, with NaN for missing ones, shape (m,) [as given].
 
     Parameters
     ----------
     numbers : ndarray of int64, shape (n,)
         Sample numbers, increasing [1].
-    values : ndarray, shape (n,)
-        Samples [any].
-
-    Returns
-    -------
-    ndarray, shape (m,)
-        One sample for each number from the first to the last, NaN for missing ones [as given].
-
-    Raises
-    ------
-    ValueError
-        If the numbers are not increasing.
     """
     if np.any(np.diff(numbers) <= 0):
         raise ValueError("the sample numbers must increase")
@@ -326,19 +229,12 @@ def by_number(numbers: NDArray[np.int64], values: NDArray[np.float64]) -> NDArra
 
 
 def bridge(values: NDArray[np.float64], rate: float, longest: float = 0.02) -> NDArray[np.float64]:
-    """Fill short gaps by linear interpolation.
+    """Fill short gaps by linear interpolation, shape (n,) [as given].
 
     Parameters
     ----------
-    values : ndarray, shape (n,)
-        Signal, NaN for missing samples [any].
     longest : float
         Longest gap to fill: its missing samples times their spacing. Gaps at the ends remain [s].
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Signal with fewer gaps [as given].
     """
     missing = ~np.isfinite(values)
     filled = np.array(values, np.float64)
@@ -352,24 +248,14 @@ def bridge(values: NDArray[np.float64], rate: float, longest: float = 0.02) -> N
 
 
 def resample(values: NDArray[np.float64], rate: float, new_rate: float) -> NDArray[np.float64]:
-    """Resample an evenly sampled signal without aliasing (zero-phase polyphase filter).
+    """Resample an evenly sampled signal without aliasing (zero-phase polyphase filter) [as given].
+
+    The signal has no missing samples. The first one stays; there are ``ceil(n new_rate / rate)`` samples.
 
     Parameters
     ----------
-    values : ndarray, shape (n,)
-        Signal without gaps [any].
     rate, new_rate : float
         Old and new sampling rates, in a ratio of integers up to `FINEST_RATIO` [Hz].
-
-    Returns
-    -------
-    ndarray, shape (m,)
-        Resampled signal from the same first sample, ``ceil(n new_rate / rate)`` samples [as given].
-
-    Raises
-    ------
-    ValueError
-        If samples are missing, or the rates have no such ratio.
     """
     ratio = Fraction(new_rate / rate).limit_denominator(FINEST_RATIO)
     if ratio <= 0 or ratio.numerator > FINEST_RATIO or not np.isclose(float(ratio), new_rate / rate, rtol=1e-12):
@@ -386,7 +272,7 @@ def resample(values: NDArray[np.float64], rate: float, new_rate: float) -> NDArr
 def evenly(
     times: NDArray[np.float64], values: NDArray[np.float64], rate: float, kind: Interpolation = "linear"
 ) -> NDArray[np.float64]:
-    """Resample an unevenly sampled signal evenly.
+    """Resample an unevenly sampled signal evenly, at ``times[0] + k / rate`` within the range of `times` [as given].
 
     There is no anti-aliasing filter: at a rate below the old one the result is aliased, and filtering it afterwards is
     too late.
@@ -394,23 +280,11 @@ def evenly(
     Parameters
     ----------
     times : ndarray, shape (n,)
-        Sample times, increasing [s].
-    values : ndarray, shape (n,)
-        Samples [any].
+        Two or more sample times, increasing [s].
     rate : float
         New sampling rate, from the first time [Hz].
     kind : {"linear", "monotone"}
         Interpolation between two samples: linear, or a monotone cubic without overshoot (PCHIP).
-
-    Returns
-    -------
-    ndarray, shape (m,)
-        Samples at ``times[0] + k / rate``, within the range of `times` [as given].
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than two samples, or their times are not increasing.
     """
     if times.size < 2 or not np.all(np.diff(times) > 0):
         raise ValueError("even sampling needs two or more samples with increasing times")

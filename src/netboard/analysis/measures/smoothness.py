@@ -44,22 +44,15 @@ def spectral_arc_length(
 
     Parameters
     ----------
-    speed : array_like, shape (n,)
-        Speed of the movement [m/s].
     cutoff : {"adaptive", "fixed"}
         The curve ends at the last frequency up to `highest` at which the magnitude is above the threshold (SPARC,
         2015), or at `highest` (SAL, 2012).
     highest : float
-        Largest frequency; 10 Hz for SPARC, 20 Hz was usual for SAL [Hz].
+        Largest frequency, at most half of the sampling rate; 10 Hz for SPARC, 20 Hz was usual for SAL [Hz].
     threshold : float
         Fraction of the largest magnitude, for the adaptive cutoff [1].
     padding : int
         Zero padding: the record is extended to ``2 ** (ceil(log2(n)) + padding)`` samples [1].
-
-    Raises
-    ------
-    ValueError
-        If the speed has fewer than two samples, or `highest` is above half the sampling rate.
     """
     v = _checked(speed)
     if not 0.0 < highest <= rate / 2.0:
@@ -92,16 +85,9 @@ def dimensionless_jerk(speed: ArrayLike, rate: float, *, scale: Scale = "peak_sp
 
     Parameters
     ----------
-    speed : array_like, shape (n,)
-        Speed of the movement, from rest to rest; its duration is n samples [m/s].
     scale : {"peak_speed", "mean_speed"}
         Speed v: the largest (Balasubramanian et al. 2012), or distance over duration, which makes the factor T^5 /
         distance^2 (both in Hogan and Sternad, J. Mot. Behav. 41:529, 2009).
-
-    Raises
-    ------
-    ValueError
-        If the speed has fewer than three samples.
     """
     v = _checked(speed, least=3)
     duration = len(v) / rate
@@ -114,26 +100,15 @@ def dimensionless_jerk(speed: ArrayLike, rate: float, *, scale: Scale = "peak_sp
 
 
 def log_dimensionless_jerk(speed: ArrayLike, rate: float, *, scale: Scale = "peak_speed") -> float:
-    """Return the log dimensionless jerk (LDLJ) of a movement: minus the logarithm of its absolute value.
+    """Return the log dimensionless jerk (LDLJ): minus the logarithm of the absolute jerk; NaN without jerk [1].
 
-    For a minimum-jerk movement it is -5.322 with the peak speed, and -6.579 with the mean speed.
+    It is negative for all movements from rest to rest; for a minimum-jerk movement it is -5.322 with the peak speed
+    and -6.579 with the mean speed.
 
     Parameters
     ----------
-    speed : array_like, shape (n,)
-        Speed of the movement, from rest to rest; its duration is n samples [m/s].
     scale : {"peak_speed", "mean_speed"}
         As in `dimensionless_jerk`.
-
-    Returns
-    -------
-    float
-        LDLJ, negative for all movements from rest to rest; NaN without jerk [1].
-
-    Raises
-    ------
-    ValueError
-        If the speed has fewer than three samples.
     """
     jerk = -dimensionless_jerk(speed, rate, scale=scale)
     return float(-np.log(jerk)) if jerk > 0.0 else np.nan

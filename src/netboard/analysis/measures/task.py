@@ -105,15 +105,7 @@ class Reaction:
 
 
 def time_in_target(p: ArrayLike, rate: float, *, centre: float, half_width: float = HALF_WIDTH) -> InTarget:
-    """Find the ball's stays in the target.
-
-    Parameters
-    ----------
-    centre : float
-        Centre of the target [m].
-    half_width : float
-        Half-width of the target, edges included [m].
-    """
+    """Find the ball's stays in the target."""
     ball = np.asarray(p, dtype=float)
     if np.isnan(ball).any():
         return InTarget(np.nan, np.nan, np.nan, np.nan, np.nan)
@@ -134,21 +126,12 @@ def overshoots(
 ) -> Overshoots:
     """Find where the ball overshot: past the target, as seen from its initial position.
 
-    If it starts exactly at the target's centre, the board's middle replaces the initial position.
+    There must be a first sample. If it is exactly at the target's centre, the board's middle replaces it.
 
     Parameters
     ----------
-    p : array_like, shape (n,)
-        Ball position along the board from the release; at least one sample [m].
-    centre : float
-        Centre of the target [m].
     beyond : {"far_edge", "centre"}
         Limit: the target's far edge, beyond which the hold restarts, or its centre.
-
-    Raises
-    ------
-    ValueError
-        If there is no sample.
     """
     ball = np.asarray(p, dtype=float)
     if not len(ball):
@@ -212,8 +195,6 @@ def reaction(
         depend on the speed of the movement.
     threshold : float
         Minimum speed of a moving stylus [m/s].
-    hold : float
-        Minimum uninterrupted duration, as defined by `netboard.analysis.measures.signals.lasting` [s].
     portion : float
         Fraction of the first peak [1].
     soonest : float

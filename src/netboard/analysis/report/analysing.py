@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from markupsafe import escape
 
-from netboard.analysis.extraction.store import Store, default_folder, keep, key_of_analysis, take
+from netboard.analysis.extraction.store import Store, default_folder, key_of_analysis, restore_analysis, store_analysis
 from netboard.analysis.report.wording import visible
 from netboard.base.bars import telling
 from netboard.base.errors import ConfigError
@@ -85,13 +85,13 @@ def analyse(
         tell("reading the cache", 0, 1)
         options = (*asked.overrides, f"skip={chosen.skip}", f"paper={chosen.beside_the_paper}", *map(str, unfinished))
         key = key_of_analysis(recordings, asked.text, options) if store else ""
-        words = take(store, key, part) if store else None
+        words = restore_analysis(store, key, part) if store else None
         before, peak = "all were cached", 0.0
         if words is None:
             words, kept, peak = _analysed(recordings, unfinished, part, read(), chosen, store, tell)
             before = f"{kept} from the cache" if kept else ""
             if store:
-                keep(store, key, part, words)
+                store_analysis(store, key, part, words)
         name_command(part, ["netboard", *sys.argv[1:]])
     first, *others = words
     return [first + f"; {before}" * bool(before), *others, _in_total(folder, time.perf_counter() - began, peak)]
@@ -125,7 +125,7 @@ def _analysed(
         study = study_of(found.measured, readings, found.paths)
         lost = write_analysis(part, study, found, [PLACEHOLDER], tell, beside_the_paper=chosen.beside_the_paper)
     words = (*_in_words(study, found), *(f"warning: {one}" for one in lost))
-    return words, sum(source.kept for source in found.sources), found.peak
+    return words, sum(source.cached for source in found.sources), found.peak
 
 
 def _pool(chosen: AnalysisOptions) -> "WorkerPool":

@@ -9,8 +9,8 @@ import pandas as pd
 from netboard.analysis.extraction.conditions import STAND_INS, StudyFactor
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.report.grids import Cell, Column, Grid, grid, name, number
-from netboard.analysis.report.wording import amount, counted
-from netboard.analysis.topics.groups import FORCES
+from netboard.analysis.report.wording import amount, plural
+from netboard.analysis.topics.groups import FORCE_LABELS
 from netboard.base.config import SIDES
 from netboard.task.studies.factors import level_text
 
@@ -50,7 +50,7 @@ def design(study: Study) -> Design:
 
 def _step(row: Mapping[Any, Any], factors: Sequence[StudyFactor]) -> Step:
     who = "both" if row["configuration"] == "dyadic" else str(row["performer"]).removeprefix(str(row["dyad"]))
-    levels = [f"{one.name} {row[one.column]}" for one in factors if one.told and row[one.column]]
+    levels = [f"{one.name} {row[one.column]}" for one in factors if one.in_names and row[one.column]]
     if row["role"] not in ("", "test"):
         levels.append(row["role"])
     return Step(who, row["configuration"], row["force"], bool(row["haptics"]), tuple(levels))
@@ -59,16 +59,16 @@ def _step(row: Mapping[Any, Any], factors: Sequence[StudyFactor]) -> Step:
 def _factors(study: Study) -> Grid:
     """Return the table of factors."""
     where = {"dyad": "between dyads", "block": "between blocks", "trial": "within blocks"}
-    forces = [force for force in FORCES if force in set(study.analysed["force"])]
+    forces = [force for force in FORCE_LABELS if force in set(study.analysed["force"])]
     rows: list[tuple[str, ...]] = [
         ("configuration", "between blocks", "categorical", ", ".join(sorted(study.analysed["configuration"].unique()))),
-        ("force", "between blocks", "categorical", ", ".join(FORCES.get(force, force) for force in forces)),
+        ("force", "between blocks", "categorical", ", ".join(FORCE_LABELS.get(force, force) for force in forces)),
     ]
     for one in study.factors:
         if one.of.levels:
             levels = ", ".join(level_text(one.of, level) for level in one.of.levels)
-            told = "" if one.told else "; determined by the others"
-            rows.append((one.label, where[one.scope], f"{one.of.type}{told}", levels))
+            determined = "" if one.in_names else "; determined by the others"
+            rows.append((one.label, where[one.scope], f"{one.of.type}{determined}", levels))
     columns = [name("Factor"), Column("It varies"), Column("Type"), Column("Levels")]
     return grid(
         "Factors of the plan. A factor that the others determine is not part of the names of conditions.", columns, rows
@@ -88,7 +88,7 @@ def _sentences(blocks: pd.DataFrame) -> list[str]:
     if min(before) == 0:
         return []
     least, most = min(before), max(before)
-    had = counted(least, "bimanual block") if least == most else f"{least} to {most} bimanual blocks"
+    had = plural(least, "bimanual block") if least == most else f"{least} to {most} bimanual blocks"
     return [
         f"Before its first block together, every dyad had {had}. So a comparison of dyads with their own participants "
         "is confounded with practice."
@@ -103,7 +103,7 @@ def _studies(blocks: pd.DataFrame) -> list[str]:
         return []
     every = ", ".join(sorted({name or "one without a name" for own in several for name in own}))
     return [
-        f"{counted(len(several), 'dyad')} of the same pseudonym in more than one study ({every}): treated as the "
+        f"{plural(len(several), 'dyad')} of the same pseudonym in more than one study ({every}): treated as the "
         "same people, with consecutive trial numbers. If they are different people, analyse each study separately."
     ]
 

@@ -21,10 +21,10 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from netboard.analysis.extraction.study import Study
+from netboard.analysis.report.data_quality import data_quality
 from netboard.analysis.report.design import design, participants
 from netboard.analysis.report.numbers import comparison_grid, topics
 from netboard.analysis.report.sections import head, recordings_grid, settings_grids, software_grid
-from netboard.analysis.report.soundness import soundness
 from netboard.analysis.report.summary import few, summary
 from netboard.analysis.report.trials import HEIGHT, LEAD, LONGEST, listings, reach
 from netboard.analysis.report.wording import css_text, visible
@@ -92,7 +92,7 @@ def _page(
         few=few(len(study.dyads)),
         design=design(study),
         participants=participants(study, provenance.get("handedness", {})),
-        soundness=soundness(study, provenance.get("left_out", ())),
+        data_quality=data_quality(study, provenance.get("left_out", ())),
         drawn=set(titles),
         drawings=[(one, Markup(one.svg)) for one in drawings],
         results=topics(results, titles),

@@ -11,7 +11,7 @@ from typing import Any
 import pandas as pd
 
 from netboard.analysis.report.grids import Cell, Column, Grid, grid, name, number
-from netboard.analysis.report.wording import NONE, amount, counted, decimals
+from netboard.analysis.report.wording import NONE, amount, decimals, plural
 from netboard.analysis.topics.units import Unit, read_in
 
 
@@ -128,7 +128,7 @@ def _compared(row: Mapping[str, Any]) -> tuple[str, ...]:
     """Return the cells of a comparison."""
     here = f"{written(row)[0]}{after(unit_of(row))}" if isfinite(row["value"]) else NONE
     interval = f"{between(row)} ({row['interval']})" if between(row) else ""
-    made_of = counted(int(row["n"]), row["of"]) if row["n"] else ""
+    made_of = plural(int(row["n"]), row["of"]) if row["n"] else ""
     there = reported(row) if isfinite(row["reported"]) else NONE
     labels = row["figure"], row["quantity"], row["group"], row["said"]
     return *labels, there, here, interval, made_of, row["verdict"], row["note"]

@@ -9,7 +9,7 @@ import pandas as pd
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.study import Study, notes
 from netboard.analysis.report.grids import Cell, Column, Grid, code, grid, name
-from netboard.analysis.report.wording import amount, counted
+from netboard.analysis.report.wording import amount, plural
 from netboard.base.settings import Table, tables, to_toml
 
 
@@ -44,17 +44,17 @@ def head(study: Study, provenance: Mapping[str, Any]) -> Head:
 
 def _warnings(blocks: pd.DataFrame) -> list[str]:
     """Return warnings of simulated participants and pilot recordings."""
-    said = []
+    warnings = []
     if blocks["simulated"].all():
-        said.append("Simulated participants: no person held a device. These results are no evidence about people.")
+        warnings.append("Simulated participants: no person held a device. These results are no evidence about people.")
     elif blocks["simulated"].any():
-        said.append(
-            f"Simulated participants in {int(blocks['simulated'].sum())} of {counted(len(blocks), 'recording')}: "
+        warnings.append(
+            f"Simulated participants in {int(blocks['simulated'].sum())} of {plural(len(blocks), 'recording')}: "
             "their data are no evidence about people."
         )
     if blocks["pilot"].any():
-        said.append(f"{int(blocks['pilot'].sum())} of {counted(len(blocks), 'recording')} are marked as pilots.")
-    return said
+        warnings.append(f"{int(blocks['pilot'].sum())} of {plural(len(blocks), 'recording')} are marked as pilots.")
+    return warnings
 
 
 def settings_grids(readings: Readings) -> tuple[Grid, ...]:

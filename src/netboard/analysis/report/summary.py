@@ -15,7 +15,7 @@ import pandas as pd
 from netboard.analysis.extraction.conditions import STAND_INS
 from netboard.analysis.report.grids import Column, Grid, grid, name, number
 from netboard.analysis.report.numbers import after, between, records, unit_of, written
-from netboard.analysis.report.wording import amount, counted
+from netboard.analysis.report.wording import amount, plural
 from netboard.analysis.topics.delay import OVER_ALL, RISE
 
 _STAGES = r"(?P<team>.+), last (?P<count>\d+) vs first \d+"
@@ -71,8 +71,8 @@ class Theme:
     @property
     def quantities(self) -> tuple[str, ...]:
         """All quantities that it uses from the table of results."""
-        said = [one.quantity for one in self.patterns]
-        return tuple(dict.fromkeys([*said, *(quantity for one in self.headings for quantity in one.quantities)]))
+        of_patterns = [one.quantity for one in self.patterns]
+        return tuple(dict.fromkeys([*of_patterns, *(quantity for one in self.headings for quantity in one.quantities)]))
 
 
 def _compared(quantity: str, what: str) -> tuple[SentencePattern, ...]:
@@ -236,29 +236,29 @@ def _sentences(patterns: Sequence[SentencePattern], rows: Sequence[Mapping[str, 
         for row in rows:
             match = re.fullmatch(pattern.group, row["group"]) if row["quantity"] == pattern.quantity else None
             if match:
-                words = {part: _trials(said) if part == "team" else said for part, said in match.groupdict().items()}
+                words = {part: _trials(text) if part == "team" else text for part, text in match.groupdict().items()}
                 clauses.setdefault(pattern.lead.format(**words), []).append(_clause(pattern, row, words))
                 known.add(pattern.quantity)
-        yield from (f"{lead} {'; '.join(said)}." for lead, said in clauses.items())
+        yield from (f"{lead} {'; '.join(texts)}." for lead, texts in clauses.items())
 
 
 def _trials(team: str) -> str:
     """Return a phrase for the trials of a team."""
     configuration, *others = team.split(", ")
     partners = [f"{kind} partner" for kind in STAND_INS]
-    said = [f"a {one}" if one in partners else one for one in others]
-    return f"{configuration} trials" + (f" with {', '.join(said)}" if said else "")
+    details = [f"a {one}" if one in partners else one for one in others]
+    return f"{configuration} trials" + (f" with {', '.join(details)}" if details else "")
 
 
 def _clause(pattern: SentencePattern, row: Mapping[str, Any], words: Mapping[str, str]) -> str:
     """Return a clause with the result of one group and its confidence interval."""
     value = f"{written(row)[0]}{after(unit_of(row))}"
-    aside = ", ".join(part for part in (between(row), counted(int(row["n"]), row["of"])) if part)
-    said = f"{pattern.clause.format(value=value, **words)} ({aside})"
-    return f"{said}: {_sure(pattern, row)}" if pattern.none else said
+    aside = ", ".join(part for part in (between(row), plural(int(row["n"]), row["of"])) if part)
+    clause = f"{pattern.clause.format(value=value, **words)} ({aside})"
+    return f"{clause}: {_interval_position(pattern, row)}" if pattern.none else clause
 
 
-def _sure(pattern: SentencePattern, row: Mapping[str, Any]) -> str:
+def _interval_position(pattern: SentencePattern, row: Mapping[str, Any]) -> str:
     """Return a phrase on the position of the confidence interval."""
     if not (isfinite(row["low"]) and isfinite(row["high"])):
         return "there is no confidence interval, so its uncertainty is unknown"
@@ -279,7 +279,7 @@ def _table(theme: Theme, title: str, rows: Sequence[Mapping[str, Any]]) -> Grid:
     for group in _ends_of_series(list(cells)):
         found = cells[group]
         values = [_cell(one, found[one.title]) if one.title in found else "" for one in shown]
-        made_of = dict.fromkeys(counted(int(row["n"]), row["of"]) for row in found.values())
+        made_of = dict.fromkeys(plural(int(row["n"]), row["of"]) for row in found.values())
         lines.append([group, *values, "; ".join(made_of)])
     columns = [name("Group"), *(number(_heading(one, rows)) for one in shown), Column("n")]
     return grid(_caption(title, rows), columns, lines)
@@ -312,19 +312,19 @@ def _heading(heading: Heading, rows: Sequence[Mapping[str, Any]]) -> str:
 def _caption(title: str, rows: Sequence[Mapping[str, Any]]) -> str:
     """Return a caption that explains the brackets and the unit of differences of shares."""
     kinds = dict.fromkeys(row["interval"] for row in rows if row["interval"] and isfinite(row["low"]))
-    said = [f"{title}; in brackets, {' or '.join(kinds)} intervals" if kinds else title]
+    sentences = [f"{title}; in brackets, {' or '.join(kinds)} intervals" if kinds else title]
     if any(unit_of(row).symbol == "% points" for row in rows):
-        said.append("Differences of shares are in percentage points")
-    return ". ".join(said) + "."
+        sentences.append("Differences of shares are in percentage points")
+    return ". ".join(sentences) + "."
 
 
 def few(dyads: int) -> str:
     """Return a caution for the number of dyads."""
     least = min(1.0, 2.0 / 2**dyads)
-    said = (
-        f"The dyad is the unit of replication: {counted(dyads, 'dyad')}, however many trials. "
+    caution = (
+        f"The dyad is the unit of replication: {plural(dyads, 'dyad')}, however many trials. "
         f"An exact two-sided test of a difference within dyads has no p below {amount(least)} here"
     )
     if least > 0.05:
-        return f"{said}, so none can be significant at 5 %; that takes six dyads or more."
-    return f"{said}."
+        return f"{caution}, so none can be significant at 5 %; that takes six dyads or more."
+    return f"{caution}."

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.extraction.tables import ATTEMPT_KEY
-from netboard.analysis.report.wording import amount, command, counted
+from netboard.analysis.report.wording import amount, command, plural
 
 LEAD = 0.5
 """Time before the release at which a replay begins [s]."""
@@ -138,10 +138,10 @@ def _listing(number: int, block: Mapping[Any, Any], rows: list[Row]) -> Listing:
     excluded = sum(bool(row.why) for row in rows)
     parts = [
         f"block {block['block']}: {block['condition']}",
-        f"{done} of {counted(int(block['trials']), 'trial')} done in {counted(len(rows), 'attempt')}",
+        f"{done} of {plural(int(block['trials']), 'trial')} done in {plural(len(rows), 'attempt')}",
     ]
     if excluded:
-        parts.append(f"{counted(excluded, 'attempt')} excluded")
+        parts.append(f"{plural(excluded, 'attempt')} excluded")
     return Listing(f"r{number}", block["recording"], block["dyad"], block["performer"], "; ".join(parts), tuple(rows))
 
 

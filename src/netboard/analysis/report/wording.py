@@ -47,7 +47,7 @@ def amount(value: float, places: int | None = None) -> str:
     return text.replace("-", "−") if float(text.replace(",", "")) else text.removeprefix("-")
 
 
-def counted(n: int, of: str) -> str:
+def plural(n: int, of: str) -> str:
     """Return a count with its noun."""
     word = of if n == 1 else _PLURALS.get(of, f"{of}s")
     return f"{amount(n)} {word}".strip()

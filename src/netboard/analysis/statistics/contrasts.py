@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
 from netboard.analysis.statistics.effect_sizes import paired_effect
-from netboard.analysis.statistics.estimates import ROUNDING, Estimate, cluster_mean, known, t_interval
+from netboard.analysis.statistics.estimates import Estimate, cluster_mean, constant, known, t_interval
 from netboard.analysis.statistics.exact_tests import Test, permutation_test, sign_test
 
 TOO_SHORT = 16
@@ -92,13 +92,6 @@ def condition_contrast(
         Unit label of each value, of any type. A unit's value in a condition is the mean of its values there.
     first : array_like of bool, shape (n,)
         Whether the value belongs to the first condition; otherwise to the second.
-    rng : numpy.random.Generator
-        Random generator for the bootstrap, and for permutations of more than 16 units.
-
-    Raises
-    ------
-    ValueError
-        If the lengths of values, units and conditions differ.
     """
     labels, pairs = _pairs(values, units, first)
     both = np.isfinite(pairs).all(axis=1)
@@ -130,14 +123,14 @@ def paired_t_test(differences: ArrayLike, *, unit: str = "dyad") -> Test:
     There is no p for fewer than two units, or if the differences vary only by rounding.
     """
     x = known(differences)
-    if len(x) < 2 or _equal(x):
+    if len(x) < 2 or constant(x):
         return Test(nan, nan, nan, len(x), unit, False, "paired t")
     t = float(x.mean() / stats.sem(x))
     return Test(t, float(2.0 * stats.t.sf(abs(t), len(x) - 1)), 0.0, len(x), unit, False, "paired t")
 
 
 def holm(p: ArrayLike) -> NDArray[np.float64]:
-    """Correct the p values of a family of tests for multiple testing (family-wise error rate).
+    """Correct the p values of a family of tests for multiple testing (family-wise error rate), in the same order [1].
 
     Holm, Scand. J. Statist. 6:65, 1979: the smallest p is multiplied by the number of tests m, the next by m - 1, and
     so on; corrected values never decrease in this order. It holds for any dependence between the tests.
@@ -146,46 +139,31 @@ def holm(p: ArrayLike) -> NDArray[np.float64]:
     ----------
     p : array_like, shape (n,)
         One p value for each test; NaN, a test without a result, is not part of the family [1].
-
-    Returns
-    -------
-    ndarray of float64, shape (n,)
-        Corrected p values, in the same order [1].
-
-    Raises
-    ------
-    ValueError
-        If a value is not a probability.
     """
     given = np.asarray(p, dtype=float)
     if given.ndim != 1 or ((given < 0.0) | (given > 1.0)).any():
         raise ValueError(f"p: probabilities are expected, found {given}")
     corrected = np.full(given.shape, np.nan)
-    known = np.flatnonzero(np.isfinite(given))
-    by = known[np.argsort(given[known], kind="stable")]
-    corrected[by] = np.minimum(1.0, np.maximum.accumulate(given[by] * np.arange(len(by), 0, -1)))
+    tested = np.flatnonzero(np.isfinite(given))
+    order = tested[np.argsort(given[tested], kind="stable")]
+    corrected[order] = np.minimum(1.0, np.maximum.accumulate(given[order] * np.arange(len(order), 0, -1)))
     return corrected
 
 
 def _pairs(values: ArrayLike, units: ArrayLike, first: ArrayLike) -> tuple[NDArray[np.generic], NDArray[np.float64]]:
     """Return the units, and the mean of each in the first and in the second condition."""
-    x, whose, condition = np.asarray(values, dtype=float), np.asarray(units), np.asarray(first)
-    if x.ndim != 1 or whose.shape != x.shape or condition.shape != x.shape:
-        shapes = f"{whose.shape} and {condition.shape}"
+    x, unit, condition = np.asarray(values, dtype=float), np.asarray(units), np.asarray(first)
+    if x.ndim != 1 or unit.shape != x.shape or condition.shape != x.shape:
+        shapes = f"{unit.shape} and {condition.shape}"
         raise ValueError(f"one unit and one condition for each of {x.shape} values are expected, found {shapes}")
-    labels, index = np.unique(whose, return_inverse=True)
+    labels, index = np.unique(unit, return_inverse=True)
     pairs = np.full((len(labels), 2), np.nan)
-    for column, own in enumerate((condition.astype(bool), ~condition.astype(bool))):
-        kept = own & np.isfinite(x)
+    for column, chosen in enumerate((condition.astype(bool), ~condition.astype(bool))):
+        kept = chosen & np.isfinite(x)
         counts = np.bincount(index[kept], minlength=len(labels))
         sums = np.bincount(index[kept], weights=x[kept], minlength=len(labels))
         pairs[counts > 0, column] = sums[counts > 0] / counts[counts > 0]
     return labels, pairs
-
-
-def _equal(x: NDArray[np.float64]) -> bool:
-    """Return whether values differ by no more than rounding."""
-    return not np.ptp(x) > ROUNDING * np.abs(x).max()
 
 
 def _notes(differences: NDArray[np.float64], unit: str) -> tuple[str, ...]:
@@ -198,6 +176,6 @@ def _notes(differences: NDArray[np.float64], unit: str) -> tuple[str, ...]:
         notes.append(f"{n} {unit}s: exact two-sided tests cannot have a p below {2.0 / 2**n:.3g}")
     if n <= TOO_SHORT:
         notes.append(f"{n} {unit}s: the bootstrap confidence interval is too short")
-    if _equal(differences):
+    if constant(differences):
         notes.append("all differences are equal: no effect size and no t test")
     return tuple(notes)

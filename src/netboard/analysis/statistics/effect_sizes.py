@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from scipy import stats
 from scipy.optimize import brentq
 
-from netboard.analysis.statistics.estimates import ROUNDING, Estimate, known, mean
+from netboard.analysis.statistics.estimates import Estimate, constant, known, mean
 
 Correction = Literal["none", "hedges"]
 
@@ -19,23 +19,14 @@ Correction = Literal["none", "hedges"]
 def paired_effect(
     differences: ArrayLike, *, correction: Correction = "none", level: float = 0.95, unit: str = "dyad"
 ) -> Estimate:
-    """Estimate the effect size d_z: the mean paired difference over the standard deviation of the differences.
+    """Estimate the effect size d_z: the mean paired difference over the standard deviation of the differences [1].
 
     The confidence interval uses the noncentral t distribution (Cumming and Finch, Educ. Psychol. Meas. 61:532, 2001).
-
-    Parameters
-    ----------
-    correction : {"none", "hedges"}
-        No correction, or multiplication of estimate and interval by the small-sample factor (`hedges_factor`).
-
-    Returns
-    -------
-    Estimate
-        d_z or g_z; NaN for fewer than two units (g_z: three) or constant differences [1].
+    NaN for fewer than two units (g_z: three) or constant differences.
     """
     x = known(differences)
     name = "d_z, noncentral t" if correction == "none" else "g_z, noncentral t"
-    if len(x) < 2 or not np.ptp(x) > ROUNDING * np.abs(x).max():
+    if len(x) < 2 or constant(x):
         return Estimate(np.nan, np.nan, np.nan, level, len(x), unit, name)
     factor = hedges_factor(len(x) - 1) if correction == "hedges" else 1.0
     return _effect(mean(x) / float(x.std(ddof=1)), sqrt(len(x)), len(x) - 1, factor, level, len(x), unit, name)
@@ -52,13 +43,6 @@ def hedges_g(
     """Estimate the effect size between two groups of different units: the mean difference over the pooled SD [1].
 
     First minus second; NaN for fewer than four units (d: three), an empty group or constant values.
-
-    Parameters
-    ----------
-    first, second : array_like, shape (n,) and (m,)
-        One value for each unit; NaN are ignored [any].
-    correction : {"none", "hedges"}
-        Cohen's d, or Hedges' g: estimate and interval multiplied by the small-sample factor (`hedges_factor`).
     """
     x, y = known(first), known(second)
     n, free = len(x) + len(y), len(x) + len(y) - 2
@@ -76,11 +60,6 @@ def hedges_factor(free: int) -> float:
 
     It is ``gamma(f / 2) / (sqrt(f / 2) gamma((f - 1) / 2))``, about ``1 - 3 / (4 f - 1)``; NaN for one degree of
     freedom, for which d has no mean.
-
-    Parameters
-    ----------
-    free : int
-        Degrees of freedom of the standard deviation, at least one [1].
     """
     if free < 2:
         return float("nan")
@@ -97,6 +76,7 @@ def _noncentrality(t: float, free: int, below: float) -> float:
     """Find the noncentrality parameter for which t has a given cumulative probability."""
     if t < 0.0:
         return -_noncentrality(-t, free, 1.0 - below)
+    # Quantiles of the squared ratio of the sample standard deviation to the true one: t = (z + shift) / sqrt(ratio).
     longest, least = stats.chi2.ppf((1.0 - 1e-12, 1.0 - below), free) / free
     if t > 1000.0:  # only the sampling variance of the standard deviation matters
         return t * sqrt(least)

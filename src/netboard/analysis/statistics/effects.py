@@ -86,17 +86,12 @@ class Effect:
     others: tuple[Inference, ...] = ()
 
     def by(self, method: str) -> Inference:
-        """Return the inference by a method.
+        """Return the inference by a small-sample method.
 
         Parameters
         ----------
         method : str
             ``Satterthwaite`` or ``Kenward-Roger``.
-
-        Raises
-        ------
-        ValueError
-            If the model has no inference by that method.
         """
         found = {one.method: one for one in self.others}
         if method not in found:
@@ -210,13 +205,7 @@ class Model:
     diagnostics: Diagnostics | None
 
     def effect(self, name: str) -> Effect:
-        """Return the effect with a name.
-
-        Raises
-        ------
-        ValueError
-            If there is no effect with that name.
-        """
+        """Return the effect with a name."""
         found = {effect.name: effect for effect in self.effects}
         if name not in found:
             raise ValueError(f"no effect {name!r}, expected one of {', '.join(found)}")
@@ -234,30 +223,22 @@ def effects_of(
 ) -> tuple[Effect, ...]:
     """Return the effect of each requested column, then those of `simple_effects`; NaN if not estimable.
 
-    Parameters
-    ----------
-    design : Design
-        Design whose names are those of the coefficients.
-    coefficients : ndarray of float64, shape (k,)
-        Coefficient of each name [log of the response].
-    covariance : ndarray of float64, shape (k, k)
-        Covariance of the coefficients; NaN if unknown [square of the log of the response].
-    moments : Moments or None
-        Moments of a mixed model; they add Satterthwaite's and Kenward and Roger's inference.
+    The moments of a mixed model add Satterthwaite's and Kenward and Roger's inference.
     """
-    free = careful_freedom(design) if interval == "t" else inf
-    found = []
+    free = between_dyad_freedom(design) if interval == "t" else inf
+    effects = []
     enlarged = None if moments is None else kenward_roger_covariance(moments)
     for name, row in contrasts_of(design).items():
         value = nan if row is None else float(row @ coefficients)
         others = []
         if row is not None and moments is not None and enlarged is not None:
             degrees = satterthwaite_freedom(moments, row), kenward_roger_freedom(moments, row)
-            for method, size, own in zip(METHODS, (covariance, enlarged), degrees, strict=True):
-                others.append(Inference(method, *_sure(value, _error(row, size), own, level, design.n_dyads, method)))
-        sure = _sure(value, _error(row, covariance), free, level, design.n_dyads)
-        found.append(Effect(name, *sure, tuple(others)))
-    return tuple(found)
+            for method, size, df in zip(METHODS, (covariance, enlarged), degrees, strict=True):
+                inference = _inference(value, _error(row, size), df, level, design.n_dyads, method)
+                others.append(Inference(method, *inference))
+        inference = _inference(value, _error(row, covariance), free, level, design.n_dyads)
+        effects.append(Effect(name, *inference, tuple(others)))
+    return tuple(effects)
 
 
 def _error(row: NDArray[np.float64] | None, covariance: NDArray[np.float64]) -> float:
@@ -266,7 +247,7 @@ def _error(row: NDArray[np.float64] | None, covariance: NDArray[np.float64]) -> 
     return sqrt(variance) if variance >= 0.0 else nan
 
 
-def careful_freedom(design: Design) -> float:
+def between_dyad_freedom(design: Design) -> float:
     """Return the dyads minus 1, minus the effects that vary only between dyads; 0 for too few dyads [1]."""
     return max(0.0, design.n_dyads - 1.0 - design.between)
 
@@ -274,29 +255,30 @@ def careful_freedom(design: Design) -> float:
 def contrasts_of(design: Design) -> dict[str, NDArray[np.float64] | None]:
     """Return the contrast vector of each effect by name; None if a needed coefficient is not estimable [1]."""
     place = {name: i for i, name in enumerate(design.names)}
-    wanted = {name: {name: 1.0} for name in design.asked} | simple_effects(design)
+    weights = {name: {name: 1.0} for name in design.requested} | simple_effects(design)
     rows: dict[str, NDArray[np.float64] | None] = {}
-    for name, shares in wanted.items():
+    for name, weight_of in weights.items():
         row = np.zeros(len(place))
-        known = all(column in place for column in shares)
-        for column, share in shares.items() if known else ():
-            row[place[column]] = share
-        rows[name] = row if known else None
+        estimable = all(column in place for column in weight_of)
+        for column, weight in weight_of.items() if estimable else ():
+            row[place[column]] = weight
+        rows[name] = row if estimable else None
     return rows
 
 
-def _sure(
+def _inference(
     value: float, error: float, free: float, level: float, n: int, method: str = ""
 ) -> tuple[Estimate, Estimate, float, float, float]:
     """Return coefficient, ratio, error, degrees of freedom and p."""
-    digits = 1 if method else 0
+    digits = 1 if method else 0  # only the small-sample methods have fractions of a degree of freedom
     name = "z" if free == inf else f"t, {free:.{digits}f} df"
     p = half = nan
     if free > 0.0 and error > 0.0:
         half = float(stats.t.ppf(0.5 + level / 2.0, free)) * error
         p = float(2.0 * stats.t.sf(abs(value) / error, free))
-    said = f"{name} ({method})" if method else name
-    estimate, ratio = _estimates((value, value - half, value + half), level, n, said)
+    if method:
+        name = f"{name} ({method})"
+    estimate, ratio = _estimates((value, value - half, value + half), level, n, name)
     return estimate, ratio, error, free, p
 
 
@@ -316,14 +298,6 @@ def interval_effect(
     ----------
     ends : tuple of float
         Coefficient, and lower and upper limit of its confidence interval [log of the response].
-    error : float
-        Standard error [log of the response].
-    free : float
-        Degrees of freedom [1].
-    p : float
-        p value of the null hypothesis of no effect [1].
-    n : int
-        Number of dyads [1].
     method : str
         Method of the confidence interval.
     """
@@ -369,11 +343,6 @@ def _successive(design: Design, residuals: NDArray[np.float64]) -> float:
     return float(np.corrcoef(residuals[:-1][next_to], residuals[1:][next_to])[0, 1])
 
 
-def said(sentences: Sequence[str]) -> tuple[str, ...]:
-    """Remove duplicate notes, keeping the order of first occurrence.
-
-    Parameters
-    ----------
-    sentences : sequence of str
-    """
-    return tuple(dict.fromkeys(sentences))
+def unique(notes: Sequence[str]) -> tuple[str, ...]:
+    """Remove duplicate notes, keeping the order of first occurrence."""
+    return tuple(dict.fromkeys(notes))

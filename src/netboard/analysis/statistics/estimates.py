@@ -55,13 +55,7 @@ class Estimate:
 
 
 def t_interval(values: ArrayLike, *, level: float = 0.95, unit: str = "dyad") -> Estimate:
-    """Estimate a mean with Student's t interval, which is missing for fewer than two units.
-
-    Parameters
-    ----------
-    values : array_like, shape (n,)
-        One value for each unit; NaN are ignored [any].
-    """
+    """Estimate a mean with Student's t interval, which is missing for fewer than two units."""
     x = known(values)
     if len(x) < 2:
         return Estimate(mean(x), np.nan, np.nan, level, len(x), unit, "t")
@@ -89,8 +83,6 @@ def cluster_mean(
         Samples of each unit; NaN and empty units are ignored [any].
     weighting : {"units", "samples"}
         Mean of the units' means, or mean of all samples, which gives units with more samples more weight.
-    method : {"percentile", "basic", "BCa"}
-        As in `bootstrap`.
     """
     samples = [x for x in map(known, clusters) if len(x)]
     sums, counts = np.array([x.sum() for x in samples]), np.array([float(len(x)) for x in samples])
@@ -100,7 +92,9 @@ def cluster_mean(
 
 
 def ratio_of_sums(above: NDArray[np.float64], below: NDArray[np.float64], axis: int = -1) -> NDArray[np.float64]:
-    """Return the ratio of two sums over units, for `bootstrap`: a weighted mean, or the share of an effect.
+    """Return the ratio of two sums over units, shape (...), for `bootstrap`; NaN for a divisor of 0 [1].
+
+    It is a weighted mean, or the share of an effect.
 
     Parameters
     ----------
@@ -108,11 +102,6 @@ def ratio_of_sums(above: NDArray[np.float64], below: NDArray[np.float64], axis: 
         Values of the units [any].
     axis : int
         Axis of the units [1].
-
-    Returns
-    -------
-    ndarray of float64, shape (...)
-        Ratio of the sums; NaN for a divisor of 0 [1].
     """
     divisor = np.sum(below, axis=axis)
     return np.asarray(np.sum(above, axis=axis) / np.where(divisor == 0.0, np.nan, divisor))
@@ -139,14 +128,6 @@ def bootstrap(
         One or more values of each unit [any].
     statistic : callable
         Function of the columns, shape (..., n), and `axis`; returns shape (...) [any].
-    method : {"percentile", "basic", "BCa"}
-        Percentiles of the bootstrap distribution, reflected percentiles, or bias-corrected and accelerated (Efron
-        1987).
-
-    Raises
-    ------
-    ValueError
-        If the lengths of the columns differ.
     """
     data = [np.asarray(column, dtype=float) for column in columns]
     if not data or any(column.ndim != 1 or len(column) != len(data[0]) for column in data):
@@ -171,39 +152,22 @@ def bootstrap(
     return Estimate(value, float(found.low), float(found.high), level, n, unit, f"bootstrap, {method}")
 
 
-# --- helpers, also for the other statistics modules -------------------------------------------------------------
+# --- arrays of values, also for the other modules -------------------------------------------------------------
 
 
 def known(values: ArrayLike) -> NDArray[np.float64]:
-    """Return the finite values.
-
-    Parameters
-    ----------
-    values : array_like, shape (n,)
-        One value for each unit [any].
-
-    Returns
-    -------
-    ndarray of float64, shape (m,)
-        The finite values [any].
-
-    Raises
-    ------
-    ValueError
-        If the values are not one-dimensional.
-    """
+    """Return the finite values [any]."""
     x = np.asarray(values, dtype=float)
     if x.ndim != 1:
         raise ValueError(f"one value of each unit is expected, found shape {x.shape}")
     return np.asarray(x[np.isfinite(x)])
 
 
-def mean(x: NDArray[np.float64]) -> float:
-    """Return the mean, NaN for an empty array [any].
+def mean(values: NDArray[np.float64]) -> float:
+    """Return the mean, NaN for an empty array [any]."""
+    return float(values.mean()) if len(values) else np.nan
 
-    Parameters
-    ----------
-    x : ndarray of float64, shape (n,)
-        Values [any].
-    """
-    return float(x.mean()) if len(x) else np.nan
+
+def constant(values: NDArray[np.float64]) -> bool:
+    """Return whether one or more values differ by no more than rounding."""
+    return not np.ptp(values) > ROUNDING * np.abs(values).max()

@@ -1,7 +1,8 @@
 """Exact sign and permutation tests of differences, with the dyad as the unit of replication.
 
-All arrangements are evaluated unless they are too many. `least_p` is the smallest p that a test could give with so few
-units. All random numbers come from the generator that the caller passes.
+All arrangements are evaluated if they are at most `MAX_EXACT`: all sign flips of up to 16 units. Of more arrangements
+a random sample is evaluated; without a random generator there is then a ValueError. `least_p` is the smallest p that a
+test could give with so few units.
 """
 
 from collections.abc import Callable
@@ -62,12 +63,7 @@ class Test:
 def sign_test(differences: ArrayLike, *, alternative: Alternative = "two-sided", unit: str = "dyad") -> Test:
     """Test whether positive and negative differences are equally frequent: the exact binomial test.
 
-    The statistic is the number of positive differences; NaN if all differences are zero.
-
-    Parameters
-    ----------
-    differences : array_like, shape (n,)
-        One difference for each unit; zeros and NaN are ignored [any].
+    The statistic is the number of positive differences; zeros are ignored, and it is NaN if all differences are.
     """
     x = known(differences)
     x = x[x != 0.0]
@@ -92,16 +88,6 @@ def permutation_test(
 
     The test is valid for any distribution that is symmetric about zero under the null hypothesis, and not for skewed
     ones (`SYMMETRIC`).
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator or None
-        Random generator for more than 16 units, which have too many arrangements to evaluate all.
-
-    Raises
-    ------
-    ValueError
-        If there are too many units for all arrangements, and no generator is given.
     """
     x = known(differences)
     if len(x) < 2:
@@ -113,26 +99,14 @@ def permutation_test(
 def permutation_p(
     differences: NDArray[np.float64], *, rng: np.random.Generator | None = None, resamples: int = 9999
 ) -> NDArray[np.float64]:
-    """Return the two-sided p values of `permutation_test` for many samples of equal size at once.
+    """Return the two-sided p values of `permutation_test` for many samples of equal size at once, shape (k,) [1].
+
+    NaN for samples of fewer than two units. Random arrangements are the same for all samples.
 
     Parameters
     ----------
     differences : ndarray of float64, shape (k, n)
         One difference for each unit of each sample; NaN are ignored [any].
-    rng : numpy.random.Generator or None
-        Random generator for more than 16 units, which have too many arrangements to evaluate all.
-    resamples : int
-        Number of random arrangements then, the same for all samples [1].
-
-    Returns
-    -------
-    ndarray of float64, shape (k,)
-        p values; NaN for samples of fewer than two units [1].
-
-    Raises
-    ------
-    ValueError
-        If there are too many units for all arrangements, and no generator is given.
     """
     n = differences.shape[1]
     exact = 2**n <= MAX_EXACT
@@ -161,18 +135,6 @@ def permutation_test_between(
     """Test whether two groups of different units have equal means, by all divisions of the units into such groups.
 
     The statistic is the difference of the means, first minus second; no p for fewer than two units in a group.
-
-    Parameters
-    ----------
-    first, second : array_like, shape (n,) and (m,)
-        One value for each unit; NaN are ignored [any].
-    rng : numpy.random.Generator or None
-        Random generator for more than `MAX_EXACT` divisions.
-
-    Raises
-    ------
-    ValueError
-        If there are too many units for all divisions, and no generator is given.
     """
     x, y = known(first), known(second)
     n = len(x) + len(y)

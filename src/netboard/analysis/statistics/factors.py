@@ -19,9 +19,6 @@ Array = NDArray[np.float64]
 INTERCEPT, PRACTICE = "intercept", "log trial"
 """The first and the last column of every design; the logarithm is the natural one."""
 
-COLUMNS = (INTERCEPT, "haptics", "configuration", "haptics x configuration", PRACTICE)
-"""Columns of a design with the two factors of the paper."""
-
 MAX_VALUES = 12
 """Largest number of values of a numeric factor that are listed one by one [1]."""
 
@@ -86,7 +83,7 @@ class Factor:
         Parameters
         ----------
         level : object
-            One of the levels.
+            One of the levels; for a numeric factor, any value.
         """
         if self.numeric:
             return {self.name: float(self.at(level))}
@@ -153,7 +150,7 @@ class Design:
         Number of each trial's combination of levels, from 0 [1].
     order : ndarray of float64, shape (n,)
         Position of each trial in its condition, from 1 [1].
-    asked : tuple of str
+    requested : tuple of str
         All columns of the model, estimable or not.
     names : tuple of str
         Names of the estimable columns.
@@ -161,7 +158,7 @@ class Design:
         Design matrix of these columns [1].
     between : int
         Number of these columns, without the intercept, that are constant within every dyad [1].
-    lonely : tuple of str
+    single_dyad : tuple of str
         Names of the columns that are estimable only because of one single dyad.
     left_out : int
         Number of trials without a value [1].
@@ -175,11 +172,11 @@ class Design:
     factors: tuple[Factor, ...]
     conditions: NDArray[np.int64]
     order: Array
-    asked: tuple[str, ...]
+    requested: tuple[str, ...]
     names: tuple[str, ...]
     columns: Array
     between: int
-    lonely: tuple[str, ...]
+    single_dyad: tuple[str, ...]
     left_out: int
     notes: tuple[str, ...]
 
@@ -233,13 +230,7 @@ def design_of(
     values : array_like, shape (n,)
         Response; trials with NaN are ignored [its own].
     factors : sequence of Factor
-        Fixed factors. The model has their main effects and all two-way interactions.
-
-    Raises
-    ------
-    ValueError
-        If the numbers of labels and trials differ, a trial number is below 1, two factors have the same name, or a
-        level is not among the factor's levels.
+        Fixed factors, each with its own name. The model has their main effects and all two-way interactions.
     """
     y = np.asarray(values, dtype=float)
     given = {"dyads": dyads, "performers": performers, "order": order} | {one.name: one.values for one in factors}
@@ -250,32 +241,32 @@ def design_of(
         if y.ndim != 1 or label.shape != y.shape:
             raise ValueError(f"{name}: one for each of {y.shape} values is expected, found shape {label.shape}")
     known = np.isfinite(y)
-    number = labels["order"][known].astype(float)
-    if not (number >= 1.0).all():
-        raise ValueError(f"order: trial numbers from 1 are expected, found {number[~(number >= 1.0)][0]}")
-    pair = np.unique(labels["dyads"][known], return_inverse=True)[1].astype(np.int64)
+    trial = labels["order"][known].astype(float)
+    if not (trial >= 1.0).all():
+        raise ValueError(f"order: trial numbers from 1 are expected, found {trial[~(trial >= 1.0)][0]}")
+    dyad = np.unique(labels["dyads"][known], return_inverse=True)[1].astype(np.int64)
     label = np.unique(labels["performers"][known], return_inverse=True)[1].astype(np.int64)
-    person = np.unique(pair * (len(label) + 1) + label, return_inverse=True)[1].astype(np.int64)
+    performer = np.unique(dyad * (len(label) + 1) + label, return_inverse=True)[1].astype(np.int64)
     kept = tuple(_checked(one).of(known) for one in factors)
-    asked = _asked(kept, np.log(number))
-    names = _told_apart(asked)
-    lonely = _lonely(asked, names, pair)
-    notes = [f"{name}: left out, because these trials cannot identify it" for name in asked if name not in names]
-    notes += [f"{name}: identified by a single dyad" for name in lonely]
-    columns = np.column_stack([asked[name] for name in names]) if names else np.empty((len(number), 0))
-    between = sum(name != INTERCEPT and not _varies(asked[name], pair) for name in names)
+    requested = _requested(kept, np.log(trial))
+    names = _independent(requested)
+    single_dyad = _of_single_dyad(requested, names, dyad)
+    notes = [f"{name}: left out, because these trials cannot identify it" for name in requested if name not in names]
+    notes += [f"{name}: identified by a single dyad" for name in single_dyad]
+    columns = np.column_stack([requested[name] for name in names]) if names else np.empty((len(trial), 0))
+    between = sum(name != INTERCEPT and not _varies(requested[name], dyad) for name in names)
     return Design(
         y[known],
-        pair,
-        person,
+        dyad,
+        performer,
         kept,
-        _combinations(kept, len(number)),
-        number,
-        tuple(asked),
+        _combinations(kept, len(trial)),
+        trial,
+        tuple(requested),
         names,
         columns,
         between,
-        lonely,
+        single_dyad,
         int((~known).sum()),
         tuple(notes),
     )
@@ -291,19 +282,18 @@ def _checked(factor: Factor) -> Factor:
                 f"{factor.name}: a number for each trial is expected, found {values[~np.isfinite(values)][0]}"
             )
     levels = factor.levels or tuple(np.unique(values).tolist())
-    strange = set(values.tolist()) - set(levels)
-    if strange:
+    if unknown := set(values.tolist()) - set(levels):
         one_of = ", ".join(map(str, levels))
-        raise ValueError(f"{factor.name}: one of {one_of} is expected, found {', '.join(sorted(map(str, strange)))}")
+        raise ValueError(f"{factor.name}: one of {one_of} is expected, found {', '.join(sorted(map(str, unknown)))}")
     return Factor(factor.name, values, levels, factor.numeric, factor.unit)
 
 
-def _asked(factors: Sequence[Factor], practice: Array) -> dict[str, Array]:
+def _requested(factors: Sequence[Factor], practice: Array) -> dict[str, Array]:
     """Return all columns of the model, by name."""
     coded = {factor.name: factor.coded() for factor in factors}
     columns = {INTERCEPT: np.ones(len(practice))}
-    for own in coded.values():
-        columns |= own
+    for main_effect in coded.values():
+        columns |= main_effect
     for one, other in combinations(coded.values(), 2):
         columns |= {interaction(a, b): one[a] * other[b] for a in one for b in other}
     return columns | {PRACTICE: practice}
@@ -315,7 +305,7 @@ def interaction(one: str, other: str) -> str:
     Parameters
     ----------
     one, other : str
-        Names of the columns.
+        Names of the multiplied columns, such as ``haptics``.
     """
     return f"{one} x {other}"
 
@@ -339,25 +329,25 @@ def simple_effects(design: Design) -> dict[str, dict[str, float]]:
     return found
 
 
-def _told_apart(asked: dict[str, Array], kept: NDArray[np.bool_] | None = None) -> tuple[str, ...]:
+def _independent(columns: dict[str, Array], kept: NDArray[np.bool_] | None = None) -> tuple[str, ...]:
     """Return the columns that are linearly independent of those before them, in all or in the kept trials."""
     rows = slice(None) if kept is None else kept
     names: list[str] = []
-    columns = np.empty((len(asked[INTERCEPT][rows]), 0))
-    for name, column in asked.items():
+    matrix = np.empty((len(columns[INTERCEPT][rows]), 0))
+    for name, column in columns.items():
         size = float(np.abs(column).max(initial=0.0)) or 1.0
-        wider = np.column_stack([columns, column[rows] / size])
+        wider = np.column_stack([matrix, column[rows] / size])
         if len(wider) and np.linalg.matrix_rank(wider) == wider.shape[1]:
-            names, columns = [*names, name], wider
+            names, matrix = [*names, name], wider
     return tuple(names)
 
 
-def _lonely(asked: dict[str, Array], names: tuple[str, ...], dyads: NDArray[np.int64]) -> tuple[str, ...]:
+def _of_single_dyad(columns: dict[str, Array], names: tuple[str, ...], dyads: NDArray[np.int64]) -> tuple[str, ...]:
     """Return the columns that are not estimable without one of the dyads."""
     groups = np.unique(dyads)
     if len(groups) < 2:
         return ()
-    others = [_told_apart(asked, dyads != group) for group in groups]
+    others = [_independent(columns, dyads != group) for group in groups]
     return tuple(name for name in names if any(name not in other for other in others))
 
 

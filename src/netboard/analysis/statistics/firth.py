@@ -54,12 +54,6 @@ def firth_fit(response: Array, columns: Array, family: Family, fixed: tuple[Arra
 
     Parameters
     ----------
-    response : ndarray of float64, shape (n,)
-        Counts, or 0 and 1 [1].
-    columns : ndarray of float64, shape (n, k)
-        Columns of the effects, linearly independent [any].
-    family : {"poisson", "binomial"}
-        Poisson regression (log link) or logistic regression.
     fixed : tuple of ndarray of float64, shape (k,), and float, or None
         Linear combination of coefficients and the value at which it is fixed, for a profile [any].
     """
@@ -133,14 +127,8 @@ def profile_interval(
 
     Parameters
     ----------
-    response : ndarray of float64, shape (n,)
-        Counts, or 0 and 1 [1].
-    columns : ndarray of float64, shape (n, k)
-        Columns of the effects [any].
-    family : {"poisson", "binomial"}
-        Poisson regression (log link) or logistic regression.
     best : Penalised
-        Fit of these data.
+        Maximum of the penalised likelihood of these data.
     row : ndarray of float64, shape (k,)
         Linear combination of the coefficients [1].
     drop : float

@@ -19,14 +19,14 @@ from statsmodels.genmod.generalized_estimating_equations import GEE
 from netboard.analysis.statistics.effects import (
     Effect,
     Model,
-    careful_freedom,
+    between_dyad_freedom,
     contrasts_of,
     interval_effect,
-    said,
+    unique,
 )
 from netboard.analysis.statistics.factors import Design, cells_of
 from netboard.analysis.statistics.firth import Family, Penalised, firth_fit, profile_interval
-from netboard.analysis.statistics.specification import Specification, noting
+from netboard.analysis.statistics.specification import Specification, with_notes
 
 _PENALISED = (
     "Trials are independent given dyad and condition, except for a dispersion that is common to all effects.",
@@ -35,38 +35,32 @@ _PENALISED = (
 
 
 def marginal_model(fit: Specification, design: Design, family: Any) -> Model:
-    """Fit generalised estimating equations, with the empirical covariance between dyads.
-
-    Parameters
-    ----------
-    family : statsmodels family
-        Distribution of the response.
-    """
+    """Fit generalised estimating equations, with the empirical covariance between dyads."""
     if design.n_dyads < 2:
-        return fit.alone(design, family)
+        return fit.fit_single_dyad(design, family)
     model = GEE(design.values, design.columns, groups=design.dyads, family=family, cov_struct=Exchangeable())
-    found, notes = noting(lambda: model.fit(cov_type="bias_reduced", maxiter=200))
-    if found is None:
-        return replace(fit.without(design, notes[-1]), notes=said((*design.notes, *notes)))
+    result, notes = with_notes(lambda: model.fit(cov_type="bias_reduced", maxiter=200))
+    if result is None:
+        return replace(fit.unfitted(design, notes[-1]), notes=unique((*design.notes, *notes)))
     k = len(design.names)
     if design.n_dyads <= k:
         notes += (
             f"{design.n_dyads} dyads for {k} effects: there is an interval for each effect, but no joint test of all",
         )
     counted = not isinstance(family, families.Binomial)
-    covariance = np.asarray(found.cov_params())
-    if design.lonely:
+    covariance = np.asarray(result.cov_params())
+    if design.single_dyad:
         # The correction divides by 1 minus the leverage of a dyad, which is 1 here.
         covariance = np.full((k, k), np.nan)
         notes += ("no intervals: an effect rests on one dyad alone, so its error between dyads is unknown",)
     return fit.model(
         design,
-        np.asarray(found.params),
+        np.asarray(result.params),
         covariance,
-        converged=bool(found.converged),
+        converged=bool(result.converged),
         notes=notes,
-        dispersion=_dispersion(design, np.asarray(found.params)) if counted else nan,
-        correlation=float(found.cov_struct.dep_params),
+        dispersion=_dispersion(design, np.asarray(result.params)) if counted else nan,
+        correlation=float(result.cov_struct.dep_params),
     )
 
 
@@ -83,6 +77,7 @@ def over_dispersed_model(fit: Specification, design: Design, poisson: Model) -> 
     Parameters
     ----------
     poisson : Model
+        The first fit, whose residuals give the over-dispersion.
     """
     coefficients = np.array([poisson.effect(name).estimate.value for name in design.names])
     mean = np.exp(design.columns @ coefficients)
@@ -93,7 +88,7 @@ def over_dispersed_model(fit: Specification, design: Design, poisson: Model) -> 
     return replace(marginal_model(named, design, families.NegativeBinomial(alpha=alpha)), alpha=alpha)
 
 
-def one_sided(design: Design, what: str, value: float) -> str:
+def extreme_condition(design: Design, what: str, value: float) -> str:
     """Describe a level, or two levels, in which all responses have the same extreme value; empty for none.
 
     Parameters
@@ -124,13 +119,11 @@ def penalised_model(fit: Specification, design: Design, family: Family, why: str
     ----------
     fit : Specification
         Specification of the model that it replaces.
-    family : {"poisson", "binomial"}
-        Distribution of the response.
     why : str
         Description of the condition with no events or only events.
     """
     if "any condition" in why:
-        return fit.without(design, f"not fitted: {why}, so conditions cannot be compared")
+        return fit.unfitted(design, f"not fitted: {why}, so conditions cannot be compared")
     best = firth_fit(design.values, design.columns, family)
     spread = _dispersion_of_dyads(design, best, family)
     counts = family == "poisson"
@@ -165,7 +158,7 @@ def _dispersion_of_dyads(design: Design, best: Penalised, family: Family) -> flo
 
 def _profiled(fit: Specification, design: Design, best: Penalised, family: Family, spread: float) -> list[Effect]:
     """Return all effects with profile confidence intervals."""
-    free = careful_freedom(design) if fit.interval == "t" else inf
+    free = between_dyad_freedom(design) if fit.interval == "t" else inf
     found = []
     for name, row in contrasts_of(design).items():
         value = nan if row is None else float(row @ best.coefficients)
@@ -177,6 +170,6 @@ def _profiled(fit: Specification, design: Design, best: Penalised, family: Famil
             held = firth_fit(design.values, design.columns, family, (row, 0.0))
             ratio = 2.0 * max(0.0, best.likelihood - held.likelihood) / spread
             p = float(2.0 * stats.t.sf(sqrt(ratio), free))
-        said = "profile, z" if free == inf else f"profile, {free:.0f} df"
-        found.append(interval_effect(name, (value, low, high), error, free, p, fit.level, design.n_dyads, said))
+        method = "profile, z" if free == inf else f"profile, {free:.0f} df"
+        found.append(interval_effect(name, (value, low, high), error, free, p, fit.level, design.n_dyads, method))
     return found

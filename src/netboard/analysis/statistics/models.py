@@ -20,13 +20,13 @@ from statsmodels.genmod import families
 from netboard.analysis.statistics.effects import Interval, Model
 from netboard.analysis.statistics.factors import Factor, design_of
 from netboard.analysis.statistics.marginal import (
+    extreme_condition,
     marginal_model,
-    one_sided,
     over_dispersed_model,
     penalised_model,
 )
 from netboard.analysis.statistics.random_effects import Slopes, mixed_model, residual_deviation
-from netboard.analysis.statistics.specification import Specification, lacking
+from netboard.analysis.statistics.specification import Specification, too_few_trials
 
 Family = Literal["poisson", "negative_binomial"]
 
@@ -71,25 +71,19 @@ def log_time_model(
     Parameters
     ----------
     times : array_like, shape (n,)
-        Completion times of trials; NaN are ignored [s].
-
-    Raises
-    ------
-    ValueError
-        If the numbers of labels and trials differ, a trial number is below 1, or a time is not positive.
+        Completion times of trials, above 0; NaN are ignored [s].
     """
     seconds = np.asarray(times, dtype=float)
     if (seconds <= 0.0).any():
         raise ValueError(f"times: positive times are expected, found {seconds[seconds <= 0.0][0]} s")
     design = design_of(np.log(seconds), dyads, performers, factors, order)
     fit = Specification("linear mixed model, REML", TIMES, _MIXED, level, interval, geometric=True)
-    lack = lacking(design)
-    if lack:
-        return fit.without(design, lack)
+    if why := too_few_trials(design):
+        return fit.unfitted(design, why)
     if not residual_deviation(design) > 1e-9 * max(1.0, float(np.abs(design.values).max())):
-        return fit.without(design, "not fitted: there is no variation of times beyond the effects")
+        return fit.unfitted(design, "not fitted: there is no variation of times beyond the effects")
     if design.n_dyads < 2:
-        return fit.alone(design, families.Gaussian())
+        return fit.fit_single_dyad(design, families.Gaussian())
     return mixed_model(fit, design, slopes)
 
 
@@ -108,6 +102,8 @@ def count_model(
 
     The covariance is the empirical (sandwich) estimator over dyads with the small-sample correction of Mancl and
     DeRouen (Biometrics 57:126, 2001). It is valid for any variance of the counts; the family only weights the trials.
+    With one dyad there are no confidence intervals. If a condition has no events, the fit is by Firth's penalised
+    likelihood.
 
     Parameters
     ----------
@@ -115,17 +111,6 @@ def count_model(
         Integers from 0 to `MOST`; NaN are ignored [1].
     family : {"poisson", "negative_binomial"}
         Variance of a count: its mean m, or m + alpha m^2, with alpha estimated from the residuals of the Poisson fit.
-
-    Returns
-    -------
-    Model
-        Result with dispersion and ratios of means. With one dyad: without confidence intervals. If a condition has no
-        events: by Firth's penalised likelihood.
-
-    Raises
-    ------
-    ValueError
-        If the numbers of labels and trials differ, a trial number is below 1, or a value is not a count.
     """
     values = np.asarray(counts, dtype=float)
     strange = np.isfinite(values) & ((values < 0.0) | (values != np.floor(values)) | (values > MOST))
@@ -134,9 +119,9 @@ def count_model(
     design = design_of(values, dyads, performers, factors, order)
     assumptions = tuple(sentence.format(what="mean count") for sentence in _MARGINAL)
     fit = Specification("Poisson GEE", COUNTS, assumptions, level, interval)
-    if lack := lacking(design):
-        return fit.without(design, lack)
-    if why := one_sided(design, "nothing was counted", 0.0):
+    if why := too_few_trials(design):
+        return fit.unfitted(design, why)
+    if why := extreme_condition(design, "nothing was counted", 0.0):
         return penalised_model(fit, design, "poisson", why)
     poisson = marginal_model(fit, design, families.Poisson())
     if family == "poisson" or not poisson.fitted:
@@ -162,11 +147,6 @@ def share_model(
     ----------
     failed : array_like, shape (n,)
         1 for a failed attempt, 0 otherwise; NaN are ignored [1].
-
-    Raises
-    ------
-    ValueError
-        If the numbers of labels and attempts differ, a trial number is below 1, or a value is neither 0 nor 1.
     """
     values = np.asarray(failed, dtype=float)
     strange = np.isfinite(values) & (values != 0.0) & (values != 1.0)
@@ -175,8 +155,8 @@ def share_model(
     design = design_of(values, dyads, performers, factors, order)
     assumptions = tuple(sentence.format(what="odds") for sentence in _MARGINAL)
     fit = Specification("logistic GEE", SHARES, assumptions, level, interval)
-    if lack := lacking(design):
-        return fit.without(design, lack)
-    if why := one_sided(design, "none failed", 0.0) or one_sided(design, "all failed", 1.0):
+    if why := too_few_trials(design):
+        return fit.unfitted(design, why)
+    if why := extreme_condition(design, "none failed", 0.0) or extreme_condition(design, "all failed", 1.0):
         return penalised_model(fit, design, "binomial", why)
     return marginal_model(fit, design, families.Binomial())

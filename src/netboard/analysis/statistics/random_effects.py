@@ -32,16 +32,11 @@ def residual_deviation(design: Design) -> float:
 
 
 def random_effects(design: Design, slopes: Slopes) -> tuple[dict[str, NDArray[np.float64]], tuple[str, ...]]:
-    """Return the random effects that these trials can identify, each as its indicator matrix.
+    """Return the random effects that these trials can identify, and notes on the others [1].
 
-    A random effect is identifiable if its covariance is not a linear combination of the others': the REML information
-    about the variances, at equal ones, is not singular (Searle, Casella and McCulloch, Variance Components, 1992, 6.6).
-
-    Returns
-    -------
-    tuple
-        Matrices by name, with a column for each dyad or performer, times the factor's; and notes on the random effects
-        that are not identifiable [1].
+    Each is a matrix with a column for each dyad or performer, times the factor's. It is identifiable if its covariance
+    is not a linear combination of the others': the REML information about the variances, at equal ones, is not singular
+    (Searle, Casella and McCulloch, Variance Components, 1992, 6.6).
     """
     units = {"dyad": design.dyads, "performer": design.performers}
     wanted = {name: np.eye(index.max() + 1)[index] for name, index in units.items()}
@@ -93,10 +88,10 @@ def mixed_model(fit: Specification, design: Design, slopes: Slopes) -> Model:
     """
     parts, notes = random_effects(design, slopes)
     if not parts:
-        return fit.without(design, "not fitted: no random effect can be identified")
+        return fit.unfitted(design, "not fitted: no random effect can be identified")
     found = restricted_fit(design.values, design.columns, list(parts.values()), design.dyads)
     if found is None:
-        return fit.without(design, "not fitted: there is no variation of times beyond effects, dyads and performers")
+        return fit.unfitted(design, "not fitted: there is no variation of times beyond effects, dyads and performers")
     variances = dict(zip(parts, found.variances, strict=True))
     nothing = 1e-6 * found.residual
     notes += tuple(f"{name}: its variance is estimated as 0" for name, s in variances.items() if s < nothing)

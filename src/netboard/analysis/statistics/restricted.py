@@ -110,10 +110,6 @@ def restricted_fit(
 
     Parameters
     ----------
-    response : ndarray of float64, shape (n,)
-        Response [any].
-    columns : ndarray of float64, shape (n, k)
-        Columns of the fixed effects, linearly independent [any].
     sources : sequence of ndarray of float64, shape (n, q) each
         Design matrix of each random effect: a column for each of its levels, 0 outside one group [1].
     groups : ndarray of int64, shape (n,)
@@ -179,7 +175,7 @@ class _Data:
     """Triangular factors of the groups, source of each column, number of effects and residual degrees of freedom."""
 
     stack: Array
-    of: Array
+    source_of: Array
     k: int
     count: int
 
@@ -190,16 +186,16 @@ class _Data:
         effects, and `left` is y without them. So Z' P Z = z' z - shared shared', where z' z is block-diagonal with one
         block for each group.
         """
-        z, x, y, logs = self._weighted(np.sqrt(self.of @ ratios), self.stack)
-        found = _quadratic(z, x, y, self.of)
+        z, x, y, logs = self._weighted(np.sqrt(self.source_of @ ratios), self.stack)
+        found = _quadratic(z, x, y, self.source_of)
         n, square, squares = self.count, found.square, found.squares
         return _Point(
             ratios,
             logs + 2.0 * float(np.log(np.abs(np.diag(found.triangle))).sum()) + n * log(square),
             found.traces - n * squares / square,
-            2.0 * n * found.bent / square - n * np.outer(squares, squares) / square**2 - found.overlap,
+            2.0 * n * found.cross / square - n * np.outer(squares, squares) / square**2 - found.overlap,
             found.overlap - np.outer(found.traces, found.traces) / n,
-            1.0 / np.sqrt(np.diag(self.of.T @ (found.own**2).sum(axis=0) @ self.of)),
+            1.0 / np.sqrt(np.diag(self.source_of.T @ (found.own**2).sum(axis=0) @ self.source_of)),
             square,
             found.triangle,
             found.along,
@@ -207,13 +203,13 @@ class _Data:
 
     def moments(self, ratios: Array, residual: float) -> Moments:
         """Return the information about all variances. The residual is one more source, a column for each row."""
-        groups, rows, m = *self.stack.shape[:2], len(self.of)
-        every = np.concatenate(
+        groups, rows, m = *self.stack.shape[:2], len(self.source_of)
+        with_residual = np.concatenate(
             [self.stack[:, :, :m], np.broadcast_to(np.eye(rows), (groups, rows, rows)), self.stack[:, :, m:]], axis=2
         )
-        z, x, y, _ = self._weighted(np.sqrt(self.of @ ratios), every)
-        of = np.zeros((m + rows, self.of.shape[1] + 1))
-        of[:m, :-1], of[m:, -1] = self.of, 1.0
+        z, x, y, _ = self._weighted(np.sqrt(self.source_of @ ratios), with_residual)
+        of = np.zeros((m + rows, self.source_of.shape[1] + 1))
+        of[:m, :-1], of[m:, -1] = self.source_of, 1.0
         found = _quadratic(z, x, y, of)
         # A triangle has fewer or more rows than its group has trials; the difference is residual only.
         found.overlap[-1, -1] += self.count + self.k - groups * rows
@@ -226,12 +222,12 @@ class _Data:
             np.einsum("igmk,gml->ikl", parts, across),
             np.einsum("igmk,gmn,jgnl->ijkl", parts, found.own, parts, optimize=True),
             found.overlap,
-            2.0 * found.bent / residual - found.overlap,
+            2.0 * found.cross / residual - found.overlap,
         )
 
     def _weighted(self, spread: Array, stack: Array) -> tuple[Array, Array, Array, float]:
         """Return sources, effects and response, whitened by the inverse square root of V, and log |V|."""
-        scaled = self.stack[:, :, : len(self.of)] * spread
+        scaled = self.stack[:, :, : len(self.source_of)] * spread
         root = np.linalg.cholesky(np.eye(scaled.shape[1]) + scaled @ scaled.transpose(0, 2, 1))
         weighted = np.linalg.solve(root, stack)
         logs = 2.0 * float(np.log(np.diagonal(root, axis1=1, axis2=2)).sum())
@@ -239,7 +235,10 @@ class _Data:
 
 
 class _Quadratic(NamedTuple):
-    """Least squares of the whitened data, and traces and squares of the sources; see `_Data.at` and `Moments`."""
+    """Least squares of the whitened data, and forms of the sources, with P and G_i as in `Moments`.
+
+    traces: tr(P G_i); overlap: tr(P G_i P G_j); squares: y' P G_i P y; cross: y' P G_i P G_j P y; own: z' z.
+    """
 
     triangle: Array
     along: Array
@@ -248,11 +247,11 @@ class _Quadratic(NamedTuple):
     traces: Array
     overlap: Array
     squares: Array
-    bent: Array
+    cross: Array
 
 
 def _quadratic(z: Array, x: Array, y: Array, of: Array) -> _Quadratic:
-    """Compute tr(P G_i), tr(P G_i P G_j), y' P G_i P y and y' P G_i P G_j P y without a matrix over all trials."""
+    """Compute all forms without a matrix over all trials; `of` maps columns of z to sources."""
     basis, triangle = np.linalg.qr(x.reshape(-1, x.shape[2]))
     along = basis.T @ y.ravel()
     left = y - (basis @ along).reshape(y.shape)

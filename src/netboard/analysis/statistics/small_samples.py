@@ -39,22 +39,21 @@ def kenward_roger_freedom(moments: Moments, contrast: Array) -> float:
 
 
 def kenward_roger_covariance(moments: Moments) -> Array:
-    """Return Kenward and Roger's covariance of the coefficients, adjusted for the uncertainty of the variances.
+    """Return Kenward and Roger's covariance of the coefficients, shape (k, k) [square of a coefficient's].
 
-    Returns
-    -------
-    ndarray of float64, shape (k, k)
-        Adjusted covariance [square of a coefficient's].
+    It is adjusted for the uncertainty of the variances.
     """
     c, first = moments.unscaled, moments.first
     doubt = moments.second - np.einsum("iab,bc,jcd->ijad", first, c, first, optimize=True)
     added = c @ np.einsum("ij,ijab->ab", _inverse(moments.expected), doubt) @ c
+    # Their factor 2, times 2: the variances' covariance is twice the inverse of `expected`. The mean with the transpose
+    # removes rounding errors.
     enlarged: Array = moments.residual * (c + 4.0 * 0.5 * (added + added.T))
     return enlarged
 
 
 def _freedom(moments: Moments, contrast: Array, of: NDArray[np.bool_], inverse: Array) -> float:
-    """Return 2 v^2 / var(v); the residual variance cancels."""
+    """Return 2 v^2 / var(v); the residual variance cancels, and the 2, because `inverse` is half of a covariance."""
     along = moments.unscaled @ contrast
     gradient = np.einsum("a,iab,b->i", along, moments.first, along)[of]
     spread = float(gradient @ inverse @ gradient)

@@ -21,9 +21,9 @@ from netboard.analysis.statistics.effects import (
     Effect,
     Interval,
     Model,
-    careful_freedom,
+    between_dyad_freedom,
     effects_of,
-    said,
+    unique,
 )
 from netboard.analysis.statistics.factors import Design, cells_of
 from netboard.analysis.statistics.restricted import Moments
@@ -76,17 +76,7 @@ class Specification:
 
         Parameters
         ----------
-        coefficients : ndarray of float64, shape (k,)
-            Coefficient of each column [log of the response].
-        covariance : ndarray of float64, shape (k, k)
-            Covariance of the coefficients [square of the log of the response].
-        converged : bool
-            Whether the fit converged.
-        notes : tuple of str
-            Problems and omissions.
-        components : tuple of Component
-        diagnostics : Diagnostics or None
-        dispersion, correlation : float
+        converged, components, diagnostics, dispersion, correlation
             As in `Model` [1].
         effects : tuple of Effect or None
             Effects, if they cannot be derived from coefficients and covariance.
@@ -110,7 +100,7 @@ class Specification:
             design.n_dyads,
             design.left_out,
             self.assumptions,
-            said((*design.notes, *notes, *few)),
+            unique((*design.notes, *notes, *few)),
             diagnostics,
         )
 
@@ -123,31 +113,20 @@ class Specification:
         what = (
             "z intervals are too short for this few"
             if self.interval == "z"
-            else f"t has {careful_freedom(design):.0f} degrees of freedom"
+            else f"t has {between_dyad_freedom(design):.0f} degrees of freedom"
         )
         return (f"{n} dyads: {what}",)
 
-    def without(self, design: Design, why: str) -> Model:
-        """Return a result without a fit, and the reason.
-
-        Parameters
-        ----------
-        why : str
-        """
+    def unfitted(self, design: Design, why: str) -> Model:
+        """Return a result without a fit, and the reason."""
         nothing = np.full(len(design.names), np.nan)
         return self.model(design, nothing, np.full((len(nothing),) * 2, np.nan), converged=False, notes=(why,))
 
-    def alone(self, design: Design, family: Any) -> Model:
-        """Fit a single dyad as if its trials were independent, without confidence intervals.
-
-        Parameters
-        ----------
-        family : statsmodels family
-            Distribution of the response.
-        """
-        fit, notes = noting(lambda: GLM(design.values, design.columns, family=family).fit())
+    def fit_single_dyad(self, design: Design, family: Any) -> Model:
+        """Fit a single dyad as if its trials were independent, without confidence intervals."""
+        fit, notes = with_notes(lambda: GLM(design.values, design.columns, family=family).fit())
         if fit is None:
-            return self.without(design, notes[-1])
+            return self.unfitted(design, notes[-1])
         unknown = np.full((len(design.names),) * 2, np.nan)
         coefficients = np.asarray(fit.params)
         return self.model(design, coefficients, unknown, converged=bool(fit.converged), notes=notes)
@@ -159,24 +138,25 @@ def _fixed(design: Design) -> str:
     return " + ".join(("intercept", *(pairs or [one.name for one in design.factors]), "b log(trial)"))
 
 
-def lacking(design: Design) -> str:
-    """Return what a design lacks."""
+def too_few_trials(design: Design) -> str:
+    """Return why a design has too few trials for its effects; empty if it has enough."""
     n, k = design.columns.shape
     return "" if n > k and k else f"not fitted: {n} trials are too few for {k} effects"
 
 
-def noting(fit: Callable[[], Any]) -> tuple[Any, tuple[str, ...]]:
+def with_notes(run: Callable[[], Any]) -> tuple[Any, tuple[str, ...]]:
     """Run a fit and turn warnings and singular matrices into notes; the fit is None without a result.
 
     Parameters
     ----------
-    fit : callable
+    run : callable
+        Function without arguments that returns the fit of statsmodels.
     """
-    with warnings.catch_warnings(record=True) as heard:
+    with warnings.catch_warnings(record=True) as recorded:
         warnings.simplefilter("always")
         try:
-            found = fit()
-            failed = () if found is not None else ("not fitted: statsmodels found no estimate",)
+            fit = run()
+            failed = () if fit is not None else ("not fitted: statsmodels found no estimate",)
         except np.linalg.LinAlgError as error:
-            found, failed = None, (f"not fitted: {error}",)
-    return found, said([*(f"statsmodels: {warning.message}" for warning in heard), *failed])
+            fit, failed = None, (f"not fitted: {error}",)
+    return fit, unique([*(f"statsmodels: {warning.message}" for warning in recorded), *failed])

@@ -136,30 +136,30 @@ def picture(study: Study) -> Picture:
     found = [one for one in classes(study).shares if len(one.dyads)]
     if not found:
         return Picture("classes", TITLE, "No included trial has a movement, so there are no shares.", None)
-    many_of = _crowded(found)
+    crowded = _crowded(found)
     dots = (
         [[name for name in pair for _ in range(2)] for pair in (CLASSES[:2], CLASSES[2:])]
-        if many_of
+        if crowded
         else [list(CLASSES)]
     )
     below = 0.5 + 0.3 * len(found)
-    height = [below, 1.6, 3.2] if many_of else [below, 2.2]
+    height = [below, 1.6, 3.2] if crowded else [below, 2.2]
     figure, axes = new_mosaic(sum(height) + 0.4, [["bars"] * len(CLASSES), *dots], height_ratios=height)
     _bars(axes["bars"], found)
     titled(axes["bars"], "A", "mean shares")
     for name, letter in zip(CLASSES, "BCDE", strict=True):
         _dots(axes[name], found, name)
         titled(axes[name], letter, name)
-        if name == CLASSES[0] or (many_of and name == CLASSES[2]):
+        if name == CLASSES[0] or (crowded and name == CLASSES[2]):
             axes[name].set_ylabel("share of the time [%]")
-        if many_of and name in CLASSES[:2]:
+        if crowded and name in CLASSES[:2]:
             axes[name].tick_params(axis="x", labelbottom=False)
     return Picture("classes", TITLE, _caption(study, found), figure)
 
 
 def _crowded(found: list[Shares]) -> bool:
     """Return whether the team names do not fit: many conditions, or levels in the names."""
-    return len(found) > _FEW or any(one.condition.among for one in found)
+    return len(found) > _FEW or any(one.condition.other_levels for one in found)
 
 
 def _bars(axes: "Axes", found: list[Shares]) -> None:
@@ -203,7 +203,7 @@ def _named(axes: "Axes", found: list[Shares], at: dict[str, float]) -> None:
     if _crowded(found):
         axes.set_xticks(list(at.values()), [one.condition.label for one in found], fontsize=7, rotation=90)
         return
-    short = [one.condition.feeling.removeprefix("haptics ") for one in found]
+    short = [one.condition.haptics.removeprefix("haptics ") for one in found]
     axes.set_xticks(list(at.values()), short, fontsize=7)
     teams = dict.fromkeys(one.condition.team for one in found)
     middles = [

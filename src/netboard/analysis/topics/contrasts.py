@@ -21,6 +21,7 @@ from netboard.analysis.statistics.estimates import Estimate
 from netboard.analysis.statistics.exact_tests import SYMMETRIC
 from netboard.analysis.topics.figure import (
     BLACK,
+    NO_EFFECT,
     Look,
     Picture,
     beside,
@@ -41,8 +42,8 @@ from netboard.analysis.topics.groups import (
     performed_by,
     with_base,
 )
-from netboard.analysis.topics.measures import Measure, as_read, exponential, levels_of_performers
-from netboard.analysis.topics.result import Result, kept, plain
+from netboard.analysis.topics.measures import Measure, exponential, levels_of_performers, measures_of
+from netboard.analysis.topics.result import Result, cached, plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -71,14 +72,14 @@ class Question:
 def questions_of(study: Study) -> tuple[Question, ...]:
     """Return the declared contrasts for a study: between human performers, no robot and no still hand."""
     people = tuple(one for one in conditions(study) if not one.partner)
-    forces = {(one.configuration, one.force, one.among): one for one in people}
-    effects = {(one.configuration, one.force, one.among): (one, off) for one, off in with_base(people)}
+    forces = {(one.configuration, one.force, one.other_levels): one for one in people}
+    effects = {(one.configuration, one.force, one.other_levels): (one, off) for one, off in with_base(people)}
     return (
         *(Question("forces", f"{one.label} vs off", (one.name,), (off.name,)) for one, off in effects.values()),
         *(
             Question(
                 "configuration",
-                ", ".join(("dyadic vs bimanual", one.feeling, *one.among)),
+                ", ".join(("dyadic vs bimanual", one.haptics, *one.other_levels)),
                 (one.name,),
                 (alone.name,),
             )
@@ -87,7 +88,7 @@ def questions_of(study: Study) -> tuple[Question, ...]:
         *(
             Question(
                 "interaction",
-                ", ".join((f"{two[0].feeling} vs off, dyadic vs bimanual", *two[0].among)),
+                ", ".join((f"{two[0].haptics} vs off, dyadic vs bimanual", *two[0].other_levels)),
                 (two[0].name, two[1].name),
                 (one[0].name, one[1].name),
             )
@@ -174,13 +175,13 @@ def _symmetry(contrast: Contrast) -> str:
     return f"{SYMMETRIC}; these have skewness {stats.skew(contrast.differences):.1f}"
 
 
-@kept
+@cached
 def comparisons(study: Study) -> Comparisons:
     """Compute, for every compared measure, all contrasts that some dyad has."""
     rng = np.random.default_rng(SEED)
     questions, who = questions_of(study), performed_by(conditions(study))
     found: list[Comparison] = []
-    for measure in as_read(study):
+    for measure in measures_of(study):
         if measure.compared:
             own = levels_of_performers(study, measure)
             performers = own.pivot(index=["dyad", "performer"], columns="condition", values="level")
@@ -286,7 +287,7 @@ def _panel(
     offsets = dict(zip(questions, beside(len(questions), 0.5 if len(questions) <= 2 else 0.75), strict=True))
     for row in range(0, len(names), 2):
         axes.axhspan(row - 0.5, row + 0.5, color=_BAND, zorder=0, linewidth=0.0)
-    axes.axvline(0.0, color="#888888", linewidth=0.8, zorder=1)
+    axes.axvline(0.0, **NO_EFFECT)
     for one in found:
         at = names.index(one.measure.name) + offsets[one.question]
         draw_mean(

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
+from netboard.analysis.extraction.details import THRESHOLDS
 from netboard.analysis.extraction.study import Study
-from netboard.analysis.measures.cooperation import PORTIONS
 from netboard.analysis.statistics.estimates import Estimate
 from netboard.analysis.topics.figure import (
     Look,
@@ -44,13 +44,10 @@ if TYPE_CHECKING:
 
 TOPIC = "delay"
 
-PERCENT = tuple(round(100 * portion) for portion in PORTIONS)
-"""Fractions of a peak [%]."""
-
-OVER_ALL = f"mean of {PERCENT[0]} to {PERCENT[-1]} %"
+OVER_ALL = f"mean of {THRESHOLDS[0]} to {THRESHOLDS[-1]} %"
 """Name of the mean over the fractions."""
 
-RISE = f"delay at {PERCENT[-1]} % minus that at {PERCENT[0]} %"
+RISE = f"delay at {THRESHOLDS[-1]} % minus that at {THRESHOLDS[0]} %"
 """Name of the increase of delays with the threshold."""
 
 APART = "thresholds at which the intervals do not overlap"
@@ -59,7 +56,7 @@ APART = "thresholds at which the intervals do not overlap"
 
 @dataclass(frozen=True, slots=True)
 class Delays:
-    """One kind of delay in a condition: of each unit, performer or dyad (rows), at each of `PERCENT` [s]."""
+    """One kind of delay in a condition: of each unit, performer or dyad (rows), at each of `THRESHOLDS` [s]."""
 
     units: pd.DataFrame
     performers: pd.DataFrame
@@ -72,7 +69,7 @@ class ConditionDelay:
     """The delays of a condition: at fractions of the set peak or of each side's own, absolute or signed as set.
 
     `signed` is at fractions of the set peak, left minus right; `truncated` the share of delays with a truncated search
-    for a crossing, for each of `PERCENT`, NaN without delays [1].
+    for a crossing, for each of `THRESHOLDS`, NaN without delays [1].
     """
 
     condition: Condition
@@ -107,8 +104,8 @@ def delay(study: Study) -> Delay:
 def _of_condition(condition: Condition, rows: pd.DataFrame, kind: str, unit: str) -> ConditionDelay:
     signed = _columns(rows, "delay")
     own = _columns(rows, "own_delay")
-    truncated = rows[[f"truncated_{q}" for q in PERCENT]].astype(np.float64).set_axis(list(PERCENT), axis=1)
-    told = truncated.where(signed.notna() | (truncated == 1.0))
+    truncated = rows[[f"truncated_{q}" for q in THRESHOLDS]].astype(np.float64).set_axis(list(THRESHOLDS), axis=1)
+    searched = truncated.where(signed.notna() | (truncated == 1.0))
     place = rows[["dyad", "performer"]]
     deviations = signed.groupby([place["dyad"], place["performer"]]).std().rename_axis(["dyad", "performer"])
     spread_of = "dyads" if unit == "movements" else unit
@@ -119,13 +116,13 @@ def _of_condition(condition: Condition, rows: pd.DataFrame, kind: str, unit: str
         _delays(place, signed, condition, unit),
         _of_units(deviations, deviations, condition, spread_of),
         len(rows),
-        tuple(told.mean(axis=0)),
+        tuple(searched.mean(axis=0)),
     )
 
 
 def _columns(rows: pd.DataFrame, prefix: str) -> pd.DataFrame:
     """Return the columns of a delay, named by their fractions."""
-    return rows[[f"{prefix}_{q}" for q in PERCENT]].set_axis(list(PERCENT), axis=1)
+    return rows[[f"{prefix}_{q}" for q in THRESHOLDS]].set_axis(list(THRESHOLDS), axis=1)
 
 
 def _delays(place: pd.DataFrame, values: pd.DataFrame, condition: Condition, unit: str) -> Delays:
@@ -142,7 +139,7 @@ def _of_units(single: pd.DataFrame, performers: pd.DataFrame, condition: Conditi
         "people": (performers, person),
         "movements": (single, "movement"),
     }[unit]
-    return Delays(units, performers, dyads, tuple(estimate(units[q], of) for q in PERCENT))
+    return Delays(units, performers, dyads, tuple(estimate(units[q], of) for q in THRESHOLDS))
 
 
 def _results(found: tuple[ConditionDelay, ...], kind: str) -> Iterator[Result]:
@@ -172,14 +169,14 @@ def _of_one(found: ConditionDelay, kind: str) -> Iterator[Result]:
         ("SD of the signed delay at {} %", found.deviations, "of each performer's movements"),
     )
     for name, delays, note in kinds:
-        for q, mean in zip(PERCENT, delays.means, strict=True):
+        for q, mean in zip(THRESHOLDS, delays.means, strict=True):
             yield estimated(TOPIC, name.format(q), label, mean, "s", note)
-    for q, share in zip(PERCENT, found.truncated, strict=True):
+    for q, share in zip(THRESHOLDS, found.truncated, strict=True):
         name = f"share of searches cut off at {q} %"
         yield plain(TOPIC, name, label, share, "1", found.movements, "movement")
     dyads = found.as_set.dyads
     yield estimated(TOPIC, f"delay, {OVER_ALL}", label, estimate(dyads.mean(axis=1, skipna=False)), "s", kind)
-    rise = estimate(dyads[PERCENT[-1]] - dyads[PERCENT[0]])
+    rise = estimate(dyads[THRESHOLDS[-1]] - dyads[THRESHOLDS[0]])
     yield estimated(TOPIC, RISE, label, rise, "s", f"{kind}; a difference")
 
 
@@ -247,7 +244,7 @@ def _panel(axes: "Axes", shown: list[ConditionDelay], delays: Callable[[Conditio
     for place, one in enumerate(shown):
         look, found = look_of(one.condition), delays(one)
         few = len(found.units) <= 40
-        for offset, q, grey, mean in zip(beside(len(PERCENT), _WIDTH), PERCENT, _GREYS, found.means, strict=True):
+        for offset, q, grey, mean in zip(beside(len(THRESHOLDS), _WIDTH), THRESHOLDS, _GREYS, found.means, strict=True):
             label = f"{one.condition.name}, {q} %"
             units = (found.units if few else found.dyads)[q]
             draw_dyads(axes, np.full(len(units), place + offset + _BESIDE), _MS * units, look.colour, f"{label}, units")
@@ -271,7 +268,7 @@ def _deviations(axes: "Axes", shown: list[ConditionDelay]) -> None:
     axes.use_sticky_edges = False
     for place, one in enumerate(shown):
         for offset, q, mean, spread in zip(
-            beside(len(PERCENT), _WIDTH), PERCENT, one.signed.means, one.deviations.means, strict=True
+            beside(len(THRESHOLDS), _WIDTH), THRESHOLDS, one.signed.means, one.deviations.means, strict=True
         ):
             if np.isfinite([mean.value, spread.value]).all():
                 axes.bar(
@@ -287,8 +284,8 @@ def _deviations(axes: "Axes", shown: list[ConditionDelay]) -> None:
 
 def _portions(axes: "Axes", count: int) -> None:
     """Label the axis with the fractions."""
-    ticks = [place + offset for place in range(count) for offset in beside(len(PERCENT), _WIDTH)]
-    names = [f"{q}" if k else f"{q} %" for _ in range(count) for k, q in enumerate(PERCENT)]
+    ticks = [place + offset for place in range(count) for offset in beside(len(THRESHOLDS), _WIDTH)]
+    names = [f"{q}" if k else f"{q} %" for _ in range(count) for k, q in enumerate(THRESHOLDS)]
     axes.set_xticks(ticks, names, minor=True, fontsize=6.5)
     axes.tick_params(axis="x", which="minor", length=2, pad=1)
     axes.tick_params(axis="x", which="major", length=0, pad=11)
@@ -307,7 +304,7 @@ def _caption(study: Study, shown: list[ConditionDelay]) -> str:
     few = of["dyads" if unit == "movements" else unit]
     return (
         "Delay between the times at which the two sides reach a portion of a peak velocity in cooperative movements: "
-        f"{listed([str(q) for q in PERCENT])} % (darker: higher). Large points: means with 95 % t confidence intervals "
-        f"over {of[unit]}; small points: {few}. B: without the bias of a common threshold for both sides; C: pale bars "
-        f"are mean ± SD within performers.{warning} {each}"
+        f"{listed([str(q) for q in THRESHOLDS])} % (darker: higher). Large points: means with 95 % t confidence "
+        f"intervals over {of[unit]}; small points: {few}. B: without the bias of a common threshold for both sides; C: "
+        f"pale bars are mean ± SD within performers.{warning} {each}"
     )

@@ -10,7 +10,7 @@ import numpy as np
 
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.topics.contrasts import Comparison, Question, comparisons, looks_of
-from netboard.analysis.topics.figure import Look, Picture, draw_dyads, draw_mean, handles, span, styled
+from netboard.analysis.topics.figure import NO_EFFECT, Look, Picture, draw_dyads, draw_mean, handles, span, styled
 from netboard.analysis.topics.measures import COLUMNS, grid
 from netboard.analysis.topics.units import read_in
 
@@ -54,7 +54,7 @@ def _panel(axes: "Axes", found: Sequence[Comparison], questions: Sequence[Questi
     """Draw the differences in a measure: each dyad, and the mean."""
     measure = found[0].measure
     unit = read_in(found[0].unit, found[0].what)
-    axes.axhline(1.0 if measure.ratio else 0.0, color="#888888", linewidth=0.8, zorder=1)
+    axes.axhline(1.0 if measure.ratio else 0.0, **NO_EFFECT)
     for one in found:
         at, look = questions.index(one.question), looks[one.question.name]
         each = np.asarray(one.contrast.differences)

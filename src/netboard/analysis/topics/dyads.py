@@ -25,6 +25,7 @@ from netboard.analysis.statistics.exact_tests import Test, sign_test
 from netboard.analysis.topics.figure import (
     BLACK,
     GREEN,
+    NO_EFFECT,
     ORANGE,
     PINK,
     SKY,
@@ -87,7 +88,7 @@ class Dyads:
 def dyads(study: Study) -> Dyads:
     """Compare dyads with their participants."""
     trials, every = counted(study), conditions(study)
-    alone = {(one.force, one.among): one.name for one in every if one.configuration == "bimanual"}
+    alone = {(one.force, one.other_levels): one.name for one in every if one.configuration == "bimanual"}
     found = []
     for quantity in QUANTITIES:
         levels = {
@@ -98,7 +99,7 @@ def dyads(study: Study) -> Dyads:
         }
         for one in every:
             if one.configuration == "dyadic" and not one.partner:
-                points = _points(levels, one.name, alone.get((one.force, one.among), ""))
+                points = _points(levels, one.name, alone.get((one.force, one.other_levels), ""))
                 found.append(_compare(quantity, one, points))
     return Dyads(tuple(found), tuple(result for one in found for result in _results(one)))
 
@@ -123,7 +124,7 @@ def _compare(quantity: Quantity, condition: Condition, points: Iterator[Point]) 
 
 
 def _results(found: Comparison) -> Iterator[Result]:
-    quantity, group = found.quantity, found.condition.felt
+    quantity, group = found.quantity, found.condition.haptics_label
     note = "" if found.known else "no dyad performed in both configurations with this force"
     yield estimated(TOPIC, f"{quantity.name}: mean of the two minus dyad", group, found.gain, quantity.unit, note)
     if found.known:
@@ -179,7 +180,7 @@ def _plane(axes: "Axes", found: list[Comparison]) -> None:
     ]
     reach = 1.15 * max([1e-3, *map(abs, every)])
     axes.fill_between([-reach, reach], [-reach, reach], -reach, color="#EEEEEE", zorder=0, linewidth=0.0)
-    axes.plot([-reach, reach], [-reach, reach], color="#888888", linewidth=0.8, zorder=1, label="_diagonal")
+    axes.plot([-reach, reach], [-reach, reach], **NO_EFFECT, label="_diagonal")
     axes.text(0.97 * reach, -0.97 * reach, "dyad better\nthan the mean of both", ha="right", va="bottom", fontsize=7)
     for one in found:
         look = _look(one)
@@ -215,19 +216,19 @@ def _plane(axes: "Axes", found: list[Comparison]) -> None:
 
 def _gains(axes: "Axes", found: list[Comparison]) -> None:
     """Draw the gain of each dyad and their mean, a row for each haptic condition."""
-    axes.axvline(0.0, color="#888888", linewidth=0.8, zorder=1)
+    axes.axvline(0.0, **NO_EFFECT)
     for row, one in enumerate(found):
         look, gains = _look(one), one.gains
         draw_dyads(axes, gains, np.full(len(gains), row + 0.27), look.colour, one.condition.force)
         draw_mean(axes, row, one.gain, look, one.condition.force, across=True)
-    names = [f"{one.condition.felt}:\n{one.better} of {one.known} dyads better" for one in found]
+    names = [f"{one.condition.haptics_label}:\n{one.better} of {one.known} dyads better" for one in found]
     axes.set_yticks(range(len(found)), names)
     axes.set_ylim(max(len(found), 1) - 0.5, -0.5)
     axes.set_xlabel(f"mean of the two alone minus dyad [{found[0].quantity.unit if found else '1'}]")
 
 
 def _caption(found: list[Comparison]) -> str:
-    known = [(f"{one.condition.felt}, {one.quantity.name}", one.known, "dyad") for one in found]
+    known = [(f"{one.condition.haptics_label}, {one.quantity.name}", one.known, "dyad") for one in found]
     least = [one.test.least_p for one in found if np.isfinite(one.test.least_p)]
     power = f" The smallest possible p of a sign test with this number of dyads is {min(least):.3g}." if least else ""
     return (

@@ -34,7 +34,7 @@ NOT_COMPUTED = "not computed"
 """Quantity of the result that replaces a topic after an error, which its note gives."""
 
 
-class Finding(Protocol):
+class TopicResults(Protocol):
     """Result object of one topic."""
 
     @property
@@ -42,7 +42,7 @@ class Finding(Protocol):
         """Return the rows to report."""
 
 
-PAPER: tuple[Callable[[Study], Finding], ...] = (
+PAPER: tuple[Callable[[Study], TopicResults], ...] = (
     learning.learning,
     dyads.dyads,
     classes.classes,
@@ -51,7 +51,7 @@ PAPER: tuple[Callable[[Study], Finding], ...] = (
 )
 """Topics of the paper, in the order of its figures 2 to 6."""
 
-MODERN: tuple[Callable[[Study], Finding], ...] = (
+MODERN: tuple[Callable[[Study], TopicResults], ...] = (
     quality.quality,
     measures.overview,
     contrasts.comparisons,
@@ -59,26 +59,31 @@ MODERN: tuple[Callable[[Study], Finding], ...] = (
     leadership.leaders,
     influence.influences,
     passive.controls,
-    paths.courses,
+    paths.mean_paths,
 )
 """Topics beyond the paper."""
 
-FINDINGS: tuple[Callable[[Study], Finding], ...] = PAPER + MODERN
+TOPICS: tuple[Callable[[Study], TopicResults], ...] = PAPER + MODERN
 """All topics."""
 
 
-def results_of(study: Study, findings: Sequence[Callable[[Study], Finding]] = FINDINGS) -> pd.DataFrame:
+def results_of(study: Study, topics: Sequence[Callable[[Study], TopicResults]] = TOPICS) -> pd.DataFrame:
     """Compute the results of all topics."""
-    return table_of(result for find in findings for result in results_in(study, find))
+    return table_of(result for topic in topics for result in results_in(study, topic))
 
 
-def results_in(study: Study, find: Callable[[Study], Finding]) -> tuple[Result, ...]:
+def results_in(study: Study, topic: Callable[[Study], TopicResults]) -> tuple[Result, ...]:
     """Compute one topic; an error becomes a result in its place, so that other topics are unaffected."""
     try:
-        return find(study).results
+        return topic(study).results
     except UNCOMPUTABLE as error:
         why = f"{type(error).__name__}: {error}"
-        return (plain(find.__name__, NOT_COMPUTED, "", nan, "", 0, "", why),)
+        return (plain(_name_of(topic), NOT_COMPUTED, "", nan, "", 0, "", why),)
+
+
+def _name_of(function: Callable[[Study], object]) -> str:
+    """Return the name of a topic and of its figure: the module that computes and draws them."""
+    return function.__module__.rpartition(".")[2]
 
 
 PAPER_FIGURES: tuple[Callable[[Study], Picture], ...] = (
@@ -120,7 +125,7 @@ def drawn(study: Study, draw: Callable[[Study], Picture]) -> Picture:
         if picture.figure is not None:
             as_bytes(picture.figure, "svg")
     except UNCOMPUTABLE as error:
-        name = draw.__module__.rpartition(".")[2]
+        name = _name_of(draw)
         why = f"This figure could not be drawn ({type(error).__name__}: {error}). The tables do not depend on it."
         return Picture(name, name.capitalize(), why, None, failed=True)
     return picture

@@ -56,6 +56,9 @@ CLASS_COLOURS = {"cooperative": GREEN, "competitive": VERMILION, "single": ORANG
 STACK = ("cooperative", "single", "competitive", "still")
 """Order of the classes in stacks; dark and light ones alternate, so that neighbours also differ in grey."""
 
+NO_EFFECT: Any = {"color": "#888888", "linewidth": 0.8, "zorder": 1}
+"""Style of the line at the value of no effect."""
+
 STYLE: Any = {
     "font.size": 8.0,
     "axes.titlesize": 8.5,
@@ -235,8 +238,8 @@ def styled_whole(draw: Callable[[Study], Picture]) -> Callable[[Study], Picture]
                 picture = draw(study)
         finally:
             _TEAMS.reset(chosen)
-        said = simulated(study) if picture.figure is not None else ""
-        return replace(picture, caption=f"{picture.caption} {said}".rstrip())
+        note = simulated(study) if picture.figure is not None else ""
+        return replace(picture, caption=f"{picture.caption} {note}".rstrip())
 
     return drawn
 
@@ -247,9 +250,9 @@ def styled(draw: Callable[[Study], Picture]) -> Callable[[Study], Picture]:
 
     @wraps(draw)
     def drawn(study: Study) -> Picture:
-        fewer, said = bounded(study)
+        fewer, note = bounded(study)
         picture = whole(fewer)
-        return replace(picture, caption=f"{picture.caption} {said}".rstrip())
+        return replace(picture, caption=f"{picture.caption} {note}".rstrip())
 
     return drawn
 
@@ -382,12 +385,12 @@ def due_count(known: Sequence[tuple[str, int, str]], details: Sequence[int] = ()
         return ""
     each = [f"n = {many(count, unit)}" for _, count, unit in known]
     if len(set(each)) == 1:
-        said = each[0] + (" in every condition" if len(each) > 1 else "")
+        sizes = each[0] + (" in every condition" if len(each) > 1 else "")
     else:
-        said = "; ".join(f"{name}: {n}" for (name, _, _), n in zip(known, each, strict=True))
+        sizes = "; ".join(f"{name}: {n}" for (name, _, _), n in zip(known, each, strict=True))
     if details:
-        said += f" ({span(details)} {of}{'s' * (max(details) != 1)}{' each' if len(each) > 1 else ''})"
-    return f"{said[0].upper() if len(set(each)) > 1 else said[0]}{said[1:]}."
+        sizes += f" ({span(details)} {of}{'s' * (max(details) != 1)}{' each' if len(each) > 1 else ''})"
+    return sentence(sizes) if len(set(each)) > 1 else f"{sizes}."
 
 
 def sentence(words: str) -> str:

@@ -22,11 +22,11 @@ from netboard.analysis.extraction.study import Study, pooled
 from netboard.analysis.extraction.tables import ATTEMPT_KEY
 from netboard.analysis.measures.performance import ENDS, trial_times, window_sizes
 from netboard.analysis.statistics.estimates import Estimate, t_interval
-from netboard.analysis.topics.result import Result, kept
+from netboard.analysis.topics.result import Result, cached
 from netboard.base.tables.forces import CONDITIONS
 from netboard.task.studies.factors import level_text
 
-FORCES = {name: condition.label for name, condition in CONDITIONS.items()}
+FORCE_LABELS = {name: condition.label for name, condition in CONDITIONS.items()}
 """Name of each haptic condition, in display order."""
 
 MAX_CONDITIONS = 6
@@ -67,7 +67,7 @@ class Condition:
     role: str = ""
 
     @property
-    def among(self) -> tuple[str, ...]:
+    def other_levels(self) -> tuple[str, ...]:
         """Key that comparable conditions share: levels of all other factors, and role."""
         texts = [factor.text(level) for factor, level in self.levels]
         return (*texts, self.role) if self.role else tuple(texts)
@@ -75,49 +75,50 @@ class Condition:
     @property
     def team(self) -> str:
         """Team: configuration, partner, levels of other factors, and a role other than test."""
-        return ", ".join(filter(None, (self.configuration, self.partner, *self.among)))
+        return ", ".join(filter(None, (self.configuration, self.partner, *self.other_levels)))
 
     @property
-    def feeling(self) -> str:
+    def haptics(self) -> str:
         """Name of the haptic condition."""
-        return FORCES.get(self.force, self.force)
+        return FORCE_LABELS.get(self.force, self.force)
 
     @property
-    def felt(self) -> str:
+    def haptics_label(self) -> str:
         """Name of the haptic condition, with the levels of other factors."""
-        return ", ".join((self.feeling, *self.among))
+        return ", ".join((self.haptics, *self.other_levels))
 
     @property
     def label(self) -> str:
         """Team and haptic condition."""
-        return f"{self.team}, {self.feeling}"
+        return f"{self.team}, {self.haptics}"
 
 
-@kept
+@cached
 def conditions(study: Study) -> tuple[Condition, ...]:
     """Return the conditions of a study, bimanual first, and haptics off first."""
     analysed = study.analysed
-    told = [factor for factor in study.factors if factor.told]
+    named = [factor for factor in study.factors if factor.in_names]
     caught = set(study.counted.loc[study.counted["role"] == "catch", "recording"])
     found: dict[str, Condition] = {}
     for place, row in zip(analysed.index, analysed.to_dict("records"), strict=True):
-        lengths = (len(study.levels.sequences[one.name][place]) for one in told)
+        lengths = (len(study.levels.sequences[one.name][place]) for one in named)
         trials = range(1, 1 + lcm(*(length for length in lengths if length)))
-        levels = {one.name: study.levels.at(one, [place] * len(trials), trials) for one in told}
+        levels = {one.name: study.levels.at(one, [place] * len(trials), trials) for one in named}
         for role in {row["role"] or "test", *(["catch"] if row["recording"] in caught else [])}:
             names = names_of(pd.DataFrame([row] * len(trials)), levels, [role] * len(trials))
             for trial, name in enumerate(names):
-                own = tuple((one, levels[one.name][trial]) for one in told if levels[one.name][trial])
+                own = tuple((one, levels[one.name][trial]) for one in named if levels[one.name][trial])
                 who = row["configuration"], row["force"], row["partner"]
                 found[name] = Condition(name, *who, own, "" if role == "test" else role)
     return tuple(sorted(found.values(), key=_place))
 
 
-@kept
+@cached
 def bounded(study: Study) -> tuple[Study, str]:
     """Pool over as few factors as needed to fit the conditions in a figure, and say which; empty for none."""
     cells = len(conditions(study))
-    within_first = sorted((one for one in reversed(study.factors) if one.told), key=lambda one: one.scope != "trial")
+    named = [one for one in reversed(study.factors) if one.in_names]
+    within_first = sorted(named, key=lambda one: one.scope != "trial")
     over: list[StudyFactor] = []
     fewer = study
     while len(conditions(fewer)) > MAX_CONDITIONS and len(over) < len(within_first):
@@ -142,7 +143,7 @@ def block_labels(study: Study) -> dict[str, str]:
 
 def _place(condition: Condition) -> tuple[int, str, tuple[int, ...], str, int, str]:
     """Return the sort key of a condition."""
-    known = list(FORCES)
+    known = list(FORCE_LABELS)
     return (
         CONFIGURATIONS.index(condition.configuration),
         condition.partner,
@@ -218,15 +219,10 @@ def performed_by(every: Iterable[Condition]) -> dict[str, object]:
 def paired_levels(performers: pd.DataFrame, who: Mapping[str, object], names: Sequence[str]) -> pd.DataFrame:
     """Return the levels of each dyad in conditions that are compared; NaN where nothing can be compared.
 
-    Only performers with a value in all of these conditions of their configuration count: else a performer's own speed
-    would be taken for an effect. Between configurations, moreover, a dyad needs a value of each of its performers.
-
-    Parameters
-    ----------
-    performers : DataFrame
-        Level of each dyad and performer (rows) in each condition (columns, by name).
-    who : mapping
-        Who performs each condition, as from `performed_by`.
+    `performers` has the level of each dyad and performer (rows) in each condition (columns); `who` performs each
+    condition, as from `performed_by`. Only performers with a value in all of these conditions of their configuration
+    count: else a performer's own speed would be taken for an effect. Between configurations, moreover, a dyad needs a
+    value of each of its performers.
     """
     compared = {who[name]: [other for other in names if who[other] == who[name]] for name in names}
     parts = []
@@ -245,18 +241,18 @@ def with_base(every: tuple[Condition, ...]) -> Iterator[tuple[Condition, Conditi
 
     The level of a factor that determines the force, such as ``none``, ``direct`` and ``delayed``, differs between them.
     """
-    tied = _that_determine_the_force(every)
+    force_factors = _force_factors(every)
     bases: dict[object, list[Condition]] = {}
     for one in every:
         if one.force == "none":
-            bases.setdefault(_beside(one, tied), []).append(one)
+            bases.setdefault(_comparison_key(one, force_factors), []).append(one)
     for one in every:
-        found = bases.get(_beside(one, tied), [])
+        found = bases.get(_comparison_key(one, force_factors), [])
         if one.force != "none" and len(found) == 1:
             yield one, found[0]
 
 
-def _that_determine_the_force(every: Iterable[Condition]) -> set[str]:
+def _force_factors(every: Iterable[Condition]) -> set[str]:
     """Return the factors within dyads whose levels have one force each, one of them none and one another."""
     forces: dict[str, dict[str, set[str]]] = {}
     for one in every:
@@ -267,9 +263,9 @@ def _that_determine_the_force(every: Iterable[Condition]) -> set[str]:
     return {name for name, of in found.items() if {"none"} in of and of.count({"none"}) < len(of)}
 
 
-def _beside(one: Condition, tied: set[str]) -> object:
+def _comparison_key(one: Condition, force_factors: set[str]) -> object:
     """Return what two conditions share that may differ only in the force and in the levels of these factors."""
-    levels = [(factor.name, "" if factor.name in tied else level) for factor, level in one.levels]
+    levels = [(factor.name, "" if factor.name in force_factors else level) for factor, level in one.levels]
     return one.configuration, one.partner, tuple(levels), one.role
 
 
@@ -288,8 +284,8 @@ def comparisons(every: tuple[Condition, ...], values: Mapping[str, pd.Series]) -
 
     for one, base in with_base(every):
         yield f"{one.label} vs off", difference([one.name], [base.name])
-    for among in dict.fromkeys(one.among for one in every):
-        own = [one for one in every if one.among == among and not one.partner]
+    for among in dict.fromkeys(one.other_levels for one in every):
+        own = [one for one in every if one.other_levels == among and not one.partner]
         alone = {one.force: one.name for one in own if one.configuration == "bimanual"}
         together = {one.force: one.name for one in own if one.configuration == "dyadic"}
         shared = [force for force in alone if force in together]
@@ -323,7 +319,7 @@ def by_factor(every: tuple[Condition, ...]) -> Iterator[tuple[str, Condition, Co
     for one in every:
         base = felt.setdefault(one.team, one)
         if base is not one and base.force != "none":
-            yield f"{one.feeling} vs {base.feeling}, {one.team}", one, base
+            yield f"{one.haptics} vs {base.haptics}, {one.team}", one, base
 
 
 def estimate(values: pd.Series, of: str = "dyad") -> Estimate:
@@ -335,8 +331,8 @@ def estimated(topic: str, quantity: str, group: str, found: Estimate, unit: str,
     """Return an estimate, with its confidence interval and its number of units, as a result."""
     few = {0: f"no {found.unit} has a value", 1: f"no interval from one {found.unit}"}.get(found.n, "")
     interval = f"{100 * found.level:.0f} % {found.method}" if found.n > 1 else ""
-    said = "; ".join(word for word in (note, few) if word)
-    return Result(topic, quantity, group, found.value, found.low, found.high, unit, interval, found.n, found.unit, said)
+    note = "; ".join(filter(None, (note, few)))
+    return Result(topic, quantity, group, found.value, found.low, found.high, unit, interval, found.n, found.unit, note)
 
 
 def simulated(study: Study) -> str:

@@ -25,7 +25,7 @@ from netboard.analysis.statistics.estimates import mean
 from netboard.analysis.topics.figure import Picture, fit_beside, look_of, many, new_mosaic, styled
 from netboard.analysis.topics.groups import Condition, conditions
 from netboard.analysis.topics.paths import joined
-from netboard.analysis.topics.result import Result, kept, plain
+from netboard.analysis.topics.result import Result, cached, plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -93,7 +93,7 @@ def _rows(one: Influence) -> list[Result]:
     return [plain("influence", name, group, x, unit, n, "dyad", why) for name, x, unit, why in numbers]
 
 
-@kept
+@cached
 def influences(study: Study) -> Influences:
     """Return the influence of each partner on the other."""
     found: list[Influence] = []
@@ -178,7 +178,7 @@ def picture(study: Study) -> Picture:
     figure, axes = new_mosaic(3.2, [["all"]])
     for place, one in enumerate(found):
         _column(axes["all"], place, one)
-    names = [f"{one.condition.felt}\n{one.direction}" for one in found]
+    names = [f"{one.condition.haptics_label}\n{one.direction}" for one in found]
     axes["all"].set_xticks(range(len(found)), names, fontsize=7)
     if len(found) > FEW or not fit_beside(names):
         for label in axes["all"].get_xticklabels():

@@ -14,7 +14,7 @@ import pandas as pd
 from netboard.analysis.extraction.conditions import STAND_INS
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.measures.lags import leadership
-from netboard.analysis.topics.figure import Picture, due_count, new_mosaic, styled, titled
+from netboard.analysis.topics.figure import NO_EFFECT, Picture, due_count, new_mosaic, styled, titled
 from netboard.analysis.topics.groups import estimated
 from netboard.analysis.topics.measures import Levels, Measure, column, draw_levels, legend, levels_of, places
 from netboard.analysis.topics.result import Result, plain
@@ -100,7 +100,7 @@ def _panel(axes: "Axes", found: Sequence[Levels], at: dict[str, float]) -> None:
     """Draw a measure: each dyad, and the mean."""
     in_ms = found[0].measure.unit == "s"
     scale = MS.scale if in_ms else 1.0
-    axes.axhline(0.0, color="#888888", linewidth=0.8, zorder=1)
+    axes.axhline(0.0, **NO_EFFECT)
     draw_levels(axes, found, at, scale)
     reach = 1.1 * max(abs(end) for end in axes.get_ylim())
     axes.set_ylim(-reach, reach)

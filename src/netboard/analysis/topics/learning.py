@@ -348,6 +348,6 @@ def _caption(study: Study, teams: tuple[TeamLearning, ...]) -> str:
         f"means of all trials with the same number; areas: time of each class of movement ({areas}). Small points: "
         f"dyads, in groups of {windows.group} trials; large points: means over dyads with 95 % t confidence intervals. "
         f"Numbers: mean ± SD (of {of}) of the first and the last {windows.ends} trials. "
-        f"{people[0].upper()}{people[1:]}."
+        f"{sentence(people)}"
         f"{f' {sentence(windows.note)}' if windows.note else ''}"
     )

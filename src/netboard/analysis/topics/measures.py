@@ -27,8 +27,9 @@ from netboard.analysis.topics.figure import (
     styled,
 )
 from netboard.analysis.topics.groups import CLASSES, Condition, conditions, counted, estimated, excluded
-from netboard.analysis.topics.result import Result, kept
+from netboard.analysis.topics.result import Result, cached
 from netboard.analysis.topics.units import read_in
+from netboard.base.config import SIDES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -89,7 +90,7 @@ def _known_time(rows: pd.DataFrame) -> NDArray[np.float64]:
 def _reaction(rows: pd.DataFrame) -> ArrayLike:
     """Return the first hand's reaction time; NaN if a hand moved already, anticipated, or a gap may hide it."""
     none = np.zeros(len(rows), bool)
-    for side in ("left", "right"):
+    for side in SIDES:
         time, anticipated = rows[f"{side}_reaction"], rows[f"{side}_anticipated"]
         none |= ((anticipated == 1.0) | (time.isna() & anticipated.isna())).to_numpy()
     return np.where(none, np.nan, np.fmin(rows["left_reaction"], rows["right_reaction"]))
@@ -141,33 +142,13 @@ MEASURES = (
         note="mean magnitude of the forces that cancel in the tilt: on a light board half the spring force",
     ),
     Measure("exchanged energy", "J", "forces", "trial", lambda rows: rows["to_left"] + rows["to_right"]),
-    Measure("work given", "J", "forces", "trial", _both("given"), compared=False, note="of both hands on the coupling"),
-    Measure(
-        "work received",
-        "J",
-        "forces",
-        "trial",
-        _both("received"),
-        compared=False,
-        note="by both hands from the coupling",
+    *(
+        Measure(f"work {kind}", "J", "forces", "trial", _both(kind), compared=False, note=note)
+        for kind, note in (("given", "of both hands on the coupling"), ("received", "by both hands from the coupling"))
     ),
-    Measure(
-        "power, left",
-        "W",
-        "forces",
-        "trial",
-        column("left_power"),
-        compared=False,
-        note="mean, of the left hand on the coupling",
-    ),
-    Measure(
-        "power, right",
-        "W",
-        "forces",
-        "trial",
-        column("right_power"),
-        compared=False,
-        note="mean, of the right hand on the coupling",
+    *(
+        Measure(f"power, {side}", "W", "forces", "trial", column(f"{side}_power"), compared=False, note=note)
+        for side, note in ((side, f"mean, of the {side} hand on the coupling") for side in SIDES)
     ),
     Measure(
         "force share, right",
@@ -218,7 +199,7 @@ def levels_of_performers(study: Study, measure: Measure) -> pd.DataFrame:
     return sums.assign(level=sums["sum"] / sums["weight"])
 
 
-def as_read(study: Study) -> tuple[Measure, ...]:
+def measures_of(study: Study) -> tuple[Measure, ...]:
     """Return `MEASURES`; with the reading ``summaries.shares = "time"``, shares are weighted by time."""
     if study.readings.summaries.shares == "trials":
         return MEASURES
@@ -276,10 +257,10 @@ def levels_of(study: Study, measures: Iterable[Measure]) -> tuple[Levels, ...]:
     return tuple(found)
 
 
-@kept
+@cached
 def overview(study: Study) -> Overview:
     """Return the level of every measure in every condition."""
-    return Overview(levels_of(study, as_read(study)))
+    return Overview(levels_of(study, measures_of(study)))
 
 
 def exponential(estimate: Estimate) -> Estimate:

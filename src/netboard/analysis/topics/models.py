@@ -20,6 +20,7 @@ from netboard.analysis.statistics.factors import INTERCEPT, PRACTICE, Factor, pa
 from netboard.analysis.statistics.models import count_model, log_time_model, share_model
 from netboard.analysis.topics.figure import (
     BLACK,
+    NO_EFFECT,
     ORANGE,
     SKY,
     Look,
@@ -28,12 +29,13 @@ from netboard.analysis.topics.figure import (
     draw_mean,
     many,
     new_mosaic,
+    sentence,
     styled_whole,
     titled,
 )
-from netboard.analysis.topics.groups import FORCES
+from netboard.analysis.topics.groups import FORCE_LABELS
 from netboard.analysis.topics.measures import rows_of
-from netboard.analysis.topics.result import Result, kept, plain
+from netboard.analysis.topics.result import Result, cached, plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -60,7 +62,7 @@ class Fits:
     @property
     def results(self) -> tuple[Result, ...]:
         """Return each term with its p value, the random effects, and the checks of the assumptions."""
-        return tuple(row for fit in self.fits for row in (*self._terms(fit), *_chance(fit), *_checks(fit)))
+        return tuple(row for fit in self.fits for row in (*self._terms(fit), *_random_effects(fit), *_checks(fit)))
 
     def _terms(self, fit: Fit) -> Iterator[Result]:
         note = "; ".join((f"{fit.model.name}: {fit.model.equation}", *self.notes, *fit.model.notes))
@@ -70,27 +72,24 @@ class Fits:
                 yield from _rows(fit, effect, other, f", {other.method}", note)
 
 
-def _rows(fit: Fit, effect: Effect, sure: Effect | Inference, method: str, note: str) -> Iterator[Result]:
-    """Yield a term with its confidence interval, and its p value, by one method."""
-    (value, low, high), unit = _shown(effect.name, sure), "1"
-    interval = f"95 % {sure.estimate.method}" if np.isfinite(low) else ""
-    rest = (sure.estimate.n, "dyad", note)
+def _rows(fit: Fit, effect: Effect, inference: Effect | Inference, method: str, note: str) -> Iterator[Result]:
+    """Yield a term with its confidence interval, and its p value, by one method.
+
+    A term is a factor of the response; practice is its exponent.
+    """
+    term, unit = inference.estimate if effect.name == PRACTICE else inference.ratio, "1"
+    interval = f"95 % {inference.estimate.method}" if np.isfinite(term.low) else ""
+    rest = (inference.estimate.n, "dyad", note)
     quantity = f"{fit.measure}: {fit.ratio}"
     if effect.name == PRACTICE:
         quantity = f"{fit.measure}: exponent of practice"
     elif effect.name == INTERCEPT:
         quantity, unit = f"{fit.measure}: {fit.first}", "s" if fit.measure == "completion time" else "1"
-    yield Result("models", f"{quantity}{method}", effect.name, value, low, high, unit, interval, *rest)
-    yield plain("models", f"{fit.measure}: p{method}", effect.name, sure.p, "1", *rest)
+    yield Result("models", f"{quantity}{method}", effect.name, term.value, term.low, term.high, unit, interval, *rest)
+    yield plain("models", f"{fit.measure}: p{method}", effect.name, inference.p, "1", *rest)
 
 
-def _shown(name: str, sure: Effect | Inference) -> tuple[float, float, float]:
-    """Return a term as a factor of the response; practice as its exponent."""
-    of = sure.estimate if name == PRACTICE else sure.ratio
-    return of.value, of.low, of.high
-
-
-def _chance(fit: Fit) -> Iterator[Result]:
+def _random_effects(fit: Fit) -> Iterator[Result]:
     for component in fit.model.components:
         of = "trial" if component.name == "residual" else component.name.split(" by ")[-1]
         name, value = f"{fit.measure}: SD on the log scale", component.deviation
@@ -112,18 +111,20 @@ def _checks(fit: Fit) -> Iterator[Result]:
             yield plain("models", f"{fit.measure}: {name}", "all", value, "1", model.trials, fit.of, note)
 
 
-@kept
+@cached
 def fits(study: Study) -> Fits:
     """Fit all models without robot and still hand; one that cannot be fitted gives the reason in its notes."""
-    trials, attempts = (people_alone(rows_of(study, of)) for of in ("trial", "attempt"))
-    attempts = attempts.assign(order=number_of(attempts))
-    return Fits(fits_of(trials, attempts, study.factors), _left_out(study, len(trials)))
+    trials, attempts = (human_test_rows(rows_of(study, of)) for of in ("trial", "attempt"))
+    attempts = attempts.assign(order=trial_numbers(attempts))
+    left_out = len(study.counted) - len(trials)
+    notes = (f"{left_out} trials with a robot or a still hand are left out",) if left_out else ()
+    return Fits(fits_of(trials, attempts, study.factors), notes)
 
 
 def fits_of(
     trials: pd.DataFrame, attempts: pd.DataFrame, others: Sequence[StudyFactor], level: float = 0.95
 ) -> tuple[Fit, ...]:
-    """Fit all models to trials that count and attempts numbered by `number_of`, with the study's further factors."""
+    """Fit all models to trials that count and attempts with `trial_numbers`, with the study's further factors."""
     of_trials, of_attempts = _labels(trials, others), _labels(attempts, others)
     times = log_time_model(trials["completion"].where(trials["completion"] > 0.0), *of_trials, level=level)
     peaks = count_model(trials["peaks"], *of_trials, level=level)
@@ -135,7 +136,7 @@ def fits_of(
     )
 
 
-def people_alone(rows: pd.DataFrame) -> pd.DataFrame:
+def human_test_rows(rows: pd.DataFrame) -> pd.DataFrame:
     """Return the rows of the models: test trials without a robot or a still hand."""
     return rows[(rows["partner"] == "") & rows["role"].isin(["", "test"])]
 
@@ -157,10 +158,10 @@ def factors_of(rows: pd.DataFrame, others: Sequence[StudyFactor] = ()) -> tuple[
     has already is called "factor NAME".
     """
     found = list(paper_factors(rows["haptics"] == 1, rows["configuration"] == "dyadic"))
-    felt = [force for force in FORCES if force in set(rows["force"])]
+    felt = [force for force in FORCE_LABELS if force in set(rows["force"])]
     if len([force for force in felt if force != "none"]) > 1:
         found[0] = _named("force", rows["force"], felt)
-    own = [_own(rows, one) for one in others if one.told]
+    own = [_own(rows, one) for one in others if one.in_names]
     if own:  # with only the paper's factors, notes state what the study lacks
         found = [one for one in found if len(set(one.values)) > 1]
     taken = {*_COLUMNS, *(one.name for one in found)}
@@ -184,19 +185,11 @@ def _own(rows: pd.DataFrame, factor: StudyFactor) -> Factor:
     return Factor(f"{factor.name} [{unit}]", values, numeric=True, unit=unit)
 
 
-def number_of(attempts: pd.DataFrame) -> pd.Series:
+def trial_numbers(attempts: pd.DataFrame) -> pd.Series:
     """Number attempts, from 1, by the performer's trial in the condition that they belong to."""
     succeeded = (attempts["outcome"] == "success").astype("int64")
     done = succeeded.groupby([attempts[name] for name in ("dyad", "performer", "condition")]).cumsum()
     return done - succeeded + 1
-
-
-def _left_out(study: Study, kept: int) -> tuple[str, ...]:
-    """Return notes on what the models leave out."""
-    notes = []
-    if kept < len(study.counted):
-        notes.append(f"{len(study.counted) - kept} trials with a robot or a still hand are left out")
-    return tuple(notes)
 
 
 TITLE = "Models of all trials"
@@ -217,7 +210,7 @@ def picture(study: Study) -> Picture:
     if not any(effects_shown(one) for one in shown):
         why = "; ".join(f"{one.measure}: {', '.join(one.model.notes)}" for one in found.fits)
         none = "No model has more than one condition" if shown else "No model could be fitted"
-        return Picture("models", TITLE, f"{none}. {why[:1].upper()}{why[1:]}.", None)
+        return Picture("models", TITLE, f"{none}. {sentence(why)}", None)
     checked = [one for one in shown if one.model.diagnostics is not None]
     figure, axes = new_mosaic(
         3.4, [["terms", "residuals"]] if checked else [["terms"]], width_ratios=[1.5, 1][: 1 + bool(checked)]
@@ -232,8 +225,7 @@ def picture(study: Study) -> Picture:
 
 def effects_shown(fit: Fit) -> list[Effect]:
     """Return the estimable terms that are ratios of conditions."""
-    others = ("intercept", "log trial")
-    return [one for one in fit.model.effects if one.name not in others and np.isfinite(one.ratio.value)]
+    return [one for one in fit.model.effects if one.name not in (INTERCEPT, PRACTICE) and np.isfinite(one.ratio.value)]
 
 
 def _terms(axes: "Axes", shown: Sequence[Fit]) -> None:
@@ -241,7 +233,7 @@ def _terms(axes: "Axes", shown: Sequence[Fit]) -> None:
     from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
     names = list(dict.fromkeys(effect.name for fit in shown for effect in effects_shown(fit)))
-    axes.axvline(1.0, color="#888888", linewidth=0.8, zorder=1)
+    axes.axvline(1.0, **NO_EFFECT)
     for fit, offset in zip(shown, beside(len(shown), 0.4), strict=True):
         look = LOOKS[fit.measure]
         for effect in effects_shown(fit):
@@ -295,5 +287,5 @@ def _caption(found: Fits, shown: Sequence[Fit]) -> str:
     return (
         "A: ratios by which a factor multiplies the response (for falls: the odds), averaged over the other factor, "
         "and of haptics in each configuration; bars: 95 % confidence intervals with (dyads - 1) degrees of freedom. B: "
-        f"residuals in order of size. {fitted[0].upper()}{fitted[1:]}.{failed}{left}"
+        f"residuals in order of size. {sentence(fitted)}{failed}{left}"
     )

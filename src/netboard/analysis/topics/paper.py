@@ -17,7 +17,7 @@ from netboard.analysis.extraction.study import Study
 from netboard.analysis.extraction.tables import count, number, words
 from netboard.analysis.topics.delay import APART, OVER_ALL, RISE
 from netboard.analysis.topics.everything import PAPER, results_in
-from netboard.analysis.topics.groups import windows_of
+from netboard.analysis.topics.groups import CONFIGURATIONS, windows_of
 from netboard.analysis.topics.result import Result, plain
 from netboard.analysis.topics.units import read_in
 
@@ -45,7 +45,7 @@ class Reported:
     figure: str
     line: int
     kind: Kind
-    said: str
+    statement: str
     topic: str
     quantity: str
     group: str
@@ -56,7 +56,9 @@ class Reported:
 
 def _ends(quantity: str, line: int, panels: str, values: tuple[float, ...]) -> tuple[Reported, ...]:
     """Return first and last means and standard deviations of one quantity, bimanual and dyadic."""
-    places = [(panel, team, end) for panel, team in zip(panels, _TEAMS, strict=True) for end in ("first", "last")]
+    places = [
+        (panel, team, end) for panel, team in zip(panels, CONFIGURATIONS, strict=True) for end in ("first", "last")
+    ]
     return tuple(
         Reported(
             f"2{panel}", line, "number", f"{end} 30", "learning", quantity, f"{team}, {end} {{ends}}", mean, deviation
@@ -77,7 +79,7 @@ def _learned(quantity: str, line: int, panels: str) -> tuple[Reported, ...]:
             f"change of {quantity}",
             f"{team}, last {{ends}} vs first {{ends}}",
         )
-        for panel, team in zip(panels, _TEAMS, strict=True)
+        for panel, team in zip(panels, CONFIGURATIONS, strict=True)
     )
 
 
@@ -90,13 +92,12 @@ def _better(quantity: str, panel: str, felt: int, unfelt: int) -> tuple[Reported
     )
 
 
-def _share(figure: str, line: int, kind: Kind, said: str, of: str, group: str) -> Reported:
-    return Reported(figure, line, kind, said, "classes", f"share of {of}", group)
+def _share(figure: str, line: int, kind: Kind, statement: str, of: str, group: str) -> Reported:
+    return Reported(figure, line, kind, statement, "classes", f"share of {of}", group)
 
 
-_TEAMS = ("bimanual", "dyadic")
-_CONDITIONS = tuple(f"{team}, {feeling}" for team in _TEAMS for feeling in ("haptics off", "haptics on"))
-_FELT = tuple(f"{team}, haptics on vs off" for team in _TEAMS)
+_CONDITIONS = tuple(f"{team}, {haptics}" for team in CONFIGURATIONS for haptics in ("haptics off", "haptics on"))
+_EFFECTS = tuple(f"{team}, haptics on vs off" for team in CONFIGURATIONS)
 _BETWEEN = "bimanual vs dyadic"
 
 REPORTED: tuple[Reported, ...] = (
@@ -111,26 +112,26 @@ REPORTED: tuple[Reported, ...] = (
     *_learned("number of velocity peaks", 170, "CD"),
     *_better("completion time", "A", 4, 2),
     *_better("number of velocity peaks", "B", 3, 1),
-    *(_share("4", 182, "rises", "increased with haptics", "cooperative movement", group) for group in _FELT),
-    *(_share("4", 182, "falls", "decreased with haptics", "single movement", group) for group in _FELT),
-    _share("4", 182, "falls", "decreased with haptics", "competitive movement", _FELT[1]),
+    *(_share("4", 182, "rises", "increased with haptics", "cooperative movement", group) for group in _EFFECTS),
+    *(_share("4", 182, "falls", "decreased with haptics", "single movement", group) for group in _EFFECTS),
+    _share("4", 182, "falls", "decreased with haptics", "competitive movement", _EFFECTS[1]),
     *(
-        Reported(f"5{panel}", 192, "falls", said, "strategy", f"change of {what}", "all, last group vs first")
-        for panel, said, what in (
+        Reported(f"5{panel}", 192, "falls", statement, "strategy", f"change of {what}", "all, last group vs first")
+        for panel, statement, what in (
             ("A", "became smaller", "the area of the ellipse"),
             ("B", "decreased", "variance of distance"),
             ("B", "decreased", "variance of velocity"),
         )
     ),
     *(
-        Reported("6", 202, "number", said, "delay", f"delay, {OVER_ALL}", team, value)
-        for said, team, value in (("about 40 ms", "bimanual", 0.04), ("around 100 ms", "dyadic", 0.1))
+        Reported("6", 202, "number", statement, "delay", f"delay, {OVER_ALL}", team, value)
+        for statement, team, value in (("about 40 ms", "bimanual", 0.04), ("around 100 ms", "dyadic", 0.1))
     ),
     Reported("6", 202, "falls", "higher in dyadic", "delay", f"delay, {OVER_ALL}", _BETWEEN),
     *(Reported("6", 202, "rises", "increases with the threshold", "delay", RISE, group) for group in _CONDITIONS),
-    Reported("6", 202, "falls", "decreased with haptics", "delay", f"delay, {OVER_ALL}", _FELT[1]),
-    Reported("6", 202, "count", "intervals apart", "delay", APART, _FELT[1], 4.0, nan, 4),
-    Reported("6", 202, "unchanged", "little effect", "delay", f"delay, {OVER_ALL}", _FELT[0]),
+    Reported("6", 202, "falls", "decreased with haptics", "delay", f"delay, {OVER_ALL}", _EFFECTS[1]),
+    Reported("6", 202, "count", "intervals apart", "delay", APART, _EFFECTS[1], 4.0, nan, 4),
+    Reported("6", 202, "unchanged", "little effect", "delay", f"delay, {OVER_ALL}", _EFFECTS[0]),
 )
 """All reported numbers and directions, in the paper's order."""
 
@@ -161,33 +162,33 @@ COMPARISON = (
 
 def compare(study: Study) -> pd.DataFrame:
     """Compare a study's numbers with those of the paper."""
-    found = {(one.topic, one.quantity, one.group): one for find in PAPER for one in results_in(study, find)}
+    found = {(one.topic, one.quantity, one.group): one for topic in PAPER for one in results_in(study, topic)}
     ends = windows_of(study).ends
     rows = []
-    for said in REPORTED:
-        reported = replace(said, group=said.group.format(ends=ends))
+    for one in REPORTED:
+        reported = replace(one, group=one.group.format(ends=ends))
         rows.append(_row(reported, found.get((reported.topic, reported.quantity, reported.group), _nothing(reported))))
     return pd.DataFrame(rows, columns=[field.name for field in COMPARISON])
 
 
-def _nothing(said: Reported) -> Result:
+def _nothing(reported: Reported) -> Result:
     """Return a placeholder for a result that the study does not have."""
-    return plain(said.topic, said.quantity, said.group, nan, "", 0, "", "the study has no such result")
+    return plain(reported.topic, reported.quantity, reported.group, nan, "", 0, "", "the study has no such result")
 
 
-def _row(said: Reported, found: Result) -> dict[str, Any]:
+def _row(reported: Reported, found: Result) -> dict[str, Any]:
     """Return a row with both numbers."""
-    difference = found.value - said.value
+    difference = found.value - reported.value
     return {
-        "figure": said.figure,
-        "line": said.line,
-        "quantity": said.quantity,
-        "group": said.group,
-        "kind": said.kind,
-        "said": said.said,
-        "reported": said.value,
-        "reported_sd": said.deviation,
-        "reported_of": said.of,
+        "figure": reported.figure,
+        "line": reported.line,
+        "quantity": reported.quantity,
+        "group": reported.group,
+        "kind": reported.kind,
+        "said": reported.statement,
+        "reported": reported.value,
+        "reported_sd": reported.deviation,
+        "reported_of": reported.of,
         "value": found.value,
         "low": found.low,
         "high": found.high,
@@ -196,28 +197,28 @@ def _row(said: Reported, found: Result) -> dict[str, Any]:
         "n": found.n,
         "of": found.of,
         "difference": difference,
-        "difference_sd": difference / said.deviation,
-        "verdict": _verdict(said, found),
+        "difference_sd": difference / reported.deviation,
+        "verdict": _verdict(reported, found),
         "note": found.note,
     }
 
 
-def _verdict(said: Reported, found: Result) -> str:
+def _verdict(reported: Reported, found: Result) -> str:
     """Return a phrase on the agreement of a study's number with the paper's."""
     if not isfinite(found.value):
         return "not in this study"
-    if said.kind == "words":
+    if reported.kind == "words":
         return "not reported as a number"
-    if said.kind == "number":
-        difference = found.value - said.value
-        deviations = difference / said.deviation
+    if reported.kind == "number":
+        difference = found.value - reported.value
+        deviations = difference / reported.deviation
         if isfinite(deviations):
             return f"{deviations:+.2f} SD"
         unit = read_in(found.unit, found.quantity)
         return f"{difference * unit.scale:+.3g} {unit.symbol}, no SD reported"
-    if said.kind == "count":
-        return "same count" if (found.value, found.n) == (said.value, said.of) else "other count"
-    return _direction(said.kind, found)
+    if reported.kind == "count":
+        return "same count" if (found.value, found.n) == (reported.value, reported.of) else "other count"
+    return _direction(reported.kind, found)
 
 
 def _direction(kind: Kind, found: Result) -> str:

@@ -16,9 +16,19 @@ from numpy.typing import NDArray
 from netboard.analysis.extraction.attempts import STIFFNESSES
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.statistics.estimates import Estimate, bootstrap, ratio_of_sums, t_interval
-from netboard.analysis.topics.figure import Picture, beside, draw_dyads, draw_mean, look_of, many, new_mosaic, styled
+from netboard.analysis.topics.figure import (
+    NO_EFFECT,
+    Picture,
+    beside,
+    draw_dyads,
+    draw_mean,
+    look_of,
+    many,
+    new_mosaic,
+    styled,
+)
 from netboard.analysis.topics.groups import Condition, conditions, estimated, with_base
-from netboard.analysis.topics.measures import as_read, column, levels, rows_of
+from netboard.analysis.topics.measures import column, levels, measures_of, rows_of
 from netboard.analysis.topics.result import Result
 from netboard.analysis.topics.units import PERCENT, POINTS
 
@@ -101,7 +111,7 @@ def controls(study: Study) -> Controls:
 
     There are no controls if no dyad has dyadic trials both with and without haptic feedback.
     """
-    cooperative = next(measure for measure in as_read(study) if measure.name == "cooperative share")
+    cooperative = next(measure for measure in measures_of(study) if measure.name == "cooperative share")
     live = levels(study, cooperative)
     found = []
     for stiffness in STIFFNESSES:
@@ -162,7 +172,7 @@ def picture(study: Study) -> Picture:
         return Picture("passive", TITLE, why, None)
     figure, panels = new_mosaic(3.0, [["all"]])
     axes = panels["all"]
-    axes.axhline(0.0, color="#888888", linewidth=0.8, zorder=1)
+    axes.axhline(0.0, **NO_EFFECT)
     felt = list(dict.fromkeys(one.condition for one in found))
     columns = list(range(1 + len({one.arm for one in found})))
     for condition, offset in zip(felt, beside(len(felt), 0.5), strict=True):
@@ -181,7 +191,7 @@ def picture(study: Study) -> Picture:
         means = [own[0].mean_effect, *(one.mean_passive for one in own)]
         for place, mean in zip(columns, means, strict=True):
             draw_mean(axes, place + offset, mean, look, f"{condition.name}, {place}", scale=POINTS.scale)
-        axes.plot([], [], linestyle="none", marker=look.marker, color=look.colour, label=condition.felt)
+        axes.plot([], [], linestyle="none", marker=look.marker, color=look.colour, label=condition.haptics_label)
     names = [
         "haptics on minus off,\nas recorded",
         *(f"passive,\n{one.arm.replace(', ', ',' + chr(10))}" for one in found if one.condition == felt[0]),
@@ -216,4 +226,4 @@ def _device(found: tuple[Control, ...]) -> str:
 def _share(one: Control) -> str:
     value, low, high = (f"{PERCENT.scale * end:.0f}" for end in (one.share.value, one.share.low, one.share.high))
     ends = f" ({low} to {high})" if np.isfinite(one.share.low) else ""
-    return f"{one.condition.felt}, {one.stiffness} N/m: {value} %{ends}"
+    return f"{one.condition.haptics_label}, {one.stiffness} N/m: {value} %{ends}"

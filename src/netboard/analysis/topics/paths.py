@@ -20,7 +20,7 @@ from netboard.analysis.extraction.trials import RATE
 from netboard.analysis.statistics.estimates import t_interval
 from netboard.analysis.topics.figure import BLACK, Picture, due_count, look_of, new_mosaic, styled, titled
 from netboard.analysis.topics.groups import Condition, conditions, estimated
-from netboard.analysis.topics.result import Result, kept
+from netboard.analysis.topics.result import Result, cached
 from netboard.analysis.topics.units import read_in
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ QUANTITIES = {"ball": "ball along the board", "near": "hand at the target's side
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Course:
+class MeanPath:
     """Mean path of a quantity in a condition: of each dyad, over the dyads, and quantiles of all trials [m, s].
 
     The quantity is the ball position, + = towards the target; or the height of the hand on the target's side (near), or
@@ -62,31 +62,31 @@ class Course:
 
 
 @dataclass(frozen=True, slots=True)
-class Courses:
+class MeanPaths:
     """All mean paths."""
 
-    courses: tuple[Course, ...]
+    paths: tuple[MeanPath, ...]
 
     @property
     def results(self) -> tuple[Result, ...]:
         """Return the positions of ball and hands at the reported times."""
-        return tuple(row for one in self.courses for row in _rows(one))
+        return tuple(row for one in self.paths for row in _rows(one))
 
 
-def _rows(one: Course) -> Iterator[Result]:
+def _rows(one: MeanPath) -> Iterator[Result]:
     for k in range(0, len(one.time), round(REPORTED / PERIOD)):
         note = f"of {one.trials} trials, + = {'towards the target' if one.quantity == 'ball' else 'up'}"
         group = f"{one.condition.label}, {one.time[k]:.1f} s"
         yield estimated("paths", QUANTITIES[one.quantity], group, t_interval(one.each[:, k]), "m", note)
 
 
-@kept
-def courses(study: Study) -> Courses:
+@cached
+def mean_paths(study: Study) -> MeanPaths:
     """Return the mean paths of all conditions."""
     if not len(study.counted):
-        return Courses(())
+        return MeanPaths(())
     samples = int(study.counted["duration"].quantile(GOING_ON) / PERIOD)
-    return Courses(tuple(course for condition in conditions(study) for course in _courses(condition, study, samples)))
+    return MeanPaths(tuple(path for condition in conditions(study) for path in _mean_paths(condition, study, samples)))
 
 
 def joined(trials: pd.DataFrame, paths: Mapping[str, pd.DataFrame]) -> Iterator[pd.DataFrame]:
@@ -95,14 +95,14 @@ def joined(trials: pd.DataFrame, paths: Mapping[str, pd.DataFrame]) -> Iterator[
     ``number`` counts the recording's trials from 0, and ``sample`` their samples. Recordings without paths are skipped.
     """
     for recording, own in trials.groupby("recording", sort=False):
-        told = own[[*ATTEMPT_KEY, "condition", "dyad", "target", "completion"]]
-        table = paths[str(recording)].merge(told, on=ATTEMPT_KEY, validate="many_to_one")
+        columns = own[[*ATTEMPT_KEY, "condition", "dyad", "target", "completion"]]
+        table = paths[str(recording)].merge(columns, on=ATTEMPT_KEY, validate="many_to_one")
         if len(table):
             samples = (table["time"] / PERIOD).round().astype("int64")
             yield table.assign(number=table.groupby(ATTEMPT_KEY, sort=False).ngroup(), sample=samples)
 
 
-def _courses(condition: Condition, study: Study, samples: int) -> list[Course]:
+def _mean_paths(condition: Condition, study: Study, samples: int) -> list[MeanPath]:
     """Return the mean paths of a condition."""
     trials = study.counted[study.counted["condition"] == condition.name]
     places: dict[str, list[pd.DataFrame]] = {name: [] for name in QUANTITIES}
@@ -120,7 +120,7 @@ def _courses(condition: Condition, study: Study, samples: int) -> list[Course]:
         low, high = (wide.quantile(share).to_numpy() for share in BAND)
         time = wide.columns.to_numpy() * PERIOD
         mean = each.mean().to_numpy()
-        found.append(Course(condition, name, time, tuple(each.index), each.to_numpy(), mean, low, high, len(wide)))
+        found.append(MeanPath(condition, name, time, tuple(each.index), each.to_numpy(), mean, low, high, len(wide)))
     return found
 
 
@@ -157,7 +157,7 @@ def picture(study: Study) -> Picture:
     """
     from matplotlib.lines import Line2D
 
-    found = courses(study).courses
+    found = mean_paths(study).paths
     if not found:
         return Picture("paths", TITLE, "No included trial has a path.", None)
     shown = list(dict.fromkeys(one.condition for one in found))
@@ -166,7 +166,7 @@ def picture(study: Study) -> Picture:
     for place, condition in enumerate(shown):
         ball, hands = (axes[f"{what} {condition.name}"] for what in ("ball", "hands"))
         for one in (one for one in found if one.condition == condition):
-            _course(ball if one.quantity == "ball" else hands, one)
+            _draw_path(ball if one.quantity == "ball" else hands, one)
         titled(ball, _LETTERS[place], condition.label.replace(", ", ",\n"))
         hands.set_xlabel("time from the release [s]")
         ball.tick_params(labelbottom=False)
@@ -195,7 +195,7 @@ def _alike(axes: "dict[str, Axes]", lines: list[list[str]], label: str) -> None:
         axes[line[0]].set_ylabel(label)
 
 
-def _course(axes: "Axes", one: Course) -> None:
+def _draw_path(axes: "Axes", one: MeanPath) -> None:
     """Draw a quantity: each dyad, their mean, and the band of the trials."""
     look, scale = look_of(one.condition), read_in("m").scale
     name = f"{one.condition.name}, {one.quantity}"
@@ -216,7 +216,7 @@ def _course(axes: "Axes", one: Course) -> None:
     )
 
 
-def _caption(found: tuple[Course, ...]) -> str:
+def _caption(found: tuple[MeanPath, ...]) -> str:
     low, high = (round(100 * share) for share in BAND)
     own = [one for one in found if one.quantity == "ball"]
     known = due_count(

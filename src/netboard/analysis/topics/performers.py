@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from netboard.analysis.extraction.conditions import participants_of
-from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.study import PLACE_IN_STUDY, Study
 from netboard.analysis.extraction.tables import count, number, words
 from netboard.analysis.measures.movements import mean_shares
 from netboard.analysis.topics.groups import CLASSES, counted
@@ -22,15 +22,13 @@ _MEANS = {
     "braking_velocity": ("mean velocity towards the target at the first braking movement", "m/s"),
 }
 
+_OF_TRIALS = {field.name: field for field in PLACE_IN_STUDY}
+
 PEOPLE = (
-    words("dyad", "pseudonym of the dyad"),
+    _OF_TRIALS["dyad"],
     words("performer", "participant, or the dyad"),
     words("partner", "the other participant of the dyad; empty if the dyad performed together"),
-    words("configuration", "dyadic or bimanual"),
-    words("force", "haptic feedback: the force condition"),
-    words(
-        "condition", "configuration, force, partner, levels that these do not determine, and the role if it is not test"
-    ),
+    *(_OF_TRIALS[name] for name in ("configuration", "force", "condition")),
     words("role", "purpose of the trials: practice, familiarisation, baseline, test, or catch"),
     count("trials", "number of successful trials that are included"),
     count("attempts", "number of attempts that ended with a success, a fall or a timeout"),

@@ -70,20 +70,20 @@ UNCOMPUTABLE = (ArithmeticError, LookupError, RuntimeError, TypeError, ValueErro
 T = TypeVar("T")
 
 
-MAX_KEPT = 4
+MAX_CACHED = 4
 """Studies whose results are cached: the reported one, and those pooled from it [1]."""
 
 
-def kept(find: Callable[[Study], T]) -> Callable[[Study], T]:
+def cached(compute: Callable[[Study], T]) -> Callable[[Study], T]:
     """Cache a costly computation for the most recent studies, which must not be changed."""
-    newest: deque[tuple[ref[Study], T]] = deque(maxlen=MAX_KEPT)
+    newest: deque[tuple[ref[Study], T]] = deque(maxlen=MAX_CACHED)
 
-    @wraps(find)
-    def once(study: Study) -> T:
-        for of, found in newest:
-            if of() is study:
-                return found
-        newest.append((ref(study), find(study)))
+    @wraps(compute)
+    def compute_once(study: Study) -> T:
+        for reference, result in newest:
+            if reference() is study:
+                return result
+        newest.append((ref(study), compute(study)))
         return newest[-1][1]
 
-    return once
+    return compute_once

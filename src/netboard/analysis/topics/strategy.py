@@ -302,5 +302,5 @@ def _caption(study: Study, teams: tuple[TeamStrategy, ...]) -> str:
         f"Ball at the onset of the first braking movement, in groups of {windows.group} trials of a condition. Above: "
         f"mean and ellipse of all trials of a group; axes: principal components, {extent}. Below: variances within "
         "performers, averaged for each dyad (thin), and means over dyads with bands of 95 % t confidence intervals "
-        f"(thick). {each[0].upper()}{each[1:]}.{f' {sentence(windows.group_note)}' if windows.group_note else ''}"
+        f"(thick). {sentence(each)}{f' {sentence(windows.group_note)}' if windows.group_note else ''}"
     )

@@ -13,8 +13,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from netboard.analysis.extraction.attempts import classes_of, peaks_of, strategy_of
-from netboard.analysis.extraction.details import PERCENT, delays_of
+from netboard.analysis.extraction.details import THRESHOLDS, delays_of
 from netboard.analysis.extraction.trials import RATE, Take
+from netboard.analysis.measures.cooperation import SEARCH_BACK
 from netboard.analysis.measures.movements import Movement
 from netboard.analysis.measures.signals import derivative, runs
 from netboard.analysis.topics.figure import (
@@ -69,8 +70,8 @@ def draw_peaks(axes: Axes, take: Take) -> str:
     """Draw the ball's speed with its peaks; return the explanation."""
     window, time = _whole(take)
     how = take.block.readings.peaks
-    speed = take.found.speed[window] * MM
-    axes.plot(time, np.abs(take.found.vp[window]) * MM, color=GREY, lw=0.7)
+    speed = take.motion.speed[window] * MM
+    axes.plot(time, np.abs(take.motion.vp[window]) * MM, color=GREY, lw=0.7)
     axes.plot(time, speed, color=BLACK)
     every, counted = peaks_of(take, "whole"), peaks_of(take, how.window)
     axes.plot(time[every.samples], speed[every.samples], "o", mfc="white", mec=GREY, ms=4)
@@ -90,73 +91,74 @@ def draw_classes(axes: Axes, take: Take) -> str:
     """Draw the styluses' velocities and a strip of the movement classes; return the explanation."""
     window, time = _whole(take)
     for side in SIDES:
-        axes.plot(time, getattr(take.found, f"{side}_vz")[window] * MM, color=HANDS[side], ls=_STYLES[side], label=side)
+        velocity = getattr(take.motion, f"{side}_vz")[window]
+        axes.plot(time, velocity * MM, color=HANDS[side], ls=_STYLES[side], label=side)
     limit = take.block.readings.movements.still_below * MM
     for level in (-limit, limit):
         axes.axhline(level, color=GREY, lw=0.6)
     low, high = axes.get_ylim()
     axes.set_ylim(low - _ROOM * (high - low), high)
     classes = classes_of(take)
-    said = []
+    texts = []
     for name, colour in CLASS_COLOURS.items():
         own = np.isin(classes, [kind for kind, word in _KINDS.items() if word == name])
         spans = [(first / RATE, (stop - first) / RATE) for first, stop in runs(own)]
         axes.broken_barh(spans, (low - _ROOM * (high - low), 0.6 * _ROOM * (high - low)), color=colour, lw=0)
-        said.append(f"{name} {own.mean():.0%}" if own.size else f"{name} unknown")
+        texts.append(f"{name} {own.mean():.0%}" if own.size else f"{name} unknown")
     axes.set_ylabel("styluses [mm/s]")
     axes.legend(loc="upper right", ncols=2)
-    return ", ".join(said) + f" of the time; lines: {limit:g} mm/s"
+    return ", ".join(texts) + f" of the time; lines: {limit:g} mm/s"
 
 
 def draw_movements(axes: Axes, take: Take) -> str:
     """Draw the board's angular velocity with its movements; return the explanation."""
     window, time = _whole(take)
     moved = delays_of(take)[0]
-    for first, stop, together in zip(take.own_turns.first, take.own_turns.stop, moved.cooperative, strict=True):
+    for first, stop, together in zip(take.own_segments.first, take.own_segments.stop, moved.cooperative, strict=True):
         span = ((first - take.trial.release) / RATE, (stop - take.trial.release) / RATE)
         axes.axvspan(*span, color=GREEN if together else ORANGE, alpha=0.25, lw=0)
-    axes.plot(time, derivative(take.found.theta, RATE)[window] * DEG, color=GREY, lw=0.7)
-    axes.plot(time, take.found.omega[window] * DEG, color=BLACK)
+    axes.plot(time, derivative(take.motion.theta, RATE)[window] * DEG, color=GREY, lw=0.7)
+    axes.plot(time, take.motion.omega[window] * DEG, color=BLACK)
     limit = take.block.readings.segments.least_rate_deg
     for level in (-limit, limit):
         axes.axhline(level, color=GREY, lw=0.6)
     axes.set_ylabel("board [deg/s]")
-    count, together = len(take.own_turns), int(moved.cooperative.sum())
+    count, together = len(take.own_segments), int(moved.cooperative.sum())
     return f"{count}, of which {together} cooperative (green); grey: before the {_slow(take)} filter"
 
 
 def draw_delay(axes: Axes, take: Take) -> str:
     """Draw the largest cooperative movement with the delay thresholds; return the explanation."""
     moved, found, _ = delays_of(take)
-    turns = take.own_turns
+    turns = take.own_segments
     axes.set_ylabel("styluses [mm/s]")
     if not moved.cooperative.any():
         return "no cooperative movement"
     k = int(np.argmax(np.where(moved.cooperative, np.abs(turns.angle), 0.0)))
-    first, stop = max(int(turns.first[k]) - round(0.3 * RATE), 0), int(turns.stop[k])
+    first, stop = max(int(turns.first[k]) - round(SEARCH_BACK * RATE), 0), int(turns.stop[k])
     time = (np.arange(first, stop) - take.trial.release) / RATE
     axes.axvspan((turns.first[k] - take.trial.release) / RATE, time[-1], color=GREEN, alpha=0.15, lw=0)
     how, peaks = take.block.readings.delays, {"left": found.left_peak[k], "right": found.right_peak[k]}
     for side, went in (("left", moved.left[k]), ("right", moved.right[k])):
-        own = getattr(take.found, f"{side}_vz")[first:stop]
+        own = getattr(take.motion, f"{side}_vz")[first:stop]
         own = np.abs(own) if how.velocity == "magnitude" else np.sign(went) * own
         axes.plot(time, own * MM, color=HANDS[side], ls=_STYLES[side], label=side)
     levels = peaks if how.threshold == "own_peak" else {"": min(peaks.values())}
     for side, peak in levels.items():
-        for percent in PERCENT:
+        for percent in THRESHOLDS:
             axes.axhline(percent / 100 * peak * MM, color=HANDS.get(side, GREY), lw=0.6, label=f"_{side} {percent} %")
     axes.legend(loc="upper left")
-    said = ", ".join(f"{value * MM:.0f}" if np.isfinite(value) else "none" for value in found.signed[k])
-    at = ", ".join(f"{percent}" for percent in PERCENT)
+    delays = ", ".join(f"{value * MM:.0f}" if np.isfinite(value) else "none" for value in found.signed[k])
+    at = ", ".join(f"{percent}" for percent in THRESHOLDS)
     whose = "each side's own peak" if how.threshold == "own_peak" else "the slower side's peak"
-    return f"left minus right {said} ms at {at} % of {whose} (lines), in the largest movement"
+    return f"left minus right {delays} ms at {at} % of {whose} (lines), in the largest movement"
 
 
 def draw_braking(axes: Axes, take: Take) -> str:
     """Draw the tilt with the initial and the first braking movement; return the explanation."""
     window, time = _whole(take)
     axes.axhline(0.0, color=GREY, lw=0.6)
-    axes.plot(time, -take.trial.side * take.found.theta[window] * DEG, color=BLACK)
+    axes.plot(time, -take.trial.side * take.motion.theta[window] * DEG, color=BLACK)
     axes.set_ylabel("tilt to target [deg]")
     found = strategy_of(take, take.block.readings.strategy.braking)
     for onset, colour, word in ((found.initial, ORANGE, "initial"), (found.onset, VERMILION, "braking")):
@@ -214,8 +216,8 @@ def sheet(take: Take) -> Picture:
 def _draw(axes: Axes, take: Take, name: str) -> None:
     """Draw a part with its title and its explanation."""
     title, draw = PANELS[name]
-    said = draw(axes, take)
-    axes.set_title(f"{title}: {said}", loc="left", fontsize=7.5)
+    explanation = draw(axes, take)
+    axes.set_title(f"{title}: {explanation}", loc="left", fontsize=7.5)
     axes.set_xlabel("time from the release [s]")
     if name != "delay":
         axes.set_xlim(-0.05, take.attempt.duration + 0.05)

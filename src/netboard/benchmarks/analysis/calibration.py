@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from netboard.analysis.statistics.effects import careful_freedom, contrasts_of
+from netboard.analysis.statistics.effects import between_dyad_freedom, contrasts_of
 from netboard.analysis.statistics.exact_tests import permutation_p
 from netboard.analysis.statistics.factors import Design, design_of, paper_factors
 from netboard.analysis.statistics.random_effects import random_effects
@@ -176,7 +176,7 @@ def _test_model(model: _Model, times: Array) -> Array:
         value = float(row @ found.coefficients)
         errors = [sqrt(float(row @ size @ row)) for size in (found.covariance, found.covariance, enlarged)]
         free = (
-            careful_freedom(design),
+            between_dyad_freedom(design),
             satterthwaite_freedom(found.moments, row),
             kenward_roger_freedom(found.moments, row),
         )

@@ -12,12 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from netboard.analysis.extraction.attempts import MODERN, PAPER
-from netboard.analysis.extraction.details import MOVEMENTS, movements
+from netboard.analysis.extraction.details import MOVEMENTS, THRESHOLDS, movements
 from netboard.analysis.extraction.recordings import Measured, measure
 from netboard.analysis.extraction.settings import Readings, measured_with
 from netboard.analysis.extraction.tables import PLACE, Columns, Group, columns_of
 from netboard.analysis.extraction.trials import Block, Take
-from netboard.analysis.topics.delay import PERCENT
 from netboard.analysis.topics.groups import CLASSES
 from netboard.base.config import SIDES
 from netboard.benchmarks.analysis.disturbances import Disturbance
@@ -95,7 +94,7 @@ def attempt_values(measured: Measured) -> Columns:
         found[name] = np.divide(trials[name], time, out=np.full(len(time), np.nan), where=time > 0)
     rows = {place: row for row, place in enumerate(zip(trials["trial"], trials["attempt"], strict=True))}
     row_of = np.array([rows[place] for place in zip(moves["trial"], moves["attempt"], strict=True)], np.int64)
-    for percent in PERCENT:
+    for percent in THRESHOLDS:
         delay = np.abs(moves[f"delay_{percent}"])
         known = np.isfinite(delay)
         sums = np.bincount(row_of[known], delay[known], len(time))

@@ -8,9 +8,10 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import nan
 
+from netboard.analysis.extraction.details import THRESHOLDS
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.topics.classes import classes
-from netboard.analysis.topics.delay import PERCENT, delay
+from netboard.analysis.topics.delay import delay
 from netboard.analysis.topics.dyads import dyads
 from netboard.analysis.topics.groups import CLASSES, conditions, counted, of_dyads, of_performers
 from netboard.analysis.topics.learning import learning
@@ -67,7 +68,7 @@ def _dyads(study: Study) -> Iterator[tuple[str, Number]]:
         name = "faster" if one.quantity.column == "completion" else "smoother"
         value = float(one.better) if one.known else nan
         yield (
-            f"dyads {name} than their mean, {one.condition.feeling}",
+            f"dyads {name} than their mean, {one.condition.haptics}",
             Number(QUANTITIES[one.quantity.column][0], value, "1", "count"),
         )
 
@@ -81,7 +82,7 @@ def _shares(study: Study) -> Iterator[tuple[str, Number]]:
 def _delays(study: Study) -> Iterator[tuple[str, Number]]:
     """Yield the delays at each threshold, and half the width of their confidence intervals."""
     for one in delay(study).conditions:
-        for percent, mean in zip(PERCENT, one.as_set.means, strict=True):
+        for percent, mean in zip(THRESHOLDS, one.as_set.means, strict=True):
             name = f"delay at {percent} %, {one.condition.label}"
             yield name, Number("delay", mean.value, "s")
             yield (

@@ -116,7 +116,7 @@ def _attempts(block: Block, dyad: int) -> NDArray[Any]:
     rows["performer"] = conditions.performer if conditions.configuration == "bimanual" else "dyad"
     for row, take in zip(rows, takes, strict=True):
         row["trial"], row["success"], row["completion"] = take.attempt.trial, bool(take.source), take.completion
-        speed = take.found.speed[take.trial.window()]
+        speed = take.motion.speed[take.trial.window()]
         row["peaks"] = velocity_peaks(speed).count  # of any size: the model was fitted to these
         row["sparc"] = spectral_arc_length(speed, RATE) if len(speed) > 1 else np.nan
         for name, share in zip(SHARES, movement_times(classes_of(take), RATE).shares, strict=True):

@@ -9,7 +9,7 @@ import pandas as pd
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.report.grids import Column, Grid, Link, code, grid, name, number
 from netboard.analysis.report.trials import anchors, flag_words, reasons
-from netboard.analysis.report.wording import amount, counted
+from netboard.analysis.report.wording import amount, plural
 from netboard.task.trials.quality import FLAGS
 
 UNUSUAL = 5
@@ -36,7 +36,7 @@ class DataQuality:
     left_out: Grid
 
 
-def soundness(study: Study, left_out: Sequence[Mapping[str, str]]) -> DataQuality:
+def data_quality(study: Study, left_out: Sequence[Mapping[str, str]]) -> DataQuality:
     """Return the quality section of a study."""
     table = grid(
         "Files that are left out of this study",
@@ -60,16 +60,16 @@ def _sentences(study: Study, left_out: int) -> list[str]:
     planned, done = _blocks(study)
     missing, there = int(blocks["missing"].sum()), int(blocks["ticks"].sum())
     unknown = int(blocks["unknown_rendered"].sum()) if "unknown_rendered" in blocks else 0
-    told = f"what a device rendered is unknown at {counted(unknown, 'tick')}; " if unknown else ""
+    unrendered = f"what a device rendered is unknown at {plural(unknown, 'tick')}; " if unknown else ""
     share = f" ({amount(100 * missing / (missing + there))} %)" if missing else ""
     ends = [f"{amount(n)} {str(end).replace('_', ' ')}" for end, n in trials["outcome"].value_counts().items()]
     marked = int((trials["flags"] != "").sum())
     return [
-        f"{counted(len(blocks), 'recording')}: {amount(int((done >= planned).sum()))} of "
-        f"{counted(len(planned), 'block')} complete; {amount(missing)} of {counted(missing + there, 'tick')} "
-        f"missing{share}; {told}{counted(int(blocks['repaired'].sum()), 'recording')} repaired; "
-        f"{counted(left_out, 'file')} left out.",
-        f"{counted(len(trials), 'attempt')}: {', '.join(ends)}; {amount(marked)} with quality flags; "
+        f"{plural(len(blocks), 'recording')}: {amount(int((done >= planned).sum()))} of "
+        f"{plural(len(planned), 'block')} complete; {amount(missing)} of {plural(missing + there, 'tick')} "
+        f"missing{share}; {unrendered}{plural(int(blocks['repaired'].sum()), 'recording')} repaired; "
+        f"{plural(left_out, 'file')} left out.",
+        f"{plural(len(trials), 'attempt')}: {', '.join(ends)}; {amount(marked)} with quality flags; "
         f"{amount(len(reasons(study)))} excluded.",
     ]
 
