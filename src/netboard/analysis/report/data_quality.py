@@ -115,7 +115,7 @@ def _recordings(study: Study) -> Grid:
         number("Attempts"),
         number("Fell"),
         number("Timed out"),
-        Column("Marks of quality"),
+        Column("Quality flags"),
         number("Excluded"),
     ]
     return grid("Content of each recording, and what it lacks", columns, rows)
