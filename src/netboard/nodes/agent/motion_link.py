@@ -179,6 +179,8 @@ class Link:
         self._path = fastpath.FastPath(socket)
         self.fast, self.frame, self.state = self._path.record, np.zeros(sockets.MAX_FRAME, np.uint8), empty()
         self.state[0]["timeout_ns"] = timeout_ns
+        # The fields that Python reads every tick: a view of one is read ten times faster than a record's field.
+        self._kind, self._lead_ns, self._heard_ns = (self.state[name].data for name in ("kind", "lead_ns", "heard_ns"))
         self._sample = np.zeros(fixed.STYLUS.size, np.uint8)
         self._send_sample, self._close_loop = send_sample, close_loop
         self.introduce(hello)
@@ -189,7 +191,7 @@ class Link:
     @property
     def kind(self) -> int:
         """Kind of the newest answer: `NONE`, `FORCE`, `POINT` or `BEAT`."""
-        return int(self.state[0]["kind"])
+        return self._kind[0]
 
     @property
     def newest(self) -> Force | Point | Heartbeat | None:
@@ -205,7 +207,7 @@ class Link:
     @property
     def lead_ns(self) -> int:
         """How long before a tick's deadline the sample had arrived that the newest answer answers [ns]."""
-        return int(self.state[0]["lead_ns"])
+        return self._lead_ns[0]
 
     @property
     def answered_seq(self) -> int:
@@ -215,7 +217,7 @@ class Link:
     @property
     def answer_ns(self) -> int:
         """When the newest answer was received, 0 for never [ns]."""
-        return int(self.state[0]["heard_ns"])
+        return self._heard_ns[0]
 
     @property
     def received_ns(self) -> int | None:
