@@ -51,7 +51,7 @@ MAX_MEAN_TRIAL = 120.0
 KEPT = DECISION_TICKS
 """Ticks kept before a piece, for participants that see them late [1]."""
 
-_FINISHED = int(Phase.FINISHED)
+_FINISHED, _STOP = int(Phase.FINISHED), int(Cause.STOP)
 _TICK, _TIME, _LATE, _COMMAND = ((TICK.names or ()).index(name) for name in ("tick", "time_ns", "late_ns", "command"))
 
 
@@ -184,7 +184,7 @@ class Rehearsal:
         white, commands = np.zeros((len(SIDES), size, 3)), np.zeros(size, np.int64)
         over = False
         while not over:
-            rows[:KEPT] = rows[-KEPT:].copy()
+            words[:KEPT] = words[-KEPT:]  # as words, because NumPy copies a record field by field
             self._command(commands)
             before = int(self._state["successes"][0])
             count = self._run(rows, words, numbers, commands, white)
@@ -194,8 +194,8 @@ class Rehearsal:
                 # A row has the completion time before its tick; that after it is in the next row, or the state.
                 after = np.append(done["completion"][1:], self._state["completion"])
                 self._completions += after[done["event"] == Cause.HELD].tolist()
-            over = bool(self._state["phase"][0] == Phase.FINISHED)
-            self._given_up = bool(done["event"][-1] == Cause.STOP)
+            over = int(self._state["phase"][0]) == _FINISHED
+            self._given_up = int(done["event"][-1]) == _STOP
             yield done
 
     def _command(self, commands: NDArray[np.int64]) -> None:
