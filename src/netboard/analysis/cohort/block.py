@@ -37,9 +37,6 @@ COLUMNS = ("theta", "p", "left_used_z", "right_used_z")
 TRIALS = (*ATTEMPT, *(field for group in PAPER for field in group.fields))
 """Columns of the attempts of a virtual study: the measures of the paper."""
 
-PIECE = 10_000
-"""Ticks that are simulated at a time [1]."""
-
 
 @dataclass(frozen=True, slots=True)
 class Rehearsed:
@@ -63,7 +60,7 @@ def rehearse(job: Job) -> Rehearsed:
     flags: dict[tuple[int, int], tuple[str, ...]] = {}
 
     def portions() -> Iterator[NDArray[Any]]:
-        for rows in rehearsal.pieces(PIECE):
+        for rows in rehearsal.pieces():
             for name, own in parts.items():
                 own.append(rows[name].copy())
             ended = referee.watch(rows, 0, len(rows))

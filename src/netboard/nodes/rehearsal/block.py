@@ -39,7 +39,7 @@ from netboard.participants.hand import draw_noise
 from netboard.stage.stage import make_stage
 from netboard.task.trials.state_machine import Cause, Phase
 
-PIECE = 1000
+PIECE = 5000
 """Default number of ticks in a piece [1]."""
 
 START_TICK = 500
