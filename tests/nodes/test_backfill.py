@@ -156,7 +156,7 @@ def test_agent_that_numbers_its_samples_absurdly_does_no_harm(link: Link) -> Non
 def test_cut_during_backfill_loses_nothing(link: Link) -> None:
     link.run(20)
     link.run(400, cut=True)
-    link.run(30)
+    link.run(80)
     assert 0 < len(link.records) < 400 // BACKFILL_ROWS
     link.run(300, cut=True)
     link.run(800)
@@ -186,7 +186,7 @@ def test_unrequested_or_invalid_backfills_are_ignored(link: Link) -> None:
     link.run(20)
     link.run(300, cut=True)
     link.answers_lost = 10**6
-    link.run(40)
+    link.run(100)
     (request, *_) = link.requests
     row = np.zeros(1, RENDERED).tobytes()
     for wrong in (

@@ -19,6 +19,9 @@ from netboard.nodes.ports.motion_port import MotionPort
 REPEAT_INTERVAL_NS = 200_000_000
 """Interval at which an unanswered request is repeated [ns]."""
 
+SCAN_TICKS = 60
+"""Ticks that are scanned for interruptions at once; to scan a few takes as long [1]."""
+
 MARGIN = 10
 """Samples to ask for beyond the ticks without one: this many, and one more for each this many ticks [1]."""
 
@@ -66,17 +69,19 @@ class Backfiller:
         self._records = 0
 
     def attend(self, motion: MotionPort, rows: Any, number: int, now_ns: int) -> list[BackfillRecord]:
-        """Take the answers that have arrived, scan the new ticks, and send the requests that are due."""
+        """Take the answers that have arrived, scan the new ticks if there are many, and send requests that are due."""
         records = [self.take(side, answer, motion.agents[side].clock.offset_ns) for side, answer in motion.backfills]
         motion.backfills.clear()
-        self.poll(rows, number)
+        if number - self._scanned >= SCAN_TICKS:
+            self.poll(rows, number)
         for side in SIDES:
             if motion.knows_clock(side) and (request := self.due(side, now_ns)):
                 motion.ask(side, request)
         return [record for record in records if record is not None]
 
-    def pending(self, motion: MotionPort) -> bool:
-        """Return whether an agent that is connected still has rows to send."""
+    def pending(self, motion: MotionPort, rows: Any, number: int) -> bool:
+        """Scan the last ticks, and return whether an agent that is connected still has rows to send."""
+        self.poll(rows, number)
         return any(self._gaps[side].open and motion.knows_clock(side) for side in SIDES)
 
     def poll(self, rows: Any, number: int) -> None:

@@ -119,7 +119,8 @@ class RecordKeeping:
         """Ask on, before the session ends; return whether agents still have something to send [ns]."""
         self._backfill_until_ns = self._backfill_until_ns or now + BACKFILL_NS
         self._backfill(now)
-        return now < self._backfill_until_ns and self._backfiller.pending(self._state.ports.motion)
+        state = self._state
+        return now < self._backfill_until_ns and self._backfiller.pending(state.ports.motion, state.rows, state.number)
 
     def end(self) -> None:
         """Record what is left of the peers, say goodbye, and let the loggers bring everything to disk."""

@@ -70,7 +70,8 @@ class Server:
         files = [file for session in running if not session.records.ending for file in session.files]
         while True:
             sleep_ns = min(min(session.wake_ns for session in running) - now_ns(), MAX_SLEEP_NS)
-            signalled = poller.signalled(files, sleep_ns * 1e-9)
+            # A session that is alone waits for its sockets itself.
+            signalled = poller.signalled(files, sleep_ns * 1e-9) if sleep_ns > 0 or len(running) > 1 else []
             now = now_ns()
             for session in running:
                 motion, control = session.files

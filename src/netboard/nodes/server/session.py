@@ -38,13 +38,14 @@ from netboard.nodes.server.undisturbed import (
     INTERRUPTED,
     MESSAGE,
     RUN,
+    RUN_WORDS,
     STEPS,
     WAITING,
     WAITS,
 )
 from netboard.task.trials.state_machine import STAGE_FAULT, Cause, Phase
 
-HOUSEKEEPING_TICKS = 16
+HOUSEKEEPING_TICKS = 18
 """Ticks between two rounds of periodic work; a multiple of the ticks between two views at their usual rate [1]."""
 
 DEADLINE_MARGIN_NS, MAX_POSTPONED = 400_000, 4
@@ -54,6 +55,9 @@ ANSWER_NS = 4_000_000
 """Interval between answers to operators, one answer at a time; an answer takes a fifth of a tick [ns]."""
 
 _COMMAND, _EVENT, _TICK, _TIME = (TICK_WORDS[name] for name in ("command", "event", "tick", "time_ns"))
+_NUMBER, _DUE, _UNTIL, _SLEEPS = (RUN_WORDS[name] for name in ("number", "due_ns", "until", "sleeps"))
+_FORCES, _RELEVANT, _FINE = (RUN_WORDS[name] for name in ("forces", "relevant", "fine"))
+_WAKE, _LATE, _LATE_TICKS, _FOUND = (RUN_WORDS[name] for name in ("wake_ns", "late_ns", "late_ticks", "found"))
 _STOPPED, _TRIPPED = 3 * samples.STOPPED, 3 * samples.TRIPPED
 _RECORD_HEAD = encode(TickRecord(bytes(TICK.itemsize)))[: -TICK.itemsize]
 
@@ -85,7 +89,8 @@ class Session:
         self._stopping = False
         self.sleeps = False  # whether no other session runs in the loop
         self._undisturbed = False  # whether the next ticks can be run in one call
-        self._run = np.zeros(1, RUN)
+        self._runs = np.zeros(1, RUN)
+        self._run = self._runs.view(np.int64).data
         self._control_unread, self._deferred_due_ns, self._answer_ns = False, 0, 0
         self._postponed = 0
 
@@ -125,14 +130,14 @@ class Session:
         self._control_unread |= control
         ended = self._run_undisturbed() if self._undisturbed else None
         if ended == WAITS:
-            clock.wake_ns = int(self._run["wake_ns"][0])
+            clock.wake_ns = self._run[_WAKE]
             return
         if ended == DONE:  # the compiled call has read the motion channel until it was empty
             self._motion.probe_clocks()
-            complete = bool(self._run["wake_ns"] < self._run["due_ns"])
+            complete = self._run[_WAKE] < self._run[_DUE]
         else:
             if ended == STEPS:
-                self._tick(clock.due_ns, int(self._run["late_ns"][0]), int(self._run["found"][0]))
+                self._tick(clock.due_ns, self._run[_LATE], self._run[_FOUND])
             else:
                 self._tick_if_due(motion)
             complete = self._motion.drain(now_ns, clock.due_ns)
@@ -213,33 +218,33 @@ class Session:
 
     def _plan_run(self) -> None:
         """Set how many undisturbed ticks may run before other work is due."""
-        number, run = self._state.number, self._run[0]
+        number, run = self._state.number, self._run
         until = min(number + -number % HOUSEKEEPING_TICKS + 1, self._state.ports.views.due(number))
-        run["forces"] = self._state.felt
-        run["relevant"], run["fine"] = IN_TRIAL if self._state.active else WAITING
-        if not run["forces"]:
+        run[_FORCES] = self._state.felt
+        run[_RELEVANT], run[_FINE] = IN_TRIAL if self._state.active else WAITING
+        if not run[_FORCES]:
             until = min(until, number + -number % HEARTBEAT_TICKS)
         if self._motion.unhandled or self._log.must_read(now_ns()):
             until = number + 1
-        run["number"], run["due_ns"], run["until"], run["sleeps"] = number, self._clock.due_ns, until, self.sleeps
+        run[_NUMBER], run[_DUE], run[_UNTIL], run[_SLEEPS] = number, self._clock.due_ns, until, self.sleeps
 
     def _run_undisturbed(self) -> int:
         """Run the next ticks in one call, and do what follows them; return why they have ended."""
-        state, run, clock, stage = self._state, self._run[0], self._clock, self._state.block.stage
+        state, run, clock, stage = self._state, self._run, self._clock, self._state.block.stage
         assert state.block.run is not None
         if state.end_requested:
-            run["until"] = run["number"]
+            run[_UNTIL] = run[_NUMBER]
         elif self._control_unread:
-            run["until"] = run["number"] + 1
+            run[_UNTIL] = run[_NUMBER] + 1
         self._motion.fast.watch(NO_FILE if self._control_unread else self.files[1])
         scene = (state.stage, state.rows, state.words, stage.book, stage.tables)
-        ended = self._motion.run(state.block.run, scene, self._run, stage.delay)
+        ended = self._motion.run(state.block.run, scene, self._runs, stage.delay)
         if ended == WAITS:
             return ended
         self._control_unread |= ended == INTERRUPTED
-        clock.late_ticks += int(run["late_ticks"])
-        run["late_ticks"] = 0
-        if count := int(run["number"]) - state.number:
+        clock.late_ticks += run[_LATE_TICKS]
+        run[_LATE_TICKS] = 0
+        if count := run[_NUMBER] - state.number:
             self._follow_up(count)
         if ended == FAILED:
             self._motion.fast.raise_failure("motion")

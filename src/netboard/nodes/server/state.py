@@ -68,12 +68,12 @@ class SessionState:
     @property
     def phase(self) -> Phase:
         """Phase of the trial state machine."""
-        return Phase(int(self._phase_word[0]))
+        return Phase(self._phase_word[0])
 
     @property
     def active(self) -> bool:
         """Whether a trial is under way."""
-        return bool(_FIRST_ACTIVE <= self._phase_word[0] <= _LAST_ACTIVE)
+        return _FIRST_ACTIVE <= self._phase_word[0] <= _LAST_ACTIVE
 
     @property
     def felt(self) -> bool:
@@ -94,7 +94,7 @@ class SessionState:
         """Make the current block of the sequence that of the session."""
         block = self.block = self.sequence.block
         self.stage = block.stage.initial(**self.attempts.start_of(block.config.block.number))
-        self._phase_word = self.stage.view(np.int64)[(STATE.names or ()).index("phase") :]
+        self._phase_word = self.stage.view(np.int64)[(STATE.names or ()).index("phase") :].data
         for side in SIDES:  # with a force delay the first ticks would otherwise send forces of the last block
             self.rows[f"{side}_force"] = 0.0
         block.latency.gains[:] = 1.0

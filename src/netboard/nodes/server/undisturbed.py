@@ -52,6 +52,9 @@ RUN = np.dtype(
 )
 """A run of undisturbed ticks."""
 
+RUN_WORDS = {name: place for place, name in enumerate(RUN.names or ())}
+"""Place of each field among the words of a run, which Python reads and writes faster than fields of a record."""
+
 _BEHIND_NS = CATCH_UP_TICKS * TICK_NS
 _EVENT, _TRIAL = TICK_WORDS["event"], TICK_WORDS["trial"]
 _HEAD, _MARKERS = fixed.FORCE[:2]
