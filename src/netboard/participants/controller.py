@@ -373,6 +373,14 @@ def _act(
     return count
 
 
+@kernel
+def _decide(
+    states: Any, constants: Any, rng: np.random.Generator, now: float, shown: Any, felt: float, moves: NDArray[Any]
+) -> int:
+    """Run `decide` for arrays of one record, which Python hands over much faster than records."""
+    return decide(states[0], constants[0], rng, now, shown[0], felt, moves)
+
+
 class Controller:
     """Controller of one simulated participant: a `netboard.participants.policy.Policy`.
 
@@ -400,13 +408,13 @@ class Controller:
         self._glimpse = np.zeros(1, SEEN)
         self._moves = np.zeros(2, MOVE)
         initialise(self.state[0], self.constants[0], rng)
+        self._decision_time = self.state["decision_time"].data
         # The look-up of the kernel by the types of its arguments would take longer than a decision.
-        state, constants, shown = self.state[0], self.constants[0], self._glimpse[0]
-        self._decide = machine_code(decide, state, constants, rng, 0.0, shown, 0.0, self._moves)
+        self._decide = machine_code(_decide, self.state, self.constants, rng, 0.0, self._glimpse, 0.0, self._moves)
 
     def step(self, now: float, glimpse: Glimpse | None, felt: float | None) -> tuple[Submovement, ...]:
         """Run `decide` if `DECISION_INTERVAL` has passed since the last decision; may be called at any rate."""
-        return () if now - self.state[0]["decision_time"] < DECISION_INTERVAL else self.decide(now, glimpse, felt)
+        return () if now - self._decision_time[0] < DECISION_INTERVAL else self.decide(now, glimpse, felt)
 
     def decide(self, now: float, glimpse: Glimpse | None, felt: float | None) -> tuple[Submovement, ...]:
         """Take in display and force, and return new submovements; empty most of the time.
@@ -415,8 +423,7 @@ class Controller:
         """
         write_glimpse(glimpse, self._glimpse)
         force = nan if felt is None else felt
-        state, constants, shown = self.state[0], self.constants[0], self._glimpse[0]
-        count = self._decide(state, constants, self._rng, now, shown, force, self._moves)
+        count = self._decide(self.state, self.constants, self._rng, now, self._glimpse, force, self._moves)
         return tuple(
             Submovement(SIDES[move["side"]], float(move["start"]), float(move["duration"]), float(move["displacement"]))
             for move in self._moves[:count]
