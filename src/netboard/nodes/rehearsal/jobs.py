@@ -16,10 +16,13 @@ from threading import Event
 from netboard.base.config import Config, digest
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import TICK_SECONDS
-from netboard.nodes.rehearsal.block import Rehearsal
+from netboard.nodes.rehearsal.block import PIECE, Rehearsal
 from netboard.nodes.rehearsal.population import people_of
 from netboard.participants.policy import SIMULATED_PARTICIPANT, identity_of
 from netboard.recording.files.offline_writer import REHEARSED, BlockWriter
+
+SECOND = round(1.0 / TICK_SECONDS)
+"""Ticks in a piece of a rehearsal in real time: its progress is shown every second [1]."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +91,7 @@ def rehearse(job: Job, progress: Callable[[int], object] = lambda successes: Non
     writer = None if job.folder is None else BlockWriter(job.folder, job.config, job.session, begun_ns, metadata)
     ticks = 0
     try:
-        for rows in rehearsal.pieces():
+        for rows in rehearsal.pieces(PIECE if job.fast else SECOND):
             if writer is not None:
                 writer.take(rows)
             ticks += len(rows)
