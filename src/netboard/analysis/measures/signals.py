@@ -123,14 +123,14 @@ def _passed_twice(
 @kernel
 def _passed(sections: NDArray[np.float64], state: NDArray[np.float64], values: NDArray[np.float64]) -> None:
     """Filter values in place by a cascade of second-order sections (direct form II, transposed)."""
-    for n in range(len(values)):
-        x = values[n]
-        for s in range(len(sections)):
-            y = sections[s, 0] * x + state[s, 0]
-            state[s, 0] = sections[s, 1] * x - sections[s, 4] * y + state[s, 1]
-            state[s, 1] = sections[s, 2] * x - sections[s, 5] * y
-            x = y
-        values[n] = x
+    for s in range(len(sections)):
+        b0, b1, b2, a1, a2 = sections[s, 0], sections[s, 1], sections[s, 2], sections[s, 4], sections[s, 5]
+        first, second = state[s, 0], state[s, 1]
+        for n in range(len(values)):
+            x = values[n]
+            y = b0 * x + first
+            first, second = b1 * x - a1 * y + second, b2 * x - a2 * y
+            values[n] = y
 
 
 def runs(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
