@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 import typer
 
 from netboard.base.errors import NetboardError
-from netboard.network.protocol.control import CommandName
+from netboard.network.protocol.control import COMMAND_HELP, CommandName
 from netboard.services.loading import load
 from netboard.services.options import ConfigFile, Json, Overrides, examples
 
@@ -27,16 +27,7 @@ app = typer.Typer()
 def control(
     command: Annotated[
         CommandName,
-        typer.Argument(
-            help="start: start the block. pause, pause_after_trial, resume. abort: stop this attempt and repeat it. "
-            "skip: count this trial as done. repeat: add a trial at the end of the block; veto: cancel that. "
-            "stop: end the block now. stop_after_block: end the session after this block. next: skip the rest of the "
-            "block. end: end the session and the server. arm, disarm: allow or prevent forces. emergency_stop: set "
-            "all forces to zero; emergency_release: allow forces again. open: open the session with a form as JSON. "
-            "note: add a note. take: become the commander. A replay accepts play, pause, seek (12.5, trial 5 or tick "
-            "900), speed 0.5, loop (on, off, trial 5, or start and end), step (ticks), next and previous (trial or "
-            "another mark), and end."
-        ),
+        typer.Argument(help=COMMAND_HELP),
     ],
     arguments: Annotated[
         list[str] | None,

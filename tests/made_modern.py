@@ -9,6 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from made_study import Block, made_study, random_movement, random_trial
+from netboard.analysis.extraction.attempts import MODERN
 from netboard.analysis.extraction.details import PATHS
 from netboard.analysis.extraction.study import Study
 from netboard.recording.format.channels import DTYPES
@@ -29,7 +30,10 @@ def modern_trial(chance: np.random.Generator) -> dict[str, float]:
         )
     }
     names = ("to_left", "to_right", "interaction", "force_share", "in_target", "overshoot")
+    measured = [field.name for group in MODERN for field in group.fields if not field.name.startswith("passive_")]
+    others = chance.spawn(1)[0]  # so that a new measure changes no other number
     return {
+        **{name: float(others.random()) for name in measured},
         **random_trial(chance),
         **sides,
         **{name: float(chance.random()) for name in names},

@@ -13,7 +13,7 @@ from netboard.base.config import Config
 from netboard.base.errors import ConfigError
 from netboard.base.tables.declared import EXTRAPOLATIONS, number_of, require, words_of
 from netboard.base.tables.experiment import Block
-from netboard.base.tables.forces import FORCES
+from netboard.base.tables.forces import FORCES, ForceInputs
 from netboard.base.tables.scene import Physics
 from netboard.nodes.rehearsal.block import person_at
 from netboard.physics.scene.parameters import parts_of
@@ -34,7 +34,8 @@ from netboard.base.config import parse
 from netboard.physics.scene.rendering import GAINS, rendering_of, force_on_hand
 import numpy as np
 felt = rendering_of(parse('[block]\\nforce = "made_up"').block)
-assert force_on_hand(0.25, 0.0, 0.0, 0.0, 0.0, np.ones(1, GAINS)[0], 1.0, felt) == -0.25
+hand = forces.ForceInputs(0.25, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, np.ones(1, GAINS)[0])
+assert force_on_hand(hand, 1.0, felt) == -0.25
 assert groups.FORCE_LABELS["made_up"] == "made-up force"
 assert "made_up" in _SHAPES
 """
@@ -99,7 +100,7 @@ def test_rehearsal_refuses_an_unknown_partner() -> None:
 
 def test_unknown_condition_number_gives_nan_instead_of_zero_force() -> None:
     felt = Rendering(len(FORCES), scaled=False, left=True, right=True, catches=False)
-    force = force_on_hand(1.0, 0.01, 0.01, 0.0, 0.5, np.ones(1, GAINS)[0], 1.0, felt)
-    assert np.isnan(force)
+    hand = ForceInputs(1.0, 0.01, 0.01, 0.0, 0.0, 0.0, 0.5, np.ones(1, GAINS)[0])
+    assert np.isnan(force_on_hand(hand, 1.0, felt))
     known = felt._replace(force=FORCES.index("full"))
-    assert force_on_hand(1.0, 0.01, 0.01, 0.0, 0.5, np.ones(1, GAINS)[0], 1.0, known) == -1.0
+    assert force_on_hand(hand, 1.0, known) == -1.0

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from netboard.base.config import Config, parse
+from netboard.base.tables import forces
 from netboard.base.tick import INPUT, OUTPUT, SERVICE, STATE, TICK, TICK_NS
 from netboard.recording.integrity.verification import state_of, verify
 from netboard.stage.stage import Stage, commanded_forces, make_stage
@@ -312,12 +313,8 @@ def felt_by(block: str, rows: NDArray[Any]) -> NDArray[np.float64]:
 
 
 CONDITIONS = {
-    "full": 'force = "full"',
-    "partner_only": 'force = "partner_only"',
-    "environment_only": 'force = "environment_only"',
-    "unrelated": 'force = "unrelated"\nunrelated = "a.mcap"',
-    "none": 'force = "none"',
-    "own_only": 'force = "own_only"',
+    name: f'force = "{name}"' + ('\nunrelated = "a.mcap"' if condition.recorded else "")
+    for name, condition in forces.CONDITIONS.items()
 }
 
 

@@ -17,9 +17,10 @@ KNOWN = {(one.function, one.kind) for one in EVIDENCE}
 @pytest.mark.parametrize("function", FUNCTIONS)
 def test_every_public_function_has_evidence(function: str) -> None:
     has = {kind for kind in KINDS if {(function, kind)} & (KNOWN | WITHOUT.keys())}
-    assert has & {"truth", "independent"}, "neither a known truth nor an independent program"
-    assert "properties" in has, "no test of its properties"
-    assert "disturbance" in has, "no test of noise or missing samples"
+    mark = f"mark a test in tests/analysis with it: @pytest.mark.evidence(KIND, {function.partition('.')[2]})"
+    assert has & {"truth", "independent"}, f"no test against a known truth or an independent program; {mark}"
+    assert "properties" in has, f"no test of its properties; {mark}"
+    assert "disturbance" in has, f"no test of noise or missing samples; {mark}"
 
 
 def test_evidence_marks_name_known_functions_and_details() -> None:

@@ -1,5 +1,8 @@
 """Levels of dyads, computed by hand: each is the mean of its performers' means, for any numbers of trials."""
 
+from collections import Counter
+from typing import cast
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -7,7 +10,18 @@ import pytest
 from made_modern import modern_blocks, modern_study
 from made_study import Block, made_study, times
 from netboard.analysis.extraction.study import Study
-from netboard.analysis.topics.measures import MEASURES, Levels, Overview, levels, measures_of, overview, rows_of
+from netboard.analysis.extraction.tables import Group, number
+from netboard.analysis.extraction.trials import Take
+from netboard.analysis.topics.measures import (
+    MEASURES,
+    Levels,
+    Overview,
+    _of_trials,
+    levels,
+    measures_of,
+    overview,
+    rows_of,
+)
 from netboard.analysis.topics.result import table_of
 
 
@@ -93,9 +107,20 @@ def test_delays_use_only_cooperative_movements_of_counted_trials() -> None:
     assert level_of(overview(study), "|delay at 20 %|", "dyadic, full").values == pytest.approx([0.2])
 
 
+def test_column_that_a_function_does_not_measure_is_named() -> None:
+    group = Group((number("tilt", "", "rad"), number("turns", "", "1")), lambda take: {"tilt": 0.1})
+    with pytest.raises(RuntimeError, match=r"analysis/extraction/attempts\.py: lacks turns; expected .* tilt, turns"):
+        group.of(cast("Take", None))
+
+
+def test_measure_of_an_unknown_column_is_refused() -> None:
+    with pytest.raises(RuntimeError, match=r'measure "tilt" in .* no column "peak_tilt"; expected one of a Group in'):
+        _of_trials("tilt", "peak_tilt", "performance")
+
+
 def test_every_measure_has_a_level_in_every_condition() -> None:
     found = overview(modern_study(modern_blocks()))
-    assert len(found.levels) == 4 * len(MEASURES)
+    assert Counter(one.measure.name for one in found.levels) == {measure.name: 4 for measure in MEASURES}
     assert all(one.mean.n == 4 and np.isfinite(one.mean.low) for one in found.levels)
 
 

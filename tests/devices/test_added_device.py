@@ -60,7 +60,7 @@ class TestAddedDevice(DeviceContract):
         return self.arm
 
     def make(self, config: Config) -> Device:
-        (code,) = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+        (code,) = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
         page = ModuleType("mydevice")
         names: dict[str, Any] = page.__dict__
         exec(code, names)

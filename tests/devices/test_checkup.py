@@ -7,10 +7,10 @@ from simulated import AT_REST, Puppet, SimulatedTime, configured, virtual
 from netboard.base.config import Config
 from netboard.base.finding import Finding
 from netboard.base.tables.rig import Safety
-from netboard.devices.contract.device import DeviceInfo
+from netboard.devices.contract.device import DeviceInfo, Reading
 from netboard.devices.contract.profile import Mechanics
 from netboard.devices.setup import checkup
-from netboard.devices.setup.loop import Driver, Track, watch
+from netboard.devices.setup.loop import Driver, Track, track_of, watch
 from netboard.participants.submovement import Submovement
 
 INFO = DeviceInfo("it", "1", 3.3, 0.88, 5.5e-5)
@@ -65,6 +65,13 @@ def test_position_updates_slower_than_the_loop_are_yellow() -> None:
 
 def test_slow_reads_are_yellow() -> None:
     assert finding("read duration", track(took=np.full(3000, 2e-3))).colour == "yellow"
+
+
+def test_device_at_rest_that_returns_whole_numbers_is_examined() -> None:
+    ms = 1_000_000
+    here = [Reading(k * ms, 0, 0, 0, 0, 0, 0, buttons=0, ready=True) for k in range(3000)]
+    rows = [(r.stamp_ns, r.stamp_ns + 1000, r, r.stamp_ns + 2000, (0.0, 0.0, 0.0)) for r in here]
+    assert finding("resolution", track_of(rows)).found.startswith("not measured")
 
 
 def test_resolution_is_judged_only_if_the_stylus_moves() -> None:

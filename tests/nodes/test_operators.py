@@ -1,5 +1,7 @@
 """Several operators: whose commands are accepted, and their results."""
 
+import ast
+import inspect
 import json
 from dataclasses import replace
 
@@ -9,9 +11,13 @@ from hypothesis import strategies as st
 
 from netboard.base.errors import ConfigError
 from netboard.base.tables.experiment import Session
-from netboard.network.protocol.control import COMMANDS, REPLAY_COMMANDS
+from netboard.network.protocol.control import COMMANDS, REPLAY_COMMANDS, SESSION_COMMANDS
+from netboard.nodes.ports import emergency
+from netboard.nodes.server import operator_requests
+from netboard.nodes.server import operators as operators_module
 from netboard.nodes.server.operators import BEFORE_OPENING, CAUSES, OPEN_TO_ALL, Operators, Situation, form_of, note_of
 from netboard.task.trials.state_machine import TABLE, Cause, Phase
+from netboard.windows.operator.commands import FOR_EVERY_CONSOLE
 
 A, B = b"console@1", b"console@2"
 NOW = Situation(Phase.IDLE, (), last=False, plan=True)
@@ -107,6 +113,21 @@ def test_replay_commands_are_refused_in_a_live_session(command: str) -> None:
     assert (decision.accepted, decision.cause) == (False, Cause.NONE)
     assert decision.reason == f"cannot {command}: this is a live session, not a replay"
     assert ops.commander == b""
+
+
+@pytest.mark.parametrize("command", SESSION_COMMANDS)
+def test_every_command_is_named_where_it_is_carried_out(command: str) -> None:
+    """A command that no branch names would be accepted, and nothing would happen."""
+    trees = [ast.parse(inspect.getsource(module)) for module in (operators_module, operator_requests)]
+    named = {node.value for tree in trees for node in ast.walk(tree) if isinstance(node, ast.Constant)}
+    assert command in named | {emergency.STOP, emergency.RELEASE}, (
+        "the server accepts it and does nothing: decide on it in nodes/server/operators.py, and carry it out in "
+        "nodes/server/operator_requests.py"
+    )
+
+
+def test_console_offers_to_everyone_what_the_server_takes_from_everyone() -> None:
+    assert set(FOR_EVERY_CONSOLE) == set(OPEN_TO_ALL)
 
 
 def test_next_and_stop_after_block_require_a_plan() -> None:

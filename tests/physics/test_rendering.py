@@ -13,7 +13,7 @@ from trajectories import scene_of
 from netboard.base.config import Config, parse
 from netboard.base.errors import ConfigError
 from netboard.base.tables.experiment import Block
-from netboard.base.tables.forces import CONDITIONS, FORCES
+from netboard.base.tables.forces import CONDITIONS, FORCES, ForceInputs
 from netboard.base.tables.scene import Physics
 from netboard.physics.scene.parameters import pack_scene, parts_of
 from netboard.physics.scene.rendering import (
@@ -46,7 +46,8 @@ def rendering_for(force: str, **values: Any) -> Rendering:
 
 def left_hand_force(force: str, own_z: float = 0.01, partner_z: float = 0.02, p: float = 0.1, **values: Any) -> float:
     """Force on the left hand in the paper's scene, with a coupling force of 0.3 N and an unrelated force of 0.7 N."""
-    return force_on_hand(0.3, own_z, partner_z, p, values.pop("other", 0.7), LEFT, 0.5, rendering_for(force, **values))
+    hand = ForceInputs(0.3, own_z, partner_z, 0.0, 0.0, p, values.pop("other", 0.7), LEFT)
+    return force_on_hand(hand, 0.5, rendering_for(force, **values))
 
 
 def test_paper_scene_has_the_derived_gains() -> None:
@@ -183,7 +184,7 @@ def test_partner_and_environment_parts_add_up_to_the_equilibrium_force(left_z: f
         gains(), (left_z, right_z), (right_z, left_z), (rest.left, rest.right), strict=True
     ):
         parts = [
-            force_on_hand(0.0, own, partner, p, 0.0, hand, 1.0, rendering_for(part))
+            force_on_hand(ForceInputs(0.0, own, partner, 0.0, 0.0, p, 0.0, hand), 1.0, rendering_for(part))
             for part in ("partner_only", "environment_only")
         ]
         assert sum(parts) == pytest.approx(-force - uncarried, abs=1e-14)

@@ -88,7 +88,8 @@ def test_control_accepts_exactly_the_commands_of_the_protocol() -> None:
     listed = {
         name for table in tables for row in table.splitlines() for name in re.findall(r"`(\w+)`", row.split("|")[1])
     }
-    assert set(accepted) == set(control.COMMANDS) == listed
+    assert accepted == control.COMMANDS
+    assert listed == set(control.COMMANDS), "the tables of commands in PROTOCOL.md, section 8"
 
 
 def test_version_option_prints_netboard_and_python_versions() -> None:

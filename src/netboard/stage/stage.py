@@ -21,6 +21,7 @@ from netboard.base.compiled import borrowed, inlined, kernel, specialised
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError
 from netboard.base.tables.declared import number_of
+from netboard.base.tables.forces import ForceInputs
 from netboard.base.tick import STATE, TICK, TICK_SECONDS, TICK_WORDS
 from netboard.physics.arithmetic.vectors import State, calm
 from netboard.physics.hands.extrapolation import later
@@ -60,13 +61,17 @@ def _force(s: Any, row: Any, hands: State, parts: Parts, felt: Rendering, number
     if not (felt.left or felt.right) or not is_active(s["phase"]) or is_catch(s["trial"], numbers, felt):
         return
     rolls = s["phase"] == _RUNNING or s["phase"] == _HOLDING
-    left_z, right_z, p, scale = row["left_used_z"], row["right_used_z"], s["p"], scale_in(s["trial"], numbers, felt)
+    scale = scale_in(s["trial"], numbers, felt)
+    left_z, left_vz = row["left_used_z"], row["left_used_vz"]
+    right_z, right_vz = row["right_used_z"], row["right_used_vz"]
     if felt.left and row["left_live"] != 0:
         gains = numbers["left_free"] if rolls else numbers["left_fixed"]
-        row["left_force"] = force_on_hand(on_left, left_z, right_z, p, row["left_other"], gains, scale, felt)
+        hand = ForceInputs(on_left, left_z, right_z, left_vz, right_vz, s["p"], row["left_other"], gains)
+        row["left_force"] = force_on_hand(hand, scale, felt)
     if felt.right and row["right_live"] != 0:
         gains = numbers["right_free"] if rolls else numbers["right_fixed"]
-        row["right_force"] = force_on_hand(on_right, right_z, left_z, p, row["right_other"], gains, scale, felt)
+        hand = ForceInputs(on_right, right_z, left_z, right_vz, left_vz, s["p"], row["right_other"], gains)
+        row["right_force"] = force_on_hand(hand, scale, felt)
 
 
 @inlined

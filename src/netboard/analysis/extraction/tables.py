@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.analysis.extraction.trials import Take
+from netboard.base.tables.declared import require
 from netboard.recording.format.channels import DTYPES, Field
 
 if TYPE_CHECKING:
@@ -29,7 +30,10 @@ class Group:
 
     def of(self, take: Take) -> Mapping[str, float | int | str]:
         """Return the measures of an attempt; all NaN if it has none."""
-        return self.measure(take) or dict.fromkeys((field.name for field in self.fields), np.nan)
+        names = [field.name for field in self.fields]
+        if found := self.measure(take):
+            require(f"{self.measure.__name__} in analysis/extraction/attempts.py", found, names)
+        return found or dict.fromkeys(names, np.nan)
 
 
 def number(name: str, text: str, unit: str) -> Field:

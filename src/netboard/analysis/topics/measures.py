@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
+from netboard.analysis.extraction.attempts import MODERN, PAPER
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.statistics.estimates import Estimate, t_interval
 from netboard.analysis.topics.figure import (
@@ -39,6 +40,9 @@ Of = Literal["trial", "movement", "attempt"]
 Family = Literal["performance", "coordination", "forces"]
 
 PLACE = ["condition", "dyad", "performer"]
+
+_UNITS = {field.name: field.unit for group in (*PAPER, *MODERN) for field in group.fields}
+"""Units of the measures of an attempt, which are columns of the table of trials."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,15 +109,27 @@ def column(name: str) -> Callable[[pd.DataFrame], ArrayLike]:
     return lambda rows: rows[name]
 
 
+def _of_trials(
+    name: str, source: str, family: Family, *, compared: bool = True, ratio: bool = False, note: str = ""
+) -> Measure:
+    """Return the measure of a column of the table of trials, in its unit."""
+    if source not in _UNITS:
+        raise RuntimeError(
+            f'measure "{name}" in analysis/topics/measures.py: the table of trials has no column "{source}"; expected '
+            "one of a Group in analysis/extraction/attempts.py"
+        )
+    return Measure(name, _UNITS[source], family, "trial", column(source), compared=compared, ratio=ratio, note=note)
+
+
 def _magnitude(name: str) -> Callable[[pd.DataFrame], ArrayLike]:
     return lambda rows: rows[name].abs()
 
 
 MEASURES = (
-    Measure("completion time", "s", "performance", "trial", column("completion"), ratio=True, note="geometric mean"),
-    Measure("velocity peaks", "1", "performance", "trial", column("peaks"), note="NP, of the ball's speed"),
-    Measure("SPARC", "1", "performance", "trial", column("sparc")),
-    Measure("LDLJ", "1", "performance", "trial", column("ldlj")),
+    _of_trials("completion time", "completion", "performance", ratio=True, note="geometric mean"),
+    _of_trials("velocity peaks", "peaks", "performance", note="NP, of the ball's speed"),
+    _of_trials("SPARC", "sparc", "performance"),
+    _of_trials("LDLJ", "ldlj", "performance"),
     Measure(
         "reaction time",
         "s",
@@ -122,23 +138,21 @@ MEASURES = (
         _reaction,
         note="of the hand that moves first (with two people earlier by chance); none in trials with anticipation",
     ),
-    Measure("time in target", "s", "performance", "trial", column("in_target"), note="before the hold"),
-    Measure("overshoots", "1", "performance", "trial", column("overshoots")),
-    Measure("largest overshoot", "m", "performance", "trial", column("overshoot"), compared=False),
+    _of_trials("time in target", "in_target", "performance", note="before the hold"),
+    _of_trials("overshoots", "overshoots", "performance"),
+    _of_trials("largest overshoot", "overshoot", "performance", compared=False),
     Measure("falls per attempt", "1", "performance", "attempt", lambda rows: rows["outcome"] == "fell"),
     *(Measure(f"{name} share", "1", "coordination", "trial", _share(name)) for name in CLASSES),
     Measure(
         "|delay at 20 %|", "s", "coordination", "movement", _magnitude("delay_20"), note="of cooperative movements"
     ),
     Measure("|lag|", "s", "coordination", "trial", _magnitude("lag"), note="by cross-correlation"),
-    Measure("correlation of the hands", "1", "coordination", "trial", column("correlation"), compared=False),
+    _of_trials("correlation of the hands", "correlation", "coordination", compared=False),
     Measure("effort", "N2 s", "forces", "trial", _both("effort")),
-    Measure(
+    _of_trials(
         "interaction force",
-        "N",
+        "interaction",
         "forces",
-        "trial",
-        column("interaction"),
         note="mean magnitude of the forces that cancel in the tilt: on a light board half the spring force",
     ),
     Measure("exchanged energy", "J", "forces", "trial", lambda rows: rows["to_left"] + rows["to_right"]),
@@ -147,15 +161,13 @@ MEASURES = (
         for kind, note in (("given", "of both hands on the coupling"), ("received", "by both hands from the coupling"))
     ),
     *(
-        Measure(f"power, {side}", "W", "forces", "trial", column(f"{side}_power"), compared=False, note=note)
+        _of_trials(f"power, {side}", f"{side}_power", "forces", compared=False, note=note)
         for side, note in ((side, f"mean, of the {side} hand on the coupling") for side in SIDES)
     ),
-    Measure(
+    _of_trials(
         "force share, right",
-        "1",
+        "force_share",
         "forces",
-        "trial",
-        column("force_share"),
         compared=False,
         note="of the right hand, without static support: on a light board always one half",
     ),

@@ -6,16 +6,47 @@ in exports and the tables of the documentation are made from `CONDITIONS`. docs/
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
 from netboard.base.compiled import inlined
 
-Kernel = Callable[[float, float, float, float, float, Any], float]
-"""Of a hand: force of its coupling on the board [N], own and partner's stylus height [m], ball along the board [m],
-recorded force [N], and the gains of the hand (`netboard.physics.scene.rendering.GAINS`); returns the force on the hand,
-+ = up [N]."""
+
+class ForceInputs(NamedTuple):
+    """What the kernel of a force condition gets in a tick, for one hand.
+
+    A further input is a field here, set in `_force` of `netboard.stage.stage`.
+
+    Attributes
+    ----------
+    coupling : float
+        Force of the hand's coupling on the board, + = up [N].
+    own_z, partner_z : float
+        Heights of both styluses, extrapolated and clipped [m].
+    own_vz, partner_vz : float
+        Their rates; 0 without a fresh sample, and where a height is clipped [m/s].
+    ball : float
+        Position of the ball along the board [m].
+    recorded : float
+        Commanded force of a hand in another session, + = up [N].
+    gains : GAINS record
+        Gains of the hand (`netboard.physics.scene.rendering.GAINS`), for a free or a fixed ball; 0 unless the condition
+        is quasi-static.
+    """
+
+    coupling: float
+    own_z: float
+    partner_z: float
+    own_vz: float
+    partner_vz: float
+    ball: float
+    recorded: float
+    gains: Any
+
+
+Kernel = Callable[[ForceInputs], float]
+"""Kernel of a force condition: returns the force on the hand, + = up [N]."""
 
 
 @dataclass(frozen=True)
@@ -50,41 +81,41 @@ class ForceCondition:
 
 
 @inlined
-def _none(coupling: float, own_z: float, partner_z: float, p: float, recorded: float, gains: Any) -> float:
+def _none(hand: ForceInputs) -> float:
     """Return no force [N]."""
     return 0.0
 
 
 @inlined
-def _full(coupling: float, own_z: float, partner_z: float, p: float, recorded: float, gains: Any) -> float:
+def _full(hand: ForceInputs) -> float:
     """Return the reaction of the coupling [N]."""
-    return -coupling
+    return -hand.coupling
 
 
 @inlined
-def _partner_only(coupling: float, own_z: float, partner_z: float, p: float, recorded: float, gains: Any) -> float:
+def _partner_only(hand: ForceInputs) -> float:
     """Return the term of the partner's height [N]."""
-    force: float = -(gains["partner"] * partner_z)
+    force: float = -(hand.gains["partner"] * hand.partner_z)
     return force
 
 
 @inlined
-def _environment_only(coupling: float, own_z: float, partner_z: float, p: float, recorded: float, gains: Any) -> float:
+def _environment_only(hand: ForceInputs) -> float:
     """Return the terms of the weight, of its own height and of the ball [N]."""
-    force: float = -(gains["weight"] + gains["own"] * own_z + gains["ball"] * p)
+    force: float = -(hand.gains["weight"] + hand.gains["own"] * hand.own_z + hand.gains["ball"] * hand.ball)
     return force
 
 
 @inlined
-def _unrelated(coupling: float, own_z: float, partner_z: float, p: float, recorded: float, gains: Any) -> float:
+def _unrelated(hand: ForceInputs) -> float:
     """Return the recorded force, 0 where it is not finite [N]."""
-    return recorded if np.isfinite(recorded) else 0.0
+    return hand.recorded if np.isfinite(hand.recorded) else 0.0
 
 
 @inlined
-def _own_only(coupling: float, own_z: float, partner_z: float, p: float, recorded: float, gains: Any) -> float:
+def _own_only(hand: ForceInputs) -> float:
     """Return the terms of the weight and of its own height [N]."""
-    force: float = -(gains["weight"] + gains["own"] * own_z)
+    force: float = -(hand.gains["weight"] + hand.gains["own"] * hand.own_z)
     return force
 
 

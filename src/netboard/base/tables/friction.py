@@ -11,6 +11,9 @@ from math import sqrt
 
 from netboard.base.compiled import inlined
 
+MAX_SPEED = 5.0
+"""Largest speed of a ball at which a law must be stable: that of a free fall by 1.3 m [m/s]."""
+
 SMOOTHING_SPEED = 2e-3
 """Below about this speed rolling resistance falls to zero smoothly, so that a method keeps its order [m/s]."""
 
@@ -30,7 +33,7 @@ class Friction:
     force : callable
         ``force(coefficient, vp, load)``: kernel of the force against the motion, an odd function of the speed [N].
     slope : callable
-        ``slope(coefficient, load)``: its largest derivative with respect to the speed [N s/m].
+        ``slope(coefficient, load)``: its largest derivative with respect to the speed, up to `MAX_SPEED` [N s/m].
     """
 
     name: str

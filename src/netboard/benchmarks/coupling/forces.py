@@ -171,9 +171,9 @@ def residual(found: dict[Force, Rows]) -> NDArray[np.float64]:
     return (full - partner - environment)[SETTLED:]
 
 
-_COLOURS: dict[Force, str] = {
+_COLOURS: dict[Force, str] = {force: f"C{place}" for place, force in enumerate(CONDITIONS, -1)} | {
+    "full": "black",
     "none": "tab:gray",
-    **dict(zip(CONDITIONS, ("black", "tab:blue", "tab:orange", "tab:green", "tab:pink", "tab:cyan"), strict=False)),
 }
 
 

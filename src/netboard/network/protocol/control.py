@@ -4,51 +4,64 @@ A message is data only; `netboard.network.protocol.messages` holds the rules for
 """
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import TYPE_CHECKING, Literal
 
 REPLAY_OF = "replay of "
 """Beginning of the notice of a replay, and of no other."""
 
-ReplayCommand = Literal[
-    "play",
-    "seek",  # to a time, a trial or a tick
-    "speed",
-    "loop",  # one part again and again
-    "step",  # by ticks
-    "previous",  # trial, note or other mark
-]
+SESSION_COMMANDS = {
+    "start": "start the block",
+    "pause": "interrupt the trial at once; it starts again",
+    "resume": "continue after a pause",
+    "abort": "stop this attempt and repeat it",
+    "stop": "end the block now",
+    "emergency_stop": "set all forces to zero",
+    "emergency_release": "allow forces again",
+    "take": "become the commander",
+    "open": "open the session with a form as JSON",
+    "arm": "allow the devices to render forces",
+    "disarm": "prevent that",
+    "pause_after_trial": "pause when this attempt is over",
+    "repeat": "add the last trial, or the one named, at the end of the block",
+    "veto": "cancel a repeat",
+    "skip": "count this trial as done without a success",
+    "stop_after_block": "end the session after this block",
+    "next": "skip the rest of the block",
+    "end": "end the session and the server; it can be resumed",
+    "note": "add a note to the recording",
+}
+"""Commands of a live session, and what each does, for the help of ``netboard control``."""
+
+_REPLAY_ONLY = {
+    "play": "continue; at the end, from the start",
+    "seek": "go to a time (12.5), trial 5 or tick 900",
+    "speed": "set the speed relative to real time (0.5)",
+    "loop": "repeat a part (on, off, trial 5, or start and end)",
+    "step": "go by ticks (10, or back 10)",
+    "previous": "go back to a trial or another mark",
+}
+
+REPLAY_COMMANDS: tuple[str, ...] = tuple(_REPLAY_ONLY)
 """Commands that only a replay carries out."""
 
-SessionCommand = Literal[
-    "start",  # the block
-    "pause",  # at once
-    "resume",
-    "abort",  # give up this attempt, and try again
-    "stop",  # the block, at once
-    "emergency_stop",  # all commanded forces are zero
-    "emergency_release",  # devices may be armed again
-    "take",  # become the commander
-    "open",  # the session: its form, as JSON
-    "arm",  # devices may render forces
-    "disarm",
-    "pause_after_trial",
-    "repeat",  # the last trial, or the one named, once more at the end of the block
-    "veto",  # cancel a repeat
-    "skip",  # count this trial as done without a success
-    "stop_after_block",  # the session
-    "next",  # skip the rest of this block, and begin the next one
-    "end",  # the session, and with it the server; it can be resumed
-    "note",  # for the recording
-]
-"""Commands of a live session; a replay carries out some of them too."""
+SHARED_COMMANDS = ("pause", "resume", "next", "end")
+"""Commands of a live session that also apply to a replay."""
 
-CommandName = Literal[SessionCommand, ReplayCommand]
+COMMANDS: tuple[str, ...] = (*SESSION_COMMANDS, *REPLAY_COMMANDS)
 """Every command: what the protocol allows and what ``netboard control`` takes."""
 
-REPLAY_COMMANDS: tuple[str, ...] = get_args(ReplayCommand)
-"""Commands that only a replay carries out."""
+COMMAND_HELP = (
+    f"{' '.join(f'{name}: {does}.' for name, does in SESSION_COMMANDS.items())} "
+    f"A replay takes {', '.join(SHARED_COMMANDS)}, and: "
+    f"{' '.join(f'{name}: {does}.' for name, does in _REPLAY_ONLY.items())}"
+)
+"""What all commands do, in one paragraph."""
 
-COMMANDS: tuple[str, ...] = get_args(CommandName)
+if TYPE_CHECKING:
+    CommandName = str
+else:
+    CommandName = Literal[COMMANDS]
+"""Type of a command's name."""
 
 LinkStatus = tuple[str, str, str, float, float, float, float, float, int]
 AttemptOutcome = tuple[int, int, int, str, float, str, int]

@@ -19,7 +19,7 @@ from netboard.base.config import Config
 from netboard.base.errors import ConfigError
 from netboard.base.tables.declared import number_of, require, words_of
 from netboard.base.tables.experiment import MAX_TRIALS, Block
-from netboard.base.tables.forces import CONDITIONS, FORCES
+from netboard.base.tables.forces import CONDITIONS, FORCES, ForceInputs
 from netboard.physics.scene.parameters import Parts, load_mass, pack_scene, parts_of
 
 MOVERS = ("person", "still", "robot")
@@ -82,58 +82,38 @@ class Rendering(NamedTuple):
 NO_FORCE = Rendering(FORCES.index("none"), scaled=False, left=False, right=False, catches=False)
 
 
-def _rendered(
-    number: int, coupling: float, own_z: float, partner_z: float, p: float, other: float, gains: Any
-) -> float:
+def _rendered(number: int, hand: ForceInputs) -> float:
     """Return the force of a condition, by its number [N].
 
     An unknown condition has no number: the safety chain refuses NaN, where a zero would pass for a condition.
     """
     if not 0 <= number < len(FORCES):
         return np.nan
-    return CONDITIONS[FORCES[number]].force(coupling, own_z, partner_z, p, other, gains)
+    return CONDITIONS[FORCES[number]].force(hand)
 
 
 @specialised(_rendered)
-def _compiled_rendered(number: Any, coupling: Any, own_z: Any, partner_z: Any, p: Any, other: Any, gains: Any) -> Any:
+def _compiled_rendered(number: Any, hand: Any) -> Any:
     """Write the choice out; the number is a constant of a block, so the compiler keeps one condition."""
-    names = "coupling, own_z, partner_z, p, other, gains"
     text = "nan"
     for place in reversed(range(len(FORCES))):
-        text = f"force{place}({names}) if number == {place} else ({text})"
+        text = f"force{place}(hand) if number == {place} else ({text})"
     kernels = {f"force{place}": CONDITIONS[name].force for place, name in enumerate(FORCES)}
-    return eval(f"lambda number, {names}: {text}", {"nan": np.nan, **kernels})
+    return eval(f"lambda number, hand: {text}", {"nan": np.nan, **kernels})
 
 
 @inlined
-def force_on_hand(
-    coupling: float,
-    own_z: float,
-    partner_z: float,
-    p: float,
-    other: float,
-    gains: Any,
-    scale: float,
-    rendering: Rendering,
-) -> float:
+def force_on_hand(hand: ForceInputs, scale: float, rendering: Rendering) -> float:
     """Return the commanded force on a hand, + = up [N].
 
     Parameters
     ----------
-    coupling : float
-        Force of its coupling on the board, + = up [N].
-    own_z, partner_z : float
-        Heights of both styluses, extrapolated and clipped [m].
-    p : float
-        Ball position along the board [m].
-    other : float
-        Commanded force of a hand in another session, + = up [N].
-    gains : GAINS record
-        Gains of the hand, for a free or a fixed ball.
+    hand : ForceInputs
+        What the force condition may use.
     scale : float
         Factor of the force [1].
     """
-    force = _rendered(rendering.force, coupling, own_z, partner_z, p, other, gains)
+    force = _rendered(rendering.force, hand)
     return scale * force if rendering.scaled else force
 
 

@@ -9,6 +9,7 @@ configuration.
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -131,8 +132,18 @@ TICKS = Table(
 # --- attempts ----------------------------------------------------------------------------------------------------
 
 
-def _setting_columns() -> Iterator[tuple[str, str, Field]]:
-    """Yield table, key and column of the settings that identify participants and condition."""
+@dataclass(frozen=True, slots=True)
+class _Trial:
+    """An attempt, from its release on, and what the columns of the table of trials need besides."""
+
+    number: int
+    attempt: Attempt
+    config: Config
+    flags: tuple[str, ...] | None
+
+
+def _setting_columns() -> Iterator[tuple[Field, Callable[[_Trial], Any]]]:
+    """Yield the columns of the settings that identify participants and condition."""
     kept = {
         "session": ("name", "dyad", "pilot", "study", "participant_a", "participant_b", "hand_a", "hand_b", "seat_a"),
         "block": (
@@ -146,68 +157,69 @@ def _setting_columns() -> Iterator[tuple[str, str, Field]]:
                 kind = {bool: "integer", int: "integer", float: "number"}.get(type(key.default), "string")
                 text = key.text.replace("true:", "1:")
                 unit = key.unit or ("" if kind == "string" else "1")
-                yield table.name, key.name, Field(f"{table.name}_{key.name}", kind, text, unit)
+                field = Field(f"{table.name}_{key.name}", kind, text, unit)
+                yield field, attrgetter(f"config.{table.name}.{key.name}")
 
 
-_SETTINGS = tuple(_setting_columns())
+def _of_attempt(name: str, kind: str, text: str, unit: str) -> tuple[Field, Callable[[_Trial], Any]]:
+    """Return the column of a field of `Attempt`."""
+    return Field(name, kind, text, unit), attrgetter(f"attempt.{name}")
+
+
+_TRIAL_COLUMNS: tuple[tuple[Field, Callable[[_Trial], Any]], ...] = (
+    (Field("number", "integer", "number of the attempt in the recording, from 1", "1"), lambda trial: trial.number),
+    *_setting_columns(),
+    _of_attempt("trial", "integer", "number of the trial in the block, from 1", "1"),
+    _of_attempt("attempt", "integer", "number of the attempt at this trial, from 1", "1"),
+    _of_attempt("target", "integer", "side of the target: -1 left, +1 right", "1"),
+    (
+        Field("catch_trial", "integer", "1: a catch trial, without haptic feedback", "1"),
+        lambda trial: trial.attempt.trial in trial.config.block.catch,
+    ),
+    (Field("role", "string", ROLE_TEXT, ""), lambda trial: trial_role(trial.config, trial.attempt.trial)),
+    (
+        Field("kind", "string", "kind of block, as in the study; empty: none", ""),
+        lambda trial: design_of(trial.config).kind,
+    ),
+    _of_attempt(
+        "outcome",
+        "string",
+        "success, fell, timed_out, or the command or fault that ended it: skip, abort, stop, pause, fault; "
+        "unfinished if the recording ends first",
+        "",
+    ),
+    _of_attempt("completion", "number", "completion time of a success, else NaN", "s"),
+    _of_attempt("began", "integer", "first tick of the levelling before it", "1"),
+    _of_attempt("tick", "integer", "tick at which the ball was released", "1"),
+    _of_attempt("stop", "integer", "tick after its last one", "1"),
+    _of_attempt("duration", "number", "from the release to the end, including the hold", "s"),
+    (
+        Field("doubtful", "integer", "1: it has flags; 0: it has none; -1: not judged, as it has no end", "1"),
+        lambda trial: -1 if trial.flags is None else bool(trial.flags),
+    ),
+    (
+        Field("flags", "string", "why it is flagged, by the rules of [quality]: words separated by spaces", ""),
+        lambda trial: " ".join(trial.flags or ()),
+    ),
+)
+"""The columns of trials, each with its value for an attempt. A new column is one entry."""
 
 
 def _trials(source: OpenRecording) -> Iterator[Rows]:
     """Yield all attempts: condition, outcome and quality flags."""
-    attempts, config = source.attempts, source.config
     flags = {verdict.release: verdict.flags for verdict in judged(source.recording)}
-    judgements = [flags.get(attempt.tick) for attempt in attempts]
-    conditions = {
-        field.name: np.full(len(attempts), getattr(getattr(config, table), key)) for table, key, field in _SETTINGS
-    }
     counts = source.recording.columns("tick", "run_ticks")
-    released = from_release(attempts, counts["tick"], counts["run_ticks"])
-    of_attempts = {
-        name: np.array([getattr(attempt, name) for attempt in released])
-        for name in ("trial", "attempt", "target", "outcome", "completion", "began", "tick", "stop", "duration")
-    }
+    released = from_release(source.attempts, counts["tick"], counts["run_ticks"])
+    trials = [
+        _Trial(number, attempt, source.config, flags.get(whole.tick))
+        for number, (attempt, whole) in enumerate(zip(released, source.attempts, strict=True), start=1)
+    ]
     yield {
-        **conditions,
-        **of_attempts,
-        "number": np.arange(1, len(attempts) + 1),
-        "catch_trial": np.array([attempt.trial in config.block.catch for attempt in attempts]),
-        "role": np.array([trial_role(config, attempt.trial) for attempt in attempts], object),
-        "kind": np.full(len(attempts), design_of(config).kind, object),
-        "doubtful": np.array([-1 if words is None else bool(words) for words in judgements]),
-        "flags": np.array([" ".join(words or ()) for words in judgements]),
+        field.name: np.array([value(trial) for trial in trials], DTYPES[field.kind]) for field, value in _TRIAL_COLUMNS
     }
 
 
-TRIALS = Table(
-    "trials",
-    "one attempt at a trial",
-    (
-        _RECORDING,
-        Field("number", "integer", "number of the attempt in the recording, from 1", "1"),
-        *(field for _, _, field in _SETTINGS),
-        Field("trial", "integer", "number of the trial in the block, from 1", "1"),
-        Field("attempt", "integer", "number of the attempt at this trial, from 1", "1"),
-        Field("target", "integer", "side of the target: -1 left, +1 right", "1"),
-        Field("catch_trial", "integer", "1: a catch trial, without haptic feedback", "1"),
-        Field("role", "string", ROLE_TEXT, ""),
-        Field("kind", "string", "kind of block, as in the study; empty: none", ""),
-        Field(
-            "outcome",
-            "string",
-            "success, fell, timed_out, or the command or fault that ended it: skip, abort, stop, pause, fault; "
-            "unfinished if the recording ends first",
-            "",
-        ),
-        Field("completion", "number", "completion time of a success, else NaN", "s"),
-        Field("began", "integer", "first tick of the levelling before it", "1"),
-        Field("tick", "integer", "tick at which the ball was released", "1"),
-        Field("stop", "integer", "tick after its last one", "1"),
-        Field("duration", "number", "from the release to the end, including the hold", "s"),
-        Field("doubtful", "integer", "1: it has flags; 0: it has none; -1: not judged, as it has no end", "1"),
-        Field("flags", "string", "why it is flagged, by the rules of [quality]: words separated by spaces", ""),
-    ),
-    _trials,
-)
+TRIALS = Table("trials", "one attempt at a trial", (_RECORDING, *(field for field, _ in _TRIAL_COLUMNS)), _trials)
 
 
 def with_factors(factors: Sequence[ExportedFactor]) -> Table:
@@ -272,43 +284,44 @@ REMARKS = Table("remarks", CHANNELS[4].about, (_RECORDING, *_REMARK), _remarks)
 
 # --- recordings --------------------------------------------------------------------------------------------------
 
-_METADATA = {
-    "session": "id of the run of the server",
-    "part": "number of the file within its block, from 1",
-    "opened_utc": "when the file was opened, UTC",
-    "netboard": "version of netboard that recorded it",
-    "platform": "machine that recorded it",
-    "config_sha256": "SHA-256 of its configuration",
-}
+
+def _of_metadata(name: str, text: str) -> tuple[Field, Callable[[OpenRecording], Any]]:
+    """Return the column of an entry of the metadata."""
+    return Field(name, "string", text, ""), lambda source: source.recording.metadata.get(name, "")
+
+
+_RECORDING_COLUMNS: tuple[tuple[Field, Callable[[OpenRecording], Any]], ...] = (
+    (Field("file", "string", "file name of the recording", ""), lambda source: source.recording.path.name),
+    (Field("sha256", "string", "SHA-256 of that file", ""), lambda source: sha256_of(source.recording.path)),
+    _of_metadata("session", "id of the run of the server"),
+    _of_metadata("part", "number of the file within its block, from 1"),
+    _of_metadata("opened_utc", "when the file was opened, UTC"),
+    _of_metadata("netboard", "version of netboard that recorded it"),
+    _of_metadata("platform", "machine that recorded it"),
+    _of_metadata("config_sha256", "SHA-256 of its configuration"),
+    (
+        Field("ended", "string", "how the recording ended: complete, if as planned; empty if it was recovered", ""),
+        lambda source: source.recording.end.get("ended", ""),
+    ),
+    (
+        Field("origin_ns", "integer", "server time of its first tick, the zero of time", "ns"),
+        lambda source: source.origin_ns,
+    ),
+    (
+        Field("metadata", "string", "all metadata of the recording, as a JSON object", ""),
+        lambda source: json.dumps(source.recording.metadata, ensure_ascii=False),
+    ),
+)
+"""The columns of recordings, each with its value. A new column is one entry."""
 
 
 def _recordings(source: OpenRecording) -> Iterator[Rows]:
     """Yield the single row of a recording."""
-    recording = source.recording
-    values = {
-        "file": recording.path.name,
-        "sha256": sha256_of(recording.path),
-        **{name: recording.metadata.get(name, "") for name in _METADATA},
-        "ended": recording.end.get("ended", ""),
-        "origin_ns": source.origin_ns,
-        "metadata": json.dumps(recording.metadata, ensure_ascii=False),
-    }
-    yield {name: np.array([value], object) for name, value in values.items()}
+    yield {field.name: np.array([value(source)], DTYPES[field.kind]) for field, value in _RECORDING_COLUMNS}
 
 
 RECORDINGS = Table(
-    "recordings",
-    "one recording",
-    (
-        _RECORDING,
-        Field("file", "string", "file name of the recording", ""),
-        Field("sha256", "string", "SHA-256 of that file", ""),
-        *(Field(name, "string", text, "") for name, text in _METADATA.items()),
-        Field("ended", "string", "how the recording ended: complete, if as planned; empty if it was recovered", ""),
-        Field("origin_ns", "integer", "server time of its first tick, the zero of time", "ns"),
-        Field("metadata", "string", "all metadata of the recording, as a JSON object", ""),
-    ),
-    _recordings,
+    "recordings", "one recording", (_RECORDING, *(field for field, _ in _RECORDING_COLUMNS)), _recordings
 )
 
 SMALL = (RECORDINGS, TRIALS, EVENTS, CLOCKS, FRAMES, REMARKS)

@@ -8,15 +8,12 @@ from dataclasses import dataclass
 from math import isfinite
 
 from netboard.base.errors import NetboardError
-from netboard.network.protocol.control import REPLAY_COMMANDS
+from netboard.network.protocol.control import REPLAY_COMMANDS, SHARED_COMMANDS
 from netboard.recording.replay.loaded import LoadedRecording
 from netboard.recording.replay.marks import ANY, KINDS, near
 from netboard.recording.replay.position import SPEEDS, Playback, clock
 
-SHARED = ("pause", "resume", "next", "end")
-"""Commands of a live session that also apply to a replay."""
-
-KNOWN = (*REPLAY_COMMANDS, *SHARED)
+KNOWN = (*REPLAY_COMMANDS, *SHARED_COMMANDS)
 """All commands of a replay."""
 
 MOST = 2**53

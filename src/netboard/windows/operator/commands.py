@@ -7,7 +7,7 @@ The emergency stop is not in the table: it is always possible.
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from netboard.network.protocol.control import Status
+from netboard.network.protocol.control import SHARED_COMMANDS, Status
 from netboard.nodes.ports.emergency import AWAITING_RELEASE, RELEASE, STOP
 from netboard.windows.operator.lamps import ACTIVE, replayed
 
@@ -16,9 +16,6 @@ STOP_KEYS = ("Esc", "Space")
 
 FOR_EVERY_CONSOLE = (STOP, "take", "note")
 """Commands of consoles that are not the commander."""
-
-FOR_REPLAYS = ("pause", "resume", "next", "end")
-"""Commands that a replay accepts too."""
 
 Refusal = Callable[[Status], str]
 """A function that returns why a command is not possible now; empty if it is."""
@@ -137,7 +134,7 @@ def refusal(command: Command, status: Status | None, console: str) -> str:
     if status is None:
         return "no connection to the server"
     if replayed(status):
-        return "" if command.name in FOR_REPLAYS else "this is a replay"
+        return "" if command.name in SHARED_COMMANDS else "this is a replay"
     if command.name == "take" and status.commander == console:
         return "you are in command already"
     if status.commander not in ("", console) and command.name not in FOR_EVERY_CONSOLE:
