@@ -57,6 +57,29 @@ def test_power_uses_the_tests_of_a_study() -> None:
     assert found[T_TEST].effect == pytest.approx(own.difference.value)
 
 
+def test_studies_of_equal_differences_reject_nothing_without_the_effect() -> None:
+    """In half of the studies nobody falls, so all differences are 0; the cohort's mean is not."""
+    gaps = np.zeros((40, 8))
+    gaps[::2] = np.random.default_rng(3).normal(0.0, 0.1, (20, 8)) + 0.05
+    own = gaps - gaps.mean()
+    expected = sum(stats.ttest_1samp(one, 0.0).pvalue <= 0.05 for one in own[::2]) / 40
+    signs = 1.0 - 2.0 * (np.arange(256)[:, None] >> np.arange(8) & 1)
+    flipped = [np.mean(np.abs(signs @ one) >= abs(one.sum()) * (1 - 1e-12)) for one in own[::2]]
+    found = {one.test: one for one in powers([Differences("falls", "c", "1", False, gaps)], [8])}
+    assert found[T_TEST].false_positives.value == expected < 0.2
+    assert found[PERMUTATION].false_positives.value == sum(p <= 0.05 for p in flipped) / 40 < 0.2
+
+
+def test_equal_differences_have_no_t_test_as_in_an_analysis() -> None:
+    found = {one.test: one for one in powers([Differences("m", "c", "s", False, np.full((2, 8), 0.1))], [8])}
+    own = condition_contrast(
+        [*[0.1] * 8, *np.zeros(8)], [*range(8)] * 2, [True] * 8 + [False] * 8, np.random.default_rng(0), name="c"
+    )
+    assert np.isnan(own.t.p)
+    assert found[T_TEST].power.value == 0.0
+    assert found[PERMUTATION].power.value == (own.permutation.p <= 0.05) == 1.0
+
+
 def test_interval_width_of_ratios_is_a_ratio() -> None:
     (plain, _), (ratio, _) = (list(powers([drawn(kind)], [8])) for kind in (False, True))
     assert ratio.effect == pytest.approx(np.exp(plain.effect))
