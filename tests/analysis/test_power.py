@@ -1,6 +1,6 @@
 """Power of contrasts: the closed form of a paired t test, Wilson's interval, and clear errors."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from math import gamma, sqrt
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from made_study import made_study, random_blocks
 from netboard.analysis.cohort.power import PERMUTATION, T_TEST, Differences, Rate, differences, powers
-from netboard.analysis.cohort.report import Assumptions, flat, sentence, write
+from netboard.analysis.cohort.report import Assumptions, draw, flat, sentence, write
 from netboard.analysis.cohort.rows import group_rows
 from netboard.analysis.statistics.contrasts import condition_contrast
 from netboard.analysis.topics.contrasts import comparisons, questions_of
@@ -151,6 +151,21 @@ def test_results_state_their_assumptions(tmp_path: Path) -> None:
     assert (tmp_path / "power.png").read_bytes().startswith(b"\x89PNG")
     with pytest.raises(RecordingError, match=r"power.csv: already exists"):
         write(tmp_path, found, ASSUMED)
+
+
+def test_sentence_names_the_number_of_dyads_whose_power_is_surely_enough() -> None:
+    """A power of 0.81 from 100 studies may be one of 0.72: the how-to takes the lower limit."""
+    one = replace(next(powers([drawn()], [8])), dyads=8, power=Rate.of(81, 100))
+    two = replace(one, dyads=12, power=Rate.of(95, 100))
+    assert one.power.low < 0.8 < two.power.low
+    assert sentence([one, two], ASSUMED).startswith("With 12 dyads")
+    assert "lower limit is below 0.8 with each simulated number" in sentence([one], ASSUMED)
+
+
+def test_figure_says_what_its_marks_bars_and_lines_are() -> None:
+    text = " ".join(draw(list(powers([drawn()], [4]))[:1], 0.01, "assumptions").get_supxlabel().split())
+    assert "paired t test, with 95 % Monte Carlo confidence intervals" in text
+    assert "the significance level 0.01, and a power of 0.8" in text
 
 
 def test_sentence_has_no_interval_where_there_is_none() -> None:
