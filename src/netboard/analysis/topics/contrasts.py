@@ -325,8 +325,9 @@ def _short(question: Question) -> str:
 def _caption(found: Sequence[Comparison]) -> str:
     n = span([one.contrast.n for one in found])
     tests = [one.contrast.permutation for one in found]
-    exact = all(test.exact for test in tests)
-    kind, number = ("exact permutation tests", "dyads") if exact else ("permutation tests by random sign flips", "flips")
+    kind, number = "exact permutation tests", "dyads"
+    if not all(test.exact for test in tests):
+        kind, number = "permutation tests by random sign flips", "flips"
     least = min(test.least_p for test in tests)
     sure = sum(one.corrected < 0.05 for one in found)
     return (
