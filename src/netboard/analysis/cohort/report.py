@@ -252,7 +252,8 @@ def draw(found: Sequence[Power], alpha: float, assumptions: str) -> Figure:
     figure.legend(handles, names, loc="outside upper center", ncols=2)
     legend = (
         f"Filled: power; hollow: false positives; both of the {T_TEST}, with 95 % Monte Carlo confidence intervals. "
-        f"Grey: the significance level {alpha:g}, and a power of {ENOUGH:g}. Marks are shifted so that none covers another. "
+        f"Grey: the significance level {alpha:g}, and a power of {ENOUGH:g}. Marks are shifted, so that none covers "
+        "another. "
     )
     figure.supxlabel(fill(f"{legend}{assumptions[:1].upper()}{assumptions[1:]}.", 130), fontsize=6.5)
     return figure
