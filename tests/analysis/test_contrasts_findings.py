@@ -9,7 +9,7 @@ from scipy import stats
 
 from made_modern import modern_blocks, modern_study
 from made_study import Block, made_study, times
-from netboard.analysis.topics.contrasts import Comparison, Comparisons, comparisons, questions_of
+from netboard.analysis.topics.contrasts import Comparison, Comparisons, comparisons, picture, questions_of
 from netboard.analysis.topics.measures import MEASURES
 from netboard.analysis.topics.result import table_of
 
@@ -103,6 +103,24 @@ def test_permutation_p_is_noted_with_its_assumption_and_the_skewness(found: Comp
     assert own["note"].str.endswith(skewness).all()
     others = table[table["quantity"].str.endswith("p, sign test")]
     assert not others["note"].str.contains("symmetric").any()
+
+
+def test_random_sample_of_sign_flips_is_not_called_exact() -> None:
+    """17 dyads have 131 072 sign flips, of which 9999 are drawn: with the observed one, no p is below 2 / 10 000."""
+    blocks = [
+        Block(f"D{k:02d}", f"D{k:02d}", "dyadic", force, times(9.0 + 0.01 * k if force == "none" else 3.0))
+        for k in range(1, 18)
+        for force in ("none", "full")
+    ]
+    study = made_study(blocks)
+    one = comparison(comparisons(study), "completion time", ON_IN_DYADS)
+    assert one.contrast.permutation.p == one.contrast.permutation.least_p == pytest.approx(0.0002)
+    table = table_of(comparisons(study).results).set_index("quantity")
+    noted = table.loc["completion time: p, permutation test", "note"]
+    assert noted.startswith("at least 0.0002 with this number of random sign flips")
+    caption = picture(study).caption
+    assert "permutation tests by random sign flips, whose smallest possible p is 0.0002" in caption
+    assert "exact" not in caption
 
 
 @pytest.mark.slow

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from made_modern import modern_blocks, modern_study
 from made_study import Block, declared, made_study, times
@@ -53,6 +54,29 @@ def test_reported_terms_equal_those_of_the_models(found: Fits) -> None:
     assert table.loc[("completion time: at the first trial", "intercept"), "unit"] == "s"
     practice = table.loc[("completion time: exponent of practice", "log trial")]
     assert practice["low"] <= 0.0 <= practice["high"]
+
+
+def test_intercept_has_no_p_value(found: Fits) -> None:
+    """Its null hypothesis would be a first trial of 1 s, and so depend on the unit of time."""
+    table = table_of(found.results)
+    of_intercept = table[table["group"] == "intercept"]["quantity"]
+    assert len(of_intercept)
+    assert not of_intercept.str.contains(": p").any()
+
+
+def test_notes_do_not_contradict_the_degrees_of_freedom_of_a_named_method(found: Fits) -> None:
+    table = table_of(found.results)
+    named = table[(table["quantity"] == "completion time: ratio, Satterthwaite") & (table["group"] == "configuration")]
+    assert "5 df" not in named["interval"].item()
+    assert "6 dyads: t has 5 degrees of freedom, unless a small-sample method is named" in named["note"].item()
+
+
+def test_kurtosis_of_normal_residuals_is_named_as_excess(found: Fits) -> None:
+    """Normal residuals have a kurtosis of 3 and an excess kurtosis of 0."""
+    checks = table_of(found.results).set_index("quantity")["value"]
+    assert checks["completion time: residual excess kurtosis"] == pytest.approx(
+        stats.kurtosis(np.asarray(found.fits[0].model.diagnostics.residuals), fisher=False) - 3.0
+    )
 
 
 def test_random_effects_and_assumptions_are_reported(found: Fits) -> None:

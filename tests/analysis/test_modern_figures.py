@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 
 import matplotlib as mpl
@@ -273,9 +274,17 @@ def test_influence_figure_shows_dyads_and_surrogates(study: Study, drawn: dict[s
     for place, one in enumerate(influences(study).influences):
         name = f"_{one.condition.name}, {one.direction}"
         assert one.chance is not None
-        names = ("a dyad", "a surrogate dyad") if not place else (f"{name}, dyads", f"{name}, surrogates")
+        names = f"{name}, dyads", f"{name}, surrogates"
+        if not place:
+            names = "a dyad", "mean of a pairing of surrogate dyads"
         np.testing.assert_array_equal(lines[names[0]], one.values)
         np.testing.assert_array_equal(lines[names[1]], one.chance.surrogates)
+
+
+def test_influence_caption_says_whether_all_exchanges_were_made(study: Study, drawn: dict[str, Picture]) -> None:
+    assert "share of all exchanges of partners" in drawn["influence"].caption
+    some = [replace(one, chance=replace(one.chance, exact=False)) for one in influences(study).influences if one.chance]
+    assert "share of randomly drawn exchanges of partners" in influence._caption(some)
 
 
 def test_passive_figure_shows_effect_and_passive_partner(study: Study, drawn: dict[str, Picture]) -> None:

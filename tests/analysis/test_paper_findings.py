@@ -106,6 +106,27 @@ def test_counts_are_compared_for_equality() -> None:
     assert verdicts(3) == {"3A": "other count", "3B": "same count"}
 
 
+def test_counts_out_of_different_totals_are_compared_as_shares() -> None:
+    """In 3 of 6 dyads, or 4 of 4: equal counts, or a difference of -1, say nothing."""
+    blocks = []
+    for k in range(6):
+        dyad = f"D{k}"
+        blocks += [Block(dyad, f"{dyad}{who}", "bimanual", "full", times(5)) for who in "AB"]
+        blocks += [Block(dyad, dyad, "dyadic", "full", times(4 if k < 3 else 6))]
+    compared = compare(made_study(blocks))
+    counts = compared[(compared["kind"] == "count") & (compared["group"] == "haptics on")].set_index("figure")
+    assert counts["verdict"].to_dict() == {"3A": "50 % here, 100 % in the paper", "3B": "50 % here, 75 % in the paper"}
+    assert counts["difference"].isna().all()
+
+
+def test_delays_name_the_likely_search_of_the_paper_unless_it_is_set() -> None:
+    for settings, named in (((), True), (("delays.search=inside",), False)):
+        compared = compare(made_study(random_blocks(), *SMALL, *settings))
+        of_delays = compared["figure"] == "6"
+        assert compared.loc[of_delays, "note"].str.contains('"inside"').all() == named
+        assert not compared.loc[~of_delays, "note"].str.contains('"inside"').any()
+
+
 def test_values_missing_from_the_study_are_marked() -> None:
     compared = compare(made_study([Block("D01", "D01", "dyadic", "none", times(1))]))
     assert (compared["verdict"] == "not in this study").sum() > len(compared) / 2

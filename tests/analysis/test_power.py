@@ -1,6 +1,6 @@
 """Power of contrasts: the closed form of a paired t test, Wilson's interval, and clear errors."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from math import gamma, sqrt
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from made_study import made_study, random_blocks
 from netboard.analysis.cohort.power import PERMUTATION, T_TEST, Differences, Rate, differences, powers
-from netboard.analysis.cohort.report import Assumptions, flat, sentence, write
+from netboard.analysis.cohort.report import Assumptions, draw, flat, sentence, write
 from netboard.analysis.cohort.rows import group_rows
 from netboard.analysis.statistics.contrasts import condition_contrast
 from netboard.analysis.topics.contrasts import comparisons, questions_of
@@ -55,6 +55,29 @@ def test_power_uses_the_tests_of_a_study() -> None:
     assert found[T_TEST].power.value == (own.t.p <= 0.05)
     assert found[PERMUTATION].power.value == (own.permutation.p <= 0.05)
     assert found[T_TEST].effect == pytest.approx(own.difference.value)
+
+
+def test_studies_of_equal_differences_reject_nothing_without_the_effect() -> None:
+    """In half of the studies nobody falls, so all differences are 0; the cohort's mean is not."""
+    gaps = np.zeros((40, 8))
+    gaps[::2] = np.random.default_rng(3).normal(0.0, 0.1, (20, 8)) + 0.05
+    own = gaps - gaps.mean()
+    expected = sum(stats.ttest_1samp(one, 0.0).pvalue <= 0.05 for one in own[::2]) / 40
+    signs = 1.0 - 2.0 * (np.arange(256)[:, None] >> np.arange(8) & 1)
+    flipped = [np.mean(np.abs(signs @ one) >= abs(one.sum()) * (1 - 1e-12)) for one in own[::2]]
+    found = {one.test: one for one in powers([Differences("falls", "c", "1", False, gaps)], [8])}
+    assert found[T_TEST].false_positives.value == expected < 0.2
+    assert found[PERMUTATION].false_positives.value == sum(p <= 0.05 for p in flipped) / 40 < 0.2
+
+
+def test_equal_differences_have_no_t_test_as_in_an_analysis() -> None:
+    found = {one.test: one for one in powers([Differences("m", "c", "s", False, np.full((2, 8), 0.1))], [8])}
+    own = condition_contrast(
+        [*[0.1] * 8, *np.zeros(8)], [*range(8)] * 2, [True] * 8 + [False] * 8, np.random.default_rng(0), name="c"
+    )
+    assert np.isnan(own.t.p)
+    assert found[T_TEST].power.value == 0.0
+    assert found[PERMUTATION].power.value == (own.permutation.p <= 0.05) == 1.0
 
 
 def test_interval_width_of_ratios_is_a_ratio() -> None:
@@ -128,6 +151,21 @@ def test_results_state_their_assumptions(tmp_path: Path) -> None:
     assert (tmp_path / "power.png").read_bytes().startswith(b"\x89PNG")
     with pytest.raises(RecordingError, match=r"power.csv: already exists"):
         write(tmp_path, found, ASSUMED)
+
+
+def test_sentence_names_the_number_of_dyads_whose_power_is_surely_enough() -> None:
+    """A power of 0.81 from 100 studies may be one of 0.72: the how-to takes the lower limit."""
+    one = replace(next(powers([drawn()], [8])), dyads=8, power=Rate.of(81, 100))
+    two = replace(one, dyads=12, power=Rate.of(95, 100))
+    assert one.power.low < 0.8 < two.power.low
+    assert sentence([one, two], ASSUMED).startswith("With 12 dyads")
+    assert "lower limit is below 0.8 with each simulated number" in sentence([one], ASSUMED)
+
+
+def test_figure_says_what_its_marks_bars_and_lines_are() -> None:
+    text = " ".join(draw(list(powers([drawn()], [4]))[:1], 0.01, "assumptions").get_supxlabel().split())
+    assert "paired t test, with 95 % Monte Carlo confidence intervals" in text
+    assert "the significance level 0.01, and a power of 0.8" in text
 
 
 def test_sentence_has_no_interval_where_there_is_none() -> None:

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from netboard.analysis.report.numbers import written
 from netboard.analysis.report.trials import _path
 from netboard.analysis.report.wording import amount, command, css_text, decimals, plural, visible
 
@@ -32,6 +33,14 @@ from netboard.analysis.report.wording import amount, command, css_text, decimals
 )
 def test_amounts_are_formatted(value: float, text: str) -> None:
     assert amount(value) == text
+
+
+@pytest.mark.parametrize("p", [1.5e-9, 4.9e-7])
+def test_tiny_p_is_not_written_as_zero(p: float) -> None:
+    row = {"quantity": "completion time: p", "group": "haptics", "unit": "1", "interval": ""}
+    text, *_ = written({**row, "value": p, "low": math.nan, "high": math.nan})
+    base, power = text.replace("−", "-").split(" × 10^")
+    assert float(f"{base}e{power}") == pytest.approx(p, rel=0.005)
 
 
 def test_number_that_rounds_to_zero_has_no_sign() -> None:

@@ -202,6 +202,16 @@ def test_permutation_test_of_many_units_needs_a_generator() -> None:
     assert not between.exact
 
 
+def test_least_p_of_a_random_sample_is_that_of_its_arrangements() -> None:
+    """Among 199 random arrangements and the observed one, the smallest two-sided p is 2 / 200."""
+    all_positive = np.arange(1.0, 21.0)
+    found = permutation_test(all_positive, rng=rng(), resamples=199)
+    assert found.p == found.least_p == pytest.approx(2 / 200)
+    assert permutation_test(all_positive, alternative="greater", rng=rng(), resamples=199).least_p == 1 / 200
+    between = permutation_test_between(all_positive, all_positive - 100.0, rng=rng(), resamples=199)
+    assert between.p == between.least_p == pytest.approx(2 / 200)
+
+
 def test_extreme_division_reaches_the_least_p() -> None:
     assert permutation_test_between([1.0, 2.0], [3.0, 4.0, 5.0], alternative="less").p == pytest.approx(0.1)
     assert permutation_test_between([1.0, 2.0], [3.0, 4.0, 5.0], alternative="less").least_p == pytest.approx(0.1)

@@ -6,7 +6,8 @@ test of the dyads' differences.
 
 The false-positive rate is that of the same differences minus the cohort's mean difference: there is no effect by
 construction, and spread and skewness are those of the simulated dyads. For the t test it equals one minus the coverage
-of the confidence interval.
+of the confidence interval. A study whose dyads all have the same difference, such as one without any fall, rejects in
+neither test without the effect: what the subtraction leaves there is no evidence of a difference.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -21,6 +22,7 @@ from scipy import stats
 from scipy.special import stdtrit
 
 from netboard.analysis.cohort.rows import KEPT, SIZE, CohortMeasure
+from netboard.analysis.statistics.estimates import ROUNDING
 from netboard.analysis.statistics.exact_tests import permutation_p
 from netboard.analysis.topics.contrasts import SEED
 from netboard.analysis.topics.groups import paired_levels
@@ -173,11 +175,11 @@ def powers(found: Sequence[Differences], sizes: Sequence[int], alpha: float = 0.
         effect = float(np.exp(mean)) if one.ratio else mean
         for dyads in sizes:
             own = divided(one.gaps, dyads)
+            null = np.where(all_equal(own)[:, None], 0.0 * own, own - mean)
             p, low, high = paired_t_tests(own, alpha)
-            null, _, _ = paired_t_tests(own - mean, alpha)
             tests = {
-                T_TEST: (p, null),
-                PERMUTATION: (permutation_p(own, rng=rng), permutation_p(own - mean, rng=rng)),
+                T_TEST: (p, paired_t_tests(null, alpha)[0]),
+                PERMUTATION: (permutation_p(own, rng=rng), permutation_p(null, rng=rng)),
             }
             for test, (with_effect, without) in tests.items():
                 width, error = mean_width(high - low, scale)
@@ -199,8 +201,20 @@ def powers(found: Sequence[Differences], sizes: Sequence[int], alpha: float = 0.
                 )
 
 
+def all_equal(gaps: Array) -> NDArray[np.bool_]:
+    """Return whether the known differences of each study are equal but for rounding, as `constant` does for one.
+
+    - `gaps` (shape (studies, dyads)): difference of each dyad; NaN are ignored [any].
+    """
+    known = np.isfinite(gaps)
+    largest, smallest = np.where(known, gaps, -np.inf).max(axis=1), np.where(known, gaps, np.inf).min(axis=1)
+    return np.asarray(largest - smallest <= ROUNDING * np.maximum(np.abs(largest), np.abs(smallest)))
+
+
 def paired_t_tests(gaps: Array, alpha: float) -> tuple[Array, Array, Array]:
     """Return p of the paired t test of many studies, and the limits of the confidence interval of 1 - alpha.
+
+    As in an analysis, there is no p for fewer than two differences, or if all are equal.
 
     - `gaps` (shape (studies, dyads)): difference of each dyad; NaN are ignored [any].
     """
@@ -213,7 +227,7 @@ def paired_t_tests(gaps: Array, alpha: float) -> tuple[Array, Array, Array]:
         error = np.sqrt((spread**2).sum(axis=1) / (n - 1) / n)
         p = 2.0 * stats.t.sf(np.abs(mean) / error, n - 1)
         half = stdtrit(np.maximum(n - 1, 1), 1.0 - alpha / 2.0) * error
-    return np.where(n > 1, p, nan), mean - half, mean + half
+    return np.where((n > 1) & ~all_equal(gaps), p, nan), mean - half, mean + half
 
 
 def mean_width(widths: Array, scale: Scale) -> tuple[float, float]:

@@ -35,7 +35,7 @@ from netboard.base.tables.simulated import Participant
 from netboard.nodes.rehearsal.population import LETTERS, person_of
 
 ENOUGH = 0.8
-"""Power that is usually asked for [1]."""
+"""Power that is usually asked for, which the lower limit of its confidence interval must reach [1]."""
 
 SHOWN = 1000
 """Participants drawn to describe the distribution of each parameter [1]."""
@@ -126,11 +126,14 @@ def distributions(config: Config, seed: int) -> Iterator[tuple[str, str, float, 
 
 
 def sentence(found: Sequence[Power], assumptions: Assumptions) -> str:
-    """Return a sentence for a methods section on one test of one contrast, by increasing number of dyads."""
-    enough = next((one for one in found if one.power.value >= ENOUGH), None)
+    """Return a sentence for a methods section on one test of one contrast, by increasing number of dyads.
+
+    It is on the smallest number of dyads with enough power beyond the Monte Carlo error, or on the largest one.
+    """
+    enough = next((one for one in found if one.power.low >= ENOUGH), None)
     one = enough or found[-1]
     trials = f" and {one.trials} trials per condition" if one.trials else ""
-    reached = "" if enough else f", below {ENOUGH:g} with each simulated number of dyads"
+    reached = "" if enough else f", whose lower limit is below {ENOUGH:g} with each simulated number of dyads"
     unit = f" {one.unit}" if one.unit != "1" else ""
     wide = ""
     if one.test != PERMUTATION and isfinite(one.width):  # a permutation test has no interval of its own
@@ -247,7 +250,12 @@ def draw(found: Sequence[Power], alpha: float, assumptions: str) -> Figure:
         _frame(panel, measure, sorted({one.dyads for one in found}), alpha)
     handles, names = axes[0].get_legend_handles_labels()
     figure.legend(handles, names, loc="outside upper center", ncols=2)
-    figure.supxlabel(fill(f"Filled: power; hollow: false positives. {assumptions}.", 130), fontsize=6.5)
+    legend = (
+        f"Filled: power; hollow: false positives; both of the {T_TEST}, with 95 % Monte Carlo confidence intervals. "
+        f"Grey: the significance level {alpha:g}, and a power of {ENOUGH:g}. Marks are shifted, so that none covers "
+        "another. "
+    )
+    figure.supxlabel(fill(f"{legend}{assumptions[:1].upper()}{assumptions[1:]}.", 130), fontsize=6.5)
     return figure
 
 

@@ -151,7 +151,7 @@ class Summaries:
     delay: Annotated[Literal["absolute", "signed"], about("delay that is averaged: absolute or signed")] = "absolute"
     intervals: Annotated[
         Literal["dyads", "people", "movements"],
-        about("unit of a delay's confidence interval: dyads, performers, or movements (as the paper says)"),
+        about("unit of a delay's confidence interval: dyads, performers, or movements (likely the paper's)"),
     ] = "dyads"
     variance: Annotated[
         Literal["each", "generalised"], about("spread of the strategy: variance of each quantity, or of both at once")

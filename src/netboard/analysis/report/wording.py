@@ -33,16 +33,19 @@ def decimals(*values: float, digits: int = 3) -> int:
 
 
 def amount(value: float, places: int | None = None) -> str:
-    """Return a number as text; by default without decimals if whole, otherwise with enough for three digits."""
+    """Return a number as text; by default without decimals if whole, otherwise with enough for three digits.
+
+    A number that the finest number of decimals would turn into 0 is written with a power of ten.
+    """
     if not isfinite(value):
         return NONE if value != value else "∞" if value > 0 else "−∞"  # noqa: PLR0124  # NaN differs from itself
     if isinstance(value, int) or (places is None and float(value).is_integer()):
         places = 0
     elif places is None:
         places = decimals(value)
-        if 0 < abs(value) < 0.5 * 10**-_FINEST:
-            base, _, power = f"{value:.2e}".partition("e")
-            return f"{base} × 10^{int(power)}".replace("-", "−")
+    if places >= _FINEST and 0 < abs(value) < 0.5 * 10**-_FINEST:
+        base, _, power = f"{value:.2e}".partition("e")
+        return f"{base} × 10^{int(power)}".replace("-", "−")
     text = f"{value:,.{places}f}"
     return text.replace("-", "−") if float(text.replace(",", "")) else text.removeprefix("-")
 

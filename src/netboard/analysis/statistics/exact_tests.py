@@ -2,7 +2,7 @@
 
 All arrangements are evaluated if they are at most `MAX_EXACT`: all sign flips of up to 16 units. Of more arrangements
 a random sample is evaluated; without a random generator there is then a ValueError. `least_p` is the smallest p that a
-test could give with so few units.
+test could give with this number of units, or of random arrangements.
 """
 
 from collections.abc import Callable
@@ -40,7 +40,7 @@ class Test:
     p : float
         p value: probability of a statistic at least as extreme under the null hypothesis; NaN without data [1].
     least_p : float
-        Smallest p value that this number of units can give [1].
+        Smallest p value that this number of units can give, or, for a random sample, this number of arrangements [1].
     n : int
         Number of units in the test [1].
     unit : str
@@ -92,8 +92,8 @@ def permutation_test(
     x = known(differences)
     if len(x) < 2:
         return Test(mean(x), np.nan, np.nan, len(x), unit, True, "sign flips")
-    p, exact = _permuted((x,), _mean_along, "samples", 2 ** len(x), alternative, rng, resamples)
-    return Test(mean(x), p, _least(2 ** len(x), alternative), len(x), unit, exact, "sign flips")
+    p, least, exact = _permuted((x,), _mean_along, "samples", 2 ** len(x), alternative, rng, resamples)
+    return Test(mean(x), p, least, len(x), unit, exact, "sign flips")
 
 
 def permutation_p(
@@ -141,8 +141,8 @@ def permutation_test_between(
     if len(x) < 2 or len(y) < 2:
         return Test(mean(x) - mean(y), np.nan, np.nan, n, unit, True, "divisions")
     divisions = comb(n, len(x))
-    p, exact = _permuted((x, y), _difference_along, "independent", divisions, alternative, rng, resamples)
-    return Test(mean(x) - mean(y), p, _least(divisions, alternative), n, unit, exact, "divisions")
+    p, least, exact = _permuted((x, y), _difference_along, "independent", divisions, alternative, rng, resamples)
+    return Test(mean(x) - mean(y), p, least, n, unit, exact, "divisions")
 
 
 def _mean_along(x: NDArray[np.float64], axis: int) -> Any:
@@ -166,8 +166,11 @@ def _permuted(
     alternative: Alternative,
     rng: np.random.Generator | None,
     resamples: int,
-) -> tuple[float, bool]:
-    """Return the p value from all arrangements, or from a random sample of them."""
+) -> tuple[float, float, bool]:
+    """Return p and the smallest possible p, and whether they are from all arrangements or from a random sample.
+
+    The observed arrangement counts as one of a random sample.
+    """
     exact = arrangements <= MAX_EXACT
     if not exact and rng is None:
         raise ValueError(f"{arrangements} arrangements are too many to evaluate: give a random generator")
@@ -180,4 +183,4 @@ def _permuted(
         alternative=alternative,
         rng=rng,
     )
-    return float(found.pvalue), exact
+    return float(found.pvalue), _least(arrangements if exact else resamples + 1, alternative), exact

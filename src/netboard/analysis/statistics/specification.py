@@ -113,7 +113,7 @@ class Specification:
         what = (
             "z intervals are too short for this few"
             if self.interval == "z"
-            else f"t has {between_dyad_freedom(design):.0f} degrees of freedom"
+            else f"t has {between_dyad_freedom(design):.0f} degrees of freedom, unless a small-sample method is named"
         )
         return (f"{n} dyads: {what}",)
 

@@ -154,7 +154,8 @@ def _rows(one: Comparison) -> Iterator[Result]:
     yield estimated("contrasts", f"{one.measure.name}: d_z", group, contrast.effect, "1", note)
     yield estimated("contrasts", f"{one.measure.name}: g_z", group, one.hedges, "1", note)
     for kind, test in (("sign test", contrast.signs), ("permutation test", contrast.permutation)):
-        least = f"at least {test.least_p:.3g} with so many" if np.isfinite(test.least_p) else "too few to test"
+        number = "so many" if test.exact else "this number of random sign flips"
+        least = f"at least {test.least_p:.3g} with {number}" if np.isfinite(test.least_p) else "too few to test"
         shape = f"; {_symmetry(contrast)}" if test is contrast.permutation else ""
         name = f"{one.measure.name}: p, {kind}"
         yield plain("contrasts", name, group, test.p, "1", test.n, "dyad", f"{least}{shape}")
@@ -241,7 +242,7 @@ _BAND = "#F3F3F3"
 def picture(study: Study) -> Picture:
     """Draw all effect sizes.
 
-    Intervals are those of the noncentral t distribution, p values those of exact permutation tests.
+    Intervals are those of the noncentral t distribution, p values those of permutation tests.
     """
     found = [one for one in comparisons(study).comparisons if np.isfinite(one.hedges.value)]
     if not found:
@@ -282,7 +283,7 @@ def _reach(found: Sequence[Comparison]) -> float:
 def _panel(
     axes: "Axes", found: Sequence[Comparison], names: Sequence[str], looks: dict[str, Look], reach: float, height: float
 ) -> None:
-    """Draw one kind of effect, a row for each measure, with exact p values on the right."""
+    """Draw one kind of effect, a row for each measure, with p values on the right."""
     questions = list(dict.fromkeys(one.question for one in found))
     offsets = dict(zip(questions, beside(len(questions), 0.5 if len(questions) <= 2 else 0.75), strict=True))
     for row in range(0, len(names), 2):
@@ -323,12 +324,16 @@ def _short(question: Question) -> str:
 
 def _caption(found: Sequence[Comparison]) -> str:
     n = span([one.contrast.n for one in found])
-    least = min(one.contrast.permutation.least_p for one in found)
+    tests = [one.contrast.permutation for one in found]
+    kind, number = "exact permutation tests", "dyads"
+    if not all(test.exact for test in tests):
+        kind, number = "permutation tests by random sign flips", "flips"
+    least = min(test.least_p for test in tests)
     sure = sum(one.corrected < 0.05 for one in found)
     return (
         "Mean difference over the standard deviation of the dyads' differences, bias-corrected (g_z), with 95 % "
         f"confidence intervals of the noncentral t distribution; within-dyad differences, n = {n}; completion times "
-        "as logarithms. Beyond 1 the axis is logarithmic. p: exact permutation tests, whose smallest possible p is "
-        f"{least:.3g} with this number of dyads. Such a test {SYMMETRIC}. Corrected within families (Holm), {sure} "
+        f"as logarithms. Beyond 1 the axis is logarithmic. p: {kind}, whose smallest possible p is "
+        f"{least:.3g} with this number of {number}. Such a test {SYMMETRIC}. Corrected within families (Holm), {sure} "
         f"of {len(found)} are below 0.05."
     )

@@ -88,7 +88,7 @@ def _rows(one: Influence) -> list[Result]:
             ("Granger strength", chance.value, "nat", note),
             ("Granger strength of surrogate dyads", chance.level, "nat", f"{len(chance.surrogates)} pairings"),
             ("Granger strength beyond surrogates", chance.excess, "nat", note),
-            ("Granger strength: p by surrogates", chance.p, "1", f"at least {chance.least_p:.3g} with so many dyads"),
+            ("Granger strength: p by surrogates", chance.p, "1", f"at least {chance.least_p:.3g} from these exchanges"),
         ]
     return [plain("influence", name, group, x, unit, n, "dyad", why) for name, x, unit, why in numbers]
 
@@ -191,7 +191,7 @@ def picture(study: Study) -> Picture:
 
 
 def _column(axes: "Axes", place: int, one: Influence) -> None:
-    """Draw true dyads on the left, surrogates on the right."""
+    """Draw true dyads on the left, means of surrogate dyads on the right, one for each pairing."""
     look = look_of(one.condition)
     name = f"{one.condition.name}, {one.direction}"
     named = place == 0
@@ -224,7 +224,7 @@ def _column(axes: "Axes", place: int, one: Influence) -> None:
             markersize=12,
             color="#777777",
             alpha=0.7,
-            label="a surrogate dyad" if named else f"_{name}, surrogates",
+            label="mean of a pairing of surrogate dyads" if named else f"_{name}, surrogates",
         )
         axes.text(place, 1.0, f"p = {one.chance.p:.2g}", transform=axes.get_xaxis_transform(), ha="center", fontsize=7)
 
@@ -235,9 +235,10 @@ def _caption(found: list[Influence]) -> str:
     chance = "With a single dyad there are no surrogates."
     if tests:
         most = max(tests, key=lambda one: one.n)
+        drawn = "all" if most.exact else "randomly drawn"
         chance = (
-            f"Grey: means of surrogate dyads, {many(len(most.surrogates), 'pairing')}. p: share of all exchanges of "
-            f"partners whose mean is as large; the smallest possible p is {most.least_p:.2g}."
+            f"Grey: means of surrogate dyads, {many(len(most.surrogates), 'pairing')}. p: share of {drawn} exchanges "
+            f"of partners whose mean is as large; the smallest possible p is {most.least_p:.2g}."
         )
     return (
         "Gain in the prediction of one side's velocity from 60 ms of the other side's past, beside its own past and "

@@ -75,7 +75,8 @@ class Fits:
 def _rows(fit: Fit, effect: Effect, inference: Effect | Inference, method: str, note: str) -> Iterator[Result]:
     """Yield a term with its confidence interval, and its p value, by one method.
 
-    A term is a factor of the response; practice is its exponent.
+    A term is a factor of the response; practice is its exponent. The intercept has no p value: that the first trial
+    takes 1 s, has one peak or falls as often as not is no hypothesis.
     """
     term, unit = inference.estimate if effect.name == PRACTICE else inference.ratio, "1"
     interval = f"95 % {inference.estimate.method}" if np.isfinite(term.low) else ""
@@ -86,7 +87,8 @@ def _rows(fit: Fit, effect: Effect, inference: Effect | Inference, method: str, 
     elif effect.name == INTERCEPT:
         quantity, unit = f"{fit.measure}: {fit.first}", "s" if fit.measure == "completion time" else "1"
     yield Result("models", f"{quantity}{method}", effect.name, term.value, term.low, term.high, unit, interval, *rest)
-    yield plain("models", f"{fit.measure}: p{method}", effect.name, inference.p, "1", *rest)
+    if effect.name != INTERCEPT:
+        yield plain("models", f"{fit.measure}: p{method}", effect.name, inference.p, "1", *rest)
 
 
 def _random_effects(fit: Fit) -> Iterator[Result]:
@@ -102,7 +104,7 @@ def _checks(fit: Fit) -> Iterator[Result]:
     checks = [("correlation within dyads", model.correlation), ("Pearson's dispersion", model.dispersion)]
     if model.diagnostics is not None:
         found = model.diagnostics
-        checks += [("residual skewness", found.skewness), ("residual kurtosis", found.kurtosis)]
+        checks += [("residual skewness", found.skewness), ("residual excess kurtosis", found.kurtosis)]
         checks += [("rank correlation of residual size and fit", found.spread)]
         checks += [("correlation of successive residuals", found.successive)]
     note = " ".join(("Assumptions:", *model.assumptions))

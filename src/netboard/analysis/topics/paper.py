@@ -4,7 +4,8 @@ The paper gives means and standard deviations, counts of dyads, and directions i
 sizes, and no numbers for shares, ellipses and delays except "around 100 ms" and "about 40 ms". Line numbers refer to
 the paper's source.
 
-The paper's standard deviations are over single trials, so a difference of one standard deviation is large.
+The paper does not say over what its standard deviations are. Their size is that of single trials, so they are taken to
+be over these, and a difference of one standard deviation is large.
 """
 
 from dataclasses import dataclass, replace
@@ -37,7 +38,7 @@ class Reported:
     value : float
         The number; NaN without one [unit of the result].
     deviation : float
-        Standard deviation over single trials; NaN without one [unit of the result].
+        Standard deviation, taken to be over single trials; NaN without one [unit of the result].
     of : int
         Total of a count; 0 if it is not a count [1].
     """
@@ -143,7 +144,7 @@ COMPARISON = (
     words("kind", "what can be compared: a number, a count, a direction (rises, falls, unchanged), or words"),
     words("said", "statement of the paper, shortened"),
     number("reported", "the paper's number", "in column unit"),
-    number("reported_sd", "its standard deviation, of single trials", "in column unit"),
+    number("reported_sd", "its standard deviation, taken to be of single trials", "in column unit"),
     count("reported_of", "total of which a count is a part; 0 if it is not a count"),
     number("value", "the study's number", "in column unit"),
     number("low", "lower end of its interval", "in column unit"),
@@ -152,12 +153,16 @@ COMPARISON = (
     words("interval", "kind of the interval"),
     count("n", "n of the study's number"),
     words("of", "of what"),
-    number("difference", "the study's number minus the paper's", "in column unit"),
+    number("difference", "the study's number minus the paper's; none for counts of different totals", "in column unit"),
     number("difference_sd", "the same in standard deviations of the paper", "1"),
     words("verdict", "whether both agree"),
     words("note", "note on the interpretation"),
 )
 """Columns of the comparison."""
+
+
+LIKELY_SEARCH = 'the paper more likely had delays.search = "inside", with which delays grow with the threshold'
+"""Note on a delay with another search (docs/reference/measures.md has the reasons)."""
 
 
 def compare(study: Study) -> pd.DataFrame:
@@ -167,7 +172,10 @@ def compare(study: Study) -> pd.DataFrame:
     rows = []
     for one in REPORTED:
         reported = replace(one, group=one.group.format(ends=ends))
-        rows.append(_row(reported, found.get((reported.topic, reported.quantity, reported.group), _nothing(reported))))
+        result = found.get((reported.topic, reported.quantity, reported.group), _nothing(reported))
+        if reported.topic == "delay" and study.readings.delays.search != "inside":
+            result = replace(result, note="; ".join(filter(None, (result.note, LIKELY_SEARCH))))
+        rows.append(_row(reported, result))
     return pd.DataFrame(rows, columns=[field.name for field in COMPARISON])
 
 
@@ -178,7 +186,7 @@ def _nothing(reported: Reported) -> Result:
 
 def _row(reported: Reported, found: Result) -> dict[str, Any]:
     """Return a row with both numbers."""
-    difference = found.value - reported.value
+    difference = nan if _other_total(reported, found) else found.value - reported.value
     return {
         "figure": reported.figure,
         "line": reported.line,
@@ -216,9 +224,16 @@ def _verdict(reported: Reported, found: Result) -> str:
             return f"{deviations:+.2f} SD"
         unit = read_in(found.unit, found.quantity)
         return f"{difference * unit.scale:+.3g} {unit.symbol}, no SD reported"
+    if _other_total(reported, found):
+        return f"{found.value / found.n:.0%} here, {reported.value / reported.of:.0%} in the paper".replace("%", " %")
     if reported.kind == "count":
-        return "same count" if (found.value, found.n) == (reported.value, reported.of) else "other count"
+        return "same count" if found.value == reported.value else "other count"
     return _direction(reported.kind, found)
+
+
+def _other_total(reported: Reported, found: Result) -> bool:
+    """Return whether a count of the study is out of another total than the paper's, such as of 6 and of 4 dyads."""
+    return reported.kind == "count" and found.n > 0 and found.n != reported.of
 
 
 def _direction(kind: Kind, found: Result) -> str:
