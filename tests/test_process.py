@@ -9,6 +9,7 @@ import math
 import os
 import signal
 import socket
+import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -80,6 +81,25 @@ def test_closing_terminal_stays_ignored() -> None:
             assert not stopping()
     finally:
         signal.signal(signal.SIGHUP, outside)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+@pytest.mark.parametrize("name", ["SIGTSTP", "SIGTTOU"])
+def test_ctrl_z_does_not_suspend_a_process_that_renders_forces(name: str) -> None:
+    script = f"""
+import os, signal
+from netboard.base.process import no_terminal_suspension
+before = signal.getsignal(signal.{name})
+with no_terminal_suspension():
+    os.kill(os.getpid(), signal.{name})
+assert signal.getsignal(signal.{name}) == before
+"""
+    child = subprocess.Popen([sys.executable, "-c", script], process_group=0)  # a group that the signal can stop
+    try:
+        assert child.wait(20) == 0
+    finally:
+        child.kill()
+        child.wait()
 
 
 def test_signal_handlers_are_restored_without_a_signal() -> None:

@@ -158,6 +158,13 @@ def test_block_without_haptics_renders_no_force(folder: Path) -> None:
     assert np.any(ticks["left_coupling"] != 0)
 
 
+def ignores(rig: Rig, name: str, number: signal.Signals) -> bool:
+    """Return whether a process ignores a signal."""
+    status = Path(f"/proc/{rig.running[name].pid}/status").read_text(encoding="utf-8")
+    ignored = next(line for line in status.splitlines() if line.startswith("SigIgn:"))
+    return bool(int(ignored.split()[1], 16) >> (number - 1) & 1)
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.daily(1)
 def test_services_stop_cleanly_while_waiting_for_peers(rig: Rig, number: signal.Signals) -> None:
@@ -166,6 +173,7 @@ def test_services_stop_cleanly_while_waiting_for_peers(rig: Rig, number: signal.
     rig.start("left display", "display", "--station", "left")
     rig.start("server", "server")
     rig.until(lambda s: {"agent.left", "display.left", "logger"} <= set(s.peers))
+    assert [name for name in rig.running if ignores(rig, name, signal.SIGTSTP)] == ["left agent", "server"]
     assert rig.stop("server", number) == 0, rig.output_of("server")
     for name in ("left display", "left agent", "logger"):
         assert rig.stop(name, number) == 0, rig.output_of(name)

@@ -157,6 +157,21 @@ def interrupted_by_stop_signals() -> Iterator[None]:
             signal.signal(number, handler)
 
 
+@contextmanager
+def no_terminal_suspension() -> Iterator[None]:
+    """Ignore Ctrl-Z, and a terminal that suspends background processes that write to it.
+
+    A suspended agent would leave its device with the last force.
+    """
+    names = ("SIGTSTP", "SIGTTOU")
+    before = {each: signal.signal(each, signal.SIG_IGN) for name in names if (each := getattr(signal, name, None))}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
 class Stopping:
     """Context in which a stop signal sets a flag instead of interrupting; calling the instance returns the flag.
 
