@@ -32,6 +32,7 @@ from netboard.base.process import (
     interrupted_by_stop_signals,
     io_priority,
     leave_reserved_cpus,
+    log_to_stderr,
     peak_memory,
     prepare,
     resident_memory,
@@ -436,6 +437,26 @@ def test_no_log_line_of_a_burst_before_the_end_is_lost_silently() -> None:
     dropped = int(last.removesuffix(" log lines were dropped: the terminal was stopped, or too slow"))
     assert dropped > 0
     assert len(lines) + dropped == 2 * process.MAX_LOG_LINES
+
+
+def test_step_of_the_wall_clock_does_not_change_the_time_of_a_log_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = io.StringIO()
+    monkeypatch.setattr("sys.stderr", terminal)
+    root = logging.getLogger()
+    before, level = root.handlers[:], root.level
+    root.handlers.clear()
+    try:
+        log_to_stderr("server")
+        line = logging.makeLogRecord({"msg": "a line", "levelno": logging.INFO, "relativeCreated": -3.6e6})
+        root.handle(line)
+        root.handlers[0].flush()
+    finally:
+        root.handlers[0].close()
+        root.handlers[:] = before
+        root.setLevel(level)
+    milliseconds, unit, rest = terminal.getvalue().split(maxsplit=2)
+    assert int(milliseconds) >= 0
+    assert (unit, rest) == ("ms", "server  a line\n")
 
 
 def test_log_line_that_cannot_be_formatted_is_no_error_of_the_loop() -> None:

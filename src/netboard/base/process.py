@@ -38,6 +38,9 @@ STOP_SIGNALS = tuple(getattr(signal, name) for name in _STOP_NAMES if hasattr(si
 NAME = f"{platform.node()}:{os.getpid()}"
 """Identity of this process: host and process number."""
 
+STARTED = time.monotonic()
+"""Time of the start of this process, or of its first line of netboard [s]."""
+
 LOG_INTERVAL_S = 1.0
 """Interval between log lines of a repeated event [s]."""
 
@@ -396,13 +399,19 @@ def home_folder() -> Path:
 
 
 def log_to_stderr(name: str) -> None:
-    """Log to standard error, with the name of the process in each line."""
-    logging.basicConfig(
-        level=logging.INFO,
-        format=f"%(relativeCreated)8d ms  {name}  %(message)s",
-        handlers=[BackgroundLog(sys.stderr)],
-        force=True,
-    )
+    """Log to standard error, with the time since the start and the name of the process in each line."""
+    handler = BackgroundLog(sys.stderr)
+    handler.setFormatter(MonotonicFormatter(f"%(relativeCreated)8d ms  {name}  %(message)s"))
+    logging.basicConfig(level=logging.INFO, handlers=[handler], force=True)
+
+
+class MonotonicFormatter(logging.Formatter):
+    """Takes the time since the start from a clock that is never stepped; `logging` takes it from the wall clock."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Return a line."""
+        record.relativeCreated = (time.monotonic() - STARTED) * 1e3
+        return super().format(record)
 
 
 class BackgroundLog(logging.Handler):
