@@ -5,7 +5,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -179,6 +179,28 @@ def test_services_stop_cleanly_while_waiting_for_peers(rig: Rig, number: signal.
         assert rig.stop(name, number) == 0, rig.output_of(name)
     (path,) = rig.recordings()
     verified(path)
+
+
+@pytest.mark.daily(3, of="processes")
+def test_watched_status_outlasts_a_restart_of_the_server(rig: Rig) -> None:
+    rig.start("server", "server")
+    rig.until(lambda s: True)
+    rig.start("status", "status", "--watch", "--json")
+    assert wait_for(lambda: '{"' in rig.output_of("status"))
+    rig.kill("server")
+    assert wait_for(lambda: "no server answers" in rig.output_of("status"))
+    before = rig.output_of("status").count('{"')
+    rig.start("server", "server")
+    assert wait_for(lambda: rig.output_of("status").count('{"') > before)
+    assert rig.stop("status", signal.SIGINT) == 0
+
+
+def wait_for(condition: Callable[[], bool], seconds: float = 60.0) -> bool:
+    """Wait until a condition holds; return False after the timeout [s]."""
+    until = time.monotonic() + seconds
+    while not condition() and time.monotonic() < until:
+        time.sleep(0.1)
+    return condition()
 
 
 @pytest.mark.daily(3, of="processes")
