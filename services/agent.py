@@ -12,7 +12,15 @@ app = typer.Typer()
 def agent(side: HandSide, config: ConfigFile = None, overrides: Overrides = None) -> None:
     """Run the agent of one device: it reads the stylus, and renders the force within safety limits."""
     settings = load(config, overrides)
-    from netboard.base.process import Priority, Stopping, cpus_for, io_priority, log_to_stderr, prepare
+    from netboard.base.process import (
+        Priority,
+        Stopping,
+        cpus_for,
+        io_priority,
+        log_to_stderr,
+        no_terminal_suspension,
+        prepare,
+    )
     from netboard.devices.contract import registry
     from netboard.network.transport import sockets
     from netboard.nodes.agent.agent import Agent
@@ -22,6 +30,7 @@ def agent(side: HandSide, config: ConfigFile = None, overrides: Overrides = None
     granted = prepare(settings.realtime, Priority.AGENT, cpus_for(side, settings.realtime))
     with (
         Stopping() as stopping,
+        no_terminal_suspension(),
         sockets.open_context(io_priority(granted, Priority.AGENT)) as context,
         registry.make(side, settings) as device,
     ):

@@ -63,7 +63,7 @@ def _files(paths: Sequence[Path]) -> Iterator[Path]:
             continue
         found = sorted(file for pattern in UNFINISHED for file in path.glob(pattern))
         if not found:
-            typer.echo(f"{path}: nothing to recover in this folder")
+            typer.echo(f"{path}: no unfinished recording in this folder; for a damaged one, name the file")
         yield from found
 
 

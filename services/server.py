@@ -81,7 +81,16 @@ def server(
 
 def serve(sessions: Sequence[tuple["BlockSequence", "Attempts"]], *, autostart: bool) -> int:
     """Serve sessions until all have ended; return 1 if some records may not be on disk."""
-    from netboard.base.process import Priority, Stopping, allow_files, cpus_for, io_priority, log_to_stderr, prepare
+    from netboard.base.process import (
+        Priority,
+        Stopping,
+        allow_files,
+        cpus_for,
+        io_priority,
+        log_to_stderr,
+        no_terminal_suspension,
+        prepare,
+    )
     from netboard.network import keys
     from netboard.network.transport import sockets
     from netboard.nodes.server.server import Server
@@ -94,7 +103,7 @@ def serve(sessions: Sequence[tuple["BlockSequence", "Attempts"]], *, autostart: 
     granted = prepare(wanted, Priority.SERVER, cpus_for("server", wanted))
     io_thread = io_priority(granted, Priority.SERVER)
     network = sockets.open_context(io_thread, best_effort=True, loop_priority=Priority.SERVER)
-    with Stopping() as stopping, network as context:
+    with Stopping() as stopping, no_terminal_suspension(), network as context:
         server = Server(sessions, context, authenticators, autostart=autostart)
         server.run(stopping, granted)
     return 0 if server.everything_recorded else 1

@@ -9,6 +9,7 @@ import math
 import os
 import signal
 import socket
+import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -31,6 +32,7 @@ from netboard.base.process import (
     interrupted_by_stop_signals,
     io_priority,
     leave_reserved_cpus,
+    log_to_stderr,
     peak_memory,
     prepare,
     resident_memory,
@@ -80,6 +82,25 @@ def test_closing_terminal_stays_ignored() -> None:
             assert not stopping()
     finally:
         signal.signal(signal.SIGHUP, outside)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+@pytest.mark.parametrize("name", ["SIGTSTP", "SIGTTOU"])
+def test_ctrl_z_does_not_suspend_a_process_that_renders_forces(name: str) -> None:
+    script = f"""
+import os, signal
+from netboard.base.process import no_terminal_suspension
+before = signal.getsignal(signal.{name})
+with no_terminal_suspension():
+    os.kill(os.getpid(), signal.{name})
+assert signal.getsignal(signal.{name}) == before
+"""
+    child = subprocess.Popen([sys.executable, "-c", script], process_group=0)  # a group that the signal can stop
+    try:
+        assert child.wait(20) == 0
+    finally:
+        child.kill()
+        child.wait()
 
 
 def test_signal_handlers_are_restored_without_a_signal() -> None:
@@ -416,6 +437,26 @@ def test_no_log_line_of_a_burst_before_the_end_is_lost_silently() -> None:
     dropped = int(last.removesuffix(" log lines were dropped: the terminal was stopped, or too slow"))
     assert dropped > 0
     assert len(lines) + dropped == 2 * process.MAX_LOG_LINES
+
+
+def test_step_of_the_wall_clock_does_not_change_the_time_of_a_log_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = io.StringIO()
+    monkeypatch.setattr("sys.stderr", terminal)
+    root = logging.getLogger()
+    before, level = root.handlers[:], root.level
+    root.handlers.clear()
+    try:
+        log_to_stderr("server")
+        line = logging.makeLogRecord({"msg": "a line", "levelno": logging.INFO, "relativeCreated": -3.6e6})
+        root.handle(line)
+        root.handlers[0].flush()
+    finally:
+        root.handlers[0].close()
+        root.handlers[:] = before
+        root.setLevel(level)
+    milliseconds, unit, rest = terminal.getvalue().split(maxsplit=2)
+    assert int(milliseconds) >= 0
+    assert (unit, rest) == ("ms", "server  a line\n")
 
 
 def test_log_line_that_cannot_be_formatted_is_no_error_of_the_loop() -> None:

@@ -5,7 +5,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -158,6 +158,13 @@ def test_block_without_haptics_renders_no_force(folder: Path) -> None:
     assert np.any(ticks["left_coupling"] != 0)
 
 
+def ignores(rig: Rig, name: str, number: signal.Signals) -> bool:
+    """Return whether a process ignores a signal."""
+    status = Path(f"/proc/{rig.running[name].pid}/status").read_text(encoding="utf-8")
+    ignored = next(line for line in status.splitlines() if line.startswith("SigIgn:"))
+    return bool(int(ignored.split()[1], 16) >> (number - 1) & 1)
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.daily(1)
 def test_services_stop_cleanly_while_waiting_for_peers(rig: Rig, number: signal.Signals) -> None:
@@ -166,11 +173,34 @@ def test_services_stop_cleanly_while_waiting_for_peers(rig: Rig, number: signal.
     rig.start("left display", "display", "--station", "left")
     rig.start("server", "server")
     rig.until(lambda s: {"agent.left", "display.left", "logger"} <= set(s.peers))
+    assert [name for name in rig.running if ignores(rig, name, signal.SIGTSTP)] == ["left agent", "server"]
     assert rig.stop("server", number) == 0, rig.output_of("server")
     for name in ("left display", "left agent", "logger"):
         assert rig.stop(name, number) == 0, rig.output_of(name)
     (path,) = rig.recordings()
     verified(path)
+
+
+@pytest.mark.daily(3, of="processes")
+def test_watched_status_outlasts_a_restart_of_the_server(rig: Rig) -> None:
+    rig.start("server", "server")
+    rig.until(lambda s: True)
+    rig.start("status", "status", "--watch", "--json")
+    assert wait_for(lambda: '{"' in rig.output_of("status"))
+    rig.kill("server")
+    assert wait_for(lambda: "no server answers" in rig.output_of("status"))
+    before = rig.output_of("status").count('{"')
+    rig.start("server", "server")
+    assert wait_for(lambda: rig.output_of("status").count('{"') > before)
+    assert rig.stop("status", signal.SIGINT) == 0
+
+
+def wait_for(condition: Callable[[], bool], seconds: float = 60.0) -> bool:
+    """Wait until a condition holds; return False after the timeout [s]."""
+    until = time.monotonic() + seconds
+    while not condition() and time.monotonic() < until:
+        time.sleep(0.1)
+    return condition()
 
 
 @pytest.mark.daily(3, of="processes")

@@ -104,6 +104,15 @@ def test_file_of_mcap_magic_alone_is_refused(tmp_path: Path) -> None:
         Recording(tmp_path / "a.mcap")
 
 
+def test_damaged_chunk_is_reported_once(path: Path) -> None:
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2 : len(data) // 2 + 64] = bytes(64)
+    path.write_bytes(data)
+    with Recording(path) as recording, pytest.raises(RecordingError) as raised:
+        recording.ticks()
+    assert str(raised.value).count("is damaged") == 1
+
+
 def test_missing_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="No such file"):
         Recording(tmp_path / "a.mcap")

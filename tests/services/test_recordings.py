@@ -116,4 +116,7 @@ def test_recover_refuses_one_output_for_several_files(writer: RecordingWriter) -
 
 def test_recover_reports_a_folder_with_nothing_to_recover(tmp_path: Path) -> None:
     result = runner.invoke(app, ["recover", str(tmp_path)])
-    assert (result.exit_code, result.output) == (0, f"{tmp_path}: nothing to recover in this folder\n")
+    assert (result.exit_code, result.output) == (
+        0,
+        f"{tmp_path}: no unfinished recording in this folder; for a damaged one, name the file\n",
+    )

@@ -1,7 +1,12 @@
 """`netboard up`: the processes it starts on a machine, and the order in which they end."""
 
 import logging
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
+from threading import Timer
 
 import pytest
 
@@ -96,3 +101,47 @@ def test_end_of_one_process_stops_the_others(
         assert launcher.supervise(wanted, lambda: False) == code
     assert f"the server ended with exit code {2 if code else 0}; stopping the others" in caplog.text
     assert stopped[:3] == [("left agent", "left display"), ("server",), ()]
+
+
+IGNORES_STOP = """
+import signal, time
+signal.signal(signal.SIGTERM, signal.SIG_IGN)
+print("on", flush=True)
+time.sleep(60)
+"""
+
+SLOW_STOP = """
+import signal, sys, time
+signal.signal(signal.SIGTERM, lambda *_: (time.sleep(0.5), print("done", flush=True), sys.exit(0)))
+print("on", flush=True)
+time.sleep(60)
+"""
+
+
+class ScriptLauncher(Launcher):
+    """A launcher whose processes run Python scripts."""
+
+    def start(self, name: str, *arguments: str) -> None:
+        (script,) = arguments
+        path = self.log_of(name)
+        assert path is not None
+        with path.open("ab") as output:
+            self._running[name] = subprocess.Popen([sys.executable, "-c", script], stdout=output)
+        while "on" not in path.read_text():
+            time.sleep(0.01)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+def test_second_ctrl_c_leaves_no_process_and_keeps_the_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("netboard.nodes.operator.launcher.HURRIED_SECONDS", 0.2)
+    with ScriptLauncher(tmp_path, {}) as processes:
+        processes.start("logger", SLOW_STOP)
+        processes.start("server", SLOW_STOP)
+        processes.start("left agent", SLOW_STOP)
+        processes.start("left display", IGNORES_STOP)
+        Timer(0.2, signal.raise_signal, [signal.SIGINT]).start()
+        assert [str(ended) for ended in processes.stop_all()] == ["the left display was killed by signal 9: on"]
+    ended = [(tmp_path / f"{name}.log").stat().st_mtime_ns for name in ("left-agent", "server", "logger")]
+    assert ended == sorted(ended)
+    assert (tmp_path / "logger.log").read_text().endswith("done\n")

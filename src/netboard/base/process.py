@@ -38,6 +38,9 @@ STOP_SIGNALS = tuple(getattr(signal, name) for name in _STOP_NAMES if hasattr(si
 NAME = f"{platform.node()}:{os.getpid()}"
 """Identity of this process: host and process number."""
 
+STARTED = time.monotonic()
+"""Time of the start of this process, or of its first line of netboard [s]."""
+
 LOG_INTERVAL_S = 1.0
 """Interval between log lines of a repeated event [s]."""
 
@@ -150,6 +153,21 @@ def interrupted_by_stop_signals() -> Iterator[None]:
     A closing terminal that `nohup` lets this process ignore stays ignored.
     """
     before = {number: signal.signal(number, signal.default_int_handler) for number in _handled_signals()}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextmanager
+def no_terminal_suspension() -> Iterator[None]:
+    """Ignore Ctrl-Z, and a terminal that suspends background processes that write to it.
+
+    A suspended agent would leave its device with the last force.
+    """
+    names = ("SIGTSTP", "SIGTTOU")
+    before = {each: signal.signal(each, signal.SIG_IGN) for name in names if (each := getattr(signal, name, None))}
     try:
         yield
     finally:
@@ -381,13 +399,19 @@ def home_folder() -> Path:
 
 
 def log_to_stderr(name: str) -> None:
-    """Log to standard error, with the name of the process in each line."""
-    logging.basicConfig(
-        level=logging.INFO,
-        format=f"%(relativeCreated)8d ms  {name}  %(message)s",
-        handlers=[BackgroundLog(sys.stderr)],
-        force=True,
-    )
+    """Log to standard error, with the time since the start and the name of the process in each line."""
+    handler = BackgroundLog(sys.stderr)
+    handler.setFormatter(MonotonicFormatter(f"%(relativeCreated)8d ms  {name}  %(message)s"))
+    logging.basicConfig(level=logging.INFO, handlers=[handler], force=True)
+
+
+class MonotonicFormatter(logging.Formatter):
+    """Takes the time since the start from a clock that is never stepped; `logging` takes it from the wall clock."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Return a line."""
+        record.relativeCreated = (time.monotonic() - STARTED) * 1e3
+        return super().format(record)
 
 
 class BackgroundLog(logging.Handler):

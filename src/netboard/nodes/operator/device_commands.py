@@ -16,7 +16,15 @@ from netboard.base import clock
 from netboard.base.bars import progress_bars
 from netboard.base.config import Config, Side
 from netboard.base.errors import ConfigError, NetboardError
-from netboard.base.process import Priority, Stopping, cpus_for, interrupted_by_stop_signals, prepare, steady_loop
+from netboard.base.process import (
+    Priority,
+    Stopping,
+    cpus_for,
+    interrupted_by_stop_signals,
+    no_terminal_suspension,
+    prepare,
+    steady_loop,
+)
 from netboard.devices.contract import profile, registry
 from netboard.devices.contract.device import Device, Reading
 from netboard.devices.contract.profile import Identity, Mechanics, Placement, Profile
@@ -218,7 +226,7 @@ def opened(config: Config, side: Side, real_time: bool) -> Iterator[Device]:
     if real_time:
         prepare(config.realtime, Priority.AGENT, cpus_for(side, config.realtime))
     device = registry.make(side, config)
-    with interrupted_by_stop_signals():
+    with interrupted_by_stop_signals(), no_terminal_suspension():
         device.open(placed=False)
         with device:
             if real_time:

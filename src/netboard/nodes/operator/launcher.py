@@ -10,8 +10,8 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
-from contextlib import nullcontext
+from collections.abc import Callable, Iterable
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
@@ -29,6 +29,9 @@ CHECK_INTERVAL_S = 0.1
 STOP_SECONDS = 15.0
 """Time for processes to end cleanly before they are killed [s]."""
 
+HURRIED_SECONDS = 2.0
+"""Time that is left to them after a second Ctrl-C: enough for zero forces and the last records [s]."""
+
 
 @dataclass(frozen=True)
 class Ended:
@@ -44,7 +47,7 @@ class Ended:
 
 
 class Launcher:
-    """Runs and supervises processes; on leaving, ends all that still run.
+    """Runs and supervises processes; on leaving, ends all that still run, in the `STOP_ORDER`.
 
     ``folder``: folder for their output, one file each; None passes it on to this process's output.
     """
@@ -59,7 +62,7 @@ class Launcher:
         return self
 
     def __exit__(self, *error: object) -> None:
-        self.stop(*self._running)
+        self.stop_all()
 
     def start(self, name: str, *arguments: str) -> None:
         """Start ``netboard ARGUMENTS`` under a name."""
@@ -104,21 +107,32 @@ class Launcher:
         del self._running[name]
         return str(Ended(name, code, self._last_line(name))) if code else ""
 
+    def stop_all(self) -> list[Ended]:
+        """Stop all that still run, in the `STOP_ORDER`; return those that failed."""
+        failed: list[Ended] = []
+        for kinds in STOP_ORDER:
+            failed += self.stop(*(name for name in self._running if name.endswith(kinds)))
+        return failed
+
     def stop(self, *names: str) -> list[Ended]:
         """Ask processes to stop, all at once, and kill those that do not; return those that failed.
 
-        A process that was still starting, and was ended by the signal, has not failed.
+        A second Ctrl-C shortens the wait for them, a third ends it. A process that was still starting, and was ended by
+        the signal, has not failed.
         """
-        processes = {name: self._running.pop(name) for name in names}
+        processes = {name: self._running[name] for name in names}
         for process in processes.values():
             process.terminate()
-        until = time.monotonic() + STOP_SECONDS
-        for process in processes.values():
-            try:
-                process.wait(max(0.0, until - time.monotonic()))
-            except subprocess.TimeoutExpired:
+        try:
+            _await(processes.values(), STOP_SECONDS)
+        except KeyboardInterrupt:
+            with suppress(KeyboardInterrupt):
+                _await(processes.values(), HURRIED_SECONDS)
+        finally:
+            for name, process in processes.items():
                 process.kill()
                 process.wait()
+                del self._running[name]
         return [
             Ended(name, process.returncode, self._last_line(name))
             for name, process in processes.items()
@@ -129,6 +143,14 @@ class Launcher:
         path = self.log_of(name)
         lines = [] if path is None else path.read_text(errors="replace").strip().splitlines()
         return lines[-1].strip() if lines else ""
+
+
+def _await(processes: Iterable["subprocess.Popen[bytes]"], seconds: float) -> None:
+    """Wait until all processes have ended, or until the timeout [s]."""
+    until = time.monotonic() + seconds
+    for process in processes:
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(max(0.0, until - time.monotonic()))
 
 
 def supervise(wanted: dict[str, list[str]], stopping: Callable[[], bool]) -> int:
@@ -143,9 +165,7 @@ def supervise(wanted: dict[str, list[str]], stopping: Callable[[], bool]) -> int
             ended = launcher.ended()
         if ended is not None:
             log.info("%s; stopping the others", ended)
-        failed: list[Ended] = []
-        for kinds in STOP_ORDER:
-            failed += launcher.stop(*(name for name in launcher.running() if name.endswith(kinds)))
+        failed = launcher.stop_all()
     for process in failed:
         log.error("%s", process)
     return 1 if failed else 0

@@ -70,6 +70,8 @@ class Container:
         try:
             yield
         except (*UNSOUND, ValueError, RecordingError, OSError) as error:
+            if isinstance(error, RecordingError) and str(error).startswith(f"{self.path}: "):
+                raise  # it names the file already
             reason = str(error) or type(error).__name__
             raise RecordingError(f"{self.path}: is damaged ({reason}); {recovery_advice(self.path)}") from error
 
