@@ -32,7 +32,7 @@ ScreenshotDelay = Annotated[
 ]
 Offscreen = Annotated[bool, typer.Option("--offscreen", help="Render without a screen.")]
 Insecure = Annotated[
-    bool, typer.Option("--insecure", help="Accept connections from other machines without encryption.")
+    bool, typer.Option("--insecure", help='Permit network.curve = "off" at an address that other machines can reach.')
 ]
 Model = Annotated[
     Literal["paper", "lagrangian"] | None, typer.Option(help="Physics model; the same as --set physics.model=...")

@@ -1,5 +1,6 @@
 """``netboard server``: the physics server, for one or several dyads, or for a session of a study."""
 
+import logging
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from netboard.nodes.server.blocks import BlockSequence
 
 app = typer.Typer()
+log = logging.getLogger(__name__)
 
 
 @app.command(
@@ -66,9 +68,12 @@ def server(
         raise ConfigError("--resume: needs --study; a single block cannot be resumed")
     if study is not None and len(settings) > 1:
         raise ConfigError(f"--study: found {len(settings)} configuration files, expected one: run a server per dyad")
+    from netboard.base.process import log_to_stderr
     from netboard.nodes.server.attempts import Attempts
     from netboard.nodes.server.blocks import BlockSequence
 
+    log_to_stderr("server")
+    log.info("preparing every block; after an installation or an update this compiles code, for up to a minute")
     if study is None:
         single_blocks = [(BlockSequence([one]), Attempts()) for one in settings]
         raise typer.Exit(serve(single_blocks, autostart=autostart is not False))
@@ -87,7 +92,6 @@ def serve(sessions: Sequence[tuple["BlockSequence", "Attempts"]], *, autostart: 
         allow_files,
         cpus_for,
         io_priority,
-        log_to_stderr,
         no_terminal_suspension,
         prepare,
     )
@@ -97,7 +101,6 @@ def serve(sessions: Sequence[tuple["BlockSequence", "Attempts"]], *, autostart: 
 
     configs = [sequence.block.config for sequence, _ in sessions]
     authenticators = [keys.make_authenticator(config.network) for config in configs]
-    log_to_stderr("server")
     allow_files()
     wanted = configs[0].realtime  # real-time settings apply to the process
     granted = prepare(wanted, Priority.SERVER, cpus_for("server", wanted))
