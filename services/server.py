@@ -12,6 +12,7 @@ from netboard.services.loading import load, load_study
 from netboard.services.options import USED_FILE, Blocks, Dyad, Insecure, Overrides, SessionOf, Trials, examples
 
 if TYPE_CHECKING:
+    from netboard.network.transport.authenticator import Authenticator
     from netboard.nodes.server.attempts import Attempts
     from netboard.nodes.server.blocks import BlockSequence
 
@@ -59,11 +60,11 @@ def server(
 ) -> None:
     """Run the physics server: it simulates the board and runs the trials."""
     settings = [load(file, overrides) for file in config or (None,)]
-    if not insecure:
-        from netboard.network.keys import refuse_open_network
+    from netboard.network import keys
 
-        for one in settings:
-            refuse_open_network(one.network)
+    for one in settings:
+        if not insecure:
+            keys.refuse_open_network(one.network)
     if study is None and resume:
         raise ConfigError("--resume: needs --study; a single block cannot be resumed")
     if study is not None and len(settings) > 1:
@@ -72,19 +73,25 @@ def server(
     from netboard.nodes.server.attempts import Attempts
     from netboard.nodes.server.blocks import BlockSequence
 
+    authenticators = [keys.make_authenticator(one.network) for one in settings]
     log_to_stderr("server")
     log.info("preparing every block; after an installation or an update this compiles code, for up to a minute")
     if study is None:
         single_blocks = [(BlockSequence([one]), Attempts()) for one in settings]
-        raise typer.Exit(serve(single_blocks, autostart=autostart is not False))
+        raise typer.Exit(serve(single_blocks, authenticators, autostart=autostart is not False))
     from netboard.nodes.server.planned import Planned, StudySession, confirm
 
     planned = Planned(settings[0], load_study(study), StudySession(study, dyad, session, seed, blocks, trials))
     opened = planned.resume(confirm(yes)) if resume else planned.begin()
-    raise typer.Exit(serve([opened], autostart=autostart is True))
+    raise typer.Exit(serve([opened], authenticators, autostart=autostart is True))
 
 
-def serve(sessions: Sequence[tuple["BlockSequence", "Attempts"]], *, autostart: bool) -> int:
+def serve(
+    sessions: Sequence[tuple["BlockSequence", "Attempts"]],
+    authenticators: Sequence["Authenticator | None"],
+    *,
+    autostart: bool,
+) -> int:
     """Serve sessions until all have ended; return 1 if some records may not be on disk."""
     from netboard.base.process import (
         Priority,
@@ -95,14 +102,11 @@ def serve(sessions: Sequence[tuple["BlockSequence", "Attempts"]], *, autostart: 
         no_terminal_suspension,
         prepare,
     )
-    from netboard.network import keys
     from netboard.network.transport import sockets
     from netboard.nodes.server.server import Server
 
-    configs = [sequence.block.config for sequence, _ in sessions]
-    authenticators = [keys.make_authenticator(config.network) for config in configs]
     allow_files()
-    wanted = configs[0].realtime  # real-time settings apply to the process
+    wanted = sessions[0][0].block.config.realtime  # real-time settings apply to the process
     granted = prepare(wanted, Priority.SERVER, cpus_for("server", wanted))
     io_thread = io_priority(granted, Priority.SERVER)
     network = sockets.open_context(io_thread, best_effort=True, loop_priority=Priority.SERVER)
