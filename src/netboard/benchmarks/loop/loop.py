@@ -19,6 +19,7 @@ from netboard.base.config import SIDES, Config
 from netboard.base.tick import TICK_NS, TICK_SECONDS
 from netboard.benchmarks.harness.results import Part, Value, Verdict
 from netboard.benchmarks.harness.running import Tell
+from netboard.benchmarks.loop import baselines
 from netboard.benchmarks.loop.rig import Rig, dyad_configs, write_configs
 from netboard.benchmarks.loop.timing import (
     HEADS,
@@ -35,8 +36,6 @@ from netboard.benchmarks.loop.workers import Worker, Workers
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.summary import spread
 from netboard.recording.timing.stamps import Stamps, stamps_of
-
-BASELINES = "netboard.benchmarks.loop.baselines"
 
 LEAD_NS = 50_000_000
 """Lead time between the order and the common start of the baselines [ns]."""
@@ -92,7 +91,7 @@ def measure_loop(config: Config, folder: Path, displays: int, seconds: float, ro
     costs: Costs = {}
     found: list[Round] = []
     with Workers() as workers, Rig([measured], folder, displays) as rig:
-        baselines = Baselines(spare, folder, workers, round(seconds / rounds * 1e9) // TICK_NS)
+        others = Baselines(spare, folder, workers, round(seconds / rounds * 1e9) // TICK_NS)
         for number in range(rounds):
             report = _progress(tell, number, rounds)
             report("waiting for a trial", 0.0)
@@ -100,9 +99,9 @@ def measure_loop(config: Config, folder: Path, displays: int, seconds: float, ro
             period = rig.measure(seconds / rounds, partial(report, "netboard"))
             rig.suspend()
             report("echo", 1.0)
-            echo_ns, before, after = baselines.run_echo()
+            echo_ns, before, after = others.run_echo()
             report("timer", 1.0)
-            found.append(Round((period.start_ns, period.end_ns), echo_ns, baselines.run_timer(), {}))
+            found.append(Round((period.start_ns, period.end_ns), echo_ns, others.run_timer(), {}))
             for where in (costs, found[-1].costs):
                 add_costs(where, period.before, period.after)
                 add_costs(where, before, after)
@@ -126,7 +125,7 @@ class Baselines:
         (file,) = write_configs([config], folder)
 
         def start(role: str, name: str = "") -> Worker:
-            return workers.start(f"{role} {name}".strip(), BASELINES, role, name, str(file), folder=folder)
+            return workers.start(f"{role} {name}".strip(), baselines.__name__, role, name, str(file), folder=folder)
 
         self._count = count
         self._echo, self._timer = start("echo"), start("timer")

@@ -20,7 +20,7 @@ from netboard.base.clock import now_ns
 from netboard.base.config import Config
 from netboard.benchmarks.harness.results import Part, Verdict
 from netboard.benchmarks.harness.running import Tell
-from netboard.benchmarks.loop.light_peers import sleep_until
+from netboard.benchmarks.loop import light_peers
 from netboard.benchmarks.loop.rig import await_status, dyad_configs, write_configs
 from netboard.benchmarks.loop.timing import HEADS, TickTiming, Times, in_milliseconds, tick_timing
 from netboard.benchmarks.loop.usage import LOOP, TRANSPORT, Cost, read_usage, total
@@ -29,8 +29,6 @@ from netboard.network.transport import sockets
 from netboard.nodes.operator.launcher import Launcher
 from netboard.nodes.operator.operator import Operator
 from netboard.recording.format.summary import spread
-
-PEERS_MODULE = "netboard.benchmarks.loop.crowd"
 
 WARM_SECONDS = 4.0
 """Time for sessions to begin their trials and for agents to adjust their phase, before counting starts [s]."""
@@ -68,8 +66,8 @@ class LightPeers(Workers):
     def __init__(self, folder: Path) -> None:
         super().__init__()
         self._folder = folder
-        self._agents = self.start("agents", PEERS_MODULE, "agents", folder=folder)
-        self._watchers = self.start("watchers", PEERS_MODULE, "watchers", folder=folder)
+        self._agents = self.start("agents", light_peers.__name__, "agents", folder=folder)
+        self._watchers = self.start("watchers", light_peers.__name__, "watchers", folder=folder)
 
     def serve(self, config: Config, dyads: int, peers: Peers, seconds: float) -> Served:
         """Run a server of some dyads with these peers."""
@@ -88,9 +86,9 @@ class LightPeers(Workers):
             if peers.agents:
                 self._agents.order(**order, moving=peers.moving)
             cost, process = Cost(), launcher.process_id("server")
-            sleep_until(from_ns)
+            light_peers.sleep_until(from_ns)
             before = read_usage(process)
-            sleep_until(until_ns)
+            light_peers.sleep_until(until_ns)
             cost.add(before, read_usage(process))
             received = self._watchers.answer()
             of_agents = self._agents.answer() if peers.agents else {"counts": {}, "late_ns": []}
