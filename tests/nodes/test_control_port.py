@@ -145,11 +145,14 @@ def test_pings_yield_clock_offsets_of_peers() -> None:
 
 def test_silent_display_is_removed_and_may_return() -> None:
     rig = Rig()
+    assert not rig.port.empty
     rig.port.pump(SILENCE_TIMEOUT_NS + PING_NS)
+    assert rig.port.empty
     assert rig.port.peers == ()
     assert not rig.port.is_present(C)
     rig.exchange(D, Frames("left", ((1, 2, 3),), 0))
     assert rig.port.peers == ("display.left",)
+    assert not rig.port.empty
     names = [name for name, _ in rig.port.news]
     assert names == ["display_joined", "console_joined", "display_silent", "console_silent", "display_back"]
     assert [frame.tick for frame in rig.port.take_frames()] == [1]

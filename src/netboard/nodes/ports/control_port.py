@@ -108,8 +108,8 @@ class ControlPort:
 
     @property
     def empty(self) -> bool:
-        """Whether no peer is registered."""
-        return not self._peers
+        """Whether no peer is connected, or all have been silent."""
+        return len(self._peers) == len(self._silent)
 
     @property
     def peers(self) -> tuple[str, ...]:
