@@ -387,23 +387,28 @@ def machine_code(compiled: Callable[P, R], *arguments: Any) -> Callable[P, R]:
     if not hasattr(dispatcher, "overloads"):  # the compiler is switched off
         return compiled
     signature = tuple(_type_of(argument) for argument in arguments)
-    dispatcher.compile(signature)
+    if signature not in dispatcher.overloads:
+        dispatcher.compile(signature)
     return cast("Callable[P, R]", dispatcher.overloads[signature].entry_point)
 
 
-_RECORD_TYPES: dict[tuple[Any, ...], Any] = {}
-"""Numba's types of records and arrays of records, by what distinguishes them: `numba.typeof` takes up to 1 ms each."""
+_TYPES: dict[tuple[Any, ...], Any] = {}
+"""Numba's types of arrays, records and generators, by what distinguishes them: `numba.typeof` takes up to 1 ms."""
 
 
 def _type_of(value: Any) -> Any:
     """Return Numba's type of an argument."""
     if isinstance(value, tuple):
         return types.BaseTuple.from_types([_type_of(part) for part in value])
-    if not isinstance(value, np.ndarray | np.void) or value.dtype.names is None:
+    key: tuple[Any, ...]
+    if isinstance(value, np.ndarray | np.void):
+        flags = value.flags
+        layout = (flags.c_contiguous, flags.f_contiguous, flags.writeable, flags.aligned)
+        key = (type(value), value.dtype, value.ndim, *layout)
+    elif isinstance(value, np.random.Generator):
+        key = (type(value), type(value.bit_generator))
+    else:
         return numba.typeof(value)
-    flags = value.flags
-    layout = (flags.c_contiguous, flags.f_contiguous, flags.writeable, flags.aligned)
-    key = (type(value), value.dtype, value.ndim, *layout)
-    if key not in _RECORD_TYPES:
-        _RECORD_TYPES[key] = numba.typeof(value)
-    return _RECORD_TYPES[key]
+    if key not in _TYPES:
+        _TYPES[key] = numba.typeof(value)
+    return _TYPES[key]

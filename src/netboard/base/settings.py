@@ -12,7 +12,7 @@ import difflib
 import functools
 import json
 import tomllib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from pydantic import AllowInfNan, ConfigDict, Field, Strict, StrictStr, TypeAdapter, ValidationError
@@ -157,15 +157,19 @@ class Table:
         return ".".join(self.path)
 
 
-def tables(cls: type[Any], path: Path = ()) -> Iterator[Table]:
-    """Walk a dataclass of dataclasses: yield a table, then the tables within it."""
+def tables(cls: type[Any], path: Path = ()) -> tuple[Table, ...]:
+    """Return the tables of a dataclass of dataclasses, each before the tables within it."""
+    return _tables(cls, path)  # type: ignore[arg-type]  # mypy doubts that a class can be hashed
+
+
+@functools.cache
+def _tables(cls: type[Any], path: Path) -> tuple[Table, ...]:
     hints = get_type_hints(cls, include_extras=True)
     fields = dataclasses.fields(cls)
     inner = [f.name for f in fields if dataclasses.is_dataclass(hints[f.name])]
     keys = tuple(_key(f, hints[f.name]) for f in fields if f.name not in inner)
-    yield Table(path, (cls.__doc__ or "").strip(), keys, tuple(inner))
-    for name in inner:
-        yield from tables(hints[name], (*path, name))
+    table = Table(path, (cls.__doc__ or "").strip(), keys, tuple(inner))
+    return (table, *(one for name in inner for one in tables(hints[name], (*path, name))))
 
 
 def _key(field: dataclasses.Field[Any], hint: Any) -> Key:

@@ -150,9 +150,23 @@ def pack_constants(person: Participant, physics: Physics, task: Task, sides: tup
     return packed
 
 
+def initial_state(constants: NDArray[Any], rng: np.random.Generator) -> NDArray[Any]:
+    """Return the state of a participant at the start: ndarray of STATE, shape (1,) [SI].
+
+    Parameters
+    ----------
+    constants : ndarray of CONSTANTS, shape (1,)
+        Its constants, from `pack_constants`.
+    """
+    state = np.zeros(1, STATE)
+    machine_code(_initialise, state, constants, rng)(state, constants, rng)
+    return state
+
+
 @kernel
-def initialise(state: Any, k: Any, rng: np.random.Generator) -> None:
+def _initialise(states: Any, constants: Any, rng: np.random.Generator) -> None:
     """Begin: draw the first noises and the first threshold."""
+    state, k = states[0], constants[0]
     senses = state["senses"]
     state["mirror"], state["practice"] = k["mirror"], k["practice"]
     factor = state["learning_factor"] = learned(k["novice"], k["practice"], k["learning_trials"])
@@ -403,11 +417,10 @@ class Controller:
         self.identity = identity_of(SIMULATED_PARTICIPANT, person)
         self.interval = DECISION_INTERVAL
         self.constants = pack_constants(person, physics, task, sides)
-        self.state = np.zeros(1, STATE)
+        self.state = initial_state(self.constants, rng)
         self._rng = rng
         self._glimpse = np.zeros(1, SEEN)
         self._moves = np.zeros(2, MOVE)
-        initialise(self.state[0], self.constants[0], rng)
         self._decision_time = self.state["decision_time"].data
         # The look-up of the kernel by the types of its arguments would take longer than a decision.
         self._decide = machine_code(_decide, self.state, self.constants, rng, 0.0, self._glimpse, 0.0, self._moves)

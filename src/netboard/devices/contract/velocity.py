@@ -11,7 +11,7 @@ comparison.
 """
 
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,30 +31,6 @@ SLACK = 1.01
 
 
 @inlined
-def _slopes(stamps: NDArray[np.int64], places: NDArray[np.float64], count: int, band: float) -> Any:
-    """Return for each axis the slope over the longest window in which a straight line fits all positions: lanes [m/s].
-
-    A line from the newest position fits an older one if its slope is within ``band / elapsed time`` of the slope
-    between the two. So one pass suffices, which narrows the interval of the slopes that fit all positions so far. No
-    slope lies in the interval of an axis whose window has ended. There are no branches, because a processor predicts
-    the ends of three windows badly.
-    """
-    newest = lanes_at(places, 0, AXES)
-    best, none = gathered((0.0, 0.0, 0.0), AXES), gathered((np.inf, np.inf, np.inf), AXES)
-    lowest, highest = -none, none
-    for last in range(1, count):
-        per_second = 1e9 / (stamps[0] - stamps[last])
-        rate = (newest - lanes_at(places, AXES * last, AXES)) * per_second
-        low, high = larger(lowest, rate - band * per_second), smaller(highest, rate + band * per_second)
-        best = where_within(rate, lowest, highest, rate, best)
-        lowest, highest = (
-            where_within(rate, lowest, highest, low, none),
-            where_within(rate, lowest, highest, high, -none),
-        )
-    return best
-
-
-@inlined
 def windowed(
     stamps: NDArray[np.int64],
     places: NDArray[np.float64],
@@ -68,16 +44,36 @@ def windowed(
     ``stamps``, ``places``: times [ns] and positions x, y, z, 0 [m] of the last `SAMPLES`, newest first, changed in
     place; ``count`` of them are valid. ``band``: largest deviation of a position from the line [m]. ``stamp_ns``: time
     of the new position ``place``; one that is not later than the newest replaces it.
+
+    A line from the newest position fits an older one if its slope is within ``band / elapsed time`` of the slope
+    between the two. So one pass suffices, which narrows the interval of the slopes that fit all positions so far, and
+    moves each position to the next place. No slope lies in the interval of an axis whose window has ended. There are
+    no branches, because a processor predicts the ends of three windows badly.
     """
-    if count == 0 or stamp_ns > stamps[0]:
-        for k in range(SAMPLES - 1, 0, -1):
-            stamps[k] = stamps[k - 1]
-            put(places, AXES * k, lanes_at(places, AXES * (k - 1), AXES))
-        count = min(count + 1, SAMPLES)
-        stamps[0] = stamp_ns
-    put(places, 0, gathered(place, AXES))
-    slopes = _slopes(stamps, places, count, band)
-    return count, lane(slopes, 0), lane(slopes, 1), lane(slopes, 2)
+    if count > 0 and stamp_ns <= stamps[0]:
+        stamp_ns = stamps[0]
+        count -= 1
+        for k in range(count):
+            stamps[k] = stamps[k + 1]
+            put(places, AXES * k, lanes_at(places, AXES * (k + 1), AXES))
+    newest = gathered(place, AXES)
+    best, none = gathered((0.0, 0.0, 0.0), AXES), gathered((np.inf, np.inf, np.inf), AXES)
+    lowest, highest = -none, none
+    following, following_ns = lanes_at(places, 0, AXES), stamps[0]
+    put(places, 0, newest)
+    stamps[0] = stamp_ns
+    count = min(count + 1, SAMPLES)
+    for last in range(1, count):
+        older, older_ns = following, following_ns
+        following, following_ns = lanes_at(places, AXES * last, AXES), stamps[last]
+        put(places, AXES * last, older)
+        stamps[last] = older_ns
+        per_second = 1e9 / (stamp_ns - older_ns)
+        rate = (newest - older) * per_second
+        best = where_within(rate, lowest, highest, rate, best)
+        lowest = where_within(rate, lowest, highest, larger(lowest, rate - band * per_second), none)
+        highest = smaller(highest, rate + band * per_second)
+    return count, lane(best, 0), lane(best, 1), lane(best, 2)
 
 
 class Estimator(Protocol):

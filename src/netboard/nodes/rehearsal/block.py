@@ -21,7 +21,7 @@ from netboard.base.compiled import borrowed, composed, machine_code
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant
-from netboard.base.tick import START_NS, TICK, TICK_NS, TICK_SECONDS
+from netboard.base.tick import START_NS, TICK, TICK_NS, TICK_SECONDS, TICK_WORDS
 from netboard.nodes.rehearsal.body import BODY, LEAD_NS, advance, apply_force, pack_body, plan, read
 from netboard.nodes.rehearsal.closed_loop import (
     CURTAIN,
@@ -51,8 +51,10 @@ MAX_MEAN_TRIAL = 120.0
 KEPT = DECISION_TICKS
 """Ticks kept before a piece, for participants that see them late [1]."""
 
-_FINISHED, _STOP = int(Phase.FINISHED), int(Cause.STOP)
-_TICK, _TIME, _LATE, _COMMAND = ((TICK.names or ()).index(name) for name in ("tick", "time_ns", "late_ns", "command"))
+_FINISHED, _STOP, _HELD = int(Phase.FINISHED), int(Cause.STOP), int(Cause.HELD)
+_TICK, _TIME, _LATE, _COMMAND, _EVENT, _MARK_TICKS = (
+    TICK_WORDS[name] for name in ("tick", "time_ns", "late_ns", "command", "event", "mark_ticks")
+)
 
 
 def _ticks(state: Any, rows: Any, first: int, count: int, book: Any, tables: Any) -> None:
@@ -191,11 +193,10 @@ class Rehearsal:
             self._ticks += count
             done = rows[KEPT : KEPT + count]
             if self._state["successes"][0] != before:
-                # A row has the completion time before its tick; that after it is in the next row, or the state.
-                after = np.append(done["completion"][1:], self._state["completion"])
-                self._completions += after[done["event"] == Cause.HELD].tolist()
+                held = words[KEPT : KEPT + count, _EVENT] == _HELD
+                self._completions += (words[KEPT : KEPT + count, _MARK_TICKS][held] * TICK_SECONDS).tolist()
             over = int(self._state["phase"][0]) == _FINISHED
-            self._given_up = int(done["event"][-1]) == _STOP
+            self._given_up = int(words[KEPT + count - 1, _EVENT]) == _STOP
             yield done
 
     def _command(self, commands: NDArray[np.int64]) -> None:

@@ -17,7 +17,7 @@ from netboard.base.compiled import kernel, machine_code
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import TICK_NS, TICK_SECONDS, TICK_WORDS
-from netboard.participants.controller import DECISION_INTERVAL, MOVE, Controller, decide
+from netboard.participants.controller import DECISION_INTERVAL, MOVE, decide, initial_state, pack_constants
 from netboard.participants.senses import SEEN
 from netboard.stage.curtain import glimpse, make_curtain, pack_curtain
 from netboard.task.trials.state_machine import is_active
@@ -38,7 +38,7 @@ class SimulatedParticipant:
         self, config: Config, person: Participant, station: Side, sides: tuple[Side, ...], rng: np.random.Generator
     ) -> None:
         block = config.block
-        controller = Controller(person, config.physics, config.task, sides, rng)
+        constants = pack_constants(person, config.physics, config.task, sides)
         seen = replace(block, left="person", right="person")  # a robot also sees the board
         curtain = pack_curtain(make_curtain(replace(config, block=seen)), station)
         view_ticks = ceil(1.0 / (TICK_SECONDS * config.network.view_rate_hz))
@@ -49,7 +49,7 @@ class SimulatedParticipant:
         # Controller's state, constants and random generator; curtain, newest glimpse, view timing, scales of the force
         # by trial, catch trials, and room for new movements.
         self.parts = (
-            *(controller.state, controller.constants, rng, curtain, shown, timing),
+            *(initial_state(constants, rng), constants, rng, curtain, shown, timing),
             *(np.array(scales, np.float64), np.array(block.catch, np.int64), np.zeros(2, MOVE)),
         )
         self._decide = decide_in_tick

@@ -79,7 +79,7 @@ def jobs_of(blocks: Sequence[Config], seed: int, dyad: int, folder: Path | None,
 
 
 def rehearse(job: Job, progress: Callable[[int], object] = lambda successes: None) -> BlockResult:
-    """Rehearse one block. ``progress``: called with the number of successful trials so far."""
+    """Rehearse one block. ``progress``: called with the number of successful trials so far, after each of them."""
     began = time.perf_counter()
     rehearsal = Rehearsal(job.config, job.people)
     begun_ns = time.time_ns() if job.begun_ns is None else job.begun_ns
@@ -89,13 +89,15 @@ def rehearse(job: Job, progress: Callable[[int], object] = lambda successes: Non
         for name, text in identity_of(SIMULATED_PARTICIPANT, person).items()
     }
     writer = None if job.folder is None else BlockWriter(job.folder, job.config, job.session, begun_ns, metadata)
-    ticks = 0
+    ticks = successes = 0
     try:
         for rows in rehearsal.pieces(PIECE if job.fast else SECOND):
             if writer is not None:
                 writer.take(rows)
             ticks += len(rows)
-            progress(rehearsal.successes)
+            if rehearsal.successes > successes:
+                successes = rehearsal.successes
+                progress(successes)
             if not job.fast:
                 time.sleep(max(0.0, began + ticks * TICK_SECONDS - time.perf_counter()))
         if writer is not None:

@@ -275,7 +275,7 @@ def _applying(typing: Any, array: Any, offset: Any, lanes: Any, count: Any) -> A
 
 def lanes_at(array: Array, offset: int, count: int) -> Any:
     """Load consecutive elements of an array."""
-    return array.ravel()[offset : offset + count]
+    return array.ravel()[offset : offset + count].copy()
 
 
 def pair_at(array: Array, offset: int, count: int) -> tuple[Any, Any]:

@@ -9,6 +9,7 @@ reasons.
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 from netboard.base.errors import ConfigError
@@ -73,8 +74,9 @@ class Choice:
     reason: str
 
 
+@lru_cache(maxsize=64)
 def choose(physics: Physics, h: float) -> Choice:
-    """Choose the integration method of a scene.
+    """Choose the integration method of a scene; the blocks of a session usually have the same.
 
     Parameters
     ----------
