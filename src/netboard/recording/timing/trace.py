@@ -11,7 +11,7 @@ from netboard.base.config import SIDES
 from netboard.base.terminal import FittedTable, numbers
 from netboard.base.tick import TICK_NS
 from netboard.recording.format.summary import Spread, find_gaps, spread
-from netboard.recording.timing.causes import CAUSES, Cause, cause_of
+from netboard.recording.timing.causes import CAUSES, Cause
 from netboard.recording.timing.evidence import Evidence, episodes
 from netboard.recording.timing.stamps import UNKNOWN, Stamps
 
@@ -66,7 +66,7 @@ def _episode(stamps: Stamps, evidence: Evidence) -> Episode:
     rows = slice(evidence.first, evidence.last + 1)
     playing = stamps.in_trial[rows]
     return Episode(
-        cause_of(evidence),
+        next(cause for cause in CAUSES if cause.holds(evidence)),
         evidence,
         int(stamps.tick[evidence.first]),
         evidence.last - evidence.first + 1,
