@@ -48,7 +48,6 @@ class OpenRecording:
         self.attempts: tuple[Attempt, ...] = attempts_along(self._counted())
 
     def _counted(self) -> Iterator[NDArray[Any]]:
-        """Yield the ticks and count them."""
         for rows in self.recording.batches():
             if rows.size and not self.ticks:
                 self.origin_ns = int(rows["time_ns"][0])
@@ -316,7 +315,6 @@ _RECORDING_COLUMNS: tuple[tuple[Field, Callable[[OpenRecording], Any]], ...] = (
 
 
 def _recordings(source: OpenRecording) -> Iterator[Rows]:
-    """Yield the single row of a recording."""
     yield {field.name: np.array([value(source)], DTYPES[field.kind]) for field, value in _RECORDING_COLUMNS}
 
 

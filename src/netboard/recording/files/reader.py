@@ -304,7 +304,6 @@ class Recording:
         return rows
 
     def _read_columns(self, names: Sequence[str], places: NDArray[Any]) -> dict[str, NDArray[Any]]:
-        """Return columns of the ticks at these locations."""
         columns = {name: np.zeros(int(places["count"].sum()), TICK[name]) for name in names}
 
         def put(at: slice, found: dict[str, NDArray[Any]]) -> None:
@@ -343,7 +342,6 @@ class Recording:
             return Layout(self._file.schemas.get(_TICKS, b""))
 
     def _decode(self, offsets: Sequence[int], names: Sequence[str]) -> dict[str, NDArray[Any]]:
-        """Decode columns of the ticks in some chunks."""
         with self._file.sound():
             if self._in_batches:
                 return self._layout.decode(
@@ -401,7 +399,6 @@ def _refuse_unknown(names: Sequence[str]) -> None:
 
 
 def _in_range(numbers: NDArray[np.int64], first: int | None, stop: int | None) -> NDArray[np.bool_]:
-    """Return a mask of the tick numbers in the range."""
     wanted = np.ones(len(numbers), bool)
     if first is not None:
         wanted &= numbers >= first

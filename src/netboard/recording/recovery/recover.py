@@ -328,7 +328,6 @@ def _copy(
 
 
 def _rows_of(message: bytes, version: str) -> NDArray[Any]:
-    """Decode the ticks in a message."""
     if version == "2":
         return older.ticks_of([message], version)
     columns = (_LAYOUT_3 if version == "3" else _LAYOUT).decode([message], TICK.names or ())
