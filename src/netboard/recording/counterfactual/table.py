@@ -8,6 +8,7 @@ from rich.text import Text
 
 from netboard.base.terminal import FittedTable, numbers
 from netboard.recording.counterfactual.what_if import QUANTITIES, Comparison, WhatIf
+from netboard.recording.format.summary import or_null
 
 EXPLANATION = (
     "Open loop: the hands move as recorded and do not react to the change. The trial state machine decides again.\n"
@@ -55,19 +56,14 @@ def as_data(found: WhatIf, changes: Sequence[str]) -> dict[str, Any]:
             {
                 "trial": one.then.trial,
                 "attempt": one.then.attempt,
-                "then": {"outcome": one.then.outcome, "completion": _number(one.then.completion)},
-                "now": {"outcome": one.now.outcome, "completion": _number(one.now.completion)},
+                "then": {"outcome": one.then.outcome, "completion": or_null(one.then.completion)},
+                "now": {"outcome": one.now.outcome, "completion": or_null(one.now.completion)},
                 "compared": one.common,
                 "differences": {
-                    name: {"rms": _number(change.rms), "max": _number(change.largest)}
+                    name: {"rms": or_null(change.rms), "max": or_null(change.largest)}
                     for name, change in one.differences.items()
                 },
             }
             for one in found.comparisons
         ],
     }
-
-
-def _number(value: float) -> float | None:
-    """Return None for NaN, which JSON does not have."""
-    return None if isnan(value) else value
