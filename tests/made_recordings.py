@@ -16,7 +16,7 @@ from netboard.network.protocol.messages import PROTOCOL_VERSION
 from netboard.network.protocol.records import EventRecord, TickRecord
 from netboard.recording.files.provenance import next_recording, provenance
 from netboard.recording.files.writer import RecordingWriter
-from netboard.recording.replay.loaded import LoadedRecording, RecordingData
+from netboard.recording.replay.loaded import LoadedRecording
 from netboard.task.trials.state_machine import Cause, Phase
 
 CONFIG = replace(Config(), display=Display(width=840, height=600), block=Block(trials=6))
@@ -57,7 +57,7 @@ def loaded_recording(
     ticks: NDArray[Any], *events: EventRecord, name: str = "made.mcap", config: Config = CONFIG
 ) -> LoadedRecording:
     """Some ticks and events, ready to be played."""
-    return LoadedRecording(RecordingData(name, resolve(config), ticks, events))
+    return LoadedRecording(name, resolve(config), ticks, events)
 
 
 def recorded(directory: Path, ticks: NDArray[Any]) -> Path:

@@ -26,7 +26,7 @@ from netboard.base.tick import TICK
 from netboard.network.protocol.records import BLOCK_BEGAN, EventRecord
 from netboard.recording.export.runs import runs_of
 from netboard.recording.files.locate import find_unfinished, recovered_path
-from netboard.recording.files.provenance import CONFIG_NAME, METADATA, METADATA_END, METADATA_FIRST
+from netboard.recording.files.provenance import CONFIG_NAME, MetadataName
 from netboard.recording.files.reader import Recording
 from netboard.recording.files.writer import RecordingWriter
 from netboard.recording.format.partfile import PartFile
@@ -229,7 +229,7 @@ def test_lost_configuration_comes_from_the_event_that_began_the_block(tmp_path: 
         assert recording.recovery["config"] == "recovered"
 
 
-@pytest.mark.parametrize("lost", ["", METADATA, CONFIG_NAME, METADATA_FIRST, METADATA_END])
+@pytest.mark.parametrize("lost", ["", MetadataName.OPENED, CONFIG_NAME, MetadataName.FIRST, MetadataName.END])
 def test_damaged_record_outside_chunks_costs_only_itself(tmp_path: Path, whole: Path, lost: str) -> None:
     """The file has no event that begins its block, as the second file of a block."""
     data = bytearray(whole.read_bytes())
@@ -242,14 +242,14 @@ def test_damaged_record_outside_chunks_costs_only_itself(tmp_path: Path, whole: 
     assert [part.offset for part in report.damage] == [at]
     assert report.has_config == (lost != CONFIG_NAME)
     with Recording(report.output) as recording:
-        assert (recording.metadata["session"] == "unknown") == (lost == METADATA)
-        assert (recording.first_record is None) == (lost == METADATA_FIRST)
-        assert (recording.end == {}) == (lost == METADATA_END)
+        assert (recording.metadata["session"] == "unknown") == (lost == MetadataName.OPENED)
+        assert (recording.first_record is None) == (lost == MetadataName.FIRST)
+        assert (recording.end == {}) == (lost == MetadataName.END)
 
 
 def test_damaged_configuration_is_not_taken_for_sound_without_its_hash(tmp_path: Path, whole: Path) -> None:
     data = bytearray(whole.read_bytes())
-    data[data.index(METADATA.encode(), 40) - 11] ^= 1
+    data[data.index(MetadataName.OPENED.encode(), 40) - 11] ^= 1
     data[data.index(CONFIG_TEXT.encode()) + 3] ^= 1
     assert not recovered_ticks(tmp_path, bytes(data))[1].has_config
 

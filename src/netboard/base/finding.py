@@ -24,6 +24,13 @@ class Finding:
     figures: dict[str, float] = field(default_factory=dict)
 
 
+def graded(
+    name: str, good: bool, found: str, advice: str, figures: dict[str, float] | None = None, *, else_: Colour = "yellow"
+) -> Finding:
+    """Return a green finding without advice if all is good, and one of another colour with it if not."""
+    return Finding(name, "green" if good else else_, found, "" if good else advice, figures or {})
+
+
 def text_of(path: Path) -> str:
     """Return the text of a system file, stripped; empty if it is missing or may not be read."""
     try:

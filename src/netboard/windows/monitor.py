@@ -93,7 +93,6 @@ class MonitorWindow(windows.Window):
         super().closeEvent(event)
 
     def _plot(self, rows: QVBoxLayout, name: str, unit: str) -> list[pg.PlotDataItem]:
-        """Make a plot with one line per axis."""
         plot = pg.PlotWidget(self, background=COLOURS[PictureState.RUN].background)
         plot.setLabel("left", f"{name} [{unit}]")
         plot.setLabel("bottom", "time [s]")
@@ -108,7 +107,6 @@ class MonitorWindow(windows.Window):
         return [plot.plot(name=axis, pen=pg.mkPen(colour, width=1.5)) for axis, colour in AXES]
 
     def _every(self, milliseconds: int, do: Callable[[], None]) -> QTimer:
-        """Call a function at a fixed interval [ms]."""
         timer = QTimer(self, interval=milliseconds, timerType=Qt.TimerType.PreciseTimer)
         timer.timeout.connect(do)
         timer.start()

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.finding import Colour, Finding
+from netboard.base.finding import Finding, graded
 from netboard.devices.contract.device import DeviceInfo
 from netboard.devices.contract.profile import Mechanics
 from netboard.devices.safety.chain import ZERO, Vector
@@ -117,7 +117,7 @@ def judge_pushes(found: Pushes) -> Finding:
         text += f"; {mechanical:.1f} ms of it due to the mass"
         figures["mechanical_ms"] = mechanical
         late = middle - mechanical > LATE_MS
-        return Finding(name, "yellow" if late else "green", text, "the device answers late" if late else "", figures)
+        return graded(name, not late, text, "the device answers late", figures)
     return Finding(name, "green", f"{text}; for the part due to the mass, run: netboard devices identify", "", figures)
 
 
@@ -146,24 +146,19 @@ def _rate(track: Track) -> Finding:
     text, figures = _spread(np.diff(track.begun))
     figures["rate_hz"] = (len(track.begun) - 1) / float(track.begun[-1] - track.begun[0])
     good = all(figures[key] <= most for key, most in zip(("p99_ms", "p999_ms", "largest_ms"), PERIOD_MS, strict=True))
-    colour: Colour = "green" if good else "yellow"
-    return Finding(
-        "loop", colour, f"{figures['rate_hz']:.1f} Hz, period {text}", "" if good else "see: netboard doctor", figures
-    )
+    return graded("loop", good, f"{figures['rate_hz']:.1f} Hz, period {text}", "see: netboard doctor", figures)
 
 
 def _answer(track: Track) -> Finding:
     text, figures = _spread(track.took)
-    good = figures["p99_ms"] <= ANSWER_MS
-    return Finding("read duration", "green" if good else "yellow", text, "" if good else "slow to read", figures)
+    return graded("read duration", figures["p99_ms"] <= ANSWER_MS, text, "slow to read", figures)
 
 
 def _positions(track: Track) -> Finding:
     new = int(np.count_nonzero(np.diff(track.time) > 0.0))
     rate = new / float(track.begun[-1] - track.begun[0])
-    good = rate >= MIN_HZ
-    advice = "" if good else "the device is slower than the loop, so forces are computed from older positions"
-    return Finding("position updates", "green" if good else "yellow", f"{rate:.0f} Hz", advice, {"rate_hz": rate})
+    advice = "the device is slower than the loop, so forces are computed from older positions"
+    return graded("position updates", rate >= MIN_HZ, f"{rate:.0f} Hz", advice, {"rate_hz": rate})
 
 
 def _resolution(track: Track, info: DeviceInfo) -> Finding:
@@ -173,14 +168,8 @@ def _resolution(track: Track, info: DeviceInfo) -> Finding:
         return Finding("resolution", "yellow", f"not measured{stated}", "move the stylus during the test")
     words = ", ".join(f"{axis} {step * 1e3:.4f}" for axis, step in zip(AXES, steps, strict=True) if np.isfinite(step))
     coarse = bool(info.resolution) and min(steps) > 3.0 * info.resolution
-    advice = "coarser than the device reports" if coarse else ""
-    return Finding(
-        "resolution",
-        "yellow" if coarse else "green",
-        f"{words} mm{stated}",
-        advice,
-        {"smallest_m": float(min(steps))},
-    )
+    advice, figures = "coarser than the device reports", {"smallest_m": float(min(steps))}
+    return graded("resolution", not coarse, f"{words} mm{stated}", advice, figures)
 
 
 def _noise(track: Track, info: DeviceInfo) -> Finding:
@@ -190,15 +179,14 @@ def _noise(track: Track, info: DeviceInfo) -> Finding:
     noisy = bool(info.resolution) and max(spread) > NOISY * info.resolution
     figures = {f"{axis}_m": float(value) for axis, value in zip(AXES, spread, strict=True)} | {"speed": speed}
     advice = "lay the stylus down for a second during the test; if it was at rest, check cables and power supply"
-    return Finding("noise at rest", "yellow" if noisy else "green", text, advice if noisy else "", figures)
+    return graded("noise at rest", not noisy, text, advice, figures)
 
 
 def _range(track: Track) -> Finding:
     low, high = track.place.min(axis=0) * 1e3, track.place.max(axis=0) * 1e3
     words = ", ".join(f"{axis} {a:.1f} to {b:.1f}" for axis, a, b in zip(AXES, low, high, strict=True))
     moved = float((high - low).max()) * 1e-3 >= TOUCHED
-    advice = "" if moved else "move the stylus during the test"
-    return Finding("range visited", "green" if moved else "yellow", f"{words} mm", advice)
+    return graded("range visited", moved, f"{words} mm", "move the stylus during the test")
 
 
 def _buttons(track: Track) -> Finding:
@@ -209,9 +197,8 @@ def _buttons(track: Track) -> Finding:
 
 def _ready(track: Track) -> Finding:
     share = float(track.ready.mean())
-    good = share > 0.0
-    advice = "" if good else "calibrate the device, take the stylus in hand, bring it into its workspace"
-    return Finding("ready for forces", "green" if good else "yellow", f"{share:.0%} of the time", advice)
+    advice = "calibrate the device, take the stylus in hand, bring it into its workspace"
+    return graded("ready for forces", share > 0.0, f"{share:.0%} of the time", advice)
 
 
 def noise_at_rest(track: Track) -> tuple[NDArray[np.float64], float]:

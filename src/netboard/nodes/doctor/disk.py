@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from netboard.base.finding import Colour, Finding
+from netboard.base.finding import Colour, Finding, graded
 from netboard.base.tables.rig import Recording
 
 BYTES_PER_SECOND = 250_000
@@ -35,15 +35,13 @@ def nearest(folder: Path) -> Path:
 
 def space(settings: Recording) -> Finding:
     """Check the recording time that the disk has space for."""
-    name = "disk space"
     free = shutil.disk_usage(nearest(Path(settings.directory))).free
     hours = free / BYTES_PER_SECOND / 3600
     found = f"{free / 1e9:.1f} GB free for {settings.directory}: {hours:.0f} h of recording"
     figures = {"free_gb": free / 1e9, "hours": hours}
-    if hours >= GOOD_HOURS:
-        return Finding(name, "green", found, figures=figures)
-    colour: Colour = "yellow" if hours >= FEWEST_HOURS else "red"
-    return Finding(name, colour, found, "make room, or choose another [recording] directory", figures)
+    advice = "make room, or choose another [recording] directory"
+    poor: Colour = "yellow" if hours >= FEWEST_HOURS else "red"
+    return graded("disk space", hours >= GOOD_HOURS, found, advice, figures, else_=poor)
 
 
 def speed(settings: Recording, chunks: int, progress: Callable[[float], None]) -> Finding:
@@ -57,10 +55,9 @@ def speed(settings: Recording, chunks: int, progress: Callable[[float], None]) -
     p50, most = float(np.median(took)), max(took)
     found = f"{settings.chunk_bytes // 1024} KiB are on disk after {p50:.1f} ms (median), {most:.1f} ms (longest)"
     figures = {"p50_ms": p50, "max_ms": most}
-    if most <= GOOD_MS:
-        return Finding(name, "green", found, figures=figures)
-    colour: Colour = "yellow" if most <= BEARABLE_MS else "red"
-    return Finding(name, colour, found, "record to a local disk that no other program uses", figures)
+    advice = "record to a local disk that no other program uses"
+    poor: Colour = "yellow" if most <= BEARABLE_MS else "red"
+    return graded(name, most <= GOOD_MS, found, advice, figures, else_=poor)
 
 
 def sync_times(folder: Path, chunk_bytes: int, chunks: int, progress: Callable[[float], None]) -> list[float]:

@@ -93,13 +93,11 @@ def _started(requests: list[dict[str, Any]]) -> Iterator[list[subprocess.Popen[s
 
 
 def _stdin(process: subprocess.Popen[str]) -> IO[str]:
-    """Return the standard input of a process."""
     assert process.stdin is not None
     return process.stdin
 
 
 def _line(process: subprocess.Popen[str]) -> str:
-    """Return the next line that a process writes."""
     assert process.stdout is not None
     if line := process.stdout.readline():
         return line

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from netboard.base.finding import Colour, Finding
+from netboard.base.finding import Finding, graded
 from netboard.nodes.doctor.exchange import ExchangeTimes
 
 LOOP = "predicted loop"
@@ -80,12 +80,11 @@ def loops_ns(times: ExchangeTimes) -> NDArray[np.float64]:
 def finding(found: Prediction) -> Finding:
     """Judge a prediction."""
     good = found.p99_ms <= GOOD_MS and found.missed <= GOOD_MISSED
-    colour: Colour = "green" if good else "yellow"
     sentence = (
         f"sample to force p50 {found.p50_ms:.2f}, p99 {found.p99_ms:.2f} ms; of {MANY} ticks "
         f"{found.missed:.0f} missed ({LEVEL:.0%} CI {found.missed_low:.0f} to {found.missed_high:.0f})"
     )
-    return Finding(LOOP, colour, sentence, "" if good else "see docs/how-to/real-time.md", asdict(found))
+    return graded(LOOP, good, sentence, "see docs/how-to/real-time.md", asdict(found))
 
 
 def with_limits(findings: Sequence[Finding]) -> list[Finding]:

@@ -12,7 +12,7 @@ from collections.abc import Collection
 from importlib.metadata import version
 from pathlib import Path
 
-from netboard.base.finding import Colour, Finding, text_of
+from netboard.base.finding import Colour, Finding, graded, text_of
 from netboard.base.process import OFF, OK, PLACES, cpu_set
 from netboard.network.transport import sockets
 
@@ -85,10 +85,9 @@ def preemption(root: Path = ROOT) -> Finding:
 
 def virtual_machine(root: Path = ROOT) -> Finding:
     """Check whether a host may take the cores away from this machine, which no setting in it can prevent."""
-    name = "virtual machine"
-    if "hypervisor" not in text_of(root / "proc/cpuinfo").split():
-        return Finding(name, "green", "no")
-    return Finding(name, "yellow", "yes", "run server and agents on physical machines, or pin its cores on the host")
+    guest = "hypervisor" in text_of(root / "proc/cpuinfo").split()
+    advice = "run server and agents on physical machines, or pin its cores on the host"
+    return graded("virtual machine", not guest, "yes" if guest else "no", advice)
 
 
 def usable_cpus() -> list[int]:
@@ -98,10 +97,8 @@ def usable_cpus() -> list[int]:
 
 def cores(have: Collection[int]) -> Finding:
     """Check whether server and agents can have a core each, and the rest of the system another."""
-    if len(have) > len(PLACES):
-        return Finding("cores", "green", f"{len(have)}")
     advice = f"a server with both agents needs {len(PLACES) + 1}: use a larger machine, or one machine for each station"
-    return Finding("cores", "yellow", f"{len(have)}", advice)
+    return graded("cores", len(have) > len(PLACES), f"{len(have)}", advice)
 
 
 def isolation(server: str, have: Collection[int], root: Path = ROOT) -> Finding:
@@ -119,32 +116,21 @@ def isolation(server: str, have: Collection[int], root: Path = ROOT) -> Finding:
 
 def core_sleep(granted: bool, root: Path = ROOT) -> Finding:
     """Check how long a core takes to wake; `granted` says that netboard prevents deep sleep while it runs."""
-    name = "sleep of cores"
     states = (root / "sys/devices/system/cpu/cpu0/cpuidle").glob("state*/latency")
     deepest = max((int(text_of(state) or 0) for state in states), default=0)
     found = f"wakes within {deepest} us" + (
         ", 2 us while netboard runs" if granted and deepest > LIGHT_SLEEP_US else ""
     )
-    if deepest <= LIGHT_SLEEP_US or granted:
-        return Finding(name, "green", found, figures={"latency_us": deepest})
     advice = "let the group netboard write /dev/cpu_dma_latency (deploy/udev/70-netboard.rules)"
-    return Finding(name, "yellow", found, advice, {"latency_us": deepest})
+    good = deepest <= LIGHT_SLEEP_US or granted
+    return graded("sleep of cores", good, found, advice, {"latency_us": deepest})
 
 
 def clock_source(root: Path = ROOT) -> Finding:
     """Check which clock source the kernel uses."""
-    name = "clock source"
-    found = text_of(root / "sys/devices/system/clocksource/clocksource0/current_clocksource")
-    if not found:
-        return Finding(name, "green", NOT_OFFERED)
-    if found in STEADY_CLOCKS:
-        return Finding(name, "green", found)
-    return Finding(
-        name,
-        "yellow",
-        found,
-        "slow to read; boot with clocksource=tsc if the processor's time stamp counter is reliable",
-    )
+    found = text_of(root / "sys/devices/system/clocksource/clocksource0/current_clocksource") or NOT_OFFERED
+    advice = "slow to read; boot with clocksource=tsc if the processor's time stamp counter is reliable"
+    return graded("clock source", found in (NOT_OFFERED, *STEADY_CLOCKS), found, advice)
 
 
 def scheduling(result: str) -> Finding:

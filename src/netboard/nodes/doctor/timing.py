@@ -16,7 +16,7 @@ import numpy as np
 
 from netboard.base.clock import now_ns
 from netboard.base.errors import NetboardError
-from netboard.base.finding import Colour, Finding
+from netboard.base.finding import Colour, Finding, graded
 from netboard.base.process import Priority, cpus_for, prepare, steady_loop
 from netboard.base.tables.rig import Realtime
 from netboard.base.tick import TICK_NS
@@ -64,11 +64,9 @@ def measure(wanted: Realtime, seconds: float, progress: Callable[[float], None])
 
 def verdict(wake_ups: WakeUps) -> Finding:
     """Judge a loop that asked for the server's settings."""
-    found, figures = latency_text(wake_ups), figures_of(wake_ups)
-    if wake_ups.p999_us <= GOOD_US:
-        return Finding(TIMER, "green", found, figures=figures)
-    colour: Colour = "yellow" if wake_ups.p999_us <= BEARABLE_US else "red"
-    return Finding(TIMER, colour, found, "find what else runs here; see docs/how-to/real-time.md", figures)
+    advice = "find what else runs here; see docs/how-to/real-time.md"
+    poor: Colour = "yellow" if wake_ups.p999_us <= BEARABLE_US else "red"
+    return graded(TIMER, wake_ups.p999_us <= GOOD_US, latency_text(wake_ups), advice, figures_of(wake_ups), else_=poor)
 
 
 def comparison(wake_ups: WakeUps) -> Finding:

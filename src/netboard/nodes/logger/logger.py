@@ -167,7 +167,6 @@ class Logger:
         return directory
 
     def _open(self, welcome: Welcome) -> RecordingWriter:
-        """Open a recording."""
         config = parse(welcome.config, "the server's configuration")
         directory = self._folder()
         utc_ns, monotonic_ns = self._wall_clock(), self._clock()

@@ -160,7 +160,6 @@ class Outlets:
         self._outlets[EVENTS.name].push_sample([remark_text(name, details)])
 
     def _open(self, stream: Stream, name: str, source: str, notes: dict[str, dict[str, str]]) -> Any:
-        """Open the outlet of a stream."""
         lsl = self._lsl
         form = {"double64": lsl.cf_double64, "string": lsl.cf_string}[stream.format]
         full = f"{name}.{stream.name}"

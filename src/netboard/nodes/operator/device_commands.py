@@ -272,7 +272,6 @@ def _save(config: Config, known: Profile, replace_it: bool, quiet: bool) -> None
 
 
 def _print_json(values: Mapping[str, Any]) -> None:
-    """Print one line of JSON."""
     print(json.dumps(values, default=str))  # noqa: T201
 
 

@@ -4,7 +4,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
-from math import isnan
 
 from netboard.base.errors import NetboardError
 from netboard.base.tables.rig import Network
@@ -12,6 +11,7 @@ from netboard.network.protocol.control import Reply, Status
 from netboard.network.transport import sockets
 from netboard.nodes.operator.operator import ANSWER_SECONDS, Operator
 from netboard.nodes.ports.emergency import STOP
+from netboard.recording.format.summary import or_null
 
 POLL_INTERVAL_S = 0.05
 """Interval at which the server is asked while waiting for a phase [s]."""
@@ -99,14 +99,9 @@ def _require(reply: Reply) -> None:
 def plain(status: Status) -> dict[str, object]:
     """Return the status for JSON: links as objects, unknown values as null."""
     names = ("peer", "name", "version", "age", "round_trip", "clock_bound", "drift_ppm", "rate", "lost")
-    links = [{name: _known(value) for name, value in zip(names, link, strict=True)} for link in status.links]
-    loops = [{"peer": peer, "late": _known(late), "limit": limit} for peer, late, limit in status.loops]
+    links = [{name: or_null(value) for name, value in zip(names, link, strict=True)} for link in status.links]
+    loops = [{"peer": peer, "late": or_null(late), "limit": limit} for peer, late, limit in status.loops]
     return {**asdict(status), "links": links, "loops": loops}
-
-
-def _known(value: object) -> object:
-    """Return None for NaN, which JSON does not have."""
-    return None if isinstance(value, float) and isnan(value) else value
 
 
 def state_text(status: Status) -> str:

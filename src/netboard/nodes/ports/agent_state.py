@@ -68,7 +68,6 @@ class AgentState:
             self._probe(tick, int(self._words[samples.ARRIVED]))
 
     def _probe(self, tick: int, now_ns: int) -> None:
-        """Use the newest sample as a clock probe."""
         words, clock = self._words, self.clock
         sent, received, answered = (int(words[at]) for at in (samples.FORCE_SENT, samples.FORCE_RECEIVED, samples.SENT))
         probe = (sent, received, answered, now_ns)

@@ -212,7 +212,6 @@ class ControlPort:
         return True
 
     def _handle(self, name: bytes, peer: Peer | None, frame: bytes, now_ns: int) -> None:
-        """Handle a peer's message."""
         role, kind = "" if peer is None else peer.hello.role, kind_of(frame)
         if kind not in ALLOWED_MESSAGES[role]:
             raise WireError(f"a {role} may not send {kind.__name__}" if role else HELLO_FIRST)
@@ -300,7 +299,6 @@ class ControlPort:
 
 
 def _answer_to(question: Message, answers: Answers) -> Message:
-    """Return the answer to an operator's question."""
     match question:
         case OutcomesRequest(first=first):
             return answers.outcomes(first)

@@ -127,7 +127,6 @@ class LatencySupervisor:
             self._record_limit()
 
     def _record_limit(self) -> None:
-        """Record the largest stable latency."""
         details = {"limit": _ms(self.limit_ns), "allowed": _ms(self._allowed_ns), "coupling": self._coupling_at}
         self.news.append((DELAY_LIMIT, details))
 
@@ -190,7 +189,6 @@ class LatencySupervisor:
             self.news.append(("softened", {"side": side, "gain": f"{gain:.3f}", "delay": _ms(latency_ns)}))
 
     def _notice_for(self, side: Side) -> str:
-        """Return the notice for an operator about a slow loop."""
         took, allowed = _ms(self._latencies_ns[SIDES.index(side)]), _ms(self._allowed_ns)
         return (
             f"the {side} hand's loop takes {took}, more than the {allowed} that are stable with "
@@ -199,5 +197,4 @@ class LatencySupervisor:
 
 
 def _ms(ns: float) -> str:
-    """Format a delay in milliseconds."""
     return f"{ns * 1e-6:.3g} ms"

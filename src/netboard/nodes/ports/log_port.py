@@ -208,7 +208,6 @@ class LogPort:
             self.refusals.refuse(name, str(error), now_ns)
 
     def _handle(self, name: bytes, frame: bytes, now_ns: int) -> None:
-        """Handle a peer's message."""
         logger = self._loggers.get(name)
         if logger is not None:
             logger.peer.note_message(now_ns)

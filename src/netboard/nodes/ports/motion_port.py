@@ -253,7 +253,6 @@ class MotionPort:
         self._handle(peer, frame, now_ns, due_ns)
 
     def _handle(self, peer: bytes, frame: bytes, now_ns: int, due_ns: int) -> None:
-        """Handle a frame of any peer."""
         if (peer, frame) == endpoints.REFUSED:
             return
         agent = self._by_peer.get(peer)

@@ -146,7 +146,6 @@ class ReplayServer:
         self._views.show(milliseconds, recording.curtain, recording.ticks[index], best, rest)
 
     def _grant(self, request: CommandRequest) -> str:
-        """Carry out a command and reply to it."""
         command = request.command
         accepted, words = self._carry_out(ReplayCommand(command.name, command.argument), request.name)
         self.control.reply(request, accepted, words[:MAX_CHARACTERS])

@@ -33,10 +33,6 @@ class BlockChanges:
         self._begin_block()
         state.event_log.record_held(state.number)
 
-    def details_of(self, trial: int) -> dict[str, str]:
-        """Return what the plan says of a trial, as event details."""
-        return self._details.of(trial)
-
     def finish_block(self, number: int) -> None:
         """Begin the next block some time after the last trial, which ended at this tick."""
         self._due = number + PAGE_TICKS
@@ -70,7 +66,7 @@ class BlockChanges:
         state = self._state
         state.enter_block()
         config = state.block.config
-        self._details = TrialDetails(config)
+        self.details = TrialDetails(config)  # what the plan says of a trial
         state.attempts.begin(config, state.number)
         stepping = {name: str(value) for name, value in asdict(state.block.stage.choice).items()}
         label = {"number": str(config.block.number), "blocks": str(config.block.blocks), "label": config.block.label}

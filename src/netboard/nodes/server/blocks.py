@@ -86,7 +86,6 @@ class BlockSequence:
 
 
 def _prepared(config: Config, supervisors: dict[Any, LatencySupervisor]) -> PreparedBlock:
-    """Prepare a block."""
     stage = make_stage(config)
     stage.warm()
     people = tuple(side for side in SIDES if getattr(config.block, side) == "person")

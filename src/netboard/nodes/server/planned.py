@@ -74,7 +74,6 @@ class Planned:
         self.path = self._path(self.config)
 
     def _path(self, config: Config) -> Path:
-        """Return the path of a session's journal."""
         return journal_path(Path(config.recording.directory), config)
 
     def blocks(self, session: Session) -> list[Config]:

@@ -392,7 +392,7 @@ class Session:
         state = self._state
         row, stage = state.rows[number % RING_ROWS], state.stage[0]
         cause = Cause(int(row["event"]))
-        details = change_of(cause, row, stage) | self._blocks.details_of(int(row["trial"]))
+        details = change_of(cause, row, stage) | self._blocks.details.of(int(row["trial"]))
         if cause == Cause.FAULT:
             if row["command"] != row["event"]:
                 state.supervisor.faulted(STAGE_FAULT)

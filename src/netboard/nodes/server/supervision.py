@@ -45,7 +45,7 @@ class Supervisor:
         self._seen = (phase, missing, trouble)
         if trouble and Cause.FAULT in TABLE[phase]:
             self._faulted = True
-            self._pause(trouble)
+            self.faulted(trouble)
             return Cause.FAULT
         ready = self._ready_since is not None and tick - self._ready_since >= READY_TICKS
         if self.autostart and ready and not (self._released or self._replaced):
@@ -78,10 +78,7 @@ class Supervisor:
         self._faulted, self._replaced = False, f"the {side} device was replaced by another one"
 
     def faulted(self, reason: str) -> None:
-        """Note that the stage itself has paused the trial."""
-        self._pause(reason)
-
-    def _pause(self, reason: str) -> None:
+        """Note why the trial is paused."""
         self._refused_when, self._cause = None, reason
         self.notice = f"paused: {reason}"
 

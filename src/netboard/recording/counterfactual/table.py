@@ -7,7 +7,8 @@ from typing import Any
 from rich.text import Text
 
 from netboard.base.terminal import FittedTable, numbers
-from netboard.recording.counterfactual.what_if import QUANTITIES, Comparison, Difference, WhatIf
+from netboard.recording.counterfactual.what_if import QUANTITIES, Comparison, WhatIf
+from netboard.recording.format.summary import or_null
 
 EXPLANATION = (
     "Open loop: the hands move as recorded and do not react to the change. The trial state machine decides again.\n"
@@ -33,19 +34,17 @@ def table_of(comparisons: Sequence[Comparison], changes: Sequence[str]) -> Fitte
             f"{one.then.trial}, {one.then.attempt}",
             one.then.outcome if same else Text(f"{one.then.outcome}\n-> {one.now.outcome}", "yellow"),
             _seconds(one.then.completion) + (f"\n-> {_seconds(one.now.completion)}" if one.changed else ""),
-            *(_difference_text(one.differences[quantity.name], quantity.scale) for quantity in QUANTITIES),
+            *(
+                f"{quantity.scale * change.rms:.3g}\n{quantity.scale * change.largest:.3g}"
+                for quantity in QUANTITIES
+                for change in [one.differences[quantity.name]]
+            ),
         )
     return table
 
 
 def _seconds(time: float) -> str:
-    """Return a completion time as text."""
     return "-" if isnan(time) else f"{time:.3f} s"
-
-
-def _difference_text(change: Difference, scale: float) -> str:
-    """Return the root mean square and the maximum of a difference, in the unit shown."""
-    return f"{scale * change.rms:.3g}\n{scale * change.largest:.3g}"
 
 
 def as_data(found: WhatIf, changes: Sequence[str]) -> dict[str, Any]:
@@ -57,19 +56,14 @@ def as_data(found: WhatIf, changes: Sequence[str]) -> dict[str, Any]:
             {
                 "trial": one.then.trial,
                 "attempt": one.then.attempt,
-                "then": {"outcome": one.then.outcome, "completion": _number(one.then.completion)},
-                "now": {"outcome": one.now.outcome, "completion": _number(one.now.completion)},
+                "then": {"outcome": one.then.outcome, "completion": or_null(one.then.completion)},
+                "now": {"outcome": one.now.outcome, "completion": or_null(one.now.completion)},
                 "compared": one.common,
                 "differences": {
-                    name: {"rms": _number(change.rms), "max": _number(change.largest)}
+                    name: {"rms": or_null(change.rms), "max": or_null(change.largest)}
                     for name, change in one.differences.items()
                 },
             }
             for one in found.comparisons
         ],
     }
-
-
-def _number(value: float) -> float | None:
-    """Return None for NaN, which JSON does not have."""
-    return None if isnan(value) else value

@@ -105,7 +105,6 @@ def what_if(recorded: Rows, stage: Stage) -> WhatIf:
 
 
 def _compare(recorded: Rows, computed: Rows, then: Attempt) -> Comparison:
-    """Compare a recorded attempt with the recomputed one."""
     start, stop = np.searchsorted(recorded["tick"], [then.tick, then.stop])
     # Include the row after the last one, which shows the command that ended the attempt.
     now = find_attempts(computed[start : stop + 1])[0]

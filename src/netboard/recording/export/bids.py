@@ -87,7 +87,6 @@ def _lines(rows: NDArray[Any], signals: Sequence[Signal], origin_ns: int) -> Ite
 
 
 def _cells(values: NDArray[Any]) -> Iterable[str]:
-    """Format the values of a column."""
     cells = map(repr, values.tolist())
     return (texts.MISSING if cell == "nan" else cell for cell in cells) if np.isnan(values).any() else cells
 
@@ -196,7 +195,6 @@ def _other_hand(run: Run, person: Person) -> str:
 
 
 def _write_people(runs: Sequence[Run], factors: Sequence[ExportedFactor], folder: Path, began: dict[str, str]) -> None:
-    """Write participants, sessions and dyads."""
     people = {person.label: person for run in reversed(runs) for person in run.people}
     real = {person.label for run in runs for person in run.people if not person.simulated}
     rows = [

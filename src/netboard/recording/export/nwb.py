@@ -86,7 +86,6 @@ def _disk() -> Iterator[None]:
 
 
 def _fill(recording: Recording, survey: Survey, filled: Filled, progress: Progress) -> None:
-    """Fill the data sets in batches."""
     done = 0
     for rows in survey.portions(recording, progress):
         for data, fields in filled:
@@ -95,7 +94,6 @@ def _fill(recording: Recording, survey: Survey, filled: Filled, progress: Progre
 
 
 def _values(rows: NDArray[Any], fields: tuple[str, ...], survey: Survey) -> NDArray[Any]:
-    """Return the values of a data set from ticks."""
     if fields == ("time_ns",):
         return (rows["time_ns"] - survey.origin_ns) / 1e9
     return rows[fields[0]] if len(fields) == 1 else np.column_stack([rows[field] for field in fields])
@@ -254,14 +252,12 @@ class Layout:
 
 
 def _described(run: Run, person: Person) -> str:
-    """Describe a person."""
     text = f"Participant {person.letter} of dyad {run.config.session.dyad}, dominant hand: {person.handedness}."
     partner = "".join(f" Partner: {other.label}." for other in run.people if other is not person)
     return text + partner + " Simulated: no person moved the device." * person.simulated
 
 
 def _session_text(run: Run, person: Person) -> str:
-    """Describe the experiment and the run."""
     block = run.config.block
     hands = f"the {person.sides[0]} stylus" if len(person.sides) == 1 else "both styluses"
     label = f" ({block.label})" if block.label else ""

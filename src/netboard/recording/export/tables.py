@@ -8,7 +8,7 @@ configuration.
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
@@ -19,13 +19,12 @@ from numpy.typing import NDArray
 from netboard.base.config import Config
 from netboard.base.settings import tables as settings_tables
 from netboard.base.tick import TICK
-from netboard.network.protocol.records import ClockRecord, EventRecord, FrameRecord
 from netboard.recording.export.factors import ExportedFactor, exported_factors
 from netboard.recording.export.runs import refuse_copies
 from netboard.recording.export.task import ROLE_TEXT
 from netboard.recording.files.locate import sha256_of
 from netboard.recording.files.reader import Recording
-from netboard.recording.format.channels import CHANNELS, DTYPES, Field
+from netboard.recording.format.channels import CHANNELS, DTYPES, Channel, Field
 from netboard.recording.format.summary import Attempt, attempts_along, from_release
 from netboard.recording.integrity.quality_check import judged
 from netboard.task.studies.factors import design_of, factors_of, trial_role
@@ -48,7 +47,6 @@ class OpenRecording:
         self.attempts: tuple[Attempt, ...] = attempts_along(self._counted())
 
     def _counted(self) -> Iterator[NDArray[Any]]:
-        """Yield the ticks and count them."""
         for rows in self.recording.batches():
             if rows.size and not self.ticks:
                 self.origin_ns = int(rows["time_ns"][0])
@@ -79,14 +77,6 @@ _NUMBER = "number of the attempt in the recording, from 1, as in trials"
 
 MISSING = "a missing number is NaN; a missing text is empty"
 """Representation of missing values in all tables."""
-
-
-def _flat(fields: Sequence[Field]) -> tuple[Field, ...]:
-    """Describe the fields of a channel as columns; a map of texts becomes one text."""
-    return tuple(
-        Field(field.name, "string", f"{field.text}, as a JSON object", "") if field.kind == "texts" else field
-        for field in fields
-    )
 
 
 def _seconds(times_ns: NDArray[np.int64], source: OpenRecording) -> NDArray[np.float64]:
@@ -245,41 +235,31 @@ def with_factors(factors: Sequence[ExportedFactor]) -> Table:
 # --- the other channels ------------------------------------------------------------------------------------------
 
 
-def _record_columns(records: Sequence[Any], kind: type[Any]) -> dict[str, NDArray[Any]]:
-    """Convert records to columns."""
-    columns: dict[str, NDArray[Any]] = {}
-    for field in fields(kind):
-        values = [getattr(record, field.name) for record in records]
-        if field.name == "details":
-            values = [json.dumps(value, ensure_ascii=False) for value in values]
-        columns[field.name] = np.array(values, object)
-    return columns
+def _of_channel(
+    name: str, channel: Channel, records: Callable[[Recording], Sequence[Any]], timed_by: str = ""
+) -> Table:
+    """Return the table of a channel of records. ``timed_by``: the field with their server time, if they have one."""
+    described = [
+        Field(field.name, "string", f"{field.text}, as a JSON object", "") if field.kind == "texts" else field
+        for field in channel.fields
+    ]
+
+    def rows(source: OpenRecording) -> Iterator[Rows]:
+        found, columns = records(source.recording), dict[str, NDArray[Any]]()
+        for field in channel.fields:
+            values = [getattr(record, field.name) for record in found]
+            if field.kind == "texts":
+                values = [json.dumps(value, ensure_ascii=False) for value in values]
+            columns[field.name] = np.array(values, object)
+        yield {"time": _seconds(columns[timed_by].astype(np.int64), source), **columns} if timed_by else columns
+
+    return Table(name, channel.about, (_RECORDING, *((_TIME,) if timed_by else ()), *described), rows)
 
 
-def _events(source: OpenRecording) -> Iterator[Rows]:
-    columns = _record_columns(source.recording.events(), EventRecord)
-    yield {"time": _seconds(columns["time_ns"].astype(np.int64), source), **columns}
-
-
-def _clocks(source: OpenRecording) -> Iterator[Rows]:
-    columns = _record_columns(source.recording.clocks(), ClockRecord)
-    yield {"time": _seconds(columns["t3_ns"].astype(np.int64), source), **columns}
-
-
-def _frames(source: OpenRecording) -> Iterator[Rows]:
-    yield _record_columns(source.recording.frames(), FrameRecord)
-
-
-def _remarks(source: OpenRecording) -> Iterator[Rows]:
-    yield _record_columns(source.recording.remarks(), EventRecord)
-
-
-_EVENT, _CLOCK, _FRAME, _REMARK = (_flat(channel.fields) for channel in CHANNELS[1:5])
-
-EVENTS = Table("events", CHANNELS[1].about, (_RECORDING, _TIME, *_EVENT), _events)
-CLOCKS = Table("clocks", CHANNELS[2].about, (_RECORDING, _TIME, *_CLOCK), _clocks)
-FRAMES = Table("frames", CHANNELS[3].about, (_RECORDING, *_FRAME), _frames)
-REMARKS = Table("remarks", CHANNELS[4].about, (_RECORDING, *_REMARK), _remarks)
+EVENTS = _of_channel("events", CHANNELS[1], Recording.events, "time_ns")
+CLOCKS = _of_channel("clocks", CHANNELS[2], Recording.clocks, "t3_ns")
+FRAMES = _of_channel("frames", CHANNELS[3], Recording.frames)
+REMARKS = _of_channel("remarks", CHANNELS[4], Recording.remarks)
 
 
 # --- recordings --------------------------------------------------------------------------------------------------
@@ -316,7 +296,6 @@ _RECORDING_COLUMNS: tuple[tuple[Field, Callable[[OpenRecording], Any]], ...] = (
 
 
 def _recordings(source: OpenRecording) -> Iterator[Rows]:
-    """Yield the single row of a recording."""
     yield {field.name: np.array([value(source)], DTYPES[field.kind]) for field, value in _RECORDING_COLUMNS}
 
 

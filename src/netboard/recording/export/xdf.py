@@ -197,7 +197,6 @@ def _information(stream: Stream, metadata: dict[str, str], design: dict[str, str
 
 
 def _number(stream: Stream) -> int:
-    """Return the number of a stream in the file."""
     return STREAMS.index(stream) + 1
 
 

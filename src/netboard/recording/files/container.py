@@ -81,7 +81,6 @@ class Container:
             return self._file.read(length)
 
     def _record(self, offset: int) -> bytes:
-        """Return the content of the record at a file offset."""
         _, length = RECORD_HEAD.unpack(self._read(offset, RECORD_HEAD.size))
         return self._read(offset + RECORD_HEAD.size, length)
 

@@ -11,6 +11,7 @@ import platform
 import re
 from collections.abc import Mapping
 from datetime import UTC, datetime
+from enum import StrEnum
 from importlib.metadata import version
 from pathlib import Path
 
@@ -26,22 +27,20 @@ from netboard.recording.format.channels import FORMAT_VERSION
 CONFIG_NAME = "netboard.toml"
 """Name of the attachment that holds the resolved configuration."""
 
-METADATA = "netboard"
-"""Metadata record written when the file is opened."""
 
-METADATA_FIRST = "netboard.first"
-"""Metadata record written before the first record from the server."""
+class MetadataName(StrEnum):
+    """Names of the metadata records."""
 
-METADATA_END = "netboard.end"
-"""Metadata record written when the file is finished."""
+    OPENED = "netboard"  # written when the file is opened
+    FIRST = "netboard.first"  # before the first record from the server
+    END = "netboard.end"  # when the file is finished
+    RECOVERY = "netboard.recovery"  # of a recovered file
 
-METADATA_RECOVERY = "netboard.recovery"
-"""Metadata record of a recovered file."""
 
-_NUMBERS = {
-    METADATA: ("opened_log_ns", "opened_monotonic_ns", "welcome_server_ns"),
-    METADATA_FIRST: ("record",),
-    METADATA_END: ("log_ns", "records", "lost", "next_record"),
+_NUMBERS: dict[str, tuple[str, ...]] = {
+    MetadataName.OPENED: ("opened_log_ns", "opened_monotonic_ns", "welcome_server_ns"),
+    MetadataName.FIRST: ("record",),
+    MetadataName.END: ("log_ns", "records", "lost", "next_record"),
 }
 """Metadata that are read as whole numbers. MCAP stores no checksum of a metadata record."""
 

@@ -23,15 +23,7 @@ from netboard.base.tick import ROW_BYTES, TICK
 from netboard.network.protocol.records import BackfillRecord, ClockRecord, EventRecord, FrameRecord
 from netboard.recording.files.container import Container
 from netboard.recording.files.locate import recovery_advice
-from netboard.recording.files.provenance import (
-    CONFIG_NAME,
-    METADATA,
-    METADATA_END,
-    METADATA_FIRST,
-    METADATA_RECOVERY,
-    config_sha256,
-    damaged_numbers,
-)
+from netboard.recording.files.provenance import CONFIG_NAME, MetadataName, config_sha256, damaged_numbers
 from netboard.recording.format import older
 from netboard.recording.format.backfill import Backfilled
 from netboard.recording.format.batches import ATTEMPTS_NAME, PLACES, PLACES_NAME, Layout, attempt_of
@@ -98,7 +90,7 @@ class Recording:
 
     def _open(self) -> None:
         records = self._file.metadata
-        if self._file.profile != PROFILE or METADATA not in records:
+        if self._file.profile != PROFILE or MetadataName.OPENED not in records:
             raise RecordingError(f"{self.path}: an MCAP file, but not a recording of netboard")
         self._file.require_index()
         for name, values in records.items():
@@ -107,10 +99,10 @@ class Recording:
                     f"{self.path}: is damaged (metadata {name}, {key}: found {values[key]!r}, expected a whole "
                     f"number); {recovery_advice(self.path)}"
                 )
-        self.metadata = records[METADATA]
-        self.end = records.get(METADATA_END, {})
-        self.recovery = records.get(METADATA_RECOVERY, {})
-        first = records.get(METADATA_FIRST, {}).get("record")
+        self.metadata = records[MetadataName.OPENED]
+        self.end = records.get(MetadataName.END, {})
+        self.recovery = records.get(MetadataName.RECOVERY, {})
+        first = records.get(MetadataName.FIRST, {}).get("record")
         self.first_record = None if first is None else int(first)
         self._version = self.metadata.get("format", "")
         if self._version not in READABLE:
@@ -312,7 +304,6 @@ class Recording:
         return rows
 
     def _read_columns(self, names: Sequence[str], places: NDArray[Any]) -> dict[str, NDArray[Any]]:
-        """Return columns of the ticks at these locations."""
         columns = {name: np.zeros(int(places["count"].sum()), TICK[name]) for name in names}
 
         def put(at: slice, found: dict[str, NDArray[Any]]) -> None:
@@ -351,7 +342,6 @@ class Recording:
             return Layout(self._file.schemas.get(_TICKS, b""))
 
     def _decode(self, offsets: Sequence[int], names: Sequence[str]) -> dict[str, NDArray[Any]]:
-        """Decode columns of the ticks in some chunks."""
         with self._file.sound():
             if self._in_batches:
                 return self._layout.decode(
@@ -409,7 +399,6 @@ def _refuse_unknown(names: Sequence[str]) -> None:
 
 
 def _in_range(numbers: NDArray[np.int64], first: int | None, stop: int | None) -> NDArray[np.bool_]:
-    """Return a mask of the tick numbers in the range."""
     wanted = np.ones(len(numbers), bool)
     if first is not None:
         wanted &= numbers >= first

@@ -15,14 +15,7 @@ from netboard.base.config import parse
 from netboard.base.errors import RecordingError
 from netboard.base.tables.rig import Recording
 from netboard.network.protocol.records import TickRecord
-from netboard.recording.files.provenance import (
-    CONFIG_NAME,
-    LIBRARY,
-    METADATA,
-    METADATA_END,
-    METADATA_FIRST,
-    METADATA_RECOVERY,
-)
+from netboard.recording.files.provenance import CONFIG_NAME, LIBRARY, MetadataName
 from netboard.recording.format.batches import TickStream
 from netboard.recording.format.channels import IDS, Record, remark, stamped
 from netboard.recording.format.disk import DiskUse, Space
@@ -62,9 +55,9 @@ class RecordingWriter:
         self._file = PartFile(path, LIBRARY, settings.chunk_bytes, repeatable=repeatable)
         self._ticks = TickStream(self._file, settings.chunk_bytes, constants)
         try:
-            self._file.add_metadata(METADATA, metadata)
+            self._file.add_metadata(MetadataName.OPENED, metadata)
             if recovery is not None:
-                self._file.add_metadata(METADATA_RECOVERY, recovery)
+                self._file.add_metadata(MetadataName.RECOVERY, recovery)
             self._file.add_attachment(CONFIG_NAME, "application/toml", config_text.encode(), opened_ns)
             self._file.sync()
         except RecordingError:
@@ -128,7 +121,7 @@ class RecordingWriter:
     def _begin(self, number: int) -> None:
         """Check the number of the next record, and store the first number as metadata."""
         if self.next_record is None:
-            self._file.add_metadata(METADATA_FIRST, {"record": str(number)})
+            self._file.add_metadata(MetadataName.FIRST, {"record": str(number)})
             self.durable = number
         elif number != self.next_record:
             raise ValueError(f"record {number} where {self.next_record} is next")
@@ -163,7 +156,7 @@ class RecordingWriter:
         end = {"ended": ended, "log_ns": str(now_ns), "records": str(self._written), "lost": str(self.lost)}
         if self.next_record is not None:
             end["next_record"] = str(self.next_record)
-        self._file.add_metadata(METADATA_END, end)
+        self._file.add_metadata(MetadataName.END, end)
         self._file.finish()
         self.durable = self.next_record
 

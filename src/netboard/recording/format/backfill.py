@@ -72,6 +72,5 @@ def unknown_ticks(rendered: NDArray[np.float64], within: NDArray[np.bool_] | Non
 
 
 def _sorted(parts: list[NDArray[Any]]) -> NDArray[Any]:
-    """Return the rows of one side, sorted by time."""
     rows = np.concatenate([np.empty(0, RENDERED), *parts])
     return rows[np.argsort(rows["stamp_ns"], kind="stable")]

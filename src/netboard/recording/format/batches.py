@@ -14,7 +14,7 @@ chunks is built. A reader can then find a trial without reading the whole record
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from math import isnan, nan
+from math import nan
 from typing import Any
 
 import msgpack
@@ -27,7 +27,7 @@ from netboard.base.tick import TICK, TICK_NS, TICK_WORDS, joined
 from netboard.recording.format.channels import IDS, PLOTTED, PLOTTED_EVERY, TICK_FIELDS, Stamped, unpack
 from netboard.recording.format.partfile import PartFile
 from netboard.recording.format.predictions import CONSTANTS, PREDICTIONS, predict, require_known, uses
-from netboard.recording.format.summary import Attempt, find_attempts
+from netboard.recording.format.summary import Attempt, find_attempts, or_null
 
 ATTEMPTS_NAME = "netboard.attempts.json"
 """Attachment that lists the attempts."""
@@ -152,7 +152,7 @@ class Layout:
 def attempt_values(attempt: Attempt) -> dict[str, Any]:
     """Convert an attempt to JSON values; NaN becomes None."""
     values = asdict(attempt)
-    return values | {"completion": None if isnan(attempt.completion) else attempt.completion}
+    return values | {"completion": or_null(attempt.completion)}
 
 
 def attempt_of(values: dict[str, Any]) -> Attempt:

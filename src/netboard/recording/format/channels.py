@@ -181,7 +181,6 @@ _NOISE = frozenset({"late_ns", "loop_ns", "command", "event"})
 
 
 def _differences(name: str, kind: str) -> int:
-    """Return the difference order of a column."""
     side, _, rest = name.partition("_")
     quantity = name if side not in ("left", "right") else "side_z" if rest == "z" else rest
     return _DIFFERENCES.get(quantity, int(kind == "integer" and quantity not in _NOISE))

@@ -7,8 +7,8 @@ ended the phase in row k.
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from math import nan
-from typing import Any
+from math import isnan, nan
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,8 @@ from netboard.network.protocol.records import (
 from netboard.recording.format.backfill import unknown_ticks
 from netboard.task.trials.state_machine import BALL_FREE, Cause, Phase
 
+T = TypeVar("T")
+
 
 @dataclass(frozen=True, slots=True)
 class Gap:
@@ -41,6 +43,11 @@ def find_gaps(numbers: NDArray[np.int64]) -> tuple[Gap, ...]:
     steps = np.diff(present)
     holes = np.flatnonzero(steps > 1)
     return tuple(Gap(int(present[k]) + 1, int(steps[k]) - 1) for k in holes)
+
+
+def or_null(value: T) -> T | None:
+    """Return None for NaN, which JSON does not have."""
+    return None if isinstance(value, float) and isnan(value) else value
 
 
 @dataclass(frozen=True, slots=True)

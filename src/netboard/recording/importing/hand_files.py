@@ -57,7 +57,6 @@ def read_hands(path: Path, gaps: str = "refuse") -> Hands:
 
 
 def _read(file: TableFile) -> NDArray[np.float64]:
-    """Read the columns `HAND_COLUMNS`."""
     _require_columns(file)
     if file.path.suffix.lower() == ".csv":
         with suppress(ValueError), warnings.catch_warnings():  # three times as fast, but it cannot say what is wrong
@@ -135,7 +134,6 @@ def _check(table: NDArray[np.float64], path: Path) -> None:
 
 
 def _refuse_gaps(t: NDArray[np.float64], path: Path) -> None:
-    """Raise an error for gaps."""
     gaps = find_gaps(t)
     if len(gaps):
         row = int(gaps[0])
@@ -226,7 +224,6 @@ def plan_outputs(inputs: Sequence[Path], output: str, force: bool = False) -> di
 
 
 def _refuse_existing(path: Path, force: bool) -> None:
-    """Raise an error if the file exists."""
     if path.exists() and not force:
         raise ConfigError(f"{path}: already exists; --force overwrites it")
 
@@ -260,7 +257,6 @@ def _write_csv(path: Path, columns: Mapping[str, NDArray[np.float64]], about: Ma
 
 
 def _write_parquet(path: Path, columns: Mapping[str, NDArray[np.float64]], about: Mapping[str, str]) -> None:
-    """Write a Parquet file."""
     arrow, parquet = library("pyarrow", "parquet"), library("pyarrow.parquet", "parquet")
     table = arrow.table(dict(columns))
     parquet.write_table(table.replace_schema_metadata({"netboard": json.dumps(dict(about))}), path)

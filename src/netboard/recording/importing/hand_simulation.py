@@ -192,13 +192,12 @@ def sheet_of(path: Path, hands: Hands, motion: Motion) -> Sheet:
         "every": f"{usual:.4g} ms" if high - low < 1e-3 * usual else f"{low:.4g} to {high:.4g} ms",
         "rows": str(len(motion.t)),
         "steps": f"{motion.count}, at most {motion.longest * 1e3:.3g} ms",
-        **{f"{name} [{unit}]": range_of(columns[name]) for name, unit in SHOWN.items() if name in columns},
+        **{
+            f"{name} [{unit}]": f"{columns[name].min():.3g} to {columns[name].max():.3g}"
+            for name, unit in SHOWN.items()
+            if name in columns
+        },
     }
-
-
-def range_of(column: NDArray[np.float64]) -> str:
-    """Return the range of a signal."""
-    return f"{column.min():.3g} to {column.max():.3g}"
 
 
 def balance(energies: Mapping[str, NDArray[np.float64]]) -> str:

@@ -143,7 +143,6 @@ class Manifest:
 
 
 def _fits(key: str, value: Any) -> bool:
-    """Return True if a value is valid for a key."""
     match key:
         case "columns":
             return isinstance(value, dict)
@@ -173,7 +172,6 @@ def _column_problems(columns: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def _options(values: Mapping[str, Any]) -> ImportOptions:
-    """Return the import options of a table."""
     columns = {name: {"name": one} if isinstance(one, str) else one for name, one in values.get("columns", {}).items()}
     return ImportOptions(
         names=tuple(f"{name}={one['name']}" for name, one in columns.items() if "name" in one),

@@ -18,7 +18,7 @@ from netboard.base.config import Config, parse
 from netboard.base.errors import NetboardError
 from netboard.network.protocol.joining import Welcome
 from netboard.recording.files.locate import files_below
-from netboard.recording.files.provenance import CONFIG_NAME, METADATA
+from netboard.recording.files.provenance import CONFIG_NAME, MetadataName
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.chunks import UNSOUND
 from netboard.recording.integrity.checking import check
@@ -175,7 +175,7 @@ def _begun(entry: Entry) -> Entry:
     try:
         with entry.path.open("rb") as file:
             for record in StreamReader(file, emit_chunks=True).records:
-                if isinstance(record, Metadata) and record.name == METADATA:
+                if isinstance(record, Metadata) and record.name == MetadataName.OPENED:
                     metadata = dict(record.metadata)
                 elif isinstance(record, Attachment) and record.name == CONFIG_NAME:
                     return replace(_about(entry, metadata, record.data.decode()), size=entry.path.stat().st_size)

@@ -188,16 +188,6 @@ def _replay(evidence: Evidence) -> Iterator[Finding]:
         yield Finding(Severity.SOUND, text)
 
 
-def _plan(evidence: Evidence) -> Iterable[Finding]:
-    """Compare the block with the plan, if there was one."""
-    return check_plan(evidence.recording.path, evidence.config) if evidence.is_played else ()
-
-
-def _journal(evidence: Evidence) -> Iterable[Finding]:
-    """Compare the attempts with the journal, if there was one."""
-    return check_journal(evidence.recording, evidence.config, evidence.seen) if evidence.is_played else ()
-
-
 CHECKS = (
     Check(
         "numbers",
@@ -244,7 +234,7 @@ CHECKS = (
         "plan",
         "The block agrees, key by key, with the plan of its study. This needs the journal of the session beside the "
         "recording, and a built-in study.",
-        _plan,
+        lambda evidence: check_plan(evidence.recording.path, evidence.config) if evidence.is_played else (),
         needs_config=True,
     ),
     Check(
@@ -253,7 +243,9 @@ CHECKS = (
         "attempt that is only partly in this file is compared by its outcome. Two differences are losses, not damage: "
         "the journal of a killed server ends before its recording, and a display that reported its frames too late had "
         "the flag `frozen_display` live.",
-        _journal,
+        lambda evidence: (
+            check_journal(evidence.recording, evidence.config, evidence.seen) if evidence.is_played else ()
+        ),
         needs_config=True,
     ),
     Check(

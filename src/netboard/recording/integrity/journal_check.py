@@ -111,7 +111,7 @@ def _compare_plan(config: Config, planned: Config) -> Iterator[Finding]:
 
 
 def check_journal(recording: Recording, config: Config, seen: Walk) -> Iterator[Finding]:
-    """Check a recording against the journal beside it."""
+    """Check a recording against the journal beside it, if there is one."""
     try:
         lines = journal_of(recording.path, config)
     except RecordingError as error:
@@ -145,7 +145,11 @@ def _compare_journal(
     ]
     if problems:
         yield Finding(Severity.DAMAGE, f"contradicts the recording: {'; '.join(problems)}")
-    late = _flagged_differently(both)
+    late = [
+        (entry.trial, entry.attempt)
+        for entry, verdict in both
+        if entry.outcome in _COMPARED and (flags := _flag_difference(entry, verdict)) and flags <= _BY_REPORTS
+    ]
     missing = [place for place in listed.keys() - judged.keys() if listed[place].outcome in _COMPARED]
     losses = [
         *_attempts_lost("lists attempts whose ticks are not in the recording", missing),
@@ -194,15 +198,6 @@ def _differs(entry: AttemptEnded, verdict: Verdict, *, whole: bool) -> Iterator[
 
 def _flag_difference(entry: AttemptEnded, verdict: Verdict) -> set[str]:
     return set(entry.flags) ^ set(verdict.flags)
-
-
-def _flagged_differently(both: Sequence[tuple[AttemptEnded, Verdict]]) -> list[tuple[int, int]]:
-    """Return the attempts that differ only in flags from display reports."""
-    return [
-        (entry.trial, entry.attempt)
-        for entry, verdict in both
-        if entry.outcome in _COMPARED and (flags := _flag_difference(entry, verdict)) and flags <= _BY_REPORTS
-    ]
 
 
 def _attempts_lost(what: str, places: Sequence[tuple[int, int]]) -> Iterator[Finding]:

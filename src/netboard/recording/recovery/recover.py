@@ -27,16 +27,7 @@ from netboard.base.errors import ConfigError, RecordingError
 from netboard.base.tick import TICK
 from netboard.network.protocol.records import EventRecord
 from netboard.recording.files.locate import recovered_path
-from netboard.recording.files.provenance import (
-    CONFIG_NAME,
-    LIBRARY,
-    METADATA,
-    METADATA_END,
-    METADATA_FIRST,
-    METADATA_RECOVERY,
-    config_sha256,
-    damaged_numbers,
-)
+from netboard.recording.files.provenance import CONFIG_NAME, LIBRARY, MetadataName, config_sha256, damaged_numbers
 from netboard.recording.format import older
 from netboard.recording.format.batches import Layout, TickStream
 from netboard.recording.format.channels import CHANNELS, FORMAT_VERSION, IDS, Stamped, block_config, unpack
@@ -53,12 +44,12 @@ def _stored(name: str) -> bytes:
 
 _SIGNATURE = struct.pack("<I", 4) + b"zstd"
 _TO_SIGNATURE = RECORD_HEAD.size + 8 + 8 + 8 + 4
-_COPIED_METADATA = (METADATA, METADATA_FIRST, METADATA_END)
+_COPIED_METADATA = (MetadataName.OPENED, MetadataName.FIRST, MetadataName.END)
 _RECOVERABLE = ("2", "3", FORMAT_VERSION)
 _CHUNK_BYTES = 2**18
 
 _NAMED = (
-    *((Opcode.METADATA, _stored(name), RECORD_HEAD.size) for name in (*_COPIED_METADATA, METADATA_RECOVERY)),
+    *((Opcode.METADATA, _stored(name), RECORD_HEAD.size) for name in MetadataName),
     (Opcode.ATTACHMENT, _stored(CONFIG_NAME), RECORD_HEAD.size + 16),
 )
 """Records outside chunks with which reading continues after damage: opcode, name as stored, its place in the record."""
@@ -122,7 +113,7 @@ def recover(path: Path, output: Path | None = None) -> RecoveryReport:
         metadata, attached, damage, finished = _survey(data, chunks)
         if not begins:
             damage.insert(0, Damage(0, len(MAGIC), "not the beginning of an MCAP file"))
-        found = metadata.setdefault(METADATA, {})
+        found = metadata.setdefault(MetadataName.OPENED, {})
         found.setdefault("session", "unknown")
         version = found.get("format", "")
         if version.isdecimal() and version not in _RECOVERABLE:
@@ -137,7 +128,7 @@ def recover(path: Path, output: Path | None = None) -> RecoveryReport:
         if config is not None:
             found["config_sha256"] = config_sha256(config.data)
         recovery = recovery_metadata(path, len(data), damage, config is not None)
-        if earlier := metadata.get(METADATA_RECOVERY, {}).get("damage"):
+        if earlier := metadata.get(MetadataName.RECOVERY, {}).get("damage"):
             recovery["damage"] = "; ".join(filter(None, (earlier, recovery["damage"])))
         counts, ticks = _copy(data, chunks, target, metadata, config, recovery, version)
     return RecoveryReport(
@@ -311,7 +302,7 @@ def _copy(
         for name in _COPIED_METADATA:
             if name in metadata:
                 out.add_metadata(name, metadata[name])
-        out.add_metadata(METADATA_RECOVERY, recovery)
+        out.add_metadata(MetadataName.RECOVERY, recovery)
         if config is not None:
             out.add_attachment(CONFIG_NAME, config.media_type, config.data, config.log_time)
         for chunk in chunks:
@@ -337,7 +328,6 @@ def _copy(
 
 
 def _rows_of(message: bytes, version: str) -> NDArray[Any]:
-    """Decode the ticks in a message."""
     if version == "2":
         return older.ticks_of([message], version)
     columns = (_LAYOUT_3 if version == "3" else _LAYOUT).decode([message], TICK.names or ())

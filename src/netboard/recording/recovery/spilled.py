@@ -178,7 +178,6 @@ def _introduction(path: Path, data: "mmap.mmap | bytes") -> tuple[Welcome, Event
 
 
 def _server_ns(record: TickRecord | EventRecord | ClockRecord) -> int:
-    """Return the server time of a record."""
     if isinstance(record, TickRecord):
         return int(np.frombuffer(record.row, TICK)["time_ns"][0]) if len(record.row) == TICK.itemsize else 0
     return stamped(record).publish_time_ns

@@ -88,10 +88,6 @@ def _speed(playback: Playback, _recording: LoadedRecording, now: float, argument
     return playback.pace(now, speed)
 
 
-def _faster(playback: Playback, _recording: LoadedRecording, now: float, argument: str) -> Playback:
-    return playback.faster(now, int(argument))
-
-
 def _step(playback: Playback, recording: LoadedRecording, now: float, argument: str) -> Playback:
     back, _, count = argument.partition(" ")
     ticks = -_whole("step back", count or "1") if back == "back" else _whole("step", argument or "1")
@@ -174,7 +170,7 @@ _COMMANDS: dict[str, Callable[[Playback, LoadedRecording, float, str], Playback]
     "end": lambda playback, _recording, now, _argument: playback.pause(now),
     "seek": _seek,
     "speed": _speed,
-    "faster": _faster,
+    "faster": lambda playback, _recording, now, argument: playback.faster(now, int(argument)),
     "step": _step,
     "loop": _loop,
     "next": _go(back=False),

@@ -6,7 +6,6 @@ from the event that began it.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import nan
 from typing import Any
 
@@ -33,21 +32,11 @@ TICK_LENGTH = 1e-3 - ROUNDING
 """Time after a tick by which the next one is due [s]."""
 
 
-@dataclass(frozen=True, slots=True)
-class RecordingData:
-    """Content of a recording."""
-
-    name: str
-    config_text: str
-    ticks: NDArray[Any]
-    events: tuple[EventRecord, ...] = ()
-
-
 class LoadedRecording:
     """A recording ready for replay. ``times``: times of the ticks from the start [s]."""
 
-    def __init__(self, data: RecordingData) -> None:
-        self.name, self.text, ticks = data.name, data.config_text, data.ticks
+    def __init__(self, name: str, config_text: str, ticks: NDArray[Any], events: tuple[EventRecord, ...] = ()) -> None:
+        self.name, self.text = name, config_text
         if not len(ticks):
             raise RecordingError(f"{self.name}: contains no ticks to show")
         self.config: Config = parse(self.text, self.name)
@@ -55,14 +44,14 @@ class LoadedRecording:
         self.ticks, self.times = ticks, seconds(ticks)
         self.attempts: tuple[Attempt, ...] = from_release(find_attempts(ticks), ticks["tick"], ticks["run_ticks"])
         self.gaps = find_gaps(ticks["tick"])
-        self.marks: tuple[Mark, ...] = marks(ticks, self.attempts, self.gaps, data.events)
+        self.marks: tuple[Mark, ...] = marks(ticks, self.attempts, self.gaps, events)
         self.length = float(self.times[-1])  # time of the last tick [s]
         started = np.flatnonzero(ticks["event"] == Cause.START)
         # Start of the block, before which nothing happens; 0 if the recording began later [s].
         self.begin = float(self.times[started[0]]) if len(started) else 0.0
         self._best = best_so_far(ticks)
-        self._rest_until_ns = _rest_until_ns(data.events, self.config)
-        self._outcomes = _outcomes(data.events, self.attempts, self.config.block.number)
+        self._rest_until_ns = _rest_until_ns(events, self.config)
+        self._outcomes = _outcomes(events, self.attempts, self.config.block.number)
 
     def at(self, position: float) -> int:
         """Return the index of the row at a position: the last one that is not later [1]."""

@@ -11,7 +11,7 @@ from rich.console import Console
 from netboard.base.bars import progress_bars
 from netboard.base.tick import joined
 from netboard.recording.files.reader import Recording
-from netboard.recording.replay.loaded import LoadedRecording, RecordingData
+from netboard.recording.replay.loaded import LoadedRecording
 
 DRAWN = ("z", "theta", "p", "left_z", "right_z")
 """Fields of a tick that the display draws."""
@@ -25,7 +25,7 @@ def load(path: Path, tell: Callable[[int], None] = lambda ticks: None) -> Loaded
             parts.append(rows)
             tell(sum(map(len, parts)))
         rows = drawable(joined(parts))
-        return LoadedRecording(RecordingData(path.name, recording.config_text, rows, recording.events()))
+        return LoadedRecording(path.name, recording.config_text, rows, recording.events())
 
 
 def load_with_progress(path: Path) -> LoadedRecording:

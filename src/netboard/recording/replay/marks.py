@@ -82,7 +82,6 @@ def marks(
 
 
 def _attempt_in_words(attempt: Attempt) -> str:
-    """Describe an attempt in one line."""
     took = "" if isnan(attempt.completion) else f" in {attempt.completion:.3f} s"
     again = f", attempt {attempt.attempt}" if attempt.attempt > 1 else ""
     return f"trial {attempt.trial}{again}: {attempt.outcome.replace('_', ' ')}{took}"

@@ -31,7 +31,6 @@ class Playback:
         return self._inside(self._looped(self.position + moved))
 
     def _looped(self, position: float) -> float:
-        """Apply the loop to a position."""
         if self.loop is None or not self.playing:
             return position
         begin, end = self.loop

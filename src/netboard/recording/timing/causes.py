@@ -121,8 +121,3 @@ CAUSES = (
     ),
 )
 """All causes, in the order in which they are tried; the last one holds always."""
-
-
-def cause_of(evidence: Evidence) -> Cause:
-    """Return the cause of an episode."""
-    return next(cause for cause in CAUSES if cause.holds(evidence))

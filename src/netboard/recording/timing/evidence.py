@@ -113,7 +113,8 @@ def episodes(stamps: Stamps, limit_ns: int) -> list[Evidence]:
     stale = {side: _stale(stamps, stamps.sides[side]) for side in SIDES}
     slow = {side: stamps.sides[side].loop_ns > medians[side].loop_ns + TICK_NS for side in SIDES}
     for side in SIDES:
-        for first, last in _long_runs(stale[side]):
+        long = [(first, last) for first, last in runs(stale[side], 0) if last - first >= AWAY_TICKS]
+        for first, last in long:
             found.append(Evidence(first, last, away=True, missing=side, missing_ns=(last - first + 1) * TICK_NS))
             _clear((stale[side], slow[side]), first, last)
     stalls_ns = stamps.due_ns[late & (stamps.moved_ns > 0)]
@@ -153,11 +154,6 @@ def _stale(stamps: Stamps, side: SideStamps) -> Mask:
     if rest < AWAY_TICKS:
         stale[stale.size - rest :] = False
     return stale
-
-
-def _long_runs(mask: Mask) -> list[tuple[int, int]]:
-    """Return the runs of a mask that are longer than `AWAY_TICKS`."""
-    return [(first, last) for first, last in runs(mask, 0) if last - first >= AWAY_TICKS]
 
 
 def runs(mask: Mask, join: int) -> Iterator[tuple[int, int]]:

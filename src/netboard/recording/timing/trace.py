@@ -10,8 +10,8 @@ import numpy as np
 from netboard.base.config import SIDES
 from netboard.base.terminal import FittedTable, numbers
 from netboard.base.tick import TICK_NS
-from netboard.recording.format.summary import Spread, find_gaps, spread
-from netboard.recording.timing.causes import CAUSES, Cause, cause_of
+from netboard.recording.format.summary import Spread, find_gaps, or_null, spread
+from netboard.recording.timing.causes import CAUSES, Cause
 from netboard.recording.timing.evidence import Evidence, episodes
 from netboard.recording.timing.stamps import UNKNOWN, Stamps
 
@@ -66,7 +66,7 @@ def _episode(stamps: Stamps, evidence: Evidence) -> Episode:
     rows = slice(evidence.first, evidence.last + 1)
     playing = stamps.in_trial[rows]
     return Episode(
-        cause_of(evidence),
+        next(cause for cause in CAUSES if cause.holds(evidence)),
         evidence,
         int(stamps.tick[evidence.first]),
         evidence.last - evidence.first + 1,
@@ -168,7 +168,7 @@ def as_data(found: Trace, name: str) -> dict[str, Any]:
         "limit": found.limit_ns * 1e-9,
         "missed": found.missed,
         "missed_per_100000": found.missed * 1e5 / found.stamps.tick.size,
-        "times": {what: {k: _number(v) for k, v in asdict(one).items()} for what, one in found.spreads.items()},
+        "times": {what: {k: or_null(v) for k, v in asdict(one).items()} for what, one in found.spreads.items()},
         "episodes": [_as_data(one) for one in found.episodes],
         "advice": {cause.name: cause.advice for cause, _, _ in grouped(found)},
     }
@@ -188,10 +188,6 @@ def _as_data(one: Episode) -> dict[str, Any]:
         "agents": dict(evidence.agents),
         "events": list(evidence.events),
     }
-
-
-def _number(value: float) -> float | None:
-    return None if isnan(value) else value
 
 
 def row_of(found: Trace, tick: int) -> int:

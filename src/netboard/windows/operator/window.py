@@ -210,7 +210,6 @@ class ConsoleWindow(Window):
         self.say(Line(f"{command.label}: press {command.key} once more to confirm", Tone.WATCH))
 
     def _cancel_confirmation(self) -> None:
-        """Stop waiting for a second press."""
         self._confirm_timer.stop()
         if self._to_confirm is not None:
             self._button(self._to_confirm).ask(False)
@@ -229,7 +228,6 @@ class ConsoleWindow(Window):
         return running
 
     def _make(self, config: Config) -> None:
-        """Create the widgets."""
         self.banner = label("", 19, Tone.PLAIN, bold=True)
         self.banner.setAlignment(Qt.AlignmentFlag.AlignCenter)
         self.banner.setFixedHeight(44)
@@ -248,7 +246,6 @@ class ConsoleWindow(Window):
         self.middle = QStackedWidget()
 
     def _lay_out(self) -> None:
-        """Lay out the widgets."""
         lines = QVBoxLayout()
         for line in (self.headline, self.progress, self.block):
             line.setMinimumWidth(1)  # a long line must not make the window wider
@@ -275,7 +272,6 @@ class ConsoleWindow(Window):
         rows.addLayout(_row((self.reply, 1), (self.commander, 0)))
 
     def _connect(self) -> None:
-        """Connect buttons, shortcuts and signals."""
         for button in (*self.bar.buttons, self.stop.release):
             press = partial(self.press, button.command)
             button.clicked.connect(lambda _checked, press=press: press())

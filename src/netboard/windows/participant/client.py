@@ -205,7 +205,6 @@ class DisplayClient(QObject):
             self._trouble = trouble
 
     def _hello(self, now: int) -> None:
-        """Send `Hello`."""
         self._hello_ns = now
         details = {"refresh_hz": f"{self.showing.refresh_hz:.2f}", "platform": application().platformName()}
         hello = Hello("display", self.station, PROTOCOL_VERSION, NAME, version("netboard"), details)
@@ -214,7 +213,6 @@ class DisplayClient(QObject):
             sockets.renew(self._views)
 
     def _report(self) -> None:
-        """Tell the server which frames were shown."""
         frames = self.tally.report()
         if frames is not None and sockets.send(self._control, encode(frames)):
             self.tally.clear()

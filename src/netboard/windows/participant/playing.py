@@ -165,7 +165,6 @@ class Playing(QObject):
         self._felt.close()
 
     def _send_pointer(self) -> None:
-        """Send the pointer's height."""
         sockets.send(self._pointer, encode(Pointer(self._station, self._pointing.height)))
 
     def _feel(self) -> None:

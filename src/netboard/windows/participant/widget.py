@@ -154,7 +154,6 @@ class BoardView(QWidget):
         return room.adjusted(-spill, -spill, spill, spill).toAlignedRect()
 
     def _paint(self, painter: QPainter, part: Part) -> None:
-        """Paint one part."""
         if isinstance(part, Shape):
             painter.setTransform(self._to_pixels)
             _paint_shape(painter, part)
@@ -215,7 +214,6 @@ def _paint_words(painter: QPainter, part: Line | Text) -> None:
 
 
 def _text_room(text: Text) -> QRectF:
-    """Return the rectangle of the letters of instructions."""
     return QRectF(*text.place).adjusted(TEXT_MARGIN, TEXT_MARGIN, -TEXT_MARGIN, 0)
 
 

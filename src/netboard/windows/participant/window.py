@@ -46,7 +46,6 @@ UNLIMITED = 2**24 - 1
 
 
 def _log_qt_message(kind: QtMsgType, _where: QMessageLogContext, words: str) -> None:
-    """Forward Qt's messages to the log."""
     if words != IGNORED_MESSAGE:
         log.log(logging.DEBUG if kind == QtMsgType.QtDebugMsg else logging.WARNING, "Qt: %s", words)
 

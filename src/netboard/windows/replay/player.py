@@ -147,7 +147,6 @@ class PlayerWindow(windows.BoardWindow):
             self._frames.stop()
 
     def _in_words(self, position: float, view: View) -> str:
-        """Format the state of the replay in one line."""
         here = self.playback
         texts = ["\u25b6" if here.playing else "\u275a\u275a", f"{clock(here.position)} / {clock(here.length)}"]
         texts.append(f"{here.speed:g}\u00d7")

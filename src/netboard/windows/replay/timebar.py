@@ -75,7 +75,6 @@ class TimeBar(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no type hin
         self.scene().sigMouseClicked.connect(self._clicked)
 
     def _set_up(self, length: float, lanes: int) -> None:
-        """Configure axes and limits."""
         plot = self.getPlotItem()
         plot.setMenuEnabled(False)
         plot.hideButtons()
