@@ -1,5 +1,6 @@
 """The import contracts of pyproject.toml hold over the whole tree, and would catch a breach."""
 
+import ast
 import os
 import re
 import shutil
@@ -19,6 +20,25 @@ def tree(tmp_path: Path) -> Path:
     shutil.copytree(ROOT / "src" / "netboard", tmp_path / "netboard", ignore=ignore)
     shutil.copytree(ROOT / "services", tmp_path / "netboard" / "services", ignore=ignore)
     return tmp_path
+
+
+def exists(tree: Path, module: str) -> bool:
+    path = tree.joinpath(*module.split("."))
+    return path.is_dir() or path.with_suffix(".py").is_file()
+
+
+def named_modules(text: str, wings: set[str]) -> list[str]:
+    """Names of modules in strings, of which no import knows: programs to run, and packages with data."""
+    strings = [node.value for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Constant)]
+    names = [name for name in strings if isinstance(name, str) and re.fullmatch(r"netboard(\.[a-z_]\w*)+", name)]
+    return [name for name in names if name.split(".")[1] in wings]
+
+
+def test_modules_named_in_strings_exist(tree: Path) -> None:
+    wings = {path.name for path in (tree / "netboard").iterdir() if path.is_dir()}
+    found = {file: named_modules(file.read_text(encoding="utf-8"), wings) for file in tree.rglob("*.py")}
+    assert "netboard.services.cli" in found[tree / "netboard/nodes/operator/launcher.py"]
+    assert [(file, name) for file, names in found.items() for name in names if not exists(tree, name)] == []
 
 
 def lint(tree: Path) -> subprocess.CompletedProcess[str]:
