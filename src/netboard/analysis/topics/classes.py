@@ -39,7 +39,7 @@ from netboard.analysis.topics.groups import (
     of_dyads,
 )
 from netboard.analysis.topics.measures import places
-from netboard.analysis.topics.result import Result
+from netboard.analysis.topics.result import Result, TopicResults
 from netboard.analysis.topics.units import PERCENT
 
 if TYPE_CHECKING:
@@ -58,22 +58,14 @@ class Shares:
     means: tuple[Estimate, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Classes:
-    """Shares of the classes in all conditions."""
-
-    shares: tuple[Shares, ...]
-    results: tuple[Result, ...]
-
-
-def classes(study: Study) -> Classes:
+def classes(study: Study) -> TopicResults[Shares]:
     """Return the shares of the movement classes in all conditions."""
     trials = counted(study)
     found = tuple(
         _shares(one, trials[trials["condition"] == one.name], study.readings.summaries.shares)
         for one in conditions(study)
     )
-    return Classes(found, tuple(_results(found)))
+    return TopicResults(found, tuple(_results(found)))
 
 
 def _shares(condition: Condition, rows: pd.DataFrame, of: Average) -> Shares:
@@ -133,7 +125,7 @@ def picture(study: Study) -> Picture:
 
     Bars show means over dyads; the other panels show dyads and means with 95 % t intervals.
     """
-    found = [one for one in classes(study).shares if len(one.dyads)]
+    found = [one for one in classes(study).parts if len(one.dyads)]
     if not found:
         return Picture("classes", TITLE, "No included trial has a movement, so there are no shares.", None)
     crowded = _crowded(found)

@@ -43,7 +43,7 @@ from netboard.analysis.topics.groups import (
     with_base,
 )
 from netboard.analysis.topics.measures import Measure, exponential, levels_of_performers, measures_of
-from netboard.analysis.topics.result import Result, cached, plain
+from netboard.analysis.topics.result import Result, TopicResults, cached, plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -133,19 +133,8 @@ class Comparison:
         return f"{self.measure.name}: {'ratio' if self.measure.ratio else 'difference'}"
 
 
-@dataclass(frozen=True, slots=True)
-class Comparisons:
-    """All contrasts of all measures."""
-
-    comparisons: tuple[Comparison, ...]
-
-    @property
-    def results(self) -> tuple[Result, ...]:
-        """Return differences with both confidence intervals, effect sizes and tests."""
-        return tuple(row for one in self.comparisons for row in _rows(one))
-
-
-def _rows(one: Comparison) -> Iterator[Result]:
+def _results(one: Comparison) -> Iterator[Result]:
+    """Yield a difference with both confidence intervals, effect sizes and tests."""
     contrast = one.contrast
     note = "; ".join(filter(None, (one.measure.note, *contrast.notes, _left_out(contrast))))
     group = one.question.name
@@ -177,7 +166,7 @@ def _symmetry(contrast: Contrast) -> str:
 
 
 @cached
-def comparisons(study: Study) -> Comparisons:
+def comparisons(study: Study) -> TopicResults[Comparison]:
     """Compute, for every compared measure, all contrasts that some dyad has."""
     rng = np.random.default_rng(SEED)
     questions, who = questions_of(study), performed_by(conditions(study))
@@ -192,7 +181,7 @@ def comparisons(study: Study) -> Comparisons:
                     table = paired_levels(performers, who, names)
                     if table.notna().all(axis=1).any():
                         found.append(_compare(measure, question, table, rng))
-    return Comparisons(_corrected(found))
+    return TopicResults.of(_corrected(found), _results)
 
 
 def _compare(measure: Measure, question: Question, table: pd.DataFrame, rng: np.random.Generator) -> Comparison:
@@ -244,7 +233,7 @@ def picture(study: Study) -> Picture:
 
     Intervals are those of the noncentral t distribution, p values those of permutation tests.
     """
-    found = [one for one in comparisons(study).comparisons if np.isfinite(one.hedges.value)]
+    found = [one for one in comparisons(study).parts if np.isfinite(one.hedges.value)]
     if not found:
         why = "Sizes of effects take three dyads or more that have two conditions, and that differ."
         return Picture("contrasts", TITLE, why, None)

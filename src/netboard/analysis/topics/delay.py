@@ -37,7 +37,7 @@ from netboard.analysis.topics.figure import (
 )
 from netboard.analysis.topics.groups import Condition, comparisons, conditions, estimate, estimated, of_dyads, with_base
 from netboard.analysis.topics.measures import rows_of
-from netboard.analysis.topics.result import Result, plain
+from netboard.analysis.topics.result import Result, TopicResults, plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -81,24 +81,14 @@ class ConditionDelay:
     truncated: tuple[float, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Delay:
-    """The delays of all conditions."""
-
-    conditions: tuple[ConditionDelay, ...]
-    kind: str
-    unit: str
-    results: tuple[Result, ...]
-
-
-def delay(study: Study) -> Delay:
+def delay(study: Study) -> TopicResults[ConditionDelay]:
     """Return the delays of all conditions."""
     how = study.readings.summaries
     rows = rows_of(study, "movement")
     found = tuple(
         _of_condition(one, rows[rows["condition"] == one.name], how.delay, how.intervals) for one in conditions(study)
     )
-    return Delay(found, how.delay, how.intervals, tuple(_results(found, how.delay)))
+    return TopicResults(found, tuple(_results(found, how.delay)))
 
 
 def _of_condition(condition: Condition, rows: pd.DataFrame, kind: str, unit: str) -> ConditionDelay:
@@ -210,8 +200,8 @@ def picture(study: Study) -> Picture:
 
     The panel of delays at each side's own peak has no bias from a common threshold.
     """
-    found = delay(study)
-    shown = [one for one in found.conditions if any(np.isfinite(mean.value) for mean in one.as_set.means)]
+    kind = study.readings.summaries.delay
+    shown = [one for one in delay(study).parts if any(np.isfinite(mean.value) for mean in one.as_set.means)]
     if not shown:
         return Picture("delay", TITLE, "No included trial has a cooperative movement, so there are no delays.", None)
     names = [in_lines(one.condition) for one in shown]
@@ -219,8 +209,8 @@ def picture(study: Study) -> Picture:
     layout = [["set", "set"], ["own", "signed"]] if few else [["set"], ["own"], ["signed"]]
     figure, axes = new_mosaic(5.0 if few else 7.2, layout, height_ratios=[1.25, 1] if few else None)
     panels: tuple[tuple[str, str, Callable[[ConditionDelay], Delays]], ...] = (
-        ("set", f"{found.kind} delay, {_threshold(study)}", lambda one: one.as_set),
-        ("own", f"{found.kind} delay, each side's own peak", lambda one: one.own_peak),
+        ("set", f"{kind} delay, {_threshold(study)}", lambda one: one.as_set),
+        ("own", f"{kind} delay, each side's own peak", lambda one: one.own_peak),
         ("signed", "signed delay, left minus right", lambda one: one.signed),
     )
     for (name, title, delays), letter in zip(panels, "ABC", strict=True):

@@ -26,7 +26,7 @@ FEW = 8
 @styled
 def picture(study: Study) -> Picture:
     """Draw all differences between conditions."""
-    found = comparisons(study).comparisons
+    found = comparisons(study).parts
     if not found:
         return Picture("differences", TITLE, "No dyad has two conditions that are compared.", None)
     names = list(dict.fromkeys(one.measure.name for one in found))

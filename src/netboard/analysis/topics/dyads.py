@@ -42,7 +42,7 @@ from netboard.analysis.topics.figure import (
     titled,
 )
 from netboard.analysis.topics.groups import QUANTITIES, Condition, Quantity, conditions, counted, estimate, estimated
-from netboard.analysis.topics.result import Result, plain
+from netboard.analysis.topics.result import Result, TopicResults, plain
 from netboard.base.tables.forces import FORCES
 
 if TYPE_CHECKING:
@@ -77,16 +77,8 @@ class Comparison:
     test: Test
 
 
-@dataclass(frozen=True, slots=True)
-class Dyads:
-    """Dyads compared with their partners, for each quantity and each haptic condition of the dyads."""
-
-    comparisons: tuple[Comparison, ...]
-    results: tuple[Result, ...]
-
-
-def dyads(study: Study) -> Dyads:
-    """Compare dyads with their participants."""
+def dyads(study: Study) -> TopicResults[Comparison]:
+    """Compare dyads with their participants, for each quantity and each haptic condition of the dyads."""
     trials, every = counted(study), conditions(study)
     alone = {(one.force, one.other_levels): one.name for one in every if one.configuration == "bimanual"}
     found = []
@@ -101,7 +93,7 @@ def dyads(study: Study) -> Dyads:
             if one.configuration == "dyadic" and not one.partner:
                 points = _points(levels, one.name, alone.get((one.force, one.other_levels), ""))
                 found.append(_compare(quantity, one, points))
-    return Dyads(tuple(found), tuple(result for one in found for result in _results(one)))
+    return TopicResults.of(found, _results)
 
 
 def _points(levels: Mapping[str, pd.Series], together: str, alone: str) -> Iterator[Point]:
@@ -147,7 +139,7 @@ def picture(study: Study) -> Picture:
 
     A plane has one point for each participant; beside it are the gains of the dyads.
     """
-    found = [one for one in dyads(study).comparisons if one.known]
+    found = [one for one in dyads(study).parts if one.known]
     if not found:
         why = "No dyad has performed together with a force with which both of its participants have performed alone."
         return Picture("dyads", TITLE, why, None)

@@ -25,7 +25,7 @@ from netboard.analysis.statistics.estimates import mean
 from netboard.analysis.topics.figure import Picture, fit_beside, look_of, many, new_mosaic, styled
 from netboard.analysis.topics.groups import Condition, conditions
 from netboard.analysis.topics.paths import joined
-from netboard.analysis.topics.result import Result, cached, plain
+from netboard.analysis.topics.result import Result, TopicResults, cached, plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -64,19 +64,8 @@ class Influence:
     of: int
 
 
-@dataclass(frozen=True, slots=True)
-class Influences:
-    """Influence in both directions, in all conditions with two people."""
-
-    influences: tuple[Influence, ...]
-
-    @property
-    def results(self) -> tuple[Result, ...]:
-        """Return strength in true dyads, chance level, excess, and p value."""
-        return tuple(row for one in self.influences for row in _rows(one))
-
-
-def _rows(one: Influence) -> list[Result]:
+def _results(one: Influence) -> list[Result]:
+    """Return strength in true dyads, chance level, excess, and p value."""
     n, chance = len(one.dyads), one.chance
     group = f"{one.condition.label}, {one.direction}"
     note = f"{one.trials} of {one.of} trials of each dyad; given the ball"
@@ -94,15 +83,15 @@ def _rows(one: Influence) -> list[Result]:
 
 
 @cached
-def influences(study: Study) -> Influences:
-    """Return the influence of each partner on the other."""
+def influences(study: Study) -> TopicResults[Influence]:
+    """Return the influence of each partner on the other, in all conditions with two people."""
     found: list[Influence] = []
     for condition in conditions(study):
         trials = study.counted[study.counted["condition"] == condition.name]
         movers = study.blocks.loc[study.blocks["recording"].isin(trials["recording"]), ["left_by", "right_by"]]
         if (movers["left_by"] != movers["right_by"]).all() and not movers.isin(STAND_INS).any(axis=None):
             found += _in_condition(condition, trials, study.paths)
-    return Influences(tuple(found))
+    return TopicResults.of(found, _results)
 
 
 def _in_condition(condition: Condition, trials: pd.DataFrame, paths: Mapping[str, pd.DataFrame]) -> list[Influence]:
@@ -171,7 +160,7 @@ FEW = 6
 @styled
 def picture(study: Study) -> Picture:
     """Draw the influence between partners."""
-    found = [one for one in influences(study).influences if len(one.values)]
+    found = [one for one in influences(study).parts if len(one.values)]
     if not found:
         why = "No condition has two people and paths of their trials, so their influence cannot be estimated."
         return Picture("influence", TITLE, why, None)

@@ -20,7 +20,7 @@ from netboard.analysis.extraction.trials import RATE
 from netboard.analysis.statistics.estimates import t_interval
 from netboard.analysis.topics.figure import BLACK, Picture, due_count, look_of, new_mosaic, styled, titled
 from netboard.analysis.topics.groups import Condition, conditions, estimated
-from netboard.analysis.topics.result import Result, cached
+from netboard.analysis.topics.result import Result, TopicResults, cached
 from netboard.analysis.topics.units import read_in
 
 if TYPE_CHECKING:
@@ -61,19 +61,8 @@ class MeanPath:
     trials: int
 
 
-@dataclass(frozen=True, slots=True)
-class MeanPaths:
-    """All mean paths."""
-
-    paths: tuple[MeanPath, ...]
-
-    @property
-    def results(self) -> tuple[Result, ...]:
-        """Return the positions of ball and hands at the reported times."""
-        return tuple(row for one in self.paths for row in _rows(one))
-
-
-def _rows(one: MeanPath) -> Iterator[Result]:
+def _results(one: MeanPath) -> Iterator[Result]:
+    """Yield the positions of ball or hand at the reported times."""
     for k in range(0, len(one.time), round(REPORTED / PERIOD)):
         note = f"of {one.trials} trials, + = {'towards the target' if one.quantity == 'ball' else 'up'}"
         group = f"{one.condition.label}, {one.time[k]:.1f} s"
@@ -81,12 +70,13 @@ def _rows(one: MeanPath) -> Iterator[Result]:
 
 
 @cached
-def mean_paths(study: Study) -> MeanPaths:
+def mean_paths(study: Study) -> TopicResults[MeanPath]:
     """Return the mean paths of all conditions."""
     if not len(study.counted):
-        return MeanPaths(())
+        return TopicResults((), ())
     samples = int(study.counted["duration"].quantile(GOING_ON) / PERIOD)
-    return MeanPaths(tuple(path for condition in conditions(study) for path in _mean_paths(condition, study, samples)))
+    found = (path for condition in conditions(study) for path in _mean_paths(condition, study, samples))
+    return TopicResults.of(found, _results)
 
 
 def joined(trials: pd.DataFrame, paths: Mapping[str, pd.DataFrame]) -> Iterator[pd.DataFrame]:
@@ -157,7 +147,7 @@ def picture(study: Study) -> Picture:
     """
     from matplotlib.lines import Line2D
 
-    found = mean_paths(study).paths
+    found = mean_paths(study).parts
     if not found:
         return Picture("paths", TITLE, "No included trial has a path.", None)
     shown = list(dict.fromkeys(one.condition for one in found))
