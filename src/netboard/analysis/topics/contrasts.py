@@ -22,15 +22,15 @@ from netboard.analysis.statistics.exact_tests import SYMMETRIC
 from netboard.analysis.topics.figure import (
     BLACK,
     NO_EFFECT,
+    Drawn,
     Look,
-    Picture,
     beside,
     draw_mean,
     handles,
     look_of,
     new_mosaic,
+    pictured,
     span,
-    styled,
     titled,
 )
 from netboard.analysis.topics.groups import (
@@ -211,8 +211,6 @@ def _corrected(found: list[Comparison]) -> tuple[Comparison, ...]:
     return tuple(replace(one, corrected=float(p)) for one, p in zip(found, values, strict=True))
 
 
-TITLE = "Effects of forces and of a partner, standardised"
-
 KINDS = {
     "forces": "haptics vs off",
     "configuration": "dyadic vs bimanual",
@@ -227,16 +225,15 @@ TICKS = (-100, -30, -10, -3, -1, 0, 1, 3, 10, 30, 100)
 _BAND = "#F3F3F3"
 
 
-@styled
-def picture(study: Study) -> Picture:
+@pictured("Effects of forces and of a partner, standardised")
+def picture(study: Study) -> Drawn:
     """Draw all effect sizes.
 
     Intervals are those of the noncentral t distribution, p values those of permutation tests.
     """
     found = [one for one in comparisons(study).parts if np.isfinite(one.hedges.value)]
     if not found:
-        why = "Sizes of effects take three dyads or more that have two conditions, and that differ."
-        return Picture("contrasts", TITLE, why, None)
+        return "Sizes of effects take three dyads or more that have two conditions, and that differ."
     kinds = [kind for kind in KINDS if any(one.question.kind == kind for one in found)]
     names = list(dict.fromkeys(one.measure.name for one in found))
     looks = looks_of(study, [one.question for one in found])
@@ -254,7 +251,7 @@ def picture(study: Study) -> Picture:
         titled(axes[kind], letter, KINDS[kind].replace(", ", ",\n"))
         if kind != kinds[0]:
             axes[kind].set_yticklabels([])
-    return Picture("contrasts", TITLE, _caption(found), figure)
+    return figure, _caption(found)
 
 
 def looks_of(study: Study, questions: Sequence[Question]) -> dict[str, Look]:

@@ -21,8 +21,8 @@ from netboard.analysis.extraction.details import THRESHOLDS
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.statistics.estimates import Estimate
 from netboard.analysis.topics.figure import (
+    Drawn,
     Look,
-    Picture,
     beside,
     draw_dyads,
     draw_mean,
@@ -32,7 +32,7 @@ from netboard.analysis.topics.figure import (
     listed,
     look_of,
     new_mosaic,
-    styled,
+    pictured,
     titled,
 )
 from netboard.analysis.topics.groups import Condition, comparisons, conditions, estimate, estimated, of_dyads, with_base
@@ -183,8 +183,6 @@ def _apart(group: str, one: ConditionDelay, other: ConditionDelay) -> Result:
     return plain(TOPIC, APART, group, value, "1", len(pairs), "threshold", note)
 
 
-TITLE = "Delay between the sides"
-
 _MS = 1000.0
 _WIDTH = 0.6
 _BESIDE = 0.09
@@ -194,8 +192,8 @@ _FEW = 4
 _GREYS = ("#A0A0A0", "#757575", "#4A4A4A", "#000000")
 
 
-@styled
-def picture(study: Study) -> Picture:
+@pictured("Delay between the sides")
+def picture(study: Study) -> Drawn:
     """Draw the delays of all conditions.
 
     The panel of delays at each side's own peak has no bias from a common threshold.
@@ -203,7 +201,7 @@ def picture(study: Study) -> Picture:
     kind = study.readings.summaries.delay
     shown = [one for one in delay(study).parts if any(np.isfinite(mean.value) for mean in one.as_set.means)]
     if not shown:
-        return Picture("delay", TITLE, "No included trial has a cooperative movement, so there are no delays.", None)
+        return "No included trial has a cooperative movement, so there are no delays."
     names = [in_lines(one.condition) for one in shown]
     few = len(shown) <= _FEW and fit_beside(names, 0.5)
     layout = [["set", "set"], ["own", "signed"]] if few else [["set"], ["own"], ["signed"]]
@@ -221,7 +219,7 @@ def picture(study: Study) -> Picture:
         _portions(axes["set"], len(shown))
     for name in () if few else ("set", "own"):
         axes[name].tick_params(axis="x", labelbottom=False)
-    return Picture("delay", TITLE, _caption(study, shown), figure)
+    return figure, _caption(study, shown)
 
 
 def _threshold(study: Study) -> str:

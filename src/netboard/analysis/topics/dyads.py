@@ -30,15 +30,15 @@ from netboard.analysis.topics.figure import (
     PINK,
     SKY,
     YELLOW,
+    Drawn,
     Look,
-    Picture,
     draw_dyads,
     draw_mean,
     due_count,
     look_of,
     many,
     new_mosaic,
-    styled,
+    pictured,
     titled,
 )
 from netboard.analysis.topics.groups import QUANTITIES, Condition, Quantity, conditions, counted, estimate, estimated
@@ -127,22 +127,19 @@ def _results(found: Comparison) -> Iterator[Result]:
     yield plain(TOPIC, name, group, value, "1", found.known, "dyad", note)
 
 
-TITLE = "Dyads and their partners alone"
-
 _FORCES = dict(zip(FORCES[2:], (SKY, GREEN, PINK, ORANGE, YELLOW), strict=False))
 """Colours of the force conditions that are neither off nor on."""
 
 
-@styled
-def picture(study: Study) -> Picture:
+@pictured("Dyads and their partners alone")
+def picture(study: Study) -> Drawn:
     """Draw the performance of dyads relative to their participants alone.
 
     A plane has one point for each participant; beside it are the gains of the dyads.
     """
     found = [one for one in dyads(study).parts if one.known]
     if not found:
-        why = "No dyad has performed together with a force with which both of its participants have performed alone."
-        return Picture("dyads", TITLE, why, None)
+        return "No dyad has performed together with a force with which both of its participants have performed alone."
     columns = [quantity.column for quantity in QUANTITIES]
     rows = [columns, [f"gain {column}" for column in columns]]
     forces = len({one.condition.force for one in found})
@@ -153,7 +150,7 @@ def picture(study: Study) -> Picture:
         titled(axes[quantity.column], letter, quantity.name)
         _gains(axes[f"gain {quantity.column}"], own)
         titled(axes[f"gain {quantity.column}"], below, "gain of the dyad")
-    return Picture("dyads", TITLE, _caption(found), figure)
+    return figure, _caption(found)
 
 
 def _look(one: Comparison) -> Look:

@@ -22,7 +22,7 @@ from netboard.analysis.extraction.conditions import STAND_INS
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.measures.information import Past, SurrogateComparison, chance_level, granger
 from netboard.analysis.statistics.estimates import mean
-from netboard.analysis.topics.figure import Picture, fit_beside, look_of, many, new_mosaic, styled
+from netboard.analysis.topics.figure import Drawn, fit_beside, look_of, many, new_mosaic, pictured
 from netboard.analysis.topics.groups import Condition, conditions
 from netboard.analysis.topics.paths import joined
 from netboard.analysis.topics.result import Result, TopicResults, cached, plain
@@ -151,19 +151,16 @@ def _strength(sources: Sequence[NDArray[np.float64]], targets: Sequence[NDArray[
     return granger(others, own, past=PAST, given=[ball]).strength
 
 
-TITLE = "Influence between partners"
-
 FEW = 6
 """Largest number of columns with horizontal names [1]."""
 
 
-@styled
-def picture(study: Study) -> Picture:
+@pictured("Influence between partners")
+def picture(study: Study) -> Drawn:
     """Draw the influence between partners."""
     found = [one for one in influences(study).parts if len(one.values)]
     if not found:
-        why = "No condition has two people and paths of their trials, so their influence cannot be estimated."
-        return Picture("influence", TITLE, why, None)
+        return "No condition has two people and paths of their trials, so their influence cannot be estimated."
     figure, axes = new_mosaic(3.2, [["all"]])
     for place, one in enumerate(found):
         _column(axes["all"], place, one)
@@ -176,7 +173,7 @@ def picture(study: Study) -> Picture:
     axes["all"].set_ylim(bottom=min(0.0, axes["all"].get_ylim()[0]))
     axes["all"].set_ylabel("Granger strength [nat]")
     figure.legend(*axes["all"].get_legend_handles_labels(), loc="outside lower center", ncols=3)
-    return Picture("influence", TITLE, _caption(found), figure)
+    return figure, _caption(found)
 
 
 def _column(axes: "Axes", place: int, one: Influence) -> None:

@@ -14,7 +14,7 @@ import pandas as pd
 from netboard.analysis.extraction.conditions import STAND_INS
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.measures.lags import leadership
-from netboard.analysis.topics.figure import NO_EFFECT, Picture, due_count, new_mosaic, styled, titled
+from netboard.analysis.topics.figure import NO_EFFECT, Drawn, due_count, new_mosaic, pictured, titled
 from netboard.analysis.topics.groups import estimated
 from netboard.analysis.topics.measures import Levels, Measure, column, draw_levels, legend, levels_of, places
 from netboard.analysis.topics.result import Result, TopicResults, plain
@@ -62,15 +62,12 @@ def changed_seats(study: Study) -> tuple[str, ...]:
     return tuple(seats.index[seats > 1])
 
 
-TITLE = "Who moved first"
-
-
-@styled
-def picture(study: Study) -> Picture:
+@pictured("Who moved first")
+def picture(study: Study) -> Drawn:
     """Draw the leadership measures."""
     found = leaders(study).parts
     if not found:
-        return Picture("leadership", TITLE, "No included trial has a delay.", None)
+        return "No included trial has a delay."
     names = [question.name for question in QUESTIONS if any(one.measure == question for one in found)]
     figure, axes = new_mosaic(5.0, [names[:2], names[2:]] if len(names) == 4 else [names])
     shown = tuple(dict.fromkeys(one.condition for one in found))
@@ -79,7 +76,7 @@ def picture(study: Study) -> Picture:
         _panel(axes[name], [one for one in found if one.measure.name == name], at)
         titled(axes[name], letter, name)
     legend(figure, shown)
-    return Picture("leadership", TITLE, _caption(study, found), figure)
+    return figure, _caption(study, found)
 
 
 def _panel(axes: "Axes", found: Sequence[Levels], at: dict[str, float]) -> None:

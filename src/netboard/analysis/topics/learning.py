@@ -28,15 +28,15 @@ from netboard.analysis.topics.figure import (
     BLACK,
     CLASS_COLOURS,
     STACK,
-    Picture,
+    Drawn,
     apart,
     beside,
     draw_dyads,
     draw_mean,
     many,
     new_mosaic,
+    pictured,
     sentence,
-    styled,
     team_look,
     titled,
     trial_ticks,
@@ -206,18 +206,15 @@ def _spread(group: str, found: Summary, course: Course, note: str) -> Result:
     )
 
 
-TITLE = "Learning"
-
-
-@styled
-def picture(study: Study) -> Picture:
+@pictured("Learning")
+def picture(study: Study) -> Drawn:
     """Draw the learning of participants and dyads.
 
     Lines are means of all trials of one number, pooled over haptic conditions; points are dyads in groups of trials.
     """
     teams = learning(study).parts
     if not teams:
-        return Picture("learning", TITLE, "No trial is included, so learning cannot be shown.", None)
+        return "No trial is included, so learning cannot be shown."
     rows = [[f"{kind} {one.team}" for one in teams] for kind in ("time", "peaks")]
     figure, axes = new_mosaic(4.6, rows, height_ratios=[1.35, 1])
     letters, windows = iter("ABCDEFGHIJKLMNOP"), windows_of(study)
@@ -245,7 +242,7 @@ def picture(study: Study) -> Picture:
         name = ("completion time", "velocity peaks")[row]
         axes[f"{kind} {teams[0].team}"].set_ylabel(f"{name} [{unit}]")
     _names(axes[f"time {teams[-1].team}"], teams[-1], 0.015 * len(teams))
-    return Picture("learning", TITLE, _caption(study, teams), figure)
+    return figure, _caption(study, teams)
 
 
 def _areas(axes: "Axes", one: TeamLearning) -> None:

@@ -18,14 +18,14 @@ from netboard.analysis.extraction.attempts import MODERN, PAPER
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.statistics.estimates import Estimate, t_interval
 from netboard.analysis.topics.figure import (
-    Picture,
+    Drawn,
     draw_joined,
     draw_mean,
     due_count,
     handles,
     look_of,
     new_mosaic,
-    styled,
+    pictured,
 )
 from netboard.analysis.topics.groups import CLASSES, Condition, conditions, counted, estimated, excluded
 from netboard.analysis.topics.result import Result, TopicResults, cached
@@ -270,8 +270,6 @@ def exponential(estimate: Estimate) -> Estimate:
 
 Where = Literal["outside upper center", "outside lower center"]
 
-TITLE = "All measures"
-
 COLUMNS = 4
 """Panels in a row [1]."""
 
@@ -290,19 +288,19 @@ _TITLE = 20
 """Characters in a line of a panel's title [1]."""
 
 
-@styled
-def picture(study: Study) -> Picture:
+@pictured("All measures")
+def picture(study: Study) -> Drawn:
     """Draw all measures."""
     found = overview(study).parts
     if not found:
-        return Picture("measures", TITLE, "No trial is included, so there are no measures.", None)
+        return "No trial is included, so there are no measures."
     names = [measure.name for measure in MEASURES if any(one.measure.name == measure.name for one in found)]
     shown = tuple(dict.fromkeys(one.condition for one in found))
     figure, axes = grid(names, 1.35)
     for name in names:
         _panel(axes[name], [one for one in found if one.measure.name == name], places(shown))
     legend(figure, shown)
-    return Picture("measures", TITLE, _caption(found, shown), figure)
+    return figure, _caption(found, shown)
 
 
 def grid(names: Sequence[str], height: float, columns: int = COLUMNS) -> "tuple[Figure, dict[str, Axes]]":

@@ -19,14 +19,14 @@ from netboard.analysis.extraction.study import Study
 from netboard.analysis.statistics.estimates import Estimate, bootstrap, ratio_of_sums, t_interval
 from netboard.analysis.topics.figure import (
     NO_EFFECT,
-    Picture,
+    Drawn,
     beside,
     draw_dyads,
     draw_mean,
     look_of,
     many,
     new_mosaic,
-    styled,
+    pictured,
 )
 from netboard.analysis.topics.groups import Condition, conditions, estimated, with_base
 from netboard.analysis.topics.measures import column, levels, measures_of, rows_of
@@ -151,19 +151,16 @@ def _control(condition: Condition, stiffness: int, friction: float, table: pd.Da
 
 _NONE = "The mechanical part of the effect cannot be estimated, because the effect may be 0."
 
-TITLE = "The part that a passive partner would show"
 
-
-@styled
-def picture(study: Study) -> Picture:
+@pictured("The part that a passive partner would show")
+def picture(study: Study) -> Drawn:
     """Draw the effect of haptic feedback and the passive effect.
 
     The passive effect is shown without friction, an upper bound, and with the device's friction if known.
     """
     found = controls(study).parts
     if not found:
-        why = "No dyad has trials of two people both with and without forces, in a scene with a free board."
-        return Picture("passive", TITLE, why, None)
+        return "No dyad has trials of two people both with and without forces, in a scene with a free board."
     figure, panels = new_mosaic(3.0, [["all"]])
     axes = panels["all"]
     axes.axhline(0.0, **NO_EFFECT)
@@ -195,7 +192,7 @@ def picture(study: Study) -> Picture:
     axes.set_ylabel(f"change of the cooperative share {POINTS.in_brackets}")
     if len(felt) > 1:
         axes.legend(loc="best")
-    return Picture("passive", TITLE, _caption(found), figure)
+    return figure, _caption(found)
 
 
 def _caption(found: tuple[Control, ...]) -> str:

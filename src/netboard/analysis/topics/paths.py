@@ -18,7 +18,7 @@ from netboard.analysis.extraction.study import Study
 from netboard.analysis.extraction.tables import ATTEMPT_KEY
 from netboard.analysis.extraction.trials import RATE
 from netboard.analysis.statistics.estimates import t_interval
-from netboard.analysis.topics.figure import BLACK, Picture, due_count, look_of, new_mosaic, styled, titled
+from netboard.analysis.topics.figure import BLACK, Drawn, due_count, look_of, new_mosaic, pictured, titled
 from netboard.analysis.topics.groups import Condition, conditions, estimated
 from netboard.analysis.topics.result import Result, TopicResults, cached
 from netboard.analysis.topics.units import read_in
@@ -129,8 +129,6 @@ def _places(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
     }
 
 
-TITLE = "The course of a trial"
-
 COLUMNS = 4
 """Conditions in a row [1]."""
 
@@ -139,8 +137,8 @@ _HANDS = {"near": BLACK, "far": "#555555"}
 _LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 
 
-@styled
-def picture(study: Study) -> Picture:
+@pictured("The course of a trial")
+def picture(study: Study) -> Drawn:
     """Draw mean paths.
 
     Trials with the target on the left are mirrored.
@@ -149,7 +147,7 @@ def picture(study: Study) -> Picture:
 
     found = mean_paths(study).parts
     if not found:
-        return Picture("paths", TITLE, "No included trial has a path.", None)
+        return "No included trial has a path."
     shown = list(dict.fromkeys(one.condition for one in found))
     lines = [shown[k : k + COLUMNS] for k in range(0, len(shown), COLUMNS)]
     figure, axes = new_mosaic(0.4 + 3.9 * len(lines), _layout(lines))
@@ -164,7 +162,7 @@ def picture(study: Study) -> Picture:
         _alike(axes, [[f"{what} {one.name}" for one in line] for line in lines], label)
     handles = [Line2D([], [], color=colour, linestyle=_STYLES[name]) for name, colour in _HANDS.items()]
     figure.legend(handles, [QUANTITIES[name] for name in _HANDS], loc="outside lower center", ncols=2)
-    return Picture("paths", TITLE, _caption(found), figure)
+    return figure, _caption(found)
 
 
 def _layout(lines: list[list[Condition]]) -> list[list[str]]:

@@ -19,13 +19,13 @@ from netboard.analysis.measures.ellipses import FEWEST, Ellipse, convergence, gr
 from netboard.analysis.statistics.estimates import Estimate
 from netboard.analysis.topics.figure import (
     WIDTH,
-    Picture,
+    Drawn,
     apart,
     draw_dyads,
     many,
+    pictured,
     sentence,
     span,
-    styled,
     team_colour,
     team_look,
     titled,
@@ -154,8 +154,6 @@ def trials(first: int, last: int) -> str:
     return f"trials {first} to {last}"
 
 
-TITLE = "Convergence of the strategy"
-
 _DISTANCE, _VELOCITY = read_in("m"), read_in("m/s")
 _SCALES = np.array([_DISTANCE.scale, _VELOCITY.scale])
 
@@ -163,8 +161,8 @@ _ACROSS = 3
 """Panels of ellipses in a row."""
 
 
-@styled
-def picture(study: Study) -> Picture:
+@pictured("Convergence of the strategy")
+def picture(study: Study) -> Drawn:
     """Draw the convergence of the strategy.
 
     Ellipses pool all performers; variances are those within performers, averaged for each dyad.
@@ -173,8 +171,7 @@ def picture(study: Study) -> Picture:
 
     teams = strategy(study).parts
     if not any(np.isfinite(one.width) for team in teams for one in team.ellipses):
-        why = "No group of trials has enough first braking movements for an ellipse."
-        return Picture("strategy", TITLE, why, None)
+        return "No group of trials has enough first braking movements for an ellipse."
     rows = -(-len(teams) // _ACROSS)
     height = [2.7 * rows, 2.2]
     figure = Figure(figsize=(WIDTH, sum(height)))
@@ -198,7 +195,7 @@ def picture(study: Study) -> Picture:
     for k, axes in enumerate(below.subplots(1, kinds, squeeze=False).flat):
         titled(axes, next(letters), shown[0].spreads[k].quantity)
         _spreads(axes, shown, k, windows_of(study).group)
-    return Picture("strategy", TITLE, _caption(study, teams), figure)
+    return figure, _caption(study, teams)
 
 
 def _colours(count: int) -> list[tuple[float, float, float, float]]:
