@@ -85,11 +85,11 @@ def test_p_values_are_corrected_within_their_family(found: TopicResults[Comparis
     assert all(one.corrected == 1.0 for one in found.parts if np.isfinite(one.contrast.permutation.p))
     many = comparisons(modern_study(modern_blocks(dyads=11, trials=2, change=halve_times_with_haptics)))
     sure = comparison(many, "completion time", ON_IN_DYADS)
-    family = [one for one in many.comparisons if one.measure.family == "performance"]
+    family = [one for one in many.parts if one.measure.family == "performance"]
     assert len(family) == 8 * 5
     assert sure.contrast.permutation.p == pytest.approx(2.0 / 2**11)
     assert sure.contrast.permutation.p <= sure.corrected <= len(family) * 2.0 / 2**11
-    assert all(one.corrected >= one.contrast.permutation.p for one in many.comparisons)
+    assert all(one.corrected >= one.contrast.permutation.p for one in many.parts)
 
 
 def test_permutation_p_is_noted_with_its_assumption_and_the_skewness(found: TopicResults[Comparison]) -> None:
