@@ -65,10 +65,9 @@ def analyse(
     if cache is not None and no_cache:
         raise ConfigError("--cache and --no-cache: expected one of them")
     chosen = analysing.AnalysisOptions(workers, dask, cache, not no_cache, skip_unreadable, compare_paper)
-    given = analysing.GivenSettings(settings, tuple(overrides or ()))
     read = lambda: load_readings(settings, overrides)  # noqa: E731
     console = Console(highlight=False, soft_wrap=True)
     with interrupted_by_stop_signals():
-        lines = analysing.analyse(recordings, output, given, chosen, read)
+        lines = analysing.analyse(recordings, output, settings, overrides or (), chosen, read)
     for line in lines:
         console.print(line, markup=False)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from made_study import Block, made_study, random_blocks
-from netboard.analysis.topics.classes import Classes, classes
+from netboard.analysis.topics.classes import Shares, classes
+from netboard.analysis.topics.result import TopicResults
 
 
 def rows_of_seconds(*seconds: tuple[float, float, float, float]) -> list[dict[str, float]]:
@@ -20,7 +21,7 @@ BLOCKS = (
 )
 
 
-def values(found: Classes, group: str) -> dict[str, float]:
+def values(found: TopicResults[Shares], group: str) -> dict[str, float]:
     return {one.quantity.removeprefix("share of "): one.value for one in found.results if one.group == group}
 
 
@@ -44,7 +45,7 @@ def test_long_trials_count_more_when_shares_are_weighted_by_time() -> None:
 
 
 def test_shares_add_up_to_one() -> None:
-    for one in classes(made_study(random_blocks())).shares:
+    for one in classes(made_study(random_blocks())).parts:
         np.testing.assert_allclose(one.performers.sum(axis=1), 1.0)
         assert sum(mean.value for mean in one.means) == pytest.approx(1.0)
 

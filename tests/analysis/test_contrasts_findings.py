@@ -9,16 +9,16 @@ from scipy import stats
 
 from made_modern import modern_blocks, modern_study
 from made_study import Block, made_study, times
-from netboard.analysis.topics.contrasts import Comparison, Comparisons, comparisons, picture, questions_of
+from netboard.analysis.topics.contrasts import Comparison, comparisons, picture, questions_of
 from netboard.analysis.topics.measures import MEASURES
-from netboard.analysis.topics.result import table_of
+from netboard.analysis.topics.result import TopicResults, table_of
 
 ON_IN_DYADS = "dyadic, haptics on vs off"
 COMPARED = [measure for measure in MEASURES if measure.compared]
 
 
-def comparison(found: Comparisons, measure: str, question: str) -> Comparison:
-    (only,) = [one for one in found.comparisons if one.measure.name == measure and one.question.name == question]
+def comparison(found: TopicResults[Comparison], measure: str, question: str) -> Comparison:
+    (only,) = [one for one in found.parts if one.measure.name == measure and one.question.name == question]
     return only
 
 
@@ -30,12 +30,12 @@ def halve_times_with_haptics(row: dict[str, float], configuration: str, force: s
 
 
 @pytest.fixture(scope="module")
-def found() -> Comparisons:
+def found() -> TopicResults[Comparison]:
     return comparisons(modern_study(modern_blocks(change=halve_times_with_haptics)))
 
 
 @pytest.mark.slow
-def test_study_with_two_forces_and_configurations_has_five_contrasts(found: Comparisons) -> None:
+def test_study_with_two_forces_and_configurations_has_five_contrasts(found: TopicResults[Comparison]) -> None:
     assert [one.name for one in questions_of(modern_study(modern_blocks()))] == [
         "bimanual, haptics on vs off",
         ON_IN_DYADS,
@@ -43,8 +43,8 @@ def test_study_with_two_forces_and_configurations_has_five_contrasts(found: Comp
         "dyadic vs bimanual, haptics on",
         "haptics on vs off, dyadic vs bimanual",
     ]
-    assert len(found.comparisons) == 5 * len(COMPARED)
-    assert all(one.contrast.n == 4 and one.contrast.unit == "dyad" for one in found.comparisons)
+    assert len(found.parts) == 5 * len(COMPARED)
+    assert all(one.contrast.n == 4 and one.contrast.unit == "dyad" for one in found.parts)
 
 
 @pytest.mark.parametrize(
@@ -57,14 +57,14 @@ def test_study_with_two_forces_and_configurations_has_five_contrasts(found: Comp
         ("haptics on vs off, dyadic vs bimanual", 0.5),
     ],
 )
-def test_completion_times_are_compared_by_ratio(found: Comparisons, question: str, ratio: float) -> None:
+def test_completion_times_are_compared_by_ratio(found: TopicResults[Comparison], question: str, ratio: float) -> None:
     one = comparison(found, "completion time", question)
     assert one.difference.value == pytest.approx(ratio)
     assert one.bootstrap.value == pytest.approx(ratio)
     assert one.unit == "1"
 
 
-def test_statistics_of_differences_0_1_2_and_3_equal_hand_computed_values(found: Comparisons) -> None:
+def test_statistics_of_differences_0_1_2_and_3_equal_hand_computed_values(found: TopicResults[Comparison]) -> None:
     one = comparison(found, "velocity peaks", ON_IN_DYADS)
     assert one.contrast.differences == pytest.approx((0.0, 1.0, 2.0, 3.0))
     assert one.difference.value == pytest.approx(1.5)
@@ -80,24 +80,24 @@ def test_statistics_of_differences_0_1_2_and_3_equal_hand_computed_values(found:
 
 @pytest.mark.slow
 @pytest.mark.daily(2, of="contrasts")
-def test_p_values_are_corrected_within_their_family(found: Comparisons) -> None:
+def test_p_values_are_corrected_within_their_family(found: TopicResults[Comparison]) -> None:
     """With four dyads, the least possible p times the tests of the family is far above 1."""
-    assert all(one.corrected == 1.0 for one in found.comparisons if np.isfinite(one.contrast.permutation.p))
+    assert all(one.corrected == 1.0 for one in found.parts if np.isfinite(one.contrast.permutation.p))
     many = comparisons(modern_study(modern_blocks(dyads=11, trials=2, change=halve_times_with_haptics)))
     sure = comparison(many, "completion time", ON_IN_DYADS)
-    family = [one for one in many.comparisons if one.measure.family == "performance"]
+    family = [one for one in many.parts if one.measure.family == "performance"]
     assert len(family) == 8 * 5
     assert sure.contrast.permutation.p == pytest.approx(2.0 / 2**11)
     assert sure.contrast.permutation.p <= sure.corrected <= len(family) * 2.0 / 2**11
-    assert all(one.corrected >= one.contrast.permutation.p for one in many.comparisons)
+    assert all(one.corrected >= one.contrast.permutation.p for one in many.parts)
 
 
-def test_permutation_p_is_noted_with_its_assumption_and_the_skewness(found: Comparisons) -> None:
+def test_permutation_p_is_noted_with_its_assumption_and_the_skewness(found: TopicResults[Comparison]) -> None:
     table = table_of(found.results)
     p = table[table["quantity"].str.endswith(("p, permutation test", "p, Holm"))]
     assert len(p)
     assert p["note"].str.contains("assumes that differences are symmetric about 0").all()
-    one = next(one for one in found.comparisons if one.contrast.n >= 4 and np.isfinite(one.contrast.effect.value))
+    one = next(one for one in found.parts if one.contrast.n >= 4 and np.isfinite(one.contrast.effect.value))
     skewness = f"these have skewness {stats.skew(one.contrast.differences):.1f}"
     own = p[(p["quantity"] == f"{one.measure.name}: p, permutation test") & (p["group"] == one.question.name)]
     assert own["note"].str.endswith(skewness).all()
@@ -156,17 +156,15 @@ def test_confidence_intervals_cover_zero_without_an_effect() -> None:
     """About 5 % of the 95 % intervals miss it; bootstrap intervals of ten dyads are slightly too narrow."""
     found = comparisons(modern_study(modern_blocks(seed=5, dyads=10, trials=4)))
     covered = []
-    for one in found.comparisons:
+    for one in found.parts:
         none = 1.0 if one.measure.ratio else 0.0
         covered.append(
             [one.difference.low <= none <= one.difference.high, one.bootstrap.low <= none <= one.bootstrap.high]
         )
-    share = np.mean(
-        [pair for one, pair in zip(found.comparisons, covered, strict=True) if "falls" not in one.what], axis=0
-    )
+    share = np.mean([pair for one, pair in zip(found.parts, covered, strict=True) if "falls" not in one.what], axis=0)
     assert share[0] >= 0.88
     assert share[1] >= 0.8
-    assert not any(one.corrected < 0.05 for one in found.comparisons)
+    assert not any(one.corrected < 0.05 for one in found.parts)
 
 
 @pytest.mark.slow
@@ -207,11 +205,11 @@ def test_single_dyad_has_differences_and_no_intervals() -> None:
 
 def test_robot_partners_and_unpaired_conditions_are_not_compared() -> None:
     robot = [Block("D01", "D01", "dyadic", force, times(3.0), right_by="robot") for force in ("full", "none")]
-    assert comparisons(made_study(robot)).comparisons == ()
+    assert comparisons(made_study(robot)).parts == ()
     alone = [Block("D01", "D01A", "bimanual", "full", times(3.0)), Block("D02", "D02", "dyadic", "full", times(3.0))]
     study = made_study(alone)
     assert [one.kind for one in questions_of(study)] == ["configuration"]
-    assert comparisons(study).comparisons == ()
+    assert comparisons(study).parts == ()
 
 
 def test_every_force_condition_is_compared_with_no_force() -> None:

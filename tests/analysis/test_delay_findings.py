@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from made_study import Block, made_study, random_blocks, times
-from netboard.analysis.topics.delay import APART, RISE, Delay, delay
-from netboard.analysis.topics.result import Result
+from netboard.analysis.topics.delay import APART, RISE, ConditionDelay, delay
+from netboard.analysis.topics.result import Result, TopicResults
 
 
 def moves(*delays: float, own: float = 0.0, rise: float = 0.0, **columns: float) -> list[dict[str, float]]:
@@ -31,7 +31,7 @@ BLOCKS = (
 )
 
 
-def result(found: Delay, quantity: str, group: str = "bimanual, haptics on") -> Result:
+def result(found: TopicResults[ConditionDelay], quantity: str, group: str = "bimanual, haptics on") -> Result:
     (only,) = [one for one in found.results if (one.quantity, one.group) == (quantity, group)]
     return only
 
@@ -87,7 +87,7 @@ def test_delays_use_only_cooperative_movements_of_counted_trials() -> None:
     movements = [*moves(0.1), *moves(9.0, cooperative=0), *moves(9.0, trial=2)]
     trials = [{"completion": 1.0}, {"outcome": "fell"}]
     found = delay(made_study([Block("D01", "D01", "dyadic", "full", trials, movements)]))
-    assert found.conditions[0].movements == 1
+    assert found.parts[0].movements == 1
     assert result(found, "delay at 10 %", "dyadic, haptics on").value == pytest.approx(0.1)
 
 

@@ -19,9 +19,7 @@ def blocks(*levels: tuple[float, float, float], force: str = "full") -> list[Blo
 
 
 def of_time(study: Study, force: str = "full") -> Comparison:
-    (only,) = [
-        one for one in dyads(study).comparisons if (one.quantity.column, one.condition.force) == ("completion", force)
-    ]
+    (only,) = [one for one in dyads(study).parts if (one.quantity.column, one.condition.force) == ("completion", force)]
     return only
 
 
@@ -64,7 +62,7 @@ def test_dyad_lacking_individual_trials_of_a_partner_is_left_out() -> None:
 
 def test_trials_with_a_robot_partner_are_ignored() -> None:
     study = made_study([*blocks((4.0, 6.0, 3.0)), Block("D01", "D01", "dyadic", "full", times(99), right_by="robot")])
-    assert len(dyads(study).comparisons) == 2
+    assert len(dyads(study).parts) == 2
     assert of_time(study).gain.value == 2.0
 
 

@@ -37,7 +37,7 @@ def changed_paths(study: Study, change: Callable[[pd.DataFrame], pd.DataFrame]) 
 
 
 def influence_of(study: Study, direction: str) -> Influence:
-    (only,) = [one for one in influences(study).influences if one.direction == direction]
+    (only,) = [one for one in influences(study).parts if one.direction == direction]
     return only
 
 
@@ -75,7 +75,7 @@ def test_influence_is_invariant_to_mirrored_trials() -> None:
         return paths.assign(**{name: paths[name] * signs for name in ("left_vz", "right_vz", "p")})
 
     turned = replace(study, trials=trials, paths=changed_paths(study, turn))
-    for one, other in zip(influences(study).influences, influences(turned).influences, strict=True):
+    for one, other in zip(influences(study).parts, influences(turned).parts, strict=True):
         np.testing.assert_allclose(one.values, other.values, rtol=1e-9)
         assert one.chance is not None
         assert other.chance is not None
@@ -120,7 +120,7 @@ def test_single_dyad_has_influence_and_no_surrogates() -> None:
     study = study_with_a_leader(1.0)
     own = study.trials["dyad"] == "D01"
     found = influences(replace(study, trials=study.trials[own]))
-    assert [one.chance for one in found.influences] == [None, None]
+    assert [one.chance for one in found.parts] == [None, None]
     assert ["no surrogates" in row.note for row in found.results] == [True, True]
 
 
@@ -128,5 +128,5 @@ def test_no_influence_without_two_people_or_without_paths() -> None:
     study = study_with_a_leader(1.0)
     alone = study.blocks.assign(left_by="D01A", right_by="D01A")
     for blocks in (alone, study.blocks.assign(right_by="robot"), study.blocks.assign(left_by="still")):
-        assert influences(replace(study, blocks=blocks)).influences == ()
-    assert influences(without_paths(study)).influences == ()
+        assert influences(replace(study, blocks=blocks)).parts == ()
+    assert influences(without_paths(study)).parts == ()

@@ -5,12 +5,13 @@ import pytest
 
 from made_modern import modern_blocks, modern_study
 from made_study import Block, made_study, times
-from netboard.analysis.topics.leadership import QUESTIONS, Leaders, leaders
+from netboard.analysis.topics.leadership import QUESTIONS, changed_seats, leaders
 from netboard.analysis.topics.measures import Levels
+from netboard.analysis.topics.result import TopicResults
 
 
-def lead_of(found: Leaders, question: str, condition: str) -> Levels:
-    (only,) = [one for one in found.leads if one.measure.name == question and one.condition.name == condition]
+def lead_of(found: TopicResults[Levels], question: str, condition: str) -> Levels:
+    (only,) = [one for one in found.parts if one.measure.name == question and one.condition.name == condition]
     return only
 
 
@@ -58,15 +59,15 @@ def test_mirrored_study_has_the_opposite_sign() -> None:
         for one in blocks
     ]
     first, second = leaders(modern_study(blocks)), leaders(modern_study(mirrored))
-    assert len(first.leads) == 4 * len(QUESTIONS)
-    for one, other in zip(first.leads, second.leads, strict=True):
+    assert len(first.parts) == 4 * len(QUESTIONS)
+    for one, other in zip(first.parts, second.parts, strict=True):
         np.testing.assert_allclose(one.values, -other.values)
         np.testing.assert_allclose((one.mean.low, one.mean.high), (-other.mean.high, -other.mean.low))
 
 
 def test_intervals_cover_zero_without_a_leader() -> None:
     found = leaders(modern_study(modern_blocks(seed=6, dyads=8)))
-    assert np.mean([one.mean.low <= 0.0 <= one.mean.high for one in found.leads]) >= 0.85
+    assert np.mean([one.mean.low <= 0.0 <= one.mean.high for one in found.parts]) >= 0.85
 
 
 def test_results_note_where_partners_changed_seats() -> None:
@@ -78,6 +79,6 @@ def test_results_note_where_partners_changed_seats() -> None:
         Block("D02", "D02B", "dyadic", "full", times(3.0), moves(0.1), "robot"),
     ]
     found = leaders(made_study(blocks))
-    assert found.changed == ("D01",)
+    assert changed_seats(made_study(blocks)) == ("D01",)
     noted = {row.group for row in found.results if "changed seats" in row.note}
     assert noted == {"dyadic, haptics on, D01"}

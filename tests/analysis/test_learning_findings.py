@@ -5,8 +5,8 @@ import pytest
 
 from made_study import Block, made_study, random_blocks, times
 from netboard.analysis.topics.groups import CLASSES
-from netboard.analysis.topics.learning import Learning, learning
-from netboard.analysis.topics.result import Result
+from netboard.analysis.topics.learning import TeamLearning, learning
+from netboard.analysis.topics.result import Result, TopicResults
 
 BLOCKS = (
     Block("D01", "D01A", "bimanual", "full", times(9, 7, 3, 1)),
@@ -17,7 +17,7 @@ BLOCKS = (
 ENDS = "summaries.ends=2"
 
 
-def result(found: Learning, quantity: str, group: str) -> Result:
+def result(found: TopicResults[TeamLearning], quantity: str, group: str) -> Result:
     (only,) = [one for one in found.results if (one.quantity, one.group) == (quantity, group)]
     return only
 
@@ -56,7 +56,7 @@ def test_numbering_across_haptic_conditions_can_be_configured() -> None:
     found = learning(made_study(BLOCKS, ENDS, 'summaries.numbering="configuration"'))
     assert result(found, "completion time", "bimanual, first 2").value == np.mean([9, 7, 6, 6, 3, 3])
     assert result(found, "completion time", "bimanual, last 2").value == np.mean([2, 2, 4, 4, 1, 1])
-    (one,) = found.teams
+    (one,) = found.parts
     assert one.series == 3
     assert one.courses[0].curve.count.tolist() == [3, 3, 3, 3, 1, 1, 1, 1]
 
@@ -91,13 +91,13 @@ def test_last_trials_are_each_participants_own_last_ones() -> None:
 
 
 def test_learning_curve_is_the_mean_at_each_trial_number() -> None:
-    (one,) = learning(made_study(BLOCKS, ENDS)).teams
+    (one,) = learning(made_study(BLOCKS, ENDS)).parts
     assert one.courses[0].curve.mean.tolist() == [5.75, 5.25, 2.5, 2.0]
     assert (one.dyads, one.performers, one.series, one.trials) == (2, 3, 4, 16)
 
 
 def test_groups_of_trials_are_averaged_over_dyads() -> None:
-    (one,) = learning(made_study(BLOCKS, "summaries.ends=1", "summaries.group=3")).teams
+    (one,) = learning(made_study(BLOCKS, "summaries.ends=1", "summaries.group=3")).parts
     stages = one.courses[0].stages
     assert stages.first.tolist() == [1, 4]
     assert stages.last.tolist() == [3, 4]
@@ -121,7 +121,7 @@ def test_configured_kind_of_time_is_used() -> None:
 
 
 def test_class_durations_add_up_to_the_completion_time() -> None:
-    for one in learning(made_study(random_blocks())).teams:
+    for one in learning(made_study(random_blocks())).parts:
         assert one.seconds.shape == (9, len(CLASSES))
         np.testing.assert_allclose(one.seconds.sum(axis=1), one.courses[0].curve.mean)
 
@@ -132,7 +132,7 @@ def test_robot_partner_is_a_separate_team() -> None:
         Block("D01", "D01", "dyadic", "full", times(9), right_by="robot"),
     ]
     found = learning(made_study(blocks))
-    assert [(one.team, one.courses[0].curve.mean.tolist()) for one in found.teams] == [
+    assert [(one.team, one.courses[0].curve.mean.tolist()) for one in found.parts] == [
         ("dyadic", [1.0]),
         ("dyadic, robot partner", [9.0]),
     ]
@@ -140,4 +140,4 @@ def test_robot_partner_is_a_separate_team() -> None:
 
 def test_study_without_successes_has_no_results() -> None:
     found = learning(made_study([Block("D01", "D01", "dyadic", "none", [{"outcome": "fell"}])]))
-    assert (found.teams, found.results) == ((), ())
+    assert (found.parts, found.results) == ((), ())

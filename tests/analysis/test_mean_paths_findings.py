@@ -11,7 +11,7 @@ from netboard.analysis.topics.paths import MeanPath, mean_paths
 
 
 def course_of(study: Study, quantity: str) -> MeanPath:
-    (only,) = [one for one in mean_paths(study).paths if one.quantity == quantity]
+    (only,) = [one for one in mean_paths(study).parts if one.quantity == quantity]
     return only
 
 
@@ -81,5 +81,5 @@ def test_reported_positions_are_points_of_the_mean_path() -> None:
 
 
 def test_study_without_paths_or_trials_has_no_mean_path() -> None:
-    assert mean_paths(without_paths(study_of(2))).paths == ()
-    assert mean_paths(modern_study([Block("D01", "D01", "dyadic", "full", [])])).paths == ()
+    assert mean_paths(without_paths(study_of(2))).parts == ()
+    assert mean_paths(modern_study([Block("D01", "D01", "dyadic", "full", [])])).parts == ()

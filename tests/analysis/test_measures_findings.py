@@ -15,18 +15,17 @@ from netboard.analysis.extraction.trials import Take
 from netboard.analysis.topics.measures import (
     MEASURES,
     Levels,
-    Overview,
     _of_trials,
     levels,
     measures_of,
     overview,
     rows_of,
 )
-from netboard.analysis.topics.result import table_of
+from netboard.analysis.topics.result import TopicResults, table_of
 
 
-def level_of(found: Overview, measure: str, condition: str) -> Levels:
-    (only,) = [one for one in found.levels if one.measure.name == measure and one.condition.name == condition]
+def level_of(found: TopicResults[Levels], measure: str, condition: str) -> Levels:
+    (only,) = [one for one in found.parts if one.measure.name == measure and one.condition.name == condition]
     return only
 
 
@@ -120,8 +119,8 @@ def test_measure_of_an_unknown_column_is_refused() -> None:
 
 def test_every_measure_has_a_level_in_every_condition() -> None:
     found = overview(modern_study(modern_blocks()))
-    assert Counter(one.measure.name for one in found.levels) == {measure.name: 4 for measure in MEASURES}
-    assert all(one.mean.n == 4 and np.isfinite(one.mean.low) for one in found.levels)
+    assert Counter(one.measure.name for one in found.parts) == {measure.name: 4 for measure in MEASURES}
+    assert all(one.mean.n == 4 and np.isfinite(one.mean.low) for one in found.parts)
 
 
 @pytest.mark.slow
@@ -148,6 +147,6 @@ def test_levels_do_not_depend_on_the_names_of_dyads() -> None:
 @pytest.mark.parametrize("of", ["trial", "movement", "attempt"])
 def test_study_without_attempts_has_no_levels(of: str) -> None:
     study: Study = made_study([Block("D01", "D01", "dyadic", "full", [])])
-    assert overview(study).levels == ()
+    assert overview(study).parts == ()
     assert len(rows_of(study, of)) == 0  # type: ignore[arg-type]
     assert all(len(levels(study, measure)) == 0 for measure in measures_of(study))

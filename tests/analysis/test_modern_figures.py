@@ -194,7 +194,7 @@ def test_results_of_unusual_studies_have_units_and_notes(find: Callable[[Study],
 
 def test_measures_figure_shows_the_levels(study: Study, drawn: dict[str, Picture]) -> None:
     picture = drawn["measures"]
-    for one in overview(study).levels:
+    for one in overview(study).parts:
         axes, unit = panel(picture, one.measure.name), read_in(one.measure.unit, one.measure.name)
         assert axes.get_ylabel() == unit.in_brackets
         assert points(axes, one.condition.name)[:, 1] == pytest.approx([unit.scale * one.mean.value])
@@ -210,7 +210,7 @@ def test_contrasts_figure_shows_effect_sizes_and_p(study: Study, drawn: dict[str
     assert "assumes that differences are symmetric" in picture.caption
     axes = dict(zip(("forces", "configuration", "interaction"), figure_of(picture).axes, strict=True))
     names = [label.get_text() for label in axes["forces"].get_yticklabels()]
-    for one in comparisons(study).comparisons:
+    for one in comparisons(study).parts:
         if not np.isfinite(one.hedges.value):
             assert one.measure.name == "falls per attempt"
             continue
@@ -226,7 +226,7 @@ def test_contrasts_figure_shows_effect_sizes_and_p(study: Study, drawn: dict[str
 
 def test_differences_figure_shows_the_dyads(study: Study, drawn: dict[str, Picture]) -> None:
     picture = drawn["differences"]
-    for one in comparisons(study).comparisons:
+    for one in comparisons(study).parts:
         axes = panel(picture, one.measure.name)
         unit = read_in(one.unit, one.what)
         assert axes.get_ylabel().endswith(unit.in_brackets)
@@ -261,7 +261,7 @@ def test_models_of_one_condition_are_not_drawn() -> None:
 
 def test_leadership_figure_is_signed_and_centred_on_zero(study: Study, drawn: dict[str, Picture]) -> None:
     picture = drawn["leadership"]
-    for lead in leaders(study).leads:
+    for lead in leaders(study).parts:
         axes, scale = panel(picture, f"  {lead.measure.name}"), 1000.0 if lead.measure.unit == "s" else 1.0
         assert points(axes, lead.condition.name)[:, 1] == pytest.approx([scale * lead.mean.value])
         low, high = axes.get_ylim()
@@ -271,7 +271,7 @@ def test_leadership_figure_is_signed_and_centred_on_zero(study: Study, drawn: di
 def test_influence_figure_shows_dyads_and_surrogates(study: Study, drawn: dict[str, Picture]) -> None:
     axes = figure_of(drawn["influence"]).axes[0]
     lines = {line.get_label(): line.get_ydata() for line in axes.lines}
-    for place, one in enumerate(influences(study).influences):
+    for place, one in enumerate(influences(study).parts):
         name = f"_{one.condition.name}, {one.direction}"
         assert one.chance is not None
         names = f"{name}, dyads", f"{name}, surrogates"
@@ -283,14 +283,14 @@ def test_influence_figure_shows_dyads_and_surrogates(study: Study, drawn: dict[s
 
 def test_influence_caption_says_whether_all_exchanges_were_made(study: Study, drawn: dict[str, Picture]) -> None:
     assert "share of all exchanges of partners" in drawn["influence"].caption
-    some = [replace(one, chance=replace(one.chance, exact=False)) for one in influences(study).influences if one.chance]
+    some = [replace(one, chance=replace(one.chance, exact=False)) for one in influences(study).parts if one.chance]
     assert "share of randomly drawn exchanges of partners" in influence._caption(some)
 
 
 def test_passive_figure_shows_effect_and_passive_partner(study: Study, drawn: dict[str, Picture]) -> None:
     picture = drawn["passive"]
     axes = figure_of(picture).axes[0]
-    found = controls(study).controls
+    found = controls(study).parts
     for k, dyad in enumerate(found[0].dyads):
         expected = [found[0].effect[k], *(one.passive[k] for one in found)]
         np.testing.assert_allclose(points(axes, f"dyadic, full, {dyad}")[:, 1], 100 * np.array(expected))
@@ -302,7 +302,7 @@ def test_passive_figure_shows_effect_and_passive_partner(study: Study, drawn: di
 
 def test_paths_figure_shows_means_and_bands(study: Study, drawn: dict[str, Picture]) -> None:
     picture = drawn["paths"]
-    for one in mean_paths(study).paths:
+    for one in mean_paths(study).parts:
         means = [
             (axes, line)
             for axes in figure_of(picture).axes

@@ -124,7 +124,7 @@ def test_figures_have_unique_names(study: Study) -> None:
 def test_learning_figure_shows_the_results(study: Study) -> None:
     picture = learning.picture(study)
     time, peaks = figure_of(picture).axes[0], figure_of(picture).axes[2]
-    one = find_learning(study).teams[0]
+    one = find_learning(study).parts[0]
     for axes, course in ((time, one.courses[0]), (peaks, one.courses[1])):
         np.testing.assert_allclose(lines(axes, "_each trial"), np.column_stack([course.curve.order, course.curve.mean]))
         drawn = [line.get_ydata()[0] for line in axes.lines if line.get_label() == "_dyads"]
@@ -138,7 +138,7 @@ def test_learning_figure_shows_the_results(study: Study) -> None:
 
 def test_stacked_areas_equal_the_class_durations(study: Study) -> None:
     axes = figure_of(learning.picture(study)).axes[0]
-    one = find_learning(study).teams[0]
+    one = find_learning(study).parts[0]
     tops = [area.get_paths()[0].vertices[:, 1].max() for area in axes.collections]
     stacked = np.cumsum([one.seconds[:, CLASSES.index(name)] for name in learning.STACK], axis=0)
     np.testing.assert_allclose(tops, stacked.max(axis=1))
@@ -146,7 +146,7 @@ def test_stacked_areas_equal_the_class_durations(study: Study) -> None:
 
 def test_dyads_figure_shows_the_points(study: Study) -> None:
     axes = titled(dyads.picture(study), "completion time")
-    for one in find_dyads(study).comparisons:
+    for one in find_dyads(study).parts:
         if one.quantity.column == "completion":
             points = [(point.relative.against_partner, point.relative.of_dyad) for point in one.points]
             np.testing.assert_allclose(lines(axes, f"_{one.condition.force}"), points)
@@ -158,7 +158,7 @@ def test_dyads_figure_shows_the_points(study: Study) -> None:
 def test_dyads_figure_shows_the_gains(study: Study) -> None:
     axes = figure_of(dyads.picture(study)).axes[2]
     names = [label.get_text() for label in axes.get_yticklabels()]
-    found = [one for one in find_dyads(study).comparisons if one.quantity.column == "completion"]
+    found = [one for one in find_dyads(study).parts if one.quantity.column == "completion"]
     for one, name in zip(found, names, strict=True):
         assert name == f"{one.condition.haptics}:\n{one.better} of {one.known} dyads better"
         ends = lines(axes, f"_{one.condition.force}, interval")[:, 0]
@@ -172,7 +172,7 @@ def test_class_bars_show_the_mean_shares(study: Study) -> None:
     axes = titled(classes.picture(study), "mean shares")
     widths = {bars.get_label(): bars.patches[0].get_width() for bars in axes.containers}
     begins = {bars.get_label(): bars.patches[0].get_x() for bars in axes.containers}
-    for one in find_classes(study).shares:
+    for one in find_classes(study).parts:
         labels = [f"_{one.condition.name}: {name}" for name in classes.STACK]
         ends = np.cumsum([widths[label] for label in labels])
         np.testing.assert_allclose([begins[label] for label in labels], [0.0, *ends[:-1]], atol=1e-10)
@@ -184,12 +184,12 @@ def test_class_dots_show_means_intervals_and_dyads(study: Study) -> None:
     picture = classes.picture(study)
     for name in CLASSES:
         axes = titled(picture, name)
-        for one in find_classes(study).shares:
+        for one in find_classes(study).parts:
             mean = one.means[CLASSES.index(name)]
             assert lines(axes, f"_{one.condition.name}")[0, 1] == pytest.approx(100 * mean.value)
             ends = lines(axes, f"_{one.condition.name}, interval")[:, 1]
             np.testing.assert_allclose(ends, [100 * mean.low, 100 * mean.high])
-        off, on = (one for one in find_classes(study).shares if one.condition.team == "dyadic")
+        off, on = (one for one in find_classes(study).parts if one.condition.team == "dyadic")
         np.testing.assert_allclose(
             lines(axes, "_D01 dyadic")[:, 1], [100 * one.dyads.loc["D01", name] for one in (off, on)]
         )
@@ -197,7 +197,7 @@ def test_class_dots_show_means_intervals_and_dyads(study: Study) -> None:
 
 def test_strategy_figure_shows_ellipses_and_variances(study: Study) -> None:
     picture = strategy.picture(study)
-    for team in find_strategy(study).teams:
+    for team in find_strategy(study).parts:
         axes = titled(picture, "all participants and dyads" if team.team == "all" else team.team)
         for k, one in enumerate(team.ellipses):
             np.testing.assert_allclose(lines(axes, f"_{team.team}, group {k}"), 1e3 * one.outline())
@@ -218,7 +218,7 @@ def test_generalised_variance_has_its_own_panel() -> None:
 
 def test_delay_figure_shows_the_results(study: Study) -> None:
     axes = figure_of(delay.picture(study)).axes
-    for one in find_delay(study).conditions:
+    for one in find_delay(study).parts:
         for panel, found in zip(axes, (one.as_set, one.own_peak, one.signed), strict=True):
             for q, mean in zip(THRESHOLDS, found.means, strict=True):
                 label = f"_{one.condition.name}, {q} %"

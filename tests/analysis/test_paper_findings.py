@@ -28,7 +28,7 @@ def test_every_reported_value_is_compared_with_a_result(compared: pd.DataFrame) 
 
 
 def test_reported_numbers_are_those_of_the_paper() -> None:
-    ends = [(one.value, one.deviation) for one in REPORTED if one.topic == "learning" and one.kind == "number"]
+    ends = [(one.reported, one.reported_sd) for one in REPORTED if one.topic == "learning" and one.kind == "number"]
     assert ends == [
         (5.71, 4.48),
         (3.61, 3.08),
@@ -39,14 +39,14 @@ def test_reported_numbers_are_those_of_the_paper() -> None:
         (4.27, 2.91),
         (3.28, 1.95),
     ]
-    counts = {(one.figure, one.group): (one.value, one.of) for one in REPORTED if one.topic == "dyads"}
+    counts = {(one.figure, one.group): (one.reported, one.reported_of) for one in REPORTED if one.topic == "dyads"}
     assert counts == {
         ("3A", "haptics on"): (4.0, 4),
         ("3A", "haptics off"): (2.0, 4),
         ("3B", "haptics on"): (3.0, 4),
         ("3B", "haptics off"): (1.0, 4),
     }
-    assert [one.value for one in REPORTED if one.topic == "delay" and one.kind == "number"] == [0.04, 0.1]
+    assert [one.reported for one in REPORTED if one.topic == "delay" and one.kind == "number"] == [0.04, 0.1]
 
 
 def test_number_is_compared_in_units_of_the_papers_sd() -> None:
@@ -188,6 +188,6 @@ def test_reported_values_include_every_kind_of_statement(kind: Kind) -> None:
 def test_only_numbers_and_counts_have_values() -> None:
     for one in REPORTED:
         assert isinstance(one, Reported)
-        assert isnan(one.value) == (one.kind in ("rises", "falls", "unchanged", "words"))
-        assert (one.of > 0) == (one.kind == "count")
-        assert isnan(one.deviation) or one.deviation > 0.0
+        assert isnan(one.reported) == (one.kind in ("rises", "falls", "unchanged", "words"))
+        assert (one.reported_of > 0) == (one.kind == "count")
+        assert isnan(one.reported_sd) or one.reported_sd > 0.0

@@ -24,7 +24,7 @@ def shares(row: dict[str, float], configuration: str, force: str, dyad: int) -> 
 
 def control(stiffness: int, dyads: int = 4, device: bool = False) -> Control:
     found = controls(modern_study(modern_blocks(dyads=dyads, change=shares)))
-    (only,) = [one for one in found.controls if (one.stiffness, one.with_device) == (stiffness, device)]
+    (only,) = [one for one in found.parts if (one.stiffness, one.with_device) == (stiffness, device)]
     return only
 
 
@@ -59,7 +59,7 @@ def test_unknown_device_gives_only_the_frictionless_result() -> None:
         row |= {f"passive_{k}_device": np.nan for k in (50, 150, 300)} | {"passive_friction": np.nan}
 
     study = modern_study(modern_blocks(change=unknown))
-    assert not any(one.with_device for one in controls(study).controls)
+    assert not any(one.with_device for one in controls(study).parts)
     assert "because its friction is unknown" in picture(study).caption
 
 
@@ -72,7 +72,7 @@ def test_device_without_friction_is_reported_as_a_device() -> None:
     quantities = table_of(found.results)["quantity"].tolist()
     assert len(quantities) == len(set(quantities))
     assert quantities.count("passive effect on cooperative share, 50 N/m, with the device") == 1
-    assert sum(one.with_device for one in found.controls) == 3
+    assert sum(one.with_device for one in found.parts) == 3
 
 
 def test_passive_share_is_in_percent_and_passive_effect_in_points() -> None:
@@ -87,7 +87,7 @@ def test_uncertain_effect_has_no_passive_share() -> None:
         row["cooperative"] += 0.02 * (-1.0) ** dyad * (force == "full")
 
     found = controls(modern_study(modern_blocks(change=nothing)))
-    assert not any(one.has_effect for one in found.controls)
+    assert not any(one.has_effect for one in found.parts)
     results = table_of(found.results)
     shown_shares = results[results["quantity"].str.startswith("passive share of the effect")]
     assert shown_shares["value"].isna().all()
@@ -113,5 +113,5 @@ def test_no_control_without_two_people_and_both_conditions() -> None:
     robot = [Block("D01", "D01", "dyadic", force, [row], right_by="robot") for force in ("full", "none")]
     one_force = [Block("D01", "D01", "dyadic", "full", [row])]
     for blocks in (alone, robot, one_force):
-        assert controls(made_study(blocks)).controls == ()
+        assert controls(made_study(blocks)).parts == ()
         assert controls(made_study(blocks)).results == ()

@@ -52,7 +52,7 @@ def test_recording_without_attempts_has_no_paths(tmp_path: Path) -> None:
     study = study_of([nothing], Readings(), table)
     assert list(table["none"]) == list(nothing.paths)
     assert sparklines(study) == {}
-    assert mean_paths(study).paths == ()
+    assert mean_paths(study).parts == ()
 
 
 def test_unwritable_folder_is_reported(tmp_path: Path) -> None:

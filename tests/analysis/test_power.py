@@ -127,7 +127,7 @@ def test_differences_are_those_of_an_analysed_study_also_if_a_performer_lacks_a_
     blocks = [one for one in random_blocks(dyads=3, trials=5) if (one.performer, one.force) != ("D02A", "none")]
     study = made_study(blocks)
     found = differences([group_rows(study, 1)] * 2, [asdict(one) for one in questions_of(study)])
-    expected = {(one.measure.name, one.question.name): one.contrast for one in comparisons(study).comparisons}
+    expected = {(one.measure.name, one.question.name): one.contrast for one in comparisons(study).parts}
     lacking = {"dyadic vs bimanual, haptics off", "haptics on vs off, dyadic vs bimanual"}
     assert len({one.contrast for one in found}) == 5
     for one in found:

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from made_study import Block, made_study, random_blocks
-from netboard.analysis.topics.strategy import EVERYBODY, Strategy, strategy
+from netboard.analysis.topics.result import TopicResults
+from netboard.analysis.topics.strategy import EVERYBODY, TeamStrategy, strategy
 
 
 def braked(*points: tuple[float, float]) -> list[dict[str, float]]:
@@ -20,7 +21,7 @@ BLOCKS = (
 GROUP = "summaries.group=3"
 
 
-def value(found: Strategy, quantity: str, group: str) -> float:
+def value(found: TopicResults[TeamStrategy], quantity: str, group: str) -> float:
     (only,) = [one for one in found.results if (one.quantity, one.group) == (quantity, group)]
     return only.value
 
@@ -35,7 +36,7 @@ def test_variances_are_within_performer_and_condition() -> None:
 
 
 def test_ellipse_covers_all_participants_trials_of_a_group() -> None:
-    (one,) = strategy(made_study(BLOCKS, GROUP)).teams
+    (one,) = strategy(made_study(BLOCKS, GROUP)).parts
     assert [ellipse.count for ellipse in one.ellipses] == [9, 9]
     assert one.ellipses[0].centre == pytest.approx([0.2, 0.1])
     assert one.last.tolist() == [3, 6]
@@ -43,7 +44,7 @@ def test_ellipse_covers_all_participants_trials_of_a_group() -> None:
 
 def test_generalised_variance_is_the_determinant() -> None:
     found = strategy(made_study(BLOCKS, GROUP, 'summaries.variance="generalised"'))
-    (spread,) = found.teams[0].spreads
+    (spread,) = found.parts[0].spreads
     assert (spread.quantity, spread.unit) == ("generalised variance", "m4/s2")
     assert spread.dyads.loc["D02"].tolist() == pytest.approx([np.linalg.det(np.cov(np.array(WIDE).T))] * 2)
 
@@ -55,7 +56,7 @@ def test_ellipses_have_the_configured_extent_and_scaling() -> None:
         (extent, scaling): strategy(
             made_study(blocks, f'summaries.extent="{extent}"', f'summaries.scaling="{scaling}"')
         )
-        .teams[0]
+        .parts[0]
         .ellipses[0]
         .area
         for extent in ("middle_90", "twice_p90", "p10_to_p90", "nine_tenths")
@@ -66,23 +67,23 @@ def test_ellipses_have_the_configured_extent_and_scaling() -> None:
 
 
 def test_groups_have_the_configured_size() -> None:
-    (small,) = strategy(made_study(BLOCKS, GROUP)).teams
-    (large,) = strategy(made_study(BLOCKS, "summaries.group=4")).teams
+    (small,) = strategy(made_study(BLOCKS, GROUP)).parts
+    (large,) = strategy(made_study(BLOCKS, "summaries.group=4")).parts
     assert small.first.tolist() == [1, 4]
     assert large.first.tolist() == [1, 5]
     assert [ellipse.count for ellipse in large.ellipses] == [12, 6]
 
 
 def test_group_with_too_few_trials_has_no_variance() -> None:
-    (one,) = strategy(made_study(BLOCKS, "summaries.group=4")).teams
+    (one,) = strategy(made_study(BLOCKS, "summaries.group=4")).parts
     assert np.isnan(one.spreads[0].means[1].value)
     assert one.spreads[0].means[1].n == 0
 
 
 def test_several_teams_are_also_shown_together() -> None:
     found = strategy(made_study(random_blocks(), GROUP))
-    assert [one.team for one in found.teams] == [EVERYBODY, "bimanual", "dyadic"]
-    assert found.teams[0].ellipses[0].count == sum(one.ellipses[0].count for one in found.teams[1:])
+    assert [one.team for one in found.parts] == [EVERYBODY, "bimanual", "dyadic"]
+    assert found.parts[0].ellipses[0].count == sum(one.ellipses[0].count for one in found.parts[1:])
 
 
 def test_change_uses_only_series_with_first_and_last_group() -> None:
@@ -102,4 +103,4 @@ def test_single_group_has_no_change() -> None:
 
 def test_trials_without_braking_are_left_out() -> None:
     found = strategy(made_study([Block("D01", "D01", "dyadic", "none", [{"completion": 3.0}])]))
-    assert (found.teams, found.results) == ((), ())
+    assert (found.parts, found.results) == ((), ())

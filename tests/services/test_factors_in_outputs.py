@@ -162,7 +162,7 @@ def test_models_have_numeric_factors_as_terms_with_units(study: Study) -> None:
 
 
 def test_each_level_is_compared_with_the_first_within_conditions(study: Study) -> None:
-    names = {comparison.question.name for comparison in comparisons(study).comparisons}
+    names = {comparison.question.name for comparison in comparisons(study).parts}
     assert any(name.startswith("mass heavy (0.05 kg) vs light (0.02 kg), dyadic") for name in names)
     assert any(name.startswith("gain strong (1) vs weak (0.5), dyadic") for name in names)
 

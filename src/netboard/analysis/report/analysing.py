@@ -49,29 +49,18 @@ class AnalysisOptions:
     beside_the_paper: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class GivenSettings:
-    """The settings of an analysis as given: a file, or None for the defaults, and the overrides."""
-
-    file: Path | None = None
-    overrides: tuple[str, ...] = ()
-
-    @property
-    def text(self) -> bytes:
-        """The contents of the file; empty if it cannot be read."""
-        return self.file.read_bytes() if self.file is not None and self.file.is_file() else b""
-
-
 def analyse(
     named: Sequence[Path],
     output: Path | None,
-    asked: GivenSettings,
+    settings: Path | None,
+    overrides: Sequence[str],
     chosen: AnalysisOptions,
     read: "Callable[[], Readings]",
 ) -> list[str]:
     """Analyse recordings into a new folder, named after the first unless given, and return a summary of a few lines.
 
-    `read` reads the settings, only if the analysis is not in the cache.
+    The settings are a file, or None for the defaults, with overrides. `read` reads them, only if the analysis is not in
+    the cache.
     """
     began = time.perf_counter()
     need("analysis", *LIBRARIES)
@@ -83,8 +72,9 @@ def analyse(
     store = Store(chosen.cache or default_folder()) if chosen.keep else None
     with telling() as tell, new_folder(folder) as part:
         tell("reading the cache", 0, 1)
-        options = (*asked.overrides, f"skip={chosen.skip}", f"paper={chosen.beside_the_paper}", *map(str, unfinished))
-        key = key_of_analysis(recordings, asked.text, options) if store else ""
+        text = settings.read_bytes() if settings is not None and settings.is_file() else b""
+        options = (*overrides, f"skip={chosen.skip}", f"paper={chosen.beside_the_paper}", *map(str, unfinished))
+        key = key_of_analysis(recordings, text, options) if store else ""
         words = restore_analysis(store, key, part) if store else None
         before, peak = "all were cached", 0.0
         if words is None:

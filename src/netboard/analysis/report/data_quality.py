@@ -7,7 +7,7 @@ from typing import Any
 import pandas as pd
 
 from netboard.analysis.extraction.study import Study
-from netboard.analysis.report.grids import Column, Grid, Link, code, grid, name, number
+from netboard.analysis.report.grids import Cell, Column, Grid, Link, code, grid, grid_of, name, number
 from netboard.analysis.report.trials import anchors, flag_words, reasons
 from netboard.analysis.report.wording import amount, plural
 from netboard.task.trials.quality import FLAGS
@@ -87,38 +87,28 @@ def _recordings(study: Study) -> Grid:
     """Return the table of recordings, with their contents and losses."""
     of_each = dict(list(study.trials.groupby("recording")))
     out = pd.Series([key[0] for key in reasons(study)], dtype=object).value_counts()
-    rows = []
+    rows: list[dict[Column, Cell | float]] = []
     for place, block in enumerate(study.blocks.to_dict("records"), start=1):
         mine = of_each.get(block["recording"], study.trials.iloc[:0])
         ends = mine["outcome"].value_counts()
         flags = mine["flags"].str.split().explode().dropna().value_counts()
         rows.append(
-            (
-                Link(block["recording"], f"r{place}"),
-                block["duration"],
-                block["missing"],
-                "repaired" if block["repaired"] else "whole",
-                f"{int(ends.get('success', 0))} of {block['trials']}",
-                len(mine),
-                int(ends.get("fell", 0)),
-                int(ends.get("timed_out", 0)),
-                ", ".join(f"{flag_words(str(flag))}: {n}" for flag, n in sorted(flags.items())),
-                int(out.get(block["recording"], 0)),
-            )
+            {
+                name("Recording"): Link(block["recording"], f"r{place}"),
+                number("Duration (s)"): block["duration"],
+                number("Ticks missing"): block["missing"],
+                Column("State"): "repaired" if block["repaired"] else "whole",
+                number("Trials done"): f"{int(ends.get('success', 0))} of {block['trials']}",
+                number("Attempts"): len(mine),
+                number("Fell"): int(ends.get("fell", 0)),
+                number("Timed out"): int(ends.get("timed_out", 0)),
+                Column("Quality flags"): ", ".join(
+                    f"{flag_words(str(flag))}: {n}" for flag, n in sorted(flags.items())
+                ),
+                number("Excluded"): int(out.get(block["recording"], 0)),
+            }
         )
-    columns = [
-        name("Recording"),
-        number("Duration (s)"),
-        number("Ticks missing"),
-        Column("State"),
-        number("Trials done"),
-        number("Attempts"),
-        number("Fell"),
-        number("Timed out"),
-        Column("Quality flags"),
-        number("Excluded"),
-    ]
-    return grid("Content of each recording, and what it lacks", columns, rows)
+    return grid_of("Content of each recording, and what it lacks", rows)
 
 
 def _flags(study: Study) -> Grid:

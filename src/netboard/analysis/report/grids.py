@@ -1,6 +1,6 @@
 """Tables of a report for the page template: caption, columns, and rows of texts, numbers and links."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -43,6 +43,11 @@ def grid(caption: str, columns: Sequence[Column], rows: Sequence[Sequence[Cell |
     """Return a table."""
     written = tuple(tuple(cell if isinstance(cell, str | Link) else amount(cell) for cell in row) for row in rows)
     return Grid(caption, tuple(columns), written)
+
+
+def grid_of(caption: str, rows: Sequence[Mapping[Column, Cell | float]]) -> Grid:
+    """Return a table of one or more rows, each with its cells by column."""
+    return grid(caption, tuple(rows[0]), [tuple(row.values()) for row in rows])
 
 
 def number(title: str) -> Column:

@@ -10,7 +10,7 @@ from typing import Any
 
 import pandas as pd
 
-from netboard.analysis.report.grids import Cell, Column, Grid, grid, name, number
+from netboard.analysis.report.grids import Cell, Column, Grid, grid_of, name, number
 from netboard.analysis.report.wording import NONE, amount, decimals, plural
 from netboard.analysis.topics.units import Unit, read_in
 
@@ -79,27 +79,25 @@ def topics(results: pd.DataFrame, titles: Mapping[str, str]) -> tuple[Topic, ...
 def _topic(title: str, rows: Sequence[Mapping[str, Any]]) -> Topic:
     """Return the results of a topic as a table."""
     notes = list(dict.fromkeys(row["note"] for row in rows if row["note"]))
-    columns = [
-        Column("Quantity"),
-        name("Group"),
-        number("Value"),
-        number("Low"),
-        number("High"),
-        Column("Unit"),
-        Column("Interval"),
-        number("n"),
-        Column("Of"),
-        number("Note"),
-    ]
-    table = grid(f"Results: {title}", columns, [_result(row, notes) for row in rows])
+    table = grid_of(f"Results: {title}", [_result(row, notes) for row in rows])
     return Topic(title, table, tuple(notes))
 
 
-def _result(row: Mapping[str, Any], notes: list[str]) -> list[Cell | float]:
+def _result(row: Mapping[str, Any], notes: list[str]) -> dict[Column, Cell | float]:
     """Return the cells of a result."""
-    note = str(notes.index(row["note"]) + 1) if row["note"] else ""
-    labels, last = [row["quantity"], row["group"]], [row["interval"], int(row["n"]), row["of"], note]
-    return [*labels, *written(row), unit_of(row).symbol, *last]
+    value, low, high = written(row)
+    return {
+        Column("Quantity"): row["quantity"],
+        name("Group"): row["group"],
+        number("Value"): value,
+        number("Low"): low,
+        number("High"): high,
+        Column("Unit"): unit_of(row).symbol,
+        Column("Interval"): row["interval"],
+        number("n"): int(row["n"]),
+        Column("Of"): row["of"],
+        number("Note"): str(notes.index(row["note"]) + 1) if row["note"] else "",
+    }
 
 
 def records(table: pd.DataFrame) -> list[dict[str, Any]]:
@@ -109,29 +107,23 @@ def records(table: pd.DataFrame) -> list[dict[str, Any]]:
 
 def comparison_grid(comparison: pd.DataFrame) -> Grid:
     """Return the comparison with the paper as a table."""
-    columns = [
-        Column("Figure"),
-        Column("Quantity"),
-        name("Group"),
-        Column("The paper says"),
-        number("Reported"),
-        number("Here"),
-        Column("Interval here"),
-        Column("Made of"),
-        Column("Verdict"),
-        name("Note"),
-    ]
-    return grid("This study beside the paper", columns, [_compared(row) for row in records(comparison)])
+    return grid_of("This study beside the paper", [_compared(row) for row in records(comparison)])
 
 
-def _compared(row: Mapping[str, Any]) -> tuple[str, ...]:
+def _compared(row: Mapping[str, Any]) -> dict[Column, Cell | float]:
     """Return the cells of a comparison."""
-    here = f"{written(row)[0]}{after(unit_of(row))}" if isfinite(row["value"]) else NONE
-    interval = f"{between(row)} ({row['interval']})" if between(row) else ""
-    made_of = plural(int(row["n"]), row["of"]) if row["n"] else ""
-    there = reported(row) if isfinite(row["reported"]) else NONE
-    labels = row["figure"], row["quantity"], row["group"], row["said"]
-    return *labels, there, here, interval, made_of, row["verdict"], row["note"]
+    return {
+        Column("Figure"): row["figure"],
+        Column("Quantity"): row["quantity"],
+        name("Group"): row["group"],
+        Column("The paper says"): row["said"],
+        number("Reported"): reported(row) if isfinite(row["reported"]) else NONE,
+        number("Here"): f"{written(row)[0]}{after(unit_of(row))}" if isfinite(row["value"]) else NONE,
+        Column("Interval here"): f"{between(row)} ({row['interval']})" if between(row) else "",
+        Column("Made of"): plural(int(row["n"]), row["of"]) if row["n"] else "",
+        Column("Verdict"): row["verdict"],
+        name("Note"): row["note"],
+    }
 
 
 def reported(row: Mapping[str, Any]) -> str:

@@ -18,14 +18,14 @@ from netboard.analysis.statistics.estimates import Estimate
 from netboard.analysis.topics.figure import (
     CLASS_COLOURS,
     STACK,
-    Picture,
+    Drawn,
     apart,
     draw_joined,
     draw_mean,
     due_count,
     look_of,
     new_mosaic,
-    styled,
+    pictured,
     titled,
 )
 from netboard.analysis.topics.groups import (
@@ -39,7 +39,7 @@ from netboard.analysis.topics.groups import (
     of_dyads,
 )
 from netboard.analysis.topics.measures import places
-from netboard.analysis.topics.result import Result
+from netboard.analysis.topics.result import Result, TopicResults
 from netboard.analysis.topics.units import PERCENT
 
 if TYPE_CHECKING:
@@ -58,22 +58,14 @@ class Shares:
     means: tuple[Estimate, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Classes:
-    """Shares of the classes in all conditions."""
-
-    shares: tuple[Shares, ...]
-    results: tuple[Result, ...]
-
-
-def classes(study: Study) -> Classes:
+def classes(study: Study) -> TopicResults[Shares]:
     """Return the shares of the movement classes in all conditions."""
     trials = counted(study)
     found = tuple(
         _shares(one, trials[trials["condition"] == one.name], study.readings.summaries.shares)
         for one in conditions(study)
     )
-    return Classes(found, tuple(_results(found)))
+    return TopicResults(found, tuple(_results(found)))
 
 
 def _shares(condition: Condition, rows: pd.DataFrame, of: Average) -> Shares:
@@ -112,8 +104,6 @@ def _words(name: str) -> str:
     return "stillness" if name == "still" else f"{name} movement"
 
 
-TITLE = "Classes of movement"
-
 _READABLE = 6.0
 """Smallest share with a number in its bar [%]."""
 
@@ -127,15 +117,15 @@ _BESIDE = 0.25
 """Offset of a mean from its dyads, as a fraction of the distance between conditions [1]."""
 
 
-@styled
-def picture(study: Study) -> Picture:
+@pictured("Classes of movement")
+def picture(study: Study) -> Drawn:
     """Draw the shares of the movement classes.
 
     Bars show means over dyads; the other panels show dyads and means with 95 % t intervals.
     """
-    found = [one for one in classes(study).shares if len(one.dyads)]
+    found = [one for one in classes(study).parts if len(one.dyads)]
     if not found:
-        return Picture("classes", TITLE, "No included trial has a movement, so there are no shares.", None)
+        return "No included trial has a movement, so there are no shares."
     crowded = _crowded(found)
     dots = (
         [[name for name in pair for _ in range(2)] for pair in (CLASSES[:2], CLASSES[2:])]
@@ -154,7 +144,7 @@ def picture(study: Study) -> Picture:
             axes[name].set_ylabel("share of the time [%]")
         if crowded and name in CLASSES[:2]:
             axes[name].tick_params(axis="x", labelbottom=False)
-    return Picture("classes", TITLE, _caption(study, found), figure)
+    return figure, _caption(study, found)
 
 
 def _crowded(found: list[Shares]) -> bool:

@@ -22,15 +22,15 @@ from netboard.analysis.statistics.exact_tests import SYMMETRIC
 from netboard.analysis.topics.figure import (
     BLACK,
     NO_EFFECT,
+    Drawn,
     Look,
-    Picture,
     beside,
     draw_mean,
     handles,
     look_of,
     new_mosaic,
+    pictured,
     span,
-    styled,
     titled,
 )
 from netboard.analysis.topics.groups import (
@@ -43,7 +43,7 @@ from netboard.analysis.topics.groups import (
     with_base,
 )
 from netboard.analysis.topics.measures import Measure, exponential, levels_of_performers, measures_of
-from netboard.analysis.topics.result import Result, cached, plain
+from netboard.analysis.topics.result import Result, TopicResults, cached, plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -133,19 +133,8 @@ class Comparison:
         return f"{self.measure.name}: {'ratio' if self.measure.ratio else 'difference'}"
 
 
-@dataclass(frozen=True, slots=True)
-class Comparisons:
-    """All contrasts of all measures."""
-
-    comparisons: tuple[Comparison, ...]
-
-    @property
-    def results(self) -> tuple[Result, ...]:
-        """Return differences with both confidence intervals, effect sizes and tests."""
-        return tuple(row for one in self.comparisons for row in _rows(one))
-
-
-def _rows(one: Comparison) -> Iterator[Result]:
+def _results(one: Comparison) -> Iterator[Result]:
+    """Yield a difference with both confidence intervals, effect sizes and tests."""
     contrast = one.contrast
     note = "; ".join(filter(None, (one.measure.note, *contrast.notes, _left_out(contrast))))
     group = one.question.name
@@ -177,7 +166,7 @@ def _symmetry(contrast: Contrast) -> str:
 
 
 @cached
-def comparisons(study: Study) -> Comparisons:
+def comparisons(study: Study) -> TopicResults[Comparison]:
     """Compute, for every compared measure, all contrasts that some dyad has."""
     rng = np.random.default_rng(SEED)
     questions, who = questions_of(study), performed_by(conditions(study))
@@ -192,7 +181,7 @@ def comparisons(study: Study) -> Comparisons:
                     table = paired_levels(performers, who, names)
                     if table.notna().all(axis=1).any():
                         found.append(_compare(measure, question, table, rng))
-    return Comparisons(_corrected(found))
+    return TopicResults.of(_corrected(found), _results)
 
 
 def _compare(measure: Measure, question: Question, table: pd.DataFrame, rng: np.random.Generator) -> Comparison:
@@ -222,8 +211,6 @@ def _corrected(found: list[Comparison]) -> tuple[Comparison, ...]:
     return tuple(replace(one, corrected=float(p)) for one, p in zip(found, values, strict=True))
 
 
-TITLE = "Effects of forces and of a partner, standardised"
-
 KINDS = {
     "forces": "haptics vs off",
     "configuration": "dyadic vs bimanual",
@@ -238,16 +225,15 @@ TICKS = (-100, -30, -10, -3, -1, 0, 1, 3, 10, 30, 100)
 _BAND = "#F3F3F3"
 
 
-@styled
-def picture(study: Study) -> Picture:
+@pictured("Effects of forces and of a partner, standardised")
+def picture(study: Study) -> Drawn:
     """Draw all effect sizes.
 
     Intervals are those of the noncentral t distribution, p values those of permutation tests.
     """
-    found = [one for one in comparisons(study).comparisons if np.isfinite(one.hedges.value)]
+    found = [one for one in comparisons(study).parts if np.isfinite(one.hedges.value)]
     if not found:
-        why = "Sizes of effects take three dyads or more that have two conditions, and that differ."
-        return Picture("contrasts", TITLE, why, None)
+        return "Sizes of effects take three dyads or more that have two conditions, and that differ."
     kinds = [kind for kind in KINDS if any(one.question.kind == kind for one in found)]
     names = list(dict.fromkeys(one.measure.name for one in found))
     looks = looks_of(study, [one.question for one in found])
@@ -265,7 +251,7 @@ def picture(study: Study) -> Picture:
         titled(axes[kind], letter, KINDS[kind].replace(", ", ",\n"))
         if kind != kinds[0]:
             axes[kind].set_yticklabels([])
-    return Picture("contrasts", TITLE, _caption(found), figure)
+    return figure, _caption(found)
 
 
 def looks_of(study: Study, questions: Sequence[Question]) -> dict[str, Look]:

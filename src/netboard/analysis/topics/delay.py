@@ -21,8 +21,8 @@ from netboard.analysis.extraction.details import THRESHOLDS
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.statistics.estimates import Estimate
 from netboard.analysis.topics.figure import (
+    Drawn,
     Look,
-    Picture,
     beside,
     draw_dyads,
     draw_mean,
@@ -32,12 +32,12 @@ from netboard.analysis.topics.figure import (
     listed,
     look_of,
     new_mosaic,
-    styled,
+    pictured,
     titled,
 )
 from netboard.analysis.topics.groups import Condition, comparisons, conditions, estimate, estimated, of_dyads, with_base
 from netboard.analysis.topics.measures import rows_of
-from netboard.analysis.topics.result import Result, plain
+from netboard.analysis.topics.result import Result, TopicResults, plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -81,24 +81,14 @@ class ConditionDelay:
     truncated: tuple[float, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Delay:
-    """The delays of all conditions."""
-
-    conditions: tuple[ConditionDelay, ...]
-    kind: str
-    unit: str
-    results: tuple[Result, ...]
-
-
-def delay(study: Study) -> Delay:
+def delay(study: Study) -> TopicResults[ConditionDelay]:
     """Return the delays of all conditions."""
     how = study.readings.summaries
     rows = rows_of(study, "movement")
     found = tuple(
         _of_condition(one, rows[rows["condition"] == one.name], how.delay, how.intervals) for one in conditions(study)
     )
-    return Delay(found, how.delay, how.intervals, tuple(_results(found, how.delay)))
+    return TopicResults(found, tuple(_results(found, how.delay)))
 
 
 def _of_condition(condition: Condition, rows: pd.DataFrame, kind: str, unit: str) -> ConditionDelay:
@@ -193,8 +183,6 @@ def _apart(group: str, one: ConditionDelay, other: ConditionDelay) -> Result:
     return plain(TOPIC, APART, group, value, "1", len(pairs), "threshold", note)
 
 
-TITLE = "Delay between the sides"
-
 _MS = 1000.0
 _WIDTH = 0.6
 _BESIDE = 0.09
@@ -204,23 +192,23 @@ _FEW = 4
 _GREYS = ("#A0A0A0", "#757575", "#4A4A4A", "#000000")
 
 
-@styled
-def picture(study: Study) -> Picture:
+@pictured("Delay between the sides")
+def picture(study: Study) -> Drawn:
     """Draw the delays of all conditions.
 
     The panel of delays at each side's own peak has no bias from a common threshold.
     """
-    found = delay(study)
-    shown = [one for one in found.conditions if any(np.isfinite(mean.value) for mean in one.as_set.means)]
+    kind = study.readings.summaries.delay
+    shown = [one for one in delay(study).parts if any(np.isfinite(mean.value) for mean in one.as_set.means)]
     if not shown:
-        return Picture("delay", TITLE, "No included trial has a cooperative movement, so there are no delays.", None)
+        return "No included trial has a cooperative movement, so there are no delays."
     names = [in_lines(one.condition) for one in shown]
     few = len(shown) <= _FEW and fit_beside(names, 0.5)
     layout = [["set", "set"], ["own", "signed"]] if few else [["set"], ["own"], ["signed"]]
     figure, axes = new_mosaic(5.0 if few else 7.2, layout, height_ratios=[1.25, 1] if few else None)
     panels: tuple[tuple[str, str, Callable[[ConditionDelay], Delays]], ...] = (
-        ("set", f"{found.kind} delay, {_threshold(study)}", lambda one: one.as_set),
-        ("own", f"{found.kind} delay, each side's own peak", lambda one: one.own_peak),
+        ("set", f"{kind} delay, {_threshold(study)}", lambda one: one.as_set),
+        ("own", f"{kind} delay, each side's own peak", lambda one: one.own_peak),
         ("signed", "signed delay, left minus right", lambda one: one.signed),
     )
     for (name, title, delays), letter in zip(panels, "ABC", strict=True):
@@ -231,7 +219,7 @@ def picture(study: Study) -> Picture:
         _portions(axes["set"], len(shown))
     for name in () if few else ("set", "own"):
         axes[name].tick_params(axis="x", labelbottom=False)
-    return Picture("delay", TITLE, _caption(study, shown), figure)
+    return figure, _caption(study, shown)
 
 
 def _threshold(study: Study) -> str:

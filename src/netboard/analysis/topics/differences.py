@@ -10,25 +10,23 @@ import numpy as np
 
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.topics.contrasts import Comparison, Question, comparisons, looks_of
-from netboard.analysis.topics.figure import NO_EFFECT, Look, Picture, draw_dyads, draw_mean, handles, span, styled
+from netboard.analysis.topics.figure import NO_EFFECT, Drawn, Look, draw_dyads, draw_mean, handles, pictured, span
 from netboard.analysis.topics.measures import COLUMNS, grid
 from netboard.analysis.topics.units import read_in
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-TITLE = "Effects of forces and of a partner"
-
 FEW = 8
 """Largest number of differences in a narrow panel [1]."""
 
 
-@styled
-def picture(study: Study) -> Picture:
+@pictured("Effects of forces and of a partner")
+def picture(study: Study) -> Drawn:
     """Draw all differences between conditions."""
-    found = comparisons(study).comparisons
+    found = comparisons(study).parts
     if not found:
-        return Picture("differences", TITLE, "No dyad has two conditions that are compared.", None)
+        return "No dyad has two conditions that are compared."
     names = list(dict.fromkeys(one.measure.name for one in found))
     questions = sorted({one.question for one in found}, key=[one.question for one in found].index)
     looks = looks_of(study, questions)
@@ -44,7 +42,7 @@ def picture(study: Study) -> Picture:
         handletextpad=0.2,
         fontsize=7,
     )
-    return Picture("differences", TITLE, _caption(found), figure)
+    return figure, _caption(found)
 
 
 _LETTERS = "abcdefghijklmnopqrstuvwxyz"

@@ -30,19 +30,19 @@ from netboard.analysis.topics.figure import (
     PINK,
     SKY,
     YELLOW,
+    Drawn,
     Look,
-    Picture,
     draw_dyads,
     draw_mean,
     due_count,
     look_of,
     many,
     new_mosaic,
-    styled,
+    pictured,
     titled,
 )
 from netboard.analysis.topics.groups import QUANTITIES, Condition, Quantity, conditions, counted, estimate, estimated
-from netboard.analysis.topics.result import Result, plain
+from netboard.analysis.topics.result import Result, TopicResults, plain
 from netboard.base.tables.forces import FORCES
 
 if TYPE_CHECKING:
@@ -77,16 +77,8 @@ class Comparison:
     test: Test
 
 
-@dataclass(frozen=True, slots=True)
-class Dyads:
-    """Dyads compared with their partners, for each quantity and each haptic condition of the dyads."""
-
-    comparisons: tuple[Comparison, ...]
-    results: tuple[Result, ...]
-
-
-def dyads(study: Study) -> Dyads:
-    """Compare dyads with their participants."""
+def dyads(study: Study) -> TopicResults[Comparison]:
+    """Compare dyads with their participants, for each quantity and each haptic condition of the dyads."""
     trials, every = counted(study), conditions(study)
     alone = {(one.force, one.other_levels): one.name for one in every if one.configuration == "bimanual"}
     found = []
@@ -101,7 +93,7 @@ def dyads(study: Study) -> Dyads:
             if one.configuration == "dyadic" and not one.partner:
                 points = _points(levels, one.name, alone.get((one.force, one.other_levels), ""))
                 found.append(_compare(quantity, one, points))
-    return Dyads(tuple(found), tuple(result for one in found for result in _results(one)))
+    return TopicResults.of(found, _results)
 
 
 def _points(levels: Mapping[str, pd.Series], together: str, alone: str) -> Iterator[Point]:
@@ -135,22 +127,19 @@ def _results(found: Comparison) -> Iterator[Result]:
     yield plain(TOPIC, name, group, value, "1", found.known, "dyad", note)
 
 
-TITLE = "Dyads and their partners alone"
-
 _FORCES = dict(zip(FORCES[2:], (SKY, GREEN, PINK, ORANGE, YELLOW), strict=False))
 """Colours of the force conditions that are neither off nor on."""
 
 
-@styled
-def picture(study: Study) -> Picture:
+@pictured("Dyads and their partners alone")
+def picture(study: Study) -> Drawn:
     """Draw the performance of dyads relative to their participants alone.
 
     A plane has one point for each participant; beside it are the gains of the dyads.
     """
-    found = [one for one in dyads(study).comparisons if one.known]
+    found = [one for one in dyads(study).parts if one.known]
     if not found:
-        why = "No dyad has performed together with a force with which both of its participants have performed alone."
-        return Picture("dyads", TITLE, why, None)
+        return "No dyad has performed together with a force with which both of its participants have performed alone."
     columns = [quantity.column for quantity in QUANTITIES]
     rows = [columns, [f"gain {column}" for column in columns]]
     forces = len({one.condition.force for one in found})
@@ -161,7 +150,7 @@ def picture(study: Study) -> Picture:
         titled(axes[quantity.column], letter, quantity.name)
         _gains(axes[f"gain {quantity.column}"], own)
         titled(axes[f"gain {quantity.column}"], below, "gain of the dyad")
-    return Picture("dyads", TITLE, _caption(found), figure)
+    return figure, _caption(found)
 
 
 def _look(one: Comparison) -> Look:

@@ -34,24 +34,20 @@ NOT_COMPUTED = "not computed"
 """Quantity of the result that replaces a topic after an error, which its note gives."""
 
 
-class TopicResults(Protocol):
-    """Result object of one topic."""
+class Computed(Protocol):
+    """What a topic computes, with the numbers to report."""
 
     @property
     def results(self) -> tuple[Result, ...]:
-        """Return the rows to report."""
+        """Return the numbers to report."""
 
 
-PAPER: tuple[Callable[[Study], TopicResults], ...] = (
-    learning.learning,
-    dyads.dyads,
-    classes.classes,
-    strategy.strategy,
-    delay.delay,
-)
+Topic = Callable[[Study], Computed]
+
+PAPER: tuple[Topic, ...] = (learning.learning, dyads.dyads, classes.classes, strategy.strategy, delay.delay)
 """Topics of the paper, in the order of its figures 2 to 6."""
 
-MODERN: tuple[Callable[[Study], TopicResults], ...] = (
+MODERN: tuple[Topic, ...] = (
     quality.quality,
     measures.overview,
     contrasts.comparisons,
@@ -63,16 +59,16 @@ MODERN: tuple[Callable[[Study], TopicResults], ...] = (
 )
 """Topics beyond the paper."""
 
-TOPICS: tuple[Callable[[Study], TopicResults], ...] = PAPER + MODERN
+TOPICS = PAPER + MODERN
 """All topics."""
 
 
-def results_of(study: Study, topics: Sequence[Callable[[Study], TopicResults]] = TOPICS) -> pd.DataFrame:
+def results_of(study: Study, topics: Sequence[Topic] = TOPICS) -> pd.DataFrame:
     """Compute the results of all topics."""
     return table_of(result for topic in topics for result in results_in(study, topic))
 
 
-def results_in(study: Study, topic: Callable[[Study], TopicResults]) -> tuple[Result, ...]:
+def results_in(study: Study, topic: Topic) -> tuple[Result, ...]:
     """Compute one topic; an error becomes a result in its place, so that other topics are unaffected."""
     try:
         return topic(study).results
@@ -86,29 +82,16 @@ def _name_of(function: Callable[[Study], object]) -> str:
     return function.__module__.rpartition(".")[2]
 
 
-PAPER_FIGURES: tuple[Callable[[Study], Picture], ...] = (
-    learning.picture,
-    dyads.picture,
-    classes.picture,
-    strategy.picture,
-    delay.picture,
-)
+PAPER_FIGURES = tuple(topic.picture for topic in (learning, dyads, classes, strategy, delay))
 """Figures of the paper, 2 to 6."""
 
-MODERN_FIGURES: tuple[Callable[[Study], Picture], ...] = (
-    quality.picture,
-    measures.picture,
-    contrasts.picture,
-    differences.picture,
-    models.picture,
-    leadership.picture,
-    influence.picture,
-    passive.picture,
-    paths.picture,
+MODERN_FIGURES = tuple(
+    topic.picture
+    for topic in (quality, measures, contrasts, differences, models, leadership, influence, passive, paths)
 )
 """Figures beyond the paper."""
 
-PICTURES: tuple[Callable[[Study], Picture], ...] = PAPER_FIGURES + MODERN_FIGURES
+PICTURES = PAPER_FIGURES + MODERN_FIGURES
 """All figures."""
 
 

@@ -8,11 +8,11 @@ the force. Dyads are small pale points behind their mean.
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextvars import ContextVar
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, wraps
 from io import BytesIO
 from textwrap import fill
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -225,36 +225,37 @@ def _colours(study: Study) -> dict[str, str]:
     return {one: free[k % len(free)] for k, one in enumerate(others)}
 
 
-def styled_whole(draw: Callable[[Study], Picture]) -> Callable[[Study], Picture]:
-    """Decorate a drawing function with the common style and a caption note on simulated participants."""
-
-    @wraps(draw)
-    def drawn(study: Study) -> Picture:
-        import matplotlib as mpl
-
-        chosen = _TEAMS.set(_colours(study))
-        try:
-            with mpl.rc_context(STYLE):
-                picture = draw(study)
-        finally:
-            _TEAMS.reset(chosen)
-        note = simulated(study) if picture.figure is not None else ""
-        return replace(picture, caption=f"{picture.caption} {note}".rstrip())
-
-    return drawn
+Drawn: TypeAlias = "tuple[Figure, str] | str"
+"""What a topic draws: a figure and its caption, or the reason why there is none."""
 
 
-def styled(draw: Callable[[Study], Picture]) -> Callable[[Study], Picture]:
-    """As `styled_whole`, but pool conditions to fit a figure; the caption names the pooled factors."""
-    whole = styled_whole(draw)
+def pictured(title: str, *, whole: bool = False) -> Callable[[Callable[[Study], Drawn]], Callable[[Study], Picture]]:
+    """Decorate the drawing function of a topic, whose module names the figure: common style, and notes in the caption.
 
-    @wraps(draw)
-    def drawn(study: Study) -> Picture:
-        fewer, note = bounded(study)
-        picture = whole(fewer)
-        return replace(picture, caption=f"{picture.caption} {note}".rstrip())
+    Conditions are pooled to fit a figure, except in one of the `whole` study; a note names the pooled factors. Another
+    note is on simulated participants.
+    """
 
-    return drawn
+    def decorate(draw: Callable[[Study], Drawn]) -> Callable[[Study], Picture]:
+        @wraps(draw)
+        def picture(study: Study) -> Picture:
+            import matplotlib as mpl
+
+            shown, pooling = (study, "") if whole else bounded(study)
+            chosen = _TEAMS.set(_colours(shown))
+            try:
+                with mpl.rc_context(STYLE):
+                    drawn = draw(shown)
+            finally:
+                _TEAMS.reset(chosen)
+            figure, caption = (None, drawn) if isinstance(drawn, str) else drawn
+            for note in ("" if figure is None else simulated(shown), pooling):
+                caption = f"{caption} {note}".rstrip()
+            return Picture(draw.__module__.rpartition(".")[2], title, caption, figure)
+
+        return picture
+
+    return decorate
 
 
 def new_mosaic(height: float, layout: Sequence[Sequence[str]], **options: Any) -> "tuple[Figure, dict[str, Axes]]":

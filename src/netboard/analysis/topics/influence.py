@@ -22,10 +22,10 @@ from netboard.analysis.extraction.conditions import STAND_INS
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.measures.information import Past, SurrogateComparison, chance_level, granger
 from netboard.analysis.statistics.estimates import mean
-from netboard.analysis.topics.figure import Picture, fit_beside, look_of, many, new_mosaic, styled
+from netboard.analysis.topics.figure import Drawn, fit_beside, look_of, many, new_mosaic, pictured
 from netboard.analysis.topics.groups import Condition, conditions
 from netboard.analysis.topics.paths import joined
-from netboard.analysis.topics.result import Result, cached, plain
+from netboard.analysis.topics.result import Result, TopicResults, cached, plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -64,19 +64,8 @@ class Influence:
     of: int
 
 
-@dataclass(frozen=True, slots=True)
-class Influences:
-    """Influence in both directions, in all conditions with two people."""
-
-    influences: tuple[Influence, ...]
-
-    @property
-    def results(self) -> tuple[Result, ...]:
-        """Return strength in true dyads, chance level, excess, and p value."""
-        return tuple(row for one in self.influences for row in _rows(one))
-
-
-def _rows(one: Influence) -> list[Result]:
+def _results(one: Influence) -> list[Result]:
+    """Return strength in true dyads, chance level, excess, and p value."""
     n, chance = len(one.dyads), one.chance
     group = f"{one.condition.label}, {one.direction}"
     note = f"{one.trials} of {one.of} trials of each dyad; given the ball"
@@ -94,15 +83,15 @@ def _rows(one: Influence) -> list[Result]:
 
 
 @cached
-def influences(study: Study) -> Influences:
-    """Return the influence of each partner on the other."""
+def influences(study: Study) -> TopicResults[Influence]:
+    """Return the influence of each partner on the other, in all conditions with two people."""
     found: list[Influence] = []
     for condition in conditions(study):
         trials = study.counted[study.counted["condition"] == condition.name]
         movers = study.blocks.loc[study.blocks["recording"].isin(trials["recording"]), ["left_by", "right_by"]]
         if (movers["left_by"] != movers["right_by"]).all() and not movers.isin(STAND_INS).any(axis=None):
             found += _in_condition(condition, trials, study.paths)
-    return Influences(tuple(found))
+    return TopicResults.of(found, _results)
 
 
 def _in_condition(condition: Condition, trials: pd.DataFrame, paths: Mapping[str, pd.DataFrame]) -> list[Influence]:
@@ -162,19 +151,16 @@ def _strength(sources: Sequence[NDArray[np.float64]], targets: Sequence[NDArray[
     return granger(others, own, past=PAST, given=[ball]).strength
 
 
-TITLE = "Influence between partners"
-
 FEW = 6
 """Largest number of columns with horizontal names [1]."""
 
 
-@styled
-def picture(study: Study) -> Picture:
+@pictured("Influence between partners")
+def picture(study: Study) -> Drawn:
     """Draw the influence between partners."""
-    found = [one for one in influences(study).influences if len(one.values)]
+    found = [one for one in influences(study).parts if len(one.values)]
     if not found:
-        why = "No condition has two people and paths of their trials, so their influence cannot be estimated."
-        return Picture("influence", TITLE, why, None)
+        return "No condition has two people and paths of their trials, so their influence cannot be estimated."
     figure, axes = new_mosaic(3.2, [["all"]])
     for place, one in enumerate(found):
         _column(axes["all"], place, one)
@@ -187,7 +173,7 @@ def picture(study: Study) -> Picture:
     axes["all"].set_ylim(bottom=min(0.0, axes["all"].get_ylim()[0]))
     axes["all"].set_ylabel("Granger strength [nat]")
     figure.legend(*axes["all"].get_legend_handles_labels(), loc="outside lower center", ncols=3)
-    return Picture("influence", TITLE, _caption(found), figure)
+    return figure, _caption(found)
 
 
 def _column(axes: "Axes", place: int, one: Influence) -> None:

@@ -5,8 +5,8 @@ of one participant, in dyadic ones two participants. Levels are those of dyads, 
 `netboard.analysis.topics.measures`.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 import pandas as pd
@@ -14,10 +14,10 @@ import pandas as pd
 from netboard.analysis.extraction.conditions import STAND_INS
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.measures.lags import leadership
-from netboard.analysis.topics.figure import NO_EFFECT, Picture, due_count, new_mosaic, styled, titled
+from netboard.analysis.topics.figure import NO_EFFECT, Drawn, due_count, new_mosaic, pictured, titled
 from netboard.analysis.topics.groups import estimated
 from netboard.analysis.topics.measures import Levels, Measure, column, draw_levels, legend, levels_of, places
-from netboard.analysis.topics.result import Result, plain
+from netboard.analysis.topics.result import Result, TopicResults, plain
 from netboard.analysis.topics.units import MS
 
 if TYPE_CHECKING:
@@ -39,61 +39,44 @@ QUESTIONS = (
 """Leadership measures. The index uses delays at own peaks, so moving farther does not look like moving earlier."""
 
 
-@dataclass(frozen=True, slots=True)
-class Leaders:
-    """Leadership by measure, then by condition; a mean other than 0 indicates a side that leads across dyads.
-
-    `changed` has the dyads whose partners changed seats between dyadic blocks, so that a side is not one participant.
-    """
-
-    leads: tuple[Levels, ...]
-    changed: tuple[str, ...]
-
-    @property
-    def results(self) -> tuple[Result, ...]:
-        """Return the mean over dyads, and each dyad's level."""
-        return tuple(row for lead in self.leads for row in self._rows(lead))
-
-    def _rows(self, lead: Levels) -> Iterator[Result]:
-        question, group, sides = lead.measure, lead.condition.label, "+ = right first"
-        yield estimated("leadership", question.name, group, lead.mean, question.unit, sides)
-        changed = self.changed if lead.condition.configuration == "dyadic" else ()
-        for dyad, value in zip(lead.dyads, lead.values, strict=True):
-            note = f"{sides}; partners changed seats" if dyad in changed else sides
-            yield plain("leadership", question.name, f"{group}, {dyad}", float(value), question.unit, 1, "dyad", note)
+def leaders(study: Study) -> TopicResults[Levels]:
+    """Return the leadership by measure, then by condition; a mean other than 0 indicates a side that leads."""
+    return TopicResults.of(levels_of(study, QUESTIONS), partial(_results, changed_seats(study)))
 
 
-def leaders(study: Study) -> Leaders:
-    """Return the leadership by all measures, in all conditions with values."""
-    return Leaders(levels_of(study, QUESTIONS), _changed_seats(study))
+def _results(changed: Collection[str], lead: Levels) -> Iterator[Result]:
+    """Yield the mean over dyads, and each dyad's level."""
+    question, group, sides = lead.measure, lead.condition.label, "+ = right first"
+    yield estimated("leadership", question.name, group, lead.mean, question.unit, sides)
+    for dyad, value in zip(lead.dyads, lead.values, strict=True):
+        mixed = dyad in changed and lead.condition.configuration == "dyadic"
+        note = f"{sides}; partners changed seats" if mixed else sides
+        yield plain("leadership", question.name, f"{group}, {dyad}", float(value), question.unit, 1, "dyad", note)
 
 
-def _changed_seats(study: Study) -> tuple[str, ...]:
-    """Return the dyads whose left seat was taken by more than one participant."""
+def changed_seats(study: Study) -> tuple[str, ...]:
+    """Return the dyads whose partners changed seats between dyadic blocks, so that a side is not one participant."""
     together = study.blocks[study.blocks["configuration"] == "dyadic"]
     people = together[~together[["left_by", "right_by"]].isin(STAND_INS).any(axis=1)]
     seats = people.groupby("dyad")["left_by"].nunique()
     return tuple(seats.index[seats > 1])
 
 
-TITLE = "Who moved first"
-
-
-@styled
-def picture(study: Study) -> Picture:
+@pictured("Who moved first")
+def picture(study: Study) -> Drawn:
     """Draw the leadership measures."""
-    found = leaders(study)
-    if not found.leads:
-        return Picture("leadership", TITLE, "No included trial has a delay.", None)
-    names = [question.name for question in QUESTIONS if any(one.measure == question for one in found.leads)]
+    found = leaders(study).parts
+    if not found:
+        return "No included trial has a delay."
+    names = [question.name for question in QUESTIONS if any(one.measure == question for one in found)]
     figure, axes = new_mosaic(5.0, [names[:2], names[2:]] if len(names) == 4 else [names])
-    shown = tuple(dict.fromkeys(one.condition for one in found.leads))
+    shown = tuple(dict.fromkeys(one.condition for one in found))
     at = places(shown)
     for name, letter in zip(names, "ABCD", strict=False):
-        _panel(axes[name], [one for one in found.leads if one.measure.name == name], at)
+        _panel(axes[name], [one for one in found if one.measure.name == name], at)
         titled(axes[name], letter, name)
     legend(figure, shown)
-    return Picture("leadership", TITLE, _caption(found), figure)
+    return figure, _caption(study, found)
 
 
 def _panel(axes: "Axes", found: Sequence[Levels], at: dict[str, float]) -> None:
@@ -109,10 +92,10 @@ def _panel(axes: "Axes", found: Sequence[Levels], at: dict[str, float]) -> None:
     axes.set_xlim(-0.6, max(at.values()) + 0.6)
 
 
-def _caption(found: Leaders) -> str:
-    own = [one for one in found.leads if one.measure == QUESTIONS[1]]
+def _caption(study: Study, found: Sequence[Levels]) -> str:
+    own = [one for one in found if one.measure == QUESTIONS[1]]
     known = due_count([(one.condition.label, one.mean.n, "dyad") for one in own], [one.rows for one in own], "movement")
-    seats = ", ".join(found.changed)
+    seats = ", ".join(changed_seats(study))
     changed = f" In {seats} partners changed seats: there a side is not one participant." if seats else ""
     return (
         "Time of the left side minus that of the right side, in cooperative movements (A, B) and by cross-correlation "

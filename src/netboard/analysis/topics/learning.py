@@ -7,6 +7,7 @@ as means of dyads with a confidence interval.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,15 +28,15 @@ from netboard.analysis.topics.figure import (
     BLACK,
     CLASS_COLOURS,
     STACK,
-    Picture,
+    Drawn,
     apart,
     beside,
     draw_dyads,
     draw_mean,
     many,
     new_mosaic,
+    pictured,
     sentence,
-    styled,
     team_look,
     titled,
     trial_ticks,
@@ -53,7 +54,7 @@ from netboard.analysis.topics.groups import (
     teams,
     windows_of,
 )
-from netboard.analysis.topics.result import Result
+from netboard.analysis.topics.result import Result, TopicResults
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -106,20 +107,12 @@ class TeamLearning:
     trials: int
 
 
-@dataclass(frozen=True, slots=True)
-class Learning:
-    """Learning of all teams."""
-
-    teams: tuple[TeamLearning, ...]
-    results: tuple[Result, ...]
-
-
-def learning(study: Study) -> Learning:
+def learning(study: Study) -> TopicResults[TeamLearning]:
     """Return the learning of all teams."""
     trials = counted(study)
     own = {team: trials[trials["team"] == team] for team in teams(study)}
-    found = tuple(_learning(study, team, rows) for team, rows in own.items() if len(rows))
-    return Learning(found, tuple(result for one in found for result in _results(study, one)))
+    found = (_learning(study, team, rows) for team, rows in own.items() if len(rows))
+    return TopicResults.of(found, partial(_results, study))
 
 
 def series_of(study: Study, rows: pd.DataFrame) -> pd.Series:
@@ -213,19 +206,15 @@ def _spread(group: str, found: Summary, course: Course, note: str) -> Result:
     )
 
 
-TITLE = "Learning"
-
-
-@styled
-def picture(study: Study) -> Picture:
+@pictured("Learning")
+def picture(study: Study) -> Drawn:
     """Draw the learning of participants and dyads.
 
     Lines are means of all trials of one number, pooled over haptic conditions; points are dyads in groups of trials.
     """
-    found = learning(study)
-    if not found.teams:
-        return Picture("learning", TITLE, "No trial is included, so learning cannot be shown.", None)
-    teams = found.teams
+    teams = learning(study).parts
+    if not teams:
+        return "No trial is included, so learning cannot be shown."
     rows = [[f"{kind} {one.team}" for one in teams] for kind in ("time", "peaks")]
     figure, axes = new_mosaic(4.6, rows, height_ratios=[1.35, 1])
     letters, windows = iter("ABCDEFGHIJKLMNOP"), windows_of(study)
@@ -253,7 +242,7 @@ def picture(study: Study) -> Picture:
         name = ("completion time", "velocity peaks")[row]
         axes[f"{kind} {teams[0].team}"].set_ylabel(f"{name} [{unit}]")
     _names(axes[f"time {teams[-1].team}"], teams[-1], 0.015 * len(teams))
-    return Picture("learning", TITLE, _caption(study, teams), figure)
+    return figure, _caption(study, teams)
 
 
 def _areas(axes: "Axes", one: TeamLearning) -> None:

@@ -5,7 +5,7 @@ attempts. A dyad has two performers in bimanual conditions and one in dyadic one
 weight, whatever its number of trials, and is the unit of all confidence intervals.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from textwrap import fill
 from typing import TYPE_CHECKING, Literal
@@ -18,17 +18,17 @@ from netboard.analysis.extraction.attempts import MODERN, PAPER
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.statistics.estimates import Estimate, t_interval
 from netboard.analysis.topics.figure import (
-    Picture,
+    Drawn,
     draw_joined,
     draw_mean,
     due_count,
     handles,
     look_of,
     new_mosaic,
-    styled,
+    pictured,
 )
 from netboard.analysis.topics.groups import CLASSES, Condition, conditions, counted, estimated, excluded
-from netboard.analysis.topics.result import Result, cached
+from netboard.analysis.topics.result import Result, TopicResults, cached
 from netboard.analysis.topics.units import read_in
 from netboard.base.config import SIDES
 
@@ -234,25 +234,6 @@ class Levels:
     mean: Estimate
 
 
-@dataclass(frozen=True, slots=True)
-class Overview:
-    """All measures in all conditions."""
-
-    levels: tuple[Levels, ...]
-
-    @property
-    def results(self) -> tuple[Result, ...]:
-        """Return the mean of each measure in each condition, and the number of its values."""
-        return tuple(
-            estimated("measures", one.measure.name, one.condition.label, one.mean, one.measure.unit, _note(one))
-            for one in self.levels
-        )
-
-
-def _note(one: Levels) -> str:
-    return "; ".join(filter(None, (one.measure.note, f"of {one.rows} {one.measure.of}s")))
-
-
 def levels_of(study: Study, measures: Iterable[Measure]) -> tuple[Levels, ...]:
     """Return the levels of measures, with their means, in every condition that has values, by measure first."""
     found = []
@@ -270,9 +251,15 @@ def levels_of(study: Study, measures: Iterable[Measure]) -> tuple[Levels, ...]:
 
 
 @cached
-def overview(study: Study) -> Overview:
+def overview(study: Study) -> TopicResults[Levels]:
     """Return the level of every measure in every condition."""
-    return Overview(levels_of(study, measures_of(study)))
+    return TopicResults.of(levels_of(study, measures_of(study)), _results)
+
+
+def _results(one: Levels) -> Iterator[Result]:
+    """Yield the mean of a measure in a condition, with the number of its values."""
+    note = "; ".join(filter(None, (one.measure.note, f"of {one.rows} {one.measure.of}s")))
+    yield estimated("measures", one.measure.name, one.condition.label, one.mean, one.measure.unit, note)
 
 
 def exponential(estimate: Estimate) -> Estimate:
@@ -282,8 +269,6 @@ def exponential(estimate: Estimate) -> Estimate:
 
 
 Where = Literal["outside upper center", "outside lower center"]
-
-TITLE = "All measures"
 
 COLUMNS = 4
 """Panels in a row [1]."""
@@ -303,19 +288,19 @@ _TITLE = 20
 """Characters in a line of a panel's title [1]."""
 
 
-@styled
-def picture(study: Study) -> Picture:
+@pictured("All measures")
+def picture(study: Study) -> Drawn:
     """Draw all measures."""
-    found = overview(study).levels
+    found = overview(study).parts
     if not found:
-        return Picture("measures", TITLE, "No trial is included, so there are no measures.", None)
+        return "No trial is included, so there are no measures."
     names = [measure.name for measure in MEASURES if any(one.measure.name == measure.name for one in found)]
     shown = tuple(dict.fromkeys(one.condition for one in found))
     figure, axes = grid(names, 1.35)
     for name in names:
         _panel(axes[name], [one for one in found if one.measure.name == name], places(shown))
     legend(figure, shown)
-    return Picture("measures", TITLE, _caption(found, shown), figure)
+    return figure, _caption(found, shown)
 
 
 def grid(names: Sequence[str], height: float, columns: int = COLUMNS) -> "tuple[Figure, dict[str, Axes]]":

@@ -23,14 +23,14 @@ from netboard.analysis.topics.figure import (
     NO_EFFECT,
     ORANGE,
     SKY,
+    Drawn,
     Look,
-    Picture,
     beside,
     draw_mean,
     many,
     new_mosaic,
+    pictured,
     sentence,
-    styled_whole,
     titled,
 )
 from netboard.analysis.topics.groups import FORCE_LABELS
@@ -194,8 +194,6 @@ def trial_numbers(attempts: pd.DataFrame) -> pd.Series:
     return done - succeeded + 1
 
 
-TITLE = "Models of all trials"
-
 LOOKS = {
     "completion time": Look(BLACK, "o", BLACK, "-"),
     "velocity peaks": Look(ORANGE, "s", ORANGE, "-"),
@@ -204,15 +202,15 @@ LOOKS = {
 """Style of each model."""
 
 
-@styled_whole
-def picture(study: Study) -> Picture:
+@pictured("Models of all trials", whole=True)
+def picture(study: Study) -> Drawn:
     """Draw the models."""
     found = fits(study)
     shown = [one for one in found.fits if one.model.fitted]
     if not any(effects_shown(one) for one in shown):
         why = "; ".join(f"{one.measure}: {', '.join(one.model.notes)}" for one in found.fits)
         none = "No model has more than one condition" if shown else "No model could be fitted"
-        return Picture("models", TITLE, f"{none}. {sentence(why)}", None)
+        return f"{none}. {sentence(why)}"
     checked = [one for one in shown if one.model.diagnostics is not None]
     figure, axes = new_mosaic(
         3.4, [["terms", "residuals"]] if checked else [["terms"]], width_ratios=[1.5, 1][: 1 + bool(checked)]
@@ -222,7 +220,7 @@ def picture(study: Study) -> Picture:
     if checked:
         _residuals(axes["residuals"], checked[0])
         titled(axes["residuals"], "B", f"residuals, {checked[0].measure}")
-    return Picture("models", TITLE, _caption(found, shown), figure)
+    return figure, _caption(found, shown)
 
 
 def effects_shown(fit: Fit) -> list[Effect]:

@@ -8,7 +8,7 @@ The paper does not say over what its standard deviations are. Their size is that
 be over these, and a difference of one standard deviation is large.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from math import isfinite, nan
 from typing import Any, Literal
 
@@ -35,24 +35,26 @@ class Reported:
         Kind of comparison: a number, a count, the direction of a difference, or words only.
     topic, quantity, group : str
         Key of the result, as in `Result`; ``{ends}`` stands for the number of first and last trials.
-    value : float
+    said : str
+        Statement, shortened.
+    reported : float
         The number; NaN without one [unit of the result].
-    deviation : float
+    reported_sd : float
         Standard deviation, taken to be over single trials; NaN without one [unit of the result].
-    of : int
+    reported_of : int
         Total of a count; 0 if it is not a count [1].
     """
 
     figure: str
     line: int
     kind: Kind
-    statement: str
+    said: str
     topic: str
     quantity: str
     group: str
-    value: float = nan
-    deviation: float = nan
-    of: int = 0
+    reported: float = nan
+    reported_sd: float = nan
+    reported_of: int = 0
 
 
 def _ends(quantity: str, line: int, panels: str, values: tuple[float, ...]) -> tuple[Reported, ...]:
@@ -171,69 +173,56 @@ def compare(study: Study) -> pd.DataFrame:
     ends = windows_of(study).ends
     rows = []
     for one in REPORTED:
-        reported = replace(one, group=one.group.format(ends=ends))
-        result = found.get((reported.topic, reported.quantity, reported.group), _nothing(reported))
-        if reported.topic == "delay" and study.readings.delays.search != "inside":
+        said = replace(one, group=one.group.format(ends=ends))
+        result = found.get((said.topic, said.quantity, said.group), _nothing(said))
+        if said.topic == "delay" and study.readings.delays.search != "inside":
             result = replace(result, note="; ".join(filter(None, (result.note, LIKELY_SEARCH))))
-        rows.append(_row(reported, result))
+        rows.append(_row(said, result))
     return pd.DataFrame(rows, columns=[field.name for field in COMPARISON])
 
 
-def _nothing(reported: Reported) -> Result:
+def _nothing(said: Reported) -> Result:
     """Return a placeholder for a result that the study does not have."""
-    return plain(reported.topic, reported.quantity, reported.group, nan, "", 0, "", "the study has no such result")
+    return plain(said.topic, said.quantity, said.group, nan, "", 0, "", "the study has no such result")
 
 
-def _row(reported: Reported, found: Result) -> dict[str, Any]:
+def _row(said: Reported, found: Result) -> dict[str, Any]:
     """Return a row with both numbers."""
-    difference = nan if _other_total(reported, found) else found.value - reported.value
+    difference = nan if _other_total(said, found) else found.value - said.reported
     return {
-        "figure": reported.figure,
-        "line": reported.line,
-        "quantity": reported.quantity,
-        "group": reported.group,
-        "kind": reported.kind,
-        "said": reported.statement,
-        "reported": reported.value,
-        "reported_sd": reported.deviation,
-        "reported_of": reported.of,
-        "value": found.value,
-        "low": found.low,
-        "high": found.high,
-        "unit": found.unit,
-        "interval": found.interval,
-        "n": found.n,
-        "of": found.of,
+        **asdict(said),
+        **asdict(found),
         "difference": difference,
-        "difference_sd": difference / reported.deviation,
-        "verdict": _verdict(reported, found),
-        "note": found.note,
+        "difference_sd": difference / said.reported_sd,
+        "verdict": _verdict(said, found),
     }
 
 
-def _verdict(reported: Reported, found: Result) -> str:
+def _verdict(said: Reported, found: Result) -> str:
     """Return a phrase on the agreement of a study's number with the paper's."""
     if not isfinite(found.value):
         return "not in this study"
-    if reported.kind == "words":
+    if said.kind == "words":
         return "not reported as a number"
-    if reported.kind == "number":
-        difference = found.value - reported.value
-        deviations = difference / reported.deviation
+    if said.kind == "number":
+        difference = found.value - said.reported
+        deviations = difference / said.reported_sd
         if isfinite(deviations):
             return f"{deviations:+.2f} SD"
         unit = read_in(found.unit, found.quantity)
         return f"{difference * unit.scale:+.3g} {unit.symbol}, no SD reported"
-    if _other_total(reported, found):
-        return f"{found.value / found.n:.0%} here, {reported.value / reported.of:.0%} in the paper".replace("%", " %")
-    if reported.kind == "count":
-        return "same count" if found.value == reported.value else "other count"
-    return _direction(reported.kind, found)
+    if _other_total(said, found):
+        return f"{found.value / found.n:.0%} here, {said.reported / said.reported_of:.0%} in the paper".replace(
+            "%", " %"
+        )
+    if said.kind == "count":
+        return "same count" if found.value == said.reported else "other count"
+    return _direction(said.kind, found)
 
 
-def _other_total(reported: Reported, found: Result) -> bool:
+def _other_total(said: Reported, found: Result) -> bool:
     """Return whether a count of the study is out of another total than the paper's, such as of 6 and of 4 dyads."""
-    return reported.kind == "count" and found.n > 0 and found.n != reported.of
+    return said.kind == "count" and found.n > 0 and found.n != said.reported_of
 
 
 def _direction(kind: Kind, found: Result) -> str:

@@ -7,6 +7,7 @@ passive effect is reported twice: for a hand without friction, an upper bound, a
 device.
 """
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,18 +19,18 @@ from netboard.analysis.extraction.study import Study
 from netboard.analysis.statistics.estimates import Estimate, bootstrap, ratio_of_sums, t_interval
 from netboard.analysis.topics.figure import (
     NO_EFFECT,
-    Picture,
+    Drawn,
     beside,
     draw_dyads,
     draw_mean,
     look_of,
     many,
     new_mosaic,
-    styled,
+    pictured,
 )
 from netboard.analysis.topics.groups import Condition, conditions, estimated, with_base
 from netboard.analysis.topics.measures import column, levels, measures_of, rows_of
-from netboard.analysis.topics.result import Result
+from netboard.analysis.topics.result import Result, TopicResults
 from netboard.analysis.topics.units import PERCENT, POINTS
 
 SEED = 20_170_605
@@ -70,29 +71,20 @@ class Control:
         return self.mean_effect.low > 0.0 or self.mean_effect.high < 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class Controls:
-    """Controls by haptic condition, then by stiffness; without friction and then with the device, if known."""
-
-    controls: tuple[Control, ...]
-
-    @property
-    def results(self) -> tuple[Result, ...]:
-        """Return the effect of each haptic condition, and for each stiffness the passive effect and its share."""
-        rows = []
-        felt = []
-        for one in self.controls:
-            group = f"{one.condition.label} vs off"
-            if group not in felt:
-                felt.append(group)
-                rows.append(_row("haptic effect on cooperative share", group, one.mean_effect, ""))
-            rows.append(_row(f"passive effect on cooperative share, {one.arm}", group, one.mean_passive, _held(one)))
-            share, note = one.share, f"1 = entirely mechanical; intervals of few dyads are too short; {_held(one)}"
-            if not one.has_effect:
-                share = replace(share, value=np.nan, low=np.nan, high=np.nan)
-                note = "no share, because the effect may be 0: its confidence interval includes 0, or there is none"
-            rows.append(_row(f"passive share of the effect, {one.arm}", group, share, note))
-        return tuple(rows)
+def _results(found: Sequence[Control]) -> Iterator[Result]:
+    """Yield the effect of each haptic condition, and for each stiffness the passive effect and its share."""
+    felt = None
+    for one in found:
+        group = f"{one.condition.label} vs off"
+        if one.condition != felt:
+            felt = one.condition
+            yield _row("haptic effect on cooperative share", group, one.mean_effect, "")
+        yield _row(f"passive effect on cooperative share, {one.arm}", group, one.mean_passive, _held(one))
+        share, note = one.share, f"1 = entirely mechanical; intervals of few dyads are too short; {_held(one)}"
+        if not one.has_effect:
+            share = replace(share, value=np.nan, low=np.nan, high=np.nan)
+            note = "no share, because the effect may be 0: its confidence interval includes 0, or there is none"
+        yield _row(f"passive share of the effect, {one.arm}", group, share, note)
 
 
 def _held(one: Control) -> str:
@@ -106,10 +98,11 @@ def _row(quantity: str, group: str, found: Estimate, note: str) -> Result:
     return estimated("passive", quantity, group, found, "1", note)
 
 
-def controls(study: Study) -> Controls:
+def controls(study: Study) -> TopicResults[Control]:
     """Compare the effect of haptic feedback with that of a passive partner.
 
-    There are no controls if no dyad has dyadic trials both with and without haptic feedback.
+    Controls come by haptic condition, then by stiffness; without friction and then with the device, if known. There are
+    none if no dyad has dyadic trials both with and without haptic feedback.
     """
     cooperative = next(measure for measure in measures_of(study) if measure.name == "cooperative share")
     live = levels(study, cooperative)
@@ -123,7 +116,8 @@ def controls(study: Study) -> Controls:
                 friction = _friction(study, felt) if held else np.nan
                 if felt.configuration == "dyadic" and not felt.partner and len(table):
                     found.append(_control(felt, stiffness, friction, table))
-    return Controls(tuple(sorted(found, key=lambda one: one.condition.name)))
+    found.sort(key=lambda one: one.condition.name)
+    return TopicResults(tuple(found), tuple(_results(found)))
 
 
 def _friction(study: Study, condition: Condition) -> float:
@@ -157,19 +151,16 @@ def _control(condition: Condition, stiffness: int, friction: float, table: pd.Da
 
 _NONE = "The mechanical part of the effect cannot be estimated, because the effect may be 0."
 
-TITLE = "The part that a passive partner would show"
 
-
-@styled
-def picture(study: Study) -> Picture:
+@pictured("The part that a passive partner would show")
+def picture(study: Study) -> Drawn:
     """Draw the effect of haptic feedback and the passive effect.
 
     The passive effect is shown without friction, an upper bound, and with the device's friction if known.
     """
-    found = controls(study).controls
+    found = controls(study).parts
     if not found:
-        why = "No dyad has trials of two people both with and without forces, in a scene with a free board."
-        return Picture("passive", TITLE, why, None)
+        return "No dyad has trials of two people both with and without forces, in a scene with a free board."
     figure, panels = new_mosaic(3.0, [["all"]])
     axes = panels["all"]
     axes.axhline(0.0, **NO_EFFECT)
@@ -201,7 +192,7 @@ def picture(study: Study) -> Picture:
     axes.set_ylabel(f"change of the cooperative share {POINTS.in_brackets}")
     if len(felt) > 1:
         axes.legend(loc="best")
-    return Picture("passive", TITLE, _caption(found), figure)
+    return figure, _caption(found)
 
 
 def _caption(found: tuple[Control, ...]) -> str:

@@ -18,9 +18,9 @@ from netboard.analysis.extraction.study import Study
 from netboard.analysis.extraction.tables import ATTEMPT_KEY
 from netboard.analysis.extraction.trials import RATE
 from netboard.analysis.statistics.estimates import t_interval
-from netboard.analysis.topics.figure import BLACK, Picture, due_count, look_of, new_mosaic, styled, titled
+from netboard.analysis.topics.figure import BLACK, Drawn, due_count, look_of, new_mosaic, pictured, titled
 from netboard.analysis.topics.groups import Condition, conditions, estimated
-from netboard.analysis.topics.result import Result, cached
+from netboard.analysis.topics.result import Result, TopicResults, cached
 from netboard.analysis.topics.units import read_in
 
 if TYPE_CHECKING:
@@ -61,19 +61,8 @@ class MeanPath:
     trials: int
 
 
-@dataclass(frozen=True, slots=True)
-class MeanPaths:
-    """All mean paths."""
-
-    paths: tuple[MeanPath, ...]
-
-    @property
-    def results(self) -> tuple[Result, ...]:
-        """Return the positions of ball and hands at the reported times."""
-        return tuple(row for one in self.paths for row in _rows(one))
-
-
-def _rows(one: MeanPath) -> Iterator[Result]:
+def _results(one: MeanPath) -> Iterator[Result]:
+    """Yield the positions of ball or hand at the reported times."""
     for k in range(0, len(one.time), round(REPORTED / PERIOD)):
         note = f"of {one.trials} trials, + = {'towards the target' if one.quantity == 'ball' else 'up'}"
         group = f"{one.condition.label}, {one.time[k]:.1f} s"
@@ -81,12 +70,13 @@ def _rows(one: MeanPath) -> Iterator[Result]:
 
 
 @cached
-def mean_paths(study: Study) -> MeanPaths:
+def mean_paths(study: Study) -> TopicResults[MeanPath]:
     """Return the mean paths of all conditions."""
     if not len(study.counted):
-        return MeanPaths(())
+        return TopicResults((), ())
     samples = int(study.counted["duration"].quantile(GOING_ON) / PERIOD)
-    return MeanPaths(tuple(path for condition in conditions(study) for path in _mean_paths(condition, study, samples)))
+    found = (path for condition in conditions(study) for path in _mean_paths(condition, study, samples))
+    return TopicResults.of(found, _results)
 
 
 def joined(trials: pd.DataFrame, paths: Mapping[str, pd.DataFrame]) -> Iterator[pd.DataFrame]:
@@ -139,8 +129,6 @@ def _places(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
     }
 
 
-TITLE = "The course of a trial"
-
 COLUMNS = 4
 """Conditions in a row [1]."""
 
@@ -149,17 +137,17 @@ _HANDS = {"near": BLACK, "far": "#555555"}
 _LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 
 
-@styled
-def picture(study: Study) -> Picture:
+@pictured("The course of a trial")
+def picture(study: Study) -> Drawn:
     """Draw mean paths.
 
     Trials with the target on the left are mirrored.
     """
     from matplotlib.lines import Line2D
 
-    found = mean_paths(study).paths
+    found = mean_paths(study).parts
     if not found:
-        return Picture("paths", TITLE, "No included trial has a path.", None)
+        return "No included trial has a path."
     shown = list(dict.fromkeys(one.condition for one in found))
     lines = [shown[k : k + COLUMNS] for k in range(0, len(shown), COLUMNS)]
     figure, axes = new_mosaic(0.4 + 3.9 * len(lines), _layout(lines))
@@ -174,7 +162,7 @@ def picture(study: Study) -> Picture:
         _alike(axes, [[f"{what} {one.name}" for one in line] for line in lines], label)
     handles = [Line2D([], [], color=colour, linestyle=_STYLES[name]) for name, colour in _HANDS.items()]
     figure.legend(handles, [QUANTITIES[name] for name in _HANDS], loc="outside lower center", ncols=2)
-    return Picture("paths", TITLE, _caption(found), figure)
+    return figure, _caption(found)
 
 
 def _layout(lines: list[list[Condition]]) -> list[list[str]]:

@@ -12,7 +12,7 @@ import pandas as pd
 
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.statistics.estimates import Estimate, t_interval
-from netboard.analysis.topics.figure import Picture, look_of, many, new_mosaic, styled, titled
+from netboard.analysis.topics.figure import Drawn, look_of, many, new_mosaic, pictured, titled
 from netboard.analysis.topics.groups import block_labels, estimated, excluded, of_blocks
 from netboard.analysis.topics.measures import exponential, legend
 from netboard.analysis.topics.result import Result, plain
@@ -110,18 +110,16 @@ def _drifts(trials: pd.DataFrame) -> pd.Series:
     return (above / below.where(below > 0.0)).dropna()
 
 
-TITLE = "What was recorded"
-
 _READABLE = 30
 """Largest number of dyads with numbers in the squares [1]."""
 
 
-@styled
-def picture(study: Study) -> Picture:
+@pictured("What was recorded")
+def picture(study: Study) -> Drawn:
     """Draw the quality of the recordings."""
     found = quality(study)
     if not len(found.blocks):
-        return Picture("quality", TITLE, "There is no recording.", None)
+        return "There is no recording."
     dyads = found.blocks["dyad"].nunique()
     tall = 0.55 + 0.2 * min(dyads, 40)
     figure, axes = new_mosaic(2.6 + tall, [["falls", "excluded"], ["times", "times"]], height_ratios=[tall, 2.2])
@@ -132,7 +130,7 @@ def picture(study: Study) -> Picture:
     _times(axes["times"], found, study)
     titled(axes["times"], "C", "completion time through the session")
     legend(figure, of_blocks(study), "outside lower center")
-    return Picture("quality", TITLE, _caption(found, dyads), figure)
+    return figure, _caption(found, dyads)
 
 
 def _counts(axes: "Axes", found: Quality, column: str) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from functools import wraps
 from math import nan
-from typing import TypeVar
+from typing import Generic, TypeVar
 from weakref import ref
 
 import pandas as pd
@@ -64,11 +64,25 @@ def table_of(results: Iterable[Result]) -> pd.DataFrame:
     return pd.DataFrame([asdict(result) for result in results], columns=[field.name for field in RESULTS])
 
 
-UNCOMPUTABLE = (ArithmeticError, LookupError, RuntimeError, TypeError, ValueError)
-"""Exceptions that unforeseen values raise in numpy, scipy, pandas and matplotlib."""
-
 T = TypeVar("T")
 
+
+@dataclass(frozen=True, slots=True)
+class TopicResults(Generic[T]):
+    """What a topic computes of a study: its parts, such as one for each condition, and all numbers to report."""
+
+    parts: tuple[T, ...]
+    results: tuple[Result, ...]
+
+    @classmethod
+    def of(cls, parts: Iterable[T], report: Callable[[T], Iterable[Result]]) -> "TopicResults[T]":
+        """Return parts with the numbers that a function reports of each."""
+        found = tuple(parts)
+        return cls(found, tuple(result for part in found for result in report(part)))
+
+
+UNCOMPUTABLE = (ArithmeticError, LookupError, RuntimeError, TypeError, ValueError)
+"""Exceptions that unforeseen values raise in numpy, scipy, pandas and matplotlib."""
 
 MAX_CACHED = 4
 """Studies whose results are cached: the reported one, and those pooled from it [1]."""

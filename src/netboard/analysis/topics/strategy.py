@@ -7,6 +7,7 @@ each dyad, and their confidence interval is over dyads.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,13 +19,13 @@ from netboard.analysis.measures.ellipses import FEWEST, Ellipse, convergence, gr
 from netboard.analysis.statistics.estimates import Estimate
 from netboard.analysis.topics.figure import (
     WIDTH,
-    Picture,
+    Drawn,
     apart,
     draw_dyads,
     many,
+    pictured,
     sentence,
     span,
-    styled,
     team_colour,
     team_look,
     titled,
@@ -32,7 +33,7 @@ from netboard.analysis.topics.figure import (
 )
 from netboard.analysis.topics.groups import counted, estimate, estimated, teams, windows_of
 from netboard.analysis.topics.learning import series_of
-from netboard.analysis.topics.result import Result, plain
+from netboard.analysis.topics.result import Result, TopicResults, plain
 from netboard.analysis.topics.units import read_in
 
 if TYPE_CHECKING:
@@ -78,23 +79,15 @@ class TeamStrategy:
     spreads: tuple[Spread, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Strategy:
-    """Strategies of all teams pooled, if several, and of each that has trials with a first braking movement."""
-
-    teams: tuple[TeamStrategy, ...]
-    results: tuple[Result, ...]
-
-
-def strategy(study: Study) -> Strategy:
-    """Return the convergence of the strategy."""
+def strategy(study: Study) -> TopicResults[TeamStrategy]:
+    """Return the convergence of all teams pooled, if several, and of each with trials with a first braking movement."""
     trials = counted(study).dropna(subset=POINT)
     own = {team: trials[trials["team"] == team] for team in teams(study)}
     filled = {team: rows for team, rows in own.items() if len(rows)}
     if len(filled) > 1:
         filled = {EVERYBODY: trials, **filled}
-    found = tuple(_team(study, team, rows) for team, rows in filled.items())
-    return Strategy(found, tuple(result for one in found for result in _results(one, windows_of(study).group_note)))
+    found = (_team(study, team, rows) for team, rows in filled.items())
+    return TopicResults.of(found, partial(_results, windows=windows_of(study).group_note))
 
 
 def _team(study: Study, team: str, rows: pd.DataFrame) -> TeamStrategy:
@@ -161,8 +154,6 @@ def trials(first: int, last: int) -> str:
     return f"trials {first} to {last}"
 
 
-TITLE = "Convergence of the strategy"
-
 _DISTANCE, _VELOCITY = read_in("m"), read_in("m/s")
 _SCALES = np.array([_DISTANCE.scale, _VELOCITY.scale])
 
@@ -170,18 +161,17 @@ _ACROSS = 3
 """Panels of ellipses in a row."""
 
 
-@styled
-def picture(study: Study) -> Picture:
+@pictured("Convergence of the strategy")
+def picture(study: Study) -> Drawn:
     """Draw the convergence of the strategy.
 
     Ellipses pool all performers; variances are those within performers, averaged for each dyad.
     """
     from matplotlib.figure import Figure
 
-    teams = strategy(study).teams
+    teams = strategy(study).parts
     if not any(np.isfinite(one.width) for team in teams for one in team.ellipses):
-        why = "No group of trials has enough first braking movements for an ellipse."
-        return Picture("strategy", TITLE, why, None)
+        return "No group of trials has enough first braking movements for an ellipse."
     rows = -(-len(teams) // _ACROSS)
     height = [2.7 * rows, 2.2]
     figure = Figure(figsize=(WIDTH, sum(height)))
@@ -205,7 +195,7 @@ def picture(study: Study) -> Picture:
     for k, axes in enumerate(below.subplots(1, kinds, squeeze=False).flat):
         titled(axes, next(letters), shown[0].spreads[k].quantity)
         _spreads(axes, shown, k, windows_of(study).group)
-    return Picture("strategy", TITLE, _caption(study, teams), figure)
+    return figure, _caption(study, teams)
 
 
 def _colours(count: int) -> list[tuple[float, float, float, float]]:

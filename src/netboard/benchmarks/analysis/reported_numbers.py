@@ -53,7 +53,7 @@ def numbers(study: Study, default: Numbers | None = None) -> Numbers:
 
 def _learning(study: Study) -> Iterator[tuple[str, Number]]:
     """Yield means and standard deviations of the first and the last trials."""
-    for team in learning(study).teams:
+    for team in learning(study).parts:
         for course in team.courses:
             for when, found in (("first", course.ends.first), ("last", course.ends.last)):
                 family, quantity = QUANTITIES[course.quantity.column]
@@ -64,7 +64,7 @@ def _learning(study: Study) -> Iterator[tuple[str, Number]]:
 
 def _dyads(study: Study) -> Iterator[tuple[str, Number]]:
     """Yield the number of dyads that are better than the mean of their two participants."""
-    for one in dyads(study).comparisons:
+    for one in dyads(study).parts:
         name = "faster" if one.quantity.column == "completion" else "smoother"
         value = float(one.better) if one.known else nan
         yield (
@@ -74,14 +74,14 @@ def _dyads(study: Study) -> Iterator[tuple[str, Number]]:
 
 
 def _shares(study: Study) -> Iterator[tuple[str, Number]]:
-    for one in classes(study).shares:
+    for one in classes(study).parts:
         for name, mean in zip(CLASSES, one.means, strict=True):
             yield f"{name} share, {one.condition.label}", Number("shares", mean.value, "1")
 
 
 def _delays(study: Study) -> Iterator[tuple[str, Number]]:
     """Yield the delays at each threshold, and half the width of their confidence intervals."""
-    for one in delay(study).conditions:
+    for one in delay(study).parts:
         for percent, mean in zip(THRESHOLDS, one.as_set.means, strict=True):
             name = f"delay at {percent} %, {one.condition.label}"
             yield name, Number("delay", mean.value, "s")
@@ -104,7 +104,7 @@ def _strategies(study: Study) -> Iterator[tuple[str, Number]]:
 def _spreads(study: Study) -> Iterator[tuple[str, Number]]:
     """Yield the ellipses of the first and last groups of trials, and the ratios of their variances."""
     standardised = study.readings.summaries.scaling == "standardised"
-    for team in strategy(study).teams:
+    for team in strategy(study).parts:
         if team.team == EVERYBODY:
             continue
         for when, one in (("first", team.ellipses[0]), ("last", team.ellipses[-1])):

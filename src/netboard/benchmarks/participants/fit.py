@@ -34,9 +34,9 @@ EVALUATIONS = 16
 _ENDS = [printed(quantity, f"bimanual, {which} {{ends}}") for quantity in QUANTITIES.values() for which in ENDS]
 
 TARGETS = (
-    *(number for times in _ENDS[:2] for number in (times.value, times.deviation)),
-    *(peaks.value for peaks in _ENDS[2:]),
-    printed(f"delay, {OVER_ALL}", "bimanual").value,
+    *(number for times in _ENDS[:2] for number in (times.reported, times.reported_sd)),
+    *(peaks.reported for peaks in _ENDS[2:]),
+    printed(f"delay, {OVER_ALL}", "bimanual").reported,
 )
 """Values of the paper to which the model is fitted.
 

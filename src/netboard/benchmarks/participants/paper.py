@@ -143,8 +143,8 @@ def _ends() -> list[Statement]:
             reported = printed(QUANTITIES[name], f"{configuration}, {which} {{ends}}")
             # The fit does not use the standard deviation of the peaks.
             of_fit = fitted and name == "completion"
-            found.append(Statement(f"{text}, {which} 30", of, reported.value, fitted=fitted))
-            found.append(Statement(f"{text}, {which} 30, SD", spread, reported.deviation, fitted=of_fit))
+            found.append(Statement(f"{text}, {which} 30", of, reported.reported, fitted=fitted))
+            found.append(Statement(f"{text}, {which} 30, SD", spread, reported.reported_sd, fitted=of_fit))
         learned = partial(_learned, name=name, configuration=configuration)
         found.append(Statement(f"{text}, last - first", learned, sense=-1, fitted=fitted))
     return found
@@ -201,7 +201,7 @@ def _dyads() -> list[Statement]:
         Statement(
             f"dyads {word} than alone, haptics {on}",
             partial(Sample.better, name=name, haptics=on == "on"),
-            round(printed(f"{QUANTITIES[name]}: dyads better than the mean of the two", f"haptics {on}").value),
+            round(printed(f"{QUANTITIES[name]}: dyads better than the mean of the two", f"haptics {on}").reported),
         )
         for (name, word), on in product((("completion", "faster"), ("peaks", "smoother")), ("on", "off"))
     ]
@@ -238,7 +238,7 @@ def _delays() -> list[Statement]:
     """Delays between the sides, the mean of the four portions of the peak."""
     found = []
     for configuration in reversed(CONFIGURATIONS):
-        value = 1e3 * printed(f"delay, {OVER_ALL}", configuration).value
+        value = 1e3 * printed(f"delay, {OVER_ALL}", configuration).reported
         of = partial(_delay, configuration=configuration, haptics=False)
         found.append(
             Statement(f"delay [ms], {configuration}, haptics off", of, value, fitted=configuration == "bimanual")
