@@ -220,11 +220,14 @@ class NonZmqServer:
 
 
 RELAXED_LIMITS = (
-    *("safety.stale_after_ms=1000", "safety.disarm_after_ms=2000", "safety.arm_time=0.1"),
-    *("fixture.stiffness=0", "fixture.damping=0"),
+    "safety.stale_after_ms=1000",
+    "safety.disarm_after_ms=2000",
+    "safety.arm_time=0.1",
+    "fixture.stiffness=0",
+    "fixture.damping=0",
 )
-"""One loop sends both the malformed messages and the forces, so a force may arrive late. In a long run the hand comes to
-the end of its workspace, where the force of the lateral fixture alone would exceed the mean that motors may render."""
+"""One loop sends both the malformed messages and the forces, so a force may arrive late. In a long run the hand comes
+to the end of its workspace, where the lateral fixture alone would exceed the mean force that motors may render."""
 
 STEP_SECONDS = 0.001
 MALFORMED_PER_STEP = 3
