@@ -52,10 +52,11 @@ _RUNNING, _HOLDING = int(Phase.RUNNING), int(Phase.HOLDING)
 
 
 @inlined
-def _force(s: Any, row: Any, hands: State, parts: Parts, felt: Rendering, numbers: Any, scene: Any) -> None:
+def _force(
+    s: Any, board: State, row: Any, hands: State, parts: Parts, felt: Rendering, numbers: Any, scene: Any
+) -> None:
     """Write the forces of the couplings and the commanded forces."""
-    x = (s["z"], s["vz"], s["theta"], s["omega"])
-    on_left, on_right = coupling(x, hands[0], hands[4], parts, scene)
+    on_left, on_right = coupling(board, hands[0], hands[4], parts, scene)
     row["left_coupling"], row["right_coupling"] = on_left, on_right
     row["left_force"], row["right_force"] = 0.0, 0.0
     if not (felt.left or felt.right) or not is_active(s["phase"]) or is_catch(s["trial"], numbers, felt):
@@ -123,10 +124,12 @@ def _make_ticks(
             sense_left(s, row, limit, HOLD)
             sense_right(s, row, limit, HOLD)
             hands = drives(row, HOLD, scene)
-            _force(s, row, hands, FIXED, FELT, numbers, scene)
+            # Read once, so that the sine and cosine of this tilt are computed once for the force and the first step.
+            z, vz, theta, omega = s["z"], s["vz"], s["theta"], s["omega"]
+            _force(s, (z, vz, theta, omega), row, hands, FIXED, FELT, numbers, scene)
             cause = decide(s, row["command"], rules)
             rolls = s["phase"] == _RUNNING or s["phase"] == _HOLDING
-            x: State = (s["z"], s["vz"], s["theta"], s["omega"], s["p"], s["vp"] if rolls else 0.0)
+            x: State = (z, vz, theta, omega, s["p"], s["vp"] if rolls else 0.0)
             for step in range(SUBSTEPS):
                 if step > 0:
                     hands = later(hands, STEP)
