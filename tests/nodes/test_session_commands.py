@@ -164,6 +164,15 @@ def test_end_stops_the_block_in_every_phase(stepped: SteppedSession, bring: Call
 AGENT = b"agent.left@1"
 
 
+def test_session_that_was_never_opened_ends_cleanly(tmp_path: Path, context: sockets.Context) -> None:
+    stepped = SteppedSession(tmp_path, context, pilot=False)
+    stepped.tick(20)
+    stepped.state.end_requested = True  # as Ctrl-C does; an operator's `end` likewise
+    assert stepped.session._end()
+    assert stepped.phase == Phase.FINISHED
+    stepped.close()
+
+
 def test_each_block_records_the_agents_that_are_there_as_it_begins(stepped: SteppedSession) -> None:
     """They joined in the recording of an earlier block, and each block has one of its own."""
     agent, said = stepped.state.ports.motion.agents["left"], hello("agent", "left")
