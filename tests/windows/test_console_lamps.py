@@ -10,8 +10,10 @@ from console_server import IDLE, MINE, RUNNING, STATES, UNARMED_LINK, attempts
 from netboard.base.config import SIDES, Config
 from netboard.network.protocol import control
 from netboard.network.protocol.control import REPLAY_OF, Status
+from netboard.network.protocol.joining import HELLO_FIRST
 from netboard.network.protocol.motion import Safeguard
 from netboard.nodes.ports.emergency import AWAITING_RELEASE, STOP
+from netboard.nodes.ports.refusals import TOO_MANY_MESSAGES
 from netboard.windows.operator import words
 from netboard.windows.operator.changes import RecentCounts, StatusHistory, minutes_left
 from netboard.windows.operator.commands import COMMANDS, RELEASING, STOP_KEYS, refusal
@@ -122,6 +124,25 @@ def test_drops_and_deadline_misses_count_recent_ones_only() -> None:
         recent = history.add(float(second), more)
     assert (recent.lost["agent.right"], recent.late_ticks) == (0, 0)
     assert history.add(131.0, replace(more, session="another", late_ticks=0)).late_ticks == 0
+
+
+def test_server_lamp_and_advice_name_why_a_peer_is_refused_now() -> None:
+    why = "the left side already has an agent: lab1:7"
+    waiting = STATES["waiting"]
+    history = StatusHistory()
+    refused = (("motion", why, 25), ("motion", HELLO_FIRST, 60), ("motion", TOO_MANY_MESSAGES, 16))
+    assert history.add(100.0, replace(waiting, refused=())).refused == ()
+    recent = history.add(104.0, replace(waiting, refused=refused))
+    assert recent.refused == (why,)
+    lamp = of(session_lamps(waiting, 0.0, recent, LIMITS), "Server")
+    assert (lamp.level, lamp.words) == (Level.WATCH, "refuses a peer")
+    assert why in lamp.tip
+    assert f"; refused: {why}" in words.advice(waiting, "", recent.refused).words
+    assert why not in words.advice(IDLE, "", recent.refused).words
+    for second in range(105, 116):
+        recent = history.add(float(second), replace(waiting, refused=refused))
+    assert recent.refused == ()
+    assert of(session_lamps(waiting, 0.0, recent, LIMITS), "Server").level is Level.GOOD
 
 
 def test_minutes_left_on_the_disk_follow_the_growth_of_the_recording() -> None:

@@ -116,8 +116,8 @@ def banner(status: Status | None) -> Line:
     return Line(f"REAL   {whose}", Tone.PLAIN)
 
 
-def advice(status: Status | None, where: str) -> Line:
-    """Return what the operator should know or do next."""
+def advice(status: Status | None, where: str, refused: Sequence[str] = ()) -> Line:
+    """Return what the operator should know or do next; `refused`: why the server refuses peers now."""
     if status is None:
         return Line(f"Looking for the server at {where}", Tone.WATCH)
     if replayed(status):
@@ -129,6 +129,7 @@ def advice(status: Status | None, where: str) -> Line:
         status.notice,
         # Often the notice says it already.
         "Waiting for " + ", ".join(missing) if missing and "waiting for" not in status.notice else "",
+        f"refused: {refused[0]}" if missing and refused else "",
         "" if missing else _next(status),
         f"Next: {status.pending}" if status.pending else "",
     )
