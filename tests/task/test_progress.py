@@ -325,7 +325,7 @@ def test_refused_repeats_and_vetoes_state_the_reason() -> None:
     assert asked.why_not_ask(20, 20) == "trial 20 cannot be repeated: trials 1 to 19 are done in this block"
     assert asked.why_not_ask(20, 20, under_way=True) == ""
     assert asked.why_not_ask(21, 20, under_way=True) != ""
-    assert asked.why_not_ask(1, 1) == "trial 1 cannot be repeated: no trial is done in this block"
+    assert asked.why_not_ask(1, 1) == "no trial is done in this block, so none can be repeated"
     assert asked.why_not_veto(9, 61) == ""
     assert asked.why_not_veto(5, 61) == "the repeat of trial 5 has begun; skip it to leave it out"
     assert asked.why_not_veto(8, 61) == "no repeat of trial 8 was requested"
