@@ -245,6 +245,8 @@ def test_advice_names_the_next_key_or_the_missing_peer() -> None:
     assert words.advice(STATES["paused"], "").words.endswith("lost; resume: F7")
     assert "pause after this trial" in words.advice(STATES["holding"], "").words
     assert "Ctrl+R" in words.advice(STATES["stopped"], "").words
+    assert "Ctrl+E" in words.advice(STATES["finished"], "").words
+    assert words.advice(replace(STATES["finished"], blocks=STATES["finished"].block + 1), "").words == ""
     assert "lab0:5550" in words.advice(None, "lab0:5550").words
 
 

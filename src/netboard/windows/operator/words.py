@@ -143,6 +143,8 @@ def _next(status: Status) -> str:
         return "release the emergency stop: press Ctrl+R twice"
     if status.phase == "idle":
         return "start the block: F2" if status.armed else "arm the devices: F1, then start the block: F2"
+    if status.phase == "finished" and last_block(status):
+        return "end the session: press Ctrl+E twice"
     return "resume: F7" if status.phase == "paused" else ""
 
 
