@@ -43,26 +43,25 @@ def changes(header: Header, now: Header) -> tuple[str, ...]:
     return tuple(found)
 
 
-def require_same_people(other: Header, now: Header, source: str) -> None:
-    """Raise `RecordingError` if another session of the dyad has other participants, unless one of the two is a pilot."""
-    if other.pilot or now.pilot or other.participants == now.participants:
+def require_same_people(header: Header, now: Header, source: str) -> None:
+    """Refuse other participants than in another session of the dyad; a pilot may have any."""
+    if header.pilot or now.pilot or header.participants == now.participants:
         return
     raise RecordingError(
-        f"participants: {_text(now.participants)}, but {_text(other.participants)} in session {other.name} of dyad "
-        f"{other.dyad}; expected the same ones, or another number of the dyad. For a dyad that replaces another, first "
-        f"move {source} away"
+        f"participants: {_text(now.participants)}, but {_text(header.participants)} in session {header.name} of dyad "
+        f"{header.dyad}; expected the same ones. For a dyad that replaces another, first move {source} away"
     )
 
 
-def changed_plan(other: Header, now: Header) -> str:
+def changed_plan(header: Header, now: Header) -> str:
     """Say how the plan differs from that of another session of the dyad, in a sentence; empty if it does not."""
-    if other.pilot or now.pilot or other.plan_digest == now.plan_digest:
+    if header.pilot or now.pilot or header.plan_digest == now.plan_digest:
         return ""
-    found = _differences(other, now, {"study": "study", "seed": "seed"}, f"in session {other.name}")
-    if other.study_digest != now.study_digest:
+    found = _differences(header, now, {"study": "study", "seed": "seed"}, f"in session {header.name}")
+    if header.study_digest != now.study_digest:
         found.append("the text of the study has changed")
     why = "; ".join(found) or "check --dyad, --blocks, --trials, and the dominant hands ([session] hand_a, hand_b)"
-    return f"this is not the plan of session {other.name} of dyad {other.dyad}: {why}"
+    return f"this is not the plan of session {header.name} of dyad {header.dyad}: {why}"
 
 
 def _differences(header: Header, now: Header, words: dict[str, str], when: str = "when the session began") -> list[str]:
