@@ -123,12 +123,13 @@ def view_of(
         row if isinstance(row, tuple) else row.item()
     )
     away = station in curtain.away
+    over = phase == Phase.FINISHED and curtain.block >= curtain.blocks  # for both participants
     duration = curtain.durations.get(phase, 0)
     return View(
         station=station,
         tick=tick,
         sent_ns=sent_ns,
-        phase=AWAY if away else PHASE_NAMES[phase],
+        phase=AWAY if away and not over else PHASE_NAMES[phase],
         z=0.0 if away else z,
         theta=0.0 if away else theta,
         p=p if curtain.ball and not away else None,
