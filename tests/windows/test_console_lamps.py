@@ -12,7 +12,7 @@ from netboard.network.protocol import control
 from netboard.network.protocol.control import REPLAY_OF, Status
 from netboard.network.protocol.joining import HELLO_FIRST
 from netboard.network.protocol.motion import Safeguard
-from netboard.nodes.ports.emergency import AWAITING_RELEASE, STOP
+from netboard.nodes.ports.emergency import AWAITING_ARMING, AWAITING_RELEASE, STOP
 from netboard.nodes.ports.refusals import TOO_MANY_MESSAGES
 from netboard.windows.operator import words
 from netboard.windows.operator.changes import RecentCounts, StatusHistory, minutes_left
@@ -250,6 +250,15 @@ def test_advice_names_the_next_key_or_the_missing_peer() -> None:
     assert "lab0:5550" in words.advice(None, "lab0:5550").words
 
 
+def test_advice_before_the_devices_are_armed_is_to_arm_them() -> None:
+    unarmed = tuple(f"the {side} {AWAITING_ARMING}" for side in SIDES)
+    idle = replace(IDLE, armed=False, waiting_for=unarmed, notice=f"waiting for {', '.join(unarmed)}")
+    assert words.advice(idle, "").words.endswith("; arm the devices: F1, then start the block: F2")
+    assert words.advice(replace(idle, phase="paused"), "").words.endswith("; arm the devices: F1, then resume: F7")
+    assert "F2" not in words.advice(replace(idle, armed=True), "").words
+    assert "F2" not in words.advice(replace(idle, waiting_for=(*unarmed, "the logger")), "").words
+
+
 def test_advice_hides_neither_a_questionnaire_nor_the_reason_of_a_pause() -> None:
     asked = replace(IDLE, notice="ask now: workload; waiting for the left agent", waiting_for=("the left agent",))
     assert words.advice(asked, "").words == asked.notice
@@ -269,6 +278,16 @@ def test_attempt_row_shows_outcome_flags_and_repeated_trial() -> None:
 
 
 # --- commands -----------------------------------------------------------------------------------------------------
+
+
+def test_last_block_has_no_next_one_and_a_finished_one_no_repeats() -> None:
+    by_name = {command.name: command for command in COMMANDS}
+    last = replace(RUNNING, block=RUNNING.blocks)
+    assert refusal(by_name["next"], last, last.commander) == "this is the last block: end the session (Ctrl+E)"
+    assert refusal(by_name["next"], replace(last, block=1, blocks=2), last.commander) == ""
+    over = replace(last, phase="finished")
+    assert "the block is over" in refusal(by_name["veto"], over, last.commander)
+    assert "the block is over" in refusal(by_name["repeat"], over, last.commander)
 
 
 def test_keys_are_unique_and_the_commands_are_those_of_the_protocol() -> None:
