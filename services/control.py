@@ -54,8 +54,8 @@ def control(
         reply = operator.do("take") if take else None
         if reply is None or reply.accepted:
             reply = shell.end(operator) if command == "end" else operator.do(command, argument)
-        if command != "end":
-            status = shell.status_of(operator, network)
+        after = None if command == "end" else shell.status_after(operator, network, reply)
+        status = after or status
         if reply.accepted and until is not None:
             with Stopping() as stopping:
                 status = shell.wait(operator, network, until, seconds, stopping)
@@ -64,6 +64,6 @@ def control(
     elif not reply.accepted:
         raise NetboardError(reply.reason)
     else:
-        words = reply.reason or ("the server is stopping" if command == "end" else shell.state_text(status))
+        words = reply.reason or (shell.state_text(status) if after else "the server is stopping")
         typer.echo(f"{command}: {words}")
     raise typer.Exit(0 if reply.accepted and until in (None, status.phase) else 1)

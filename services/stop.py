@@ -41,9 +41,11 @@ def stop(
             return
         if release:
             shell.carry_out(operator, settings.network, emergency.RELEASE)
+            paused = shell.status_of(operator, settings.network).phase == "paused"
         elif not guard:
             shell.emergency_stop(operator, settings.network)
     if release:
-        console.print("The emergency stop is released. To continue: netboard control resume")
+        command = "resume" if paused else "start"
+        console.print(f"The emergency stop is released. To continue: netboard control {command}")
     else:
         console.print("[bold red]EMERGENCY STOP[/]: all forces are zero. To release it: netboard stop --release")

@@ -61,13 +61,28 @@ def test_view_of_an_unused_station_shows_nothing_of_the_trial(text: tuple[Side, 
     station, toml = text
     curtain = make_curtain(parse(toml))
     assert curtain.away == (station,)
-    seen = [view_of(curtain, row(s)[0], station, 2.0, 0, 7, 12.5) for s in (seed, seed + 1)]
+    rows = [row(s) for s in (seed, seed + 1)]
+    for r in rows:
+        r["phase"] %= Phase.FINISHED  # any other
+    seen = [view_of(curtain, r[0], station, 2.0, 0, 7, 12.5) for r in rows]
     numbers = {"tick": 0, "trial": 0, "trials": 0}
     assert replace(seen[0], **numbers) == replace(seen[1], **numbers)  # type: ignore[arg-type]
     view = seen[0]
     assert (view.phase, view.z, view.theta, view.p, view.left, view.right) == ("away", 0.0, 0.0, None, None, None)
     assert (view.completion, view.best, view.failures, view.share, view.notice) == (None, None, 0, 0.0, "")
     assert (view.seq, view.rest) == (7, 12.5)
+
+
+@pytest.mark.parametrize("text", [*ALONE.items(), *MANNED.items()])
+@pytest.mark.parametrize(("blocks", "phase"), [(1, "finished"), (2, "away")])
+def test_view_of_an_unused_station_says_when_the_session_is_over(
+    text: tuple[Side, str], blocks: int, phase: str
+) -> None:
+    station, toml = text
+    r = row(3)
+    r["phase"] = Phase.FINISHED
+    view = view_of(make_curtain(parse(f"{toml}\nblocks = {blocks}")), r[0], station, 2.0, 0)
+    assert (view.phase, view.p, view.best, view.completion) == (phase, None, None, None)
 
 
 @pytest.mark.parametrize(

@@ -126,6 +126,34 @@ def test_refused_form_leaves_no_consent_behind(tmp_path: Path, context: sockets.
     stepped.close()
 
 
+def test_form_with_other_participants_than_the_first_session_of_the_dyad_is_refused(
+    tmp_path: Path, context: sockets.Context
+) -> None:
+    first = SteppedSession(tmp_path, context, pilot=False)
+    assert first.do("open", '{"participant_a": "P07", "participant_b": "P08", "consent": true}') == (True, "")
+    first.close()
+    second = SteppedSession(tmp_path, context, "session.name=S02", pilot=False)
+    accepted, reason = second.do("open", '{"participant_a": "P07", "participant_b": "P80", "consent": true}')
+    assert not accepted
+    assert reason.startswith("participants: P07 and P80, but P07 and P08 in session S01 of dyad D01")
+    assert not (tmp_path / "D01_S02.journal.jsonl").exists()
+    assert second.do("open", '{"participant_a": "P07", "participant_b": "P08", "consent": true}') == (True, "")
+    second.close()
+
+
+def test_second_session_with_another_plan_says_so(
+    tmp_path: Path, context: sockets.Context, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first = SteppedSession(tmp_path, context, pilot=False)
+    first.do("open", '{"consent": true}')
+    first.close()
+    (tmp_path / "D01_S00.journal.jsonl").write_text("damaged")
+    SteppedSession(tmp_path, context, "session.name=S02", pilot=False).close()
+    assert capsys.readouterr().out == ""
+    SteppedSession(tmp_path, context, "session.name=S02", "session.hand_b=left", pilot=False).close()
+    assert "this is not the plan of session S01 of dyad D01: check --dyad" in capsys.readouterr().out
+
+
 def succeeded(stepped: SteppedSession) -> None:
     stepped.succeed()
 
@@ -162,6 +190,15 @@ def test_end_stops_the_block_in_every_phase(stepped: SteppedSession, bring: Call
 
 
 AGENT = b"agent.left@1"
+
+
+def test_session_that_was_never_opened_ends_cleanly(tmp_path: Path, context: sockets.Context) -> None:
+    stepped = SteppedSession(tmp_path, context, pilot=False)
+    stepped.tick(20)
+    stepped.state.end_requested = True  # as Ctrl-C does; an operator's `end` likewise
+    assert stepped.session._end()
+    assert stepped.phase == Phase.FINISHED
+    stepped.close()
 
 
 def test_each_block_records_the_agents_that_are_there_as_it_begins(stepped: SteppedSession) -> None:

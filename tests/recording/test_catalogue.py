@@ -2,12 +2,15 @@
 
 from dataclasses import replace
 from datetime import date
+from io import StringIO
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
 import rehearsed
 from netboard.recording.integrity.catalogue import Filter, entry_of, files_in, in_order, with_check, with_trials
+from netboard.recording.integrity.report_text import sessions_table
 
 pytestmark = pytest.mark.slow
 
@@ -74,3 +77,13 @@ def test_blocks_are_listed_by_number_and_their_parts_by_time(folder: Path) -> No
     entries = [replace(whole, block=block, opened=opened) for block, opened in places]
     (listed,) = dict(in_order(reversed(entries))).values()
     assert [(one.block, one.opened) for one in listed] == places
+
+
+def test_repeated_trials_are_listed_on_top_of_the_planned_ones(folder: Path) -> None:
+    entry = next(e for e in (with_trials(entry_of(path)) for path in files_in(folder)) if e.kind == "recording")
+    for done, words in ((3, "3 of 4"), (4, "4 of 4"), (5, "5 of 5")):
+        table = sessions_table([replace(entry, done=done, trials=4, verdict="complete")], folder)
+        console = Console(file=StringIO(), width=200)
+        console.print(table)
+        assert isinstance(console.file, StringIO)
+        assert words in console.file.getvalue()

@@ -33,7 +33,7 @@ from netboard.task.journal.entries import (
     read_lines,
 )
 from netboard.task.journal.progress import Progress, progress_of, resume_words
-from netboard.task.journal.same_session import changes, require_same_plan
+from netboard.task.journal.same_session import changed_plan, changes, require_same_people, require_same_plan
 from netboard.task.trials.repeats import Repeats, wants_repeat
 from session_model import HEADER, PLAN, Planned, check, entries_of_run
 
@@ -325,7 +325,7 @@ def test_refused_repeats_and_vetoes_state_the_reason() -> None:
     assert asked.why_not_ask(20, 20) == "trial 20 cannot be repeated: trials 1 to 19 are done in this block"
     assert asked.why_not_ask(20, 20, under_way=True) == ""
     assert asked.why_not_ask(21, 20, under_way=True) != ""
-    assert asked.why_not_ask(1, 1) == "trial 1 cannot be repeated: no trial is done in this block"
+    assert asked.why_not_ask(1, 1) == "no trial is done in this block, so none can be repeated"
     assert asked.why_not_veto(9, 61) == ""
     assert asked.why_not_veto(5, 61) == "the repeat of trial 5 has begun; skip it to leave it out"
     assert asked.why_not_veto(8, 61) == "no repeat of trial 8 was requested"
@@ -355,6 +355,34 @@ def test_resuming_with_another_plan_is_refused_with_the_difference(changed: dict
         require_same_plan(HEADER, replace(HEADER, **changed), SOURCE)
     (line,) = str(caught.value).splitlines()
     assert line.startswith(f"{SOURCE}: cannot be resumed: {words}")
+
+
+def test_other_session_of_a_dyad_must_have_the_same_people() -> None:
+    other = replace(HEADER, name="S02", session=2)
+    require_same_people(HEADER, other, SOURCE)
+    typed = replace(other, participants=("P05", "P07"))
+    with pytest.raises(RecordingError) as caught:
+        require_same_people(HEADER, typed, SOURCE)
+    assert str(caught.value).startswith("participants: P05 and P07, but P05 and P06 in session S01 of dyad D03; ")
+    assert SOURCE in str(caught.value)
+    require_same_people(HEADER, replace(typed, pilot=True), SOURCE)
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({}, ""),
+        ({"seed": 8, "plan_digest": "x"}, "seed: 7 in session S01, 8 now"),
+        ({"study_digest": "x", "plan_digest": "y"}, "the text of the study has changed"),
+        ({"study_digest": "x"}, ""),
+        ({"plan_digest": "y"}, "check --dyad"),
+        ({"plan_digest": "y", "pilot": True}, ""),
+    ],
+)
+def test_other_session_of_a_dyad_says_how_its_plan_differs(changed: dict[str, Any], words: str) -> None:
+    said = changed_plan(HEADER, replace(HEADER, name="S02", session=2, **changed))
+    assert words in said
+    assert bool(said) == bool(words)
 
 
 def test_changes_that_do_not_prevent_resuming_are_listed() -> None:

@@ -10,8 +10,10 @@ from console_server import IDLE, MINE, RUNNING, STATES, UNARMED_LINK, attempts
 from netboard.base.config import SIDES, Config
 from netboard.network.protocol import control
 from netboard.network.protocol.control import REPLAY_OF, Status
+from netboard.network.protocol.joining import HELLO_FIRST
 from netboard.network.protocol.motion import Safeguard
-from netboard.nodes.ports.emergency import AWAITING_RELEASE, STOP
+from netboard.nodes.ports.emergency import AWAITING_ARMING, AWAITING_RELEASE, STOP
+from netboard.nodes.ports.refusals import TOO_MANY_MESSAGES
 from netboard.windows.operator import words
 from netboard.windows.operator.changes import RecentCounts, StatusHistory, minutes_left
 from netboard.windows.operator.commands import COMMANDS, RELEASING, STOP_KEYS, refusal
@@ -124,6 +126,25 @@ def test_drops_and_deadline_misses_count_recent_ones_only() -> None:
     assert history.add(131.0, replace(more, session="another", late_ticks=0)).late_ticks == 0
 
 
+def test_server_lamp_and_advice_name_why_a_peer_is_refused_now() -> None:
+    why = "the left side already has an agent: lab1:7"
+    waiting = STATES["waiting"]
+    history = StatusHistory()
+    refused = (("motion", why, 25), ("motion", HELLO_FIRST, 60), ("motion", TOO_MANY_MESSAGES, 16))
+    assert history.add(100.0, replace(waiting, refused=())).refused == ()
+    recent = history.add(104.0, replace(waiting, refused=refused))
+    assert recent.refused == (why,)
+    lamp = of(session_lamps(waiting, 0.0, recent, LIMITS), "Server")
+    assert (lamp.level, lamp.words) == (Level.WATCH, "refuses a peer")
+    assert why in lamp.tip
+    assert f"; refused: {why}" in words.advice(waiting, "", recent.refused).words
+    assert why not in words.advice(IDLE, "", recent.refused).words
+    for second in range(105, 116):
+        recent = history.add(float(second), replace(waiting, refused=refused))
+    assert recent.refused == ()
+    assert of(session_lamps(waiting, 0.0, recent, LIMITS), "Server").level is Level.GOOD
+
+
 def test_minutes_left_on_the_disk_follow_the_growth_of_the_recording() -> None:
     assert minutes_left([(0.0, 0), (60.0, 6_000_000)], 60_000_000) == pytest.approx(10.0)
     assert minutes_left([(0.0, 9_000_000), (30.0, 1_000_000), (60.0, 2_000_000)], 2_000_000) == pytest.approx(1.0)
@@ -224,7 +245,18 @@ def test_advice_names_the_next_key_or_the_missing_peer() -> None:
     assert words.advice(STATES["paused"], "").words.endswith("lost; resume: F7")
     assert "pause after this trial" in words.advice(STATES["holding"], "").words
     assert "Ctrl+R" in words.advice(STATES["stopped"], "").words
+    assert "Ctrl+E" in words.advice(STATES["finished"], "").words
+    assert words.advice(replace(STATES["finished"], blocks=STATES["finished"].block + 1), "").words == ""
     assert "lab0:5550" in words.advice(None, "lab0:5550").words
+
+
+def test_advice_before_the_devices_are_armed_is_to_arm_them() -> None:
+    unarmed = tuple(f"the {side} {AWAITING_ARMING}" for side in SIDES)
+    idle = replace(IDLE, armed=False, waiting_for=unarmed, notice=f"waiting for {', '.join(unarmed)}")
+    assert words.advice(idle, "").words.endswith("; arm the devices: F1, then start the block: F2")
+    assert words.advice(replace(idle, phase="paused"), "").words.endswith("; arm the devices: F1, then resume: F7")
+    assert "F2" not in words.advice(replace(idle, armed=True), "").words
+    assert "F2" not in words.advice(replace(idle, waiting_for=(*unarmed, "the logger")), "").words
 
 
 def test_advice_hides_neither_a_questionnaire_nor_the_reason_of_a_pause() -> None:
@@ -246,6 +278,16 @@ def test_attempt_row_shows_outcome_flags_and_repeated_trial() -> None:
 
 
 # --- commands -----------------------------------------------------------------------------------------------------
+
+
+def test_last_block_has_no_next_one_and_a_finished_one_no_repeats() -> None:
+    by_name = {command.name: command for command in COMMANDS}
+    last = replace(RUNNING, block=RUNNING.blocks)
+    assert refusal(by_name["next"], last, last.commander) == "this is the last block: end the session (Ctrl+E)"
+    assert refusal(by_name["next"], replace(last, block=1, blocks=2), last.commander) == ""
+    over = replace(last, phase="finished")
+    assert "the block is over" in refusal(by_name["veto"], over, last.commander)
+    assert "the block is over" in refusal(by_name["repeat"], over, last.commander)
 
 
 def test_keys_are_unique_and_the_commands_are_those_of_the_protocol() -> None:

@@ -61,6 +61,11 @@ class Curtain:
     away: tuple[Side, ...]
     durations: dict[int, int]
 
+    @property
+    def last(self) -> bool:
+        """Whether no block follows."""
+        return self.block >= self.blocks
+
 
 def make_curtain(config: Config) -> Curtain:
     """Take from the configuration what the curtain needs."""
@@ -123,12 +128,13 @@ def view_of(
         row if isinstance(row, tuple) else row.item()
     )
     away = station in curtain.away
+    over = phase == Phase.FINISHED and curtain.last  # for both participants
     duration = curtain.durations.get(phase, 0)
     return View(
         station=station,
         tick=tick,
         sent_ns=sent_ns,
-        phase=AWAY if away else PHASE_NAMES[phase],
+        phase=AWAY if away and not over else PHASE_NAMES[phase],
         z=0.0 if away else z,
         theta=0.0 if away else theta,
         p=p if curtain.ball and not away else None,
@@ -152,6 +158,7 @@ def view_of(
 CURTAIN = np.dtype(
     [
         ("away", "<i8"),  # 1: this station has nothing to do
+        ("last", "<i8"),  # 1: no block follows
         ("ball", "<i8"),  # 1: there is a ball
         ("left", "<i8"),  # 1: the left hand is shown
         ("right", "<i8"),
@@ -165,6 +172,9 @@ _PHASE, _TARGET, _Z, _THETA, _P, _LEFT, _RIGHT = (
 )
 
 
+_FINISHED = int(Phase.FINISHED)
+
+
 def pack_curtain(curtain: Curtain, station: Side) -> NDArray[Any]:
     """Pack for the kernels what one station may see.
 
@@ -174,7 +184,7 @@ def pack_curtain(curtain: Curtain, station: Side) -> NDArray[Any]:
         The packed record.
     """
     packed = np.zeros(1, CURTAIN)
-    packed["away"], packed["ball"] = station in curtain.away, curtain.ball
+    packed["away"], packed["last"], packed["ball"] = station in curtain.away, curtain.last, curtain.ball
     for side in SIDES:
         packed[side] = not curtain.dyadic or station == side
     packed["target_distance"] = curtain.target_distance
@@ -194,10 +204,11 @@ def glimpse(curtain: Any, words: Any, numbers: Any, when: float, shown: Any) -> 
     when : float
         Time at which the station displays the tick [s].
     shown : record of netboard.participants.senses.SEEN
-        What is seen, written; NaN for what is hidden, phase -1 for a participant who is away.
+        What is seen, written; NaN for what is hidden, phase -1 for a participant who is away (as in `view_of`).
     """
     away = curtain["away"]
-    shown["time"], shown["phase"] = when, -1 if away else words[_PHASE]
+    hidden = away and not (curtain["last"] and words[_PHASE] == _FINISHED)
+    shown["time"], shown["phase"] = when, -1 if hidden else words[_PHASE]
     shown["z"], shown["theta"] = 0.0 if away else numbers[_Z], 0.0 if away else numbers[_THETA]
     shown["p"] = numbers[_P] if curtain["ball"] and not away else np.nan
     shown["target"] = 0.0 if away else words[_TARGET] * curtain["target_distance"]

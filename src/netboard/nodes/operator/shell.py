@@ -51,6 +51,16 @@ def end(operator: Operator) -> Reply:
         return Reply(0, True, "the server has stopped")
 
 
+def status_after(operator: Operator, network: Network, reply: Reply) -> Status | None:
+    """Return the status after a command; None if it was carried out and ended the server, as after a last block."""
+    try:
+        return status_of(operator, network)
+    except NetboardError:
+        if not reply.accepted:
+            raise
+        return None
+
+
 def wait(
     operator: Operator, network: Network, until: str, seconds: float | None, stopping: Callable[[], bool]
 ) -> Status:

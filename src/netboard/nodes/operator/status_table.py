@@ -19,16 +19,17 @@ def _lines(status: Status) -> list[Text]:
         Text(f"session {status.session[:8]}   {status.phase}, trial {status.trial} of {status.trials}", style="bold"),
         Text(f"block {status.block} of {status.blocks}: {status.label or status.condition}"),
         Text(
-            f"tick {status.tick}   {status.successes} done, {status.failures} failed   {status.late_ticks} late ticks"
+            f"tick {status.tick}   {status.successes} done, {status.failures} failed   "
+            f"{status.late_ticks} deadline misses"
         ),
     ]
     if status.pending:
         lines.append(Text(status.pending))
-    if status.waiting_for:
+    if status.waiting_for and "waiting for" not in status.notice:  # often the notice says it already
         lines.append(Text("waiting for " + ", ".join(status.waiting_for), style="yellow"))
     if status.notice:
         lines.append(Text(status.notice, style="yellow"))
-    lines += [Text(f"refused {times} times: {where}: {why}", style="yellow") for where, why, times in status.refused]
+    lines += [Text(f"refused so far, {n} times: {where}: {why}", style="dim") for where, why, n in status.refused]
     return lines
 
 
@@ -53,7 +54,7 @@ def _links(status: Status) -> FittedTable:
 def _loops(status: Status) -> list[Text]:
     """Return each hand's sample-to-force latency, and the largest with which its device is stable by itself."""
     return [
-        Text(f"{what}: stylus to force {_milliseconds(late)} of late; left alone, stable to {_milliseconds(most)}")
+        Text(f"{what}: latency {_milliseconds(late)} to the force, stable to {_milliseconds(most)} without a hand")
         for what, late, most in status.loops
     ]
 

@@ -12,6 +12,9 @@ from netboard.nodes.ports import samples
 STOP, RELEASE = "emergency_stop", "emergency_release"
 """Commands of the operator, and names of the events."""
 
+AWAITING_ARMING = "device to be armed"
+"""What a block waits for, after the name of the side."""
+
 AWAITING_RELEASE = "the emergency stop to be released"
 """What a block waits for until the stop is released."""
 

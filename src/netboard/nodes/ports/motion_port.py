@@ -28,6 +28,7 @@ from netboard.network.protocol.records import ClockRecord
 from netboard.network.transport import endpoints, fastpath, sockets
 from netboard.nodes.ports import samples
 from netboard.nodes.ports.agent_state import AgentState
+from netboard.nodes.ports.emergency import AWAITING_ARMING
 from netboard.nodes.ports.peer import Probes, admit
 from netboard.nodes.ports.peer_events import News, PeerEvents
 from netboard.nodes.ports.refusals import TOO_MANY_MESSAGES, Refusals
@@ -193,7 +194,7 @@ class MotionPort:
                 known = f"{agent.clock.bound_ns * 1e-6:.2f} ms" if agent.clock.known else "nothing yet"
                 missing.append(f"the {side} agent's clock to {self._bound_ns * 1e-6:g} ms (known to {known})")
             elif not self._words[place, samples.SAFEGUARDS] & samples.ARMED_BIT:
-                missing.append(f"the {side} device to be armed")
+                missing.append(f"the {side} {AWAITING_ARMING}")
         return missing
 
     def ask(self, side: Side, request: BackfillRequest) -> None:

@@ -153,7 +153,7 @@ class Operators:
 def _not_now(command: str, phase: Phase) -> str:
     """Say that a command does nothing in this phase, and list those that do."""
     possible = [name for name, cause in CAUSES.items() if cause in TABLE[phase]]
-    return f"cannot {command} while {phase.name.lower()}; possible now: {', '.join(possible) or 'nothing'}"
+    return f"cannot {command} while {phase.name.lower()}; possible now: {', '.join(possible) or 'end'}"
 
 
 def form_of(text: str, known: Session) -> Session:

@@ -9,16 +9,17 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 
 from netboard.base.config import Config, digest
 from netboard.base.errors import ConfigError
 from netboard.base.tables.experiment import Session
 from netboard.nodes.server.attempts import Attempts
 from netboard.nodes.server.blocks import BlockSequence
-from netboard.recording.recovery.journal_file import Journal, journal_path
+from netboard.recording.recovery.journal_file import Journal, journal_path, other_journals
 from netboard.task.journal.entries import FORMAT, Entry, Header, Opened
 from netboard.task.journal.progress import progress_of, resume_words
-from netboard.task.journal.same_session import changes, require_same_plan
+from netboard.task.journal.same_session import changed_plan, changes, require_same_people, require_same_plan
 from netboard.task.plans import plan as plans
 from netboard.task.plans.balance import require_balance
 from netboard.task.plans.plan import Plan, PlanSession, config_of, plan_of, seated, shortened
@@ -115,12 +116,23 @@ class Planned:
         """Begin the session."""
         if self.path.exists() and not self.config.session.ready:
             console.print(
-                f"{self.path}: exists already: this session was started before. Resume it with --resume, or enter "
-                "another name or dyad in the form of the new session; otherwise it cannot be opened",
+                f"{self.path}: exists already: this session was started before. Check --dyad and --session; resume it "
+                "with --resume, or enter another name in the form of the new session; otherwise it cannot be opened",
                 soft_wrap=True,
             )
-        attempts = Attempts(lambda config: Journal.create(self._path(config), self.header(config.session)))
+        now = self.header(self.config.session)
+        for _, other in other_journals(self.path, now.dyad):
+            if changed := changed_plan(other, now):
+                console.print(f"[yellow]{escape(changed)}[/]", soft_wrap=True)
+        attempts = Attempts(self._new_journal)
         return BlockSequence(self.blocks(self.config.session), self.blocks), attempts
+
+    def _new_journal(self, config: Config) -> Journal:
+        """Create the journal of a session whose form is complete."""
+        path, header = self._path(config), self.header(config.session)
+        for other, others in other_journals(path, header.dyad):
+            require_same_people(others, header, str(other))
+        return Journal.create(path, header)
 
     def resume(self, ask: Callable[[str], bool]) -> tuple[BlockSequence, Attempts]:
         """Resume the session where it was interrupted, if `ask` confirms what it is shown."""

@@ -103,7 +103,8 @@ def sessions_table(entries: Sequence[Entry], folder: Path) -> FittedTable:
 
 
 def _file_row(entry: Entry, folder: Path) -> list[Cell]:
-    trials = f"{entry.done} of {entry.trials}" if entry.trials else f"{entry.done}"
+    planned = max(entry.trials, entry.done)  # repeats come on top
+    trials = f"{entry.done} of {planned}" if entry.trials else f"{entry.done}"
     known = entry.kind in ("recording", "journal") and entry.verdict != RESULTS[Severity.DAMAGE]
     colour = COLOURS[Severity(RESULTS.index(entry.verdict))]
     return [

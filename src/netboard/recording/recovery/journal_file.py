@@ -10,6 +10,7 @@ import logging
 import os
 import sys
 import time
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from queue import SimpleQueue
@@ -33,12 +34,27 @@ FINAL_ATTEMPTS = 3
 CLOSE_SECONDS = 10.0
 """Timeout of closing when the disk does not respond [s]."""
 
+ENDING = ".journal.jsonl"
+
 log = logging.getLogger(__name__)
 
 
 def journal_path(directory: Path, config: Config) -> Path:
     """Return the path of a session's journal."""
-    return directory / f"{config.session.dyad}_{config.session.name}.journal.jsonl"
+    return directory / f"{config.session.dyad}_{config.session.name}{ENDING}"
+
+
+def other_journals(path: Path, dyad: str) -> list[tuple[Path, Header]]:
+    """List the readable journals of the other sessions of a dyad, beside the journal of a session."""
+    found = []
+    for other in sorted(path.parent.glob(f"{dyad}_*{ENDING}")):
+        if other == path:
+            continue
+        with suppress(OSError, RecordingError), other.open("rb") as file:
+            header = read_lines(file.readline(), str(other)).header
+            if header.dyad == dyad:
+                found.append((other, header))
+    return found
 
 
 class Journal:

@@ -1,4 +1,4 @@
-"""Check that a journal belongs to the session to be resumed, and list what has changed since it began."""
+"""Compare a session with the journal that it resumes, and with the other sessions of its dyad."""
 
 from typing import Any
 
@@ -43,12 +43,31 @@ def changes(header: Header, now: Header) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _differences(header: Header, now: Header, words: dict[str, str]) -> list[str]:
+def require_same_people(header: Header, now: Header, source: str) -> None:
+    """Refuse other participants than in another session of the dyad; a pilot may have any."""
+    if header.pilot or now.pilot or header.participants == now.participants:
+        return
+    raise RecordingError(
+        f"participants: {_text(now.participants)}, but {_text(header.participants)} in session {header.name} of dyad "
+        f"{header.dyad}; expected the same ones. For a dyad that replaces another, first move {source} away"
+    )
+
+
+def changed_plan(header: Header, now: Header) -> str:
+    """Say how the plan differs from that of another session of the dyad, in a sentence; empty if it does not."""
+    if header.pilot or now.pilot or header.plan_digest == now.plan_digest:
+        return ""
+    found = _differences(header, now, {"study": "study", "seed": "seed"}, f"in session {header.name}")
+    if header.study_digest != now.study_digest:
+        found.append("the text of the study has changed")
+    why = "; ".join(found) or "check --dyad, --blocks, --trials, and the dominant hands ([session] hand_a, hand_b)"
+    return f"this is not the plan of session {header.name} of dyad {header.dyad}: {why}"
+
+
+def _differences(header: Header, now: Header, words: dict[str, str], when: str = "when the session began") -> list[str]:
     """Describe the fields in which two headers differ."""
     both = [(word, getattr(header, name), getattr(now, name)) for name, word in words.items()]
-    return [
-        f"{word}: {_text(then)} when the session began, {_text(new)} now" for word, then, new in both if then != new
-    ]
+    return [f"{word}: {_text(then)} {when}, {_text(new)} now" for word, then, new in both if then != new]
 
 
 def _text(value: Any) -> str:

@@ -68,8 +68,9 @@ class Repeats:
             block it would be too late.
         """
         if not 1 <= trial < present + under_way:
-            done = f"trials 1 to {present - 1} are done" if present > 1 else "no trial is done"
-            return f"trial {trial} cannot be repeated: {done} in this block"
+            if present <= 1:
+                return "no trial is done in this block, so none can be repeated"
+            return f"trial {trial} cannot be repeated: trials 1 to {present - 1} are done in this block"
         if trial in self._to_come(present):
             return f"trial {trial} is already to be repeated"
         return ""

@@ -1,7 +1,7 @@
 """Recent changes between statuses. Pure: time is an argument.
 
 The counters of a status start with the session, but an operator needs to know what happens now: deadline misses and
-lost messages of the last ten seconds, and how long the disk will last.
+lost messages of the last ten seconds, who is refused, and how long the disk will last.
 """
 
 from collections import deque
@@ -10,6 +10,8 @@ from itertools import pairwise
 from math import inf, nan
 
 from netboard.network.protocol.control import Status
+from netboard.network.protocol.joining import HELLO_FIRST
+from netboard.nodes.ports.refusals import TOO_MANY_MESSAGES
 
 SPACING = 0.5
 """Interval between stored statuses [s]."""
@@ -24,12 +26,17 @@ SHORTEST = 3.0
 """Shortest window that gives a growth rate [s]."""
 
 
+PASSING = (HELLO_FIRST, TOO_MANY_MESSAGES)
+"""Reasons of refusals that are normal after a restart or a stall."""
+
+
 @dataclass(frozen=True, slots=True)
 class RecentCounts:
     """Recent counts, and the time left on the disk."""
 
     late_ticks: int = 0
     lost: dict[str, int] = field(default_factory=dict)
+    refused: tuple[str, ...] = ()  # reasons for which the server refuses peers, the most frequent first
     minutes: float = nan  # time until the disk is full at the present growth; NaN while unknown [min]
 
 
@@ -45,6 +52,16 @@ def minutes_left(written: list[tuple[float, int]], free_bytes: int) -> float:
     grown = sum(size - before if size >= before else size for before, size in pairwise(sizes))
     span = written[-1][0] - written[0][0]
     return free_bytes / (grown / span) / 60 if grown > 0 else inf
+
+
+def _refused_since(before: Status, status: Status) -> tuple[str, ...]:
+    """Return the reasons of refusals since an older status, the most frequent first.
+
+    Those that a peer ends by itself are left out: after a restart or a stall it registers again.
+    """
+    known = {(where, why): times for where, why, times in before.refused}
+    grown = [(times - known.get((where, why), 0), why) for where, why, times in status.refused]
+    return tuple(why for more, why in sorted(grown, reverse=True) if more > 0 and why not in PASSING)
 
 
 class StatusHistory:
@@ -68,6 +85,7 @@ class StatusHistory:
         return RecentCounts(
             max(status.late_ticks - before.late_ticks, 0),
             {link[0]: max(link[8] - lost_before.get(link[0], link[8]), 0) for link in status.links},
+            _refused_since(before, status),
             self._minutes(now, status),
         )
 

@@ -70,12 +70,18 @@ def _opened(status: Status) -> str:
     return "" if status.opened else "no session is open"
 
 
+def _next(status: Status) -> str:
+    if status.opened and status.block >= status.blocks:
+        return "this is the last block: end the session (Ctrl+E)"
+    return _opened(status)
+
+
 def _judged(status: Status) -> str:
     return "" if status.outcomes else "there has been no attempt yet"
 
 
 def _repeat(status: Status) -> str:
-    return "the block is over: no trial of it can be repeated" if status.phase == "finished" else _judged(status)
+    return "the block is over: its repeats cannot be changed" if status.phase == "finished" else _judged(status)
 
 
 COMMANDS: tuple[Command, ...] = (
@@ -94,7 +100,7 @@ COMMANDS: tuple[Command, ...] = (
         _in("levelling", "running", "holding"),
     ),
     Command("repeat", "Repeat trial", "F9", "Repeat the selected or the last trial at the end of the block.", _repeat),
-    Command("veto", "Cancel repeat", "Shift+F9", "Cancel the repeat of the selected or the last trial.", _judged),
+    Command("veto", "Cancel repeat", "Shift+F9", "Cancel the repeat of the selected or the last trial.", _repeat),
     Command(
         "skip", "Skip trial", "F10", "Count this trial as done without a success.", _in(*ACTIVE, "paused"), confirm=True
     ),
@@ -112,7 +118,7 @@ COMMANDS: tuple[Command, ...] = (
         "Set all forces to zero until you arm again.",
         lambda s: "" if s.armed else "no device is armed",
     ),
-    Command("next", "Next block", "Ctrl+N", "Skip the rest of this block.", _opened, confirm=True),
+    Command("next", "Next block", "Ctrl+N", "Skip the rest of this block.", _next, confirm=True),
     Command("end", "End session", "Ctrl+E", "End the session now; it can be resumed.", _opened, confirm=True),
     Command("take", "Take command", "T", "Make this console the commander.", _always),
 )

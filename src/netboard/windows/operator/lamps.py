@@ -95,7 +95,7 @@ def session_lamps(status: Status | None, silence: float, recent: RecentCounts, l
             _form(status),
         )
     lamps = [Lamp(name, *reading) for name, reading in zip(names, readings, strict=True)]
-    return (Lamp(server, *_server(silence)), *(faded(lamps) if live and silence > SILENT else lamps))
+    return (Lamp(server, *_server(silence, recent.refused)), *(faded(lamps) if live and silence > SILENT else lamps))
 
 
 SESSION_LAMPS = ("Server", "Recording", "Disk", "Deadline misses", "Forces", "Session")
@@ -130,12 +130,14 @@ def over(status: Status, silence: float) -> bool:
     return silence > SILENT and status.phase == "finished" and status.block >= status.blocks
 
 
-def _server(silence: float) -> LampState:
+def _server(silence: float, refused: Sequence[str]) -> LampState:
     if not isfinite(silence):
         return Level.BAD, "not found", "No server answers. Check that it is running and that the address is right."
     if silence > SILENT:
         tip = "The forces fade out at the devices. Check the server and the cable; the console reconnects by itself."
         return Level.BAD, f"SILENT {silence:.0f} s", tip
+    if refused:
+        return Level.WATCH, "refuses a peer", f"The server refuses a process: {refused[0]}."
     return Level.GOOD, "connected", "The server answers."
 
 

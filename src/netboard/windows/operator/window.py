@@ -139,7 +139,7 @@ class ConsoleWindow(Window):
 
     def _show_alarm(self, urgent: str, worst: Line) -> None:
         """Write the alarm across the window; without one, the next step or the worst lamp."""
-        line = words.advice(self.state.status, self._where)
+        line = words.advice(self.state.status, self._where, self.state.recent.refused)
         if not line.words:
             line = worst
         look = _LOUD if urgent else f"background: {PANEL}; color: {TONES[line.tone]}; {_ALARM}"

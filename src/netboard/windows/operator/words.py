@@ -9,7 +9,7 @@ from enum import Enum
 from math import isnan
 
 from netboard.network.protocol.control import AttemptOutcome, Status
-from netboard.nodes.ports.emergency import AWAITING_RELEASE
+from netboard.nodes.ports.emergency import AWAITING_ARMING, AWAITING_RELEASE
 from netboard.windows.operator.lamps import ACTIVE, SILENT, Lamp, Level, over, replayed
 
 PHASES = {
@@ -111,8 +111,8 @@ def banner(status: Status | None) -> Line:
     return Line(f"REAL   {whose}", Tone.PLAIN)
 
 
-def advice(status: Status | None, where: str) -> Line:
-    """Return what the operator should know or do next."""
+def advice(status: Status | None, where: str, refused: Sequence[str] = ()) -> Line:
+    """Return what the operator should know or do next; `refused`: why the server refuses peers now."""
     if status is None:
         return Line(f"Looking for the server at {where}", Tone.WATCH)
     if replayed(status):
@@ -120,11 +120,13 @@ def advice(status: Status | None, where: str) -> Line:
     if not status.opened and status.phase == "idle":
         return Line("Fill in the session form: F3")
     missing = [what for what in status.waiting_for if what != AWAITING_RELEASE and status.phase not in ACTIVE]
+    only_arming = not status.armed and all(what.endswith(AWAITING_ARMING) for what in missing)
     parts = (
         status.notice,
         # Often the notice says it already.
         "Waiting for " + ", ".join(missing) if missing and "waiting for" not in status.notice else "",
-        "" if missing else _next(status),
+        f"refused: {refused[0]}" if missing and refused else "",
+        "" if missing and not only_arming else _next(status),
         f"Next: {status.pending}" if status.pending else "",
     )
     urgent = status.notice or missing or status.pending
@@ -135,9 +137,10 @@ def _next(status: Status) -> str:
     """Return the next key to press, if the session waits for the operator."""
     if AWAITING_RELEASE in status.waiting_for:
         return "release the emergency stop: press Ctrl+R twice"
-    if status.phase == "idle":
-        return "start the block: F2" if status.armed else "arm the devices: F1, then start the block: F2"
-    return "resume: F7" if status.phase == "paused" else ""
+    if status.phase == "finished" and last_block(status):
+        return "end the session: press Ctrl+E twice"
+    step = {"idle": "start the block: F2", "paused": "resume: F7"}.get(status.phase, "")
+    return step if status.armed or not step else f"arm the devices: F1, then {step}"
 
 
 def worst(lamps: Sequence[tuple[str, Lamp]]) -> Line:

@@ -1,0 +1,32 @@
+"""The server may end with an accepted command; otherwise its silence is an error."""
+
+import pytest
+
+from fakes import STATUS
+from netboard.base.errors import NetboardError
+from netboard.base.tables.rig import Network
+from netboard.network.protocol.control import Reply, Status
+from netboard.nodes.operator import shell
+from netboard.nodes.operator.operator import Operator
+
+
+class Asked(Operator):
+    """An operator whose server gives one answer, or none."""
+
+    def __init__(self, answer: Status | None) -> None:
+        self._answer = answer
+
+    def ask(self, seconds: float) -> Status | None:
+        return self._answer
+
+
+def test_server_that_ended_with_an_accepted_command_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shell, "ANSWER_SECONDS", 0.0)
+    network, done = Network(), Reply(1, True, "")
+    assert shell.status_after(Asked(None), network, done) is None
+    with pytest.raises(NetboardError, match="no server answers"):
+        shell.status_after(Asked(None), network, Reply(1, False, "refused"))
+
+
+def test_status_after_a_command_is_that_of_the_server() -> None:
+    assert shell.status_after(Asked(STATUS), Network(), Reply(1, True, "")) is STATUS
