@@ -8,11 +8,10 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
 from netboard.base.config import Config, digest
 from netboard.base.errors import ConfigError
 from netboard.base.tables.experiment import Session
+from netboard.base.terminal import plain_console
 from netboard.nodes.server.attempts import Attempts
 from netboard.nodes.server.blocks import BlockSequence
 from netboard.recording.recovery.journal_file import Journal, journal_path
@@ -24,7 +23,7 @@ from netboard.task.plans.balance import require_balance
 from netboard.task.plans.plan import Plan, PlanSession, config_of, plan_of, seated, shortened
 from netboard.task.studies.study import Study, resolve_study
 
-console = Console(highlight=False)
+console = plain_console()
 
 YES = ("y", "yes", "j", "ja", "o", "oui", "s", "si")
 """Answers that confirm."""
@@ -165,7 +164,7 @@ def confirm(yes: bool) -> Callable[[str], bool]:
     """Make a function that shows what will be done and asks for confirmation, unless `yes` gives it."""
 
     def ask(words: str) -> bool:
-        console.print(words, markup=False, soft_wrap=True)
+        console.print(words, soft_wrap=True)
         if yes:
             return True
         if not sys.stdin.isatty():
