@@ -37,6 +37,7 @@ def recover(
     from netboard.base.bars import progress_bars
     from netboard.base.process import interrupted_by_stop_signals
     from netboard.base.terminal import plain_console
+    from netboard.recording.recovery.recover import require_finished
     from netboard.recording.recovery.spilled import recover_any
 
     files = list(_files(recordings))
@@ -46,6 +47,7 @@ def recover(
     with interrupted_by_stop_signals(), progress_bars(plain_console(stderr=True), shown=len(files) > 1) as progress:
         for file in progress.track(files, description="recovering"):
             try:
+                require_finished(file)
                 for report in recover_any(file, output):
                     _print_report(report)
             except NetboardError as error:
