@@ -57,17 +57,16 @@ def analyse(
 
     Needs additional libraries: pip install 'netboard\[analysis]', and for --dask also 'netboard\[dask]'.
     """
-    from rich.console import Console
-
     from netboard.analysis.report import analysing
     from netboard.base.process import interrupted_by_stop_signals
+    from netboard.base.terminal import plain_console
 
     if cache is not None and no_cache:
         raise ConfigError("--cache and --no-cache: expected one of them")
     chosen = analysing.AnalysisOptions(workers, dask, cache, not no_cache, skip_unreadable, compare_paper)
     read = lambda: load_readings(settings, overrides)  # noqa: E731
-    console = Console(highlight=False, soft_wrap=True)
+    console = plain_console(soft_wrap=True)
     with interrupted_by_stop_signals():
         lines = analysing.analyse(recordings, output, settings, overrides or (), chosen, read)
     for line in lines:
-        console.print(line, markup=False)
+        console.print(line)

@@ -36,19 +36,19 @@ def check(
 
     Each file has one result. Exit code: 0 all complete, 3 some complete with listed losses, 1 some damaged.
     """
-    from rich.console import Console
     from rich.progress import MofNCompleteColumn
 
     from netboard.base.bars import progress_bars
+    from netboard.base.terminal import plain_console
     from netboard.recording.integrity.checking import check as check_file
     from netboard.recording.integrity.report_text import as_data, in_total, in_words
     from netboard.recording.integrity.severity import EXIT_CODES, Report
 
     files = [*recordings_in(recordings)]
-    console = Console(highlight=False)
+    console = plain_console()
     reports: list[Report] = []
     began = time.perf_counter()
-    screen = Console(stderr=True, highlight=False)
+    screen = plain_console(stderr=True)
     with progress_bars(screen, MofNCompleteColumn(), "{task.fields[ticks]}") as progress:
         task = progress.add_task("recordings", total=len(files), ticks="")
         read = 0

@@ -44,13 +44,12 @@ def cohort(
     settings = load(config, overrides)
     import time
 
-    from rich.console import Console
-
     from netboard.analysis.cohort.folder import make_cohort
     from netboard.analysis.cohort.virtual import Design
     from netboard.analysis.extraction.workers import cores
     from netboard.base.bars import telling
     from netboard.base.process import interrupted_by_stop_signals
+    from netboard.base.terminal import plain_console
 
     design = Design(load_study(study), settings, dyads, seed, trials is not None)
     began = time.perf_counter()
@@ -66,7 +65,5 @@ def cohort(
             progress=tell,
         )
     seconds = time.perf_counter() - began
-    console = Console(highlight=False, soft_wrap=True)
-    console.print(
-        f"{made.folder / 'tables'}: {studies} virtual studies of {dyads} dyads; {seconds:.1f} s", markup=False
-    )
+    console = plain_console(soft_wrap=True)
+    console.print(f"{made.folder / 'tables'}: {studies} virtual studies of {dyads} dyads; {seconds:.1f} s")

@@ -23,14 +23,13 @@ def doctor(
 ) -> None:
     """Check whether this computer is fit for a session, and say how to fix each problem."""
     settings = load(config, overrides)
-    from rich.console import Console
-
     from netboard.base.bars import progress_bars
+    from netboard.base.terminal import plain_console
     from netboard.devices.setup.words import findings_table
     from netboard.nodes.doctor import report as examination
     from netboard.recording.files.provenance import doctor_report_path
 
-    console = Console(highlight=False)
+    console = plain_console()
     with progress_bars(console) as progress:
         task = progress.add_task("", total=1.0)
         report = examination.examine(
@@ -48,7 +47,7 @@ def doctor(
         except NetboardError as error:  # the other file is written nevertheless
             problems.append(str(error))
         else:
-            console.print(f"report  {path}")
+            console.print(f"report  {path}", soft_wrap=True)
     if problems:
         raise NetboardError("\n".join(problems))
     raise typer.Exit(0 if report.fit else 1)

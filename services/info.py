@@ -10,8 +10,7 @@ app = typer.Typer()
 @app.command(epilog=examples("netboard info recordings/S01.mcap"))
 def info(recording: RecordingFile) -> None:
     """Summarise a recording: provenance, trials, completion times, latencies, losses."""
-    from rich.console import Console
-
+    from netboard.base.terminal import plain_console
     from netboard.recording.files.reader import Recording
     from netboard.recording.integrity.quality_check import judged
     from netboard.recording.replay.text import (
@@ -22,7 +21,7 @@ def info(recording: RecordingFile) -> None:
         summary_tables,
     )
 
-    console = Console(highlight=False)
+    console = plain_console()
     with Recording(recording) as opened:
         console.print(provenance_table(opened))
         console.print(summary_tables(summary_of(opened), opened.config))

@@ -64,13 +64,11 @@ def add(
 @app.command("list", epilog=examples("netboard keys list"))
 def list_(config: ConfigFile = None, overrides: Overrides = None) -> None:
     """List the authorised peers, and the secret keys in this folder, by their fingerprints."""
-    from rich.console import Console
-
-    from netboard.base.terminal import FittedTable
+    from netboard.base.terminal import FittedTable, plain_console
     from netboard.network import keys
 
     folder = folder_of(config, overrides)
-    console = Console(highlight=False)
+    console = plain_console()
     if (folder / keys.LIST).exists():
         table = FittedTable("name", "fingerprint", "created", "revoked", title="Authorised peers")
         for peer in keys.read_list(folder):

@@ -36,12 +36,11 @@ def show(
 ) -> None:
     """Show the blocks of a dyad, and the counterbalancing over one or several dyads."""
     settings = load(config, overrides)
-    from rich.console import Console
-
+    from netboard.base.terminal import plain_console
     from netboard.task.plans.plan import plan_of
     from netboard.task.plans.tables import examine, plan_as_json, plan_in_words, refuse
 
-    found, console = load_study(argument or study), Console()
+    found, console = load_study(argument or study), plain_console()
     shown = plan_of(found, seed, dyad or 1, (settings.session.hand_a, settings.session.hand_b))
     counted = [plan_of(found, seed, number) for number in range(1, dyads + 1)] if dyads else [shown]
     balance, problems = examine(settings, found, counted, [shown])
@@ -63,12 +62,11 @@ def check(
 ) -> None:
     """Check whether a study is valid and its trial counts are balanced; exit code 2 and the reasons if not."""
     settings = load(config, overrides)
-    from rich.console import Console
-
+    from netboard.base.terminal import plain_console
     from netboard.task.plans.plan import plan_of
     from netboard.task.plans.tables import examine, fitted, refuse, valid_in_words
 
-    found, console = load_study(study), Console(soft_wrap=True, highlight=False)
+    found, console = load_study(study), plain_console(soft_wrap=True)
     plans = [plan_of(found, seed, number) for number in range(1, dyads + 1)]
     balance, problems = examine(settings, found, plans)
     for part in [fitted(balance.tables[0])] if problems else valid_in_words(study, found, plans, balance):
@@ -79,12 +77,11 @@ def check(
 @app.command("list", epilog=examples("netboard plan list"))
 def list_() -> None:
     """List the built-in studies."""
-    from rich.console import Console
-
+    from netboard.base.terminal import plain_console
     from netboard.task.plans.tables import studies_table
     from netboard.task.studies import library
 
-    Console().print(studies_table([load_study(name) for name in library.NAMES]))
+    plain_console().print(studies_table([load_study(name) for name in library.NAMES]))
 
 
 @app.command(epilog=examples("netboard plan template > study.toml", "netboard plan template paper > study.toml"))

@@ -57,11 +57,10 @@ def power(
     Needs additional libraries: pip install 'netboard\[analysis]', and for --dask also 'netboard\[dask]'.
     """
     settings = load(config, overrides)
-    from rich.console import Console
-
     from netboard.analysis.cohort.planning import Request, answer
     from netboard.analysis.extraction.workers import cores
     from netboard.base.bars import telling
+    from netboard.base.terminal import plain_console
 
     request = Request(
         load_study(study),
@@ -76,11 +75,11 @@ def power(
     )
     with telling() as tell:
         found = answer(request, output, cohort, workers=workers or cores(), dask=dask, progress=tell)
-    console = Console(highlight=False, soft_wrap=True)
+    console = plain_console(soft_wrap=True)
     for part in found.parts[:2]:  # the others are in power.json
         console.print(table_of(part))
-    console.print(found.sentence, markup=False)
-    console.print(f"{output}: power.csv, power.json, power.png, power.svg, methods.txt", markup=False)
+    console.print(found.sentence)
+    console.print(f"{output}: power.csv, power.json, power.png, power.svg, methods.txt")
 
 
 def numbers(option: str, text: str, least: int) -> tuple[int, ...]:

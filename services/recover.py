@@ -34,19 +34,20 @@ def recover(
     ] = None,
 ) -> None:
     """Recover unfinished or damaged recordings into new files; the originals stay unchanged."""
-    from rich.console import Console
-
     from netboard.base.bars import progress_bars
     from netboard.base.process import interrupted_by_stop_signals
+    from netboard.base.terminal import plain_console
+    from netboard.recording.recovery.recover import require_finished
     from netboard.recording.recovery.spilled import recover_any
 
     files = list(_files(recordings))
     if output is not None and len(files) != 1:
         raise ConfigError(f"--output: names one file, but found {len(files)} files to recover; leave it out")
     refused = 0
-    with interrupted_by_stop_signals(), progress_bars(Console(stderr=True), shown=len(files) > 1) as progress:
+    with interrupted_by_stop_signals(), progress_bars(plain_console(stderr=True), shown=len(files) > 1) as progress:
         for file in progress.track(files, description="recovering"):
             try:
+                require_finished(file)
                 for report in recover_any(file, output):
                     _print_report(report)
             except NetboardError as error:

@@ -63,11 +63,10 @@ def replay(
     if len(recordings) > (1 if chosen else 2):
         raise ConfigError(f"replay: found {len(recordings)} recordings, expected one, or two to show side by side")
     path = recordings[0]
-    from rich.console import Console
-
     from netboard.base.process import Stopping
+    from netboard.base.terminal import plain_console
 
-    console = Console(highlight=False)
+    console = plain_console()
     if verify:
         from netboard.recording.files.reader import Recording
         from netboard.recording.integrity.verification import verify_recording

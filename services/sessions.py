@@ -39,9 +39,8 @@ def sessions(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON array.")] = False,
 ) -> None:
     """List the recordings in a folder: participants, trials, losses, and the result of the integrity check."""
-    from rich.console import Console
-
     from netboard.base.bars import progress_bars
+    from netboard.base.terminal import plain_console
     from netboard.recording.integrity import catalogue
     from netboard.recording.integrity.report_text import sessions_in_total, sessions_table
 
@@ -51,12 +50,12 @@ def sessions(
     wanted = catalogue.Filter(dyad, study, verdict, None if since is None else since.date(), pilot)
     found = [entry for entry in map(catalogue.entry_of, catalogue.files_in(place)) if wanted.matches(entry)]
     entries = []
-    with progress_bars(Console(stderr=True)) as progress:
+    with progress_bars(plain_console(stderr=True)) as progress:
         for entry in progress.track(found, description="recordings"):
             counted = catalogue.with_trials(entry)
             entries.append(catalogue.with_check(counted) if full else counted)
     entries = [entry for entry in entries if wanted.matches_result(entry)]
-    console = Console(highlight=False)
+    console = plain_console()
     if as_json:
         groups = catalogue.in_order(entries)
         typer.echo(json.dumps([asdict(entry) | {"path": str(entry.path)} for _, group in groups for entry in group]))
@@ -64,4 +63,4 @@ def sessions(
         console.print(sessions_table(entries, place))
         console.print(sessions_in_total(entries), soft_wrap=True)
     else:
-        console.print(f"{place}: no matching recording")
+        console.print(f"{place}: no matching recording", soft_wrap=True)

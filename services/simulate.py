@@ -65,9 +65,8 @@ def simulate(
     force: Annotated[bool, typer.Option("--force", help="Overwrite existing results.")] = False,
 ) -> None:
     """Simulate a scene with recorded hands, offline and as exactly as the samples allow."""
-    from rich.console import Console
-
     from netboard.base.process import interrupted_by_stop_signals
+    from netboard.base.terminal import plain_console
     from netboard.recording.importing.hand_simulation import SimulationOptions, load_scene, simulate_files
 
     chosen = SimulationOptions(
@@ -83,7 +82,7 @@ def simulate(
         energy=energy,
     )
     settings = load_scene(scene, changes_of(overrides, model))
-    console = Console(highlight=False)
+    console = plain_console()
     with interrupted_by_stop_signals():
         for line in simulate_files([*inputs, *(more or ())], output, settings, chosen, force):
             console.print(line)

@@ -37,15 +37,15 @@ def status(
 ) -> None:
     """Show a running session and its peers: connection, round-trip time, clock, rate, losses, version."""
     settings = load(config, overrides)
-    from rich.console import Console
     from rich.live import Live
     from rich.text import Text
 
     from netboard.base.process import Stopping
+    from netboard.base.terminal import plain_console
     from netboard.nodes.operator import shell
     from netboard.nodes.operator.status_table import status_tables
 
-    console = Console(highlight=False)
+    console = plain_console()
     redrawn = watch and console.is_terminal and not json
     with Stopping() as stopping, shell.connected(settings.network) as operator:
         shell.status_of(operator, settings.network)

@@ -29,13 +29,12 @@ def stop(
     if release and guard:
         raise ConfigError("--release and --guard: expected one of them")
     settings = load(config, overrides)
-    from rich.console import Console
-
+    from netboard.base.terminal import plain_console
     from netboard.nodes.operator import shell
     from netboard.nodes.operator.guard import guard as wait_and_stop
     from netboard.nodes.ports import emergency
 
-    console = Console(highlight=False)
+    console = plain_console()
     with shell.connected(settings.network) as operator:
         if guard and not wait_and_stop(operator, settings.network, typer.echo):
             return
@@ -48,4 +47,5 @@ def stop(
         command = "resume" if paused else "start"
         console.print(f"The emergency stop is released. To continue: netboard control {command}")
     else:
-        console.print("[bold red]EMERGENCY STOP[/]: all forces are zero. To release it: netboard stop --release")
+        console.print("EMERGENCY STOP", style="bold red", end="")
+        console.print(": all forces are zero. To release it: netboard stop --release")

@@ -41,8 +41,7 @@ def trace(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object, in SI units.")] = False,
 ) -> None:
     """Find the ticks that stuttered, the cause of each, and what to do about it."""
-    from rich.console import Console
-
+    from netboard.base.terminal import plain_console
     from netboard.recording.files.reader import Recording
     from netboard.recording.timing import scheduler as switches
     from netboard.recording.timing.figure import draw
@@ -61,7 +60,7 @@ def trace(
     if as_json:
         typer.echo(json.dumps(as_data(found, recording.name)))
     else:
-        console = Console(highlight=False)
+        console = plain_console()
         console.print(spreads_table(found), causes_table(found))
         for sentence in advice(found):
             console.print(sentence)

@@ -42,9 +42,8 @@ def whatif(
 
     Open loop: the hands move as recorded. Each attempt starts from the state recorded at its release.
     """
-    from rich.console import Console
-
     from netboard.base.config import parse
+    from netboard.base.terminal import plain_console
     from netboard.recording.counterfactual.figure import draw
     from netboard.recording.counterfactual.table import EXPLANATION, as_data, table_of
     from netboard.recording.counterfactual.what_if import save, what_if
@@ -56,8 +55,8 @@ def whatif(
     if output is not None:
         require_new(output)
     changes = changes_of(overrides, model)
-    console = Console(highlight=False)
-    with Recording(recording) as opened, Console(stderr=True).status("computing the attempts"):
+    console = plain_console()
+    with Recording(recording) as opened, plain_console(stderr=True).status("computing the attempts"):
         config = parse(opened.config_text, f"{recording} (its configuration)", changes)
         found = what_if(opened.ticks(), make_stage(config))
         source = opened.metadata

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from netboard.base import bars
 from netboard.base.bars import progress_bars, telling
-from netboard.base.terminal import FittedTable, numbers
+from netboard.base.terminal import FittedTable, numbers, plain_console
 
 NAMES = st.text("abcdefgh-./", min_size=1, max_size=90)
 
@@ -84,6 +84,15 @@ def test_progress_bars_appear_on_terminals_only(terminal: bool, shown: bool) -> 
         progress.update(task, completed=4, refresh=True)
     output = console.export_text()
     assert ("reading" in output and "4 ticks" in output) == (terminal and shown)
+
+
+def test_brackets_in_a_path_or_a_note_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    plain_console(soft_wrap=True).print("/data/[red]pilot[/red]/[/b]/S01.mcap")
+    assert capsys.readouterr().out == "/data/[red]pilot[/red]/[/b]/S01.mcap\n"
+    console = Console(width=100, file=StringIO(), force_terminal=True, record=True)
+    with progress_bars(console) as progress:
+        progress.add_task("Reading [/red].mcap")
+    assert "Reading [/red].mcap" in console.export_text()
 
 
 def test_progress_in_a_log_is_a_line_now_and_then(

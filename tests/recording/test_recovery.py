@@ -342,6 +342,18 @@ def test_file_that_appears_during_the_recovery_is_not_overwritten(
     assert [(path.name, path.read_bytes()) for path in tmp_path.iterdir()] == [("out.mcap", b"theirs")]
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no advisory locks on Windows")
+def test_recording_that_is_being_written_is_not_recovered(tmp_path: Path) -> None:
+    writer = new_writer(tmp_path / "a.mcap")
+    fill(writer, ROWS)
+    refused = CliRunner().invoke(app, ["recover", str(tmp_path)])
+    assert refused.exit_code == 1
+    assert "a.mcap.part: is still being written; recover it after its session has ended" in refused.stderr
+    assert [file.name for file in tmp_path.iterdir()] == ["a.mcap.part"]
+    writer.abandon()
+    assert CliRunner().invoke(app, ["recover", str(tmp_path)]).exit_code == 0
+
+
 def test_recovered_file_name_follows_from_the_source() -> None:
     for name in ("a_b.mcap", "a_b.mcap.part"):
         assert recovered_path(Path("x") / name) == Path("x/a_b.recovered.mcap")

@@ -2,6 +2,7 @@
 
 import os
 import stat
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from threading import Event
@@ -11,11 +12,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from netboard.base.config import Config
+from netboard.base.errors import RecordingError
 from netboard.network.protocol.codec import encode
 from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
 from netboard.network.protocol.records import EventRecord, LogBatch
 from netboard.recording.recovery import spill as module
+from netboard.recording.recovery.recover import require_finished
 from netboard.recording.recovery.spill import MAGIC, MAX_WAITING, OPENED, Spill, read_spill, spill_path
 
 WELCOME = Welcome("c0ffee1234567890", PROTOCOL_VERSION, 17, '[session]\nname = "S07"\n')
@@ -100,6 +103,14 @@ def test_only_the_owner_may_read_the_spill(spill: Spill) -> None:
     spill.put(batch(0, 10))
     settle(spill)
     assert stat.S_IMODE(spill.path.stat().st_mode) == 0o600
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no advisory locks on Windows")
+def test_spill_of_a_running_server_is_not_recovered(spill: Spill) -> None:
+    spill.put(batch(0, 10))
+    settle(spill)
+    with pytest.raises(RecordingError, match="is still being written"):
+        require_finished(spill.path)
 
 
 def test_spill_file_is_removed_once_logged_and_created_again(spill: Spill) -> None:

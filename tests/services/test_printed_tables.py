@@ -200,8 +200,10 @@ def _makes(node: ast.AST) -> bool:
     return isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == FittedTable.__name__
 
 
-@pytest.mark.parametrize(("module", "name"), [("terminal.py", "rich.table"), ("bars.py", "BarColumn")])
-def test_tables_and_progress_bars_are_made_in_one_module_each(module: str, name: str) -> None:
+@pytest.mark.parametrize(
+    ("module", "name"), [("terminal.py", "rich.table"), ("bars.py", "BarColumn"), ("terminal.py", " Console(")]
+)
+def test_tables_progress_bars_and_terminals_are_made_in_one_module_each(module: str, name: str) -> None:
     for root in (Path(netboard.__file__).parent, Path(services.__file__).parent):
         for path in root.rglob("*.py"):
             assert (name in path.read_text(encoding="utf-8")) == (path.name == module), path

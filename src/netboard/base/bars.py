@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from rich.console import Console
-from rich.markup import escape
 from rich.progress import (
     BarColumn,
     Progress,
@@ -16,13 +15,21 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from netboard.base.terminal import plain_console
+
 
 def progress_bars(console: Console, *more: str | ProgressColumn, shown: bool = True) -> Progress:
     """Return progress bars with elapsed and remaining time, which disappear at the end; shown on a terminal only.
 
     ``more``: further columns beside the bar, for example ``"{task.completed} ticks"``.
     """
-    columns = (TextColumn("{task.description}"), BarColumn(), *more, TimeElapsedColumn(), TimeRemainingColumn())
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        *more,
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
     return Progress(*columns, console=console, transient=True, disable=not (shown and console.is_terminal))
 
 
@@ -33,7 +40,7 @@ LINE_INTERVAL = 60.0
 @contextmanager
 def telling() -> Iterator[Callable[[str, float, float], None]]:
     """Show one progress bar on stderr, or a line a minute in a log; yield its callback (current step, done, total)."""
-    console = Console(stderr=True, soft_wrap=True, highlight=False)
+    console = plain_console(stderr=True, soft_wrap=True)
     if not console.is_terminal:
         yield _lines(console)
         return
@@ -41,7 +48,7 @@ def telling() -> Iterator[Callable[[str, float, float], None]]:
         task = progress.add_task("")
 
         def tell(what: str, done: float, total: float) -> None:
-            progress.update(task, description=escape(what), completed=done, total=total)
+            progress.update(task, description=what, completed=done, total=total)
 
         yield tell
 
@@ -55,6 +62,6 @@ def _lines(console: Console) -> Callable[[str, float, float], None]:
         now = time.monotonic()
         if now - last >= LINE_INTERVAL and total > 0:
             last = now
-            console.print(f"{what}: {done / total:.0%} after {(now - began) / 60:.0f} min", markup=False)
+            console.print(f"{what}: {done / total:.0%} after {(now - began) / 60:.0f} min")
 
     return tell

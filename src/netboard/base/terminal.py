@@ -1,4 +1,4 @@
-"""Tables on a terminal; no other module makes any.
+"""The terminal, and the tables on it; no other module makes any.
 
 Every row can be identified at any width. The columns that identify a row come first and are never cut: not
 shortened with an ellipsis, and folded only where they alone are wider than the terminal. Numbers are never broken. Text
@@ -26,6 +26,11 @@ NARROWEST = 24
 
 WIDEST_NAMES = 2 / 3
 """Columns that identify a row are wrapped only if they take more than this share of the terminal."""
+
+
+def plain_console(*, stderr: bool = False, soft_wrap: bool = False) -> Console:
+    """Return a terminal that prints text as it is: in a path or a note, rich would take ``[words]`` for markup."""
+    return Console(stderr=stderr, soft_wrap=soft_wrap, highlight=False, markup=False)
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,13 +14,11 @@ from math import isnan
 from operator import attrgetter
 from pathlib import Path
 
-from rich.console import Console
-
 from netboard.base.bars import progress_bars
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES
 from netboard.base.errors import ConfigError, NetboardError
-from netboard.base.terminal import FittedTable
+from netboard.base.terminal import FittedTable, plain_console
 from netboard.benchmarks.faults import attack_cases
 from netboard.benchmarks.faults.cases import DEVICES, LINKS, MACHINES, PARTS, PEERS, PROCESSES, Case
 from netboard.benchmarks.faults.checks import UNDISTURBED_NS, Falls, disturbed, fades_of, verdict_of
@@ -90,7 +88,7 @@ class Outcome:
 
 def main(names: Sequence[str], options: Options) -> int:
     """Inject faults and check the reactions."""
-    console = Console(highlight=False)
+    console = plain_console()
     chosen = choose(names, quick=options.quick)
     folder = options.folder("faults")
     for line in describe().lines():
@@ -135,7 +133,7 @@ def repetitions_line(outcomes: Sequence[Outcome]) -> str:
 
 def list_cases() -> int:
     """Print the table of cases; exit code 0."""
-    console = Console(highlight=False)
+    console = plain_console()
     for part, title in PARTS.items():
         table = FittedTable("case", "what is done", "what must happen", title=title)
         for case in CASES:

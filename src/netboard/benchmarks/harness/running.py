@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from rich.console import Console
-
 from netboard.base.bars import progress_bars
+from netboard.base.terminal import plain_console
 from netboard.benchmarks.harness.machine import describe
 from netboard.benchmarks.harness.results import Folder, Part, Verdict, new_folder, show
 
@@ -71,12 +70,12 @@ def run(
       disturb.
     """
     folder = options.folder(name)
-    console = Console(highlight=False, markup=False)
+    console = plain_console()
     console.width = max(console.width, WIDTH)
     for line in (*describe().lines(), *lines):
         console.print(line)
     parts: list[Part] = []
-    with progress_bars(Console(stderr=True), shown=bar) as progress:
+    with progress_bars(plain_console(stderr=True), shown=bar) as progress:
         task = progress.add_task("starting", total=1.0)
 
         def tell(text: str, share: float) -> None:

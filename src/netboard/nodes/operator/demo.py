@@ -11,13 +11,13 @@ from datetime import UTC, datetime
 from enum import Enum
 from pathlib import Path
 
-from rich.console import Console
 from rich.progress import MofNCompleteColumn
 
 from netboard.base.bars import progress_bars
 from netboard.base.config import SIDES, Config, played_sides, resolve
 from netboard.base.errors import NetboardError
 from netboard.base.process import Stopping
+from netboard.base.terminal import plain_console
 from netboard.network.transport import sockets
 from netboard.network.transport.ports import free_port
 from netboard.nodes.operator.launcher import Launcher
@@ -42,7 +42,7 @@ SCREENS = ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")
 CLOSING_SECONDS = 3.0
 """Time for which players see that the block is over [s]."""
 
-console = Console(highlight=False)
+console = plain_console()
 
 
 class End(Enum):
@@ -67,7 +67,7 @@ def run(config: Config, *, displays: bool = True, study: Sequence[str] = ()) -> 
         with console.status("compiling (only once)"):
             make_stage(config).warm()
         if displays and (trouble := why_no_windows()):
-            console.print(f"[yellow]running without displays, because Qt cannot be loaded: {trouble}[/yellow]")
+            console.print(f"running without displays, because Qt cannot be loaded: {trouble}", style="yellow")
             displays = False
         try:
             directory.mkdir(parents=True, exist_ok=True)
@@ -78,8 +78,8 @@ def run(config: Config, *, displays: bool = True, study: Sequence[str] = ()) -> 
     if session:
         return show(directory, session, logs, began)
     for part in sorted(directory.glob("*.mcap.part")):
-        console.print(f"unfinished recording {part}; recover it with: netboard recover {part}")
-    console.print(f"logs {logs}")
+        console.print(f"unfinished recording {part}; recover it with: netboard recover {part}", soft_wrap=True)
+    console.print(f"logs {logs}", soft_wrap=True)
     return 1
 
 
@@ -130,7 +130,7 @@ def play(config: Config, logs: Path, displays: bool, stopping: Stopping, study: 
         with console.status("waiting until all records are on disk"):
             trouble = launcher.wait("server", END_SECONDS) or launcher.wait("logger", END_SECONDS)
         if trouble:
-            console.print(f"[red]{trouble}[/red]")
+            console.print(trouble, style="red")
             return ""
     return session
 
@@ -146,12 +146,12 @@ def watch(operator: Operator, launcher: Launcher, stopping: Stopping, played: bo
                 console.print("the window was closed")
                 return End.LEFT
             if ended is not None:
-                console.print(f"[red]{ended}[/red]")
+                console.print(str(ended), style="red")
                 return End.FAILED
             status = operator.ask(ANSWER_SECONDS)
             if status is None:
                 if time.monotonic() - answered > START_SECONDS:
-                    console.print(f"[red]the server has been silent for {START_SECONDS:.0f} s[/red]")
+                    console.print(f"the server has been silent for {START_SECONDS:.0f} s", style="red")
                     return End.FAILED
                 continue
             answered = time.monotonic()
@@ -188,9 +188,9 @@ def show(directory: Path, session: str, logs: Path, began: float) -> int:
             console.print(summary_tables(summary, recording.config))
         console.print(verification_line(verdict))
         good &= verdict.identical and not summary.missing_ticks
-        console.print(f"recording   {path}")
+        console.print(f"recording   {path}", soft_wrap=True)
     for picture in sorted(logs.glob("*.png")):
-        console.print(f"screenshot  {picture}")
-    console.print(f"logs        {logs}")
+        console.print(f"screenshot  {picture}", soft_wrap=True)
+    console.print(f"logs        {logs}", soft_wrap=True)
     console.print(f"took        {time.monotonic() - began:.1f} s")
     return 0 if good else 1

@@ -9,7 +9,6 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
 from rich.live import Live
 
 from netboard.base import clock
@@ -25,6 +24,7 @@ from netboard.base.process import (
     prepare,
     steady_loop,
 )
+from netboard.base.terminal import plain_console
 from netboard.devices.contract import profile, registry
 from netboard.devices.contract.device import Device, Reading
 from netboard.devices.contract.profile import Identity, Mechanics, Placement, Profile
@@ -32,7 +32,7 @@ from netboard.devices.setup import calibration, checkup, excitation, listing, us
 from netboard.devices.setup.identification import Identified
 from netboard.devices.setup.loop import Driver, LoopClock, RealTime, Track, watch
 
-console = Console(highlight=False)
+console = plain_console()
 
 CONSENT = "the motors may move the stylus"
 """Confirmation that an operator types before a device is moved."""
@@ -268,7 +268,8 @@ def _save(config: Config, known: Profile, replace_it: bool, quiet: bool) -> None
     before = profile.file_of(folder, known.device.serial).exists() and not replace_it
     path = profile.save(folder, known, replace=replace_it)
     if not quiet:
-        console.print(f"{path}: written" + (f"; the previous one is now {path.name}.bak" if before else ""))
+        kept = f"; the previous one is now {path.name}.bak" if before else ""
+        console.print(f"{path}: written{kept}", soft_wrap=True)
 
 
 def _print_json(values: Mapping[str, Any]) -> None:

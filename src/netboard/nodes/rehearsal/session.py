@@ -6,19 +6,18 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from rich.console import Console
 from rich.progress import MofNCompleteColumn
 from rich.text import Text
 
 from netboard.base.bars import progress_bars
 from netboard.base.config import Config
 from netboard.base.errors import NetboardError
-from netboard.base.terminal import FittedTable, numbers
+from netboard.base.terminal import FittedTable, numbers, plain_console
 from netboard.base.tick import TICK_SECONDS
 from netboard.nodes.rehearsal.block import Rehearsal
 from netboard.nodes.rehearsal.jobs import BlockResult, Job, jobs_of, rehearse, rehearse_all
 
-console = Console(highlight=False)
+console = plain_console()
 
 
 def rehearse_blocks(

@@ -8,12 +8,11 @@ import logging
 from collections.abc import Callable
 from pathlib import Path
 
-from rich.console import Console
-
 from netboard.base.clock import now_ns
 from netboard.base.errors import NetboardError
 from netboard.base.process import Stopping, log_to_stderr
 from netboard.base.tables.rig import Network
+from netboard.base.terminal import plain_console
 from netboard.network import keys
 from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION
@@ -203,7 +202,7 @@ def serve_recording(path: Path, network: Network, speed: float, at: float | None
     if not insecure:
         keys.refuse_open_network(network)
     authenticator = keys.make_authenticator(network)
-    console = Console(highlight=False)
+    console = plain_console()
     recording = load_with_progress(path)
     log_to_stderr("replay")
     with Stopping() as stopping, sockets.open_context() as context, Keyboard() as keyboard:
@@ -214,5 +213,5 @@ def serve_recording(path: Path, network: Network, speed: float, at: float | None
         server.run(
             stopping,
             lambda: KEYS.get(keyboard.pressed() or ""),
-            lambda words: console.print(printable_line(words), markup=False),
+            lambda words: console.print(printable_line(words)),
         )

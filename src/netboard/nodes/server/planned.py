@@ -8,12 +8,10 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-from rich.markup import escape
-
 from netboard.base.config import Config, digest
 from netboard.base.errors import ConfigError
 from netboard.base.tables.experiment import Session
+from netboard.base.terminal import plain_console
 from netboard.nodes.server.attempts import Attempts
 from netboard.nodes.server.blocks import BlockSequence
 from netboard.recording.recovery.journal_file import Journal, journal_path, other_journals
@@ -25,7 +23,7 @@ from netboard.task.plans.balance import require_balance
 from netboard.task.plans.plan import Plan, PlanSession, config_of, plan_of, seated, shortened
 from netboard.task.studies.study import Study, resolve_study
 
-console = Console(highlight=False)
+console = plain_console()
 
 YES = ("y", "yes", "j", "ja", "o", "oui", "s", "si")
 """Answers that confirm."""
@@ -123,7 +121,7 @@ class Planned:
         now = self.header(self.config.session)
         for _, other in other_journals(self.path, now.dyad):
             if changed := changed_plan(other, now):
-                console.print(f"[yellow]{escape(changed)}[/]", soft_wrap=True)
+                console.print(changed, style="yellow", soft_wrap=True)
         attempts = Attempts(self._new_journal)
         return BlockSequence(self.blocks(self.config.session), self.blocks), attempts
 
@@ -176,7 +174,7 @@ def confirm(yes: bool) -> Callable[[str], bool]:
     """Make a function that shows what will be done and asks for confirmation, unless `yes` gives it."""
 
     def ask(words: str) -> bool:
-        console.print(words, markup=False, soft_wrap=True)
+        console.print(words, soft_wrap=True)
         if yes:
             return True
         if not sys.stdin.isatty():

@@ -15,6 +15,9 @@ from typing import NamedTuple
 
 from netboard.base.errors import ConfigError, RecordingError
 
+if sys.platform != "win32":
+    import fcntl
+
 LOW_BYTES = 5_000_000_000
 """Warn below this free space [1]."""
 
@@ -80,6 +83,16 @@ def require_space(folder: Path, free: int) -> None:
     space = Space(free, float("inf"))
     if space.out:
         raise RecordingError(f"{folder}: only {space}, and a recording stops at {MIN_BYTES / 1e6:.0f} MB")
+
+
+def lock(handle: int, *, shared: bool = False) -> None:
+    """Lock an open file until it is closed or its process ends.
+
+    A writer's lock excludes all others; shared ones exclude only writers. Raises `BlockingIOError` if the file is
+    locked, and another `OSError` on a file system without locks. Does nothing on Windows.
+    """
+    if sys.platform != "win32":
+        fcntl.flock(handle, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
 
 
 def sync_directory(directory: Path) -> None:

@@ -20,7 +20,7 @@ from mcap.writer import CompressionType, Writer
 
 from netboard.base.errors import RecordingError, writing
 from netboard.recording.format.channels import CHANNELS, Stamped
-from netboard.recording.format.disk import allocate, sync_directory
+from netboard.recording.format.disk import allocate, lock, sync_directory
 
 PROFILE = "netboard"
 """Profile in the MCAP header of a recording."""
@@ -94,6 +94,7 @@ class PartFile:
                     f"{self.part}: an unfinished recording of this name exists; see `netboard recover`"
                 )
             self._file = self.part.open("x+b")
+        self._lock()
         # Only this class closes chunks: the library's own limit would let a chunk grow beyond its size.
         self._mcap: Any = Writer(
             self._file, chunk_size=2**62, compression=CompressionType.ZSTD, enable_crcs=True, enable_data_crcs=True
@@ -257,7 +258,13 @@ class PartFile:
             shutil.copyfileobj(old, new)
             new.flush()
             os.dup2(new.fileno(), self._file.fileno())
+        self._lock()
         sync_directory(self.part.parent)
+
+    def _lock(self) -> None:
+        """Let nobody recover the file while it is being written, where the file system has locks."""
+        with suppress(OSError):
+            lock(self._file.fileno())
 
     def _reserve(self) -> None:
         """Reserve space after the end before it is needed."""

@@ -5,7 +5,6 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from rich.markup import escape
 from rich.text import Text
 
 from netboard.base.terminal import Cell, FittedTable, numbers
@@ -17,14 +16,13 @@ COLOURS = {Severity.SOUND: "green", Severity.LOSS: "yellow", Severity.DAMAGE: "r
 """Colour of each severity on a terminal."""
 
 
-def in_words(report: Report, whole: bool) -> str:
+def in_words(report: Report, whole: bool) -> Text:
     """Return the result of a check and its evidence."""
-    lines = [f"{escape(str(report.path))}: [{COLOURS[report.severity]}]{report.result}[/], {report.ticks} ticks"]
+    text = Text(f"{report.path}: ").append(report.result, COLOURS[report.severity]).append(f", {report.ticks} ticks")
     for finding in report.findings:
         if whole or finding.severity != Severity.SOUND:
-            colour = COLOURS[finding.severity]
-            lines.append(f"  [{colour}]{finding.part:13}[/] {escape(finding.text)}")
-    return "\n".join(lines)
+            text.append(f"\n  {finding.part:13}", COLOURS[finding.severity]).append(f" {finding.text}")
+    return text
 
 
 def in_total(reports: Sequence[Report], took: float) -> str:

@@ -8,7 +8,6 @@ as durable is on disk, and so is the file's directory entry. If the disk reports
 
 import logging
 import os
-import sys
 import time
 from contextlib import suppress
 from datetime import UTC, datetime
@@ -19,11 +18,8 @@ from typing import Self
 
 from netboard.base.config import Config
 from netboard.base.errors import RecordingError
-from netboard.recording.format.disk import sync_directory
+from netboard.recording.format.disk import lock, sync_directory
 from netboard.task.journal.entries import Entry, Header, line_of, read_lines
-
-if sys.platform != "win32":
-    import fcntl
 
 RETRY_SECONDS = 0.5
 """Interval of retries after a disk error [s]."""
@@ -193,10 +189,8 @@ def _new(path: Path, data: bytes) -> int:
 
 def _lock(handle: int, path: Path) -> None:
     """Lock an open journal until it is closed or the process ends: two servers would overwrite each other's entries."""
-    if sys.platform == "win32":
-        return
     try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        lock(handle)
     except BlockingIOError:
         raise RecordingError(f"{path}: another server runs this session; end it first") from None
     except OSError as error:  # a file system without locks

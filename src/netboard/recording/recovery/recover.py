@@ -32,6 +32,7 @@ from netboard.recording.format import older
 from netboard.recording.format.batches import Layout, TickStream
 from netboard.recording.format.channels import CHANNELS, FORMAT_VERSION, IDS, Stamped, block_config, unpack
 from netboard.recording.format.chunks import MAGIC, RECORD_HEAD, UNSOUND, messages, unpack_chunk
+from netboard.recording.format.disk import lock
 from netboard.recording.format.partfile import PartFile
 from netboard.recording.format.predictions import UNKNOWN, constants_of
 from netboard.recording.format.summary import Gap, find_gaps
@@ -96,6 +97,17 @@ class RecoveryReport:
     def lost_bytes(self) -> int:
         """Number of unusable bytes [1]."""
         return sum(damage.length for damage in self.damage)
+
+
+def require_finished(path: Path) -> None:
+    """Refuse a file that is being written: a copy of its beginning would later pass for the whole recording."""
+    try:
+        with path.open("rb") as file:
+            lock(file.fileno(), shared=True)
+    except BlockingIOError:
+        raise RecordingError(f"{path}: is still being written; recover it after its session has ended") from None
+    except OSError:
+        return  # a file system without locks, or a file that cannot be read
 
 
 def recover(path: Path, output: Path | None = None) -> RecoveryReport:

@@ -27,6 +27,7 @@ from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.messages import Message
 from netboard.network.protocol.records import EventRecord, LogBatch
+from netboard.recording.format.disk import lock
 
 MAGIC = b"netboard spill 1\n"
 """First bytes of a spill. Blocks follow: length and CRC-32 of a frame, then the frame."""
@@ -226,6 +227,8 @@ class Spill:
         assert block.frame is not None
         if self._file is None:
             self._file = FileIO(self.path, "x+", opener=_open_private)
+            with suppress(OSError):  # nobody recovers it meanwhile, where the file system has locks
+                lock(self._file.fileno())
         place, data = block.offset - _HEAD.size, _block_of(block.frame)
         # The introduction is written together with the first block: a spill without records leaves no file.
         if place == len(self._introduction):

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
 
 from netboard.base.bars import progress_bars
+from netboard.base.terminal import plain_console
 from netboard.base.tick import joined
 from netboard.recording.files.reader import Recording
 from netboard.recording.replay.loaded import LoadedRecording
@@ -30,7 +30,7 @@ def load(path: Path, tell: Callable[[int], None] = lambda ticks: None) -> Loaded
 
 def load_with_progress(path: Path) -> LoadedRecording:
     """Read a whole recording, with a progress bar on a terminal."""
-    with progress_bars(Console(stderr=True), "{task.completed} ticks") as progress:
+    with progress_bars(plain_console(stderr=True), "{task.completed} ticks") as progress:
         task = progress.add_task(f"Reading {path.name}", total=None)
         return load(path, lambda ticks: progress.update(task, completed=ticks))
 

@@ -6,6 +6,7 @@ from math import isnan
 from pathlib import Path
 
 from rich.console import Group, RenderableType
+from rich.text import Text
 
 from netboard.base.config import Config
 from netboard.base.errors import RecordingError
@@ -31,14 +32,15 @@ def summary_tables(summary: Summary, config: Config) -> RenderableType:
     return Group(_trials(summary.attempts, config), _timing(summary), _counts(summary))
 
 
-def verification_line(result: Verification) -> str:
-    """Return the result of a verification in one line, with rich markup."""
+def verification_line(result: Verification) -> Text:
+    """Return the result of a verification in one line."""
     gaps = f", across {result.gaps} gaps" if result.gaps else ""
     if result.identical:
-        return f"[green]verified: all {result.checked} ticks are identical to the bit{gaps}[/green]"
-    return (
-        f"[red]not identical: tick {result.tick}, {result.field}: recorded {result.recorded!r}, "
-        f"computed {result.computed!r} (first difference, after {result.checked} ticks{gaps})[/red]"
+        return Text(f"verified: all {result.checked} ticks are identical to the bit{gaps}", "green")
+    return Text(
+        f"not identical: tick {result.tick}, {result.field}: recorded {result.recorded!r}, "
+        f"computed {result.computed!r} (first difference, after {result.checked} ticks{gaps})",
+        "red",
     )
 
 

@@ -65,7 +65,7 @@ def headline(status: Status | None, silence: float) -> Line:
     if status.phase == "idle":
         return _before(status)
     tone = {"paused": Tone.WATCH, "failed": Tone.WATCH, "succeeded": Tone.GOOD, "finished": Tone.QUIET}
-    words = "SESSION FINISHED" if status.phase == "finished" and status.block >= status.blocks else PHASES[status.phase]
+    words = "SESSION FINISHED" if status.phase == "finished" and last_block(status) else PHASES[status.phase]
     return Line(words, tone.get(status.phase, Tone.GOOD))
 
 
@@ -78,6 +78,11 @@ def _before(status: Status) -> Line:
     if status.waiting_for:
         return Line("WAITING", Tone.WATCH)
     return Line("READY", Tone.PLAIN)
+
+
+def last_block(status: Status) -> bool:
+    """Whether no block follows this one."""
+    return status.block >= status.blocks
 
 
 def progress(status: Status | None) -> str:
