@@ -16,7 +16,7 @@ class BlockChanges:
     def __init__(self, state: SessionState) -> None:
         self._state = state
         self._due = -1
-        self._details = TrialDetails(state.block.config)  # a session may end before its form is complete
+        self.details = TrialDetails(state.block.config)  # a session may end before its form is complete
 
     def begin_session(self) -> None:
         """Open the session, or wait for its form."""
