@@ -55,5 +55,5 @@ def init(file: Annotated[Path, typer.Argument(metavar="FILE", help="The file to 
     except FileExistsError:
         raise ConfigError(f"{file}: already exists and was not changed; name another file") from None
     except OSError as error:
-        raise ConfigError(f"{file}: cannot be written: {error}") from error
+        raise ConfigError(f"{file}: cannot be written: {error.strerror or error}") from error
     typer.echo(f"{file}: created; after editing, check it with: netboard config check {file}")

@@ -4,6 +4,7 @@ An expected error (`NetboardError`), a file or folder that cannot be used, and a
 stderr; ``--debug`` shows the traceback.
 """
 
+import errno
 import logging
 import re
 from typing import Any
@@ -54,6 +55,8 @@ def expected(error: NetboardError | OSError | ImportError) -> tuple[str, int]:
             return str(error), WRONG
         case NetboardError():
             return str(error), FAULT
+        case OSError() if error.filename is None and error.errno == errno.ENOSPC:
+            return "the output cannot be written: the disk is full", FAULT
         case OSError():  # such as a file name that is too long, or a folder that may not be read
             return "" if error.filename is None else f"{error.filename}: {error.strerror}", FAULT
         case ModuleNotFoundError():

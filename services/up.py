@@ -41,11 +41,12 @@ def up(
     """Start all processes of this machine, and stop them in order on Ctrl-C."""
     settings = load(config, overrides)
     wanted = processes(config, overrides or (), server=server, station=station, autostart=autostart, insecure=insecure)
-    from netboard.base.process import Stopping, log_to_stderr
+    from netboard.base.process import Stopping, log_to_stderr, no_terminal_suspension
     from netboard.nodes.operator.launcher import supervise
 
     log_to_stderr("up")
-    with free_address(settings.network) if server else nullcontext(), Stopping() as stopping:
+    address = free_address(settings.network) if server else nullcontext()
+    with address, Stopping() as stopping, no_terminal_suspension():
         raise typer.Exit(supervise(wanted, stopping))
 
 

@@ -3,7 +3,9 @@
 import os
 import signal
 from functools import partial
+from multiprocessing import active_children
 from pathlib import Path
+from threading import Event
 
 import pytest
 
@@ -36,3 +38,27 @@ def test_task_whose_process_dies_twice_is_an_error(tmp_path: Path) -> None:
 
 def test_empty_task_list_yields_no_results() -> None:
     assert list(run_all(square_or_die, (), 2)) == []  # type: ignore[arg-type]
+
+
+def one_or_wait(number: int) -> int:
+    """Return 1, or never end."""
+    if number > 1:
+        Event().wait()
+    return number
+
+
+def test_interruption_ends_the_processes_at_once() -> None:
+    before = set(active_children())
+    results = run_all(one_or_wait, range(1, 3), 2)
+    assert next(results) == (1, 1)
+    workers = set(active_children()) - before
+    with pytest.raises(KeyboardInterrupt):
+        results.throw(KeyboardInterrupt())  # type: ignore[attr-defined]
+    try:
+        for worker in workers:
+            worker.join(30)
+        assert workers
+        assert not any(worker.is_alive() for worker in workers)
+    finally:
+        for worker in workers:
+            worker.kill()

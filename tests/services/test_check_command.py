@@ -90,6 +90,17 @@ def test_folders_of_the_disk_itself_need_not_be_readable(
     assert "whole" in result.stdout
 
 
+@pytest.mark.parametrize("command", ["check", "sessions"])
+def test_link_to_a_recording_that_is_not_there_is_reported(command: str) -> None:
+    Path("recordings/unmounted.mcap").symlink_to("/nowhere/unmounted.mcap")
+    Path("recordings/circle.mcap").symlink_to("circle.mcap")
+    result = runner.invoke(app, [command, "recordings", "--json"])
+    assert '"recordings/unmounted.mcap"' in result.stdout
+    assert "cannot be read: No such file or directory" in result.stdout
+    assert '"recordings/circle.mcap"' in result.stdout
+    assert "cannot be read: Too many levels of symbolic links" in result.stdout
+
+
 def test_temporary_files_of_killed_commands_are_no_recordings() -> None:
     Path("recordings/.whole.recovered.mcap.1a2b3c4d.part").write_bytes(b"half")
     Path("recordings/.figure.png.42.part").write_bytes(b"half")

@@ -128,6 +128,14 @@ def test_file_name_that_is_too_long_is_one_line_that_names_it(words: str) -> Non
     assert re.fullmatch(rf"netboard: {LONG}[^\n]*: File name too long\n", result.stderr)
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+def test_output_to_a_full_disk_is_one_line() -> None:
+    with Path("/dev/full").open("w", encoding="utf-8") as full:
+        command = [sys.executable, "-m", "netboard.services.cli", "config", "show"]
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert (done.returncode, done.stderr) == (1, "netboard: the output cannot be written: the disk is full\n")
+
+
 def test_importing_the_command_line_loads_no_heavy_module() -> None:
     heavy = ("zmq", "numba", "numpy", "PySide6", "pyqtgraph", "mcap", "scipy", "netboard.nodes", "netboard.stage.stage")
     script = f"import sys, netboard.services.cli; print([name for name in {heavy} if name in sys.modules])"
@@ -170,7 +178,7 @@ def test_config_init_never_overwrites_a_file() -> None:
 def test_config_init_reports_a_missing_folder() -> None:
     result = runner.invoke(app, ["config", "init", "nowhere/rig.toml"])
     assert result.exit_code == 2
-    assert "cannot be written" in result.stderr
+    assert result.stderr == "netboard: nowhere/rig.toml: cannot be written: No such file or directory\n"
 
 
 def test_defaults_apply_without_a_configuration_file() -> None:

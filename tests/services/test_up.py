@@ -9,6 +9,7 @@ from pathlib import Path
 from threading import Timer
 
 import pytest
+from typer.testing import CliRunner
 
 from netboard.base.config import parse
 from netboard.base.errors import ConfigError, NetboardError
@@ -17,6 +18,7 @@ from netboard.network.transport.ports import free_port
 from netboard.nodes.operator import launcher
 from netboard.nodes.operator.launcher import Ended, Launcher
 from netboard.services import up
+from netboard.services.cli import app
 
 RIG = Path("rig.toml")
 
@@ -145,3 +147,16 @@ def test_second_ctrl_c_leaves_no_process_and_keeps_the_order(tmp_path: Path, mon
     ended = [(tmp_path / f"{name}.log").stat().st_mtime_ns for name in ("left-agent", "server", "logger")]
     assert ended == sorted(ended)
     assert (tmp_path / "logger.log").read_text().endswith("done\n")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+def test_ctrl_z_does_not_suspend_the_supervision(monkeypatch: pytest.MonkeyPatch) -> None:
+    handlers = []
+
+    def supervise(wanted: object, stopping: object) -> int:
+        handlers.append(signal.getsignal(signal.SIGTSTP))
+        return 0
+
+    monkeypatch.setattr(launcher, "supervise", supervise)
+    assert CliRunner().invoke(app, ["up", "--station", "left"]).exit_code == 0
+    assert handlers == [signal.SIG_IGN]

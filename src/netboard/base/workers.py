@@ -10,6 +10,14 @@ def worker_processes(count: int) -> ProcessPoolExecutor:
     return ProcessPoolExecutor(count, get_context("spawn"), _leave_stopping)
 
 
+def terminate_workers(pool: ProcessPoolExecutor) -> None:
+    """End the processes of a pool at once; after a mere shutdown, this process could end only after their tasks."""
+    processes = list((pool._processes or {}).values())  # Python 3.14 has ProcessPoolExecutor.terminate_workers
+    pool.shutdown(wait=False, cancel_futures=True)
+    for process in processes:
+        process.terminate()
+
+
 def _leave_stopping() -> None:
     """Ignore Ctrl-C in a worker."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)

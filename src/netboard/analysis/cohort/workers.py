@@ -2,7 +2,7 @@
 
 A process has one task at a time. If it ends too early, because memory ran out or a signal killed it, only its
 task is lost: another process tries it once more. If that fails too, the running tasks are finished, and then there is
-an error.
+an error. An interruption ends the processes at once, because nobody takes the results of their tasks any more.
 """
 
 from collections import Counter, deque
@@ -14,7 +14,7 @@ from typing import TypeVar
 
 from netboard.analysis.extraction.workers import dask
 from netboard.base.errors import NetboardError
-from netboard.base.workers import worker_processes
+from netboard.base.workers import terminate_workers, worker_processes
 
 T = TypeVar("T")
 
@@ -46,7 +46,7 @@ def run_all(
 
         def process() -> Executor:
             pool = worker_processes(1)
-            stack.callback(pool.shutdown, wait=False, cancel_futures=True)
+            stack.callback(terminate_workers, pool)
             return pool
 
         if address is not None:

@@ -57,7 +57,8 @@ def files_below(folder: Path, endings: tuple[str, ...]) -> list[Path]:
 
     walked = os.walk(folder, onerror=refuse)
     found = (Path(place, name) for place, _, names in walked for name in names if name.endswith(endings))
-    return sorted(path for path in found if path.is_file())
+    # A link to a file that is not there, as on a disk that is not mounted, must not pass for absent either.
+    return sorted(path for path in found if path.is_file() or not path.exists())
 
 
 def sha256_of(path: Path) -> str:

@@ -106,7 +106,9 @@ def entry_of(path: Path) -> Entry:
         return _recording(path, size)
     except _UNREADABLE as error:
         kind = "unfinished" if path.suffix == ".part" else path.suffix.removeprefix(".").replace("mcap", "recording")
-        damaged = Entry(path, kind, verdict=RESULTS[Severity.DAMAGE], why=str(error) or type(error).__name__)
+        unread = f"cannot be read: {error.strerror}" if isinstance(error, OSError) and error.strerror else ""
+        why = unread or str(error) or type(error).__name__
+        damaged = Entry(path, kind, verdict=RESULTS[Severity.DAMAGE], why=why)
         return _begun(damaged) if kind == "recording" else damaged
 
 
