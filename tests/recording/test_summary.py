@@ -1,6 +1,7 @@
 """The summary of streams with known numbers."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from netboard.base.tick import TICK
 from netboard.network.protocol.motion import Safeguard
 from netboard.network.protocol.records import ClockRecord, EventRecord, FrameRecord
 from netboard.recording.format.summary import Gap, find_attempts, find_gaps, spread, summarise
+from netboard.recording.integrity.trial_check import _wrong_list
 from netboard.stage.stage import make_stage
 from netboard.task.trials.state_machine import Cause, Phase
 
@@ -70,6 +72,11 @@ def test_attempts_are_found_with_their_outcomes() -> None:
     summary = summarise(rows)
     assert summary.completions == pytest.approx((0.009,))
     assert summary.failures == 2
+    # A command in the last tick of the recording ends the attempt, too.
+    for cause, outcome in ((Cause.STOP, "stop"), (Cause.PAUSE, "pause"), (Cause.ENTERED, "unfinished")):
+        ended = rows.copy()
+        ended["event"][-1] = cause
+        assert find_attempts(ended)[-1].outcome == outcome
     # A hole between two attempts does not join them.
     assert [a.tick for a in find_attempts(np.concatenate([rows[:15], rows[30:]]))][:2] == [10, 30]
 
@@ -138,3 +145,14 @@ def test_summary_agrees_with_the_counts_of_the_stage() -> None:
     assert summary.failures == 2 == state["failures"][0]
     assert [(a.trial, a.attempt) for a in summary.attempts] == [(1, 1), (2, 1), (2, 2), (2, 3), (3, 1), (4, 1)]
     assert all(a.duration == pytest.approx(a.completion + 0.3, abs=2e-3) for a in summary.attempts if a.completion > 0)
+
+
+def test_list_of_an_older_logger_may_call_a_stopped_last_attempt_unfinished() -> None:
+    rows = ticks(20)
+    rows["phase"][5:] = Phase.RUNNING
+    rows["event"][-1] = Cause.STOP
+    found = find_attempts(rows)
+    listed = (replace(found[0], outcome="unfinished"),)
+    assert list(_wrong_list(found, found)) == list(_wrong_list(found, listed)) == []
+    rows["event"][-1] = Cause.FELL
+    assert list(_wrong_list(find_attempts(rows), listed)) != []

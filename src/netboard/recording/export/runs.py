@@ -61,7 +61,7 @@ def runs_of(recordings: Sequence[Path]) -> tuple[Run, ...]:
     for path in recordings:
         with Recording(path) as recording:
             if not recording.counts["/ticks"]:
-                raise RecordingError(f"{path}: contains no ticks; leave it out")
+                raise RecordingError(f"{path}: contains no ticks; leave it out (netboard analyse: --skip-unreadable)")
             if lost := [name for name in _NEEDED if name not in recording.metadata]:
                 raise RecordingError(f"{path}: lost its {', '.join(lost)} when it was damaged; leave it out")
             config = recording.config

@@ -24,7 +24,7 @@ from netboard.network.protocol.records import (
     kind_of_peer,
 )
 from netboard.recording.format.backfill import unknown_ticks
-from netboard.task.trials.state_machine import BALL_FREE, Cause, Phase
+from netboard.task.trials.state_machine import BALL_FREE, TABLE, Cause, Phase
 
 T = TypeVar("T")
 
@@ -92,6 +92,11 @@ class Attempt:
 _OUTCOMES = {Cause.HELD: "success", Cause.FELL: "fell", Cause.TIMED_OUT: "timed_out", Cause.LAST: "skip"}
 """Other attempts end with a command and carry its name. The end of a block while the ball rolls counts as a skip."""
 
+_ENDS = frozenset(
+    int(cause) for phase in BALL_FREE for cause, (after, _) in TABLE[phase].items() if after not in BALL_FREE
+)
+"""Causes that end an attempt, also in the last tick of a recording."""
+
 _CAUSES = frozenset(int(cause) for cause in Cause)
 
 
@@ -110,7 +115,7 @@ def find_attempts(ticks: NDArray[Any]) -> tuple[Attempt, ...]:
             continue
         begin, last = ticks[first], ticks[stop - 1]
         cause = int(last["event"])
-        ended = stop < ticks.size or cause in _OUTCOMES
+        ended = stop < ticks.size or cause in _ENDS
         attempts.append(
             Attempt(
                 trial=int(begin["trial"]),
