@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import inlined, kernel
+from netboard.base.compiled import inlined, kernel, machine_code
 from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant, VirtualDevice
 from netboard.participants.cable import CABLES, TIP, pack_cables, stretch
@@ -364,6 +364,8 @@ class Hand:
         self._rng = rng
         self._white = np.zeros((0, 3))
         self._drawn = 0
+        self._parts = self.state, self.end, self.arm, self.cables, self.submovements
+        self._advance_hand = machine_code(advance_hand, *self._parts, *(0.0,) * 4, 0, self._white)
         if arm["stiffness"][0] > 0.0:
             for axis in ("x", "y"):
                 self._record[axis] = self._record[f"rest_{axis}"] = LATERAL_SD * rng.standard_normal()
@@ -409,8 +411,7 @@ class Hand:
         force : tuple of float
             Motor force on the stylus along x, y, z [N].
         """
-        parts = self.state, self.end, self.arm, self.cables, self.submovements
-        advance_hand(*parts, origin, force[0], force[1], force[2], steps, self.noise(steps))
+        self._advance_hand(*self._parts, origin, force[0], force[1], force[2], steps, self.noise(steps))
 
     def noise(self, steps: int) -> NDArray[np.float64]:
         """Return the standard normal numbers of the next steps, a row of three for each update in them [1].

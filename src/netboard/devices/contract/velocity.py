@@ -16,7 +16,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import inlined
+from netboard.base.compiled import inlined, machine_code
 from netboard.devices.contract import estimators
 from netboard.physics.arithmetic.simd import gathered, lane, lanes_at, larger, put, smaller, where_within
 
@@ -94,13 +94,16 @@ class Velocimeter:
         self._stamps_ns = np.zeros(SAMPLES, np.int64)
         self._places = np.zeros((SAMPLES, AXES))
         self._count = 0
+        self._windowed = machine_code(windowed, self._stamps_ns, self._places, 0, self._band, 0, (0.0, 0.0, 0.0))
 
     def update(self, stamp_ns: int, x: float, y: float, z: float) -> tuple[float, float, float]:
         """Add a position [m] and return the velocity estimate [m/s]; 0 until the second position.
 
         A position that is not later than the newest one replaces it.
         """
-        self._count, vx, vy, vz = windowed(self._stamps_ns, self._places, self._count, self._band, stamp_ns, (x, y, z))
+        self._count, vx, vy, vz = self._windowed(
+            self._stamps_ns, self._places, self._count, self._band, stamp_ns, (x, y, z)
+        )
         return vx, vy, vz
 
 

@@ -23,7 +23,7 @@ from typing import Annotated, Any, final
 import numpy as np
 from pydantic import StrictBool
 
-from netboard.base.compiled import inlined, kernel
+from netboard.base.compiled import inlined, kernel, machine_code
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
 from netboard.base.tick import TICK_NS
@@ -149,6 +149,7 @@ class VirtualTouch(Device):
         rng = np.random.default_rng((config.block.seed, SIDES.index(side)))
         self._hand = make_hand(config.participant, virtual, rng, held)
         self._written = self._acting = (0.0, 0.0, 0.0)
+        self._encoded = machine_code(encoded, self._hand.state, 0.0, 0.0, 0.0)
         self._limit = model.max_force
         self._time_ns: int | None = None
         self._velocimeter = Velocimeter(model.resolution)
@@ -265,8 +266,8 @@ class VirtualTouch(Device):
         rest = max(now_ns - (self._time_ns or now_ns), 0) * 1e-9
         stop, step = self._model.workspace, self._model.resolution
         if self._late is None:
-            return encoded(self._hand.state, rest, stop, step)
-        return _quantised(*self._late.take(now_ns, encoded(self._hand.state, rest, stop, 0.0)), step)
+            return self._encoded(self._hand.state, rest, stop, step)
+        return _quantised(*self._late.take(now_ns, self._encoded(self._hand.state, rest, stop, 0.0)), step)
 
     def _details(self) -> dict[str, str]:
         """Return the parameters of the device and its configured imperfections."""

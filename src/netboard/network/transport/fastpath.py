@@ -19,7 +19,7 @@ import zmq
 from llvmlite import binding
 from numba import types
 
-from netboard.base.compiled import kernel
+from netboard.base.compiled import kernel, machine_code
 from netboard.base.errors import NetboardError
 
 MACHINE_CLOCK = -1
@@ -365,3 +365,27 @@ class FastPath:
     def close(self) -> None:
         """Release the socket: from now on nothing is received or sent."""
         self.record[0]["socket"] = 0
+
+
+class Receiver:
+    """Receives the single frames of a socket that is mostly empty; a look at it takes a tenth of that of pyzmq.
+
+    ``socket``: closed with the receiver. ``longest``: size of the longest valid frame [bytes].
+    """
+
+    def __init__(self, socket: Socket, longest: int) -> None:
+        self._socket, self._path = socket, FastPath(socket)
+        self._frame = np.zeros(longest, np.uint8)
+        self._receive = machine_code(receive_one, self._path.record, self._frame)
+
+    def receive(self) -> bytes | None:
+        """Return the next frame, truncated to the longest valid size, or None if there is none now."""
+        size = self._receive(self._path.record, self._frame)
+        if size == FAILED:
+            self._path.raise_failure("receiving")
+        return None if size < 0 else self._frame[:size].tobytes()
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._path.close()
+        self._socket.close()

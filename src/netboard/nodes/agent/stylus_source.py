@@ -23,6 +23,7 @@ from netboard.network import keys
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.motion import Felt, Move, Pointer
 from netboard.network.transport import channels, sockets
+from netboard.network.transport.fastpath import Receiver
 from netboard.participants.controller import Controller
 from netboard.participants.policy import SIMULATED_PARTICIPANT, identity_of
 from netboard.participants.senses import Glimpse
@@ -75,11 +76,11 @@ class ViewReceiver:
 
     def __init__(self, socket: sockets.Socket) -> None:
         self.glimpse: Glimpse | None = None
-        self._socket = socket
+        self._receiver = Receiver(socket, sockets.MAX_SAMPLE)
 
     def poll(self, now_ns: int) -> None:
         """Take the newest view."""
-        frame = sockets.receive(self._socket)
+        frame = self._receiver.receive()
         if frame is None:
             return
         try:
@@ -93,7 +94,7 @@ class ViewReceiver:
 
     def close(self) -> None:
         """Close the subscription."""
-        self._socket.close()
+        self._receiver.close()
 
 
 class LiveController:
@@ -143,12 +144,13 @@ class SecondHand:
 
     def __init__(self, config: Config, device: SimulatedHandDevice, context: sockets.Context) -> None:
         self._device = device
-        self._moves = sockets.moves_receiver(context, channels.addresses(config.network).reach(channels.MOVES))
+        socket = sockets.moves_receiver(context, channels.addresses(config.network).reach(channels.MOVES))
+        self._moves = Receiver(socket, sockets.MAX_SAMPLE)
 
     def step(self, now_ns: int, haptics: bool) -> None:
         """Begin the commanded movements."""
         self._device.live(now_ns)
-        while (frame := sockets.receive(self._moves)) is not None:
+        while (frame := self._moves.receive()) is not None:
             try:
                 move = decode(frame)
             except WireError:
@@ -169,7 +171,7 @@ class Player:
         where = channels.addresses(config.network)
         self.identity = identity_of("player with a mouse")
         self._device = device
-        self._pointer = sockets.pointer_receiver(context, where.pointer(device.side))
+        self._pointer = Receiver(sockets.pointer_receiver(context, where.pointer(device.side)), sockets.MAX_SAMPLE)
         self._felt = sockets.felt_publisher(context, where.felt(device.side))
         self._published_ns = 0
 
@@ -178,7 +180,7 @@ class Player:
 
     def step(self, now_ns: int, haptics: bool) -> None:
         """Take the pointer's position, and send the force on the hand."""
-        frame = sockets.receive(self._pointer)
+        frame = self._pointer.receive()
         if frame is not None:
             self._take(frame, now_ns)
         if now_ns - self._published_ns >= FORCE_VIEW_INTERVAL_NS and self._felt.wanted():
