@@ -40,7 +40,7 @@ def test_constant_force_deflects_the_arm_by_force_over_stiffness() -> None:
 def test_released_hand_follows_a_damped_oscillator() -> None:
     """The scheme is of first order; at 0.25 ms its error is below the encoder's resolution."""
     hand = make()
-    hand.state["z"] = 0.01
+    hand.state["place"][0, 2] = 0.01
     m, k = PERSON.arm_mass + TOUCH.mass, PERSON.arm_stiffness
     decay = (PERSON.arm_damping + TOUCH.damping) / (2 * m)
     omega = np.sqrt(k / m - decay**2)
@@ -62,7 +62,7 @@ def test_coulomb_friction_lowers_the_amplitude_linearly() -> None:
     """Without damping the amplitude falls by ``4 F / K`` per period, and then the hand sticks."""
     friction = 0.03
     hand = make(replace(PERSON, arm_damping=0.0), VirtualDevice(friction=friction, damping=0.0))
-    hand.state["z"] = 0.01
+    hand.state["place"][0, 2] = 0.01
     trajectory = heights(hand, 12_000)
     peaks = trajectory[1:-1][(trajectory[1:-1] > trajectory[:-2]) & (trajectory[1:-1] >= trajectory[2:])]
     fall = 4 * friction / PERSON.arm_stiffness

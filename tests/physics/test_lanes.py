@@ -12,6 +12,7 @@ from netboard.physics.arithmetic.simd import (
     lane,
     lanes_at,
     larger,
+    nearest,
     pair_at,
     put,
     smaller,
@@ -126,13 +127,24 @@ def lane_selection(a: Any, b: Any, bound: float, out: Any) -> None:
 
 
 @kernel
+def rounding(values: Any, out: Any) -> None:
+    put(out, 0, nearest(lanes_at(values, 0, 8)))
+
+
+def test_rounded_lanes_are_those_of_round() -> None:
+    values, out = np.array([-2.5, -1.5, -0.4, 0.0, 0.5, 0.51, 2.5, 1e9 + 0.5]), np.zeros(8)
+    rounding(values, out)
+    assert out.tobytes() == np.array([float(round(one)) for one in values.tolist()]).tobytes()
+
+
+@kernel
 def float_selection(a: Any, b: Any, bound: float, out: Any) -> None:
     for i in range(4):
         x, y = a[i], b[i]
         out[i] = min(max(x, -bound), bound)
         out[4 + i] = max(x, y)
         out[8 + i] = min(x, y)
-        out[12 + i] = bound if x < -y or x > y or -y > y else x
+        out[12 + i] = bound if x < -y or x > y else x
 
 
 @pytest.mark.parametrize("bound", [0.0, 0.7, 1.0, np.inf])

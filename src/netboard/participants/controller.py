@@ -44,7 +44,7 @@ from netboard.participants.expectations import (
     of_partner,
     partner_drift,
     partner_height_seen,
-    share_done,
+    shares_done,
 )
 from netboard.participants.hand import CAPACITY
 from netboard.participants.partner import GOAL, goal_gains
@@ -63,6 +63,7 @@ from netboard.participants.senses import (
     write_glimpse,
 )
 from netboard.participants.submovement import Submovement
+from netboard.physics.arithmetic.simd import gathered, lane
 
 DECISION_INTERVAL = 0.010
 """Interval between two decisions [s]."""
@@ -75,6 +76,8 @@ REACTION_CV = 0.2
 
 FORESIGHT_STEPS = 6
 """Number of integration steps of the ball's prediction [1]."""
+
+_MIDDLES = tuple(step + 0.5 for step in range(FORESIGHT_STEPS))
 
 MAX_THRESHOLD = 0.95
 """Largest threshold, as a share of the largest commanded tilt [1]. Without this limit, about one drawn threshold in two
@@ -265,12 +268,14 @@ def _drop_completed(state: Any, k: Any, shown: float) -> None:
     intents, kept = state["intents"], 0
     for i in range(state["intent_count"]):
         intent = intents[i]
-        if commanded_share(intent, shown) < 1.0:
+        share = commanded_share(intent, shown)
+        if share < 1.0:
             if kept < i:
                 to = intents[kept]
                 to["side"], to["start"], to["duration"] = intent["side"], intent["start"], intent["duration"]
                 to["displacement"], to["turn"] = intent["displacement"], intent["turn"]
                 to["mirrored"], to["partner"] = intent["mirrored"], intent["partner"]
+            intents[kept]["shown"] = share
             kept += 1
             continue
         state["mirrored"] += of_partner(intent)
@@ -329,9 +334,10 @@ def _predict_ball(state: Any, k: Any, expected: float) -> tuple[float, float]:
     seen = state["percept"]
     dt = k["lookahead"] * k["visual_delay"] / FORESIGHT_STEPS
     ball, speed = seen["p"], seen["v"]
+    shares = shares_done(state, k, seen["time"] + gathered(_MIDDLES, FORESIGHT_STEPS) * dt)
+    pulls = -k["g"] * (seen["theta"] + shares * (expected - seen["theta"]))
     for step in range(FORESIGHT_STEPS):
-        share = share_done(state, k, seen["time"] + (step + 0.5) * dt)
-        pull = -k["g"] * (seen["theta"] + share * (expected - seen["theta"]))
+        pull = lane(pulls, step)
         ball += speed * dt + pull * dt * dt / 2.0
         speed += pull * dt
     return ball, speed

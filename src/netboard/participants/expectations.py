@@ -13,7 +13,8 @@ from netboard.base.compiled import inlined
 from netboard.participants.hand import CAPACITY
 from netboard.participants.partner import follow_goal, haptic_weight, partner_height, partner_seen
 from netboard.participants.senses import force_at
-from netboard.participants.submovement import minimum_jerk
+from netboard.participants.submovement import jerk_polynomial, minimum_jerk
+from netboard.physics.arithmetic.simd import larger, smaller
 
 INTENTS = 2 * CAPACITY
 """Submovements of a participant whose effect it has not seen yet, at most; for each hand `CAPACITY` [1]."""
@@ -39,6 +40,7 @@ INTENT = np.dtype(
         ("turn", "<f8"),  # part of it that tilts the board; the rest lifts it [m]
         ("mirrored", "<f8"),  # expected displacement of the partner's hand, which tilts the board too [m]
         ("partner", "<f8"),  # height of the partner's hand as seen at the decision; NaN if unknown [m]
+        ("shown", "<f8"),  # share of it whose effect has been seen [1]
     ]
 )
 """An intended submovement: its expected effect until it becomes visible."""
@@ -52,8 +54,8 @@ def delay_to_hand(k: Any) -> float:
 
 @inlined
 def commanded_share(intent: Any, when: float) -> float:
-    """Return the share of a submovement that is commanded at a time [1]."""
-    return minimum_jerk((when - intent["start"]) / intent["duration"])
+    """Return the share of a submovement that is commanded at a time, which may be infinite [1]."""
+    return 1.0 if when == inf else minimum_jerk((when - intent["start"]) / intent["duration"])
 
 
 @inlined
@@ -75,19 +77,18 @@ def moved(state: Any, k: Any, side: int, when: float) -> float:
     for i in range(state["intent_count"]):
         intent = state["intents"][i]
         if intent["side"] == side:
-            progress = commanded_share(intent, when - lag) - commanded_share(intent, state["percept"]["time"] - lag)
-            rise += intent["displacement"] * progress
+            rise += intent["displacement"] * (commanded_share(intent, when - lag) - intent["shown"])
     return rise
 
 
 @inlined
-def turning(state: Any, k: Any, side: int) -> float:
+def turning(state: Any, side: int) -> float:
     """Return the part of an own hand's remaining displacement that tilts the board; the rest lifts it [m]."""
-    when, rise = state["percept"]["time"] - delay_to_hand(k), 0.0
+    rise = 0.0
     for i in range(state["intent_count"]):
         intent = state["intents"][i]
         if intent["side"] == side:
-            rise += intent["turn"] * (1.0 - commanded_share(intent, when))
+            rise += intent["turn"] * (1.0 - intent["shown"])
     return rise
 
 
@@ -98,24 +99,29 @@ def board_height(state: Any, k: Any) -> float:
     for side in range(2):
         shown = own_height(state, side)
         if k["hands"] & (1 << side) and not isnan(shown):
-            lifting = moved(state, k, side, inf) - turning(state, k, side)
+            lifting = moved(state, k, side, inf) - turning(state, side)
             total += shown - (2.0 * side - 1.0) * k["l"] * state["percept"]["theta"] + lifting
             count += 1
     return total / count if count > 0 else state["percept"]["z"]
 
 
 @inlined
-def share_done(state: Any, k: Any, when: float) -> float:
-    """Return the share, done at `when`, of the tilt change under way when seen; from own hands only [1]."""
-    lag = delay_to_hand(k)
-    remaining = done = 0.0
+def shares_done(state: Any, k: Any, times: Any) -> Any:
+    """Return the shares, done at some times, of the tilt change under way when seen; from own hands only [1].
+
+    Parameters
+    ----------
+    times : lanes
+        Times after that of the percept [s].
+    """
+    commanded, remaining, done = times - delay_to_hand(k), 0.0, 0.0 * times
     for i in range(state["intent_count"]):
         intent = state["intents"][i]
         size = abs(intent["turn"])
-        before = commanded_share(intent, state["percept"]["time"] - lag)
-        remaining += size * (1.0 - before)
-        done += size * (commanded_share(intent, when - lag) - before)
-    return done / remaining if remaining > 0.0 else 1.0
+        remaining += size * (1.0 - intent["shown"])
+        elapsed = (commanded - intent["start"]) / intent["duration"]
+        done = done + size * (jerk_polynomial(smaller(larger(elapsed, 0.0), 1.0)) - intent["shown"])
+    return done / remaining if remaining > 0.0 else 0.0 * times + 1.0
 
 
 @inlined
@@ -175,8 +181,7 @@ def partner_moved(state: Any, k: Any, when: float) -> float:
     lag, rise = delay_to_hand(k), 0.0
     for i in range(state["intent_count"]):
         intent = state["intents"][i]
-        progress = commanded_share(intent, when - lag) - commanded_share(intent, state["percept"]["time"] - lag)
-        rise += of_partner(intent) * progress
+        rise += of_partner(intent) * (commanded_share(intent, when - lag) - intent["shown"])
     return rise
 
 

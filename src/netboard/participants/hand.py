@@ -24,7 +24,7 @@ from netboard.base.tables.simulated import Participant, VirtualDevice
 from netboard.participants.cable import CABLES, TIP, pack_cables, stretch
 from netboard.participants.device_models import resolved
 from netboard.participants.submovement import Submovement, minimum_jerk
-from netboard.physics.arithmetic.simd import gathered, lane, larger, smaller, where_within
+from netboard.physics.arithmetic.simd import gathered, lanes_at, larger, put, smaller, where_within
 
 STEP_NS = 250_000
 """Length of an integration step [ns]."""
@@ -84,14 +84,13 @@ ARM = np.dtype(
 )
 """Constants of a hand, as one record for the kernels."""
 
+LANES = 4
+"""Lanes of a vector register in which the axes x, y, z are integrated together [1]."""
+
 HAND = np.dtype(
     [
-        ("x", "<f8"),  # position [m]
-        ("y", "<f8"),
-        ("z", "<f8"),
-        ("vx", "<f8"),  # velocity [m/s]
-        ("vy", "<f8"),
-        ("vz", "<f8"),
+        ("place", "<f8", (LANES,)),  # position x, y, z [m]
+        ("v", "<f8", (LANES,)),  # velocity [m/s]
         ("rest_x", "<f8"),  # rest position of the arm across the vertical path [m]
         ("rest_y", "<f8"),
         ("noise_x", "<f8"),  # force noise [N]
@@ -180,7 +179,8 @@ def _aim(s: Any, plan: Any, when: float, bound: float) -> float:
         if share >= 1.0:
             s["aim"] = min(max(s["aim"] + plan[i, 2], -bound), bound)
         else:
-            plan[kept, 0], plan[kept, 1], plan[kept, 2] = plan[i, 0], plan[i, 1], plan[i, 2]
+            if kept < i:
+                plan[kept, 0], plan[kept, 1], plan[kept, 2] = plan[i, 0], plan[i, 1], plan[i, 2]
             kept += 1
     s["moves"] = kept
     return float(min(max(wanted, -bound), bound))
@@ -212,7 +212,7 @@ def _stiffen(s: Any, arm: Any) -> None:
     (Franklin et al., J. Neurosci. 2008).
     """
     if arm["stiffening"] > 0.0:
-        wanted = s["stiffness"] + arm["stiffening"] * abs(s["equilibrium"] - s["z"]) - arm["relaxing"]
+        wanted = s["stiffness"] + arm["stiffening"] * abs(s["equilibrium"] - s["place"][2]) - arm["relaxing"]
         s["stiffness"] = min(max(wanted, arm["stiffness"]), arm["stiffest"])
 
 
@@ -260,13 +260,13 @@ def integrate(s: Any, arm: Any, fx: float, fy: float, fz: float, steps: int) -> 
             stiffness * s["rest_y"] + s["noise_y"] + fy,
             stiffness * s["equilibrium"] + s["compensation"] + s["noise_z"] + fz,
         ),
-        4,
+        LANES,
     )
-    place, v = gathered((s["x"], s["y"], s["z"]), 4), gathered((s["vx"], s["vy"], s["vz"]), 4)
+    place, v = lanes_at(s["place"], 0, LANES), lanes_at(s["v"], 0, LANES)
     for _ in range(steps):
         place, v = _advanced(place, v, push - stiffness * place, arm)
-    s["x"], s["y"], s["z"] = lane(place, 0), lane(place, 1), lane(place, 2)
-    s["vx"], s["vy"], s["vz"] = lane(v, 0), lane(v, 1), lane(v, 2)
+    put(s["place"], 0, place)
+    put(s["v"], 0, v)
     s["steps"] += steps
 
 
@@ -274,14 +274,15 @@ def integrate(s: Any, arm: Any, fx: float, fy: float, fz: float, steps: int) -> 
 def integrate_on_cables(s: Any, tip: Any, cables: Any, fx: float, fy: float, fz: float, steps: int) -> None:
     """Advance a hand as `integrate` does, with compliant cables; `s` is then the state of the motor side."""
     t, load = tip, s["compensation"] + s["noise_z"]
+    place, v = s["place"], s["v"]
     for _ in range(steps):
-        s["x"], s["vx"], t["x"], t["vx"] = stretch(
-            s["x"], s["vx"], t["x"], t["vx"], fx, s["noise_x"], _lateral_rest(s), cables
+        place[0], v[0], t["x"], t["vx"] = stretch(
+            place[0], v[0], t["x"], t["vx"], fx, s["noise_x"], _lateral_rest(s), cables
         )
-        s["y"], s["vy"], t["y"], t["vy"] = stretch(
-            s["y"], s["vy"], t["y"], t["vy"], fy, s["noise_y"], s["rest_y"], cables
+        place[1], v[1], t["y"], t["vy"] = stretch(
+            place[1], v[1], t["y"], t["vy"], fy, s["noise_y"], s["rest_y"], cables
         )
-        s["z"], s["vz"], t["z"], t["vz"] = stretch(s["z"], s["vz"], t["z"], t["vz"], fz, load, s["equilibrium"], cables)
+        place[2], v[2], t["z"], t["vz"] = stretch(place[2], v[2], t["z"], t["vz"], fz, load, s["equilibrium"], cables)
     s["steps"] += steps
 
 
@@ -367,9 +368,9 @@ class Hand:
         self._parts = self.state, self.end, self.arm, self.cables, self.submovements
         self._advance_hand = machine_code(advance_hand, *self._parts, *(0.0,) * 4, 0, self._white)
         if arm["stiffness"][0] > 0.0:
-            for axis in ("x", "y"):
-                self._record[axis] = self._record[f"rest_{axis}"] = LATERAL_SD * rng.standard_normal()
-                self.end[axis] = self._record[axis]
+            for k, axis in enumerate(("x", "y")):
+                self._record["place"][k] = self._record[f"rest_{axis}"] = LATERAL_SD * rng.standard_normal()
+                self.end[axis] = self._record["place"][k]
 
     def plan(self, moves: Iterable[Submovement]) -> None:
         """Add submovements to those under way.
@@ -399,7 +400,7 @@ class Hand:
         z : float
             Height at the encoders [m].
         """
-        self._record["z"], self._record["vz"] = z, 0.0
+        self._record["place"][2], self._record["v"][2] = z, 0.0
 
     def advance(self, steps: int, origin: float, force: tuple[float, float, float]) -> None:
         """Advance the hand under a constant force.
@@ -437,11 +438,11 @@ class Hand:
     @property
     def position(self) -> tuple[float, float, float]:
         """Position x, y, z at the encoders [m]."""
-        s = self._record
-        return float(s["x"]), float(s["y"]), float(s["z"])
+        x, y, z, _ = self._record["place"].tolist()
+        return x, y, z
 
     @property
     def velocity(self) -> tuple[float, float, float]:
         """Velocity x, y, z at the encoders [m/s]."""
-        s = self._record
-        return float(s["vx"]), float(s["vy"]), float(s["vz"])
+        vx, vy, vz, _ = self._record["v"].tolist()
+        return vx, vy, vz

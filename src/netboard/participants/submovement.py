@@ -5,8 +5,9 @@ neither of the two.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
-from netboard.base.compiled import kernel
+from netboard.base.compiled import inlined, kernel
 from netboard.base.config import Side
 
 
@@ -42,6 +43,12 @@ class Submovement:
         return float(minimum_jerk((when - self.start) / self.duration))
 
 
+@inlined
+def jerk_polynomial(s: Any) -> Any:
+    """Return ``10 s^3 - 15 s^4 + 6 s^5`` for a number or lanes from 0 to 1."""
+    return s * s * s * (10.0 + s * (6.0 * s - 15.0))
+
+
 @kernel
 def minimum_jerk(s: float) -> float:
     """Return the completed share of a minimum-jerk movement, ``10 s^3 - 15 s^4 + 6 s^5`` (Flash and Hogan 1985) [1].
@@ -55,4 +62,4 @@ def minimum_jerk(s: float) -> float:
         return 0.0
     if s >= 1.0:
         return 1.0
-    return s * s * s * (10.0 + s * (6.0 * s - 15.0))
+    return float(jerk_polynomial(s))

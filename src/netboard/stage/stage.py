@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import borrowed, inlined, kernel, specialised
+from netboard.base.compiled import borrowed, inlined, specialised
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError
 from netboard.base.tables.declared import number_of
@@ -111,7 +111,7 @@ def _make_ticks(
     """Compile the ticks of a kind of block: method, scene with the ball free and fixed, and commanded forces."""
     STEP = TICK_SECONDS / SUBSTEPS
 
-    @kernel
+    @inlined
     def ticks(state: Any, rows: Any, first: int, count: int, book: Any, tables: Any) -> None:
         s, scene, rules, numbers = state[0], book[0]["scene"], book[0]["rules"], book[0]["rendering"]
         limit = book[0]["settings"]["stylus_range"]

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from netboard.base.compiled import inlined, kernel
+from netboard.base.compiled import inlined
 from netboard.base.tables.declared import EXTRAPOLATIONS, require
 from netboard.physics.arithmetic.vectors import State
 from netboard.physics.hands.extrapolation import (
@@ -59,7 +59,7 @@ def _used(
     return z, vz, az
 
 
-@kernel
+@inlined
 def sense_left(s: Any, row: Any, limit: float, hold: int) -> None:
     """Update state and row from the left stylus. Records have constant field names in kernels: one for each side."""
     z, vz, stamp_ns = row["left_sent_z"], row["left_sent_vz"], row["left_stamp_ns"]
@@ -73,7 +73,7 @@ def sense_left(s: Any, row: Any, limit: float, hold: int) -> None:
     s["left_z"] = used[0]
 
 
-@kernel
+@inlined
 def sense_right(s: Any, row: Any, limit: float, hold: int) -> None:
     """Update state and row from the right stylus."""
     z, vz, stamp_ns = row["right_sent_z"], row["right_sent_vz"], row["right_stamp_ns"]

@@ -11,12 +11,12 @@ comparison.
 """
 
 from collections.abc import Callable, Mapping
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import inlined, machine_code
+from netboard.base.compiled import inlined, kernel, machine_code
 from netboard.devices.contract import estimators
 from netboard.physics.arithmetic.simd import gathered, lane, lanes_at, larger, put, smaller, where_within
 
@@ -30,50 +30,74 @@ SLACK = 1.01
 """Width of the band in encoder steps, slightly more than one to allow for rounding [1]."""
 
 
-@inlined
-def windowed(
+def make_windowed(LANES: int) -> Callable[..., tuple[int, Any]]:
+    """Compile the estimator for a number of lanes: one for each axis of one stylus or of several read at once."""
+
+    @inlined
+    def windowed(
+        stamps: NDArray[np.int64],
+        places: NDArray[np.float64],
+        count: int,
+        band: float,
+        stamp_ns: int,
+        newest: Any,
+    ) -> tuple[int, Any]:
+        """Add a position to the stored ones; return their number and the velocities [m/s].
+
+        ``stamps``, ``places``: times [ns] and positions [m] of the last `SAMPLES`, newest first, changed in place;
+        ``count`` of them are valid. ``band``: largest deviation of a position from the line [m]. ``stamp_ns``: time of
+        the new position ``newest``; one that is not later than the newest replaces it.
+
+        A line from the newest position fits an older one if its slope is within ``band / elapsed time`` of the slope
+        between the two. So one pass suffices, which narrows the interval of the slopes that fit all positions so far,
+        and moves each position to the next place. ``ended`` is not 0 for an axis whose window has ended. There are no
+        branches, because a processor predicts the ends of several windows badly.
+        """
+        if count > 0 and stamp_ns <= stamps[0]:
+            stamp_ns = stamps[0]
+            count -= 1
+            for k in range(count):
+                stamps[k] = stamps[k + 1]
+                put(places, LANES * k, lanes_at(places, LANES * (k + 1), LANES))
+        best = ended = gathered((0.0,), LANES)
+        lowest, highest = best - np.inf, best + np.inf
+        following, following_ns = lanes_at(places, 0, LANES), stamps[0]
+        put(places, 0, newest)
+        stamps[0] = stamp_ns
+        count = min(count + 1, SAMPLES)
+        for last in range(1, count):
+            older, older_ns = following, following_ns
+            following, following_ns = lanes_at(places, LANES * last, LANES), stamps[last]
+            put(places, LANES * last, older)
+            stamps[last] = older_ns
+            per_second = 1e9 / (stamp_ns - older_ns)
+            rate = (newest - older) * per_second
+            ended = where_within(rate, lowest, highest, ended, 1.0)
+            best = where_within(ended, 0.0, 0.0, rate, best)
+            lowest = larger(lowest, rate - band * per_second)
+            highest = smaller(highest, rate + band * per_second)
+        return count, best
+
+    return windowed
+
+
+_windowed = make_windowed(AXES)
+
+
+@kernel
+def _windowed_axes(
     stamps: NDArray[np.int64],
     places: NDArray[np.float64],
     count: int,
     band: float,
     stamp_ns: int,
-    place: tuple[float, ...],
+    x: float,
+    y: float,
+    z: float,
 ) -> tuple[int, float, float, float]:
-    """Add a position to the stored ones; return their number and the velocity x, y, z [m/s].
-
-    ``stamps``, ``places``: times [ns] and positions x, y, z, 0 [m] of the last `SAMPLES`, newest first, changed in
-    place; ``count`` of them are valid. ``band``: largest deviation of a position from the line [m]. ``stamp_ns``: time
-    of the new position ``place``; one that is not later than the newest replaces it.
-
-    A line from the newest position fits an older one if its slope is within ``band / elapsed time`` of the slope
-    between the two. So one pass suffices, which narrows the interval of the slopes that fit all positions so far, and
-    moves each position to the next place. No slope lies in the interval of an axis whose window has ended. There are
-    no branches, because a processor predicts the ends of three windows badly.
-    """
-    if count > 0 and stamp_ns <= stamps[0]:
-        stamp_ns = stamps[0]
-        count -= 1
-        for k in range(count):
-            stamps[k] = stamps[k + 1]
-            put(places, AXES * k, lanes_at(places, AXES * (k + 1), AXES))
-    newest = gathered(place, AXES)
-    best, none = gathered((0.0, 0.0, 0.0), AXES), gathered((np.inf, np.inf, np.inf), AXES)
-    lowest, highest = -none, none
-    following, following_ns = lanes_at(places, 0, AXES), stamps[0]
-    put(places, 0, newest)
-    stamps[0] = stamp_ns
-    count = min(count + 1, SAMPLES)
-    for last in range(1, count):
-        older, older_ns = following, following_ns
-        following, following_ns = lanes_at(places, AXES * last, AXES), stamps[last]
-        put(places, AXES * last, older)
-        stamps[last] = older_ns
-        per_second = 1e9 / (stamp_ns - older_ns)
-        rate = (newest - older) * per_second
-        best = where_within(rate, lowest, highest, rate, best)
-        lowest = where_within(rate, lowest, highest, larger(lowest, rate - band * per_second), none)
-        highest = smaller(highest, rate + band * per_second)
-    return count, lane(best, 0), lane(best, 1), lane(best, 2)
+    """Add the position x, y, z of one stylus; return the number of positions and the velocity x, y, z [m/s]."""
+    count, velocity = _windowed(stamps, places, count, band, stamp_ns, gathered((x, y, z), AXES))
+    return count, lane(velocity, 0), lane(velocity, 1), lane(velocity, 2)
 
 
 class Estimator(Protocol):
@@ -94,7 +118,7 @@ class Velocimeter:
         self._stamps_ns = np.zeros(SAMPLES, np.int64)
         self._places = np.zeros((SAMPLES, AXES))
         self._count = 0
-        self._windowed = machine_code(windowed, self._stamps_ns, self._places, 0, self._band, 0, (0.0, 0.0, 0.0))
+        self._windowed = machine_code(_windowed_axes, self._stamps_ns, self._places, 0, self._band, 0, *(0.0,) * 3)
 
     def update(self, stamp_ns: int, x: float, y: float, z: float) -> tuple[float, float, float]:
         """Add a position [m] and return the velocity estimate [m/s]; 0 until the second position.
@@ -102,7 +126,7 @@ class Velocimeter:
         A position that is not later than the newest one replaces it.
         """
         self._count, vx, vy, vz = self._windowed(
-            self._stamps_ns, self._places, self._count, self._band, stamp_ns, (x, y, z)
+            self._stamps_ns, self._places, self._count, self._band, stamp_ns, x, y, z
         )
         return vx, vy, vz
 

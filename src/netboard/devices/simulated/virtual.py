@@ -61,19 +61,13 @@ def _quantised(x: float, y: float, z: float, step: float) -> tuple[float, float,
     return round(x / step) * step, round(y / step) * step, round(z / step) * step
 
 
-@inlined
-def encoder_position(s: Any, step: float) -> tuple[float, float, float]:
-    """Return the position of a hand, a record of HAND, in whole encoder steps."""
-    return _quantised(s["x"], s["y"], s["z"], step)
-
-
 @kernel
 def encoded(state: Any, rest: float, stop: float, step: float) -> tuple[float, float, float]:
     """Return the position in whole encoder steps a given time [s] after the state, not beyond the stops [m]."""
-    s = state[0]
-    x = min(max(s["x"] + rest * s["vx"], -stop), stop)
-    y = min(max(s["y"] + rest * s["vy"], -stop), stop)
-    z = min(max(s["z"] + rest * s["vz"], -stop), stop)
+    place, v = state[0]["place"], state[0]["v"]
+    x = min(max(place[0] + rest * v[0], -stop), stop)
+    y = min(max(place[1] + rest * v[1], -stop), stop)
+    z = min(max(place[2] + rest * v[2], -stop), stop)
     return _quantised(x, y, z, step)
 
 

@@ -22,7 +22,7 @@ from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import START_NS, TICK, TICK_NS, TICK_SECONDS, TICK_WORDS
-from netboard.nodes.rehearsal.body import BODY, LEAD_NS, advance, apply_force, pack_body, plan, read
+from netboard.nodes.rehearsal.body import BODY, LEAD_NS, READINGS, advance, apply_force, pack_body, plan, read
 from netboard.nodes.rehearsal.closed_loop import (
     CURTAIN,
     DECISION_TICKS,
@@ -39,7 +39,7 @@ from netboard.participants.hand import draw_noise
 from netboard.stage.stage import make_stage
 from netboard.task.trials.state_machine import Cause, Phase
 
-PIECE = 5000
+PIECE = 10_000
 """Default number of ticks in a piece [1]."""
 
 START_TICK = 500
@@ -72,6 +72,7 @@ def _loop(
     book: Any,
     tables: Any,
     bodies: Any,
+    readings: Any,
     force_queue: NDArray[np.float64],
     white: NDArray[np.float64],
     noise: Any,
@@ -90,13 +91,13 @@ def _loop(
     state, rows, words, numbers = borrowed(state), borrowed(rows), borrowed(words), borrowed(numbers)
     book, tables, bodies, force_queue = borrowed(book), borrowed(tables), borrowed(bodies), borrowed(force_queue)
     white, participants, hands, commands = borrowed(white), borrowed(participants), borrowed(hands), borrowed(commands)
+    readings = borrowed(readings)
     for k in range(count):
         place, tick = KEPT + k, number + k
         words[place, _TICK], words[place, _TIME], words[place, _LATE] = tick, START_NS + tick * TICK_NS, -LEAD_NS
         words[place, _COMMAND] = commands[k]
         advance(bodies, 0, 2, white, k, words, numbers, place)
-        for side in range(2):
-            read(bodies, side, words, numbers, place)
+        read(bodies, 0, 2, readings[0], words, numbers, place)
         _ticks(state, rows, place, 1, book, tables)
         for side in range(2):
             apply_force(bodies, side, force_queue, book[0]["rendering"]["catch"], words, numbers, place)
@@ -153,6 +154,7 @@ class Rehearsal:
         self._noise = tuple(np.random.default_rng((*seed, 1 + place)) for place in range(len(SIDES)))
         for side, rng in zip(SIDES, self._noise, strict=True):
             pack_body(config, side, moving[side], rng, self._bodies)
+        self._readings = np.zeros(1, READINGS)
         self._force_queue = np.zeros((len(SIDES), block.force_delay_ms + 1))
         participants = [
             SimulatedParticipant(
@@ -218,7 +220,7 @@ class Rehearsal:
         stage = self._stage
         arguments = (
             *(self._state, rows, words, numbers, self._ticks, commands, stage.book, stage.tables),
-            *(self._bodies, self._force_queue, white, self._noise, self._participants, self._hands),
+            *(self._bodies, self._readings, self._force_queue, white, self._noise, self._participants, self._hands),
         )
         if self._code is None:
             self._code = machine_code(_loop_around(stage.ticks), *arguments)

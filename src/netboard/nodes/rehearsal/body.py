@@ -17,9 +17,9 @@ from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import TICK_NS, TICK_WORDS
-from netboard.devices.contract.velocity import AXES, SAMPLES, SLACK, windowed
+from netboard.devices.contract.velocity import AXES, SAMPLES, SLACK, make_windowed
 from netboard.devices.safety.fixture import fixture_force
-from netboard.devices.simulated.virtual import encoder_position, within
+from netboard.devices.simulated.virtual import within
 from netboard.network.protocol.motion import Safeguard
 from netboard.participants.cable import CABLES, TIP
 from netboard.participants.device_models import resolved
@@ -36,6 +36,7 @@ from netboard.participants.hand import (
     make_hand,
     update_muscles,
 )
+from netboard.physics.arithmetic.simd import gathered, lane, nearest
 from netboard.physics.scene.rendering import pack_rendering
 from netboard.stage.stage import commanded_tick
 from netboard.task.trials.state_machine import is_active
@@ -77,7 +78,6 @@ _DEVICE = np.dtype(
         ("fy", "<f8"),
         ("fz", "<f8"),
         ("commanded", "<f8"),  # vertical force to act next [N]
-        ("count", "<i8"),  # positions from which the velocity is computed [1]
         ("received", "<i8"),  # number of forces received [1]
         ("simulated", "<i8"),  # 1: held by a simulated hand; 0: at rest at height 0
     ]
@@ -93,11 +93,22 @@ BODY = np.dtype(
         ("rigid", "<i8"),  # 1: without compliant cables
         ("submovements", "<f8", (CAPACITY, 3)),  # start, duration and displacement of each submovement [s, s, m]
         ("device", _DEVICE),
-        ("stamps", "<i8", (SAMPLES,)),  # times of the newest positions [ns]
-        ("places", "<f8", (SAMPLES, AXES)),  # the positions [m]
     ]
 )
 """A hand on its device, as one record, because kernels count references to arrays, which takes longer than a step."""
+
+_BOTH = len(SIDES) * AXES
+
+READINGS = np.dtype(
+    [
+        ("count", "<i8"),  # positions from which the velocity is computed [1]
+        ("stamps", "<i8", (SAMPLES,)),  # times of the newest positions [ns]
+        ("places", "<f8", (SAMPLES, _BOTH)),  # the positions, of the left and of the right stylus [m]
+    ]
+)
+"""Newest readings of both devices, which are read at once: all their axes are lanes of one vector register."""
+
+_windowed = make_windowed(_BOTH)
 
 
 @inlined
@@ -153,22 +164,25 @@ def _render(d: Any, side: int, words: Any, numbers: Any, place: int) -> None:
 
 
 @inlined
-def read(bodies: Any, side: int, words: Any, numbers: Any, place: int) -> None:
-    """Put position and velocity, as read by the encoders, into a tick's row.
+def read(bodies: Any, first: int, stop: int, readings: Any, words: Any, numbers: Any, place: int) -> None:
+    """Put positions and velocities, as read by the encoders, into a tick's row.
 
-    Both hands are advanced before either is read, so that the processor can overlap the two computations.
+    ``first``, ``stop``: the hands that are read, as in `advance`. ``readings``: a record of `READINGS`.
     """
-    body = bodies[side]
-    d = body["device"]
-    if d["simulated"] == 0:
-        return
+    left, right, step = bodies[0]["hand"]["place"], bodies[1]["hand"]["place"], bodies[first]["device"]["resolution"]
+    places = gathered((left[0], left[1], left[2], 0.0, right[0], right[1], right[2]), _BOTH)
+    if step > 0.0:
+        places = nearest(places / step) * step
     stamp_ns = words[place, _TIME] - LEAD_NS
-    x, y, z = encoder_position(body["hand"], d["resolution"])
-    band = SLACK * d["resolution"]
-    count, vx, vy, vz = windowed(body["stamps"], body["places"], d["count"], band, stamp_ns, (x, y, z))
-    d["count"], d["x"], d["y"], d["vx"], d["vy"] = count, x, y, vx, vy
-    numbers[place, _Z[side]], numbers[place, _VZ[side]] = z, vz
-    numbers[place, _X[side]], numbers[place, _Y[side]] = x, y
+    readings["count"], v = _windowed(
+        readings["stamps"], readings["places"], readings["count"], SLACK * step, stamp_ns, places
+    )
+    for side in range(first, stop):
+        d, x = bodies[side]["device"], AXES * side
+        if d["simulated"]:
+            d["x"], d["y"], d["vx"], d["vy"] = lane(places, x), lane(places, x + 1), lane(v, x), lane(v, x + 1)
+            numbers[place, _X[side]], numbers[place, _Y[side]] = d["x"], d["y"]
+            numbers[place, _Z[side]], numbers[place, _VZ[side]] = lane(places, x + 2), lane(v, x + 2)
 
 
 @inlined
@@ -181,11 +195,17 @@ def apply_force(bodies: Any, side: int, force_queue: Any, catch: Any, words: Any
     """
     d = bodies[side]["device"]
     received, size = d["received"], force_queue.shape[1]
-    force_queue[side, received % size] = numbers[place, _FORCE[side]]
+    force_queue[side, _slot(received, size)] = numbers[place, _FORCE[side]]
     d["received"] = received + 1
     sent = commanded_tick(received, size - 1, words[place, _TRIAL], catch)
-    d["commanded"] = force_queue[side, sent % size] if is_active(words[place, _PHASE]) else 0.0
+    d["commanded"] = force_queue[side, _slot(sent, size)] if is_active(words[place, _PHASE]) else 0.0
     return float(d["commanded"])
+
+
+@inlined
+def _slot(number: int, size: int) -> int:
+    """Return the slot of a tick in a queue; without a delay there is one, and a remainder takes long."""
+    return number % size if size > 1 else 0
 
 
 @inlined
@@ -232,6 +252,7 @@ class Body:
         self._hand = pack_body(config, side, person, rng, self.bodies)
         self._force_queue = np.zeros((len(SIDES), config.block.force_delay_ms + 1))
         self._catch = pack_rendering(config)["catch"][0].copy()
+        self._readings = np.zeros(1, READINGS)[0]
         self._white = np.zeros((len(SIDES), 1, 3))
 
     @property
@@ -250,8 +271,9 @@ class Body:
         self._white[self._place] = self._hand.noise(STEPS)
         row = words.reshape(1, -1)
         numbers = row.view(np.float64)
-        advance(self.bodies, self._place, self._place + 1, self._white, 0, row, numbers, 0)
-        read(self.bodies, self._place, row, numbers, 0)
+        sides = self._place, self._place + 1
+        advance(self.bodies, *sides, self._white, 0, row, numbers, 0)
+        read(self.bodies, *sides, self._readings, row, numbers, 0)
 
     def apply_force(self, words: NDArray[np.int64]) -> float:
         """Take the force of a tick; return the vertical force that acts next [N]."""

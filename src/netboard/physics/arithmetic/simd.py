@@ -132,7 +132,7 @@ def smaller(one: Any, other: Any) -> Any:
 def where_within(lanes: Any, low: Any, high: Any, inside: Any, outside: Any) -> Any:
     """Return ``inside`` in each lane whose number lies between its bounds or on them, and ``outside`` elsewhere.
 
-    NaN counts as inside, so that it is passed on as by arithmetic, unless the bounds leave no room.
+    NaN counts as inside, so that it is passed on as by arithmetic.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def where_within(lanes: Any, low: Any, high: Any, inside: Any, outside: Any) -> 
     inside, outside : lanes
         Results, in any unit.
     """
-    return np.where((lanes < low) | (lanes > high) | (low > high), outside, inside)
+    return np.where((lanes < low) | (lanes > high), outside, inside)
 
 
 def _choice(comparison: str) -> Callable[..., Any]:
@@ -154,9 +154,8 @@ def _choice(comparison: str) -> Callable[..., Any]:
 
 
 def _write_within(builder: Any, value: Any, low: Any, high: Any, inside: Any, outside: Any) -> Any:
-    pairs = ((high, value), (value, low), (high, low))
-    above, below, empty = (builder.fcmp_ordered("<", one, other) for one, other in pairs)
-    return builder.select(builder.or_(builder.or_(above, below), empty), outside, inside)
+    above, below = (builder.fcmp_ordered("<", one, other) for one, other in ((high, value), (value, low)))
+    return builder.select(builder.or_(above, below), outside, inside)
 
 
 _BUILDER = ir.IRBuilder
@@ -219,9 +218,9 @@ def _storing(typing: Any, array: Any, offset: Any, lanes: Any) -> Any:
 
 def _extracting(typing: Any, lanes: Any, i: Any) -> Any:
     def write(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return builder.extract_element(args[0], _INT(i.literal_value))
+        return builder.extract_element(args[0], context.cast(builder, args[1], sig.args[1], types.int32))
 
-    return types.float64(lanes, i), write
+    return types.float64(lanes, types.intp), write
 
 
 def _spreading(typing: Any, lanes: Any, i: Any) -> Any:
@@ -239,6 +238,13 @@ def _gathering(typing: Any, values: Any, count: Any) -> Any:
         return vector
 
     return Lanes(count.literal_value)(values, count), write
+
+
+def _rounding(typing: Any, lanes: Any) -> Any:
+    def write(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return builder.fadd(_intrinsic("rint")(builder, args[0]), ir.Constant(args[0].type, [0.0] * lanes.count))
+
+    return lanes(lanes), write
 
 
 def _bounding(typing: Any, lanes: Any, bound: Any) -> Any:
@@ -310,6 +316,11 @@ def gathered(values: State, count: int) -> Any:
     return np.array([*values, *[0.0] * (count - len(values))])
 
 
+def nearest(lanes: Any) -> Any:
+    """Return the nearest whole number in each lane, the even one of two, as ``round`` does; never -0.0."""
+    return np.rint(lanes) + 0.0
+
+
 def within(lanes: Any, bound: float) -> bool:
     """Return whether the magnitude of every lane is at most a bound; False if any is NaN.
 
@@ -351,6 +362,7 @@ for _plain, _writer in (
     (lane, _extracting),
     (spread, _spreading),
     (gathered, _gathering),
+    (nearest, _rounding),
     (within, _bounding),
     (applied, _applying),
 ):
