@@ -11,8 +11,9 @@ from netboard.base.config import Config
 from netboard.base.tables.simulated import Participant
 from netboard.nodes.rehearsal.jobs import Job, rehearse
 from netboard.nodes.server.robot import Robot
-from netboard.participants.controller import DECISION_INTERVAL, Controller
+from netboard.participants.controller import Controller
 from netboard.participants.policy import Policy, identity_of
+from netboard.participants.senses import DECISION_INTERVAL
 from netboard.recording.files.reader import Recording
 
 PERSON = Participant(kp=2.0)

@@ -50,6 +50,7 @@ from netboard.participants.hand import CAPACITY
 from netboard.participants.partner import GOAL, goal_gains
 from netboard.participants.policy import SIMULATED_PARTICIPANT, identity_of
 from netboard.participants.senses import (
+    DECISION_INTERVAL,
     LEVELLING,
     NOISE_TIME,
     PERCEPT,
@@ -64,9 +65,6 @@ from netboard.participants.senses import (
 )
 from netboard.participants.submovement import Submovement
 from netboard.physics.arithmetic.simd import gathered, lane
-
-DECISION_INTERVAL = 0.010
-"""Interval between two decisions [s]."""
 
 HAPTIC_ERROR_TIME = 0.5
 """Correlation time of the error of a height inferred from force [s]."""

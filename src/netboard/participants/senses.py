@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 from netboard.base.compiled import inlined, kernel
 from netboard.task.trials.state_machine import Phase
 
+DECISION_INTERVAL = 0.010
+"""Interval between two decisions of a participant, who then looks and feels [s]."""
+
 NOISE_TIME = 0.2
 """Correlation time of perceptual noise [s]."""
 
@@ -175,6 +178,20 @@ def _store_force(senses: Any, now: float, felt: float) -> None:
     senses["felt_count"] = count
 
 
+@inlined
+def _newest_until(ring: Any, first: int, count: int, until: float) -> int:
+    """Return the place, counted from the oldest, of the newest entry that is not later than a time; -1 for none."""
+    if count == 0:
+        return -1
+    age = ring[(first + count - 1) % ROOM]["time"] - until
+    place = count - 1 - int(min(max(age / DECISION_INTERVAL, 0.0), count - 1.0))  # it is there, or near
+    while place + 1 < count and ring[(first + place + 1) % ROOM]["time"] <= until:
+        place += 1
+    while place >= 0 and ring[(first + place) % ROOM]["time"] > until:
+        place -= 1
+    return place
+
+
 @kernel
 def perceive(senses: Any, until: float, percept: Any) -> bool:
     """Perceive the display as it was at a time, with present perceptual noise; return whether anything was displayed.
@@ -187,9 +204,7 @@ def perceive(senses: Any, until: float, percept: Any) -> bool:
         The percept, written.
     """
     seen, first = senses["seen"], senses["first_seen"]
-    last = senses["seen_count"] - 1
-    while last >= 0 and seen[(first + last) % ROOM]["time"] > until:
-        last -= 1
+    last = _newest_until(seen, first, senses["seen_count"], until)
     if last < 0:
         return False
     g = seen[(first + last) % ROOM]
@@ -226,9 +241,5 @@ def _velocity(senses: Any, last: int) -> float:
 def force_at(senses: Any, when: float) -> float:
     """Return the force on the participant's hand at a past time, + = up; NaN if none was rendered then [N]."""
     forces, first = senses["felt"], senses["first_felt"]
-    place = senses["felt_count"] - 1
-    while place >= 0:
-        if forces[(first + place) % ROOM]["time"] <= when:
-            return float(forces[(first + place) % ROOM]["force"])
-        place -= 1
-    return nan
+    place = _newest_until(forces, first, senses["felt_count"], when)
+    return float(forces[(first + place) % ROOM]["force"]) if place >= 0 else nan

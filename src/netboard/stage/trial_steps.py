@@ -5,7 +5,7 @@ The table of phases, causes and actions is `netboard.task.trials.state_machine`.
 
 from typing import Any
 
-from netboard.base.compiled import kernel
+from netboard.base.compiled import inlined
 from netboard.base.tick import TICK_SECONDS
 from netboard.task.trials.state_machine import (
     ACTION,
@@ -28,14 +28,14 @@ _FAIL, _ADVANCE, _RETRY, _HALT = int(Action.FAIL), int(Action.ADVANCE), int(Acti
 _EXTEND, _SHORTEN, _PASS = int(Action.EXTEND), int(Action.SHORTEN), int(Action.PASS)
 
 
-@kernel
+@inlined
 def _place_ball(s: Any, rules: Any) -> None:
     """Put the ball at rest opposite the target."""
     s["p"] = -s["target"] * rules["target_distance"]
     s["vp"] = 0.0
 
 
-@kernel
+@inlined
 def _act(s: Any, action: int, rules: Any) -> None:
     """Apply an action of the trial state machine to the state."""
     if action == _RELEASE:
@@ -65,7 +65,7 @@ def _act(s: Any, action: int, rules: Any) -> None:
     s["counted"] = 0
 
 
-@kernel
+@inlined
 def _count(s: Any, rules: Any) -> None:
     """Update the tick counters: of the block, since the release, while level, inside the target."""
     phase = s["phase"]
@@ -80,7 +80,7 @@ def _count(s: Any, rules: Any) -> None:
         s["counted"] += 1
 
 
-@kernel
+@inlined
 def take_transition(s: Any, cause: int, rules: Any) -> int:
     """Take the transition for a cause and return the cause; return 0 if there is none [1].
 
@@ -97,7 +97,7 @@ def take_transition(s: Any, cause: int, rules: Any) -> int:
     return cause
 
 
-@kernel
+@inlined
 def decide(s: Any, command: int, rules: Any) -> int:
     """Run the trial state machine; return the cause of the transition taken, 0 for none [1].
 

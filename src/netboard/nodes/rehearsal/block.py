@@ -51,9 +51,9 @@ MAX_MEAN_TRIAL = 120.0
 KEPT = DECISION_TICKS
 """Ticks kept before a piece, for participants that see them late [1]."""
 
-_FINISHED, _STOP, _HELD = int(Phase.FINISHED), int(Cause.STOP), int(Cause.HELD)
-_TICK, _TIME, _LATE, _COMMAND, _EVENT, _MARK_TICKS = (
-    TICK_WORDS[name] for name in ("tick", "time_ns", "late_ns", "command", "event", "mark_ticks")
+_FINISHED, _STOP = int(Phase.FINISHED), int(Cause.STOP)
+_TICK, _TIME, _LATE, _COMMAND, _EVENT = (
+    TICK_WORDS[name] for name in ("tick", "time_ns", "late_ns", "command", "event")
 )
 
 
@@ -78,12 +78,14 @@ def _loop(
     noise: Any,
     participants: Any,
     hands: NDArray[np.int64],
+    completions: NDArray[np.float64],
 ) -> int:
     """Run ticks with both hands and all participants, to the end of the block at most.
 
     ``rows``: the last `KEPT` ticks and room for the next ones, also as ``words`` and ``numbers`` of the same memory;
     ``number``: number of the first new tick; ``noise``: generator of each hand's force noise; ``hands``: for each
-    participant, the hand whose force it feels, 0 left, 1 right. Returns how many ticks were run.
+    participant, the hand whose force it feels, 0 left, 1 right; ``completions``: completion time of the last trial, by
+    the number of successful ones [s]. Returns how many ticks were run.
     """
     count = len(rows) - KEPT
     for side in range(2):
@@ -91,7 +93,7 @@ def _loop(
     state, rows, words, numbers = borrowed(state), borrowed(rows), borrowed(words), borrowed(numbers)
     book, tables, bodies, force_queue = borrowed(book), borrowed(tables), borrowed(bodies), borrowed(force_queue)
     white, participants, hands, commands = borrowed(white), borrowed(participants), borrowed(hands), borrowed(commands)
-    readings = borrowed(readings)
+    readings, completions = borrowed(readings), borrowed(completions)
     for k in range(count):
         place, tick = KEPT + k, number + k
         words[place, _TICK], words[place, _TIME], words[place, _LATE] = tick, START_NS + tick * TICK_NS, -LEAD_NS
@@ -110,6 +112,7 @@ def _loop(
                 felt = bodies[hands[which]]["device"]["commanded"]
                 begun = decide_in_tick(parts, words[place], felt)
                 plan(bodies, parts[MOVES], begun)
+        completions[state[0]["successes"]] = state[0]["completion"]
         if state[0]["phase"] == _FINISHED:
             return k + 1
     return count
@@ -167,19 +170,19 @@ class Rehearsal:
         nobody = SimulatedParticipant(config, config.participant, "left", ("left",), np.random.default_rng(0)).parts
         self._participants = tuple(participants) or (nobody,)  # a kernel cannot take an empty tuple
         self._last_tick = START_TICK + round(block.trials * MAX_MEAN_TRIAL / TICK_SECONDS)
-        self._completions: list[float] = []
+        self._completions = np.zeros(1 + block.trials)
         self._ticks = 0
         self._given_up = False
 
     @property
     def successes(self) -> int:
         """Successful trials so far [1]."""
-        return len(self._completions)
+        return int(self._state["successes"][0])
 
     def summary(self) -> Summary:
         """Return the results so far."""
-        failures = int(self._state["failures"][0])
-        return Summary(tuple(self._completions), failures, self._ticks, self._given_up)
+        completions = self._completions[1 : 1 + self.successes].tolist()
+        return Summary(tuple(completions), int(self._state["failures"][0]), self._ticks, self._given_up)
 
     def pieces(self, size: int = PIECE) -> Iterator[NDArray[Any]]:
         """Run the block. Yields at most `size` ticks at a time, valid until the next are asked for."""
@@ -190,16 +193,11 @@ class Rehearsal:
         while not over:
             words[:KEPT] = words[-KEPT:]  # as words, because NumPy copies a record field by field
             self._command(commands)
-            before = int(self._state["successes"][0])
             count = self._run(rows, words, numbers, commands, white)
             self._ticks += count
-            done = rows[KEPT : KEPT + count]
-            if self._state["successes"][0] != before:
-                held = words[KEPT : KEPT + count, _EVENT] == _HELD
-                self._completions += (words[KEPT : KEPT + count, _MARK_TICKS][held] * TICK_SECONDS).tolist()
             over = int(self._state["phase"][0]) == _FINISHED
             self._given_up = int(words[KEPT + count - 1, _EVENT]) == _STOP
-            yield done
+            yield rows[KEPT : KEPT + count]
 
     def _command(self, commands: NDArray[np.int64]) -> None:
         """Write the commands of the next ticks: the block starts, and is stopped if it takes too long."""
@@ -221,6 +219,7 @@ class Rehearsal:
         arguments = (
             *(self._state, rows, words, numbers, self._ticks, commands, stage.book, stage.tables),
             *(self._bodies, self._readings, self._force_queue, white, self._noise, self._participants, self._hands),
+            self._completions,
         )
         if self._code is None:
             self._code = machine_code(_loop_around(stage.ticks), *arguments)

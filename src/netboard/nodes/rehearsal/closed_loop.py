@@ -17,8 +17,8 @@ from netboard.base.compiled import kernel, machine_code
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import TICK_NS, TICK_SECONDS, TICK_WORDS
-from netboard.participants.controller import DECISION_INTERVAL, MOVE, decide, initial_state, pack_constants
-from netboard.participants.senses import SEEN
+from netboard.participants.controller import MOVE, decide, initial_state, pack_constants
+from netboard.participants.senses import DECISION_INTERVAL, SEEN
 from netboard.stage.curtain import glimpse, make_curtain, pack_curtain
 from netboard.task.trials.state_machine import is_active
 
