@@ -12,10 +12,8 @@ from netboard.base.tick import TICK_NS
 CATCH_UP_TICKS = 20
 """A pacer further behind than this moves its deadlines instead of running ticks in a burst [1]."""
 
-
-def now_ns() -> int:
-    """Return the monotonic time of this machine [ns]."""
-    return time.monotonic_ns()
+now_ns = time.monotonic_ns
+"""Returns the monotonic time of this machine [ns]."""
 
 
 class Pacer:
