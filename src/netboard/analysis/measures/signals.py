@@ -122,15 +122,18 @@ def _passed_twice(
 
 @kernel
 def _passed(sections: NDArray[np.float64], state: NDArray[np.float64], values: NDArray[np.float64]) -> None:
-    """Filter values in place by a cascade of second-order sections (direct form II, transposed)."""
-    for s in range(len(sections)):
-        b0, b1, b2, a1, a2 = sections[s, 0], sections[s, 1], sections[s, 2], sections[s, 4], sections[s, 5]
-        first, second = state[s, 0], state[s, 1]
-        for n in range(len(values)):
-            x = values[n]
-            y = b0 * x + first
-            first, second = b1 * x - a1 * y + second, b2 * x - a2 * y
-            values[n] = y
+    """Filter values in place by a cascade of second-order sections (direct form II, transposed).
+
+    Each value passes all sections before the next one, so that the processor can overlap the sections.
+    """
+    for n in range(len(values)):
+        x = values[n]
+        for s in range(len(sections)):
+            b0, b1, b2, a1, a2 = sections[s, 0], sections[s, 1], sections[s, 2], sections[s, 4], sections[s, 5]
+            y = b0 * x + state[s, 0]
+            state[s, 0], state[s, 1] = b1 * x - a1 * y + state[s, 1], b2 * x - a2 * y
+            x = y
+        values[n] = x
 
 
 def runs(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
