@@ -160,3 +160,19 @@ def test_sleep_ends_when_the_time_is_over_or_the_watched_file_signals(rig: FastP
 def test_file_that_cannot_be_waited_for_is_refused(rig: FastPathRig) -> None:
     with pytest.raises(NetboardError, match="only the first 1024 can be waited for"):
         rig.fast.watch(fastpath.FILES)
+
+
+def test_receiver_returns_frames_whole_until_there_are_none_and_says_which_channel_failed() -> None:
+    with sockets.open_context() as context:
+        sender, socket = context.socket(zmq.PUSH), context.socket(zmq.PULL)
+        sender.bind("inproc://frames")
+        socket.connect("inproc://frames")
+        receiver = fastpath.Receiver(socket, "view", 8)
+        assert receiver.receive() is None
+        sender.send(b"one")
+        sender.send(b"longer than allowed")
+        assert (receiver.receive(), receiver.receive(), receiver.receive()) == (b"one", b"longer t", None)
+        receiver.close()
+        assert socket.closed
+        with pytest.raises(NetboardError, match="the view channel failed"):
+            receiver.receive()

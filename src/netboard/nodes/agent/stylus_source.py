@@ -76,7 +76,7 @@ class ViewReceiver:
 
     def __init__(self, socket: sockets.Socket) -> None:
         self.glimpse: Glimpse | None = None
-        self._receiver = Receiver(socket, sockets.MAX_SAMPLE)
+        self._receiver = Receiver(socket, "view", sockets.MAX_SAMPLE)
 
     def poll(self, now_ns: int) -> None:
         """Take the newest view."""
@@ -145,7 +145,7 @@ class SecondHand:
     def __init__(self, config: Config, device: SimulatedHandDevice, context: sockets.Context) -> None:
         self._device = device
         socket = sockets.moves_receiver(context, channels.addresses(config.network).reach(channels.MOVES))
-        self._moves = Receiver(socket, sockets.MAX_SAMPLE)
+        self._moves = Receiver(socket, "moves", sockets.MAX_SAMPLE)
 
     def step(self, now_ns: int, haptics: bool) -> None:
         """Begin the commanded movements."""
@@ -171,7 +171,8 @@ class Player:
         where = channels.addresses(config.network)
         self.identity = identity_of("player with a mouse")
         self._device = device
-        self._pointer = Receiver(sockets.pointer_receiver(context, where.pointer(device.side)), sockets.MAX_SAMPLE)
+        socket = sockets.pointer_receiver(context, where.pointer(device.side))
+        self._pointer = Receiver(socket, "pointer", sockets.MAX_SAMPLE)
         self._felt = sockets.felt_publisher(context, where.felt(device.side))
         self._published_ns = 0
 
