@@ -17,6 +17,7 @@ from netboard.base.bars import progress_bars
 from netboard.base.config import SIDES, Config, played_sides, resolve
 from netboard.base.errors import NetboardError
 from netboard.base.process import Stopping
+from netboard.base.shell import shell_command
 from netboard.base.terminal import plain_console
 from netboard.network.transport import sockets
 from netboard.network.transport.ports import free_port
@@ -78,7 +79,8 @@ def run(config: Config, *, displays: bool = True, study: Sequence[str] = ()) -> 
     if session:
         return show(directory, session, logs, began)
     for part in sorted(directory.glob("*.mcap.part")):
-        console.print(f"unfinished recording {part}; recover it with: netboard recover {part}", soft_wrap=True)
+        command = shell_command("netboard", "recover", part)
+        console.print(f"unfinished recording {part}; recover it with: {command}", soft_wrap=True)
     console.print(f"logs {logs}", soft_wrap=True)
     return 1
 
