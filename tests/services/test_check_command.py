@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +48,18 @@ def test_check_exits_with_the_code_of_the_worst_recording() -> None:
     ]
     assert report["recordings"][2]["replay"]["identical"] is True
     assert report["recordings"][0]["replay"] is None
+
+
+@pytest.mark.parametrize("command", ["check", "sessions"])
+def test_copies_of_a_recording_are_pointed_out(command: str) -> None:
+    shutil.copy("recordings/whole.mcap", "recordings/copy.mcap")
+    line = "recordings/copy.mcap and recordings/whole.mcap: are the same part of the same block; leave one out\n"
+    result = runner.invoke(app, [command, "recordings"])
+    assert result.exit_code == 0
+    assert result.stdout.endswith(line)
+    as_json = runner.invoke(app, [command, "recordings", "--json"])
+    assert json.loads(as_json.stdout)
+    assert as_json.stderr.endswith(line)
 
 
 def test_missing_files_and_folders_are_reported() -> None:
