@@ -43,7 +43,7 @@ def sessions(
     from netboard.base.terminal import plain_console
     from netboard.recording.files.copies import copies_among
     from netboard.recording.integrity import catalogue
-    from netboard.recording.integrity.report_text import sessions_in_total, sessions_table
+    from netboard.recording.integrity.report_text import QUICK, sessions_in_total, sessions_table
 
     place = Path(load(None).recording.directory) if folder is None else folder
     if not place.is_dir():
@@ -62,7 +62,7 @@ def sessions(
         groups = catalogue.in_order(entries)
         typer.echo(json.dumps([asdict(entry) | {"path": str(entry.path)} for _, group in groups for entry in group]))
     elif entries:
-        console.print(sessions_table(entries, place))
+        console.print(sessions_table(entries, place, "" if full else QUICK))
         console.print(sessions_in_total(entries), soft_wrap=True)
     else:
         console.print(f"{place}: no matching recording", soft_wrap=True)
