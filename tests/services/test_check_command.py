@@ -152,12 +152,15 @@ def test_whatif_refuses_its_output_before_the_computation(monkeypatch: pytest.Mo
 
     monkeypatch.setattr("netboard.recording.counterfactual.what_if.what_if", compute)
     Path("there.mcap").touch()
-    for output, why in (
-        ("there.mcap", "exists already"),
-        ("recording.csv", "ends in .mcap"),
-        ("nowhere/new.mcap", "there is no folder nowhere"),
+    for option, output, why in (
+        ("--output", "there.mcap", "exists already"),
+        ("--output", "recording.csv", "ends in .mcap"),
+        ("--output", "nowhere/new.mcap", "there is no folder nowhere"),
+        ("--output", "/proc/new.mcap", "/proc/new.mcap: cannot be written: "),
+        ("--figure", "nowhere/new.png", "there is no folder nowhere"),
+        ("--figure", "/proc/new.png", "/proc/new.png: cannot be written: "),
     ):
-        result = runner.invoke(app, ["whatif", "recordings/whole.mcap", "--output", output])
+        result = runner.invoke(app, ["whatif", "recordings/whole.mcap", option, output])
         assert (result.exit_code, why in result.stderr) == (1, True), result.output
 
 
