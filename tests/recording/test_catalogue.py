@@ -47,6 +47,15 @@ def test_every_recording_file_has_a_catalogue_entry(folder: Path) -> None:
     assert "not an MCAP file" in entries["junk.mcap"].why
 
 
+@pytest.mark.parametrize("name", ["a.mcap", "a.mcap.part", "a.spill"])
+def test_empty_file_is_listed_as_empty(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).touch()
+    entry = with_trials(entry_of(tmp_path / name))
+    assert entry.verdict == with_check(entry).verdict == "damaged"
+    assert entry.why.startswith("is empty")
+    assert "is empty" in with_check(entry).why
+
+
 def test_quick_verdict_equals_that_of_the_full_check(folder: Path) -> None:
     for path in files_in(folder):
         quick = with_trials(entry_of(path))

@@ -15,6 +15,9 @@ from netboard.base.shell import shell_command
 UNFINISHED = "is unfinished; netboard recover makes a recording of it"
 """Why an unfinished recording is left out."""
 
+EMPTY = "is empty (0 bytes): it contains nothing to read or to recover"
+"""What is wrong with a file of which nothing was written."""
+
 GROWING_S = 10.0
 """An unfinished recording written to within this time may still be growing; a logger writes at least every 5 s [s]."""
 

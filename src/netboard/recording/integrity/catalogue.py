@@ -16,9 +16,9 @@ from mcap.records import Attachment, Chunk, ChunkIndex, Metadata
 from mcap.stream_reader import StreamReader
 
 from netboard.base.config import Config, parse
-from netboard.base.errors import NetboardError
+from netboard.base.errors import NetboardError, RecordingError
 from netboard.network.protocol.joining import Welcome
-from netboard.recording.files.locate import files_below
+from netboard.recording.files.locate import EMPTY, files_below
 from netboard.recording.files.provenance import CONFIG_NAME, MetadataName
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.chunks import UNSOUND
@@ -103,6 +103,8 @@ def entry_of(path: Path) -> Entry:
         size = path.stat().st_size
         if path.name.endswith(JOURNAL):
             return _journal(path, size, read_lines(path.read_bytes(), path.name))
+        if not size:
+            raise RecordingError(EMPTY)
         if path.suffix == ".spill":
             return _spill(path, size)
         if path.suffix == ".part":
