@@ -43,16 +43,11 @@ class StudySession:
 
     @property
     def options(self) -> list[str]:
-        """The options with which ``netboard server`` runs this session, with each block starting by itself."""
+        """The options with which ``netboard server`` runs this session."""
         numbers = {"dyad": self.dyad, "session": self.session, "seed": self.seed}
         short = {"blocks": self.blocks, "trials": self.trials}
         given = {**numbers, **{name: number for name, number in short.items() if number is not None}}
-        return [
-            "--study",
-            self.study,
-            "--autostart",
-            *(word for name, n in given.items() for word in (f"--{name}", str(n))),
-        ]
+        return ["--study", self.study, *(word for name, n in given.items() for word in (f"--{name}", str(n)))]
 
 
 class Planned:
