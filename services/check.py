@@ -40,6 +40,7 @@ def check(
 
     from netboard.base.bars import progress_bars
     from netboard.base.terminal import plain_console
+    from netboard.recording.files.copies import copies_among
     from netboard.recording.integrity.checking import check as check_file
     from netboard.recording.integrity.report_text import as_data, in_total, in_words
     from netboard.recording.integrity.severity import EXIT_CODES, Report
@@ -68,6 +69,8 @@ def check(
         for report in reports:
             console.print(in_words(report, whole=len(files) == 1), soft_wrap=True)
         console.print(in_total(reports, took), soft_wrap=True)
+    for copy in copies_among(file for file in files if file.suffix == ".mcap"):
+        (screen if as_json else console).print(copy, soft_wrap=True, style="yellow")
     raise typer.Exit(EXIT_CODES[max(report.severity for report in reports)])
 
 

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from netboard.base.errors import ConfigError
+from netboard.base.shell import shell_command
 from netboard.services.loading import DEFAULT_FILE, load
 from netboard.services.options import ConfigFile, Overrides, examples
 
@@ -56,4 +57,4 @@ def init(file: Annotated[Path, typer.Argument(metavar="FILE", help="The file to 
         raise ConfigError(f"{file}: already exists and was not changed; name another file") from None
     except OSError as error:
         raise ConfigError(f"{file}: cannot be written: {error.strerror or error}") from error
-    typer.echo(f"{file}: created; after editing, check it with: netboard config check {file}")
+    typer.echo(f"{file}: created; after editing, check it with: {shell_command('netboard', 'config', 'check', file)}")

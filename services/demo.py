@@ -56,7 +56,7 @@ def demo(
     from netboard.nodes.operator.demo import run
     from netboard.nodes.server.planned import StudySession
 
-    options = [] if study is None else StudySession(study, dyad, 1, seed, blocks, trials).options
+    options = [] if study is None else [*StudySession(study, dyad, 1, seed, blocks, trials).options, "--autostart"]
     raise typer.Exit(run(settings, displays=displays, study=options))
 
 

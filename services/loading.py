@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from netboard.base.errors import ConfigError
+from netboard.base.shell import shell_command
 
 if TYPE_CHECKING:
     from netboard.analysis.extraction.settings import Readings
@@ -24,7 +25,8 @@ def load(file: Path | None, overrides: Sequence[str] | None = None) -> "Config":
         file = DEFAULT_FILE
     source, text = "defaults", ""
     if file is not None:
-        source, text = str(file), text_of(str(file), f"no such file; create it with: netboard config init {file}")
+        missing = f"no such file; create it with: {shell_command('netboard', 'config', 'init', file)}"
+        source, text = str(file), text_of(str(file), missing)
     config = parse(text, source, overrides or ())
     require_short_names(config.session, f"{source} with --set" if overrides else source)
     return config
@@ -36,7 +38,7 @@ def load_readings(file: Path | None, overrides: Sequence[str] | None) -> "Readin
 
     if file is None:
         return settings.parse("", "defaults", overrides or ())
-    missing = f"no such file; create it with: netboard analyse --template > {file}"
+    missing = f"no such file; create it with: netboard analyse --template > {shell_command(file)}"
     return settings.parse(text_of(str(file), missing), str(file), overrides or ())
 
 

@@ -46,6 +46,18 @@ Dyad = Annotated[int, typer.Option(min=1, help="Number of the dyad in the study.
 PlanSeed = Annotated[int, typer.Option(min=0, max=2**31 - 1, help="Random seed of the plan.")]
 Studies = Annotated[int, typer.Option(min=1, max=999_999, help="Number of virtual studies.")]
 CohortSeed = Annotated[int, typer.Option(min=0, max=2146, help="Random seed of the whole cohort.")]
+SessionNumber = Annotated[int, typer.Option("--session", min=1, help="Number of the session in the dyad's plan.")]
+StudySeed = Annotated[int, typer.Option(min=0, help="Random seed of the study's plan.")]
+Resume = Annotated[bool, typer.Option("--resume", help="Resume the session where it was interrupted.")]
+Yes = Annotated[bool, typer.Option("--yes", help="Resume without asking.")]
+Autostart = Annotated[
+    bool | None,
+    typer.Option(
+        "--autostart/--no-autostart",
+        help="Start each block as soon as all peers are connected. Default: yes for a single block; no for a "
+        "study, where the operator starts blocks (netboard console).",
+    ),
+]
 Blocks = Annotated[int | None, typer.Option(min=1, help="Run only the first blocks (pilot runs).")]
 Trials = Annotated[int | None, typer.Option(min=1, help="Limit the trials per block (pilot runs).")]
 RecordingFile = Annotated[Path, typer.Argument(metavar="RECORDING", help="The recording (.mcap).")]

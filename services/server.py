@@ -9,7 +9,21 @@ import typer
 
 from netboard.base.errors import ConfigError
 from netboard.services.loading import load, load_study
-from netboard.services.options import USED_FILE, Blocks, Dyad, Insecure, Overrides, SessionOf, Trials, examples
+from netboard.services.options import (
+    USED_FILE,
+    Autostart,
+    Blocks,
+    Dyad,
+    Insecure,
+    Overrides,
+    Resume,
+    SessionNumber,
+    SessionOf,
+    StudySeed,
+    Trials,
+    Yes,
+    examples,
+)
 
 if TYPE_CHECKING:
     from netboard.network.transport.authenticator import Authenticator
@@ -40,23 +54,16 @@ def server(
         ),
     ] = None,
     overrides: Overrides = None,
-    autostart: Annotated[
-        bool | None,
-        typer.Option(
-            "--autostart/--no-autostart",
-            help="Start each block as soon as all peers are connected. Default: yes for a single block; no for a "
-            "study, where the operator starts blocks (netboard console).",
-        ),
-    ] = None,
+    autostart: Autostart = None,
     insecure: Insecure = False,
     study: SessionOf = None,
     dyad: Dyad = 1,
-    session: Annotated[int, typer.Option("--session", min=1, help="Number of the session in the dyad's plan.")] = 1,
-    seed: Annotated[int, typer.Option(min=0, help="Random seed of the study's plan.")] = 1,
+    session: SessionNumber = 1,
+    seed: StudySeed = 1,
     blocks: Blocks = None,
     trials: Trials = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Resume the session where it was interrupted.")] = False,
-    yes: Annotated[bool, typer.Option("--yes", help="Resume without asking.")] = False,
+    resume: Resume = False,
+    yes: Yes = False,
 ) -> None:
     """Run the physics server: it simulates the board and runs the trials."""
     settings = [load(file, overrides) for file in config or (None,)]

@@ -41,8 +41,9 @@ def sessions(
     """List the recordings in a folder: participants, trials, losses, and the result of the integrity check."""
     from netboard.base.bars import progress_bars
     from netboard.base.terminal import plain_console
+    from netboard.recording.files.copies import copies_among
     from netboard.recording.integrity import catalogue
-    from netboard.recording.integrity.report_text import sessions_in_total, sessions_table
+    from netboard.recording.integrity.report_text import QUICK, sessions_in_total, sessions_table
 
     place = Path(load(None).recording.directory) if folder is None else folder
     if not place.is_dir():
@@ -50,7 +51,8 @@ def sessions(
     wanted = catalogue.Filter(dyad, study, verdict, None if since is None else since.date(), pilot)
     found = [entry for entry in map(catalogue.entry_of, catalogue.files_in(place)) if wanted.matches(entry)]
     entries = []
-    with progress_bars(plain_console(stderr=True)) as progress:
+    screen = plain_console(stderr=True)
+    with progress_bars(screen) as progress:
         for entry in progress.track(found, description="recordings"):
             counted = catalogue.with_trials(entry)
             entries.append(catalogue.with_check(counted) if full else counted)
@@ -60,7 +62,9 @@ def sessions(
         groups = catalogue.in_order(entries)
         typer.echo(json.dumps([asdict(entry) | {"path": str(entry.path)} for _, group in groups for entry in group]))
     elif entries:
-        console.print(sessions_table(entries, place))
+        console.print(sessions_table(entries, place, "" if full else QUICK))
         console.print(sessions_in_total(entries), soft_wrap=True)
     else:
         console.print(f"{place}: no matching recording", soft_wrap=True)
+    for copy in copies_among(entry.path for entry in entries if entry.kind == "recording"):
+        (screen if as_json else console).print(copy, soft_wrap=True, style="yellow")

@@ -13,7 +13,21 @@ import typer
 
 from netboard.base.errors import ConfigError
 from netboard.services.loading import load
-from netboard.services.options import USED_FILE, Insecure, Overrides, examples
+from netboard.services.options import (
+    USED_FILE,
+    Autostart,
+    Blocks,
+    Dyad,
+    Insecure,
+    Overrides,
+    Resume,
+    SessionNumber,
+    SessionOf,
+    StudySeed,
+    Trials,
+    Yes,
+    examples,
+)
 
 if TYPE_CHECKING:
     from netboard.base.tables.rig import Network
@@ -24,6 +38,7 @@ app = typer.Typer()
 @app.command(
     epilog=examples(
         "netboard up --server /etc/netboard/netboard.toml",
+        "netboard up --server --study paper --dyad 3 /etc/netboard/netboard.toml",
         "netboard up --station left /etc/netboard/netboard.toml",
         "netboard up --server --station both",
     ),
@@ -35,12 +50,32 @@ def up(
     ] = None,
     server: Annotated[bool, typer.Option("--server", help="Run the server and the logger.")] = False,
     overrides: Overrides = None,
-    autostart: Annotated[bool, typer.Option(help="Start the block as soon as all peers are connected.")] = True,
+    autostart: Autostart = None,
     insecure: Insecure = False,
+    study: SessionOf = None,
+    dyad: Dyad = 1,
+    session: SessionNumber = 1,
+    seed: StudySeed = 1,
+    blocks: Blocks = None,
+    trials: Trials = None,
+    resume: Resume = False,
+    yes: Yes = False,
 ) -> None:
     """Start all processes of this machine, and stop them in order on Ctrl-C."""
     settings = load(config, overrides)
-    wanted = processes(config, overrides or (), server=server, station=station, autostart=autostart, insecure=insecure)
+    if (study is not None or resume) and not server:
+        raise ConfigError("--study, --resume: found without --server, which runs the session of a study")
+    if resume and not yes:
+        raise ConfigError("--resume: netboard up cannot ask for a confirmation; add --yes")
+    options = []
+    if study is not None:
+        from netboard.nodes.server.planned import StudySession
+
+        options = StudySession(study, dyad, session, seed, blocks, trials).options
+    options += ["--resume", "--yes"] * resume + ["--insecure"] * insecure
+    if autostart is not None:
+        options.append("--autostart" if autostart else "--no-autostart")
+    wanted = processes(config, overrides or (), server=options if server else None, station=station)
     from netboard.base.process import Stopping, log_to_stderr, no_terminal_suspension
     from netboard.nodes.operator.launcher import supervise
 
@@ -54,22 +89,22 @@ def processes(
     config: Path | None,
     overrides: Sequence[str],
     *,
-    server: bool,
+    server: Sequence[str] | None,
     station: Literal["left", "right", "both"] | None,
-    autostart: bool = True,
-    insecure: bool = False,
 ) -> dict[str, list[str]]:
-    """Return the commands to run, by the names of their processes, in the order of their start."""
-    if not server and station is None:
+    """Return the commands to run, by the names of their processes, in the order of their start.
+
+    ``server``: the server's own options; None to run no server.
+    """
+    if server is None and station is None:
         raise ConfigError("up: expected --server, --station left|right|both, or both options")
     sides = [side for side in ("left", "right") if station in (side, "both")]
     common = ["-c", str(config)] if config else []
     common += [word for setting in overrides for word in ("--set", setting)]
     wanted: dict[str, list[str]] = {}
-    if server:
-        options = ["--autostart" if autostart else "--no-autostart", *(["--insecure"] if insecure else [])]
+    if server is not None:
         wanted["logger"] = ["logger", *common]
-        wanted["server"] = ["server", *options, *common]
+        wanted["server"] = ["server", *server, *common]
     for side in sides:
         wanted[f"{side} agent"] = ["agent", "--side", side, *common]
     for side in sides:

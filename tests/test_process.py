@@ -7,6 +7,7 @@ import io
 import logging
 import math
 import os
+import select
 import signal
 import socket
 import subprocess
@@ -352,6 +353,41 @@ def test_process_stops_with_its_parent_if_requested(monkeypatch: pytest.MonkeyPa
     monkeypatch.delenv(STOP_WITH_PARENT)
     with Stopping() as stopping:
         assert not stopping()
+
+
+@linux
+def test_suspended_process_stops_after_its_parent_was_killed(tmp_path: Path) -> None:
+    """A benchmark suspends its processes for a while, and may be killed meanwhile."""
+    child = """
+import sys, time
+from netboard.base.process import Stopping
+with Stopping() as stopping:
+    print("ready", flush=True)
+    while not stopping():
+        time.sleep(0.01)
+print("stopped", flush=True)
+"""
+    parent = f"""
+import os, signal, subprocess, sys
+child = subprocess.Popen([sys.executable, "-c", {child!r}], stdout=subprocess.PIPE, start_new_session=True)
+print(child.pid, flush=True)
+child.stdout.readline()
+os.kill(child.pid, signal.SIGSTOP)
+os.waitid(os.P_PID, child.pid, os.WSTOPPED)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+    environment = os.environ | {STOP_WITH_PARENT: "1"}
+    with subprocess.Popen([sys.executable, "-c", parent], stdout=subprocess.PIPE, env=environment) as started:
+        assert started.stdout is not None
+        number = int(started.stdout.readline())
+        handle = os.pidfd_open(number)
+    try:
+        ended, _, _ = select.select([handle], [], [], 20)
+        assert ended
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(number, signal.SIGKILL)
+        os.close(handle)
 
 
 def test_frequent_messages_are_logged_at_a_limited_rate(

@@ -38,10 +38,13 @@ def benchmark(app: typer.Typer, *lines: str) -> Callable[[Callable[..., int | No
 
         @wraps(function)
         def command(**values: Any) -> None:
+            from netboard.base.process import interrupted_by_stop_signals
             from netboard.benchmarks.harness.running import Options
 
             options = Options(**{name: values.pop(name) for name in names})
-            raise typer.Exit(function(options, **values) or 0)
+            with interrupted_by_stop_signals():  # a benchmark ends the processes that it has started
+                code = function(options, **values)
+            raise typer.Exit(code or 0)
 
         parameters = [*common.parameters.values(), *list(benchmark_options.parameters.values())[1:]]
         vars(command)["__signature__"] = benchmark_options.replace(parameters=parameters)

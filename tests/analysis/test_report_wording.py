@@ -1,8 +1,6 @@
-"""Numbers, names and commands in a report are formatted correctly."""
+"""Numbers and names in a report are formatted correctly."""
 
 import math
-import shutil
-import subprocess
 import unicodedata
 
 import numpy as np
@@ -12,7 +10,7 @@ from hypothesis import strategies as st
 
 from netboard.analysis.report.numbers import written
 from netboard.analysis.report.trials import _path
-from netboard.analysis.report.wording import amount, command, css_text, decimals, plural, visible
+from netboard.analysis.report.wording import amount, css_text, decimals, plural, visible
 
 
 @pytest.mark.parametrize(
@@ -70,13 +68,6 @@ def test_visible_text_has_no_invisible_characters(text: str) -> None:
 def test_text_cannot_end_a_css_string(text: str) -> None:
     inside = css_text(text)[1:-1]
     assert not set(inside) & set("\"'<>\n")
-
-
-@pytest.mark.skipif(shutil.which("bash") is None, reason="there is no bash to read the command")
-@pytest.mark.parametrize("word", ["plain", "two words", "it's", "a\u202eb", "new\nline", "back\\slash\u200f'", "ünï"])
-def test_shell_reads_a_quoted_command_correctly(word: str) -> None:
-    done = subprocess.run(["bash", "-c", command("printf", "%s", word)], capture_output=True, check=True)
-    assert done.stdout.decode("utf-8") == word
 
 
 def points_of(d: str) -> list[tuple[int, int]]:

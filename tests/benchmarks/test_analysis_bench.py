@@ -1,6 +1,7 @@
 """The benchmark of the analysis: the fit of a straight line, and the tables that it writes."""
 
 import json
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from pathlib import Path
 
@@ -9,7 +10,8 @@ import pytest
 from typer.testing import CliRunner
 
 from netboard.benchmarks.analysis import speed_bench
-from netboard.benchmarks.analysis.speed_bench import line
+from netboard.benchmarks.analysis.costs import TablesCost, Time
+from netboard.benchmarks.analysis.speed_bench import SHARES, Row, _row, _scaling, line
 from netboard.services.cli import app
 from rehearsed_study import small_study
 
@@ -26,6 +28,32 @@ def test_line_returns_slope_intercept_and_r2() -> None:
     y = np.array([1.0, 5.0, 2.0, 4.0])
     assert line(x, y)[2] == pytest.approx(np.corrcoef(x, y)[0, 1] ** 2)
     assert line(x, np.ones(4))[2] == 1.0
+
+
+@pytest.mark.parametrize(("power", "noise", "holds"), [(1.0, 0.0, True), (1.0, 0.03, True), (2.0, 0.0, False)])
+def test_growth_is_linear_despite_noise_but_not_quadratic(power: float, noise: float, holds: bool) -> None:
+    signs = (1, -1, -1, 1)  # least like a straight line
+    times = [Time(0.0, 0.3 + share**power + noise * sign) for share, sign in zip(SHARES, signs, strict=True)]
+    tables = [TablesCost(round(1000 * share), 0.0, time, 0.0, 0.0) for share, time in zip(SHARES, times, strict=True)]
+    rows = [Row(1, time, table, table) for time, table in zip(times, tables, strict=True)]
+    claim, _ = _scaling(rows).verdicts
+    assert claim.holds is holds
+
+
+def test_least_disturbed_uncached_analysis_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    used: list[Path] = []
+
+    def measured(function: Callable[..., object], recordings: Sequence[Path], workers: int, *cache: Path) -> object:
+        if not cache:
+            return Time(1.0, 1.0)
+        used.append(cache[0])
+        return TablesCost(10, 1.0, Time(9.0, (3.0, 2.0, 4.0, 0.5)[len(used) - 1]), 0.0, 0.0)
+
+    monkeypatch.setattr(speed_bench, "in_fresh_process", measured)
+    row = _row([tmp_path / "a.mcap"], 1, tmp_path / "cache", 3)
+    assert (row.uncached.time.cpu, row.cached.time.cpu) == (2.0, 0.5)
+    assert len(set(used[:3])) == 3  # each with an empty cache
+    assert used[3] == used[0]
 
 
 @pytest.mark.slow

@@ -126,6 +126,19 @@ def test_refused_form_leaves_no_consent_behind(tmp_path: Path, context: sockets.
     stepped.close()
 
 
+@pytest.mark.parametrize(("name", "found", "expected"), [("dyad", "D07", "D01"), ("study", "other", "small")])
+def test_form_of_another_dyad_or_study_than_the_plan_is_refused(
+    name: str, found: str, expected: str, tmp_path: Path, context: sockets.Context
+) -> None:
+    stepped = SteppedSession(tmp_path, context, pilot=False)
+    why = f'the form: [session] {name}: found "{found}", expected "{expected}", whose plan this server runs'
+    accepted, reason = stepped.do("open", f'{{"{name}": "{found}", "consent": true}}')
+    assert (accepted, reason) == (False, f"{why} (--study small --dyad 1)")
+    assert list(tmp_path.iterdir()) == []
+    assert stepped.do("open", f'{{"{name}": "{expected}", "consent": true}}') == (True, "")
+    stepped.close()
+
+
 def test_form_with_other_participants_than_the_first_session_of_the_dyad_is_refused(
     tmp_path: Path, context: sockets.Context
 ) -> None:

@@ -9,8 +9,9 @@ import pytest
 from rich.console import Console
 
 import rehearsed
-from netboard.recording.integrity.catalogue import Filter, entry_of, files_in, in_order, with_check, with_trials
+from netboard.recording.integrity.catalogue import Entry, Filter, entry_of, files_in, in_order, with_check, with_trials
 from netboard.recording.integrity.report_text import sessions_table
+from netboard.task.trials.state_machine import Cause, Phase
 
 pytestmark = pytest.mark.slow
 
@@ -46,6 +47,15 @@ def test_every_recording_file_has_a_catalogue_entry(folder: Path) -> None:
     assert "not an MCAP file" in entries["junk.mcap"].why
 
 
+@pytest.mark.parametrize("name", ["a.mcap", "a.mcap.part", "a.spill"])
+def test_empty_file_is_listed_as_empty(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).touch()
+    entry = with_trials(entry_of(tmp_path / name))
+    assert entry.verdict == with_check(entry).verdict == "damaged"
+    assert entry.why.startswith("is empty")
+    assert "is empty" in with_check(entry).why
+
+
 def test_quick_verdict_equals_that_of_the_full_check(folder: Path) -> None:
     for path in files_in(folder):
         quick = with_trials(entry_of(path))
@@ -79,11 +89,37 @@ def test_blocks_are_listed_by_number_and_their_parts_by_time(folder: Path) -> No
     assert [(one.block, one.opened) for one in listed] == places
 
 
-def test_repeated_trials_are_listed_on_top_of_the_planned_ones(folder: Path) -> None:
-    entry = next(e for e in (with_trials(entry_of(path)) for path in files_in(folder)) if e.kind == "recording")
-    for done, words in ((3, "3 of 4"), (4, "4 of 4"), (5, "5 of 5")):
-        table = sessions_table([replace(entry, done=done, trials=4, verdict="complete")], folder)
-        console = Console(file=StringIO(), width=200)
-        console.print(table)
-        assert isinstance(console.file, StringIO)
-        assert words in console.file.getvalue()
+def printed(entry: Entry, folder: Path) -> str:
+    console = Console(file=StringIO(), width=200)
+    console.print(sessions_table([entry], folder))
+    assert isinstance(console.file, StringIO)
+    return console.file.getvalue()
+
+
+def test_repeated_trial_counts_as_wanted_and_done(tmp_path: Path) -> None:
+    config, rows = rehearsed.config(), rehearsed.rows()
+    rows["extra"] = 1
+    file = rehearsed.write(tmp_path / "a.mcap", rows, replace(config, block=replace(config.block, trials=1)))
+    entry = with_trials(entry_of(file))
+    assert (entry.done, entry.trials, entry.verdict) == (2, 2, "complete")
+    assert "2 of 2" in printed(entry, tmp_path)
+
+
+def test_stopped_block_with_a_repeat_not_done_is_a_loss_in_both_results(tmp_path: Path) -> None:
+    rows = rehearsed.rows()
+    last = rows[-1:]
+    last["trial"], last["extra"], last["event"], last["command"] = 3, 1, Cause.STOP, Cause.STOP
+    last["phase"] = Phase.LEVELLING
+    entry = with_trials(entry_of(rehearsed.write(tmp_path / "a.mcap", rows)))
+    assert (entry.done, entry.trials, entry.verdict) == (2, 3, "complete with listed losses")
+    assert entry.why.startswith("2 of 3 trials done")
+    assert entry.why.endswith("an operator stopped the block")
+    assert "2 of 3" in printed(entry, tmp_path)
+    assert with_check(entry).verdict == entry.verdict
+    assert entry.why in with_check(entry).why
+
+
+def test_quick_result_gives_the_losses_in_the_words_of_the_full_check(folder: Path) -> None:
+    entry = with_trials(entry_of(folder / "deep" / "early.mcap"))
+    assert entry.why
+    assert set(entry.why.split("; ")) <= set(with_check(entry).why.split("; "))

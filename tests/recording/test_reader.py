@@ -91,10 +91,16 @@ def test_truncated_file_is_refused_with_the_recover_command(tmp_path: Path, path
         Recording(cut)
 
 
-@pytest.mark.parametrize("content", [b"", b"\x89MCAP0\r", b"%PDF-1.4 hello", bytes(100)])
+@pytest.mark.parametrize("content", [b"\x89MCAP0\r", b"%PDF-1.4 hello", bytes(100)])
 def test_file_that_is_not_mcap_is_refused(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "a.mcap").write_bytes(content)
     with pytest.raises(RecordingError, match=r"a\.mcap: not an MCAP file"):
+        Recording(tmp_path / "a.mcap")
+
+
+def test_empty_file_is_refused_as_empty(tmp_path: Path) -> None:
+    (tmp_path / "a.mcap").touch()
+    with pytest.raises(RecordingError, match=r"a\.mcap: is empty"):
         Recording(tmp_path / "a.mcap")
 
 

@@ -359,10 +359,17 @@ def test_recovered_file_name_follows_from_the_source() -> None:
         assert recovered_path(Path("x") / name) == Path("x/a_b.recovered.mcap")
 
 
-@pytest.mark.parametrize("content", [b"", b"hello", b"\x89MCAP0\r"])
+@pytest.mark.parametrize("content", [b"hello", b"\x89MCAP0\r"])
 def test_recovery_of_a_file_that_is_not_mcap_is_refused(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "a.mcap.part").write_bytes(content)
     with pytest.raises(RecordingError, match="not an MCAP file"):
+        recover(tmp_path / "a.mcap.part")
+    assert [file.name for file in tmp_path.iterdir()] == ["a.mcap.part"]
+
+
+def test_recovery_of_an_empty_file_says_that_it_is_empty(tmp_path: Path) -> None:
+    (tmp_path / "a.mcap.part").touch()
+    with pytest.raises(RecordingError, match=r"a\.mcap\.part: is empty"):
         recover(tmp_path / "a.mcap.part")
     assert [file.name for file in tmp_path.iterdir()] == ["a.mcap.part"]
 

@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +48,18 @@ def test_check_exits_with_the_code_of_the_worst_recording() -> None:
     ]
     assert report["recordings"][2]["replay"]["identical"] is True
     assert report["recordings"][0]["replay"] is None
+
+
+@pytest.mark.parametrize("command", ["check", "sessions"])
+def test_copies_of_a_recording_are_pointed_out(command: str) -> None:
+    shutil.copy("recordings/whole.mcap", "recordings/copy.mcap")
+    line = "recordings/copy.mcap and recordings/whole.mcap: are the same part of the same block; leave one out\n"
+    result = runner.invoke(app, [command, "recordings"])
+    assert result.exit_code == 0
+    assert result.stdout.endswith(line)
+    as_json = runner.invoke(app, [command, "recordings", "--json"])
+    assert json.loads(as_json.stdout)
+    assert as_json.stderr.endswith(line)
 
 
 def test_missing_files_and_folders_are_reported() -> None:
@@ -139,12 +152,15 @@ def test_whatif_refuses_its_output_before_the_computation(monkeypatch: pytest.Mo
 
     monkeypatch.setattr("netboard.recording.counterfactual.what_if.what_if", compute)
     Path("there.mcap").touch()
-    for output, why in (
-        ("there.mcap", "exists already"),
-        ("recording.csv", "ends in .mcap"),
-        ("nowhere/new.mcap", "there is no folder nowhere"),
+    for option, output, why in (
+        ("--output", "there.mcap", "exists already"),
+        ("--output", "recording.csv", "ends in .mcap"),
+        ("--output", "nowhere/new.mcap", "there is no folder nowhere"),
+        ("--output", "/proc/new.mcap", "/proc/new.mcap: cannot be written: "),
+        ("--figure", "nowhere/new.png", "there is no folder nowhere"),
+        ("--figure", "/proc/new.png", "/proc/new.png: cannot be written: "),
     ):
-        result = runner.invoke(app, ["whatif", "recordings/whole.mcap", "--output", output])
+        result = runner.invoke(app, ["whatif", "recordings/whole.mcap", option, output])
         assert (result.exit_code, why in result.stderr) == (1, True), result.output
 
 

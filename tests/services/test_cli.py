@@ -345,10 +345,11 @@ def test_replay_without_a_window_refuses_a_screenshot(way: str) -> None:
         ("analyse recordings -o out", "netboard.analysis.report.analysing.analyse"),
         ("cohort paper -o out", "netboard.analysis.cohort.folder.make_cohort"),
         ("simulate -i a.csv -o b.csv", "netboard.recording.importing.hand_simulation.simulate_files"),
+        ("bench loop --quick -o out", "netboard.benchmarks.loop.bench.loop"),
     ],
 )
 def test_long_commands_clean_up_when_they_are_stopped(command: str, work: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """SIGTERM, as a batch system sends it, interrupts as Ctrl-C does, so that no temporary file is left."""
+    """SIGTERM, as a batch system sends it, interrupts as Ctrl-C does: no temporary file and no process is left."""
 
     def stop(*given: object, **others: object) -> list[str]:
         os.kill(os.getpid(), signal.SIGTERM)

@@ -24,14 +24,14 @@ RIG = Path("rig.toml")
 
 
 def test_station_starts_an_agent_and_a_display() -> None:
-    assert up.processes(RIG, (), server=False, station="left") == {
+    assert up.processes(RIG, (), server=None, station="left") == {
         "left agent": ["agent", "--side", "left", "-c", "rig.toml"],
         "left display": ["display", "--station", "left", "-c", "rig.toml"],
     }
 
 
 def test_server_starts_with_a_logger_and_gets_its_options() -> None:
-    processes = up.processes(None, ["block.trials=2"], server=True, station=None, autostart=False, insecure=True)
+    processes = up.processes(None, ["block.trials=2"], server=["--no-autostart", "--insecure"], station=None)
     assert processes == {
         "logger": ["logger", "--set", "block.trials=2"],
         "server": ["server", "--no-autostart", "--insecure", "--set", "block.trials=2"],
@@ -39,14 +39,52 @@ def test_server_starts_with_a_logger_and_gets_its_options() -> None:
 
 
 def test_one_machine_may_run_all_processes() -> None:
-    processes = up.processes(None, (), server=True, station="both")
+    processes = up.processes(None, (), server=(), station="both")
     assert list(processes) == ["logger", "server", "left agent", "right agent", "left display", "right display"]
     assert {command[0] for command in processes.values()} == {kind for kinds in launcher.STOP_ORDER for kind in kinds}
 
 
+@pytest.mark.parametrize(
+    ("words", "options"),
+    [
+        ("", []),
+        ("--no-autostart --insecure", ["--insecure", "--no-autostart"]),
+        ("--study paper --dyad 3", ["--study", "paper", "--dyad", "3", "--session", "1", "--seed", "1"]),
+        (
+            "--study pilot --session 2 --seed 7 --blocks 1 --trials 4 --resume --yes --autostart",
+            [
+                *("--study", "pilot", "--dyad", "1", "--session", "2", "--seed", "7", "--blocks", "1", "--trials", "4"),
+                *("--resume", "--yes", "--autostart"),
+            ],
+        ),
+    ],
+)
+def test_server_gets_the_options_of_its_session(
+    words: str, options: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    started: list[dict[str, list[str]]] = []
+
+    def supervise(wanted: dict[str, list[str]], stopping: object) -> int:
+        started.append(wanted)
+        return 0
+
+    monkeypatch.setattr(launcher, "supervise", supervise)
+    network = f"network.port={free_port()}"
+    result = CliRunner().invoke(app, ["up", "--server", *words.split(), "--set", network])
+    assert result.exit_code == 0, result.output
+    assert started == [{"logger": ["logger", "--set", network], "server": ["server", *options, "--set", network]}]
+
+
+@pytest.mark.parametrize("words", ["--station left --study paper", "--station left --resume", "--server --resume"])
+def test_study_needs_a_server_and_resuming_a_confirmation(words: str) -> None:
+    result = CliRunner().invoke(app, ["up", *words.split()])
+    assert result.exit_code == 2
+    assert "--resume: " in result.stderr
+
+
 def test_up_requires_a_server_or_a_station() -> None:
     with pytest.raises(ConfigError, match="--server, --station"):
-        up.processes(None, (), server=False, station=None)
+        up.processes(None, (), server=None, station=None)
 
 
 @pytest.mark.parametrize("transport", ["tcp", "ipc"])
@@ -135,18 +173,23 @@ class ScriptLauncher(Launcher):
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
-def test_second_ctrl_c_leaves_no_process_and_keeps_the_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("dyad", ["", " 2"])  # a benchmark may run several dyads
+def test_second_ctrl_c_leaves_no_process_and_keeps_the_order(
+    dyad: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("netboard.nodes.operator.launcher.HURRIED_SECONDS", 0.2)
     with ScriptLauncher(tmp_path, {}) as processes:
-        processes.start("logger", SLOW_STOP)
+        processes.start(f"logger{dyad}", SLOW_STOP)
         processes.start("server", SLOW_STOP)
-        processes.start("left agent", SLOW_STOP)
+        processes.start(f"left agent{dyad}", SLOW_STOP)
         processes.start("left display", IGNORES_STOP)
         Timer(0.2, signal.raise_signal, [signal.SIGINT]).start()
         assert [str(ended) for ended in processes.stop_all()] == ["the left display was killed by signal 9: on"]
-    ended = [(tmp_path / f"{name}.log").stat().st_mtime_ns for name in ("left-agent", "server", "logger")]
+    logs = [processes.log_of(name) for name in (f"left agent{dyad}", "server", f"logger{dyad}")]
+    ended = [log.stat().st_mtime_ns for log in logs if log is not None]
     assert ended == sorted(ended)
-    assert (tmp_path / "logger.log").read_text().endswith("done\n")
+    assert logs[-1] is not None
+    assert logs[-1].read_text().endswith("done\n")
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")

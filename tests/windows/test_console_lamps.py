@@ -51,6 +51,26 @@ def test_every_status_has_the_same_lamps_with_tips_and_texts(status: Status) -> 
     assert tuple(lamp.name for lamp in lamps) == SESSION_LAMPS
 
 
+@pytest.mark.parametrize(
+    ("total", "recently", "level", "text"),
+    [
+        (0, 0, Level.GOOD, "0 in total"),
+        (9_999, 0, Level.GOOD, "9999 in total"),
+        (123_456, 0, Level.GOOD, "123k in total"),
+        (12_345_678, 0, Level.GOOD, "12M in total"),
+        (123_456, 3, Level.WATCH, "3 now"),
+        (123_456, 40_000, Level.BAD, "40k now"),
+    ],
+)
+def test_deadline_misses_fit_into_their_lamp(total: int, recently: int, level: Level, text: str) -> None:
+    counts = replace(NONE, late_ticks=recently)
+    lamp = of(session_lamps(replace(RUNNING, late_ticks=total), 0.0, counts, LIMITS), "Deadline misses")
+    assert (lamp.level, lamp.words) == (level, text)
+    assert len(text) <= len("consent given")  # which fits into a lamp as wide
+    assert f"{recently} in the last" in lamp.tip
+    assert f"{total} in total" in lamp.tip
+
+
 def test_all_lamps_are_good_without_a_fault() -> None:
     lamps = [*(lamp for side in SIDES for lamp in station_lamps(RUNNING, NONE, side, LIMITS))]
     lamps += session_lamps(RUNNING, 0.1, NONE, LIMITS)

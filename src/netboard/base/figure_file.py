@@ -5,8 +5,8 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from netboard.base.errors import NetboardError
-from netboard.base.new_file import new_file
+from netboard.base.errors import NetboardError, writing
+from netboard.base.new_file import new_file, try_writing
 
 
 def refuse_figure(figure: Path | None) -> None:
@@ -21,6 +21,8 @@ def refuse_figure(figure: Path | None) -> None:
         raise NetboardError(f"{figure}: expected a name that ends in .png, .svg or .pdf")
     if not figure.parent.is_dir():
         raise NetboardError(f"{figure}: cannot be written: there is no folder {figure.parent}")
+    with writing(figure, NetboardError):
+        try_writing(figure.parent)
 
 
 def save_figure(figure: Any, path: Path, dpi: int) -> None:

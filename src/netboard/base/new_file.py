@@ -1,11 +1,18 @@
-"""A file that is complete or absent: written under a temporary name, and then renamed."""
+"""A file that is complete or absent: written under a temporary name, and then renamed; and a check of its folder."""
 
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from tempfile import TemporaryFile
 
 from netboard.base.errors import NetboardError, writing
+
+
+def try_writing(folder: Path) -> None:
+    """Raise OSError if no file can be made in a folder; leave nothing in it."""
+    with TemporaryFile(dir=folder):
+        pass
 
 
 @contextmanager

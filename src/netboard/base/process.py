@@ -56,6 +56,9 @@ OK, OFF = "ok", "off"
 MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4
 """Flags of mlockall on Linux."""
 
+PR_SET_PDEATHSIG = 1
+"""Linux prctl option: the signal that the kernel sends to this process when its parent ends."""
+
 PR_SET_TIMERSLACK = 29
 """Linux prctl option: the delay by which the kernel may wake a sleeping thread later, to coalesce timers."""
 
@@ -186,6 +189,9 @@ class Stopping:
     def __init__(self) -> None:
         self._requested = False
         self._parent = os.getppid() if os.environ.get(STOP_WITH_PARENT) else None
+        if self._parent is not None and sys.platform == "linux":
+            # A parent that suspended this process, and was killed, cannot resume it.
+            _libc(lambda libc: libc.prctl(PR_SET_PDEATHSIG, signal.SIGCONT, 0, 0, 0))
         self._before: dict[int, object] = {}
         self._supervisor = Supervisor()
 

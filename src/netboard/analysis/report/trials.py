@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.extraction.tables import ATTEMPT_KEY
-from netboard.analysis.report.wording import amount, command, plural
+from netboard.analysis.report.wording import amount, plural
+from netboard.base.shell import shell_command
 
 LEAD = 0.5
 """Time before the release at which a replay begins [s]."""
@@ -103,7 +104,7 @@ def listings(study: Study, files: Mapping[str, str]) -> tuple[Listing, ...]:
                 flag_words(row["flags"]),
                 "; ".join(why.get(key, ())),
                 paths.get(key, _NOTHING),
-                command("netboard", "replay", files[key[0]], "--at", f"{at:.1f}"),
+                shell_command("netboard", "replay", files[key[0]], "--at", f"{at:.1f}"),
                 _explain(files[key[0]], key, last[key[:2]]),
             )
         )
@@ -116,7 +117,7 @@ def listings(study: Study, files: Mapping[str, str]) -> tuple[Listing, ...]:
 def _explain(file: str, key: Key, last: int) -> str:
     """Return the command that explains an attempt's measures; by default it takes the last attempt of a trial."""
     attempt = [] if key[2] == last else ["--attempt", f"{key[2]}"]
-    return command("netboard", "explain", file, "--trial", f"{key[1]}", *attempt)
+    return shell_command("netboard", "explain", file, "--trial", f"{key[1]}", *attempt)
 
 
 def flag_words(words: str) -> str:

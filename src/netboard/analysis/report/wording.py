@@ -5,7 +5,6 @@ invisible characters and those that change the text direction are shown by code 
 """
 
 import re
-import shlex
 import unicodedata
 from math import floor, isfinite, log10
 
@@ -54,17 +53,6 @@ def plural(n: int, of: str) -> str:
     """Return a count with its noun."""
     word = of if n == 1 else _PLURALS.get(of, f"{of}s")
     return f"{amount(n)} {word}".strip()
-
-
-def command(*words: str) -> str:
-    """Return a line with correct shell quoting; invisible characters are escaped, as bash and zsh read them."""
-    return " ".join(shlex.quote(word) if word.isprintable() else _escaped(word) for word in words)
-
-
-def _escaped(word: str) -> str:
-    """Quote a word with escapes for all unsafe characters."""
-    data = word.encode("utf-8", "surrogateescape")
-    return "$'" + "".join(chr(b) if 32 <= b < 127 and chr(b) not in "'\\" else f"\\x{b:02x}" for b in data) + "'"
 
 
 def css_text(text: str) -> str:

@@ -23,7 +23,7 @@ from netboard.benchmarks.harness.running import Options, Tell, run
 from netboard.network.protocol.codec import decode, encode
 
 FRAMES = 1_000_000
-QUICK_FRAMES = 20_000
+QUICK_FRAMES = 5_000
 """Frames for the codec and for each socket in the short form [1]."""
 
 SLOWEST_MS = 50.0

@@ -81,7 +81,7 @@ class Rig:
 
     def __exit__(self, *raised: object) -> None:
         self.resume()
-        self._launcher.stop(*self._launcher.running())
+        self._launcher.stop_all()
 
     def _start(self, name: str, *arguments: str) -> None:
         self._launcher.start(name, *arguments)

@@ -17,6 +17,7 @@ from pathlib import Path
 from netboard.base.clock import now_ns
 from netboard.base.config import parse
 from netboard.base.errors import NetboardError, WireError
+from netboard.base.shell import shell_command
 from netboard.base.tables.rig import Recording
 from netboard.network.protocol.joining import Goodbye, Welcome
 from netboard.network.protocol.messages import Message
@@ -271,7 +272,8 @@ class Logger:
             except NetboardError as error:
                 log.error("%s", error)
         if self._writer is not None and self._writer.part.exists():
-            log.error("the file is complete up to its last chunk: netboard recover %s", self._writer.part)
+            command = shell_command("netboard", "recover", self._writer.part)
+            log.error("the file is complete up to its last chunk: %s", command)
         self._server.send(Goodbye(reason[:1000]))
 
     def _acknowledge(self, writer: RecordingWriter) -> None:

@@ -17,6 +17,7 @@ from netboard.base.bars import progress_bars
 from netboard.base.config import SIDES, Config, played_sides, resolve
 from netboard.base.errors import NetboardError
 from netboard.base.process import Stopping
+from netboard.base.shell import shell_command
 from netboard.base.terminal import plain_console
 from netboard.network.transport import sockets
 from netboard.network.transport.ports import free_port
@@ -72,13 +73,14 @@ def run(config: Config, *, displays: bool = True, study: Sequence[str] = ()) -> 
         try:
             directory.mkdir(parents=True, exist_ok=True)
             logs = Path(tempfile.mkdtemp(prefix=f"demo_{datetime.now(UTC):%Y%m%dT%H%M%SZ}_", dir=directory))
-            session = play(on_this_machine(config, directory), logs, displays, stopping, study)
+            session, ended = play(on_this_machine(config, directory), logs, displays, stopping, study)
         except OSError as error:
             raise NetboardError(f"{directory}: cannot be written to: {error.strerror}") from error
-    if session:
+    if ended:
         return show(directory, session, logs, began)
-    for part in sorted(directory.glob("*.mcap.part")):
-        console.print(f"unfinished recording {part}; recover it with: netboard recover {part}", soft_wrap=True)
+    for part in files_of(session, directory, ".mcap.part"):
+        command = shell_command("netboard", "recover", part)
+        console.print(f"unfinished recording {part}; recover it with: {command}", soft_wrap=True)
     console.print(f"logs {logs}", soft_wrap=True)
     return 1
 
@@ -103,8 +105,11 @@ def why_no_windows(*, screen: bool = False) -> str:
     return (lines[0] if aborted else lines[-1]) if tried.returncode else ""
 
 
-def play(config: Config, logs: Path, displays: bool, stopping: Stopping, study: Sequence[str] = ()) -> str:
-    """Start everything, supervise it and end it in order; return the session's id, or empty after a failure."""
+def play(config: Config, logs: Path, displays: bool, stopping: Stopping, study: Sequence[str] = ()) -> tuple[str, bool]:
+    """Start everything, supervise it and end it in order.
+
+    Return the session's id, empty if the server never answered, and whether it ended without a failure.
+    """
     file = logs / "demo.toml"
     file.write_text(resolve(config), encoding="utf-8")
     played = played_sides(config)
@@ -121,18 +126,17 @@ def play(config: Config, logs: Path, displays: bool, stopping: Stopping, study: 
         end = watch(operator, launcher, stopping, bool(played))
         if end is End.LEFT:
             await_server(operator)
-        if end is End.FAILED or operator.status is None:
-            return ""
+        session = "" if operator.status is None else operator.status.session
+        if end is End.FAILED or not session:
+            return session, False
         if end is End.FINISHED and played:
             operator.attend(CLOSING_SECONDS)
-        session = operator.status.session
         operator.command("end")
         with console.status("waiting until all records are on disk"):
             trouble = launcher.wait("server", END_SECONDS) or launcher.wait("logger", END_SECONDS)
         if trouble:
             console.print(trouble, style="red")
-            return ""
-    return session
+    return session, not trouble
 
 
 def watch(operator: Operator, launcher: Launcher, stopping: Stopping, played: bool) -> End:
@@ -174,9 +178,14 @@ def await_server(operator: Operator) -> None:
         operator.ask(ANSWER_SECONDS)
 
 
+def files_of(session: str, directory: Path, ending: str) -> list[Path]:
+    """Return the files of a session, by its id in their names; none of a session without an id."""
+    return sorted(directory.glob(f"*_{session[:8]}*{ending}")) if session else []
+
+
 def show(directory: Path, session: str, logs: Path, began: float) -> int:
     """Print the contents of the recordings, and whether they verify."""
-    paths = sorted(directory.glob(f"*_{session[:8]}*.mcap"))
+    paths = files_of(session, directory, ".mcap")
     if not paths:
         raise NetboardError(f"no recording of session {session[:8]} in {directory}")
     good = True

@@ -22,7 +22,7 @@ log = logging.getLogger(__name__)
 
 STOP_ORDER = (("agent", "display"), ("server",), ("logger",))
 """Agents and displays stop before the server that they depend on, and together: no agent renders forces while a display
-hangs. The logger stops last, to write its last records."""
+hangs. The logger stops last, to write its last records. The kind is a word of the name, as in "left agent 2"."""
 
 CHECK_INTERVAL_S = 0.1
 
@@ -111,7 +111,7 @@ class Launcher:
         """Stop all that still run, in the `STOP_ORDER`; return those that failed."""
         failed: list[Ended] = []
         for kinds in STOP_ORDER:
-            failed += self.stop(*(name for name in self._running if name.endswith(kinds)))
+            failed += self.stop(*(name for name in self._running if not set(kinds).isdisjoint(name.split())))
         return failed
 
     def stop(self, *names: str) -> list[Ended]:

@@ -43,16 +43,11 @@ class StudySession:
 
     @property
     def options(self) -> list[str]:
-        """The options with which ``netboard server`` runs this session, with each block starting by itself."""
+        """The options with which ``netboard server`` runs this session."""
         numbers = {"dyad": self.dyad, "session": self.session, "seed": self.seed}
         short = {"blocks": self.blocks, "trials": self.trials}
         given = {**numbers, **{name: number for name, number in short.items() if number is not None}}
-        return [
-            "--study",
-            self.study,
-            "--autostart",
-            *(word for name, n in given.items() for word in (f"--{name}", str(n))),
-        ]
+        return ["--study", self.study, *(word for name, n in given.items() for word in (f"--{name}", str(n)))]
 
 
 class Planned:
@@ -76,7 +71,15 @@ class Planned:
         return journal_path(Path(config.recording.directory), config)
 
     def blocks(self, session: Session) -> list[Config]:
-        """Return the configuration of each block, for a session with this form."""
+        """Return the configuration of each block, for a session with this form; refuse the form of another dyad."""
+        planned = self.config.session
+        labels = (("dyad", session.dyad, planned.dyad), ("study", session.study, planned.study))
+        for name, found, expected in labels:
+            if found != expected:
+                raise ConfigError(
+                    f'the form: [session] {name}: found "{found}", expected "{expected}", whose plan this server runs '
+                    f"(--study {self.study.name} --dyad {self.wanted.dyad})"
+                )
         if not session.pilot and (self.wanted.blocks or self.wanted.trials):
             raise ConfigError(
                 "--blocks, --trials: shorten the plan, which only a pilot run may do; expected [session] pilot = true"

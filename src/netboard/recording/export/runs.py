@@ -15,6 +15,7 @@ from typing import Literal
 
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import RecordingError
+from netboard.recording.files.copies import find_copies
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.summary import agents_of
 from netboard.task.plans.plan import OTHER_SIDE
@@ -122,16 +123,9 @@ def _refuse_repeats(runs: Sequence[Run]) -> None:
 
 
 def refuse_copies(recordings: Iterable[tuple[Path, Mapping[str, str]]]) -> None:
-    """Raise an error for two files with the same ticks, from their paths and metadata.
-
-    Recordings that were simulated from the same table of hands with two configurations are no copies.
-    """
-    seen: dict[tuple[str, ...], Path] = {}
-    for path, metadata in recordings:
-        key = tuple(metadata.get(name, "") for name in ("session", "block", "part", "config_sha256"))
-        if key in seen and all(key[:3]):  # a recovered recording may have lost some
-            raise RecordingError(f"{seen[key]} and {path}: are the same part of the same block; leave one out")
-        seen[key] = path
+    """Raise an error for two files with the same ticks, from their paths and metadata."""
+    for copy in find_copies(recordings):
+        raise RecordingError(copy)
 
 
 def _identity(run: Run, person: Person) -> tuple[str, ...]:

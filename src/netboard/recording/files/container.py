@@ -19,7 +19,7 @@ from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, Channel, ChunkIndex, Header, Metadata, MetadataIndex, Schema, Statistics
 
 from netboard.base.errors import RecordingError
-from netboard.recording.files.locate import recovery_advice
+from netboard.recording.files.locate import EMPTY, recovery_advice
 from netboard.recording.format.chunks import MAGIC, RECORD_HEAD, UNSOUND, unpack_chunk
 
 _FOOTER = struct.Struct("<BQQQI")
@@ -58,6 +58,8 @@ class Container:
     def _check_ends(self) -> None:
         """Raise an error for a file that is not a recording, or not a finished one."""
         size = self._file.seek(0, SEEK_END)
+        if not size:
+            raise RecordingError(f"{self.path}: {EMPTY}")
         if self._read(0, len(MAGIC)) != MAGIC:
             raise RecordingError(f"{self.path}: not an MCAP file")
         end = self._read(max(size - len(MAGIC), len(MAGIC)), len(MAGIC))

@@ -10,9 +10,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from netboard.base.errors import RecordingError
+from netboard.base.shell import shell_command
 
 UNFINISHED = "is unfinished; netboard recover makes a recording of it"
 """Why an unfinished recording is left out."""
+
+EMPTY = "is empty (0 bytes): it contains nothing to read or to recover"
+"""What is wrong with a file of which nothing was written."""
 
 GROWING_S = 10.0
 """An unfinished recording written to within this time may still be growing; a logger writes at least every 5 s [s]."""
@@ -91,4 +95,5 @@ def recovery_advice(path: Path) -> str:
         growing = path.suffix == ".part" and abs(time.time() - path.stat().st_mtime) < GROWING_S
     except OSError:  # a logger has just finished and renamed it, or the disk does not answer
         growing = False
-    return "a logger may still be writing it; after its session, " * growing + f"run: netboard recover {path}"
+    command = shell_command("netboard", "recover", path)
+    return "a logger may still be writing it; after its session, " * growing + f"run: {command}"

@@ -10,10 +10,10 @@ import os
 import sys
 from collections import deque
 from pathlib import Path
-from tempfile import TemporaryFile
 from typing import NamedTuple
 
 from netboard.base.errors import ConfigError, RecordingError
+from netboard.base.new_file import try_writing
 
 if sys.platform != "win32":
     import fcntl
@@ -125,8 +125,7 @@ def require_writable(folder: Path, key: str) -> None:
     """Raise an error if a folder cannot be created or written to; leave nothing in it."""
     place = next(parent for parent in (folder, *folder.absolute().parents) if parent.exists())
     try:
-        with TemporaryFile(dir=place):
-            pass
+        try_writing(place)
     except OSError as error:
         raise ConfigError(
             f'{key}: found "{folder}", expected a folder that can be written: {place}: {error.strerror or error}'

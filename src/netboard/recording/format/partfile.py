@@ -19,6 +19,7 @@ from typing import Any
 from mcap.writer import CompressionType, Writer
 
 from netboard.base.errors import RecordingError, writing
+from netboard.base.new_file import try_writing
 from netboard.recording.format.channels import CHANNELS, Stamped
 from netboard.recording.format.disk import allocate, lock, sync_directory
 
@@ -67,6 +68,7 @@ def require_new(path: Path) -> None:
             raise RecordingError(f"{path}: exists already, and a recording is never overwritten")
         if not path.parent.is_dir():
             raise RecordingError(f"{path}: cannot be written: there is no folder {path.parent}")
+        try_writing(path.parent)
 
 
 class PartFile:

@@ -9,20 +9,24 @@ import mmap
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from datetime import date
+from functools import partial
 from pathlib import Path
 
 from mcap.records import Attachment, Chunk, ChunkIndex, Metadata
 from mcap.stream_reader import StreamReader
 
 from netboard.base.config import Config, parse
-from netboard.base.errors import NetboardError
+from netboard.base.errors import NetboardError, RecordingError
 from netboard.network.protocol.joining import Welcome
-from netboard.recording.files.locate import files_below
+from netboard.recording.files.locate import EMPTY, files_below
 from netboard.recording.files.provenance import CONFIG_NAME, MetadataName
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.chunks import UNSOUND
-from netboard.recording.integrity.checking import check
-from netboard.recording.integrity.severity import RESULTS, Severity
+from netboard.recording.integrity.checking import check, continues
+from netboard.recording.integrity.severity import RESULTS, Finding, Severity
+from netboard.recording.integrity.stream_check import check_end
+from netboard.recording.integrity.trial_check import NO_TICKS, check_done
+from netboard.recording.integrity.walk import is_played
 from netboard.recording.recovery.spill import read_spill
 from netboard.task.journal.entries import AttemptEnded, BlockEnded, JournalContent, read_lines
 from netboard.task.studies.factors import factors_of, role_of
@@ -52,7 +56,7 @@ class Entry:
     role: str = ""  # purpose of its trials; empty for other files than recordings
     factors: dict[str, str] = field(default_factory=dict)  # level of each factor of the study, with value and unit
     condition: str = ""
-    # Trials done, and trials planned in the block; a journal has only the former.
+    # Trials done, and trials planned in the block or requested as repeats; a journal has only the former.
     done: int = 0
     trials: int = 0
     duration: float | None = None  # time from start to end; None if either is unknown [s]
@@ -99,6 +103,8 @@ def entry_of(path: Path) -> Entry:
         size = path.stat().st_size
         if path.name.endswith(JOURNAL):
             return _journal(path, size, read_lines(path.read_bytes(), path.name))
+        if not size:
+            raise RecordingError(EMPTY)
         if path.suffix == ".spill":
             return _spill(path, size)
         if path.suffix == ".part":
@@ -117,10 +123,7 @@ def _recording(path: Path, size: int) -> Entry:
     with Recording(path) as recording:
         metadata, end = recording.metadata, recording.end
         lost = int(end.get("lost", 0))
-        why = [] if end.get("ended", "") == "complete" else [f"ends early: {end.get('ended', 'recovered')}"]
-        why += [f"{lost} records lost"] if lost else []
-        why += [f"recovered, lost: {recording.recovery['damage']}"] if recording.recovery.get("damage") else []
-        why += ["computed, not recorded"] if "what_if" in metadata else []
+        why = [finding.text for finding in check_end(recording)] + [f"{lost} records were lost"] * bool(lost)
         entry = _about(Entry(path, "recording", size), metadata, recording.config_text)
         return replace(
             entry,
@@ -218,18 +221,29 @@ def _journal(path: Path, size: int, lines: JournalContent) -> Entry:
 
 
 def with_trials(entry: Entry) -> Entry:
-    """Count the trials of a finished recording; fewer than planned are a listed loss."""
+    """Count the trials of a finished recording; fewer than planned, or than requested as repeats, are a listed loss."""
     if entry.kind != "recording" or entry.verdict == RESULTS[Severity.DAMAGE]:
         return entry
     try:
         with Recording(entry.path) as recording:
             attempts = recording.attempts()
+            if not is_played(recording):
+                return replace(entry, done=len({one.trial for one in attempts if one.outcome in ("success", "skip")}))
+            rows = recording.ticks(attempts[-1].stop - 1 if attempts else None)
+            if not len(rows):
+                return _worse(entry, NO_TICKS)
+            tally, finding = check_done(recording.config, rows, partial(continues, recording))
     except NetboardError as error:
         return replace(entry, verdict=RESULTS[Severity.DAMAGE], why=str(error))
-    # Trials of previous parts are not in this file, but their numbers are known.
-    done = {attempt.trial for attempt in attempts if attempt.outcome in ("success", "skip")}
-    before = min((attempt.trial for attempt in attempts), default=1) - 1
-    return replace(entry, done=len(done) + before)
+    return _worse(replace(entry, done=tally.done, trials=tally.wanted), finding)
+
+
+def _worse(entry: Entry, finding: Finding) -> Entry:
+    """Add a finding to the result of a file, unless it is as expected."""
+    if finding.severity == Severity.SOUND:
+        return entry
+    severity = max(finding.severity, Severity(RESULTS.index(entry.verdict)))
+    return replace(entry, verdict=RESULTS[severity], why="; ".join(filter(None, (entry.why, finding.text))))
 
 
 def with_check(entry: Entry) -> Entry:

@@ -8,6 +8,7 @@ Nothing is written beside a recording.
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -131,10 +132,10 @@ def _trials(evidence: Evidence) -> Iterator[Finding]:
     if evidence.is_imported:
         yield from check_measured(seen, recording.attempts())
     elif evidence.is_played:
-        yield from check_trials(evidence.config, seen, recording.attempts(), _continues(recording))
+        yield from check_trials(evidence.config, seen, recording.attempts(), partial(continues, recording))
 
 
-def _continues(recording: Recording) -> bool:
+def continues(recording: Recording) -> bool:
     """Return True if another file continues the same block."""
     metadata = recording.metadata
     for path in parts_of(recording.path):

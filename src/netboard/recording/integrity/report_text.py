@@ -84,11 +84,14 @@ def _plain(replay: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def sessions_table(entries: Sequence[Entry], folder: Path) -> FittedTable:
+QUICK = "The results are from what each file states. netboard sessions --check examines all data, and may find more."
+"""Caption of a table of quick results."""
+
+
+def sessions_table(entries: Sequence[Entry], folder: Path, caption: str = "") -> FittedTable:
     """Return a table of the files, grouped by session."""
-    table = FittedTable(
-        "block\ncondition", "file", *numbers("trials", "length\nsize", "lost"), "verdict", title=f"Sessions in {folder}"
-    )
+    counts = numbers("trials", "length\nsize", "lost")
+    table = FittedTable("block\ncondition", "file", *counts, "verdict", title=f"Sessions in {folder}", caption=caption)
     for (dyad, session), group in in_order(entries):
         study = ", ".join(sorted({entry.study for entry in group if entry.study})) or "no study"
         pilot = ", pilot" if any(entry.pilot for entry in group) else ""
@@ -101,8 +104,7 @@ def sessions_table(entries: Sequence[Entry], folder: Path) -> FittedTable:
 
 
 def _file_row(entry: Entry, folder: Path) -> list[Cell]:
-    planned = max(entry.trials, entry.done)  # repeats come on top
-    trials = f"{entry.done} of {planned}" if entry.trials else f"{entry.done}"
+    trials = f"{entry.done} of {entry.trials}" if entry.trials else f"{entry.done}"
     known = entry.kind in ("recording", "journal") and entry.verdict != RESULTS[Severity.DAMAGE]
     colour = COLOURS[Severity(RESULTS.index(entry.verdict))]
     return [

@@ -4,11 +4,13 @@ Pure: attempts and configurations in, findings out. A stopped block is a loss, b
 order of trials that the trial state machine cannot produce is damage.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from netboard.base.config import Config
 from netboard.base.tables.experiment import Block
@@ -17,13 +19,24 @@ from netboard.recording.integrity.severity import Finding, Severity
 from netboard.recording.integrity.walk import Walk
 from netboard.task.trials.state_machine import Cause, Phase, first_target, ticks
 
+NO_TICKS = Finding(Severity.LOSS, "contains no ticks, so no trials")
+
 _ENDS = (Cause.LAST, Cause.STOP)
 
 
-def check_trials(config: Config, seen: Walk, listed: Sequence[Attempt], goes_on: bool) -> Iterator[Finding]:
-    """Check the trials by the rules in the configuration."""
+class Tally(NamedTuple):
+    """Trials of a block that were done, and those wanted: planned, and requested as repeats."""
+
+    done: int
+    wanted: int
+
+
+def check_trials(
+    config: Config, seen: Walk, listed: Sequence[Attempt], goes_on: Callable[[], bool]
+) -> Iterator[Finding]:
+    """Check the trials by the rules in the configuration; ``goes_on``: whether another file continues the block."""
     if not seen.count:
-        yield Finding(Severity.LOSS, "contains no ticks, so no trials")
+        yield NO_TICKS
         return
     attempts = seen.attempts()
     problems = [
@@ -34,7 +47,7 @@ def check_trials(config: Config, seen: Walk, listed: Sequence[Attempt], goes_on:
         *_wrong_counts(seen, attempts),
     ]
     yield from (Finding(Severity.DAMAGE, problem) for problem in problems)
-    done = _done(config, seen, goes_on)
+    _, done = check_done(config, np.concatenate(seen.turns), goes_on)
     if not problems or done.severity != Severity.SOUND:
         yield done
 
@@ -101,10 +114,14 @@ def _wrong_counts(seen: Walk, attempts: Sequence[Attempt]) -> Iterator[str]:
         yield f"the trial state machine counted {counted} successes, and there are {found}"
 
 
-def _done(config: Config, seen: Walk, goes_on: bool) -> Finding:
-    """Report how many of the planned trials were done."""
-    block, ends = config.block, [row for rows in seen.turns for row in rows[np.isin(rows["event"], _ENDS)]]
-    row = ends[-1] if ends else seen.last[0]
+def check_done(config: Config, rows: NDArray[Any], goes_on: Callable[[], bool]) -> tuple[Tally, Finding]:
+    """Count the trials that were done, and judge whether they are those planned.
+
+    ``rows``: at least the tick that ended the block, and the last one. ``goes_on``: whether another file continues the
+    block.
+    """
+    block, ends = config.block, rows[np.isin(rows["event"], _ENDS)]
+    row = ends[-1] if len(ends) else rows[-1]
     over = int(row["event"]) == Cause.LAST
     finished = over and int(row["phase"]) != Phase.FAILED
     done = int(row["trial"]) - (not (finished or int(row["event"]) == Cause.HELD))
@@ -115,8 +132,11 @@ def _done(config: Config, seen: Walk, goes_on: bool) -> Finding:
     condition = block.label or f"{block.configuration}, force {block.force}"
     words = f"{done} of {wanted} trials done, {int(row['failures'])} failed attempts, condition: {condition}"
     if done > wanted or (over and done < wanted and not timed):
-        return Finding(Severity.DAMAGE, f"{words}: the trial state machine never ends a block like this")
-    if over:
-        return Finding(Severity.SOUND, f"{words}; numbers, targets and forces are as expected")
-    why = "an operator stopped the block" if ends else "the end of the block is not in this file"
-    return Finding(Severity.LOSS, f"{words}: {'continued in another file' if goes_on and not ends else why}")
+        finding = Finding(Severity.DAMAGE, f"{words}: the trial state machine never ends a block like this")
+    elif over:
+        finding = Finding(Severity.SOUND, f"{words}; numbers, targets and forces are as expected")
+    else:
+        why = "an operator stopped the block" if len(ends) else "the end of the block is not in this file"
+        why = "continued in another file" if not len(ends) and goes_on() else why
+        finding = Finding(Severity.LOSS, f"{words}: {why}")
+    return Tally(done, wanted), finding

@@ -74,17 +74,26 @@ class Evidence:
     @property
     def is_imported(self) -> bool:
         """Whether the ticks come from a table that another program measured."""
-        return self.recording.metadata.get("imported") == "measured"
+        return _is_imported(self.recording)
 
     @property
     def is_played(self) -> bool:
-        """Whether trials were run by a server or a rehearsal, not imported and not computed as a counterfactual."""
-        return not self.is_imported and "what_if" not in self.recording.metadata
+        """Whether the rules of the trial state machine and the plan apply."""
+        return is_played(self.recording)
 
     @property
     def excuses_gaps(self) -> bool:
         """Whether ticks may be missing without a note: counterfactual recordings, recovered ones with damage."""
         return "what_if" in self.recording.metadata or bool(self.recording.recovery.get("damage"))
+
+
+def is_played(recording: Recording) -> bool:
+    """Return whether trials were run by a server or a rehearsal, not imported and not computed as a counterfactual."""
+    return not _is_imported(recording) and "what_if" not in recording.metadata
+
+
+def _is_imported(recording: Recording) -> bool:
+    return recording.metadata.get("imported") == "measured"
 
 
 def walk(portions: Iterable[NDArray[Any]], block: Block | None, stage: Stage | None = None) -> Walk:

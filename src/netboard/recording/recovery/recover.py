@@ -26,7 +26,7 @@ from netboard.base.config import parse
 from netboard.base.errors import ConfigError, RecordingError
 from netboard.base.tick import TICK
 from netboard.network.protocol.records import EventRecord
-from netboard.recording.files.locate import recovered_path
+from netboard.recording.files.locate import EMPTY, recovered_path
 from netboard.recording.files.provenance import CONFIG_NAME, LIBRARY, MetadataName, config_sha256, damaged_numbers
 from netboard.recording.format import older
 from netboard.recording.format.batches import Layout, TickStream
@@ -118,6 +118,8 @@ def recover(path: Path, output: Path | None = None) -> RecoveryReport:
     """
     target = output or recovered_path(path)
     with mapped(path) as data:
+        if not data:
+            raise RecordingError(f"{path}: {EMPTY}")
         chunks = list(_find_chunks(data))
         begins = data[: len(MAGIC)] == MAGIC
         if not (begins or chunks):

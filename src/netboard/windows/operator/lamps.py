@@ -179,9 +179,17 @@ def _disk(status: Status, minutes: float) -> LampState:
 def _late(status: Status, recently: int, limits: Limits) -> LampState:
     tip = f"Ticks over half a millisecond late: {recently} in the last {LATELY:g} s, {status.late_ticks} in total."
     if recently > limits.late_ticks:
-        return Level.BAD, f"{recently} now", f"{tip} Close other programs on the server's computer."
-    words = f"{recently} now, {status.late_ticks} in total" if recently else f"{status.late_ticks} in total"
-    return Level.WATCH if recently else Level.GOOD, words, tip
+        return Level.BAD, f"{_short(recently)} now", f"{tip} Close other programs on the server's computer."
+    if recently:
+        return Level.WATCH, f"{_short(recently)} now", tip
+    return Level.GOOD, f"{_short(status.late_ticks)} in total", tip
+
+
+def _short(count: int) -> str:
+    """Return a count that fits into a lamp; the tip has all its digits."""
+    if count < 10_000:
+        return str(count)
+    return f"{count // 1000}k" if count < 1_000_000 else f"{count / 1e6:.0f}M"
 
 
 def _forces(status: Status) -> LampState:
