@@ -4,6 +4,8 @@ A command imports its libraries when it runs, so that ``netboard --help`` is fas
 of its own services.
 """
 
+import io
+import sys
 from importlib import import_module
 from typing import Annotated
 
@@ -63,7 +65,9 @@ def root(
 
 
 def main() -> None:
-    """Run the command."""
+    """Run the command; what a terminal cannot show, such as a Japanese name in Latin-1, is printed as its code."""
+    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
+        sys.stdout.reconfigure(errors="backslashreplace")
     app()
 
 

@@ -19,8 +19,8 @@ from netboard.network.protocol.joining import Goodbye, Ping, Pong, Refusal, Welc
 from netboard.network.protocol.messages import Message
 from netboard.network.protocol.motion import Stylus
 from netboard.network.protocol.views import Frames
-from netboard.nodes.ports.control_port import CONNECTION_CHECK_NS, MAX_PEERS, SILENCE_TIMEOUT_NS, ControlPort
-from netboard.nodes.ports.peer import PING_NS
+from netboard.nodes.ports.control_port import CONNECTION_CHECK_NS, MAX_PEERS, ControlPort
+from netboard.nodes.ports.peer import PING_NS, SILENCE_TIMEOUT_NS
 
 STYLUS = Stylus(0, 0, 0.0, 0.0, 0.01, 0.0, 0.0, 0.1, 0, 0, 0.0, -1, 0, 0, 0, 0)
 D, C = b"display.left@1", b"console@1"
@@ -169,7 +169,38 @@ def test_suspended_console_may_answer_all_queued_pings() -> None:
     for ping in pings:
         rig.router.send_from(C, Pong(ping.sent_ns, now_ns, now_ns))
         rig.port.drain(lambda: now_ns)
-    assert rig.router.received_by(C) == []
+    assert rig.router.received_by(C) == [Ping(now_ns)]
+
+
+def test_commands_after_a_silence_may_be_late_until_a_new_ping_is_answered() -> None:
+    rig = Rig()
+    rig.port.pump(PING_NS)
+    now_ns = PING_NS + 1
+
+    def send(*messages: Message) -> list[Message]:
+        for message in messages:
+            rig.router.send_from(C, message)
+        rig.port.drain(lambda: now_ns)
+        return rig.router.received_by(C)
+
+    assert Ping(PING_NS) in send(Command("resume", "", 1))
+    send(Pong(PING_NS, PING_NS, PING_NS))
+    now_ns += SILENCE_TIMEOUT_NS + 1  # a pulled plug: what was sent meanwhile arrives together
+    (ping,) = send(StatusRequest(), Pong(PING_NS, PING_NS, PING_NS), Command("resume", "", 2))
+    assert ping == Ping(now_ns)
+    send(Pong(now_ns, now_ns, now_ns), Command("resume", "", 3))
+    assert [(request.command.number, request.late) for request in rig.port.requests] == [
+        (1, False),
+        (2, True),
+        (3, False),
+    ]
+
+
+def test_commands_of_a_peer_that_answers_no_pings_are_never_late() -> None:
+    rig = Rig()
+    rig.router.send_from(C, Command("resume", "", 1))
+    rig.port.drain(lambda: 2 * SILENCE_TIMEOUT_NS)
+    assert [request.late for request in rig.port.requests] == [False]
 
 
 def test_undelivered_block_change_is_sent_again() -> None:

@@ -146,7 +146,7 @@ def test_new_peers_replace_only_silent_peers() -> None:
     rig.port.pump(rig.clock())
     rig.router.send_from(b"late", hello("console"))
     rig.tick()
-    assert isinstance(rig.router.received_by(b"late")[-1], Welcome)
+    assert isinstance(rig.router.received_by(b"late")[0], Welcome)
 
 
 def test_flooding_peer_is_refused_and_other_peers_are_answered() -> None:

@@ -41,6 +41,19 @@ def test_first_operator_to_command_is_the_commander() -> None:
     assert not ops.decide("start", A, "lab:1", NOW).accepted
 
 
+def test_late_command_is_refused_unless_it_only_stops_forces_or_is_a_note() -> None:
+    running = replace(NOW, phase=Phase.RUNNING)
+    accepted = {
+        command for command in SESSION_COMMANDS if operators().decide(command, A, "lab:1", running, late=True).accepted
+    }
+    assert accepted == {emergency.STOP, "note", "pause", "disarm"}
+    late = operators().decide("resume", A, "lab:1", replace(NOW, phase=Phase.PAUSED), late=True)
+    assert (late.cause, late.reason) == (
+        Cause.NONE,
+        "resume may be from before the connection was interrupted: give it again",
+    )
+
+
 def test_refused_command_lists_the_commands_possible_now() -> None:
     ops = operators()
     paused = replace(NOW, phase=Phase.PAUSED)

@@ -170,6 +170,7 @@ def test_pong_arriving_during_a_drain_is_stamped_after_it_was_sent() -> None:
     port = ControlPort(router, WELCOME)  # type: ignore[arg-type]
     router.send_from(b"one", hello("display", "left"))
     port.drain(clock)
+    assert router.received_by(b"one") == [WELCOME, Ping(clock())]
     clock.advance(1.0)
     port.pump(clock())
     (ping,) = (message for message in router.received_by(b"one") if isinstance(message, Ping))

@@ -182,6 +182,15 @@ def test_runs_are_numbered_chronologically(tmp_path: Path) -> None:
     assert [row["recording"] for row in table(next(out.glob("sub-P22/ses-*/*_scans.tsv")))] == ["z.mcap", "a.mcap"]
 
 
+def test_blocks_keep_their_order_after_a_step_of_the_wall_clock(tmp_path: Path) -> None:
+    first = dyad(tmp_path / "z.mcap", minute=60)
+    second = dyad(tmp_path / "a.mcap", minute=1, block={"number": 2})
+    before = dyad(tmp_path / "m.mcap", minute=0, session="00000000")
+    out = export([second, before, first], tmp_path / "out")
+    rows = table(next(out.glob("sub-P22/ses-*/*_scans.tsv")))
+    assert [row["recording"] for row in rows] == ["m.mcap", "z.mcap", "a.mcap"]
+
+
 def test_acquisition_time_uses_the_best_clock_probe_of_its_own_logger(tmp_path: Path) -> None:
     # The logger's clock is 5 s ahead of the server's, by the better of two probes; another logger has another clock.
     clocks = [("logger", 5_000_000_900, 800), ("logger", 5_000_000_000, 100), ("logger", 10**15, 1)]

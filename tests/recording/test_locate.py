@@ -27,6 +27,12 @@ def test_empty_folder_and_equal_names_are_refused(tmp_path: Path) -> None:
         find_recordings([tmp_path / "x" / "a.mcap", tmp_path / "y" / "a.mcap"])
 
 
+def test_path_that_no_table_can_contain_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "gr\udcf6\udcdfe.mcap"  # Latin-1, as a disk of another system has it
+    with pytest.raises(RecordingError, match="not valid UTF-8, so no table can contain it; rename it"):
+        find_recordings([path])
+
+
 def test_unfinished_recordings_are_those_not_recovered(tmp_path: Path) -> None:
     for name in ("a.mcap", "b.mcap.part", "c.mcap.part", "c.recovered.mcap"):
         (tmp_path / name).touch()

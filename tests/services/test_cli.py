@@ -52,6 +52,20 @@ def _run_in_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setenv("NO_COLOR", "1")
 
 
+def test_name_that_the_terminal_cannot_show_is_printed_as_its_code(tmp_path: Path) -> None:
+    folder = tmp_path / "\u65e5\u672c"
+    folder.mkdir()
+    (folder / "a.mcap").write_bytes(GOLDEN.read_bytes())
+    result = subprocess.run(
+        [sys.executable, "-m", "netboard.services.cli", "info", str(folder / "a.mcap")],
+        capture_output=True,
+        check=False,
+        env=os.environ | {"PYTHONIOENCODING": "latin-1"},
+    )
+    assert (result.returncode, result.stderr) == (0, b"")
+    assert b"\\u65e5\\u672c" in result.stdout
+
+
 def test_help_lists_every_command() -> None:
     result = runner.invoke(app, ["--help"])
     assert result.exit_code == 0

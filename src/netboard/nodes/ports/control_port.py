@@ -31,7 +31,7 @@ from netboard.network.protocol.records import ClockRecord, FrameRecord
 from netboard.network.protocol.views import MAX_SHOWN, Frames
 from netboard.network.transport import endpoints
 from netboard.nodes.ports import emergency
-from netboard.nodes.ports.peer import Peer, Probes, admit
+from netboard.nodes.ports.peer import SILENCE_TIMEOUT_NS, Peer, Probes, admit
 from netboard.nodes.ports.peer_events import News, PeerEvents
 from netboard.nodes.ports.rate_limit import COMMANDS_AT_ONCE, COMMANDS_HZ, RateLimit
 from netboard.nodes.ports.refusals import TOO_MANY_MESSAGES, Refusals
@@ -62,9 +62,6 @@ MAX_REASON = 1000
 MAX_REPORTS = 16
 """Reports of one station that may wait to be recorded [1]."""
 
-SILENCE_TIMEOUT_NS = 3_000_000_000
-"""Silence after which a peer counts as absent until it sends again, without another `Hello` [ns]."""
-
 
 class Answers(Protocol):
     """Source of the answers to operators' questions."""
@@ -80,11 +77,12 @@ class Answers(Protocol):
 
 
 class CommandRequest(NamedTuple):
-    """A command, and the peer that sent it."""
+    """A command, and the peer that sent it; `late` if it may be from before an interruption of the connection."""
 
     who: bytes
     name: str
     command: Command
+    late: bool = False
 
 
 class ControlPort:
@@ -157,8 +155,7 @@ class ControlPort:
         self._router.send_queued()
         self.refusals.poll(now_ns)
         for name, peer in self._peers.items():
-            if ping := peer.ping(now_ns):
-                self._router.send(name, encode(ping))
+            self._ping(name, peer, now_ns)
             if name not in self._silent and peer.age_ns(now_ns) > SILENCE_TIMEOUT_NS:
                 self._silent.add(name)
                 self._add_event("silent", peer.hello, now_ns)
@@ -194,6 +191,10 @@ class ControlPort:
         """Close some time after the goodbye; messages that a peer has not read by then are lost."""
         self._router.close_after_goodbye()
 
+    def _ping(self, name: bytes, peer: Peer, now_ns: int) -> None:
+        if ping := peer.ping(now_ns):
+            self._router.send(name, encode(ping))
+
     def _take(self, name: bytes, frame: bytes, now_ns: int) -> bool:
         """Handle a message; return False if its peer sends too much and the message was dropped unread."""
         if not self._rate_limit.allows(name, len(frame), now_ns):
@@ -202,6 +203,8 @@ class ControlPort:
         peer = self._peers.get(name)
         if peer is not None:
             peer.note_message(now_ns)
+            if peer.may_be_late:
+                self._ping(name, peer, now_ns)
             if name in self._silent:
                 self._silent.discard(name)
                 self._add_event("back", peer.hello, now_ns)
@@ -227,7 +230,7 @@ class ControlPort:
             case Frames() as frames:
                 self._queue_report(name, peer.hello.side, frames)
             case Command() as command:
-                self._queue(CommandRequest(name, peer.hello.name, command), now_ns)
+                self._queue(CommandRequest(name, peer.hello.name, command, peer.may_be_late), now_ns)
             case question:
                 self._questions.setdefault((name, kind), question)
 
@@ -251,8 +254,9 @@ class ControlPort:
         if peer is None:
             self._make_room(hello.role, now_ns)
             self._add_event("joined", hello, now_ns)
-        self._peers[name] = peer or Peer(hello, now_ns)
+        self._peers[name] = peer = peer or Peer(hello, now_ns)
         self._router.send_or_queue(name, self._welcome)
+        self._ping(name, peer, now_ns)  # its answer precedes any command, so that a late command is known as such
 
     def _make_room(self, role: str, now_ns: int) -> None:
         """If a role has too many peers, forget a silent one, or else all that have disconnected."""

@@ -28,6 +28,9 @@ A process that was suspended answers all waiting pings at once when it goes on, 
 CLOCK_WINDOW_NS = 10_000_000_000
 """The clock offset uses the probes with the shortest round trip in this window [ns]."""
 
+SILENCE_TIMEOUT_NS = 3_000_000_000
+"""Silence after which an interruption of the connection is assumed [ns]."""
+
 RATE_NS = 1_000_000_000
 """Shortest window over which a rate is computed [ns]."""
 
@@ -127,9 +130,21 @@ class Peer:
         self._messages = 0
         self._rate = Rate()
         self._asked_ns = now_ns - PING_NS
+        self._returned_ns = 0
+        self._answered_ns: int | None = None  # time of the newest ping that it has answered
+
+    @property
+    def may_be_late(self) -> bool:
+        """Whether its messages may be from before an interruption: only the answer to a ping since then excludes it.
+
+        A peer that never answers pings is trusted.
+        """
+        return self._answered_ns is not None and self._answered_ns < self._returned_ns
 
     def note_message(self, now_ns: int) -> None:
-        """Count a message from the peer."""
+        """Count a message from the peer; after a silence, a ping is due."""
+        if self.age_ns(now_ns) > SILENCE_TIMEOUT_NS:
+            self._returned_ns, self._asked_ns = now_ns, now_ns - PING_NS
         self._last_message_ns = now_ns
         self._messages += 1
 
@@ -147,6 +162,7 @@ class Peer:
     def answered(self, pong: Pong, now_ns: int) -> None:
         """Take the answer to a ping, unless its stamps are impossible."""
         probe = (pong.ping_ns, pong.received_ns, pong.sent_ns, now_ns)
+        self._answered_ns = max(self._answered_ns or 0, pong.ping_ns)
         if self.clock.add(*probe):
             self.probe = probe
 

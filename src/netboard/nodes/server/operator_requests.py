@@ -22,7 +22,7 @@ class OperatorRequests:
         if operators.commander and not control.is_present(operators.commander):
             operators.leave()
         situation = Situation(state.phase, state.find_missing(), sequence.last, sequence.planned)
-        decision = operators.decide(command.name, request.who, request.name, situation)
+        decision = operators.decide(command.name, request.who, request.name, situation, late=request.late)
         if decision.accepted:
             decision = self._carry_out(command.name, command.argument, decision)
         control.reply(request, decision.accepted, decision.reason)

@@ -75,8 +75,20 @@ def runs_of(recordings: Sequence[Path]) -> tuple[Run, ...]:
 
 
 def _numbered(who: tuple[str, str], found: list[tuple[int, Path, dict[str, str], Config]]) -> Iterator[Run]:
-    """Yield the runs of a session in order of time."""
-    in_time = sorted(found, key=lambda one: one[:2])
+    """Yield the runs of a session in order of time.
+
+    The wall clock orders only the servers, as after a restart: a step of it does not change the order of their blocks.
+    """
+    began: dict[str, int] = {}
+    for opened, _, metadata, _ in found:
+        began[metadata["session"]] = min(opened, began.get(metadata["session"], opened))
+
+    def place(one: tuple[int, Path, dict[str, str], Config]) -> tuple[int, str, int, int, int, Path]:
+        opened, path, metadata, config = one
+        server = metadata["session"]
+        return began[server], server, config.block.number, int(metadata["part"]), opened, path
+
+    in_time = sorted(found, key=place)
     for number, (_, path, metadata, config) in enumerate(in_time, start=1):
         yield Run(path, metadata, config, _label("".join(who)), number, tuple(people_in(config, metadata)))
 

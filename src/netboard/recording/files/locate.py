@@ -29,7 +29,8 @@ def find_recordings(paths: Sequence[Path]) -> tuple[Path, ...]:
     """Return the recordings that the paths name.
 
     Each comes once, in the order of `paths`, sorted by name within a folder. Raises `RecordingError` if a folder has no
-    recording, or two recordings share a file name: their outputs could not be told apart.
+    recording, a name cannot be written as text, or two recordings share a file name: their outputs could not be told
+    apart.
     """
     found: list[Path] = []
     for path in paths:
@@ -40,10 +41,21 @@ def find_recordings(paths: Sequence[Path]) -> tuple[Path, ...]:
         found += here
     names: dict[str, Path] = {}
     for path in dict.fromkeys(found):
+        if not _is_text(path):  # as of a disk that another system has written
+            raise RecordingError(f"{path}: its path is not valid UTF-8, so no table can contain it; rename it")
         other = names.setdefault(path.stem, path)
         if other != path:
             raise RecordingError(f"{other} and {path} have the same name; take them one at a time, or rename one")
     return tuple(names.values())
+
+
+def _is_text(path: Path) -> bool:
+    """Return whether a path can be written as UTF-8."""
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def files_below(folder: Path, endings: tuple[str, ...]) -> list[Path]:
