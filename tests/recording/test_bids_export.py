@@ -176,6 +176,12 @@ def test_configuration_is_exported_for_each_recording(dataset: Path) -> None:
     assert all('dyad = "D-07"' in text for text in texts)
 
 
+def test_runs_of_blocks_rehearsed_at_once_are_numbered_as_planned(tmp_path: Path) -> None:
+    third, second = dyad(tmp_path / "a.mcap", minute=1, block={"number": 3}), solo(tmp_path / "z.mcap", minute=2)
+    out = export([third, second], tmp_path / "out")
+    assert [row["recording"] for row in table(next(out.glob("sub-P22/ses-*/*_scans.tsv")))] == ["z.mcap", "a.mcap"]
+
+
 def test_runs_are_numbered_chronologically(tmp_path: Path) -> None:
     early, late = dyad(tmp_path / "z.mcap", minute=1), solo(tmp_path / "a.mcap", minute=2)
     out = export([late, early], tmp_path / "out")

@@ -3,7 +3,7 @@
 A recording is one *run* of a dyad's session. Its persons are those who moved a hand in it: both participants in a
 dyadic block, the performer in a bimanual one. A fixed hand or one moved by a robot has no person. Labels consist of
 letters and digits. The session label combines dyad and session, so both members of the dyad share it and no one else
-has it. Runs are numbered in order of time, jointly for both persons, so equal run numbers are one recording.
+has it. Runs are numbered in the order of the plan, jointly for both persons, so equal run numbers are one recording.
 """
 
 import re
@@ -74,9 +74,9 @@ def runs_of(recordings: Sequence[Path]) -> tuple[Run, ...]:
 
 
 def _numbered(who: tuple[str, str], found: list[tuple[int, Path, dict[str, str], Config]]) -> Iterator[Run]:
-    """Yield the runs of a session in order of time."""
-    in_time = sorted(found, key=lambda one: one[:2])
-    for number, (_, path, metadata, config) in enumerate(in_time, start=1):
+    """Yield the runs of a session in the order of the plan, parts of a block in order of time."""
+    in_order = sorted(found, key=lambda one: (one[3].block.number, *one[:2]))  # a rehearsal may do blocks at once
+    for number, (_, path, metadata, config) in enumerate(in_order, start=1):
         yield Run(path, metadata, config, _label("".join(who)), number, tuple(people_in(config, metadata)))
 
 
