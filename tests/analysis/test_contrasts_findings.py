@@ -98,7 +98,7 @@ def test_permutation_p_is_noted_with_its_assumption_and_the_skewness(found: Topi
     assert len(p)
     assert p["note"].str.contains("assumes that differences are symmetric about 0").all()
     one = next(one for one in found.parts if one.contrast.n >= 4 and np.isfinite(one.contrast.effect.value))
-    skewness = f"these have skewness {stats.skew(one.contrast.differences):.1f}"
+    skewness = f"the skewness of these differences is {stats.skew(one.contrast.differences):z.1f}"
     own = p[(p["quantity"] == f"{one.measure.name}: p, permutation test") & (p["group"] == one.question.name)]
     assert own["note"].str.endswith(skewness).all()
     others = table[table["quantity"].str.endswith("p, sign test")]

@@ -128,5 +128,5 @@ def test_study_without_successes_has_no_delays() -> None:
 def test_differences_are_within_dyads_for_every_unit_of_intervals() -> None:
     for unit in ("dyads", "people", "movements"):
         found = delay(made_study(random_blocks(), f'summaries.intervals="{unit}"'))
-        one = result(found, "delay, mean of 10 to 40 %", "bimanual vs dyadic")
+        one = result(found, "delay, mean of 10 to 40 %", "dyadic vs bimanual")
         assert (one.n, one.of) == (3, "dyad")

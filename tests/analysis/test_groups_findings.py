@@ -70,7 +70,7 @@ def test_differences_use_only_dyads_with_both_conditions() -> None:
         "dyadic, full": pd.Series({("D01", "D01"): 3.0, ("D02", "D02"): 9.0}),
     }
     found = {group: differences.to_dict() for group, differences in comparisons(conditions(study), values)}
-    assert found == {"dyadic, haptics on vs off": {"D01": -1.0}, "bimanual vs dyadic": {"D01": -3.0}}
+    assert found == {"dyadic, haptics on vs off": {"D01": -1.0}, "dyadic vs bimanual": {"D01": 3.0}}
 
 
 FORCES_ALONE = [
@@ -92,10 +92,10 @@ def test_differences_use_the_same_performers_in_both_conditions() -> None:
     every = conditions(made_study(FORCES_ALONE))
     found = {group: differences.to_dict() for group, differences in comparisons(every, values)}
     assert found["bimanual, haptics on vs off"] == {"D01": 0.0, "D02": 0.0}
-    assert found["bimanual vs dyadic"] == {"D01": 1.0, "D02": 1.0}
+    assert found["dyadic vs bimanual"] == {"D01": -1.0, "D02": -1.0}
     exchanged = {"bimanual, none": values["bimanual, full"], "bimanual, full": values["bimanual, none"]}
     found = {group: differences.to_dict() for group, differences in comparisons(every, values | exchanged)}
-    assert found["bimanual vs dyadic"] == {"D02": 1.0}  # D01 is one of two people only
+    assert found["dyadic vs bimanual"] == {"D02": -1.0}  # D01 is one of two people only
 
 
 FAILED = [

@@ -86,7 +86,7 @@ def test_reported_increase_is_compared_in_direction(alone: float, direction: str
     ]
     compared = compare(made_study(blocks)).set_index(["quantity", "group"])
     assert (
-        compared.loc[("share of cooperative movement", "bimanual vs dyadic"), "verdict"] == f"{direction}, no interval"
+        compared.loc[("share of cooperative movement", "dyadic vs bimanual"), "verdict"] == f"{direction}, no interval"
     )
 
 

@@ -39,6 +39,13 @@ def section(page: Element, name: str) -> Element:
     return found
 
 
+def test_design_and_trials_name_conditions_as_the_results_do(tmp_path: Path) -> None:
+    page = written(tmp_path, small_study())
+    for name in ("design", "trials"):
+        assert "bimanual, haptics on" in section(page, name).text
+        assert "bimanual, full" not in section(page, name).text
+
+
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Element:
     """A report with everything in it."""

@@ -45,6 +45,12 @@ def test_number_that_rounds_to_zero_has_no_sign() -> None:
     assert amount(-0.001, 1) == "0.0"
 
 
+def test_positive_limit_of_a_wide_interval_is_not_written_as_zero() -> None:
+    row = {"quantity": "completion time: ratio", "group": "haptics on vs off", "unit": "1", "interval": "95 % t"}
+    assert written({**row, "value": 0.79, "low": 0.0224, "high": 27.9}) == ("0.79", "0.02", "27.90")
+    assert written({**row, "value": 1.26, "low": 0.0, "high": 27.9})[1] == "0.0"
+
+
 def test_largest_number_determines_the_decimals() -> None:
     assert decimals(0.003, -0.4, 0.5) == 3
     assert decimals(float("nan")) == 0

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from markupsafe import escape
 
 from netboard.analysis.extraction.store import Store, default_folder, key_of_analysis, restore_analysis, store_analysis
-from netboard.analysis.report.wording import visible
+from netboard.analysis.report.wording import plural, visible
 from netboard.base.bars import telling
 from netboard.base.errors import ConfigError
 from netboard.base.process import peak_memory
@@ -130,8 +130,7 @@ def _pool(chosen: AnalysisOptions) -> "WorkerPool":
 def _in_words(study: "Study", found: "Extraction") -> Iterator[str]:
     """Yield what was measured, and what was excluded."""
     hours = study.blocks["duration"].sum() / 3600
-    recordings = "1 recording" if len(found.sources) == 1 else f"{len(found.sources)} recordings"
-    yield f"{recordings}, {hours:.2f} h"
+    yield f"{plural(len(found.sources), 'recording')}, {hours:.2f} h"
     for one in found.left_out:
         yield f"  left out: {one.file}: {one.why}"
     silent = study.blocks.loc[~study.blocks["recording"].isin(study.trials["recording"]), "recording"]
@@ -141,7 +140,8 @@ def _in_words(study: "Study", found: "Extraction") -> Iterator[str]:
 
     failed = int((study.trials["outcome"] != "success").sum())
     excluded = study.excluded_attempts
-    yield f"{len(study.counted)} trials count; {failed} attempts failed; {excluded} attempts are excluded"
+    counted = plural(len(study.counted), "trial")
+    yield f"{counted} counted; {plural(failed, 'attempt')} failed; {plural(excluded, 'attempt')} excluded"
     for why, count in study.exclusions["why"].value_counts().sort_index().items():
         yield f"  excluded: {count} x {why}"
     yield from (f"  {note}" for note in notes(study))

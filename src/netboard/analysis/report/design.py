@@ -10,7 +10,7 @@ from netboard.analysis.extraction.conditions import STAND_INS, StudyFactor
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.report.grids import Cell, Column, Grid, grid, name, number
 from netboard.analysis.report.wording import amount, plural
-from netboard.analysis.topics.groups import FORCE_LABELS
+from netboard.analysis.topics.groups import FORCE_LABELS, labels_of
 from netboard.base.config import SIDES
 from netboard.task.studies.factors import level_text
 
@@ -110,13 +110,13 @@ def _studies(blocks: pd.DataFrame) -> list[str]:
 
 def _conditions(study: Study, blocks: pd.DataFrame) -> Grid:
     """Return blocks, trials and mean position of each condition."""
-    trials = study.trials
+    trials, labels = study.trials, labels_of(study)
     rows = []
     for condition, of_it in trials.groupby("condition", sort=True):
         mine = blocks[blocks["recording"].isin(of_it["recording"]) | (blocks["condition"] == condition)]
         rows.append(
             (
-                str(condition),
+                labels.get(str(condition), str(condition)),
                 len(mine),
                 mine["performer"].nunique(),
                 int((of_it["outcome"] == "success").sum()),
@@ -140,7 +140,7 @@ def _beginnings(blocks: pd.DataFrame) -> Grid:
     """Return how many performers began with each haptic condition."""
     first = blocks.sort_values("block", kind="stable").drop_duplicates(["dyad", "performer", "configuration"])
     counts = pd.crosstab(first["configuration"], first["force"])
-    columns = [Column("Configuration"), *(number(f"Began with {force}") for force in counts)]
+    columns = [Column("Configuration"), *(number(f"Began with {FORCE_LABELS.get(force, force)}") for force in counts)]
     rows: list[list[Cell | float]] = [[str(row[0]), *map(int, row[1:])] for row in counts.itertuples(name=None)]
     return grid("Counterbalancing: how many performers began a configuration with which force.", columns, rows)
 

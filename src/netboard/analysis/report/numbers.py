@@ -45,13 +45,17 @@ def _three(row: Mapping[str, Any]) -> tuple[float, float, float]:
 def _places(row: Mapping[str, Any]) -> int:
     """Return the decimals of a result and its interval; the larger of value and interval reach decides.
 
-    The larger one has three digits; two if the value is below 1 and has an interval.
+    The larger one has three digits; two if the value is below 1 and has an interval. A positive limit, as that of a
+    ratio, is not rounded to 0.
     """
     value, low, high = _three(row)
     if not isfinite(low):
         return 0 if value.is_integer() else min(decimals(value), unit_of(row).finest)
     reach = (high - low) / 2
-    return min(decimals(value, reach, digits=2 if max(abs(value), reach) < 1.0 else 3), unit_of(row).finest)
+    places = decimals(value, reach, digits=2 if max(abs(value), reach) < 1.0 else 3)
+    if 0.0 < low < 0.5 * 10**-places:
+        places = decimals(low, digits=1)
+    return min(places, unit_of(row).finest)
 
 
 def written(row: Mapping[str, Any]) -> tuple[str, str, str]:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.extraction.tables import ATTEMPT_KEY
 from netboard.analysis.report.wording import amount, plural
+from netboard.analysis.topics.groups import labels_of
 from netboard.base.shell import shell_command
 
 LEAD = 0.5
@@ -108,8 +109,9 @@ def listings(study: Study, files: Mapping[str, str]) -> tuple[Listing, ...]:
                 _explain(files[key[0]], key, last[key[:2]]),
             )
         )
+    labels = labels_of(study)
     return tuple(
-        _listing(number, block, rows.get(block["recording"], []))
+        _listing(number, block, labels.get(block["condition"], block["condition"]), rows.get(block["recording"], []))
         for number, block in enumerate(study.blocks.to_dict("records"), start=1)
     )
 
@@ -133,12 +135,12 @@ def reasons(study: Study) -> dict[Key, list[str]]:
     return found
 
 
-def _listing(number: int, block: Mapping[Any, Any], rows: list[Row]) -> Listing:
+def _listing(number: int, block: Mapping[Any, Any], condition: str, rows: list[Row]) -> Listing:
     """Return the attempts of a recording with a heading."""
     done = sum(row.outcome == "success" for row in rows)
     excluded = sum(bool(row.why) for row in rows)
     parts = [
-        f"block {block['block']}: {block['condition']}",
+        f"block {block['block']}: {condition}",
         f"{done} of {plural(int(block['trials']), 'trial')} done in {plural(len(rows), 'attempt')}",
     ]
     if excluded:

@@ -23,8 +23,8 @@ MAX_EXACT = 100_000
 
 
 SYMMETRIC = (
-    "assumes that differences are symmetric about 0 where there is no effect: "
-    "of 8 log-normal ones, which are skewed, it rejects 15 % at .05"
+    "assumes that differences are symmetric about 0 where there is no effect; "
+    "with 8 skewed (log-normal) differences it rejects 15 % at .05"
 )
 """Caution for the p value of a sign-flip test; docs/explanation/analysis-calibration.md has the simulation."""
 

@@ -143,7 +143,7 @@ def _results(one: Comparison) -> Iterator[Result]:
     yield estimated("contrasts", f"{one.measure.name}: d_z", group, contrast.effect, "1", note)
     yield estimated("contrasts", f"{one.measure.name}: g_z", group, one.hedges, "1", note)
     for kind, test in (("sign test", contrast.signs), ("permutation test", contrast.permutation)):
-        number = "so many" if test.exact else "this number of random sign flips"
+        number = f"{test.n} dyads" if test.exact else "this number of random sign flips"
         least = f"at least {test.least_p:.3g} with {number}" if np.isfinite(test.least_p) else "too few to test"
         shape = f"; {_symmetry(contrast)}" if test is contrast.permutation else ""
         name = f"{one.measure.name}: p, {kind}"
@@ -162,7 +162,7 @@ def _symmetry(contrast: Contrast) -> str:
     """Return a note on the permutation test's symmetry assumption and the skewness of the differences."""
     if contrast.n < MIN_FOR_SKEWNESS or not np.isfinite(contrast.effect.value):
         return SYMMETRIC
-    return f"{SYMMETRIC}; these have skewness {stats.skew(contrast.differences):.1f}"
+    return f"{SYMMETRIC}; the skewness of these differences is {stats.skew(contrast.differences):z.1f}"
 
 
 @cached

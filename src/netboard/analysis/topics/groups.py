@@ -135,6 +135,11 @@ def of_blocks(study: Study) -> tuple[Condition, ...]:
     return conditions(pooled(study, [factor.name for factor in study.factors if factor.scope == "trial"]))
 
 
+def labels_of(study: Study) -> dict[str, str]:
+    """Return the label of each condition of trials or blocks, as the results name it."""
+    return {one.name: one.label for one in (*of_blocks(study), *conditions(study))}
+
+
 def block_labels(study: Study) -> dict[str, str]:
     """Return the labels of all blocks' conditions, even if not analysed or with a factor that varies within."""
     known = {one.name: one.label for one in of_blocks(study)}
@@ -272,7 +277,7 @@ def _comparison_key(one: Condition, force_factors: set[str]) -> object:
 def comparisons(every: tuple[Condition, ...], values: Mapping[str, pd.Series]) -> Iterator[tuple[str, pd.Series]]:
     """Yield the contrasts of interest by name, as within-dyad differences, from performers' values in each condition.
 
-    Such as ``dyadic, haptics on vs off`` for each haptic condition minus haptics off; or ``bimanual vs dyadic``,
+    Such as ``dyadic, haptics on vs off`` for each haptic condition minus haptics off; or ``dyadic vs bimanual``,
     over the haptic conditions that both have; or as in `by_factor`.
     """
     performers, who = pd.DataFrame(values).rename_axis(["dyad", "performer"]), performed_by(every)
@@ -290,8 +295,8 @@ def comparisons(every: tuple[Condition, ...], values: Mapping[str, pd.Series]) -
         together = {one.force: one.name for one in own if one.configuration == "dyadic"}
         shared = [force for force in alone if force in together]
         if shared:
-            name = ", ".join(("bimanual vs dyadic", *among))
-            yield name, difference([alone[force] for force in shared], [together[force] for force in shared])
+            name = ", ".join(("dyadic vs bimanual", *among))
+            yield name, difference([together[force] for force in shared], [alone[force] for force in shared])
     for name, one, other in by_factor(every):
         yield name, difference([one.name], [other.name])
 

@@ -101,15 +101,15 @@ def _share(figure: str, line: int, kind: Kind, statement: str, of: str, group: s
 
 _CONDITIONS = tuple(f"{team}, {haptics}" for team in CONFIGURATIONS for haptics in ("haptics off", "haptics on"))
 _EFFECTS = tuple(f"{team}, haptics on vs off" for team in CONFIGURATIONS)
-_BETWEEN = "bimanual vs dyadic"
+_BETWEEN = "dyadic vs bimanual"
 
 REPORTED: tuple[Reported, ...] = (
     *_ends("completion time", 161, "AB", (5.71, 4.48, 3.61, 3.08, 4.33, 2.92, 3.62, 2.23)),
     *_learned("completion time", 161, "AB"),
-    _share("2AB", 161, "rises", "higher in bimanual", "cooperative movement", _BETWEEN),
-    _share("2AB", 161, "rises", "higher in bimanual", "stillness", _BETWEEN),
-    _share("2AB", 161, "falls", "more in dyadic", "single movement", _BETWEEN),
-    _share("2AB", 161, "falls", "more in dyadic", "competitive movement", _BETWEEN),
+    _share("2AB", 161, "falls", "higher in bimanual", "cooperative movement", _BETWEEN),
+    _share("2AB", 161, "falls", "higher in bimanual", "stillness", _BETWEEN),
+    _share("2AB", 161, "rises", "more in dyadic", "single movement", _BETWEEN),
+    _share("2AB", 161, "rises", "more in dyadic", "competitive movement", _BETWEEN),
     *(_share("2A", 161, "words", "almost none", "competitive movement", group) for group in _CONDITIONS[:2]),
     *_ends("number of velocity peaks", 170, "CD", (3.92, 2.42, 3.17, 1.85, 4.27, 2.91, 3.28, 1.95)),
     *_learned("number of velocity peaks", 170, "CD"),
@@ -130,7 +130,7 @@ REPORTED: tuple[Reported, ...] = (
         Reported("6", 202, "number", statement, "delay", f"delay, {OVER_ALL}", team, value)
         for statement, team, value in (("about 40 ms", "bimanual", 0.04), ("around 100 ms", "dyadic", 0.1))
     ),
-    Reported("6", 202, "falls", "higher in dyadic", "delay", f"delay, {OVER_ALL}", _BETWEEN),
+    Reported("6", 202, "rises", "higher in dyadic", "delay", f"delay, {OVER_ALL}", _BETWEEN),
     *(Reported("6", 202, "rises", "increases with the threshold", "delay", RISE, group) for group in _CONDITIONS),
     Reported("6", 202, "falls", "decreased with haptics", "delay", f"delay, {OVER_ALL}", _EFFECTS[1]),
     Reported("6", 202, "count", "intervals apart", "delay", APART, _EFFECTS[1], 4.0, nan, 4),

@@ -198,7 +198,7 @@ def _drift(found: Quality) -> str:
     """Return a sentence on the drift of times from block to block."""
     if not np.isfinite(found.drift.value):
         return "A drift cannot be separated from the conditions."
-    ends = f" [{_percent(found.drift.low)}, {_percent(found.drift.high)}]" if np.isfinite(found.drift.low) else ""
+    ends = f" ({_percent(found.drift.low)} to {_percent(found.drift.high)})" if np.isfinite(found.drift.low) else ""
     interval = f", 95 % t interval over {found.drift.n} dyads" if ends else ""
     return (
         f"Within a performer and a condition, times change by {_percent(found.drift.value)}{ends} from block to "
