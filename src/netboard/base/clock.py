@@ -12,8 +12,10 @@ from netboard.base.tick import TICK_NS
 CATCH_UP_TICKS = 20
 """A pacer further behind than this moves its deadlines instead of running ticks in a burst [1]."""
 
-now_ns = time.monotonic_ns
-"""Returns the monotonic time of this machine [ns]."""
+
+def now_ns() -> int:
+    """Return the monotonic time of this machine [ns]."""
+    return time.monotonic_ns()
 
 
 class Pacer:
