@@ -16,7 +16,7 @@ from netboard.participants.senses import (
     SENSES,
     Glimpse,
     force_at,
-    ou_step,
+    ou_factors,
     perceive,
     store,
     write_glimpse,
@@ -124,7 +124,8 @@ def test_force_is_perceived_after_the_delay_and_cleared_when_none_is_rendered() 
 
 def test_noise_has_the_set_deviation_and_correlation_time() -> None:
     rng, value = np.random.default_rng(2), 0.3
-    values = np.array([value := ou_step(value, 0.3, 0.2, 0.05, rng.standard_normal()) for _ in range(40_000)])
+    keep, fresh = ou_factors(0.2, 0.05)
+    values = np.array([value := keep * value + 0.3 * fresh * rng.standard_normal() for _ in range(40_000)])
     assert values.std() == pytest.approx(0.3, rel=0.03)
     after = np.corrcoef(values[:-4], values[4:])[0, 1]
     assert after == pytest.approx(np.exp(-1.0), abs=0.03)

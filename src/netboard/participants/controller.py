@@ -16,7 +16,7 @@ Each part can be switched off by a parameter: ``haptic_gain = 0`` (force carries
 `decide` is the controller as one kernel over records; `Controller` runs it for one live participant.
 
 Rule 1: the inputs are a `Glimpse`, the force on its own hand, and the constants of the scene; nothing else.
-Rule 2: time is an argument and the random generator is passed in, so that results are reproducible.
+Rule 2: time is an argument, and the state of the random numbers is part of its own, so that results are reproducible.
 """
 
 from dataclasses import fields
@@ -58,12 +58,13 @@ from netboard.participants.senses import (
     SENSES,
     Glimpse,
     is_free,
-    ou_step,
+    ou_factors,
     perceive,
     store,
     write_glimpse,
 )
 from netboard.participants.submovement import Submovement
+from netboard.physics.arithmetic.random_numbers import STREAM, coin, normal, pack_stream
 from netboard.physics.arithmetic.simd import gathered, lane
 
 HAPTIC_ERROR_TIME = 0.5
@@ -121,6 +122,7 @@ STATE = np.dtype(
         ("phase", "<f8"),  # phase seen at the last decision
         ("mirror", "<f8"),  # share of own tilting that the partner is expected to mirror [1]
         ("practice", "<f8"),  # attempts done [1]
+        ("random", STREAM),  # its random numbers
         ("learning_factor", "<f8"),  # of noise, threshold and reaction time; 1: trained [1]
     ]
 )
@@ -160,24 +162,25 @@ def initial_state(constants: NDArray[Any], rng: np.random.Generator) -> NDArray[
         Its constants, from `pack_constants`.
     """
     state = np.zeros(1, STATE)
-    machine_code(_initialise, state, constants, rng)(state, constants, rng)
+    state["random"] = pack_stream(rng)
+    machine_code(_initialise, state, constants)(state, constants)
     return state
 
 
 @kernel
-def _initialise(states: Any, constants: Any, rng: np.random.Generator) -> None:
+def _initialise(states: Any, constants: Any) -> None:
     """Begin: draw the first noises and the first threshold."""
     state, k = states[0], constants[0]
     senses = state["senses"]
     state["mirror"], state["practice"] = k["mirror"], k["practice"]
     factor = state["learning_factor"] = learned(k["novice"], k["practice"], k["learning_trials"])
-    senses["noise_p"] = factor * k["position_noise"] * rng.standard_normal()
-    senses["noise_v"] = factor * k["velocity_noise"] * rng.standard_normal()
-    senses["noise_theta"] = factor * radians(k["tilt_noise_deg"]) * rng.standard_normal()
-    state["haptic_error"] = factor * k["haptic_noise"] * rng.standard_normal()
+    senses["noise_p"] = factor * k["position_noise"] * normal(state["random"])
+    senses["noise_v"] = factor * k["velocity_noise"] * normal(state["random"])
+    senses["noise_theta"] = factor * radians(k["tilt_noise_deg"]) * normal(state["random"])
+    state["haptic_error"] = factor * k["haptic_noise"] * normal(state["random"])
     state["decision_time"] = state["ready"] = -inf
     state["goal"]["time"] = nan
-    state["threshold"] = _draw_threshold(state, k, rng)
+    state["threshold"] = _draw_threshold(state, k)
 
 
 @kernel
@@ -200,9 +203,7 @@ def learned(novice: float, practice: float, trials: float) -> float:
 
 
 @kernel
-def decide(
-    state: Any, k: Any, rng: np.random.Generator, now: float, glimpse: Any, felt: float, moves: NDArray[Any]
-) -> int:
+def decide(state: Any, k: Any, now: float, glimpse: Any, felt: float, moves: NDArray[Any]) -> int:
     """Take in display and force; return the number of new submovements, 0 most of the time [1].
 
     The caller keeps the interval `DECISION_INTERVAL` between two calls.
@@ -216,27 +217,33 @@ def decide(
     state["decision_time"] = now
     senses, seen = state["senses"], state["percept"]
     store(senses, now, glimpse, felt)
-    factor = state["learning_factor"]
-    state["haptic_error"] = ou_step(
-        state["haptic_error"], factor * k["haptic_noise"], HAPTIC_ERROR_TIME, dt, rng.standard_normal()
-    )
-    senses["noise_p"] = ou_step(senses["noise_p"], factor * k["position_noise"], NOISE_TIME, dt, rng.standard_normal())
-    senses["noise_v"] = ou_step(senses["noise_v"], factor * k["velocity_noise"], NOISE_TIME, dt, rng.standard_normal())
-    tilt_noise = factor * radians(k["tilt_noise_deg"])
-    senses["noise_theta"] = ou_step(senses["noise_theta"], tilt_noise, NOISE_TIME, dt, rng.standard_normal())
+    _renew_noise(state, k, dt)
     if not perceive(senses, now - k["visual_delay"], seen):
         return 0
-    _detect_release(state, k, rng)
+    _detect_release(state, k)
     _drop_completed(state, k, seen["time"] - delay_to_hand(k))
     if k["partner_prediction"] == TO_GOAL and k["hands"] != BOTH:
         follow_partner(state, k, now)
     if now < state["ready"] or not _has_room(state):
         return 0
     if seen["phase"] == LEVELLING:
-        return _level(state, k, rng, now, moves)
+        return _level(state, k, now, moves)
     if is_free(seen["phase"]):
-        return _steer(state, k, rng, now, moves)
+        return _steer(state, k, now, moves)
     return 0
+
+
+@inlined
+def _renew_noise(state: Any, k: Any, dt: float) -> None:
+    """Renew the errors of perception: coloured Gaussian noise (Ornstein-Uhlenbeck)."""
+    senses, random, factor = state["senses"], state["random"], state["learning_factor"]
+    keep, fresh = ou_factors(HAPTIC_ERROR_TIME, dt)
+    state["haptic_error"] = keep * state["haptic_error"] + factor * k["haptic_noise"] * fresh * normal(random)
+    keep, fresh = ou_factors(NOISE_TIME, dt)
+    senses["noise_p"] = keep * senses["noise_p"] + factor * k["position_noise"] * fresh * normal(random)
+    senses["noise_v"] = keep * senses["noise_v"] + factor * k["velocity_noise"] * fresh * normal(random)
+    tilt_noise = factor * radians(k["tilt_noise_deg"])
+    senses["noise_theta"] = keep * senses["noise_theta"] + tilt_noise * fresh * normal(random)
 
 
 @inlined
@@ -249,13 +256,13 @@ def _has_room(state: Any) -> bool:
 
 
 @inlined
-def _detect_release(state: Any, k: Any, rng: np.random.Generator) -> None:
+def _detect_release(state: Any, k: Any) -> None:
     """Once the release of the ball is seen, count the attempt and wait for a reaction time."""
     phase = state["percept"]["phase"]
     if is_free(phase) and not is_free(state["phase"]):
         state["learning_factor"] = learned(k["novice"], state["practice"], k["learning_trials"])
         state["practice"] += 1.0
-        reaction = state["learning_factor"] * k["reaction_time"] * max(0.0, 1.0 + REACTION_CV * rng.standard_normal())
+        reaction = state["learning_factor"] * k["reaction_time"] * max(0.0, 1.0 + REACTION_CV * normal(state["random"]))
         state["ready"] = state["percept"]["time"] + reaction
     state["phase"] = phase
 
@@ -297,22 +304,22 @@ def _learn_partner(state: Any, k: Any, intent: Any) -> None:
 
 
 @inlined
-def _draw_threshold(state: Any, k: Any, rng: np.random.Generator) -> float:
+def _draw_threshold(state: Any, k: Any) -> float:
     """Draw the tilt error that triggers the next submovement: log-normal, limited by `MAX_THRESHOLD` [rad]."""
     spread = sqrt(log1p(k["threshold_cv"] ** 2))
-    drawn = state["learning_factor"] * k["threshold_deg"] * exp(spread * rng.standard_normal())
+    drawn = state["learning_factor"] * k["threshold_deg"] * exp(spread * normal(state["random"]))
     return radians(min(drawn, MAX_THRESHOLD * k["max_tilt_deg"]))
 
 
 @inlined
-def _steer(state: Any, k: Any, rng: np.random.Generator, now: float, moves: NDArray[Any]) -> int:
+def _steer(state: Any, k: Any, now: float, moves: NDArray[Any]) -> int:
     """Write the submovements that steer the ball; none if the tilt error is below the threshold."""
     expected = expected_tilt(state, k, now)
     error = _wanted_tilt(state, k, expected) - expected
     if abs(error) <= state["threshold"]:
         return 0
     lift = -k["centring"] * board_height(state, k)
-    return _act(state, k, rng, now, error, lift, moves)
+    return _act(state, k, now, error, lift, moves)
 
 
 @inlined
@@ -342,32 +349,30 @@ def _predict_ball(state: Any, k: Any, expected: float) -> tuple[float, float]:
 
 
 @inlined
-def _level(state: Any, k: Any, rng: np.random.Generator, now: float, moves: NDArray[Any]) -> int:
+def _level(state: Any, k: Any, now: float, moves: NDArray[Any]) -> int:
     """Write the submovements that level the board at its neutral height; none if it is level."""
     error, height = -expected_tilt(state, k, now), board_height(state, k)
     tilted, off = abs(error) > LEVEL_MARGIN * k["level_angle"], abs(height) > LEVEL_MARGIN * k["level_height"]
     if not tilted and not off:
         return 0
-    count = _act(state, k, rng, now, error if tilted else 0.0, -height if off else 0.0, moves)
+    count = _act(state, k, now, error if tilted else 0.0, -height if off else 0.0, moves)
     state["ready"] = now + moves[count - 1]["duration"] + delay_to_hand(k) + k["visual_delay"]
     return count
 
 
 @kernel
-def _act(
-    state: Any, k: Any, rng: np.random.Generator, now: float, turn: float, lift: float, moves: NDArray[Any]
-) -> int:
+def _act(state: Any, k: Any, now: float, turn: float, lift: float, moves: NDArray[Any]) -> int:
     """Write one submovement of each own hand that tilts and lifts the board [rad, m]; return how many."""
-    state["threshold"] = _draw_threshold(state, k, rng)
-    duration = k["movement_time"] * exp(k["movement_cv"] * rng.standard_normal())
-    scale = 1.0 + state["learning_factor"] * k["amplitude_cv"] * rng.standard_normal()
+    state["threshold"] = _draw_threshold(state, k)
+    duration = k["movement_time"] * exp(k["movement_cv"] * normal(state["random"]))
+    scale = 1.0 + state["learning_factor"] * k["amplitude_cv"] * normal(state["random"])
     wait = uneven = 0.0
     late = -1
     if k["hands"] == BOTH:
-        late = int(rng.integers(0, 2))
-        wait = abs(k["bimanual_async"] * rng.standard_normal())
-        uneven = k["bimanual_amplitude_cv"] / 2.0 * rng.standard_normal()
-    partner_error = min(max(k["partner_noise"] * rng.standard_normal(), -1.0), 1.0)
+        late = coin(state["random"])
+        wait = abs(k["bimanual_async"] * normal(state["random"]))
+        uneven = k["bimanual_amplitude_cv"] / 2.0 * normal(state["random"])
+    partner_error = min(max(k["partner_noise"] * normal(state["random"]), -1.0), 1.0)
     count = 0
     for side in range(2):
         if not k["hands"] & (1 << side):
@@ -392,11 +397,9 @@ def _act(
 
 
 @kernel
-def _decide(
-    states: Any, constants: Any, rng: np.random.Generator, now: float, shown: Any, felt: float, moves: NDArray[Any]
-) -> int:
+def _decide(states: Any, constants: Any, now: float, shown: Any, felt: float, moves: NDArray[Any]) -> int:
     """Run `decide` for arrays of one record, which Python hands over much faster than records."""
-    return decide(states[0], constants[0], rng, now, shown[0], felt, moves)
+    return decide(states[0], constants[0], now, shown[0], felt, moves)
 
 
 class Controller:
@@ -422,12 +425,11 @@ class Controller:
         self.interval = DECISION_INTERVAL
         self.constants = pack_constants(person, physics, task, sides)
         self.state = initial_state(self.constants, rng)
-        self._rng = rng
         self._glimpse = np.zeros(1, SEEN)
         self._moves = np.zeros(2, MOVE)
         self._decision_time = self.state["decision_time"].data
         # The look-up of the kernel by the types of its arguments would take longer than a decision.
-        self._decide = machine_code(_decide, self.state, self.constants, rng, 0.0, self._glimpse, 0.0, self._moves)
+        self._decide = machine_code(_decide, self.state, self.constants, 0.0, self._glimpse, 0.0, self._moves)
 
     def step(self, now: float, glimpse: Glimpse | None, felt: float | None) -> tuple[Submovement, ...]:
         """Run `decide` if `DECISION_INTERVAL` has passed since the last decision; may be called at any rate."""
@@ -440,7 +442,7 @@ class Controller:
         """
         write_glimpse(glimpse, self._glimpse)
         force = nan if felt is None else felt
-        count = self._decide(self.state, self.constants, self._rng, now, self._glimpse, force, self._moves)
+        count = self._decide(self.state, self.constants, now, self._glimpse, force, self._moves)
         return tuple(
             Submovement(SIDES[move["side"]], float(move["start"]), float(move["duration"]), float(move["displacement"]))
             for move in self._moves[:count]

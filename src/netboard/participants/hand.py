@@ -328,14 +328,6 @@ def advance_hand(
         done += part
 
 
-@kernel
-def draw_noise(rng: np.random.Generator, white: NDArray[np.float64]) -> None:
-    """Fill an array with the next normal numbers of a hand, as `Hand.noise` returns them."""
-    for update in range(white.shape[0]):
-        for axis in range(white.shape[1]):
-            white[update, axis] = rng.standard_normal()
-
-
 class Hand:
     """One simulated hand on one stylus.
 

@@ -119,22 +119,16 @@ def is_free(phase: float) -> bool:
 
 
 @inlined
-def ou_step(value: float, deviation: float, time: float, dt: float, normal: float) -> float:
-    """Return the next value of coloured Gaussian noise (Ornstein-Uhlenbeck) [unit of the value].
+def ou_factors(time: float, dt: float) -> tuple[float, float]:
+    """Return how much of a coloured Gaussian noise remains after a time, and how much of its deviation is new [1].
 
     Parameters
     ----------
-    value : float
-        Present value [unit of the quantity that the noise is added to].
-    deviation : float
-        Standard deviation of the noise [the same unit].
     time : float
-        Correlation time [s].
-    normal : float
-        Standard normal number [1].
+        Correlation time (Ornstein-Uhlenbeck) [s].
     """
     keep = exp(-dt / time)
-    return keep * value + deviation * sqrt(1.0 - keep * keep) * normal
+    return keep, sqrt(1.0 - keep * keep)
 
 
 @kernel

@@ -35,7 +35,6 @@ from netboard.nodes.rehearsal.closed_loop import (
     seats_of,
     see,
 )
-from netboard.participants.hand import draw_noise
 from netboard.stage.stage import make_stage
 from netboard.task.trials.state_machine import Cause, Phase
 
@@ -51,7 +50,7 @@ MAX_MEAN_TRIAL = 120.0
 KEPT = DECISION_TICKS
 """Ticks kept before a piece, for participants that see them late [1]."""
 
-_FINISHED, _STOP = int(Phase.FINISHED), int(Cause.STOP)
+_FINISHED, _NONE, _START, _STOP = int(Phase.FINISHED), int(Cause.NONE), int(Cause.START), int(Cause.STOP)
 _TICK, _TIME, _LATE, _COMMAND, _EVENT = (
     TICK_WORDS[name] for name in ("tick", "time_ns", "late_ns", "command", "event")
 )
@@ -68,14 +67,12 @@ def _loop(
     words: NDArray[np.int64],
     numbers: NDArray[np.float64],
     number: int,
-    commands: NDArray[np.int64],
+    last: int,
     book: Any,
     tables: Any,
     bodies: Any,
     readings: Any,
     force_queue: NDArray[np.float64],
-    white: NDArray[np.float64],
-    noise: Any,
     participants: Any,
     hands: NDArray[np.int64],
     completions: NDArray[np.float64],
@@ -83,22 +80,20 @@ def _loop(
     """Run ticks with both hands and all participants, to the end of the block at most.
 
     ``rows``: the last `KEPT` ticks and room for the next ones, also as ``words`` and ``numbers`` of the same memory;
-    ``number``: number of the first new tick; ``noise``: generator of each hand's force noise; ``hands``: for each
+    ``number``: number of the first new tick; ``last``: that of the tick that stops the block; ``hands``: for each
     participant, the hand whose force it feels, 0 left, 1 right; ``completions``: completion time of the last trial, by
     the number of successful ones [s]. Returns how many ticks were run.
     """
     count = len(rows) - KEPT
-    for side in range(2):
-        draw_noise(noise[side], white[side])
     state, rows, words, numbers = borrowed(state), borrowed(rows), borrowed(words), borrowed(numbers)
     book, tables, bodies, force_queue = borrowed(book), borrowed(tables), borrowed(bodies), borrowed(force_queue)
-    white, participants, hands, commands = borrowed(white), borrowed(participants), borrowed(hands), borrowed(commands)
     readings, completions = borrowed(readings), borrowed(completions)
+    participants, hands = borrowed(participants), borrowed(hands)
     for k in range(count):
         place, tick = KEPT + k, number + k
         words[place, _TICK], words[place, _TIME], words[place, _LATE] = tick, START_NS + tick * TICK_NS, -LEAD_NS
-        words[place, _COMMAND] = commands[k]
-        advance(bodies, 0, 2, white, k, words, numbers, place)
+        words[place, _COMMAND] = _START if tick == START_TICK else _STOP if tick == last else _NONE
+        advance(bodies, 0, 2, words, numbers, place)
         read(bodies, 0, 2, readings[0], words, numbers, place)
         _ticks(state, rows, place, 1, book, tables)
         for side in range(2):
@@ -154,9 +149,8 @@ class Rehearsal:
         moving = {side: person_at(config, side, people) for side in SIDES}
         seed = (block.seed, block.number)
         self._bodies = np.zeros(len(SIDES), BODY)
-        self._noise = tuple(np.random.default_rng((*seed, 1 + place)) for place in range(len(SIDES)))
-        for side, rng in zip(SIDES, self._noise, strict=True):
-            pack_body(config, side, moving[side], rng, self._bodies)
+        for place, side in enumerate(SIDES):
+            pack_body(config, side, moving[side], np.random.default_rng((*seed, 1 + place)), self._bodies)
         self._readings = np.zeros(1, READINGS)
         self._force_queue = np.zeros((len(SIDES), block.force_delay_ms + 1))
         participants = [
@@ -188,37 +182,26 @@ class Rehearsal:
         """Run the block. Yields at most `size` ticks at a time, valid until the next are asked for."""
         rows = np.zeros(KEPT + size, TICK)
         words, numbers = rows.view(np.int64).reshape(len(rows), -1), rows.view(np.float64).reshape(len(rows), -1)
-        white, commands = np.zeros((len(SIDES), size, 3)), np.zeros(size, np.int64)
         over = False
         while not over:
             words[:KEPT] = words[-KEPT:]  # as words, because NumPy copies a record field by field
-            self._command(commands)
-            count = self._run(rows, words, numbers, commands, white)
+            count = self._run(rows, words, numbers)
             self._ticks += count
             over = int(self._state["phase"][0]) == _FINISHED
             self._given_up = int(words[KEPT + count - 1, _EVENT]) == _STOP
             yield rows[KEPT : KEPT + count]
-
-    def _command(self, commands: NDArray[np.int64]) -> None:
-        """Write the commands of the next ticks: the block starts, and is stopped if it takes too long."""
-        commands[:] = Cause.NONE
-        for tick, command in ((START_TICK, Cause.START), (self._last_tick, Cause.STOP)):
-            if self._ticks <= tick < self._ticks + len(commands):
-                commands[tick - self._ticks] = command
 
     def _run(
         self,
         rows: NDArray[Any],
         words: NDArray[np.int64],
         numbers: NDArray[np.float64],
-        commands: NDArray[np.int64],
-        white: NDArray[np.float64],
     ) -> int:
         """Run the next ticks; return their number."""
         stage = self._stage
         arguments = (
-            *(self._state, rows, words, numbers, self._ticks, commands, stage.book, stage.tables),
-            *(self._bodies, self._readings, self._force_queue, white, self._noise, self._participants, self._hands),
+            *(self._state, rows, words, numbers, self._ticks, self._last_tick, stage.book, stage.tables),
+            *(self._bodies, self._readings, self._force_queue, self._participants, self._hands),
             self._completions,
         )
         if self._code is None:

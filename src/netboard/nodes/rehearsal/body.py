@@ -30,12 +30,12 @@ from netboard.participants.hand import (
     STEP,
     STEP_NS,
     UPDATE_STEPS,
-    Hand,
     integrate,
     integrate_on_cables,
     make_hand,
     update_muscles,
 )
+from netboard.physics.arithmetic.random_numbers import STREAM, normal, pack_stream
 from netboard.physics.arithmetic.simd import gathered, lane, nearest
 from netboard.physics.scene.rendering import pack_rendering
 from netboard.stage.stage import commanded_tick
@@ -91,6 +91,7 @@ BODY = np.dtype(
         ("arm", ARM),
         ("cables", CABLES),
         ("rigid", "<i8"),  # 1: without compliant cables
+        ("random", STREAM),  # of the force noise
         ("submovements", "<f8", (CAPACITY, 3)),  # start, duration and displacement of each submovement [s, s, m]
         ("device", _DEVICE),
     ]
@@ -124,15 +125,14 @@ def _integrate(bodies: Any, first: int, stop: int, steps: int) -> None:
 
 
 @inlined
-def advance(bodies: Any, first: int, stop: int, white: Any, update: int, words: Any, numbers: Any, place: int) -> None:
+def advance(bodies: Any, first: int, stop: int, words: Any, numbers: Any, place: int) -> None:
     """Integrate from the last reading to that of this tick, and write rendered forces and safeguards into its row.
 
     Each phase is done for all hands before the next one, so that the processor can overlap their computations.
 
     ``bodies``: BODY records of the left and the right hand, of which those from ``first`` to before ``stop`` advance.
-    ``white``: standard normal numbers that drive the force noise of both hands, by update; ``update``: that of this
-    tick. ``words``, ``numbers``: the rows as words and as numbers, in the same memory. ``place``: row of this tick, of
-    which ``tick`` and ``time_ns`` are set.
+    ``words``, ``numbers``: the rows as words and as numbers, in the same memory. ``place``: row of this tick, of which
+    ``tick`` and ``time_ns`` are set.
     """
     stamp_ns = words[place, _TIME] - LEAD_NS
     when = (stamp_ns - TICK_NS) * 1e-9 + 0.5 * UPDATE_STEPS * STEP
@@ -140,7 +140,7 @@ def advance(bodies: Any, first: int, stop: int, white: Any, update: int, words: 
         body = bodies[side]
         words[place, _LIVE[side]], words[place, _SEQ[side]] = 1, words[place, _TICK]
         words[place, _STAMP[side]], words[place, _LEAD[side]] = stamp_ns, LEAD_NS
-        wx, wy, wz = white[side, update, 0], white[side, update, 1], white[side, update, 2]
+        wx, wy, wz = normal(body["random"]), normal(body["random"]), normal(body["random"])
         update_muscles(body["hand"], body["arm"], body["submovements"], when, body["device"]["fz"], wx, wy, wz)
     _integrate(bodies, first, stop, _BEFORE)
     for side in range(first, stop):
@@ -224,8 +224,8 @@ def plan(bodies: Any, moves: Any, count: int) -> None:
 
 def pack_body(
     config: Config, side: Side, person: Participant | None, rng: np.random.Generator, bodies: NDArray[Any]
-) -> Hand:
-    """Put a hand on its device, in the record of its side; return the hand, which is the source of its force noise.
+) -> None:
+    """Put a hand on its device, in the record of its side.
 
     ``person``: the participant whose hand it is; None for a stylus that is held still at height 0.
     """
@@ -240,7 +240,7 @@ def pack_body(
     device["k"], device["c"] = config.fixture.stiffness, config.fixture.damping
     device["limit"] = min(device_model.max_force, config.safety.max_force)
     device["resolution"], device["simulated"] = device_model.resolution, person is not None
-    return hand
+    body["random"] = pack_stream(rng)[0]
 
 
 class Body:
@@ -249,11 +249,10 @@ class Body:
     def __init__(self, config: Config, side: Side, person: Participant | None, rng: np.random.Generator) -> None:
         self.bodies = np.zeros(len(SIDES), BODY)
         self._place = SIDES.index(side)
-        self._hand = pack_body(config, side, person, rng, self.bodies)
+        pack_body(config, side, person, rng, self.bodies)
         self._force_queue = np.zeros((len(SIDES), config.block.force_delay_ms + 1))
         self._catch = pack_rendering(config)["catch"][0].copy()
         self._readings = np.zeros(1, READINGS)[0]
-        self._white = np.zeros((len(SIDES), 1, 3))
 
     @property
     def commanded(self) -> float:
@@ -268,11 +267,10 @@ class Body:
 
     def fill(self, words: NDArray[np.int64]) -> None:
         """Advance by a millisecond, and put the stylus into a tick's row."""
-        self._white[self._place] = self._hand.noise(STEPS)
         row = words.reshape(1, -1)
         numbers = row.view(np.float64)
         sides = self._place, self._place + 1
-        advance(self.bodies, *sides, self._white, 0, row, numbers, 0)
+        advance(self.bodies, *sides, row, numbers, 0)
         read(self.bodies, *sides, self._readings, row, numbers, 0)
 
     def apply_force(self, words: NDArray[np.int64]) -> float:

@@ -28,7 +28,7 @@ DECISION_TICKS = round(DECISION_INTERVAL / TICK_SECONDS)
 _TIME, _PHASE, _TRIAL = (TICK_WORDS[name] for name in ("time_ns", "phase", "trial"))
 
 # Places of the parts of a participant, which the kernels take as one tuple.
-STATE, CONSTANTS, RNG, CURTAIN, SHOWN, TIMING, SCALES, CATCH, MOVES = range(9)
+STATE, CONSTANTS, CURTAIN, SHOWN, TIMING, SCALES, CATCH, MOVES = range(8)
 
 
 class SimulatedParticipant:
@@ -46,16 +46,16 @@ class SimulatedParticipant:
         scales = (block.trial_scales or (block.force_scale,)) if block.force == "full" and len(sides) == 1 else ()
         shown = np.zeros(1, SEEN)
         shown["time"] = nan
-        # Controller's state, constants and random generator; curtain, newest glimpse, view timing, scales of the force
+        # Controller's state and constants; curtain, newest glimpse, view timing, scales of the force
         # by trial, catch trials, and room for new movements.
         self.parts = (
-            *(initial_state(constants, rng), constants, rng, curtain, shown, timing),
+            *(initial_state(constants, rng), constants, curtain, shown, timing),
             *(np.array(scales, np.float64), np.array(block.catch, np.int64), np.zeros(2, MOVE)),
         )
         self._decide = decide_in_tick
 
     def warm(self) -> None:
-        """Compile or load `decide_in_tick`: to look it up by the types of its arguments takes 0.6 ms each time."""
+        """Compile or load `decide_in_tick`: its look-up by the types of its arguments takes longer than a decision."""
         self._decide = machine_code(decide_in_tick, self.parts, np.zeros(len(TICK_WORDS), np.int64), 0.0)
 
     def shown(self, tick: int) -> int:
@@ -93,7 +93,7 @@ def decide_in_tick(parts: Any, words: Any, force: float) -> int:
     scale = scale_in(parts, words)
     felt = force / scale if scale != 0.0 else nan
     state, constants, shown = parts[STATE][0], parts[CONSTANTS][0], parts[SHOWN][0]
-    return decide(state, constants, parts[RNG], words[_TIME] * 1e-9, shown, felt, parts[MOVES])
+    return decide(state, constants, words[_TIME] * 1e-9, shown, felt, parts[MOVES])
 
 
 @kernel

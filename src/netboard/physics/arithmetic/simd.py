@@ -4,7 +4,7 @@ Whether a compiler vectorises a loop is uncertain; lanes always compile to vecto
 arrays and tuples and stored there. +, -, *, /, abs and sqrt with lanes and floats give the same bits as floats do, so
 the code of `netboard.physics.scene.models` compiles for them unchanged. In plain Python lanes are small NumPy arrays.
 
-Numba has no such type; this is the only module that generates LLVM instructions.
+Numba has no such type, so this module generates LLVM instructions.
 """
 
 import inspect
