@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from netboard.base.compiled import kernel
-from netboard.physics.arithmetic.random_numbers import coin, normal, pack_stream, stepped
+from netboard.physics.arithmetic.random_numbers import _advanced, coin, normal, pack_stream
 
 
 @kernel
@@ -57,7 +57,7 @@ def test_plain_python_steps_as_numpy_does() -> None:
     rng = np.random.default_rng(3)
     high, low, *step = (int(pack_stream(rng)[0][name]) for name in ("high", "low", "step_high", "step_low"))
     for expected in rng.bit_generator.random_raw(1000):
-        high, low, bits = stepped(high, low, *step)
+        high, low, bits = _advanced(high, low, *step)
         assert bits % 2**64 == expected
     assert (high, low) == tuple(pack_stream(rng)[0][["high", "low"]])
 

@@ -1,4 +1,4 @@
-"""Arithmetic for kernels: strict sine and cosine, states as tuples, SIMD lanes.
+"""Arithmetic for kernels: strict sine and cosine, states as tuples, SIMD lanes, random numbers.
 
 Parameters
 ----------
@@ -10,6 +10,8 @@ offset : int
     Flat index of the first element in the array [1].
 count : int
     Number of lanes; a compile-time constant [1].
+stream : record of STREAM
+    Where the random numbers are taken from; it is advanced.
 i : int
     Index of a lane, or of an element; for lanes a compile-time constant [1].
 """

@@ -35,7 +35,18 @@ _PER_TAIL = ziggurat.ziggurat_nor_inv_r
 
 
 def pack_stream(rng: np.random.Generator) -> NDArray[Any]:
-    """Return the numbers that a generator would draw next, as an ndarray of STREAM, shape (1,)."""
+    """Return the numbers that a generator would draw next, as an ndarray of STREAM, shape (1,) [1].
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        It is not advanced.
+
+    Raises
+    ------
+    ValueError
+        If it is not the default kind of generator.
+    """
     state = rng.bit_generator.state
     if state["bit_generator"] != "PCG64":
         raise ValueError(f"expected a generator of the kind PCG64, not {state['bit_generator']}")
@@ -54,7 +65,7 @@ def _signed(word: int) -> int:
     return word - 2**64 if word >> 63 else word
 
 
-def stepped(high: int, low: int, step_high: int, step_low: int) -> tuple[int, int, int]:
+def _advanced(high: int, low: int, step_high: int, step_low: int) -> tuple[int, int, int]:
     """Return the next state of a PCG64, as two halves, and its random bits, as signed integers [1]."""
     state, step = (int(upper) << 64 | int(lower) & _WORD for upper, lower in ((high, low), (step_high, step_low)))
     state = state * _MULTIPLIER + step
@@ -85,7 +96,7 @@ def _stepping(typing: Any, high: Any, low: Any, step_high: Any, step_low: Any) -
 _stepped: Any = intrinsic(_stepping)
 
 
-@specialised(stepped)
+@specialised(_advanced)
 def _choose(high: Any, low: Any, step_high: Any, step_low: Any) -> Any:
     return lambda high, low, step_high, step_low: _stepped(high, low, step_high, step_low)
 
@@ -93,7 +104,7 @@ def _choose(high: Any, low: Any, step_high: Any, step_low: Any) -> Any:
 @inlined
 def _next_bits(stream: Any) -> int:
     """Return the next 64 random bits of a stream, as a signed integer."""
-    stream["high"], stream["low"], bits = stepped(
+    stream["high"], stream["low"], bits = _advanced(
         stream["high"], stream["low"], stream["step_high"], stream["step_low"]
     )
     return bits
