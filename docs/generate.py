@@ -302,7 +302,7 @@ CALIBRATION = ("about", "false-positives", "power", "interaction", "differences"
 POWER = ("about", "power", "false-positives", "precision")
 """Those of `netboard power`."""
 
-PARTICIPANTS = ("others", "predictions", "ablations", "slowing")
+PARTICIPANTS = ("others", "predictions", "ablations", "slowing", "speed")
 """Those of `netboard bench participants`."""
 
 GENERATED: dict[str, tuple[str, Callable[[], str]]] = {

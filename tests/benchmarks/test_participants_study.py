@@ -127,6 +127,9 @@ def test_study_writes_predictions_ablations_and_comparisons(tmp_path: Path, monk
     )
     run("participants", partial(study, 3, 4, 1), Options(tmp_path / "found", tmp_path / "found.json", quick=True))
     parts = {part["name"]: part for part in json.loads((tmp_path / "found.json").read_text())["parts"]}
-    assert set(parts) == {"predictions", "others", "ablations"}
+    assert set(parts) == {"predictions", "others", "ablations", "speed"}
+    alone, one, batch = (dict(zip(parts["speed"]["columns"], row, strict=True)) for row in parts["speed"]["rows"])
+    assert alone["/ stage alone"] == 1.0
+    assert alone["ticks"] < one["ticks"] < batch["ticks"]
     assert len(parts["predictions"]["rows"]) == len(parts["ablations"]["rows"]) > len(STATEMENTS)
     assert (tmp_path / "found" / "participants.png").stat().st_size > 10_000

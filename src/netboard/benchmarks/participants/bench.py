@@ -1,7 +1,7 @@
 """``netboard bench participants``: which of the paper's results the simulated participants reproduce.
 
 The model was fitted to single participants with both hands and haptic feedback off; every other condition is a
-prediction. The results do not depend on the machine.
+prediction. The results do not depend on the machine, but for the speed of the rehearsals, which is measured last.
 
 A pool of dyads performs the paper's plan. A virtual study draws four of them as the paper counterbalanced its own: one
 dyad of each starting state. The 95 % predictive interval lies between the 2.5th and 97.5th percentile over many virtual
@@ -23,7 +23,8 @@ from netboard.base.tables.simulated import Participant
 from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict
 from netboard.benchmarks.harness.running import Tell
 from netboard.benchmarks.participants.paper import EXTRA, STATEMENTS, Sample, Statement
-from netboard.benchmarks.participants.trials import SEED, Performance, Population, perform_all
+from netboard.benchmarks.participants.speed import ROUNDS, speed_part
+from netboard.benchmarks.participants.trials import PAPER_TRIALS, SEED, Performance, Population, perform_all
 from netboard.nodes.rehearsal.jobs import Job
 from netboard.participants.partner import haptic_weight
 
@@ -114,6 +115,9 @@ ABLATED_DYADS, QUICK_ABLATED_DYADS, ABLATED_TRIALS = 8, 4, 10
 SLOWING_DYADS, SLOWING_TRIALS = 8, 8
 """Number of dyads, and of trials in a block, for the effect of parts of the force [1]."""
 
+QUICK_TIMED_TRIALS, QUICK_ROUNDS = 10, 3
+"""Number of trials in a block that is timed, and of rounds [1]."""
+
 QUICK_VARIANTS = ("full model", "no information")
 
 
@@ -142,6 +146,7 @@ def study(
     if not quick:
         tell("bimanual blocks with parts of the force", 1.0)
         yield slowing_part(SLOWING_DYADS, SLOWING_TRIALS, cores)
+    yield speed_part(QUICK_TIMED_TRIALS, QUICK_ROUNDS, tell) if quick else speed_part(PAPER_TRIALS, ROUNDS, tell)
 
 
 def _performances(
