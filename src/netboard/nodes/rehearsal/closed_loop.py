@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import kernel, machine_code
+from netboard.base.compiled import inlined, machine_code
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import TICK_NS, TICK_SECONDS, TICK_WORDS
@@ -75,19 +75,19 @@ class SimulatedParticipant:
         return moves[: self._decide(self.parts, words, force)]
 
 
-@kernel
+@inlined
 def newest_seen(timing: Any, tick: int) -> int:
     """Return the newest tick that has been seen when a tick is done; see `SimulatedParticipant.shown`."""
     return int(tick - 1 - (tick - 1 - timing[1]) % timing[0])
 
 
-@kernel
+@inlined
 def see(curtain: Any, shown: Any, words: Any, numbers: Any) -> None:
     """Take the view of a tick, given as words and as numbers of the same memory."""
     glimpse(curtain[0], words, numbers, (words[_TIME] + TICK_NS) * 1e-9, shown[0])
 
 
-@kernel
+@inlined
 def decide_in_tick(parts: Any, words: Any, force: float) -> int:
     """Decide after a tick; return the number of new movements, which are in the last of the parts."""
     scale = scale_in(parts, words)
@@ -96,7 +96,7 @@ def decide_in_tick(parts: Any, words: Any, force: float) -> int:
     return decide(state, constants, words[_TIME] * 1e-9, shown, felt, parts[MOVES])
 
 
-@kernel
+@inlined
 def scale_in(parts: Any, words: Any) -> float:
     """Return the factor of the force on the hand; 0 if the force carries no information on the partner [1]."""
     scales, catch, trial = parts[SCALES], parts[CATCH], words[_TRIAL]
