@@ -68,7 +68,7 @@ def _rehearse(jobs: Sequence[Job]) -> int:
 
 
 def _stage_alone(jobs: Sequence[Job]) -> Callable[[], int]:
-    """Return a function that computes the ticks of the first dyadic block with forces again, without participants."""
+    """Return a function that computes the ticks of the first dyadic block with haptics on again."""
     job = next(one for one in jobs if one.config.block.configuration == "dyadic" and one.config.block.haptics)
     rows = np.concatenate([piece.copy() for piece in Rehearsal(job.config, job.people).pieces()])
     stage = make_stage(job.config)
