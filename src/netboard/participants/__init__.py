@@ -58,6 +58,4 @@ fx, fy, fz : float
     Motor force on the stylus [N].
 steps : int
     Number of steps of length `hand.STEP` [1].
-white : ndarray, shape (n, 3)
-    Standard normal numbers that drive the force noise, a row for each update [1].
 """

@@ -3,8 +3,8 @@
 The arm is a mass on a spring-damper to an equilibrium point. The equilibrium point is the sum of the planned
 submovements, low-passed by two muscle lags. The device adds its mass, viscous damping, Coulomb friction and motor
 force; compliant cables (`netboard.participants.cable`) lie between motors and arm. Motor noise is a low-pass filtered
-force; its white noise is an argument, so the kernel is deterministic. Two optional responses shift the equilibrium
-point along an unexpected force, and stiffen the arm where the hand misses its aim.
+force; the state of its random numbers is part of the hand's. Two optional responses shift the equilibrium point along
+an unexpected force, and stiffen the arm where the hand misses its aim.
 
 Rule 1: `Hand.advance` takes the number of steps as argument; there is no clock.
 Rule 2: friction is solved implicitly, so a hand held by friction is exactly at rest and does not creep.
@@ -24,6 +24,7 @@ from netboard.base.tables.simulated import Participant, VirtualDevice
 from netboard.participants.cable import CABLES, TIP, pack_cables, stretch
 from netboard.participants.device_models import resolved
 from netboard.participants.submovement import Submovement, minimum_jerk
+from netboard.physics.arithmetic.random_numbers import STREAM, normal, pack_stream
 from netboard.physics.arithmetic.simd import gathered, lanes_at, larger, put, smaller, where_within
 
 STEP_NS = 250_000
@@ -34,9 +35,6 @@ STEP = STEP_NS * 1e-9
 
 UPDATE_STEPS = 4
 """Integration steps in an update of muscles, delayed responses and force noise, which are slow [1]."""
-
-NOISE_BATCH = 250
-"""Number of updates for which force noise is drawn at once [1]."""
 
 CAPACITY = 32
 """Most submovements that a hand can have under way at once [1]."""
@@ -105,6 +103,7 @@ HAND = np.dtype(
         ("steps", "<i8"),  # steps so far
         ("expected", "<f8"),  # expected vertical motor force [N]
         ("forces", "<f8", (FORCE_HISTORY,)),  # vertical motor force at the last updates [N]
+        ("random", STREAM),  # random numbers that drive the force noise
     ]
 )
 """State of a hand."""
@@ -217,9 +216,7 @@ def _stiffen(s: Any, arm: Any) -> None:
 
 
 @inlined
-def update_muscles(
-    s: Any, arm: Any, plan: Any, when: float, force: float, white_x: float, white_y: float, white_z: float
-) -> None:
+def update_muscles(s: Any, arm: Any, plan: Any, when: float, force: float) -> None:
     """Update stiffness, equilibrium point, friction compensation and force noise.
 
     Parameters
@@ -228,8 +225,6 @@ def update_muscles(
         Middle of the interval until the next update, on the clock of the submovements [s].
     force : float
         Vertical motor force on the hand, + = up [N].
-    white_x, white_y, white_z : float
-        Standard normal numbers that drive the force noise [1].
     """
     _stiffen(s, arm)
     wanted = _aim(s, plan, when, arm["stop"] + AIM_BEYOND_STOP) + _force_response(s, arm, force)
@@ -239,9 +234,9 @@ def update_muscles(
     s["compensation"] = arm["largest_compensation"] * max(
         -1.0, min(1.0, (s["equilibrium"] - before) / (UPDATE_STEPS * STEP * COMPENSATION_SPEED))
     )
-    s["noise_x"] = s["noise_x"] * arm["noise_decay"] + white_x * arm["noise_step"]
-    s["noise_y"] = s["noise_y"] * arm["noise_decay"] + white_y * arm["noise_step"]
-    s["noise_z"] = s["noise_z"] * arm["noise_decay"] + white_z * arm["noise_step"]
+    s["noise_x"] = s["noise_x"] * arm["noise_decay"] + normal(s["random"]) * arm["noise_step"]
+    s["noise_y"] = s["noise_y"] * arm["noise_decay"] + normal(s["random"]) * arm["noise_step"]
+    s["noise_z"] = s["noise_z"] * arm["noise_decay"] + normal(s["random"]) * arm["noise_step"]
 
 
 @inlined
@@ -298,7 +293,6 @@ def advance_hand(
     fy: float,
     fz: float,
     steps: int,
-    white: NDArray[np.float64],
 ) -> None:
     """Advance a hand under a constant motor force, over any number of updates.
 
@@ -314,12 +308,11 @@ def advance_hand(
         Time of the initial state, on the clock of the submovements [s].
     """
     s, arm = state[0], constants[0]
-    done = updates = 0
+    done = 0
     while done < steps:
         if s["steps"] % UPDATE_STEPS == 0:
             when = origin + (done + 0.5 * UPDATE_STEPS) * STEP
-            update_muscles(s, arm, plan, when, fz, white[updates, 0], white[updates, 1], white[updates, 2])
-            updates += 1
+            update_muscles(s, arm, plan, when, fz)
         part = min(UPDATE_STEPS - s["steps"] % UPDATE_STEPS, steps - done)
         if len(cables) > 0:
             integrate_on_cables(s, tip[0], cables[0], fx, fy, fz, part)
@@ -354,15 +347,13 @@ class Hand:
         self._record["stiffness"] = arm["stiffness"][0]
         self.arm = arm
         self.submovements = np.zeros((CAPACITY, 3))
-        self._rng = rng
-        self._white = np.zeros((0, 3))
-        self._drawn = 0
         self._parts = self.state, self.end, self.arm, self.cables, self.submovements
-        self._advance_hand = machine_code(advance_hand, *self._parts, *(0.0,) * 4, 0, self._white)
+        self._advance_hand = machine_code(advance_hand, *self._parts, *(0.0,) * 4, 0)
         if arm["stiffness"][0] > 0.0:
             for k, axis in enumerate(("x", "y")):
                 self._record["place"][k] = self._record[f"rest_{axis}"] = LATERAL_SD * rng.standard_normal()
                 self.end[axis] = self._record["place"][k]
+        self.state["random"] = pack_stream(rng)
 
     def plan(self, moves: Iterable[Submovement]) -> None:
         """Add submovements to those under way.
@@ -404,20 +395,7 @@ class Hand:
         force : tuple of float
             Motor force on the stylus along x, y, z [N].
         """
-        self._advance_hand(*self._parts, origin, force[0], force[1], force[2], steps, self.noise(steps))
-
-    def noise(self, steps: int) -> NDArray[np.float64]:
-        """Return the standard normal numbers of the next steps, a row of three for each update in them [1].
-
-        They are drawn in batches, because small draws take longer than the steps.
-        """
-        done, start = int(self._record["steps"]), self._drawn
-        updates = -(-(done + steps) // UPDATE_STEPS) + -done // UPDATE_STEPS
-        if start + updates > len(self._white):
-            fresh = self._rng.standard_normal((max(NOISE_BATCH, updates), 3))
-            self._white, start = np.concatenate([self._white[start:], fresh]), 0
-        self._drawn = start + updates
-        return self._white[start : self._drawn]
+        self._advance_hand(*self._parts, origin, force[0], force[1], force[2], steps)
 
     @property
     def tip(self) -> tuple[float, float, float]:

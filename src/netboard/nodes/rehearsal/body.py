@@ -35,7 +35,6 @@ from netboard.participants.hand import (
     make_hand,
     update_muscles,
 )
-from netboard.physics.arithmetic.random_numbers import STREAM, normal, pack_stream
 from netboard.physics.arithmetic.simd import gathered, lane, nearest
 from netboard.physics.scene.rendering import pack_rendering
 from netboard.stage.stage import commanded_tick
@@ -91,7 +90,6 @@ BODY = np.dtype(
         ("arm", ARM),
         ("cables", CABLES),
         ("rigid", "<i8"),  # 1: without compliant cables
-        ("random", STREAM),  # of the force noise
         ("submovements", "<f8", (CAPACITY, 3)),  # start, duration and displacement of each submovement [s, s, m]
         ("device", _DEVICE),
     ]
@@ -140,8 +138,7 @@ def advance(bodies: Any, first: int, stop: int, words: Any, numbers: Any, place:
         body = bodies[side]
         words[place, _LIVE[side]], words[place, _SEQ[side]] = 1, words[place, _TICK]
         words[place, _STAMP[side]], words[place, _LEAD[side]] = stamp_ns, LEAD_NS
-        wx, wy, wz = normal(body["random"]), normal(body["random"]), normal(body["random"])
-        update_muscles(body["hand"], body["arm"], body["submovements"], when, body["device"]["fz"], wx, wy, wz)
+        update_muscles(body["hand"], body["arm"], body["submovements"], when, body["device"]["fz"])
     _integrate(bodies, first, stop, _BEFORE)
     for side in range(first, stop):
         _render(bodies[side]["device"], side, words, numbers, place)
@@ -240,7 +237,6 @@ def pack_body(
     device["k"], device["c"] = config.fixture.stiffness, config.fixture.damping
     device["limit"] = min(device_model.max_force, config.safety.max_force)
     device["resolution"], device["simulated"] = device_model.resolution, person is not None
-    body["random"] = pack_stream(rng)[0]
 
 
 class Body:
