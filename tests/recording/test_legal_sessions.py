@@ -78,6 +78,17 @@ def test_repeat_vetoed_in_the_last_tick_of_a_trial_ends_the_block(tmp_path: Path
     assert "1 of 1 trials done" in findings_text(report, Severity.SOUND)
 
 
+def test_repeated_trials_are_counted_beyond_the_planned_ones_and_leave_other_memory_alone() -> None:
+    block = Operated(replace(CONFIG, block=replace(BLOCK, trials=1)), None, {1000: Cause.REPEAT})
+    kept = len(block._completions)
+    memory = np.full(kept + 10, -1.0)
+    block._completions = memory[:kept]  # the loop writes there without a check of its own
+    block.rows()
+    assert block.successes == 2
+    assert (memory[kept:] == -1.0).all()
+    assert block.summary().completions == (memory[1],)
+
+
 # --- the journal --------------------------------------------------------------------------------------------------
 
 

@@ -50,7 +50,7 @@ MAX_MEAN_TRIAL = 120.0
 KEPT = DECISION_TICKS
 """Ticks kept before a piece, for participants that see them late [1]."""
 
-_FINISHED, _NONE, _START, _STOP = int(Phase.FINISHED), int(Cause.NONE), int(Cause.START), int(Cause.STOP)
+_FINISHED, _NONE, _STOP = int(Phase.FINISHED), int(Cause.NONE), int(Cause.STOP)
 _TICK, _TIME, _LATE, _COMMAND, _EVENT = (
     TICK_WORDS[name] for name in ("tick", "time_ns", "late_ns", "command", "event")
 )
@@ -67,7 +67,7 @@ def _loop(
     words: NDArray[np.int64],
     numbers: NDArray[np.float64],
     number: int,
-    last: int,
+    commands: NDArray[np.int64],
     book: Any,
     tables: Any,
     bodies: Any,
@@ -80,19 +80,19 @@ def _loop(
     """Run ticks with both hands and all participants, to the end of the block at most.
 
     ``rows``: the last `KEPT` ticks and room for the next ones, also as ``words`` and ``numbers`` of the same memory;
-    ``number``: number of the first new tick; ``last``: that of the tick that stops the block; ``hands``: for each
-    participant, the hand whose force it feels, 0 left, 1 right; ``completions``: completion time of the last trial, by
-    the number of successful ones [s]. Returns how many ticks were run.
+    ``number``: number of the first new tick; ``commands``: those of the new ticks; ``hands``: for each participant, the
+    hand whose force it feels, 0 left, 1 right; ``completions``: completion time of the last trial, by the number of
+    successful ones [s]. Returns how many ticks were run.
     """
     count = len(rows) - KEPT
     state, rows, words, numbers = borrowed(state), borrowed(rows), borrowed(words), borrowed(numbers)
     book, tables, bodies, force_queue = borrowed(book), borrowed(tables), borrowed(bodies), borrowed(force_queue)
     readings, completions = borrowed(readings), borrowed(completions)
-    participants, hands = borrowed(participants), borrowed(hands)
+    participants, hands, commands = borrowed(participants), borrowed(hands), borrowed(commands)
     for k in range(count):
         place, tick = KEPT + k, number + k
         words[place, _TICK], words[place, _TIME], words[place, _LATE] = tick, START_NS + tick * TICK_NS, -LEAD_NS
-        words[place, _COMMAND] = _START if tick == START_TICK else _STOP if tick == last else _NONE
+        words[place, _COMMAND] = commands[k]
         advance(bodies, 0, 2, words, numbers, place)
         read(bodies, 0, 2, readings[0], words, numbers, place)
         _ticks(state, rows, place, 1, book, tables)
@@ -107,7 +107,8 @@ def _loop(
                 felt = bodies[hands[which]]["device"]["commanded"]
                 begun = decide_in_tick(parts, words[place], felt)
                 plan(bodies, parts[MOVES], begun)
-        completions[state[0]["successes"]] = state[0]["completion"]
+        if state[0]["successes"] < len(completions):  # an operator may have trials repeated, beyond the planned ones
+            completions[state[0]["successes"]] = state[0]["completion"]
         if state[0]["phase"] == _FINISHED:
             return k + 1
     return count
@@ -182,25 +183,35 @@ class Rehearsal:
         """Run the block. Yields at most `size` ticks at a time, valid until the next are asked for."""
         rows = np.zeros(KEPT + size, TICK)
         words, numbers = rows.view(np.int64).reshape(len(rows), -1), rows.view(np.float64).reshape(len(rows), -1)
+        commands = np.zeros(size, np.int64)
         over = False
         while not over:
             words[:KEPT] = words[-KEPT:]  # as words, because NumPy copies a record field by field
-            count = self._run(rows, words, numbers)
+            self._command(commands)
+            count = self._run(rows, words, numbers, commands)
             self._ticks += count
             over = int(self._state["phase"][0]) == _FINISHED
             self._given_up = int(words[KEPT + count - 1, _EVENT]) == _STOP
             yield rows[KEPT : KEPT + count]
+
+    def _command(self, commands: NDArray[np.int64]) -> None:
+        """Write the commands of the next ticks: the block starts, and is stopped if it takes too long."""
+        commands[:] = _NONE
+        for tick, command in ((START_TICK, Cause.START), (self._last_tick, Cause.STOP)):
+            if self._ticks <= tick < self._ticks + len(commands):
+                commands[tick - self._ticks] = command
 
     def _run(
         self,
         rows: NDArray[Any],
         words: NDArray[np.int64],
         numbers: NDArray[np.float64],
+        commands: NDArray[np.int64],
     ) -> int:
         """Run the next ticks; return their number."""
         stage = self._stage
         arguments = (
-            *(self._state, rows, words, numbers, self._ticks, self._last_tick, stage.book, stage.tables),
+            *(self._state, rows, words, numbers, self._ticks, commands, stage.book, stage.tables),
             *(self._bodies, self._readings, self._force_queue, self._participants, self._hands),
             self._completions,
         )
