@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from netboard.base.config import Config, parse
 from netboard.base.errors import ConfigError
+from netboard.base.text_file import read_text
 from netboard.recording.files.locate import sha256_of
 from netboard.recording.files.offline_writer import BlockWriter
 from netboard.recording.importing.columns import COLUMNS, TASK
@@ -88,7 +89,7 @@ def import_table(
     if is_tick_table(path) and not options.names:
         beside = configuration_beside(path)
         if beside is not None:
-            config = parse(beside.read_text(encoding="utf-8"), str(beside))
+            config = parse(read_text(beside), str(beside))
         warned = () if beside else (f"no configurations/{path.stem}.toml beside its folder: it is given --config's",)
         return _save(read_ticks(path), folder, config, {"imported": "ticks", **origin}, utc_ns, progress, warned)
     samples = read_samples(path, options.names, options.units, options.rate)
