@@ -13,6 +13,7 @@ from tempfile import TemporaryDirectory
 
 from netboard.base.config import Config, parse, resolve
 from netboard.base.errors import ConfigError, NetboardError, RecordingError
+from netboard.base.plural import plural
 from netboard.base.text_file import read_text
 from netboard.base.workers import worker_processes
 from netboard.recording.files.locate import sha256_of
@@ -81,7 +82,7 @@ def examine(path: Path, folder: Path, tell: Tell) -> Plan:
                 "expected another session.dyad, session.name or block.number"
             )
     if problems:
-        raise ConfigError("\n".join((f"nothing was imported, {len(problems)} problems to fix:", *problems)))
+        raise ConfigError("\n".join((f"nothing was imported, {plural(len(problems), 'problem')} to fix:", *problems)))
     return Plan(tuple(jobs), tuple(done))
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from rich.text import Text
 
+from netboard.base.plural import plural
 from netboard.base.terminal import Cell, FittedTable, numbers
 from netboard.base.tick import TICK_SECONDS
 from netboard.recording.integrity.catalogue import Entry, in_order
@@ -18,7 +19,8 @@ COLOURS = {Severity.SOUND: "green", Severity.LOSS: "yellow", Severity.DAMAGE: "r
 
 def in_words(report: Report, whole: bool) -> Text:
     """Return the result of a check and its evidence."""
-    text = Text(f"{report.path}: ").append(report.result, COLOURS[report.severity]).append(f", {report.ticks} ticks")
+    text = Text(f"{report.path}: ").append(report.result, COLOURS[report.severity])
+    text.append(f", {plural(report.ticks, 'tick')}")
     for finding in report.findings:
         if whole or finding.severity != Severity.SOUND:
             text.append(f"\n  {finding.part:13}", COLOURS[finding.severity]).append(f" {finding.text}")
@@ -33,10 +35,10 @@ def in_total(reports: Sequence[Report], took: float) -> str:
         if (count := sum(report.severity == severity for report in reports))
     )
     ticks = sum(report.ticks for report in reports)
-    words = f"{len(reports)} recordings: {counts}; {ticks} ticks in {took:.1f} s, {_times(ticks, took)}"
+    words = f"{plural(len(reports), 'recording')}: {counts}; {ticks} ticks in {took:.1f} s, {_times(ticks, took)}"
     again, computing = _computed(reports)
     if again:
-        words += f"\n{again} ticks computed again in {computing:.2f} s, {_times(again, computing)}"
+        words += f"\n{plural(again, 'tick')} computed again in {computing:.2f} s, {_times(again, computing)}"
     return words
 
 
@@ -125,4 +127,5 @@ def sessions_in_total(entries: Sequence[Entry]) -> str:
     )
     hours, size = sum(e.duration or 0.0 for e in recordings) / 3600, sum(e.size for e in recordings) / 1e9
     sessions = len({(entry.dyad, entry.session) for entry in entries})
-    return f"{sessions} sessions, {len(recordings)} files ({counts}), {hours:.2f} h, {size:.2f} GB"
+    files = f"{plural(sessions, 'session')}, {plural(len(recordings), 'file')}"
+    return f"{files} ({counts}), {hours:.2f} h, {size:.2f} GB"
