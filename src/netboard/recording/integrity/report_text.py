@@ -86,20 +86,24 @@ def _plain(replay: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-QUICK = "The results are from what each file states. netboard sessions --check examines all data, and may find more."
+QUICK = (
+    "Quick results, from what each file states about itself: the ticks are not examined, so stalls and missing or "
+    "changed data may be unnoticed. netboard sessions --check examines everything."
+)
 """Caption of a table of quick results."""
 
 
 def sessions_table(entries: Sequence[Entry], folder: Path, caption: str = "") -> FittedTable:
     """Return a table of the files, grouped by session."""
-    counts = numbers("trials", "length\nsize", "lost")
-    table = FittedTable("block\ncondition", "file", *counts, "verdict", title=f"Sessions in {folder}", caption=caption)
+    counts = numbers("trials\nlost", "length\nsize")
+    table = FittedTable("block, condition\nfile", *counts, "verdict", title=f"Sessions in {folder}", caption=caption)
     for (dyad, session), group in in_order(entries):
         study = ", ".join(sorted({entry.study for entry in group if entry.study})) or "no study"
         pilot = ", pilot" if any(entry.pilot for entry in group) else ""
         day = min((entry.opened[:10] for entry in group if entry.opened), default="date unknown")
         table.end_section()
-        table.add_row(Text(f"{dyad} {session}" if dyad else "unknown dyad", "bold"), f"{day}, {study}{pilot}")
+        whose = f"{dyad} {session}" if dyad else "unknown dyad"
+        table.add_row(Text(whose, "bold").append(f", {day}, {study}{pilot}", "not bold"))
         for entry in group:
             table.add_row(*_file_row(entry, folder))
     return table
@@ -107,14 +111,13 @@ def sessions_table(entries: Sequence[Entry], folder: Path, caption: str = "") ->
 
 def _file_row(entry: Entry, folder: Path) -> list[Cell]:
     trials = f"{entry.done} of {entry.trials}" if entry.trials else f"{entry.done}"
+    what = f"{entry.block} of {entry.blocks}" if entry.blocks else entry.kind
     known = entry.kind in ("recording", "journal") and entry.verdict != RESULTS[Severity.DAMAGE]
     colour = COLOURS[Severity(RESULTS.index(entry.verdict))]
     return [
-        (f"{entry.block} of {entry.blocks}" if entry.blocks else entry.kind) + f"\n{entry.condition}",
-        str(entry.path.relative_to(folder)),
-        trials if known else "-",
+        f"{', '.join(filter(None, (what, entry.condition)))}\n{entry.path.relative_to(folder)}",
+        (trials if known else "-") + f"\n{entry.lost}",
         (f"{entry.duration / 60:.1f} min" if entry.duration is not None else "-") + f"\n{entry.size / 1e6:.1f} MB",
-        str(entry.lost),
         Text(entry.verdict, colour).append(f"\n{entry.why}" if entry.why else "", "default"),
     ]
 
