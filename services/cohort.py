@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from netboard.base.plural import plural
 from netboard.services.loading import load, load_study
 from netboard.services.options import STUDY_HELP, CohortSeed, ConfigFile, Dask, Overrides, Studies, Workers, examples
 
@@ -66,4 +67,5 @@ def cohort(
         )
     seconds = time.perf_counter() - began
     console = plain_console(soft_wrap=True)
-    console.print(f"{made.folder / 'tables'}: {studies} virtual studies of {dyads} dyads; {seconds:.1f} s")
+    size = f"{plural(studies, 'virtual study', 'virtual studies')} of {plural(dyads, 'dyad')}"
+    console.print(f"{made.folder / 'tables'}: {size}; {seconds:.1f} s")

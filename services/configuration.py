@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from netboard.base.errors import ConfigError
+from netboard.base.plural import plural
 from netboard.base.shell import shell_command
 from netboard.services.loading import DEFAULT_FILE, load
 from netboard.services.options import ConfigFile, Overrides, examples
@@ -34,7 +35,7 @@ def check(
     require_writable(Path(settings.recording.directory), "[recording] directory")
     source = config or (DEFAULT_FILE if DEFAULT_FILE.exists() else "defaults")
     block = settings.block
-    typer.echo(f"{source}: valid ({block.configuration}, {block.trials} trials, {digest(settings)[:12]})")
+    typer.echo(f"{source}: valid ({block.configuration}, {plural(block.trials, 'trial')}, {digest(settings)[:12]})")
 
 
 @app.command(epilog=examples("netboard config show", "netboard config show --set block.trials=6"))

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from netboard.base.plural import plural
 from netboard.recording.export.formats import FORMATS
 from netboard.services.options import NewFolder, Recordings, examples
 
@@ -30,8 +31,7 @@ def export(
     with interrupted_by_stop_signals(), telling() as tell:
         formats.export(found, to, folder, tell)
     files = [path for path in folder.rglob("*") if path.is_file()]
-    count = "1 recording" if len(found) == 1 else f"{len(found)} recordings"
     size = sum(path.stat().st_size for path in files) / 1e6
-    typer.echo(f"{folder}: {len(files)} files of {count}, {size:.1f} MB")
+    typer.echo(f"{folder}: {plural(len(files), 'file')} of {plural(len(found), 'recording')}, {size:.1f} MB")
     for part in find_unfinished(recordings):
         typer.echo(f"left out: {part} {UNFINISHED}", err=True)

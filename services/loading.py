@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from netboard.base.errors import ConfigError
 from netboard.base.shell import shell_command
+from netboard.base.text_file import read_text
 
 if TYPE_CHECKING:
     from netboard.analysis.extraction.settings import Readings
@@ -59,7 +60,7 @@ def load_study(word: str) -> "Study":
 def text_of(file: str, missing: str) -> str:
     """Read a text file, with or without a byte order mark; `missing` says what to do if it does not exist."""
     try:
-        return Path(file).read_text(encoding="utf-8-sig")
+        return read_text(Path(file), "utf-8-sig")
     except FileNotFoundError:
         raise ConfigError(f"{file}: {missing}") from None
     except (OSError, UnicodeDecodeError) as error:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from netboard.base.errors import ConfigError, NetboardError
+from netboard.base.plural import plural
 from netboard.services.options import examples
 
 if TYPE_CHECKING:
@@ -74,7 +75,7 @@ def _print_report(report: "RecoveryReport") -> None:
     missing = sum(gap.count for gap in report.missing)
     typer.echo(f"{report.output}: {ticks}, {missing} missing, {sum(report.messages.values())} messages")
     for gap in report.missing:
-        typer.echo(f"  missing: {gap.count} ticks from {gap.first}")
+        typer.echo(f"  missing: {plural(gap.count, 'tick')} from {gap.first}")
     for damage in report.damage:
         typer.echo(f"  lost: {damage.length} bytes at {damage.offset}, {damage.reason}")
     if not report.has_config:

@@ -1,11 +1,14 @@
 """The generated pages are up to date, and no link is broken."""
 
 import importlib.util
+import json
 import re
 from pathlib import Path
 from types import ModuleType
 
 import pytest
+
+from netboard.base.tables.forces import FORCES
 
 ROOT = Path(__file__).parent.parent
 SKIPPED = {".venv", "build", "dist", "node_modules", ".pytest_cache", "recordings"}
@@ -42,6 +45,11 @@ def test_generation_is_idempotent(generate: ModuleType) -> None:
 def test_page_without_its_marks_is_refused(generate: ModuleType) -> None:
     with pytest.raises(ValueError, match="once each"):
         generate.renewed("no marks", "x", "new")
+
+
+def test_measured_forces_are_those_of_every_condition() -> None:
+    (part,) = json.loads((ROOT / "docs" / "data" / "forces.json").read_text(encoding="utf-8"))["parts"]
+    assert sorted(row[0] for row in part["rows"]) == sorted(FORCES), "copy the results of: netboard bench forces"
 
 
 def anchors(page: Path) -> set[str]:

@@ -146,9 +146,8 @@ def test_dyads_without_a_condition_are_named() -> None:
         if (k, force) != (3, "full")
     ]
     rows = [one for one in comparisons(made_study(blocks)).results if one.quantity.startswith("completion time: ratio")]
-    assert {(one.n, one.note.rpartition("; ")[2]) for one in rows} == {
-        (2, "left out, because a value is missing in a condition: D3")
-    }
+    left_out = "left out, because a value is missing in a condition: D3"
+    assert {(one.n, left_out in one.note.split("; ")) for one in rows} == {(2, True)}
 
 
 @pytest.mark.daily(2, of="contrasts")

@@ -52,9 +52,14 @@ def test_interval_counts_only_dyads_with_a_value() -> None:
 
 @pytest.mark.parametrize(
     ("values", "interval", "note"),
-    [([], "", "no dyad has a value"), ([1.0], "", "no interval from one dyad"), ([1, 2], "95 % t", "")],
+    [
+        ([], "", "no dyad has a value"),
+        ([1.0], "", "no interval from one dyad"),
+        ([1, 2], "95 % t", ""),
+        ([0, 0, 0], "95 % t", "the interval has no width: every dyad has the same value"),
+    ],
 )
-def test_result_notes_why_it_has_no_interval(values: list[float], interval: str, note: str) -> None:
+def test_result_notes_why_its_interval_says_nothing(values: list[float], interval: str, note: str) -> None:
     found = estimated("topic", "quantity", "group", estimate(pd.Series(values, dtype=float)), "s")
     assert (found.n, found.interval, found.note) == (len(values), interval, note)
 

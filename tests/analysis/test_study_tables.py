@@ -148,13 +148,15 @@ def one_trial_recording(
     opened: str,
     *,
     part: int = 1,
+    run: str = "",
     force: str = "full",
     study: str = "",
     session: str = "S01",
 ) -> Measured:
     """Tables of a recording of one trial."""
     one = made_block(Block("D01", "D01", "dyadic", force, [{"trial": part}]), block)
-    columns = {"recording": name, "opened_utc": opened, "part": part, "study": study, "session": session}
+    run = run or name.partition("_part")[0]
+    columns = {"recording": name, "opened_utc": opened, "part": part, "run": run, "study": study, "session": session}
     for column, value in columns.items():
         one.blocks[column][:] = value
     for table in (one.trials, one.movements, one.paths):
@@ -174,6 +176,19 @@ def test_resumed_block_continues_its_trial_numbers() -> None:
     assert list(found.trials["recording"]) == ["x_ff", "x_ff_part2", "x_00"]
     assert list(found.trials["order"]) == [1, 2, 3]
     assert set(found.blocks["block"]) == {1}
+
+
+def test_parts_of_a_block_keep_their_order_if_the_wall_clock_is_set_back() -> None:
+    """Each run of the server numbers the parts from 1; the runs are ordered by when they began."""
+    parts = [
+        one_trial_recording("again_part2", 1, "10:20", part=2, run="aa"),
+        one_trial_recording("first_part2", 1, "09:05", part=2, run="bb"),
+        one_trial_recording("first", 1, "10:00", run="bb"),
+        one_trial_recording("again", 1, "10:15", run="aa"),
+    ]
+    found = study_of(parts, Readings())
+    assert list(found.blocks["recording"]) == ["first", "first_part2", "again", "again_part2"]
+    assert list(found.trials["order"]) == [1, 2, 3, 4]
 
 
 def test_blocks_of_a_second_session_follow_those_of_the_first() -> None:

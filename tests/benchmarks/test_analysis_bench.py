@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from netboard.benchmarks.analysis import speed_bench
+from netboard.benchmarks.analysis import costs, speed_bench
 from netboard.benchmarks.analysis.costs import TablesCost, Time
 from netboard.benchmarks.analysis.speed_bench import SHARES, Row, _row, _scaling, line
 from netboard.services.cli import app
@@ -43,15 +43,20 @@ def test_growth_is_linear_despite_noise_but_not_quadratic(power: float, noise: f
 def test_least_disturbed_uncached_analysis_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     used: list[Path] = []
 
-    def measured(function: Callable[..., object], recordings: Sequence[Path], workers: int, *cache: Path) -> object:
-        if not cache:
-            return Time(1.0, 1.0)
-        used.append(cache[0])
-        return TablesCost(10, 1.0, Time(9.0, (3.0, 2.0, 4.0, 0.5)[len(used) - 1]), 0.0, 0.0)
+    def measured(recordings: Sequence[Path], workers: int, cache: Path) -> TablesCost:
+        used.append(cache)
+        return TablesCost(10, 1.0, Time(9.0, (3.0, 2.0, 4.0, 0.5)[len(used) - 1]), 100.0 * len(used), 0.0)
 
-    monkeypatch.setattr(speed_bench, "in_fresh_process", measured)
+    def called(function: Callable[..., object], *arguments: object) -> object:
+        return function(*arguments)
+
+    for module in (costs, speed_bench):
+        monkeypatch.setattr(module, "cost_of_tables", measured)
+    monkeypatch.setattr(costs, "cost_of_reading", lambda recordings, workers: Time(1.0, 1.0))
+    monkeypatch.setattr(speed_bench, "in_fresh_process", called)
     row = _row([tmp_path / "a.mcap"], 1, tmp_path / "cache", 3)
     assert (row.uncached.time.cpu, row.cached.time.cpu) == (2.0, 0.5)
+    assert row.uncached.peak == 100.0  # as in a fresh process
     assert len(set(used[:3])) == 3  # each with an empty cache
     assert used[3] == used[0]
 

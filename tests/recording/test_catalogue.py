@@ -89,11 +89,19 @@ def test_blocks_are_listed_by_number_and_their_parts_by_time(folder: Path) -> No
     assert [(one.block, one.opened) for one in listed] == places
 
 
-def printed(entry: Entry, folder: Path) -> str:
-    console = Console(file=StringIO(), width=200)
+def printed(entry: Entry, folder: Path, width: int = 200) -> str:
+    console = Console(file=StringIO(), width=width)
     console.print(sessions_table([entry], folder))
     assert isinstance(console.file, StringIO)
     return console.file.getvalue()
+
+
+def test_file_name_stays_whole_on_a_narrow_terminal(folder: Path) -> None:
+    """Someone copies it for the next command."""
+    long = replace(entry_of(folder / "whole.mcap"), path=folder / "S01_D01_block01_52dec06c_part2.mcap")
+    assert long.path.name in printed(long, folder, 80)
+    lossy = replace(long, verdict="complete with listed losses", why="4 of 5 trials done, 1 failed attempt")
+    assert long.path.name in printed(lossy, folder, 80)
 
 
 def test_repeated_trial_counts_as_wanted_and_done(tmp_path: Path) -> None:

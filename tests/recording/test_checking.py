@@ -184,7 +184,7 @@ def test_ticks_out_of_order_are_damage(tmp_path: Path) -> None:
     rows = rehearsed.rows()
     words = rows.view(np.int64).reshape(len(rows), -1)
     words[[300, 301]] = words[[301, 300]]
-    assert "come after one with the same or a higher number" in findings_text(
+    assert "1 tick comes after one with the same or a higher number" in findings_text(
         check(rehearsed.write(tmp_path / "a.mcap", rows))
     )
 

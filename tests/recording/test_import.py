@@ -150,7 +150,7 @@ def test_complete_import_passes_the_integrity_check(tmp_path: Path) -> None:
     with imported(write_csv(tmp_path / "task.csv", columns), tmp_path) as found:
         report = check(found.path)
     assert report.severity is Severity.SOUND, report
-    assert any("2 attempts, 1 successes, as imported" in finding.text for finding in report.findings)
+    assert any("2 attempts, 1 success, as imported" in finding.text for finding in report.findings)
 
 
 def test_phase_and_completion_columns_define_the_attempts(tmp_path: Path) -> None:

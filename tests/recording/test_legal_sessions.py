@@ -179,7 +179,7 @@ def test_time_jump_that_differs_from_the_reported_stall_is_damage(tmp_path: Path
     (event,) = (r for r in made.records if isinstance(r, EventRecord) and r.name == "stood_still")
     place = made.records.index(event)
     made.records[place] = replace(event, tick=event.tick + reported[1], details={"milliseconds": reported[0]})
-    assert "1 ticks are not 1 ms after the one before: 2000" in findings_text(report_on(tmp_path, made))
+    assert "1 tick is not 1 ms after the one before: 2000" in findings_text(report_on(tmp_path, made))
 
 
 def lossy(folder: Path, losses: tuple[int, ...], noted: int) -> Report:

@@ -124,7 +124,7 @@ def test_temporary_files_of_killed_commands_are_no_recordings() -> None:
 def test_sessions_lists_the_configured_folder() -> None:
     result = runner.invoke(app, ["sessions"])
     assert result.exit_code == 0, result.output
-    for words in ("D01 S01", "whole.mcap", "2 of 2", "complete", "1 sessions, 1 files"):
+    for words in ("D01 S01", "whole.mcap", "2 of 2", "complete", "1 session, 1 file ("):
         assert words in result.output
     (entry,) = json.loads(runner.invoke(app, ["sessions", "--json", "--check", "--no-pilot"]).stdout)
     assert (entry["done"], entry["trials"], entry["verdict"]) == (2, 2, "complete")

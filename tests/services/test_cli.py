@@ -208,6 +208,14 @@ def test_configuration_file_may_have_a_byte_order_mark() -> None:
     assert "trials = 7" in result.output
 
 
+@pytest.mark.skipif(not Path("/dev/zero").exists(), reason="there is no file without an end here")
+@pytest.mark.parametrize("command", [["config", "check", "-c"], ["plan", "check"]])
+def test_file_without_an_end_is_refused(command: list[str]) -> None:
+    result = runner.invoke(app, [*command, "/dev/zero"])
+    assert result.exit_code == 2
+    assert result.stderr.startswith("netboard: /dev/zero: cannot be read: [Errno 27] File too large, expected at most ")
+
+
 def test_options_override_the_configuration_file_of_the_folder() -> None:
     Path("netboard.toml").write_text("[block]\ntrials = 4\nseed = 9\n", encoding="utf-8")
     block = parse(runner.invoke(app, ["config", "show", "--set", "block.trials=5"]).output).block

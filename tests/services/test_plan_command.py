@@ -78,7 +78,7 @@ def test_unbalanced_study_is_refused() -> None:
     Path("study.toml").write_text(UNBALANCED, encoding="utf-8")
     refused = run("check study.toml", 2)
     assert "the study is not valid" in refused
-    assert "dyad 2, participant B, duo: trials are not even: a 60 in 1 blocks, b 120 in 2 blocks" in refused
+    assert "dyad 2, participant B, duo: trials are not even: a 60 in 1 block, b 120 in 2 blocks" in refused
     assert "and 10 more like these" in refused
     assert "Trials of each participant" in refused
     run("show --study study.toml", 2)

@@ -70,12 +70,12 @@ LEVELS = "[factors.haptics]\nlevels.on = {}\nlevels.off = {}\n"
     [
         (
             'orders.main = "3 a"\n[kinds.a]\n' + LEVELS,
-            "dyad 1, participant A, a: trials are not even: on 120 in 2 blocks, off 60 in 1 blocks; expected as many "
+            "dyad 1, participant A, a: trials are not even: on 120 in 2 blocks, off 60 in 1 block; expected as many "
             "in every condition (blocks in multiples of 2)",
         ),
         (
             'orders.main = "a"\n[kinds.a]\n' + LEVELS,
-            "dyad 1, participant A, a: trials are not even: on 60 in 1 blocks, off 0 in 0 blocks; expected as many in "
+            "dyad 1, participant A, a: trials are not even: on 60 in 1 block, off 0 in 0 blocks; expected as many in "
             "every condition (blocks in multiples of 2)",
         ),
         (
@@ -85,7 +85,7 @@ LEVELS = "[factors.haptics]\nlevels.on = {}\nlevels.off = {}\n"
         ),
         (
             'orders.main = "2 a"\n[kinds.a]\n[factors.f]\nlevels.x.block.trials = 9\nlevels.y.block.trials = 8\n',
-            "dyad 1, participant A, a: trials are not even: x 9 in 1 blocks, y 8 in 1 blocks",
+            "dyad 1, participant A, a: trials are not even: x 9 in 1 block, y 8 in 1 block",
         ),
         (
             'orders.main = "2 a"\n[kinds.a]\n[factors.f]\nlevels.x.block.duration = 9\nlevels.y.block.duration = 8\n',

@@ -85,6 +85,7 @@ def test_overrides_are_converted_like_configuration_values() -> None:
     ("text", "problem"),
     [
         ("a = ", "not valid TOML"),
+        (f"a = {'[' * 100_000}", "lists or tables are nested too deeply"),
         ("", "[kinds]: found none"),
         ("[kinds.duo]", "[orders]: found none"),
         (SMALL + "questions = 3", "[kinds.duo] questions: unknown key; "),

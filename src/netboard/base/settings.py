@@ -213,6 +213,22 @@ def _many(kind: Any) -> str:
 # --- reading -----------------------------------------------------------------------------------------------------
 
 
+def parse_toml(text: str, source: str) -> dict[str, Any]:
+    """Parse a TOML text.
+
+    Raises
+    ------
+    ConfigError
+        If it is not TOML, or its lists and tables are nested too deeply.
+    """
+    try:
+        return tomllib.loads(text)
+    except ValueError as error:
+        raise ConfigError(f"{source}: not valid TOML: {error}") from None
+    except RecursionError:
+        raise ConfigError(f"{source}: lists or tables are nested too deeply") from None
+
+
 def read(adapter: TypeAdapter[T], cls: type[T], text: str, source: str, overrides: Sequence[str] = ()) -> T:
     """Check a TOML text and turn it into a dataclass of settings.
 
@@ -229,10 +245,7 @@ def read(adapter: TypeAdapter[T], cls: type[T], text: str, source: str, override
         If the text is not TOML, or a key is unknown, of the wrong type or out of range.
     """
     known = {table.path: table for table in tables(cls)}
-    try:
-        values, given = tomllib.loads(text), tomllib.loads(text)
-    except ValueError as error:
-        raise ConfigError(f"{source}: not valid TOML: {error}") from None
+    values, given = parse_toml(text, source), parse_toml(text, source)
     overridden = [_override(values, word, known) for word in overrides]
 
     def source_of(path: Path) -> str:
@@ -310,7 +323,7 @@ def _value_of(word: str) -> Any:
     """Read a TOML value; anything else is taken as text, so that a shell needs no nested quotes."""
     try:
         return tomllib.loads(f"value = {word}")["value"]
-    except ValueError:
+    except (ValueError, RecursionError):
         return word
 
 

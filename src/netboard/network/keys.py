@@ -11,7 +11,6 @@ overwritten.
 import hashlib
 import ipaddress
 import os
-import tomllib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -24,7 +23,7 @@ from pydantic import AwareDatetime, Field, TypeAdapter, ValidationError
 
 from netboard.base.config import SIDES
 from netboard.base.errors import ConfigError
-from netboard.base.settings import FORBID_UNKNOWN_KEYS, to_toml
+from netboard.base.settings import FORBID_UNKNOWN_KEYS, parse_toml, to_toml
 from netboard.base.tables.rig import Network
 from netboard.network.protocol.joining import ROLES_WITH_SIDE, Role, role_and_side
 from netboard.network.transport import authenticator, channels
@@ -361,12 +360,10 @@ def _refuse_open(path: Path) -> None:
 
 def _parse(path: Path, text: str, adapter: TypeAdapter[T]) -> T:
     try:
-        return adapter.validate_python(tomllib.loads(text))
+        return adapter.validate_python(parse_toml(text, str(path)))
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
         raise ConfigError(f"{path}: {'.'.join(str(step) for step in first['loc'])}: {first['msg']}") from None
-    except ValueError as error:
-        raise ConfigError(f"{path}: not valid TOML: {error}") from None
 
 
 def _now() -> datetime:

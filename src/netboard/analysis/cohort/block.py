@@ -94,6 +94,7 @@ def measured(job: Job, place: int, found: Rehearsed) -> Measured:
 def run_of(job: Job, place: int) -> Run:
     """Return a block with the metadata that its recording would have; the start is its place among the blocks."""
     config, who = job.config, job.config.session
-    metadata = {**REHEARSED, "part": "1", "opened_utc": f"{place:06d}", "netboard": "", "config_sha256": ""}
+    metadata = {**REHEARSED, "session": job.session, "part": "1", "opened_utc": f"{place:06d}"}
+    metadata |= {"netboard": "", "config_sha256": ""}
     people = tuple(people_in(config, metadata))
     return Run(Path(recording_name(config, job.session)), metadata, config, who.dyad + who.name, place, people)

@@ -30,6 +30,7 @@ from netboard.analysis.topics.figure import (
 )
 from netboard.base.config import Config
 from netboard.base.errors import RecordingError
+from netboard.base.plural import plural
 from netboard.base.settings import tables
 from netboard.base.tables.simulated import Participant
 from netboard.nodes.rehearsal.population import LETTERS, person_of
@@ -90,10 +91,15 @@ class Assumptions:
     alpha: float
     parameters: Sequence[tuple[str, str, float, float, float]]
 
+    @property
+    def virtual_studies(self) -> str:
+        """The number of studies, with its noun."""
+        return plural(self.studies, "virtual study", "virtual studies")
+
     def rows(self) -> Iterator[tuple[str, str]]:
         """Yield each assumption with its value."""
         yield "plan", self.study
-        yield "cohort", f"{self.studies} virtual studies of {self.dyads} dyads, seed {self.seed}"
+        yield "cohort", f"{self.virtual_studies} of {plural(self.dyads, 'dyad')}, seed {self.seed}"
         yield "participants", f"simulated, of netboard {self.netboard}, configuration {self.config_sha256[:12]}"
         yield "distributions", f"median, and central 95 % of {SHOWN} participants; other parameters are constant"
         for name, unit, middle, low, high in self.parameters:
@@ -106,7 +112,7 @@ class Assumptions:
 
     def __str__(self) -> str:
         return (
-            f"{self.studies} virtual studies of the plan {self.study} with {self.dyads} simulated dyads each "
+            f"{self.virtual_studies} of the plan {self.study} with {plural(self.dyads, 'simulated dyad')} each "
             f"(netboard {self.netboard}, configuration {self.config_sha256[:12]}, seed {self.seed})"
         )
 
@@ -132,7 +138,7 @@ def sentence(found: Sequence[Power], assumptions: Assumptions) -> str:
     """
     enough = next((one for one in found if one.power.low >= ENOUGH), None)
     one = enough or found[-1]
-    trials = f" and {one.trials} trials per condition" if one.trials else ""
+    trials = f" and {plural(one.trials, 'trial')} per condition" if one.trials else ""
     reached = "" if enough else f", whose lower limit is below {ENOUGH:g} with each simulated number of dyads"
     unit = f" {one.unit}" if one.unit != "1" else ""
     wide = ""
@@ -140,7 +146,7 @@ def sentence(found: Sequence[Power], assumptions: Assumptions) -> str:
         span = f"spans a factor of {one.width:.3g}" if one.scale == "ratio" else f"is {one.width:.3g}{unit} wide"
         wide = f"; its {100 * (1 - assumptions.alpha):g} % confidence interval {span} on average"
     return (
-        f"With {one.dyads} dyads{trials}, a {one.test} of {one.measure} ({one.contrast}; {one.scale} "
+        f"With {plural(one.dyads, 'dyad')}{trials}, a {one.test} of {one.measure} ({one.contrast}; {one.scale} "
         f"{one.effect:.3g}{unit}) at the level {assumptions.alpha:g} has a power of {one.power.value:.2f} (95 % Monte "
         f"Carlo confidence interval {one.power.low:.2f} to {one.power.high:.2f}){reached}{wide}. "
         f"Simulated: {assumptions}."
@@ -191,7 +197,8 @@ def parts(found: Sequence[Power], assumptions: Assumptions) -> list[dict[str, An
             unit = "" if own[0].unit == "1" else f" {own[0].unit}"
             head = [measure, contrast, test, trials or "all", f"{own[0].effect:.3g}{unit}"]
             rows.append([*head, *(cells.get(size, "") for size in sizes)])
-        columns = ["measure", "contrast", "test", "trials", "ratio or difference", *(f"{size} dyads" for size in sizes)]
+        columns = ["measure", "contrast", "test", "trials", "ratio or difference"]
+        columns += [plural(size, "dyad") for size in sizes]
         found_parts.append({"name": name, "title": title, "columns": columns, "rows": rows})
     return [{**table, "verdicts": []} for table in found_parts]
 
@@ -294,4 +301,4 @@ def _frame(axes: Axes, measure: str, sizes: Sequence[int], alpha: float) -> None
 
 
 def _name(contrast: str, trials: int) -> str:
-    return f"{contrast}, {trials} trials" if trials else contrast
+    return f"{contrast}, {plural(trials, 'trial')}" if trials else contrast

@@ -193,9 +193,10 @@ def _moved(movements: pd.DataFrame, trials: pd.DataFrame, levels: FactorLevels) 
 
 
 def _in_order(measured: Iterable[Measured]) -> list[Measured]:
-    """Sort recordings by dyad, plan, session and block, and the parts of an interrupted block by start time.
+    """Sort recordings by dyad, plan, session and block, and the parts of an interrupted block by their numbers.
 
-    Blocks are numbered within a session. Parts are numbered only until the server restarts.
+    Blocks are numbered within a session, and parts within a run of the server; the runs are ordered by start time, so
+    that a step of the wall clock within a run does not change the order.
     """
     every = list(measured)
     began: dict[tuple[str, ...], str] = {}
@@ -205,13 +206,14 @@ def _in_order(measured: Iterable[Measured]) -> list[Measured]:
 
     for one in every:
         opened = one.blocks["opened_utc"][0]
-        for whole in (visit(one), visit(one)[:2]):
+        for whole in (visit(one), visit(one)[:2], (*visit(one), one.blocks["run"][0])):
             began[whole] = min(began.get(whole, opened), opened)
 
     def place(one: Measured) -> tuple[Any, ...]:
         dyad, study, session = visit(one)
-        at = tuple(one.blocks[name][0] for name in ("block", "opened_utc", "part", "recording"))
-        return dyad, began[dyad, study], study, began[dyad, study, session], session, *at
+        block, run, *at = (one.blocks[name][0] for name in ("block", "run", "part", "opened_utc", "recording"))
+        in_block = (began[dyad, study, session, run], run, *at)
+        return dyad, began[dyad, study], study, began[dyad, study, session], session, block, *in_block
 
     return sorted(every, key=place)
 

@@ -8,12 +8,13 @@ import re
 import unicodedata
 from math import floor, isfinite, log10
 
+from netboard.base.plural import noun
+
 NONE = "–"
 """Text for a missing number."""
 
 _UNSEEN = {"Cc", "Cf", "Cs", "Zl", "Zp"}
 _FINEST = 6
-_PLURALS = {"person": "people", "": ""}
 
 
 def visible(text: str) -> str:
@@ -51,8 +52,7 @@ def amount(value: float, places: int | None = None) -> str:
 
 def plural(n: int, of: str) -> str:
     """Return a count with its noun."""
-    word = of if n == 1 else _PLURALS.get(of, f"{of}s")
-    return f"{amount(n)} {word}".strip()
+    return f"{amount(n)} {noun(n, of)}".strip()
 
 
 def css_text(text: str) -> str:

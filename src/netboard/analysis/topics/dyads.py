@@ -36,13 +36,13 @@ from netboard.analysis.topics.figure import (
     draw_mean,
     due_count,
     look_of,
-    many,
     new_mosaic,
     pictured,
     titled,
 )
 from netboard.analysis.topics.groups import QUANTITIES, Condition, Quantity, conditions, counted, estimate, estimated
 from netboard.analysis.topics.result import Result, TopicResults, plain
+from netboard.base.plural import plural
 from netboard.base.tables.forces import FORCES
 
 if TYPE_CHECKING:
@@ -120,7 +120,7 @@ def _results(found: Comparison) -> Iterator[Result]:
     note = "" if found.known else "no dyad performed in both configurations with this force"
     yield estimated(TOPIC, f"{quantity.name}: mean of the two minus dyad", group, found.gain, quantity.unit, note)
     if found.known:
-        tested = f"p = {found.test.p:.3g}; {many(found.test.n, 'dyad')} can give no p below {found.test.least_p:.3g}"
+        tested = f"p = {found.test.p:.3g}; {plural(found.test.n, 'dyad')} can give no p below {found.test.least_p:.3g}"
         note = f"sign test: {tested if found.test.n else 'no gain differs from zero'}"
     value = float(found.better) if found.known else nan
     name = f"{quantity.name}: dyads better than the mean of the two"

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.statistics.estimates import Estimate
 from netboard.analysis.topics.groups import Condition, bounded, simulated, teams
+from netboard.base.plural import noun, plural
 from netboard.base.tables.forces import FORCES
 
 if TYPE_CHECKING:
@@ -370,11 +371,6 @@ def fit_beside(labels: Sequence[str], share: float = 1.0) -> bool:
     return longest * len(labels) <= share * _LABELS
 
 
-def many(count: int, word: str) -> str:
-    """Return a count with its noun."""
-    return f"{count} {word}{'' if count == 1 else 's'}"
-
-
 def span(counts: Collection[int]) -> str:
     """Return the smallest and the largest of some counts, or the one that they all are."""
     return " to ".join(f"{count}" for count in sorted({min(counts), max(counts)}))
@@ -384,13 +380,13 @@ def due_count(known: Sequence[tuple[str, int, str]], details: Sequence[int] = ()
     """Return a sentence with the sample sizes of names and their units of replication, once if they are equal."""
     if not known:
         return ""
-    each = [f"n = {many(count, unit)}" for _, count, unit in known]
+    each = [f"n = {plural(count, unit)}" for _, count, unit in known]
     if len(set(each)) == 1:
         sizes = each[0] + (" in every condition" if len(each) > 1 else "")
     else:
         sizes = "; ".join(f"{name}: {n}" for (name, _, _), n in zip(known, each, strict=True))
     if details:
-        sizes += f" ({span(details)} {of}{'s' * (max(details) != 1)}{' each' if len(each) > 1 else ''})"
+        sizes += f" ({span(details)} {noun(max(details), of)}{' each' if len(each) > 1 else ''})"
     return sentence(sizes) if len(set(each)) > 1 else f"{sizes}."
 
 

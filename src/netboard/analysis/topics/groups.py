@@ -11,7 +11,7 @@ windows of half the plan would leave out every performer of whom one trial is ex
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import lcm
+from math import isclose, lcm
 
 import numpy as np
 import pandas as pd
@@ -21,7 +21,7 @@ from netboard.analysis.extraction.conditions import StudyFactor, names_of
 from netboard.analysis.extraction.study import Study, pooled
 from netboard.analysis.extraction.tables import ATTEMPT_KEY
 from netboard.analysis.measures.performance import ENDS, trial_times, window_sizes
-from netboard.analysis.statistics.estimates import Estimate, t_interval
+from netboard.analysis.statistics.estimates import ROUNDING, Estimate, t_interval
 from netboard.analysis.topics.result import Result, cached
 from netboard.base.tables.forces import CONDITIONS
 from netboard.task.studies.factors import level_text
@@ -336,7 +336,9 @@ def estimated(topic: str, quantity: str, group: str, found: Estimate, unit: str,
     """Return an estimate, with its confidence interval and its number of units, as a result."""
     few = {0: f"no {found.unit} has a value", 1: f"no interval from one {found.unit}"}.get(found.n, "")
     interval = f"{100 * found.level:.0f} % {found.method}" if found.n > 1 else ""
-    note = "; ".join(filter(None, (note, few)))
+    alike = isclose(found.low, found.high, rel_tol=ROUNDING)
+    width = f"the interval has no width: every {found.unit} has the same value" if alike else ""
+    note = "; ".join(filter(None, (note, few, width)))
     return Result(topic, quantity, group, found.value, found.low, found.high, unit, interval, found.n, found.unit, note)
 
 

@@ -22,10 +22,11 @@ from netboard.analysis.extraction.conditions import STAND_INS
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.measures.information import Past, SurrogateComparison, chance_level, granger
 from netboard.analysis.statistics.estimates import mean
-from netboard.analysis.topics.figure import Drawn, fit_beside, look_of, many, new_mosaic, pictured
+from netboard.analysis.topics.figure import Drawn, fit_beside, look_of, new_mosaic, pictured
 from netboard.analysis.topics.groups import Condition, conditions
 from netboard.analysis.topics.paths import joined
 from netboard.analysis.topics.result import Result, TopicResults, cached, plain
+from netboard.base.plural import plural
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -223,7 +224,7 @@ def _caption(found: list[Influence]) -> str:
         most = max(tests, key=lambda one: one.n)
         drawn = "all" if most.exact else "randomly drawn"
         chance = (
-            f"Grey: means of surrogate dyads, {many(len(most.surrogates), 'pairing')}. p: share of {drawn} exchanges "
+            f"Grey: means of surrogate dyads, {plural(len(most.surrogates), 'pairing')}. p: share of {drawn} exchanges "
             f"of partners whose mean is as large; the smallest possible p is {most.least_p:.2g}."
         )
     return (

@@ -33,7 +33,6 @@ from netboard.analysis.topics.figure import (
     beside,
     draw_dyads,
     draw_mean,
-    many,
     new_mosaic,
     pictured,
     sentence,
@@ -55,6 +54,7 @@ from netboard.analysis.topics.groups import (
     windows_of,
 )
 from netboard.analysis.topics.result import Result, TopicResults
+from netboard.base.plural import plural
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -320,14 +320,14 @@ def _top(course: Course) -> float:
 
 def _performers(one: TeamLearning) -> str:
     """Return the number of participants, if the performers are not dyads."""
-    return f"{many(one.performers, 'participant')}, " if one.team.startswith("bimanual") else ""
+    return f"{plural(one.performers, 'participant')}, " if one.team.startswith("bimanual") else ""
 
 
 def _caption(study: Study, teams: tuple[TeamLearning, ...]) -> str:
     how, windows = study.readings.summaries, windows_of(study)
     of = "trials" if how.spread == "trials" else "participants or dyads"
     people = "; ".join(
-        f"{one.team}: n = {many(one.dyads, 'dyad')} ({_performers(one)}{one.trials} trials)" for one in teams
+        f"{one.team}: n = {plural(one.dyads, 'dyad')} ({_performers(one)}{one.trials} trials)" for one in teams
     )
     areas = "they add up to the completion time"
     if study.readings.movements.window == "whole":

@@ -27,7 +27,6 @@ from netboard.analysis.topics.figure import (
     Look,
     beside,
     draw_mean,
-    many,
     new_mosaic,
     pictured,
     sentence,
@@ -36,6 +35,7 @@ from netboard.analysis.topics.figure import (
 from netboard.analysis.topics.groups import FORCE_LABELS
 from netboard.analysis.topics.measures import rows_of
 from netboard.analysis.topics.result import Result, cached, plain
+from netboard.base.plural import plural
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -277,7 +277,7 @@ def _residuals(axes: "Axes", fit: Fit) -> None:
 
 def _caption(found: Fits, shown: Sequence[Fit]) -> str:
     fitted = "; ".join(
-        f"{one.measure}: {one.model.name}, {one.model.trials} {one.of}s of {many(one.model.dyads, 'dyad')}"
+        f"{one.measure}: {one.model.name}, {one.model.trials} {one.of}s of {plural(one.model.dyads, 'dyad')}"
         for one in shown
     )
     failed = "".join(

@@ -24,7 +24,6 @@ from netboard.analysis.topics.figure import (
     draw_dyads,
     draw_mean,
     look_of,
-    many,
     new_mosaic,
     pictured,
 )
@@ -32,6 +31,7 @@ from netboard.analysis.topics.groups import Condition, conditions, estimated, wi
 from netboard.analysis.topics.measures import column, levels, measures_of, rows_of
 from netboard.analysis.topics.result import Result, TopicResults
 from netboard.analysis.topics.units import PERCENT, POINTS
+from netboard.base.plural import plural
 
 SEED = 20_170_605
 """Seed of the bootstrap."""
@@ -203,7 +203,7 @@ def _caption(found: tuple[Control, ...]) -> str:
         "either side's recorded movement and a passive hand, which is pushed and never acts, instead of the partner: "
         f"without friction (an upper bound), and {_device(found)}. Large "
         "points: means over dyads with 95 % t confidence intervals; small points: dyads, joined; "
-        f"n = {many(len(found[0].dyads), 'dyad')}. {mechanical}"
+        f"n = {plural(len(found[0].dyads), 'dyad')}. {mechanical}"
     )
 
 

@@ -12,10 +12,11 @@ import pandas as pd
 
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.statistics.estimates import Estimate, t_interval
-from netboard.analysis.topics.figure import Drawn, look_of, many, new_mosaic, pictured, titled
+from netboard.analysis.topics.figure import Drawn, look_of, new_mosaic, pictured, titled
 from netboard.analysis.topics.groups import block_labels, estimated, excluded, of_blocks
 from netboard.analysis.topics.measures import exponential, legend
 from netboard.analysis.topics.result import Result, plain
+from netboard.base.plural import plural
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -186,7 +187,7 @@ def _caption(found: Quality, dyads: int) -> str:
     total = found.blocks[["attempts", "success", "fell", "timed_out", "excluded", "counts", "missing"]].sum()
     reasons = "; ".join(f"{why}: {number}" for why, number in found.reasons.items())
     return (
-        f"Blocks of {many(dyads, 'dyad')}: {total['attempts']} attempts, of which "
+        f"Blocks of {plural(dyads, 'dyad')}: {total['attempts']} attempts, of which "
         f"{total['success']} succeeded, {total['fell']} fell and {total['timed_out']} timed out; {total['excluded']} "
         f"are excluded{f' ({reasons})' if reasons else ''}, {total['counts']} trials count, {total['missing']} ticks "
         "are missing. A, B: counts in each block. C: geometric mean of the included trials of each block, a line for "

@@ -22,7 +22,6 @@ from netboard.analysis.topics.figure import (
     Drawn,
     apart,
     draw_dyads,
-    many,
     pictured,
     sentence,
     span,
@@ -35,6 +34,7 @@ from netboard.analysis.topics.groups import counted, estimate, estimated, teams,
 from netboard.analysis.topics.learning import series_of
 from netboard.analysis.topics.result import Result, TopicResults, plain
 from netboard.analysis.topics.units import read_in
+from netboard.base.plural import plural
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -285,7 +285,7 @@ def _caption(study: Study, teams: tuple[TeamStrategy, ...]) -> str:
     }[how.extent]
     counts = [[one.count for one in team.ellipses] for team in teams]
     each = "; ".join(
-        f"{team.team}: n = {many(len(team.spreads[0].dyads), 'dyad')}, {span(count)} trials an ellipse"
+        f"{team.team}: n = {plural(len(team.spreads[0].dyads), 'dyad')}, {span(count)} trials an ellipse"
         for team, count in zip(teams, counts, strict=True)
     )
     return (

@@ -1,4 +1,4 @@
-"""Time and memory of the parts of an analysis, each measured in a fresh process.
+"""Time and memory of the parts of an analysis, measured in fresh processes.
 
 A process that reads or measures must not load the report, which imports the plotting library: its peak memory would
 include that library. So `cost_of_report` imports the report itself.
@@ -7,7 +7,7 @@ include that library. So `cost_of_report` imports the report itself.
 import os
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -87,6 +87,16 @@ def cost_of_tables(recordings: Sequence[Path], workers: int, cache: Path) -> Tab
         extracted, study = _tables(recordings, workers, cache, Path(paths))
     spent, data = watch.read(), float(study.blocks["duration"].sum())
     return TablesCost(len(study.trials), data, spent, peak_memory(), extracted.peak)
+
+
+def cost_without_cache(recordings: Sequence[Path], workers: int, caches: Sequence[Path]) -> tuple[TablesCost, Time]:
+    """Make the tables once for each of these empty caches, and read the recordings; return the costs of both.
+
+    The time is the one with the least CPU time, and the memory that of the first time, to which the others add.
+    """
+    costs = [cost_of_tables(recordings, workers, cache) for cache in caches]
+    least = min((cost.time for cost in costs), key=lambda time: time.cpu)
+    return replace(costs[0], time=least), cost_of_reading(recordings, workers)
 
 
 def cost_of_report(recordings: Sequence[Path], cache: Path, folder: Path) -> tuple[Time, float]:

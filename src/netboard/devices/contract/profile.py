@@ -19,6 +19,7 @@ from pydantic import TypeAdapter
 
 from netboard.base.errors import ConfigError
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, about, read, write
+from netboard.base.text_file import read_text
 
 REACH = 1.0
 """Upper bound for the distance of any workspace from the device's origin [m]."""
@@ -116,7 +117,7 @@ def load(folder: Path, serial: str) -> Profile | None:
     """
     path = file_of(folder, serial)
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path)
     except FileNotFoundError:
         return None
     except (OSError, UnicodeDecodeError) as error:

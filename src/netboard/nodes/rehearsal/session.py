@@ -12,6 +12,7 @@ from rich.text import Text
 from netboard.base.bars import progress_bars
 from netboard.base.config import Config
 from netboard.base.errors import NetboardError
+from netboard.base.plural import plural
 from netboard.base.terminal import FittedTable, numbers, plain_console
 from netboard.base.tick import TICK_SECONDS
 from netboard.nodes.rehearsal.block import Rehearsal
@@ -101,9 +102,10 @@ def in_total(results: Sequence[BlockResult], took: float) -> str:
     ticks = sum(result.ticks for result in results)
     successes, failures = sum(result.successes for result in results), sum(result.failures for result in results)
     seconds = ticks * TICK_SECONDS
+    blocks, done = plural(len(results), "block"), plural(successes, "successful trial")
     return (
-        f"{len(results)} blocks, {successes} successful trials, {failures} failed attempts, {seconds / 3600:.2f} h of "
-        f"simulated time\n{ticks} ticks in {took:.1f} s: {ticks / took:.0f} ticks/s, {seconds / took:.0f} x real time"
+        f"{blocks}, {done}, {plural(failures, 'failed attempt')}, {seconds / 3600:.2f} h of simulated time\n"
+        f"{ticks} ticks in {took:.1f} s: {ticks / took:.0f} ticks/s, {seconds / took:.0f} x real time"
     )
 
 

@@ -18,6 +18,7 @@ from netboard.base.errors import ConfigError
 from netboard.base.settings import read
 from netboard.base.tables.scene import Physics
 from netboard.base.terminal import FittedTable
+from netboard.base.text_file import read_text
 from netboard.physics.hands.sampled import Hands
 from netboard.physics.simulation import (
     Motion,
@@ -82,7 +83,7 @@ class SimulationOptions:
 def load_scene(file: Path | None, overrides: Sequence[str]) -> Config:
     """Read a scene: of a configuration only the table [physics] counts; without a file, the paper's scene."""
     try:
-        text = file.read_text(encoding="utf-8") if file else ""
+        text = read_text(file) if file else ""
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{file}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
     source = str(file or "defaults")

@@ -16,7 +16,8 @@ from typing import Any
 
 from netboard.base.config import Config, parse
 from netboard.base.errors import ConfigError
-from netboard.base.settings import to_toml
+from netboard.base.settings import parse_toml, to_toml
+from netboard.base.text_file import read_text
 from netboard.recording.importing.columns import COLUMNS, scales
 from netboard.recording.importing.table_import import ImportOptions
 
@@ -53,12 +54,10 @@ class Manifest:
     def __init__(self, path: Path) -> None:
         self.path = path
         try:
-            text = path.read_text(encoding="utf-8")
-            values = tomllib.loads(text)
+            text = read_text(path)
         except (OSError, UnicodeDecodeError) as error:
             raise ConfigError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
-        except tomllib.TOMLDecodeError as error:
-            raise ConfigError(f"{path}: not valid TOML: {error}") from None
+        values = parse_toml(text, str(path))
         self._lines = text.splitlines()
         self._starts = [number for number, line in enumerate(self._lines) if HEADER.match(line)]
         self.listed: list[ListedTable] = []
@@ -87,7 +86,7 @@ class Manifest:
             return {}
         place = self.path.parent / name
         try:
-            text = place.read_text(encoding="utf-8")
+            text = read_text(place)
             parse(text, str(place))
         except (OSError, UnicodeDecodeError) as error:
             reason = getattr(error, "strerror", None) or error

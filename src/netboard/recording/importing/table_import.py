@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from netboard.base.config import Config, parse
 from netboard.base.errors import ConfigError
+from netboard.base.plural import plural
+from netboard.base.text_file import read_text
 from netboard.recording.files.locate import sha256_of
 from netboard.recording.files.offline_writer import BlockWriter
 from netboard.recording.importing.columns import COLUMNS, TASK
@@ -61,7 +63,7 @@ class Imported:
 
 def in_words(done: Sequence[Imported]) -> Iterator[str]:
     """Describe the new recordings, then the notes on them, each once."""
-    yield from (f"{found.path}: {found.ticks} ticks, {found.what}" for found in done)
+    yield from (f"{found.path}: {plural(found.ticks, 'tick')}, {found.what}" for found in done)
     for note, count in Counter(note for found in done for note in found.notes).items():
         yield f"  {note}" + f" ({count} recordings)" * (count > 1)
 
@@ -88,7 +90,7 @@ def import_table(
     if is_tick_table(path) and not options.names:
         beside = configuration_beside(path)
         if beside is not None:
-            config = parse(beside.read_text(encoding="utf-8"), str(beside))
+            config = parse(read_text(beside), str(beside))
         warned = () if beside else (f"no configurations/{path.stem}.toml beside its folder: it is given --config's",)
         return _save(read_ticks(path), folder, config, {"imported": "ticks", **origin}, utc_ns, progress, warned)
     samples = read_samples(path, options.names, options.units, options.rate)
@@ -121,7 +123,7 @@ def _at_ticks(samples: Samples, options: ImportOptions) -> tuple[NDArray[np.int6
     exact = all(segment.exact for segment in found)
     notes = [f"{samples.time.size} samples, {1 / usual:.6g} a second" + (", which are ticks" if exact else "")]
     if len(found) > 1:
-        notes.append(f"{len(found) - 1} gaps of more than {options.gap:g} s, in which there is no sample")
+        notes.append(f"{plural(len(found) - 1, 'gap')} of more than {options.gap:g} s, in which there is no sample")
     if alone := samples.time.size - sum(segment.stop - segment.first for segment in found):
         notes.append(f"{alone} samples between gaps are left out, because they are too few to interpolate")
     if samples.left_out:

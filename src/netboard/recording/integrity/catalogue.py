@@ -17,6 +17,7 @@ from mcap.stream_reader import StreamReader
 
 from netboard.base.config import Config, parse
 from netboard.base.errors import NetboardError, RecordingError
+from netboard.base.plural import plural
 from netboard.network.protocol.joining import Welcome
 from netboard.recording.files.locate import EMPTY, files_below
 from netboard.recording.files.provenance import CONFIG_NAME, MetadataName
@@ -213,7 +214,7 @@ def _journal(path: Path, size: int, lines: JournalContent) -> Entry:
         session=header.name,
         study=header.study,
         pilot=header.pilot,
-        condition=f"session {header.session}, {len(over)} blocks over",
+        condition=f"session {header.session}, {plural(len(over), 'block')} over",
         done=len(done),
         verdict=RESULTS[Severity.LOSS if lines.torn else Severity.SOUND],
         why="its last line is incomplete" if lines.torn else "",

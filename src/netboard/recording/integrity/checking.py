@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from netboard.base.config import Config, parse
 from netboard.base.errors import ConfigError, NetboardError, RecordingError
+from netboard.base.plural import plural
 from netboard.network.protocol.records import BLOCK_BEGAN
 from netboard.recording.files.reader import Recording
 from netboard.recording.integrity.account import parts_of
@@ -112,7 +113,7 @@ def _unreadable(path: Path, why: str) -> Report:
 def _recoverable(saved: RecoveryReport) -> str:
     """Describe what can be saved."""
     ticks = saved.messages[TICKS]
-    span = f"{ticks} ticks" + (f", {saved.first_tick} to {saved.last_tick}" if ticks else "")
+    span = plural(ticks, "tick") + (f", {saved.first_tick} to {saved.last_tick}" if ticks else "")
     text = f"recoverable: {span}, and {sum(saved.messages.values()) - ticks} other records"
     lost = f"; {saved.lost_bytes} bytes are lost" if saved.lost_bytes else ""
     return text + lost + ("" if saved.has_config else "; the configuration is lost")

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError, RecordingError
+from netboard.base.plural import plural
 from netboard.base.tables.experiment import Design
 from netboard.recording.files.reader import Recording
 from netboard.recording.integrity.quality_check import judged
@@ -158,7 +159,7 @@ def _compare_journal(
     ]
     yield from losses
     if not (problems or losses):
-        yield Finding(Severity.SOUND, f"agrees on all {len(judged)} attempts")
+        yield Finding(Severity.SOUND, f"agrees on all {plural(len(judged), 'attempt')}")
 
 
 def _end_of(entries: Sequence[Entry], run: str) -> int | None:

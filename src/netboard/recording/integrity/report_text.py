@@ -7,6 +7,7 @@ from typing import Any
 
 from rich.text import Text
 
+from netboard.base.plural import plural
 from netboard.base.terminal import Cell, FittedTable, numbers
 from netboard.base.tick import TICK_SECONDS
 from netboard.recording.integrity.catalogue import Entry, in_order
@@ -18,7 +19,8 @@ COLOURS = {Severity.SOUND: "green", Severity.LOSS: "yellow", Severity.DAMAGE: "r
 
 def in_words(report: Report, whole: bool) -> Text:
     """Return the result of a check and its evidence."""
-    text = Text(f"{report.path}: ").append(report.result, COLOURS[report.severity]).append(f", {report.ticks} ticks")
+    text = Text(f"{report.path}: ").append(report.result, COLOURS[report.severity])
+    text.append(f", {plural(report.ticks, 'tick')}")
     for finding in report.findings:
         if whole or finding.severity != Severity.SOUND:
             text.append(f"\n  {finding.part:13}", COLOURS[finding.severity]).append(f" {finding.text}")
@@ -33,10 +35,10 @@ def in_total(reports: Sequence[Report], took: float) -> str:
         if (count := sum(report.severity == severity for report in reports))
     )
     ticks = sum(report.ticks for report in reports)
-    words = f"{len(reports)} recordings: {counts}; {ticks} ticks in {took:.1f} s, {_times(ticks, took)}"
+    words = f"{plural(len(reports), 'recording')}: {counts}; {ticks} ticks in {took:.1f} s, {_times(ticks, took)}"
     again, computing = _computed(reports)
     if again:
-        words += f"\n{again} ticks computed again in {computing:.2f} s, {_times(again, computing)}"
+        words += f"\n{plural(again, 'tick')} computed again in {computing:.2f} s, {_times(again, computing)}"
     return words
 
 
@@ -84,20 +86,24 @@ def _plain(replay: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-QUICK = "The results are from what each file states. netboard sessions --check examines all data, and may find more."
+QUICK = (
+    "Quick results, from what each file states about itself: the ticks are not examined, so stalls and missing or "
+    "changed data may be unnoticed. netboard sessions --check examines everything."
+)
 """Caption of a table of quick results."""
 
 
 def sessions_table(entries: Sequence[Entry], folder: Path, caption: str = "") -> FittedTable:
     """Return a table of the files, grouped by session."""
-    counts = numbers("trials", "length\nsize", "lost")
-    table = FittedTable("block\ncondition", "file", *counts, "verdict", title=f"Sessions in {folder}", caption=caption)
+    counts = numbers("trials\nlost", "length\nsize")
+    table = FittedTable("block, condition\nfile", *counts, "verdict", title=f"Sessions in {folder}", caption=caption)
     for (dyad, session), group in in_order(entries):
         study = ", ".join(sorted({entry.study for entry in group if entry.study})) or "no study"
         pilot = ", pilot" if any(entry.pilot for entry in group) else ""
         day = min((entry.opened[:10] for entry in group if entry.opened), default="date unknown")
         table.end_section()
-        table.add_row(Text(f"{dyad} {session}" if dyad else "unknown dyad", "bold"), f"{day}, {study}{pilot}")
+        whose = f"{dyad} {session}" if dyad else "unknown dyad"
+        table.add_row(Text(whose, "bold").append(f", {day}, {study}{pilot}", "not bold"))
         for entry in group:
             table.add_row(*_file_row(entry, folder))
     return table
@@ -105,14 +111,13 @@ def sessions_table(entries: Sequence[Entry], folder: Path, caption: str = "") ->
 
 def _file_row(entry: Entry, folder: Path) -> list[Cell]:
     trials = f"{entry.done} of {entry.trials}" if entry.trials else f"{entry.done}"
+    what = f"{entry.block} of {entry.blocks}" if entry.blocks else entry.kind
     known = entry.kind in ("recording", "journal") and entry.verdict != RESULTS[Severity.DAMAGE]
     colour = COLOURS[Severity(RESULTS.index(entry.verdict))]
     return [
-        (f"{entry.block} of {entry.blocks}" if entry.blocks else entry.kind) + f"\n{entry.condition}",
-        str(entry.path.relative_to(folder)),
-        trials if known else "-",
+        f"{', '.join(filter(None, (what, entry.condition)))}\n{entry.path.relative_to(folder)}",
+        (trials if known else "-") + f"\n{entry.lost}",
         (f"{entry.duration / 60:.1f} min" if entry.duration is not None else "-") + f"\n{entry.size / 1e6:.1f} MB",
-        str(entry.lost),
         Text(entry.verdict, colour).append(f"\n{entry.why}" if entry.why else "", "default"),
     ]
 
@@ -125,4 +130,5 @@ def sessions_in_total(entries: Sequence[Entry]) -> str:
     )
     hours, size = sum(e.duration or 0.0 for e in recordings) / 3600, sum(e.size for e in recordings) / 1e9
     sessions = len({(entry.dyad, entry.session) for entry in entries})
-    return f"{sessions} sessions, {len(recordings)} files ({counts}), {hours:.2f} h, {size:.2f} GB"
+    files = f"{plural(sessions, 'session')}, {plural(len(recordings), 'file')}"
+    return f"{files} ({counts}), {hours:.2f} h, {size:.2f} GB"

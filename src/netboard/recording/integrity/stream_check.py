@@ -9,6 +9,7 @@ import numpy as np
 from mcap.reader import make_reader
 
 from netboard.base.config import SIDES
+from netboard.base.plural import plural
 from netboard.base.tick import TICK_NS
 from netboard.network.protocol.records import EventRecord, FrameRecord
 from netboard.recording.files.reader import Recording
@@ -41,7 +42,7 @@ def _wrong_totals(evidence: Evidence) -> Iterator[str]:
     """Compare the totals read with those in the file and with the log-channel numbers; yield the differences."""
     recording, read = evidence.recording, evidence.seen.count
     if read != recording.counts[TICKS]:
-        yield f"{read} ticks were read, but the file states {recording.counts[TICKS]}"
+        yield f"{plural(read, 'tick was', 'ticks were')} read, but the file states {recording.counts[TICKS]}"
     end = recording.end
     if not {"records", "lost", "next_record"} <= end.keys() or recording.first_record is None:
         return
@@ -61,13 +62,14 @@ def _wrong_ticks(evidence: Evidence) -> Iterator[str]:
     seen = evidence.seen
     if seen.disordered:
         where = numbers_in_words(np.array(seen.disordered))
-        yield f"{len(seen.disordered)} ticks come after one with the same or a higher number: {where}"
+        found = plural(len(seen.disordered), "tick comes", "ticks come")
+        yield f"{found} after one with the same or a higher number: {where}"
     noted_after = lost_after(evidence.remarks)
     unexplained = [gap for gap in seen.gaps if noted_after[gap.first - 1] < gap.count]
     if unexplained and not evidence.excuses_gaps:
         count = sum(gap.count for gap in unexplained)
         where = numbers_in_words(np.array([gap.first for gap in unexplained]))
-        yield f"{count} ticks are missing without a note by the logger, from tick {where} on"
+        yield f"{plural(count, 'tick is', 'ticks are')} missing without a note by the logger, from tick {where} on"
 
 
 def _wrong_records(evidence: Evidence) -> Iterator[str]:
@@ -135,7 +137,9 @@ def check_rendered(recording: Recording) -> Iterator[Finding]:
         if count:
             severity = Severity.LOSS if in_trials else Severity.SOUND
             share = f"{in_trials} of them in trials" if in_trials else "none of them in a trial"
-            yield Finding(severity, f"the rendered force of the {side} device is unknown at {count} ticks, {share}")
+            yield Finding(
+                severity, f"the rendered force of the {side} device is unknown at {plural(count, 'tick')}, {share}"
+            )
 
 
 def check_time(evidence: Evidence) -> Iterator[Finding]:
@@ -169,10 +173,12 @@ def _wrong_times(evidence: Evidence, stalls_ms: Counter[int]) -> Iterator[str]:
         and not (_is_stall(more_ns) and (evidence.excuses_gaps or before.get(tick, tick - 1) in noted_after))
     ]
     if unexplained:
-        yield f"{len(unexplained)} ticks are not 1 ms after the one before: {numbers_in_words(np.array(unexplained))}"
+        count = plural(len(unexplained), "tick is", "ticks are")
+        yield f"{count} not 1 ms after the one before: {numbers_in_words(np.array(unexplained))}"
     back = [b.seq for a, b in pairwise(events) if b.time_ns < a.time_ns]
     if back:
-        yield f"{len(back)} events are earlier than the one before: {numbers_in_words(np.array(back))}"
+        count = plural(len(back), "event is", "events are")
+        yield f"{count} earlier than the one before: {numbers_in_words(np.array(back))}"
     if stepped := _log_time_steps(evidence.recording.path, stalls_ms.total() * TICK_NS):
         yield f"the log time decreases at {stepped} chunks"
 

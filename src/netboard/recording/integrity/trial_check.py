@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.config import Config
+from netboard.base.plural import plural
 from netboard.base.tables.experiment import Block
 from netboard.recording.format.summary import Attempt
 from netboard.recording.integrity.severity import Finding, Severity
@@ -59,7 +60,8 @@ def check_measured(seen: Walk, listed: Sequence[Attempt]) -> Iterator[Finding]:
     yield from (Finding(Severity.DAMAGE, problem) for problem in problems)
     if not problems:
         done = sum(attempt.outcome == "success" for attempt in attempts)
-        text = f"{len(attempts)} attempts, {done} successes, as imported; not compared with netboard's rules or a plan"
+        counts = f"{plural(len(attempts), 'attempt')}, {plural(done, 'success')}"
+        text = f"{counts}, as imported; not compared with netboard's rules or a plan"
         yield Finding(Severity.SOUND, text)
 
 
@@ -72,7 +74,7 @@ def _wrong_list(attempts: Sequence[Attempt], listed: Sequence[Attempt]) -> Itera
         # Older loggers listed the last attempt so, too, if a command ended it in the last tick.
         attempts = (*attempts[:-1], replace(attempts[-1], outcome="unfinished"))
     if repr(tuple(attempts)) != repr(tuple(listed)):  # compare as text: there, a NaN completion time equals itself
-        yield f"{len(listed)} attempts are listed, expected the {len(attempts)} in the ticks"
+        yield f"{plural(len(listed), 'attempt is', 'attempts are')} listed, expected the {len(attempts)} in the ticks"
 
 
 def _wrong_targets(config: Config, attempts: Sequence[Attempt]) -> Iterator[str]:
@@ -99,10 +101,8 @@ def _wrong_forces(block: Block, seen: Walk) -> Iterator[str]:
     """Check that the forces match the condition: no force without haptic feedback."""
     if seen.force_where_none:
         catch = f" and catch trials {', '.join(map(str, block.catch))}" if block.catch else ""
-        yield (
-            f'{seen.force_where_none} ticks have a force where none is allowed (condition "{block.force}"{catch}, '
-            "and between trials)"
-        )
+        found = plural(seen.force_where_none, "tick has", "ticks have")
+        yield f'{found} a force where none is allowed (condition "{block.force}"{catch}, and between trials)'
 
 
 def _wrong_counts(seen: Walk, attempts: Sequence[Attempt]) -> Iterator[str]:
@@ -111,7 +111,7 @@ def _wrong_counts(seen: Walk, attempts: Sequence[Attempt]) -> Iterator[str]:
     counted = int(last["successes"]) + (int(last["event"]) == Cause.HELD) - int(seen.first[0]["successes"])
     found = sum(attempt.outcome == "success" for attempt in attempts)
     if not seen.missing and counted != found:
-        yield f"the trial state machine counted {counted} successes, and there are {found}"
+        yield f"the trial state machine counted {plural(counted, 'success')}, and there are {found}"
 
 
 def check_done(config: Config, rows: NDArray[Any], goes_on: Callable[[], bool]) -> tuple[Tally, Finding]:
@@ -130,7 +130,8 @@ def check_done(config: Config, rows: NDArray[Any], goes_on: Callable[[], bool]) 
     wanted = block.trials + int(row["extra"]) - vetoed
     timed = 0 < ticks(block.duration) <= int(row["block_ticks"]) + 1
     condition = block.label or f"{block.configuration}, force {block.force}"
-    words = f"{done} of {wanted} trials done, {int(row['failures'])} failed attempts, condition: {condition}"
+    failed = plural(int(row["failures"]), "failed attempt")
+    words = f"{done} of {wanted} trials done, {failed}, condition: {condition}"
     if done > wanted or (over and done < wanted and not timed):
         finding = Finding(Severity.DAMAGE, f"{words}: the trial state machine never ends a block like this")
     elif over:

@@ -10,6 +10,7 @@ from rich.text import Text
 
 from netboard.base.config import Config
 from netboard.base.errors import RecordingError
+from netboard.base.plural import plural
 from netboard.base.terminal import FittedTable, numbers
 from netboard.recording.files.offline_writer import TARGET_SIDES
 from netboard.recording.files.reader import Recording
@@ -34,7 +35,7 @@ def summary_tables(summary: Summary, config: Config) -> RenderableType:
 
 def verification_line(result: Verification) -> Text:
     """Return the result of a verification in one line."""
-    gaps = f", across {result.gaps} gaps" if result.gaps else ""
+    gaps = f", across {plural(result.gaps, 'gap')}" if result.gaps else ""
     if result.identical:
         return Text(f"verified: all {result.checked} ticks are identical to the bit{gaps}", "green")
     return Text(
@@ -123,7 +124,7 @@ def provenance_table(recording: Recording) -> FittedTable:
         "session": f"{known['name']}, dyad {known['dyad']}, run {known['session']}",
         "pilot": known["pilot"],
         "recorded": known["opened_utc"],
-        "block": f"{block.configuration}, haptics {'on' if block.haptics else 'off'}, {block.trials} trials",
+        "block": f"{block.configuration}, haptics {'on' if block.haptics else 'off'}, {plural(block.trials, 'trial')}",
         "role": role_of(config) + (f", kind {design.kind}" if design.kind else ""),
         **{f"factor {one.name}": _level(one, block.trials) for one in factors_of(config)},
         "ended": recording.end.get("ended", "unknown: the file was recovered"),

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from netboard.base.config import SIDES
+from netboard.base.plural import plural
 from netboard.base.terminal import FittedTable, numbers
 from netboard.base.tick import TICK_NS
 from netboard.recording.format.summary import Spread, find_gaps, or_null, spread
@@ -108,7 +109,7 @@ def grouped(found: Trace) -> Iterator[tuple[Cause, str, list[Episode]]]:
 def causes_table(found: Trace) -> FittedTable:
     """Return how often each cause made the session stutter."""
     late = f"{found.missed} of {found.stamps.tick.size} ticks began more than {found.limit_ns * MS:g} ms late"
-    gaps = f"; {found.unrecorded} ticks are not in the recording" if found.unrecorded else ""
+    gaps = f"; {plural(found.unrecorded, 'tick is', 'ticks are')} not in the recording" if found.unrecorded else ""
     heads = numbers("episodes", "in trials", "ticks", "worst [ms]", "at tick")
     table = FittedTable("cause", "side", *heads, title=f"Stutter: {late}{gaps}")
     for cause, side, group in grouped(found):

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from itertools import product
 
 from netboard.base.errors import ConfigError
+from netboard.base.plural import plural
 from netboard.task.plans.conditions import sequences_of
 from netboard.task.plans.plan import Plan, PlanBlock
 from netboard.task.studies.study import Study
@@ -56,7 +57,7 @@ def balance_of(study: Study, plans: Sequence[Plan]) -> Balance:
     tables = (
         _trials_table(study, plans),
         _starts_table(study, plans),
-        *([Table(f"Over {len(plans)} dyads", ("what", "how often", ""), tuple(over))] if over else []),
+        *([Table(f"Over {plural(len(plans), 'dyad')}", ("what", "how often", ""), tuple(over))] if over else []),
         _practice_table(study, plans),
     )
     return Balance(tables, tuple(_problems(study, plans)), uneven)
@@ -110,7 +111,7 @@ def _kind_problems(study: Study, plan: Plan, kind: str, blocks: list[PlanBlock])
     trials = {cell: sum(block.count for block in blocks if _cell(block) == cell) for cell in cells}
     times = {cell: sum(block.duration for block in blocks if _cell(block) == cell) for cell in cells}
     number = Counter(_cell(block) for block in blocks)
-    found = ", ".join(f"{_levels_text(cell)} {trials[cell]} in {number[cell]} blocks" for cell in cells)
+    found = ", ".join(f"{_levels_text(cell)} {trials[cell]} in {plural(number[cell], 'block')}" for cell in cells)
     promised = study.trials_per_condition
     if len(set(trials.values())) > 1 or len({number[cell] for cell in cells}) > 1 or len(set(times.values())) > 1:
         yield f"trials are not even: {found}; expected as many in every condition (blocks in multiples of {len(cells)})"

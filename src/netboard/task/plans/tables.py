@@ -10,6 +10,7 @@ from rich.text import Text
 
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError
+from netboard.base.plural import plural
 from netboard.base.settings import tables
 from netboard.base.terminal import FittedTable
 from netboard.task.plans.balance import Balance, Table, balance_of
@@ -102,13 +103,13 @@ def _within(block: PlanBlock, factor: str) -> str:
 def valid_in_words(name: str, study: Study, plans: Sequence[Plan], balance: Balance) -> Iterator[str]:
     """Describe a valid study: its size, its factors, and what is uneven over these dyads."""
     sessions = len(plans[0].sessions)
-    size = f"{sessions} session{'s' * (sessions > 1)}, {', '.join(_by_role(plans[0].blocks))}"
+    size = f"{plural(sessions, 'session')}, {', '.join(_by_role(plans[0].blocks))}"
     yield f"{name}: valid ({size}; equal trial counts in dyads 1 to {len(plans)})"
     for label, factor in study.factors.items():
         found = declared(factor)
         levels = ", ".join(level_text(found, level) for level in found.levels)
         yield f"  factor {label}: {levels}; {found.type}, {WHERE.get(factor.order, 'between blocks')}"
-    yield from (f"  uneven over {len(plans)} dyads: {uneven}" for uneven in balance.uneven)
+    yield from (f"  uneven over {plural(len(plans), 'dyad')}: {uneven}" for uneven in balance.uneven)
 
 
 def _by_role(blocks: Sequence[PlanBlock]) -> Iterator[str]:
@@ -116,8 +117,8 @@ def _by_role(blocks: Sequence[PlanBlock]) -> Iterator[str]:
     for role in sorted({block.role for block in blocks}, key=lambda role: (role != "test", role)):
         found = [block for block in blocks if block.role == role]
         trials = sum(block.count for block in found)
-        size = f"{len(found)} {'' if role == 'test' else f'{role} '}block{'s' * (len(found) > 1)}"
-        yield f"{size}, {trials} trials" if role == "test" else f"{size} with {trials} trials"
+        size = plural(len(found), "block" if role == "test" else f"{role} block")
+        yield f"{size}, {plural(trials, 'trial')}" if role == "test" else f"{size} with {plural(trials, 'trial')}"
 
 
 def examine(

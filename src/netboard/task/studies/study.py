@@ -9,14 +9,13 @@ This module has no dyads: `netboard.task.plans.plan` makes the blocks of a dyad 
 """
 
 import difflib
-import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields
 from itertools import combinations
 from typing import Annotated, Any, TypeVar
 
 from netboard.base.errors import ConfigError
-from netboard.base.settings import FORBID_UNKNOWN_KEYS, Form, about, check, to_toml
+from netboard.base.settings import FORBID_UNKNOWN_KEYS, Form, about, check, parse_toml, to_toml
 from netboard.task.studies import library
 from netboard.task.studies.factors import declared
 from netboard.task.studies.order import MOST, steps_of
@@ -91,10 +90,7 @@ def parse_study(text: str, source: str = "study.toml") -> Study:
     Raises `ConfigError` if the text is not TOML, a key is unknown, of the wrong type or out of range, or parts
     contradict each other. The message has one line per problem.
     """
-    try:
-        values = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise ConfigError(f"{source}: not valid TOML: {error}") from None
+    values = parse_toml(text, source)
     problems: list[str] = []
     study = _whole(values, problems)
     if study is not None and not problems:

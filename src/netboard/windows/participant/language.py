@@ -4,6 +4,7 @@ from importlib import resources
 from pathlib import Path
 
 from netboard.base.errors import ConfigError
+from netboard.base.text_file import read_text
 from netboard.windows.participant.words import DisplayTexts, parse_words
 
 LANGUAGES = ("en", "de", "fr", "es", "it")
@@ -18,7 +19,7 @@ def load_words(language: str) -> DisplayTexts:
         )
         return parse_words(text, f"{language}.toml")
     try:
-        text = Path(language).read_text(encoding="utf-8")
+        text = read_text(Path(language))
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(
             f"[display] language: found {language!r}, expected {', '.join(LANGUAGES)} or a file of texts ({error})"

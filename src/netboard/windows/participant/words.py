@@ -6,12 +6,12 @@ it, so that a display cannot miss a text in the middle of a session.
 """
 
 import string
-import tomllib
 from dataclasses import dataclass, fields
 from typing import Any
 
 from netboard.base.config import Config, Side
 from netboard.base.errors import ConfigError
+from netboard.base.settings import parse_toml
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,10 +89,7 @@ _SAMPLES = {"time": "1.00", "hold": "1.0", "end": "the left end", "host": "lab0"
 
 def parse_words(text: str, source: str) -> DisplayTexts:
     """Parse the texts of a language; raise ConfigError with one line per problem if they are not valid."""
-    try:
-        found = tomllib.loads(text)
-    except ValueError as error:
-        raise ConfigError(f"{source}: not valid TOML: {error}") from None
+    found = parse_toml(text, source)
     known = [field.name for field in fields(DisplayTexts)]
     problems = [
         f"{source}: {key}: unknown text, expected one of {', '.join(known)}" for key in found.keys() - set(known)
