@@ -74,6 +74,10 @@ def server(network: Network) -> Iterator[Server]:
     server.join()
 
 
+TERMINAL_KEYS = [b"\x1a", b"\x1c", b"\x13", b"\x11"]
+"""Ctrl-Z, Ctrl-\\, Ctrl-S and Ctrl-Q, which a terminal keeps for itself unless it is told not to."""
+
+
 @pytest.fixture
 def operator(network: Network) -> Iterator[Operator]:
     with sockets.open_context() as context:
@@ -92,7 +96,7 @@ def keys(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     os.close(writing_end)
 
 
-@pytest.mark.parametrize("key", [b"x", b"\x1b", b" ", b"\x1b[A"])
+@pytest.mark.parametrize("key", [b"x", b"\x1b", b" ", b"\x1b[A", *TERMINAL_KEYS])
 def test_any_key_is_the_emergency_stop(
     network: Network, server: Server, operator: Operator, keys: int, key: bytes
 ) -> None:

@@ -1,5 +1,7 @@
 """Reading: all content is equal to the bit, and invalid files are refused with advice."""
 
+import os
+import sys
 from contextlib import closing
 from pathlib import Path
 
@@ -16,6 +18,7 @@ from netboard.recording.files.container import Container
 from netboard.recording.files.reader import Recording
 from netboard.recording.files.writer import RecordingWriter
 from netboard.recording.format.summary import Gap
+from netboard.recording.recovery.recover import recover, require_finished
 from samples import CONFIG_TEXT, MS, OPENED_NS, fill, metadata, new_writer, random_rows, records, write_recording
 
 ROWS = random_rows(200, seed=1)
@@ -96,6 +99,14 @@ def test_file_that_is_not_mcap_is_refused(tmp_path: Path, content: bytes) -> Non
     (tmp_path / "a.mcap").write_bytes(content)
     with pytest.raises(RecordingError, match=r"a\.mcap: not an MCAP file"):
         Recording(tmp_path / "a.mcap")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="named pipes are POSIX's here")
+def test_pipe_is_refused_without_waiting_for_a_writer(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "a.mcap")
+    for read in (Recording, recover, require_finished):
+        with pytest.raises(RecordingError, match=r"a\.mcap: is a pipe or a device"):
+            read(tmp_path / "a.mcap")
 
 
 def test_empty_file_is_refused_as_empty(tmp_path: Path) -> None:

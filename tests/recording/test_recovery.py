@@ -374,6 +374,15 @@ def test_recovery_of_an_empty_file_says_that_it_is_empty(tmp_path: Path) -> None
     assert [file.name for file in tmp_path.iterdir()] == ["a.mcap.part"]
 
 
+@pytest.mark.skipif(sys.platform in {"win32", "darwin"}, reason="all names are valid Unicode there")
+def test_recording_whose_name_is_not_valid_utf8_is_recovered(tmp_path: Path, whole: Path) -> None:
+    source, output = tmp_path / os.fsdecode(b"b\xff.mcap.part"), tmp_path / "out.mcap"
+    source.write_bytes(whole.read_bytes())
+    recover(source, output)
+    with Recording(output) as recording:
+        assert recording.recovery["source"] == r"b\xff.mcap.part"
+
+
 def test_recovery_of_an_unknown_format_version_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     RecordingWriter(path, metadata() | {"format": "99"}, CONFIG_TEXT, Settings(), OPENED_NS).finish(OPENED_NS)

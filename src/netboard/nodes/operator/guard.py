@@ -19,7 +19,7 @@ READY = "Ready: press ANY KEY for the emergency stop. Ctrl-C leaves without stop
 
 def guard(operator: Operator, network: Network, say: Callable[[str], None]) -> bool:
     """Wait for a key, and carry out the emergency stop; return False if the process was asked to end before."""
-    with Keyboard() as keyboard, Stopping() as stopping:
+    with Keyboard(all_keys=True) as keyboard, Stopping() as stopping:
         if not keyboard.available:
             raise NetboardError("--guard: needs a terminal, because it waits for a key")
         if not key_pressed(operator, network, keyboard, stopping, say):

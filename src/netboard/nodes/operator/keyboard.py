@@ -11,14 +11,21 @@ ARROWS = {b"\x1b[A": "up", b"\x1b[B": "down", b"\x1b[C": "right", b"\x1b[D": "le
 ARROW_PREFIXES = (b"\x1b", b"\x1b[")
 """Beginnings of an arrow key's code."""
 
+_INPUT_FLAGS, _CHARACTERS = 0, 6
+"""Places in the terminal's attributes, as `termios` lists them."""
+
 MAX_BYTES = 64
 """Bytes read at once; what follows the first key was typed too fast to be meant [1]."""
 
 
 class Keyboard:
-    """A context in which the terminal's keys are read one by one; without a terminal there are none."""
+    """A context in which the terminal's keys are read one by one; without a terminal there are none.
 
-    def __init__(self) -> None:
+    ``all_keys``: read the keys that act on the terminal too, such as Ctrl-Z and Ctrl-S; only Ctrl-C interrupts.
+    """
+
+    def __init__(self, *, all_keys: bool = False) -> None:
+        self._all_keys = all_keys
         self.available = sys.stdin.isatty() and os.name == "posix"
         self._before: list[Any] = []
         self._prefix = b""
@@ -30,6 +37,8 @@ class Keyboard:
 
             self._before = termios.tcgetattr(sys.stdin)
             tty.setcbreak(sys.stdin)
+            if self._all_keys:
+                self._disable_terminal_keys()
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -37,6 +46,18 @@ class Keyboard:
             import termios  # noqa: PLC0415
 
             termios.tcsetattr(sys.stdin, termios.TCSADRAIN, self._before)
+
+    def _disable_terminal_keys(self) -> None:
+        """Let the keys that suspend or end the process, or hold the output, be read like any other."""
+        import termios  # noqa: PLC0415
+
+        attributes = termios.tcgetattr(sys.stdin)
+        disabled = bytes([os.fpathconf(sys.stdin.fileno(), "PC_VDISABLE")])
+        for name in ("VSUSP", "VDSUSP", "VQUIT"):
+            if hasattr(termios, name):
+                attributes[_CHARACTERS][getattr(termios, name)] = disabled
+        attributes[_INPUT_FLAGS] &= ~termios.IXON
+        termios.tcsetattr(sys.stdin, termios.TCSANOW, attributes)
 
     def touched(self, seconds: float = 0.0) -> bool:
         """Return whether any key was pressed, Esc too, or the terminal is gone."""

@@ -19,7 +19,7 @@ from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, Channel, ChunkIndex, Header, Metadata, MetadataIndex, Schema, Statistics
 
 from netboard.base.errors import RecordingError
-from netboard.recording.files.locate import EMPTY, recovery_advice
+from netboard.recording.files.locate import EMPTY, recovery_advice, require_file
 from netboard.recording.format.chunks import MAGIC, RECORD_HEAD, UNSOUND, unpack_chunk
 
 _FOOTER = struct.Struct("<BQQQI")
@@ -32,6 +32,7 @@ class Container:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._lock = Lock()
+        require_file(path)
         try:
             self._file = path.open("rb")
         except OSError as error:

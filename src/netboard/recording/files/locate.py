@@ -77,6 +77,12 @@ def files_below(folder: Path, endings: tuple[str, ...]) -> list[Path]:
     return sorted(path for path in found if path.is_file() or not path.exists())
 
 
+def require_file(path: Path) -> None:
+    """Refuse a pipe or a device: it cannot be read from any position, and opening it may wait for ever."""
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise RecordingError(f"{path}: is a pipe or a device; save the recording as a file, and give that")
+
+
 def sha256_of(path: Path) -> str:
     """Return the SHA-256 hash of a file, in hexadecimal."""
     try:

@@ -160,6 +160,12 @@ class Recording:
         others = {topic: messages.get(topic, 0) for topic in IDS if topic != _TICKS}
         return {_TICKS: int(self._places["count"].sum()), **others}
 
+    @property
+    def tick_range(self) -> range:
+        """Tick numbers from the first tick to the last; some between may be missing."""
+        places = self._places
+        return range(int(places["first"][0]), int(places["last"][-1]) + 1) if len(places) else range(0)
+
     def ticks(self, first: int | None = None, stop: int | None = None, *, as_sent: bool = False) -> NDArray[Any]:
         """Return all ticks, or those in a range of tick numbers.
 

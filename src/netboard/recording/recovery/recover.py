@@ -26,7 +26,7 @@ from netboard.base.config import parse
 from netboard.base.errors import ConfigError, RecordingError
 from netboard.base.tick import TICK
 from netboard.network.protocol.records import EventRecord
-from netboard.recording.files.locate import EMPTY, recovered_path
+from netboard.recording.files.locate import EMPTY, recovered_path, require_file
 from netboard.recording.files.provenance import CONFIG_NAME, LIBRARY, MetadataName, config_sha256, damaged_numbers
 from netboard.recording.format import older
 from netboard.recording.format.batches import Layout, TickStream
@@ -101,6 +101,7 @@ class RecoveryReport:
 
 def require_finished(path: Path) -> None:
     """Refuse a file that is being written: a copy of its beginning would later pass for the whole recording."""
+    require_file(path)
     try:
         with path.open("rb") as file:
             lock(file.fileno(), shared=True)
@@ -163,6 +164,7 @@ def recover(path: Path, output: Path | None = None) -> RecoveryReport:
 @contextmanager
 def mapped(path: Path) -> "Iterator[mmap.mmap | bytes]":
     """Map a file into memory, read-only."""
+    require_file(path)
     with ExitStack() as stack:
         try:
             file = stack.enter_context(path.open("rb"))
@@ -289,7 +291,7 @@ def _whole_record(data: mmap.mmap | bytes, span: Span) -> tuple[int, bytes] | st
 def recovery_metadata(path: Path, size: int, damage: Sequence[Damage], has_config: bool) -> dict[str, str]:
     """Return the recovery metadata of the new file."""
     return {
-        "source": path.name,
+        "source": os.fsencode(path.name).decode(errors="backslashreplace"),  # a name may be invalid UTF-8
         "source_bytes": str(size),
         "damage": "; ".join(f"{part.length} bytes at {part.offset}: {part.reason}" for part in damage),
         "config": "recovered" if has_config else "lost",
