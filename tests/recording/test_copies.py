@@ -5,10 +5,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
+from netboard.base.errors import RecordingError
 from netboard.base.tables.rig import Recording as Settings
 from netboard.recording.files.copies import copies_among
+from netboard.recording.files.reader import Recording
 from netboard.recording.files.writer import RecordingWriter
 from samples import CONFIG_TEXT, OPENED_NS, fill, metadata, random_rows
 
@@ -47,3 +50,15 @@ def test_parts_with_the_same_numbers_but_other_ticks_are_no_copies(tmp_path: Pat
     changed = ROWS.copy()
     changed["theta"][7] += 0.5
     assert not list(copies_among([first, write_part(other, 2, range(60), changed)]))
+
+
+def test_damaged_part_is_left_to_the_check_of_its_ticks(tmp_path: Path) -> None:
+    parts = [write_part(tmp_path / f"{part}.mcap", part, range(60)) for part in (1, 2)]
+    assert list(copies_among(parts))
+    content = bytearray(parts[1].read_bytes())
+    for place in range(1000, len(content) // 2):
+        content[place] ^= 1
+    parts[1].write_bytes(content)
+    with pytest.raises(RecordingError), Recording(parts[1]) as recording:
+        recording.ticks()
+    assert not list(copies_among(parts))

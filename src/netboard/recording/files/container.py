@@ -5,6 +5,7 @@ wants one trial needs only a few. A damaged file raises a `RecordingError` that 
 module knows MCAP; it does not know ticks or sessions.
 """
 
+import os
 import struct
 import zlib
 from collections.abc import Iterator
@@ -85,6 +86,8 @@ class Container:
 
     def _record(self, offset: int) -> bytes:
         _, length = RECORD_HEAD.unpack(self._read(offset, RECORD_HEAD.size))
+        if length > os.fstat(self._file.fileno()).st_size:  # reading it would fill the memory first
+            raise RecordingError("a record is longer than the file")
         return self._read(offset + RECORD_HEAD.size, length)
 
     @cached_property

@@ -31,11 +31,14 @@ def find_copies(recordings: Iterable[tuple[Path, Mapping[str, str]]]) -> Iterato
 
 
 def _contained(one: Path, other: Path) -> Path | None:
-    """Return the recording whose ticks are all in the other; None if neither's are."""
-    with Recording(one) as first, Recording(other) as second:
-        if _has_all(first, second):
-            return other
-        return one if _has_all(second, first) else None
+    """Return the recording whose ticks are all in the other; None if neither's are, or cannot be read."""
+    try:
+        with Recording(one) as first, Recording(other) as second:
+            if _has_all(first, second):
+                return other
+            return one if _has_all(second, first) else None
+    except RecordingError:  # whoever reads its ticks for their own sake tells of the damage
+        return None
 
 
 def _has_all(outer: Recording, inner: Recording) -> bool:
