@@ -37,7 +37,7 @@ def _contained(one: Path, other: Path) -> Path | None:
             if _has_all(first, second):
                 return other
             return one if _has_all(second, first) else None
-    except RecordingError:  # whoever reads its ticks for their own sake tells of the damage
+    except RecordingError:  # a check of its ticks reports the damage
         return None
 
 
