@@ -58,11 +58,6 @@ class PointingRig:
 
 @pytest.fixture
 def make(app):
-    from PySide6.QtCore import QEvent
-
-    for window in app.topLevelWidgets():  # an operator's window, left by another test, would take the keys
-        window.deleteLater()
-    app.sendPostedEvents(None, QEvent.Type.DeferredDelete)
     made = []
 
     def create(**options):
