@@ -11,15 +11,9 @@ os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 @pytest.fixture
 def app():
     pytest.importorskip("PySide6.QtWidgets", reason="Qt's libraries cannot be loaded here", exc_type=ImportError)
-    from PySide6.QtGui import QShortcut
-
     from netboard.windows.participant.window import application
 
-    app = application()
-    for window in app.topLevelWidgets():  # an operator's window, left by another test, would take the keys
-        for shortcut in window.findChildren(QShortcut):
-            shortcut.setEnabled(False)
-    return app
+    return application()
 
 
 @pytest.fixture

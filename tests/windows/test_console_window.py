@@ -61,6 +61,13 @@ class ConsoleRig:
         self.turns.start()
         self.client = ConsoleClient(config, context, self.window)
 
+    def disable_shortcuts(self) -> None:
+        """Let the closed window take no keys from those of later tests."""
+        from PySide6.QtGui import QShortcut
+
+        for shortcut in self.window.findChildren(QShortcut):
+            shortcut.setEnabled(False)
+
     def until(self, true: Callable[[], object]) -> None:
         until(self.app, true)
 
@@ -100,6 +107,7 @@ def console(app, server: ConsoleServer):
         made.client.leave()
         made.window.show_state(replace(made.window.state, status=None))
         made.window.close()
+        made.disable_shortcuts()
 
 
 KEYS = [
