@@ -43,7 +43,8 @@ class TestTampered(DeviceContract):
 
     def motor_force(self, device: Device) -> tuple[float, float, float]:
         assert isinstance(device, TamperedTouch)
-        return device._touch._written
+        x, y, z = device._touch._written.tolist()
+        return x, y, z
 
 
 @pytest.fixture

@@ -30,7 +30,8 @@ class TestVirtualTouch(DeviceContract):
 
     def motor_force(self, device: Device) -> tuple[float, float, float]:
         assert isinstance(device, VirtualTouch)
-        return device._written
+        x, y, z = device._written.tolist()
+        return x, y, z
 
 
 class TestImperfectFalcon(TestVirtualTouch):

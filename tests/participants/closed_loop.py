@@ -18,6 +18,7 @@ from netboard.devices.simulated.virtual import VirtualTouch
 from netboard.network.protocol.motion import Safeguard
 from netboard.participants.controller import Controller
 from netboard.participants.senses import Glimpse
+from netboard.participants.submovement import Submovement
 from netboard.stage.stage import make_stage
 from netboard.task.trials.state_machine import Cause, Phase
 
@@ -50,6 +51,14 @@ def make_controllers(config: Config) -> list[tuple[tuple[Side, ...], Controller]
         (sides, Controller(config.participant, config.physics, config.task, sides, rng))
         for sides, rng in zip(groups, seeds, strict=False)
     ]
+
+
+def decide_if_due(
+    controller: Controller, now: float, glimpse: Glimpse | None, felt: float | None
+) -> tuple[Submovement, ...]:
+    """Let a controller decide, unless its last decision was too short a time ago."""
+    due = now - controller.state["decision_time"][0] >= controller.interval
+    return controller.decide(now, glimpse, felt) if due else ()
 
 
 def play(config: Config, max_seconds: float) -> BlockResult:
@@ -101,7 +110,7 @@ def play(config: Config, max_seconds: float) -> BlockResult:
                 glimpses[sides[0]] = glimpse_of(when, shown, sides, config)
         for sides, controller in controllers:
             felt = devices[sides[0]].felt if len(sides) == 1 and config.block.haptics else None
-            for move in controller.step(now, glimpses.get(sides[0]), felt):
+            for move in decide_if_due(controller, now, glimpses.get(sides[0]), felt):
                 devices[move.side].command((move,))
         stage.advance(state, rows, tick)
         if row["event"] == Cause.HELD:

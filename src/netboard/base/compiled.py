@@ -257,7 +257,10 @@ def composed(
         Kernels, by the name that they replace in the module of the function.
     """
     texts = {name: getattr(found, "py_func", found) for name, found in kernels.items()}
-    made_with = {name: [cell.cell_contents for cell in text.__closure__ or ()] for name, text in texts.items()}
+    made_with = {
+        name: (text.__module__, text.__qualname__, [cell.cell_contents for cell in text.__closure__ or ()])
+        for name, text in texts.items()
+    }
     known = {**function.__globals__, **kernels}
     copy = FunctionType(function.__code__, known, function.__name__)
     copy.__qualname__ = f"{function.__name__}-{hashlib.sha256(repr(made_with).encode()).hexdigest()[:16]}"
@@ -399,7 +402,7 @@ _TYPES: dict[tuple[Any, ...], Any] = {}
 def _type_of(value: Any) -> Any:
     """Return Numba's type of an argument."""
     if isinstance(value, tuple):
-        return types.BaseTuple.from_types([_type_of(part) for part in value])
+        return types.BaseTuple.from_types([_type_of(part) for part in value], type(value))
     key: tuple[Any, ...]
     if isinstance(value, np.ndarray | np.void):
         flags = value.flags

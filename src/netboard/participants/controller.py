@@ -427,13 +427,8 @@ class Controller:
         self.state = initial_state(self.constants, rng)
         self._glimpse = np.zeros(1, SEEN)
         self._moves = np.zeros(2, MOVE)
-        self._decision_time = self.state["decision_time"].data
         # The look-up of the kernel by the types of its arguments would take longer than a decision.
         self._decide = machine_code(_decide, self.state, self.constants, 0.0, self._glimpse, 0.0, self._moves)
-
-    def step(self, now: float, glimpse: Glimpse | None, felt: float | None) -> tuple[Submovement, ...]:
-        """Run `decide` if `DECISION_INTERVAL` has passed since the last decision; may be called at any rate."""
-        return () if now - self._decision_time[0] < DECISION_INTERVAL else self.decide(now, glimpse, felt)
 
     def decide(self, now: float, glimpse: Glimpse | None, felt: float | None) -> tuple[Submovement, ...]:
         """Take in display and force, and return new submovements; empty most of the time.

@@ -337,6 +337,8 @@ class Hand:
         With compliant cables, the state of the stylus side.
     submovements : ndarray, shape (CAPACITY, 3)
         Start, duration and displacement of the submovements that are not complete [s, s, m].
+    parts : tuple of ndarray
+        The first arguments of `advance_hand`.
     """
 
     def __init__(self, arm: NDArray[Any], rng: np.random.Generator, cables: NDArray[Any] = RIGID) -> None:
@@ -347,8 +349,8 @@ class Hand:
         self._record["stiffness"] = arm["stiffness"][0]
         self.arm = arm
         self.submovements = np.zeros((CAPACITY, 3))
-        self._parts = self.state, self.end, self.arm, self.cables, self.submovements
-        self._advance_hand = machine_code(advance_hand, *self._parts, *(0.0,) * 4, 0)
+        self.parts = self.state, self.end, self.arm, self.cables, self.submovements
+        self._advance_hand = machine_code(advance_hand, *self.parts, *(0.0,) * 4, 0)
         if arm["stiffness"][0] > 0.0:
             for k, axis in enumerate(("x", "y")):
                 self._record["place"][k] = self._record[f"rest_{axis}"] = LATERAL_SD * rng.standard_normal()
@@ -395,7 +397,7 @@ class Hand:
         force : tuple of float
             Motor force on the stylus along x, y, z [N].
         """
-        self._advance_hand(*self._parts, origin, force[0], force[1], force[2], steps)
+        self._advance_hand(*self.parts, origin, force[0], force[1], force[2], steps)
 
     @property
     def tip(self) -> tuple[float, float, float]:

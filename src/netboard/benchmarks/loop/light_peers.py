@@ -1,12 +1,11 @@
 """Lightweight peers for many dyads at once: all agents in one process, all loggers and displays in another.
 
 They use the real protocol over real sockets, so that the server does all its work; the peers themselves compute almost
-nothing. An agent sends a sample every millisecond, answers clock probes, and lets the server set its phase; both hands
-move up and down together, or rest. A logger acknowledges its records and keeps only the tick jitter. Frames are
-counted from a given time on.
+nothing. An agent sends a sample every millisecond and lets the server set its phase; both hands move up and down
+together, or rest. A logger acknowledges its records and keeps only the tick jitter. Frames are counted from a given
+time on.
 """
 
-import struct
 import sys
 import time
 from collections import Counter
@@ -22,20 +21,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.clock import CATCH_UP_TICKS, now_ns
+from netboard.base.compiled import kernel, machine_code
 from netboard.base.config import SIDES, Config, Side, parse
 from netboard.base.process import NAME, Priority, cpus_for, io_priority, log_to_stderr, prepare, steady_loop
 from netboard.base.tick import TICK, TICK_NS
 from netboard.benchmarks.loop.timing import skipped_ticks
 from netboard.benchmarks.loop.workers import serve
+from netboard.devices.contract.device import Reading
 from netboard.network import keys
-from netboard.network.protocol import fixed
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import HELLO_INTERVAL_NS, Hello, Ping, Pong, Welcome
-from netboard.network.protocol.messages import KINDS, PROTOCOL_VERSION
-from netboard.network.protocol.motion import Force, Heartbeat, Safeguard, Stylus
+from netboard.network.protocol.messages import PROTOCOL_VERSION
+from netboard.network.protocol.motion import Safeguard
 from netboard.network.protocol.records import LogAck, LogBatch, LogRequest, TickRecord
-from netboard.network.transport import channels, sockets
-from netboard.nodes.agent.agent import phase_shift
+from netboard.network.transport import channels, fastpath, sockets
+from netboard.nodes.agent.motion_link import BEAT, FORCE, NEWER, Link, send_sample, wait_for_answer
+from netboard.nodes.agent.undisturbed import phase_shift
 from netboard.task.trials.state_machine import is_active
 
 HEIGHT, FREQUENCY = 0.005, 0.5
@@ -51,104 +52,79 @@ FREE_SPACE = 10**12
 """Free space that these loggers report [bytes]."""
 
 _SEND, _RECEIVE = 0, 1
-_STYLUS_AT = len(fixed.STYLUS.head)
-_FRAME = np.dtype(
-    {
-        "names": [name for name, _ in fixed.fields_of(Stylus)],
-        "formats": [kind.replace("<", ">") for _, kind in fixed.fields_of(Stylus)],
-        "offsets": [_STYLUS_AT + fixed.WIDE * k + 1 for k in range(len(fixed.STYLUS.markers))],
-        "itemsize": fixed.STYLUS.size,
-    }
-)
-"""The frame of a sample in its fixed form, field by field."""
-
-_FORCE = struct.Struct(
-    f">{len(fixed.FORCE.head)}x" + "".join("xd" if kind == "<f8" else "xq" for _, kind in fixed.fields_of(Force))
-)
-_FORCE_KIND = next(number for number, kind in KINDS.items() if kind.message is Force)
 _RECORD_HEAD = encode(TickRecord(bytes(TICK.itemsize)))[: -TICK.itemsize]
 
 
-def sample_frames(count: int) -> NDArray[Any]:
-    """Return frames of samples as an array, whose memory is sent."""
-    raw = np.zeros((count, fixed.STYLUS.size), np.uint8)
-    for row in raw:
-        fixed.write(row, *fixed.STYLUS[:2], np.zeros(len(fixed.STYLUS.markers), np.int64))
-    frames: NDArray[Any] = raw.view(_FRAME)[:, 0]
-    return frames
+@kernel
+def _send_moving(fast: Any, sample: Any, link: Any, seq: int, z: float, vz: float, safeguards: int) -> int:
+    """Send a sample of a hand that moves up and down, read now."""
+    stamp_ns = fastpath.now_ns(fast)
+    return send_sample(fast, sample, link, seq, stamp_ns, 0.0, 0.0, z, 0.0, 0.0, vz, 0, safeguards, 0.0)
+
+
+@kernel
+def _take_answers(fast: Any, frame: Any, link: Any) -> tuple[int, int]:
+    """Take all answers that have come; return their number, and why none follows, as `wait_for_answer` does."""
+    count, came = 0, NEWER
+    while came == NEWER:
+        came = wait_for_answer(fast, frame, link, 0)
+        count += came == NEWER
+    return count, came
 
 
 class LightAgent:
-    """An agent without a device."""
+    """An agent without a device: the link of a real one, with fewer steps of Python."""
 
-    def __init__(self, config: Config, side: Side, context: sockets.Context, frame: Any) -> None:
+    def __init__(self, config: Config, side: Side, context: sockets.Context) -> None:
         where = keys.reach(config.network, f"agent.{side}")
-        self.lead_ns = 0
-        self.welcome = False
-        self._socket = sockets.motion_agent(context, where.reach(channels.MOTION), f"agent.{side}@{NAME}")
-        self._hello = encode(Hello("agent", side, PROTOCOL_VERSION, NAME, version("netboard"), {}))
-        self._frame = frame
-        frame["force_tick"] = -1
-
-    def greet(self) -> None:
-        """Send the greeting."""
-        sockets.send(self._socket, self._hello)
+        self.socket = sockets.motion_agent(context, where.reach(channels.MOTION), f"agent.{side}@{NAME}")
+        hello = Hello("agent", side, PROTOCOL_VERSION, NAME, version("netboard"), {})
+        self.link = link = Link(self.socket, hello, round(config.network.sample_timeout_ms * 1e6))
+        self._seq = self._safeguards = 0
+        self._send_moving = machine_code(_send_moving, link.fast, link.sample, link.state, 0, 0.0, 0.0, 0)
+        self._take_answers = machine_code(_take_answers, link.fast, link.frame, link.state)
 
     def send(self, z: float, vz: float) -> None:
-        """Send a sample."""
-        frame = self._frame
-        frame["seq"] += 1
-        frame["stamp_ns"] = frame["sent_ns"] = now_ns()
-        frame["z"], frame["vz"] = z, vz
-        sockets.send(self._socket, frame.tobytes())
+        """Send a sample, or a greeting before the server has answered."""
+        link = self.link
+        if link.answer_ns:
+            self._send_moving(link.fast, link.sample, link.state, self._seq, z, vz, self._safeguards)
+        else:
+            link.send(self._seq, Reading(now_ns(), 0.0, 0.0, z, 0.0, 0.0, vz, 0, True), 0, 0.0)
+        self._seq += 1
 
     def receive(self, counts: Counter[str]) -> None:
         """Process the received frames."""
-        while (frame := sockets.receive(self._socket)) is not None:
-            if len(frame) == fixed.FORCE.size and frame[1] == _FORCE_KIND:
-                tick, sent_ns, _, _, lead_ns = _FORCE.unpack(frame)
-                self._note_answer(tick, sent_ns, lead_ns)
-                counts["forces"] += 1
-                continue
-            match decode(frame):
-                case Heartbeat(tick=tick, sent_ns=sent_ns, lead_ns=lead_ns, arm=arm):
-                    self._note_answer(tick, sent_ns, lead_ns)
-                    self._frame["safeguards"] = int(Safeguard.ARMED) if arm else 0
-                    counts["beats"] += 1
-                case Welcome():
-                    self.welcome = True
-
-    def _note_answer(self, tick: int, sent_ns: int, lead_ns: int) -> None:
-        frame = self._frame
-        frame["force_tick"], frame["force_sent_ns"], frame["force_received_ns"] = tick, sent_ns, now_ns()
-        self.lead_ns = lead_ns
+        link = self.link
+        while True:
+            count, came = self._take_answers(link.fast, link.frame, link.state)
+            counts["forces" if link.kind == FORCE else "beats"] += count
+            if came == fastpath.NOTHING:
+                return
+            counts["beats"] += link.handle_found(came)
+            if link.kind == BEAT:
+                self._safeguards = int(Safeguard.ARMED) if link.may_arm else 0
 
 
 class LightDyad:
     """Two agents that move as one."""
 
-    def __init__(self, config: Config, context: sockets.Context, frames: NDArray[Any], *, moving: bool) -> None:
-        self._agents = [LightAgent(config, side, context, frame) for side, frame in zip(SIDES, frames, strict=True)]
+    def __init__(self, config: Config, context: sockets.Context, *, moving: bool) -> None:
+        self.agents = [LightAgent(config, side, context) for side in SIDES]
         self._height = HEIGHT if moving else 0.0
-        self._greeted_ns = -HELLO_INTERVAL_NS
 
     def send(self, at_ns: int) -> None:
         """Send both samples."""
-        if at_ns - self._greeted_ns >= HELLO_INTERVAL_NS and not all(agent.welcome for agent in self._agents):
-            self._greeted_ns = at_ns
-            for agent in self._agents:
-                agent.greet()
         angle = 2 * pi * FREQUENCY * (at_ns * 1e-9)
         z, vz = self._height * sin(angle), self._height * 2 * pi * FREQUENCY * cos(angle)
-        for agent in self._agents:
-            if agent.welcome:
-                agent.send(z, vz)
+        for agent in self.agents:
+            agent.send(z, vz)
 
     def receive(self, counts: Counter[str]) -> int:
         """Process the frames of both agents; return the phase delay of the next samples [ns]."""
-        for agent in self._agents:
+        for agent in self.agents:
             agent.receive(counts)
-        return phase_shift(min(agent.lead_ns for agent in self._agents))
+        return phase_shift(min(agent.link.lead_ns for agent in self.agents))
 
 
 def run_agents(configs: Iterable[Config], context: sockets.Context, order: dict[str, Any]) -> dict[str, Any]:
@@ -156,11 +132,7 @@ def run_agents(configs: Iterable[Config], context: sockets.Context, order: dict[
 
     - `order`: ``from_ns``, ``until_ns``: start of the count, and end [ns]; ``moving``: whether their hands move.
     """
-    configs = list(configs)
-    frames = sample_frames(len(SIDES) * len(configs)).reshape(len(configs), len(SIDES))
-    dyads = [
-        LightDyad(config, context, pair, moving=order["moving"]) for config, pair in zip(configs, frames, strict=True)
-    ]
+    dyads = [LightDyad(config, context, moving=order["moving"]) for config in configs]
     counts: Counter[str] = Counter()
     late: list[int] = []
     start_ns, measuring = now_ns() + TICK_NS, False

@@ -9,11 +9,13 @@ Rule 4: a device limits forces only to what its motors can deliver; the limits t
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from math import isfinite
 from pathlib import Path
-from typing import NamedTuple, Self, TypeVar, final
+from typing import Any, NamedTuple, Self, TypeVar, final
+
+from numpy.typing import NDArray
 
 from netboard.base import settings
 from netboard.base.config import Config, Side
@@ -89,6 +91,18 @@ class Reading(NamedTuple):
     ready: bool
 
 
+class CompiledAccess(NamedTuple):
+    """Kernels that access an open device, so that compiled code can run ticks without Python.
+
+    A device has them only if its access cannot fail. ``parts`` is the first argument of each.
+    """
+
+    parts: tuple[NDArray[Any], ...]
+    read: Callable[..., tuple[int, float, float, float, float, float, float, int, bool]]  # (parts, now_ns): a `Reading`
+    write: Callable[..., None]  # (parts, fx, fy, fz): sets the force on the hand [N]
+    live: Callable[..., None]  # (parts, now_ns): called right after a force was set
+
+
 class Device(ABC):
     """A haptic device. Backends derive from this class and are final.
 
@@ -153,6 +167,13 @@ class Device(ABC):
             raise ValueError("the device is closed")
         return self._info
 
+    @property
+    @final
+    def compiled(self) -> CompiledAccess | None:
+        """Compiled access to the open device, if its readings need no mapping and no estimate of the velocity."""
+        plain = self.profile is None and self._estimator is None and self._placed and not self.agent.zero
+        return self._compiled() if plain else None
+
     @final
     def read(self, now_ns: int) -> Reading:
         """Return the current sample of the stylus.
@@ -210,6 +231,13 @@ class Device(ABC):
 
     def __exit__(self, *error: object) -> None:
         self.close()
+
+    def _compiled(self) -> CompiledAccess | None:
+        """Return the compiled access in the device's own frame, if there is any.
+
+        It reports the device ready only within the workspace.
+        """
+        return None
 
     @abstractmethod
     def _open(self) -> DeviceInfo:

@@ -83,21 +83,24 @@ def make_windowed(LANES: int) -> Callable[..., tuple[int, Any]]:
 
 _windowed = make_windowed(AXES)
 
+WINDOW = np.dtype(
+    [
+        ("band", "<f8"),  # largest deviation of a position from the line [m]
+        ("count", "<i8"),  # stored positions [1]
+        ("stamps", "<i8", (SAMPLES,)),  # times of the last positions, newest first [ns]
+        ("places", "<f8", (SAMPLES, AXES)),  # these positions [m]
+    ]
+)
+"""Positions from which the velocity of one stylus is estimated."""
+
 
 @kernel
-def _windowed_axes(
-    stamps: NDArray[np.int64],
-    places: NDArray[np.float64],
-    count: int,
-    band: float,
-    stamp_ns: int,
-    x: float,
-    y: float,
-    z: float,
-) -> tuple[int, float, float, float]:
-    """Add the position x, y, z of one stylus; return the number of positions and the velocity x, y, z [m/s]."""
-    count, velocity = _windowed(stamps, places, count, band, stamp_ns, gathered((x, y, z), AXES))
-    return count, lane(velocity, 0), lane(velocity, 1), lane(velocity, 2)
+def windowed_velocity(window: Any, stamp_ns: int, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Add a position to an array of one `WINDOW`, and return the velocity x, y, z; see `Velocimeter.update` [m/s]."""
+    w = window[0]
+    newest = gathered((x, y, z), AXES)
+    w["count"], velocity = _windowed(w["stamps"], w["places"], w["count"], w["band"], stamp_ns, newest)
+    return lane(velocity, 0), lane(velocity, 1), lane(velocity, 2)
 
 
 class Estimator(Protocol):
@@ -114,21 +117,20 @@ class Velocimeter:
     """
 
     def __init__(self, resolution: float) -> None:
-        self._band = SLACK * resolution
-        self._stamps_ns = np.zeros(SAMPLES, np.int64)
-        self._places = np.zeros((SAMPLES, AXES))
-        self._count = 0
-        self._windowed = machine_code(_windowed_axes, self._stamps_ns, self._places, 0, self._band, 0, *(0.0,) * 3)
+        self.window = np.zeros(1, WINDOW)
+        self.window["band"] = SLACK * resolution
+        self._windowed_velocity = machine_code(windowed_velocity, self.window, 0, 0.0, 0.0, 0.0)
 
     def update(self, stamp_ns: int, x: float, y: float, z: float) -> tuple[float, float, float]:
         """Add a position [m] and return the velocity estimate [m/s]; 0 until the second position.
 
         A position that is not later than the newest one replaces it.
         """
-        self._count, vx, vy, vz = self._windowed(
-            self._stamps_ns, self._places, self._count, self._band, stamp_ns, x, y, z
-        )
-        return vx, vy, vz
+        return self._windowed_velocity(self.window, stamp_ns, x, y, z)
+
+    def forget(self) -> None:
+        """Forget all positions."""
+        self.window["count"] = 0
 
 
 KINDS: Mapping[str, Callable[[float], Estimator]] = {

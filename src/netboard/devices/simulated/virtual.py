@@ -21,16 +21,17 @@ from math import exp, hypot
 from typing import Annotated, Any, final
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import StrictBool
 
 from netboard.base.compiled import inlined, kernel, machine_code
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
 from netboard.base.tick import TICK_NS
-from netboard.devices.contract.device import Box, Device, DeviceInfo, Reading
-from netboard.devices.contract.velocity import Velocimeter
+from netboard.devices.contract.device import Box, CompiledAccess, Device, DeviceInfo, Reading
+from netboard.devices.contract.velocity import Velocimeter, windowed_velocity
 from netboard.participants.device_models import resolved
-from netboard.participants.hand import STEP, STEP_NS, make_hand
+from netboard.participants.hand import STEP, STEP_NS, advance_hand, make_hand
 from netboard.participants.submovement import Submovement
 
 CATCH_UP_NS = 50_000_000
@@ -81,6 +82,70 @@ def within(limit: float, fx: float, fy: float, fz: float) -> tuple[float, float,
         return fx, fy, fz
     share = limit / size
     return fx * share, fy * share, fz * share
+
+
+NEVER_NS = -(2**62)
+"""Time up to which a hand has been simulated before the first reading [ns]."""
+
+DEVICE = np.dtype(
+    [
+        ("time_ns", "<i8"),  # time up to which the hand has been simulated, or NEVER_NS [ns]
+        ("written", "<f8", (3,)),  # force written last, within the limit [N]
+        ("acting", "<f8", (3,)),  # force of the motors on the hand [N]
+        ("limit", "<f8"),  # largest force of the motors [N]
+        ("stop", "<f8"),  # mechanical stop of each axis [m]
+        ("step", "<f8"),  # encoder step, 0 for none [m]
+    ]
+)
+"""State of a virtual device, and what its kernels need of its model."""
+
+
+@inlined
+def _act(d: Any) -> None:
+    """Let the force written last act on the hand."""
+    for axis in range(3):
+        d["acting"][axis] = d["written"][axis]
+
+
+@kernel
+def advance_to(parts: Any, now_ns: int) -> None:
+    """Simulate the hand up to now under the acting force, in whole steps, and over `CATCH_UP_NS` at most."""
+    device, _, state, tip, arm, cables, plan = parts
+    d = device[0]
+    start_ns = now_ns if d["time_ns"] == NEVER_NS else max(d["time_ns"], now_ns - CATCH_UP_NS)
+    steps = max(now_ns - start_ns, 0) // STEP_NS
+    if steps > 0:
+        fx, fy, fz = d["acting"][0], d["acting"][1], d["acting"][2]
+        advance_hand(state, tip, arm, cables, plan, start_ns * 1e-9, fx, fy, fz, steps)
+    d["time_ns"] = start_ns + steps * STEP_NS
+
+
+@kernel
+def live(parts: Any, now_ns: int) -> None:
+    """Simulate the hand up to now; the force written last acts from then on."""
+    advance_to(parts, now_ns)
+    _act(parts[0][0])
+
+
+@kernel
+def read(parts: Any, now_ns: int) -> tuple[int, float, float, float, float, float, float, int, bool]:
+    """Read the stylus, after a simulation up to now unless the last one was within a millisecond."""
+    device, window, state, _, _, _, _ = parts
+    d = device[0]
+    if d["time_ns"] == NEVER_NS or now_ns - d["time_ns"] >= TICK_NS:
+        _act(d)
+        advance_to(parts, now_ns)
+    rest = max(now_ns - d["time_ns"], 0) * 1e-9
+    x, y, z = encoded(state, rest, d["stop"], d["step"])
+    vx, vy, vz = windowed_velocity(window, now_ns, x, y, z)
+    return now_ns, x, y, z, vx, vy, vz, 0, True
+
+
+@kernel
+def write(parts: Any, fx: float, fy: float, fz: float) -> None:
+    """Set the force, limited to what the motors can deliver [N]."""
+    d = parts[0][0]
+    d["written"][0], d["written"][1], d["written"][2] = within(d["limit"], fx, fy, fz)
 
 
 class MotorTemperature:
@@ -142,21 +207,28 @@ class VirtualTouch(Device):
         held = self.read_options(Options).held
         rng = np.random.default_rng((config.block.seed, SIDES.index(side)))
         self._hand = make_hand(config.participant, virtual, rng, held)
-        self._written = self._acting = (0.0, 0.0, 0.0)
+        self._state = np.zeros(1, DEVICE)
+        self._device = self._state[0]
+        self._written, self._acting = self._device["written"], self._device["acting"]
+        self._device["time_ns"], self._device["limit"] = NEVER_NS, model.max_force
+        self._device["stop"], self._device["step"] = model.workspace, model.resolution
         self._encoded = machine_code(encoded, self._hand.state, 0.0, 0.0, 0.0)
-        self._limit = model.max_force
-        self._time_ns: int | None = None
         self._velocimeter = Velocimeter(model.resolution)
         self._heat = MotorTemperature(model.continuous_force, model.thermal_time) if model.thermal_time > 0.0 else None
         self._read_delay_ns = round(virtual.read_latency_ms * MS_NS)
         self._write_delay_ns = round(virtual.write_latency_ms * MS_NS)
         self._late = DelayLine(self._read_delay_ns) if self._read_delay_ns > 0 else None
-        self._coming: deque[tuple[int, Vector]] = deque()
+        self._coming: deque[tuple[int, NDArray[np.float64]]] = deque()
+        self._ideal = self._heat is None and self._read_delay_ns == self._write_delay_ns == 0
+        self._parts = (self._state, self._velocimeter.window, *self._hand.parts)
+        self._advance_to = machine_code(advance_to, self._parts, 0)
+        self._live = machine_code(live, self._parts, 0)
+        self._read_ideal = machine_code(read, self._parts, 0)
 
     @property
     def felt(self) -> float:
         """Vertical force of the motors on the hand [N]."""
-        return self._acting[2] if self._write_delay_ns else self._written[2]
+        return float(self._acting[2] if self._write_delay_ns else self._written[2])
 
     @property
     def tip(self) -> tuple[float, float, float]:
@@ -184,8 +256,11 @@ class VirtualTouch(Device):
 
     def live(self, now_ns: int) -> None:
         """Simulate the hand's mechanics up to now; the last written force acts from then on."""
-        self._advance_to(now_ns)
-        self._apply_written(now_ns)
+        if self._ideal:
+            self._live(self._parts, now_ns)
+        else:
+            self._advance_imperfect(now_ns)
+            self._apply_written(now_ns)
 
     def _open(self) -> DeviceInfo:
         model = self._model
@@ -200,64 +275,66 @@ class VirtualTouch(Device):
             details=self._details(),
         )
 
+    def _compiled(self) -> CompiledAccess | None:
+        return CompiledAccess(self._parts, read, write, live) if self._ideal else None
+
     def _read(self, now_ns: int) -> Reading:
-        if self._time_ns is None or now_ns - self._time_ns >= TICK_NS:
-            self._apply_written(now_ns if self._time_ns is None else self._time_ns)
-            self._advance_to(now_ns)
+        if self._ideal:
+            return Reading(*self._read_ideal(self._parts, now_ns))
+        time_ns = int(self._device["time_ns"])
+        if time_ns == NEVER_NS or now_ns - time_ns >= TICK_NS:
+            self._apply_written(now_ns if time_ns == NEVER_NS else time_ns)
+            self._advance_imperfect(now_ns)
         x, y, z = self._encoder(now_ns)
         vx, vy, vz = self._velocimeter.update(now_ns, x, y, z)
         return Reading(now_ns, x, y, z, vx, vy, vz, 0, self._heat is None or not self._heat.warm)
 
     def _write(self, fx: float, fy: float, fz: float) -> None:
-        small = abs(fx) + abs(fy) + abs(fz) <= self._limit  # the usual case, without a call of compiled code
-        self._written = (fx, fy, fz) if small else within(self._limit, fx, fy, fz)
+        limit = self._device["limit"]
+        small = abs(fx) + abs(fy) + abs(fz) <= limit  # the usual case, without a call of compiled code
+        self._written[:] = (fx, fy, fz) if small else within(limit, fx, fy, fz)
 
     def _close(self) -> None:
-        self._time_ns = None
-        self._velocimeter = Velocimeter(self._model.resolution)
+        self._device["time_ns"] = NEVER_NS
+        self._velocimeter.forget()
         self._late = DelayLine(self._read_delay_ns) if self._late is not None else None
         self._coming.clear()
-        self._acting = self._written
+        self._acting[:] = self._written
 
     def _apply_written(self, at_ns: int) -> None:
         """Apply the last written force from a given time on, plus the actuation delay."""
         if self._write_delay_ns == 0:
-            self._acting = self._written
+            self._acting[:] = self._written
         else:
-            self._coming.append((at_ns + self._write_delay_ns, self._written))
+            self._coming.append((at_ns + self._write_delay_ns, self._written.copy()))
 
-    def _advance_to(self, now_ns: int) -> None:
-        """Simulate the hand's mechanics up to now, under the current force and any delayed ones that become due."""
-        if self._time_ns is None:
-            self._time_ns = now_ns
-        self._time_ns = max(self._time_ns, now_ns - CATCH_UP_NS)
+    def _advance_imperfect(self, now_ns: int) -> None:
+        """Simulate the hand up to now as `advance_to` does, with the delayed forces that become due, and with heat."""
+        if self._device["time_ns"] != NEVER_NS:
+            self._device["time_ns"] = max(self._device["time_ns"], now_ns - CATCH_UP_NS)
         while self._coming and self._coming[0][0] <= now_ns:
             due_ns, force = self._coming.popleft()
-            self._time_ns = self._advance(self._time_ns, due_ns)
-            self._acting = force
-        self._time_ns = self._advance(self._time_ns, now_ns)
+            self._advance_and_heat(due_ns)
+            self._acting[:] = force
+        self._advance_and_heat(now_ns)
 
-    def _advance(self, time_ns: int, until_ns: int) -> int:
-        """Simulate whole steps under the current force; return the time reached [ns]."""
-        steps = (until_ns - time_ns) // STEP_NS
-        if steps <= 0:
-            return time_ns
-        self._hand.advance(steps, time_ns * 1e-9, self._acting)
-        if self._heat is not None:
-            self._warm_up(self._heat, steps * STEP)
-        return time_ns + steps * STEP_NS
-
-    def _warm_up(self, heat: MotorTemperature, seconds: float) -> None:
-        """Update the motor temperature; hot motors deliver no more than the continuous force."""
-        heat.live(seconds, hypot(*self._acting))
-        self._limit = self._model.continuous_force if heat.warm else self._model.max_force
-        if heat.warm:
-            self._acting = within(self._limit, *self._acting)
-            self._written = within(self._limit, *self._written)
+    def _advance_and_heat(self, until_ns: int) -> None:
+        """Simulate hand and motors under the acting force; hot motors deliver no more than the continuous force."""
+        before_ns = int(self._device["time_ns"])
+        self._advance_to(self._parts, until_ns)
+        steps = (int(self._device["time_ns"]) - before_ns) // STEP_NS
+        if self._heat is None or before_ns == NEVER_NS or steps == 0:
+            return
+        self._heat.live(steps * STEP, hypot(*self._acting))
+        limit = self._model.continuous_force if self._heat.warm else self._model.max_force
+        self._device["limit"] = limit
+        if self._heat.warm:
+            self._acting[:] = within(limit, *self._acting)
+            self._written[:] = within(limit, *self._written)
 
     def _encoder(self, now_ns: int) -> Vector:
         """Return the encoder position extrapolated from the last whole step, or the delayed one [m]."""
-        rest = max(now_ns - (self._time_ns or now_ns), 0) * 1e-9
+        rest = max(now_ns - int(self._device["time_ns"]), 0) * 1e-9
         stop, step = self._model.workspace, self._model.resolution
         if self._late is None:
             return self._encoded(self._hand.state, rest, stop, step)

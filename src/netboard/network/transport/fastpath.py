@@ -58,6 +58,7 @@ FAST_PATH = np.dtype(
         ("file", "<i4"),  # number of the file that signals a frame
         ("files", "<u8", (FILES // 64,)),  # fd_set: a bit for each file
         ("watched", "<i4"),  # number of another file that ends a sleep, or NO_FILE
+        ("signalled", "<i4"),  # 1: it has ended one, which its user notes here
         ("simulated_ns", "<i8"),  # simulated time, or MACHINE_CLOCK [ns]
         ("socket", "<i8"),  # libzmq's address of it, 0 once that is closed
         ("keyed", "<i8"),  # 1: the keys of peers are compared, too
@@ -278,10 +279,13 @@ def send_one(fast: Any, frame: Any) -> int:
 def sleep(fast: Any, longest_ns: int) -> bool:
     """Sleep until something may have arrived, the watched file signals, a signal comes, or the time is over [ns].
 
-    The socket must have been read until it was empty, because only then its file signals again. Returns whether the
-    watched file has signalled.
+    The socket must have been read until it was empty, because only then its file signals again. Simulated time passes
+    at once. Returns whether the watched file has signalled.
     """
     path = fast[0]
+    if path["simulated_ns"] != MACHINE_CLOCK:
+        path["simulated_ns"] += longest_ns
+        return False
     file, watched, files, time = path["file"], path["watched"], path["files"], path["sleep"]
     _clear(files)
     files[file // 64] = np.uint64(1) << np.uint64(file % 64)
@@ -378,6 +382,11 @@ class Receiver:
         self._socket, self._channel, self._path = socket, channel, FastPath(socket)
         self._frame = np.zeros(longest, np.uint8)
         self._receive = machine_code(receive_one, self._path.record, self._frame)
+
+    @property
+    def file(self) -> int:
+        """File that signals a frame, once the socket has been read until it was empty."""
+        return int(self._path.record[0]["file"])
 
     def receive(self) -> bytes | None:
         """Return the next frame, truncated to the longest valid size, or None if there is none now."""

@@ -14,19 +14,17 @@ arrived, and the agent slowly shifts its phase until that is `LEAD_NS`. A sample
 import logging
 from collections.abc import Callable, Mapping
 from importlib.metadata import version
-from typing import Any, Protocol
-
-import numpy as np
+from typing import Protocol
 
 from netboard.base.clock import Pacer, now_ns
-from netboard.base.compiled import machine_code, waiting
+from netboard.base.compiled import machine_code
 from netboard.base.config import Config, Side
 from netboard.base.errors import DeviceError, DeviceNotFound
 from netboard.base.process import NAME, RateLimitedLog, steady_loop
 from netboard.base.tick import TICK_NS
 from netboard.devices.contract.device import Device, DeviceInfo, Reading
-from netboard.devices.safety.chain import Guard, Safety, limit
-from netboard.devices.safety.fixture import fixture_force, lateral_force
+from netboard.devices.safety.chain import Guard, Safety
+from netboard.devices.safety.fixture import lateral_force
 from netboard.devices.safety.passivity import Passivity
 from netboard.devices.safety.virtual_coupling import hand_force
 from netboard.network import keys
@@ -35,73 +33,50 @@ from netboard.network.protocol.messages import PROTOCOL_VERSION
 from netboard.network.protocol.motion import Force, Point, Safeguard
 from netboard.network.transport import channels, fastpath, sockets
 from netboard.nodes.agent import motion_link
-from netboard.nodes.agent.motion_link import BEAT, FORCE, NEWER, POINT, Link, wait_for_answer
+from netboard.nodes.agent.motion_link import BEAT, FORCE, POINT, Link
 from netboard.nodes.agent.rendered_buffer import RenderedRing
+from netboard.nodes.agent.undisturbed import (
+    ANSWER_NS,
+    ANSWERED,
+    LIMITED,
+    NEVER_DUE_NS,
+    NO_READING,
+    NOT_BEGUN,
+    NOTHING_BEGUN,
+    SENT,
+    Begun,
+    Kernel,
+    Progress,
+    Rules,
+    await_limited_force,
+    phase_shift,
+    run_of,
+)
 from netboard.nodes.ports.latency import DELAY_LIMIT, limit_ns, loops_of
 from netboard.physics.stability.delayed_coupling import Mechanism
 
 log = logging.getLogger(__name__)
 
-LEAD_NS = 300_000
-"""Target for the arrival of a sample before its tick's deadline; absorbs most jitter [ns]."""
-
-SHIFT_SHARE = 0.02
-"""Share of the phase error that is corrected with each message [1]."""
-
-MAX_SHIFT_NS = 5_000
-"""Largest phase shift in a tick, which keeps the interval of the samples within 0.5 % of 1 ms [ns]."""
+MAX_TICKS = 20
+"""Undisturbed ticks after which the agent looks whether it is to stop [1]."""
 
 SEARCH_INTERVAL_NS = 500_000_000
 """Interval at which the agent looks for a lost device [ns]."""
-
-LIMITED = -5
-"""Result of `await_limited_force` beside those of `wait_for_answer`: a limited force is ready [1]."""
 
 _NOT_READY = int(Safeguard.NOT_READY)
 _STOPPED = int(Safeguard.STOPPED)
 
 
-@waiting
-def await_limited_force(
-    fast: Any,
-    frame: Any,
-    link: Any,
-    chain: Any,
-    until_ns: int,
-    limits: bool,
-    k: float,
-    c: float,
-    x: float,
-    y: float,
-    vx: float,
-    vy: float,
-    vz: float,
-) -> tuple[int, float, float, float, int]:
-    """Wait for an answer as `wait_for_answer` does, and pass a commanded force through the safety chain, in one call.
-
-    ``limits``: whether to limit a force here; otherwise Python does it. ``k``, ``c``: of the fixture [N/m, N s/m].
-    ``x`` to ``vz``: of the stylus. Returns `LIMITED`, the force x, y, z [N] and the safeguards; or a result of
-    `wait_for_answer` and zeros.
-    """
-    came = wait_for_answer(fast, frame, link, until_ns)
-    state = link[0]
-    if came != NEWER or not limits or state["kind"] != FORCE:
-        return came, 0.0, 0.0, 0.0, 0
-    fx, fy, fz = fixture_force(k, c, x, vx), fixture_force(k, c, y, vy), state["words"].view(np.float64)[3]
-    safeguards = limit(chain, fastpath.now_ns(fast), fx, fy, fz, state["received_ns"], vx, vy, vz)
-    ready = chain[0]
-    return LIMITED, ready["fx"], ready["fy"], ready["fz"], safeguards
-
-
-def phase_shift(lead_ns: int) -> int:
-    """Return how much later to send the next sample [ns], for one that arrived this long before its deadline [ns]."""
-    # Wrapped to half a tick: a sample that misses its tick is early for the next one.
-    error = (lead_ns - LEAD_NS + TICK_NS // 2) % TICK_NS - TICK_NS // 2
-    return min(max(round(SHIFT_SHARE * error), -MAX_SHIFT_NS), MAX_SHIFT_NS)
-
-
 class StylusSource(Protocol):
     """The simulated participant or player that moves a virtual stylus, in the agent's process."""
+
+    @property
+    def due_ns(self) -> int:
+        """When it must be advanced, if `file` does not signal first [ns]."""
+
+    @property
+    def file(self) -> int:
+        """Number of a file that signals when it must be advanced, or `netboard.network.transport.fastpath.NO_FILE`."""
 
     @property
     def identity(self) -> Mapping[str, str]:
@@ -111,7 +86,7 @@ class StylusSource(Protocol):
         """Take the configuration of the block that begins."""
 
     def step(self, now_ns: int, haptics: bool) -> None:
-        """Advance by a millisecond; `haptics` says whether haptic feedback is on."""
+        """Advance up to now; `haptics` says whether haptic feedback is on."""
 
 
 class Agent:
@@ -144,6 +119,7 @@ class Agent:
         self._shift_ns = 0
         self._ring = RenderedRing()
         self._await_limited_force = await_limited_force
+        self._phase_shift = machine_code(phase_shift, 0)
 
     def run(self, stopping: Callable[[], bool]) -> None:
         """Serve the device until stopped; the caller closes the device."""
@@ -169,10 +145,39 @@ class Agent:
     def _serve(self, stopping: Callable[[], bool]) -> None:
         """Serve the connected device, and leave it with zero force."""
         pacer = Pacer(now_ns() + TICK_NS)
+        run = self._undisturbed_ticks()
         while not stopping():
             pacer.wait()
-            pacer.shift(self._tick(pacer.due_ns + TICK_NS))
+            begun, reading = NOTHING_BEGUN, None
+            if run is not None and not self._stopped:
+                begun, reading = self._run_undisturbed(run, pacer)
+            pacer.shift(self._tick(pacer.due_ns + TICK_NS, begun, reading))
         self._device.write(0.0, 0.0, 0.0)
+
+    def _undisturbed_ticks(self) -> Kernel | None:
+        """Return the function that runs undisturbed ticks of the connected device, if it has compiled access."""
+        access, mine, fixture = self._device.compiled, self._device.agent, self._fixture
+        if access is None or self._passivity is not None:
+            return None
+        rules = Rules(fixture.stiffness, fixture.damping, mine.stop_buttons, mine.consent_buttons)
+        return run_of(access, self._link, self._ring, self._safety, rules)
+
+    def _run_undisturbed(self, run: Kernel, pacer: Pacer) -> tuple[Begun, Reading | None]:
+        """Run ticks until one needs single steps; return what has been done of that one, and its reading.
+
+        The stylus source is advanced on the way.
+        """
+        progress = Progress(pacer.due_ns, self._seq, self._safeguards, self._rendered)
+        begun, reading = NOTHING_BEGUN, NO_READING
+        stop = self._seq + MAX_TICKS
+        while True:
+            progress, begun, reading = run(progress, begun, reading, stop, *self._source_due())
+            if begun.stage != ANSWERED or begun.came != fastpath.NOTHING:
+                break
+            self._advance_source()
+        pacer.due_ns, self._seq, self._safeguards, self._rendered = progress
+        self._ring.next_seq = self._seq
+        return begun, None if begun.stage == NOT_BEGUN else Reading(*reading)
 
     def _close_lost_device(self, error: DeviceError) -> None:
         """Close the lost device, with zero force, and leave the session."""
@@ -206,20 +211,25 @@ class Agent:
             self._link.introduce(introduction(self._side, self._config, info, self._identity))
             return
 
-    def _tick(self, until_ns: int) -> int:
+    def _tick(self, until_ns: int, begun: Begun = NOTHING_BEGUN, reading: Reading | None = None) -> int:
         """Read and send the stylus, then render until the next tick is due; return the phase shift [ns].
 
         An agent that computes the force itself need not wait for an answer, and renders at once. The stylus source runs
-        after the first answer, or in the last quarter of the tick if none has come by then.
+        after the first answer, or in the last quarter of the tick if none has come by then. What compiled code has
+        ``begun`` is continued.
         """
-        reading = self._device.read(now_ns())
-        self._arm(reading)
-        self._send(reading)
+        if reading is None:
+            reading = self._device.read(now_ns())
+        if begun.stage < SENT:
+            self._arm(reading)
+            self._send(reading)
         alone = self._link.kind == POINT
         if alone:
             self._render(reading)
-        self._shift_ns = 0
-        rendered = self._await(reading, until_ns - TICK_NS // 4, alone)
+        self._shift_ns = begun.shift_ns
+        rendered = self._handle(begun.came, reading, alone) or begun.stage == ANSWERED
+        if not rendered:
+            rendered = self._await(reading, until_ns - TICK_NS + ANSWER_NS, alone)
         self._advance_source()
         while now_ns() < until_ns:
             rendered |= self._await(reading, until_ns, alone)
@@ -240,18 +250,28 @@ class Agent:
             )
             if came == LIMITED:
                 self._write(fx, fy, fz, safeguards)
-            elif link.handle_found(came):
-                if not alone:
-                    self._render(reading)
-            elif came == fastpath.NOTHING or now_ns() >= until_ns:  # however many other messages there are
+                self._shift_ns += self._phase_shift(link.lead_ns)
+                return True
+            if self._handle(came, reading, alone):
+                return True
+            if came == fastpath.NOTHING or now_ns() >= until_ns:  # however many other messages there are
                 return False
-            else:
-                continue
-            self._shift_ns += phase_shift(link.lead_ns)
-            return True
+
+    def _handle(self, came: int, reading: Reading, alone: bool) -> bool:
+        """Handle what the link has found; return whether it is a newer answer, whose force is then rendered."""
+        if not self._link.handle_found(came):
+            return False
+        if not alone:
+            self._render(reading)
+        self._shift_ns += self._phase_shift(self._link.lead_ns)
+        return True
+
+    def _source_due(self) -> tuple[int, int]:
+        """Return when the stylus source must be advanced [ns], and the file that signals it."""
+        return (NEVER_DUE_NS, fastpath.NO_FILE) if self._source is None else (self._source.due_ns, self._source.file)
 
     def _advance_source(self) -> None:
-        """Advance the stylus source by a millisecond, at a time when that delays no force."""
+        """Advance the stylus source, at a time when that delays no force."""
         if self._source is not None:
             if self._link.block:
                 self._source.begin(self._link.block)

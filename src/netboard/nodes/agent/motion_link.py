@@ -100,6 +100,8 @@ def take(link: Any, kind: int, lead_ns: int, now_ns: int) -> bool:
 def wait_for_answer(fast: Any, frame: Any, link: Any, until_ns: int) -> int:
     """Wait for a newer answer until a time [ns]; a time that is over: only look.
 
+    A signal of the watched file is noted, and the file is not watched any more.
+
     Returns `NEWER`, `netboard.network.transport.fastpath.NOTHING` or ``FAILED``, or the size of a frame that Python
     must read.
     """
@@ -118,8 +120,8 @@ def wait_for_answer(fast: Any, frame: Any, link: Any, until_ns: int) -> int:
                 return size
         elif size == fastpath.FAILED or now >= until_ns:
             return size
-        else:
-            fastpath.sleep(fast, until_ns - now)
+        elif fastpath.sleep(fast, until_ns - now):
+            fast[0]["signalled"], fast[0]["watched"] = 1, fastpath.NO_FILE
 
 
 @kernel
@@ -168,8 +170,8 @@ def close_loop(link: Any, at_ns: int) -> None:
 class Link:
     """The agent's endpoint of the motion channel.
 
-    ``timeout_ns``: age of a sample from which an answer to it is not fresh. Kernels take ``fast``, ``frame`` and
-    ``state``: the socket, a buffer for what arrives, and the state (`LINK`).
+    ``timeout_ns``: age of a sample from which an answer to it is not fresh. Kernels take ``fast``, ``frame``,
+    ``sample`` and ``state``: the socket, buffers for what arrives and for what is sent, and the state (`LINK`).
     """
 
     def __init__(self, socket: sockets.Socket, hello: Hello, timeout_ns: int) -> None:
@@ -181,7 +183,7 @@ class Link:
         self.state[0]["timeout_ns"] = timeout_ns
         # The fields that Python reads every tick: a view of one is read ten times faster than a record's field.
         self._kind, self._lead_ns, self._heard_ns = (self.state[name].data for name in ("kind", "lead_ns", "heard_ns"))
-        self._sample = np.zeros(fixed.STYLUS.size, np.uint8)
+        self.sample = np.zeros(fixed.STYLUS.size, np.uint8)
         self._send_sample, self._close_loop = send_sample, close_loop
         self.introduce(hello)
         self._hello_ns = -HELLO_INTERVAL_NS
@@ -241,7 +243,7 @@ class Link:
         sample = (0, 0, *(0.0,) * 6, 0, 0, 0.0)
         wait_for_answer(nowhere, self.frame, state, 0)
         take(state, BEAT, 0, 0)
-        self._send_sample = machine_code(send_sample, nowhere, self._sample, state, *sample)
+        self._send_sample = machine_code(send_sample, nowhere, self.sample, state, *sample)
         self._close_loop = machine_code(close_loop, state, 0)
 
     def send(self, seq: int, reading: Reading, safeguards: int, rendered: float) -> None:
@@ -251,7 +253,7 @@ class Link:
         """
         stamp_ns, x, y, z, vx, vy, vz, buttons, _ = reading
         said = self._send_sample(
-            self.fast, self._sample, self.state, seq, stamp_ns, x, y, z, vx, vy, vz, buttons, safeguards, rendered
+            self.fast, self.sample, self.state, seq, stamp_ns, x, y, z, vx, vy, vz, buttons, safeguards, rendered
         )
         if said == fastpath.FAILED:
             self._path.raise_failure("motion")

@@ -23,15 +23,18 @@ from netboard.network import keys
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.motion import Felt, Move, Pointer
 from netboard.network.transport import channels, sockets
-from netboard.network.transport.fastpath import Receiver
+from netboard.network.transport.fastpath import NO_FILE, Receiver
+from netboard.nodes.agent.undisturbed import NEVER_DUE_NS
 from netboard.participants.controller import Controller
 from netboard.participants.policy import SIMULATED_PARTICIPANT, identity_of
-from netboard.participants.senses import Glimpse
+from netboard.participants.senses import DECISION_INTERVAL, Glimpse
 from netboard.participants.submovement import Submovement
 from netboard.stage.view import View
 
 HOST: Side = "left"
 """Side whose agent runs the controller of a bimanual participant."""
+
+DECISION_INTERVAL_NS = round(DECISION_INTERVAL * 1e9)
 
 MIN_MOVE = 1e-3
 """Shortest movement that may be commanded to the other hand [s]."""
@@ -77,20 +80,19 @@ class ViewReceiver:
     def __init__(self, socket: sockets.Socket) -> None:
         self.glimpse: Glimpse | None = None
         self._receiver = Receiver(socket, "view", sockets.MAX_SAMPLE)
+        self.file = self._receiver.file
 
     def poll(self, now_ns: int) -> None:
         """Take the newest view."""
-        frame = self._receiver.receive()
-        if frame is None:
-            return
-        try:
-            view = decode(frame)
-        except WireError:
-            return
-        if isinstance(view, View):
-            self.glimpse = Glimpse(
-                now_ns * 1e-9, view.phase, view.z, view.theta, view.p, view.target, view.left, view.right
-            )
+        while (frame := self._receiver.receive()) is not None:  # the file signals again once the socket is empty
+            try:
+                view = decode(frame)
+            except WireError:
+                continue
+            if isinstance(view, View):
+                self.glimpse = Glimpse(
+                    now_ns * 1e-9, view.phase, view.z, view.theta, view.p, view.target, view.left, view.right
+                )
 
     def close(self) -> None:
         """Close the subscription."""
@@ -120,13 +122,18 @@ class LiveController:
         self._device = device
         self._reads = config.block.force == "full"  # only the full force shows where the partner is
         self._moves = moves_socket
+        self.due_ns = 0
+        self.file = self._views.file
 
     def step(self, now_ns: int, haptics: bool) -> None:
-        """Look, feel, decide, move."""
+        """Look, and at times feel, decide, move."""
         self._device.live(now_ns)
         self._views.poll(now_ns)
+        if now_ns < self.due_ns:
+            return
+        self.due_ns = now_ns + DECISION_INTERVAL_NS
         felt = self._device.felt if haptics and self._reads and self._moves is None else None
-        moves = self._controller.step(now_ns * 1e-9, self._views.glimpse, felt)
+        moves = self._controller.decide(now_ns * 1e-9, self._views.glimpse, felt)
         for move in moves:
             if move.side == self._device.side:
                 self._device.command((move,))
@@ -146,6 +153,8 @@ class SecondHand:
         self._device = device
         socket = sockets.moves_receiver(context, channels.addresses(config.network).reach(channels.MOVES))
         self._moves = Receiver(socket, "moves", sockets.MAX_SAMPLE)
+        self.due_ns = NEVER_DUE_NS
+        self.file = self._moves.file
 
     def step(self, now_ns: int, haptics: bool) -> None:
         """Begin the commanded movements."""
@@ -175,6 +184,8 @@ class Player:
         self._pointer = Receiver(socket, "pointer", sockets.MAX_SAMPLE)
         self._felt = sockets.felt_publisher(context, where.felt(device.side))
         self._published_ns = 0
+        self.due_ns = 0  # always
+        self.file = NO_FILE
 
     def begin(self, text: str) -> None:
         """Keep the player: it is the same in every block."""
@@ -216,12 +227,22 @@ class LiveParticipant:
         self._moves: sockets.Socket | None = None
         self._current = self._create()
 
+    @property
+    def due_ns(self) -> int:
+        """When Python must advance the participant, if `file` does not signal first [ns]."""
+        return 0 if self._configuration is not None else self._current.due_ns
+
+    @property
+    def file(self) -> int:
+        """File of the socket whose messages the participant needs."""
+        return self._current.file
+
     def begin(self, text: str) -> None:
         """Make a new participant for a block, as soon as its configuration has been read."""
         self._configuration = self._reader.submit(parse, text, "the server's configuration")
 
     def step(self, now_ns: int, haptics: bool) -> None:
-        """Advance by a millisecond."""
+        """Advance up to now."""
         if self._configuration is not None and self._configuration.done():
             self._enter(self._configuration.result())
             self._configuration = None

@@ -1,0 +1,232 @@
+"""Undisturbed ticks of an agent, in one compiled call from reading the stylus to the rendered force.
+
+In a loop that sleeps most of the time a line of Python takes several microseconds, and a tick in single steps needs
+some hundred lines. While forces come in time and the device and its user want nothing else, ticks need no Python, if
+the device can be accessed by compiled code. Python takes over when the stylus source is due, and for everything else:
+heartbeats, messages in another form, a missing force, a button, a device that is not ready. It then continues the tick
+with the single steps of `netboard.nodes.agent.agent`, which follow the same rules.
+"""
+
+from collections.abc import Callable
+from functools import cache, partial
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+
+from netboard.base.clock import CATCH_UP_TICKS
+from netboard.base.compiled import composed, kernel, machine_code, waiting
+from netboard.base.tick import TICK_NS
+from netboard.devices.contract.device import CompiledAccess
+from netboard.devices.safety.chain import Safety, limit
+from netboard.devices.safety.fixture import fixture_force
+from netboard.network.protocol.joining import HELLO_INTERVAL_NS
+from netboard.network.transport import fastpath
+from netboard.nodes.agent.motion_link import FORCE, NEWER, Link, close_loop, send_sample, wait_for_answer
+from netboard.nodes.agent.rendered_buffer import RenderedRing, remember
+
+Kernel: TypeAlias = Callable[..., Any]
+
+Fields: TypeAlias = tuple[int, float, float, float, float, float, float, int, bool]
+"""Fields of a reading (`netboard.devices.contract.device.Reading`)."""
+
+LEAD_NS = 300_000
+"""Target for the arrival of a sample before its tick's deadline; absorbs most jitter [ns]."""
+
+SHIFT_SHARE = 0.02
+"""Share of the phase error that is corrected with each message [1]."""
+
+MAX_SHIFT_NS = 5_000
+"""Largest phase shift in a tick, which keeps the interval of the samples within 0.5 % of 1 ms [ns]."""
+
+ANSWER_NS = TICK_NS - TICK_NS // 4
+"""Time for which a tick waits for its first answer, before the stylus source runs [ns]."""
+
+LIMITED = -5
+"""Result of `await_limited_force` beside those of `wait_for_answer`: a limited force is ready [1]."""
+
+NEVER_DUE_NS = 2**62
+"""When a stylus source is due that waits for a signal of its file only [ns]."""
+
+NOT_BEGUN, READ, SENT, ANSWERED = range(4)
+"""How far a tick has come: nothing is done; the stylus is read; the sample is sent; a force is rendered, too."""
+
+
+class Rules(NamedTuple):
+    """What an agent does in its undisturbed ticks."""
+
+    stiffness: float  # of the fixture [N/m]
+    damping: float  # of the fixture [N s/m]
+    stop_buttons: int  # bit masks
+    consent_buttons: int
+
+
+class Progress(NamedTuple):
+    """State of an agent between two samples."""
+
+    due_ns: int  # when the present tick was due [ns]
+    seq: int  # number of the next sample
+    safeguards: int  # actions of the safety chain since the newest sample
+    rendered: float  # vertical force handed to the device last [N]
+
+
+class Begun(NamedTuple):
+    """What has been done of a tick that Python must continue."""
+
+    stage: int  # `NOT_BEGUN`, `READ`, `SENT` or `ANSWERED`
+    came: int  # why the last wait for an answer ended: a result of `wait_for_answer`
+    shift_ns: int  # how much later to send the next sample [ns]
+
+
+NOTHING_BEGUN = Begun(NOT_BEGUN, fastpath.NOTHING, 0)
+NO_READING: Fields = (0, *(0.0,) * 6, 0, False)
+
+_BEHIND_NS = CATCH_UP_TICKS * TICK_NS
+
+
+@kernel
+def phase_shift(lead_ns: int) -> int:
+    """Return how much later to send the next sample [ns], for one that arrived this long before its deadline [ns]."""
+    # Wrapped to half a tick: a sample that misses its tick is early for the next one.
+    error = (lead_ns - LEAD_NS + TICK_NS // 2) % TICK_NS - TICK_NS // 2
+    return min(max(round(SHIFT_SHARE * error), -MAX_SHIFT_NS), MAX_SHIFT_NS)
+
+
+@waiting
+def await_limited_force(
+    fast: Any,
+    frame: Any,
+    link: Any,
+    chain: Any,
+    until_ns: int,
+    limits: bool,
+    k: float,
+    c: float,
+    x: float,
+    y: float,
+    vx: float,
+    vy: float,
+    vz: float,
+) -> tuple[int, float, float, float, int]:
+    """Wait for an answer as `wait_for_answer` does, and pass a commanded force through the safety chain, in one call.
+
+    ``limits``: whether to limit a force here; otherwise Python does it. ``k``, ``c``: of the fixture [N/m, N s/m].
+    ``x`` to ``vz``: of the stylus. Returns `LIMITED`, the force x, y, z [N] and the safeguards; or a result of
+    `wait_for_answer` and zeros.
+    """
+    came = wait_for_answer(fast, frame, link, until_ns)
+    state = link[0]
+    if came != NEWER or not limits or state["kind"] != FORCE:
+        return came, 0.0, 0.0, 0.0, 0
+    fx, fy, fz = fixture_force(k, c, x, vx), fixture_force(k, c, y, vy), state["words"].view(np.float64)[3]
+    safeguards = limit(chain, fastpath.now_ns(fast), fx, fy, fz, state["received_ns"], vx, vy, vz)
+    ready = chain[0]
+    return LIMITED, ready["fx"], ready["fy"], ready["fz"], safeguards
+
+
+def _read(parts: Any, now_ns: int) -> Fields:
+    """Stand for the reading of a device."""
+    return now_ns, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, False
+
+
+def _write(parts: Any, fx: float, fy: float, fz: float) -> None:
+    """Stand for the writing of a device."""
+
+
+def _live(parts: Any, now_ns: int) -> None:
+    """Stand for what a device does right after a force."""
+
+
+@kernel
+def _may_begin(state: Any, now_ns: int, due_ns: int) -> bool:
+    """Return whether the next tick may run without Python, as far as is known before the reading."""
+    return bool(
+        now_ns - due_ns <= _BEHIND_NS
+        and state["in_session"]
+        and state["kind"] == FORCE
+        and now_ns - state["heard_ns"] < HELLO_INTERVAL_NS
+    )
+
+
+@kernel
+def _is_in_order(rules: Rules, reading: Fields) -> bool:
+    """Return whether a device may stay armed."""
+    buttons, ready, consent = reading[7], reading[8], rules.consent_buttons
+    return bool(ready and buttons & consent == consent and not buttons & rules.stop_buttons)
+
+
+def _run(
+    motion: Any,
+    parts: Any,
+    rules: Rules,
+    progress: Progress,
+    begun: Begun,
+    reading: Fields,
+    stop: int,
+    source_ns: int,
+    source_file: int,
+) -> tuple[Progress, Begun, Fields]:
+    """Run ticks until Python is due; return the progress, what has been done of the newest tick, and its reading.
+
+    ``motion``, ``parts``: as in `run_of`. ``begun``, ``reading``: of the tick that the run continues, after its first
+    answer; or `NOTHING_BEGUN`. ``stop``: number of the sample before which the run ends. ``source_ns``,
+    ``source_file``: when Python must advance the stylus source [ns], or the file that signals it.
+    """
+    fast, frame, sample, link, rows, chain = motion
+    due_ns, seq, safeguards, rendered = progress
+    stage, came, shift_ns = begun
+    state, now_ns = link[0], fastpath.now_ns(fast)
+    fast[0]["watched"], fast[0]["signalled"] = source_file, 0
+    until_ns = due_ns + TICK_NS + shift_ns
+    while True:
+        if stage == NOT_BEGUN:
+            if seq >= stop or not _may_begin(state, now_ns, due_ns):
+                break
+            reading = _read(parts, now_ns)
+            stage = READ
+            if not _is_in_order(rules, reading):
+                break
+            stamp_ns, x, y, z, vx, vy, vz, buttons, _ = reading
+            remember(rows, seq, stamp_ns, rendered, safeguards)
+            sample_of = (seq, stamp_ns, x, y, z, vx, vy, vz, buttons, safeguards, rendered)
+            if send_sample(fast, sample, link, *sample_of) == fastpath.FAILED:
+                came = fastpath.FAILED
+            stage, seq, safeguards, until_ns = SENT, seq + 1, 0, due_ns + ANSWER_NS
+        is_source_due = False
+        while came == fastpath.NOTHING and not is_source_due:
+            _, x, y, _, vx, vy, vz, _, _ = reading
+            came, fx, fy, fz, bits = await_limited_force(
+                fast, frame, link, chain, until_ns, True, rules.stiffness, rules.damping, x, y, vx, vy, vz
+            )
+            now_ns = fastpath.now_ns(fast)
+            if came != LIMITED:
+                break
+            _write(parts, fx, fy, fz)
+            close_loop(link, now_ns)
+            came, rendered, safeguards = fastpath.NOTHING, fz, safeguards | bits
+            shift_ns += phase_shift(state["lead_ns"])
+            until_ns = due_ns + TICK_NS + shift_ns
+            if stage == SENT:
+                stage = ANSWERED
+                _live(parts, now_ns)
+                is_source_due = now_ns >= source_ns or fast[0]["signalled"] != 0
+        if is_source_due or stage == SENT or came != fastpath.NOTHING:
+            break
+        due_ns, stage, shift_ns = until_ns, NOT_BEGUN, 0
+    return Progress(due_ns, seq, safeguards, rendered), Begun(stage, came, shift_ns), reading
+
+
+@cache
+def _composed(read: Kernel, write: Kernel, live: Kernel) -> Kernel:
+    return composed(_run, waiting, _read=read, _write=write, _live=live)
+
+
+def run_of(access: CompiledAccess, link: Link, ring: RenderedRing, safety: Safety, rules: Rules) -> Kernel:
+    """Compile the undisturbed ticks of an agent, or load them from the cache.
+
+    Returns a function of the other arguments of `_run`.
+    """
+    motion = link.fast, link.frame, link.sample, link.state, ring.rows, safety.chain
+    fixed_arguments = motion, access.parts, rules
+    run = _composed(access.read, access.write, access.live)
+    others = Progress(0, 0, 0, 0.0), NOTHING_BEGUN, NO_READING, 0, 0, 0
+    return partial(machine_code(run, *fixed_arguments, *others), *fixed_arguments)
