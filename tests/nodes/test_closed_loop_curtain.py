@@ -9,7 +9,7 @@ import pytest
 from netboard.base.config import Config, Side
 from netboard.base.tick import TICK
 from netboard.participants.senses import NO_PHASE, SEEN
-from netboard.stage.curtain import AWAY, glimpse, make_curtain, pack_curtain, view_of
+from netboard.stage.curtain import AWAY, glimpse, make_curtain, view_of
 from netboard.task.trials.state_machine import Phase
 
 
@@ -25,7 +25,7 @@ def test_simulated_participant_sees_what_its_display_shows(station: Side, block:
         row["phase"], row["target"], row["z"], row["theta"], row["p"] = phase, 1, 0.01, 0.02, 0.03
         row["left_used_z"], row["right_used_z"] = 0.04, 0.05
         view = view_of(curtain, row[0], station, None, 7)
-        glimpse(pack_curtain(curtain, station)[0], row.view(np.int64), row.view(np.float64), 2.5, shown[0])
+        glimpse(curtain.stations[station][0], row.view(np.int64), row.view(np.float64), 2.5, shown[0])
         seen = shown[0]
         assert seen["time"] == 2.5
         assert seen["phase"] == (NO_PHASE if view.phase == AWAY else phase)

@@ -52,7 +52,7 @@ class Rig:
     def run(self, ticks: int, *, moving: bool = True, best: float | None = None, rest: float | None = None) -> None:
         for _ in range(ticks):
             self.rows["tick"], self.rows["z"] = self.tick, self.tick * 1e-6 if moving else 0.0
-            self.port.show(self.tick + 1, self.curtain, self.rows[0], best, rest)
+            self.port.show(self.tick + 1, self.curtain, self.rows.view(np.int64), best, rest)
             self.tick += 1
 
     def sent_ticks(self, side: Side) -> list[int]:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.compiled import inlined, kernel
+from netboard.stage.curtain import NO_PHASE
 from netboard.task.trials.state_machine import Phase
 
 DECISION_INTERVAL = 0.010
@@ -34,8 +35,6 @@ LEVELLING, _RUNNING, _HOLDING = int(Phase.LEVELLING), int(Phase.RUNNING), int(Ph
 """Phases of a trial in which a participant acts."""
 
 _PHASES = {phase.name.lower(): int(phase) for phase in Phase}
-NO_PHASE = -1
-"""Phase in a view for a participant who is away from the board."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,14 +7,15 @@ a view. (The board itself follows both hands within some ten milliseconds, so a 
 from the board: that is the task.)
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from operator import itemgetter
-from typing import Any
+from math import isnan
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import kernel
+from netboard.base.compiled import inlined, kernel
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.tables.experiment import Block
 from netboard.base.tick import TICK_WORDS
@@ -30,59 +31,53 @@ AWAY = "away"
 PHASE_NAMES = {int(phase): phase.name.lower() for phase in Phase}
 
 
+CURTAIN = np.dtype(
+    [
+        ("station", "<i8"),  # place of the station in `SIDES`
+        ("away", "<i8"),  # 1: this station has nothing to do
+        ("last", "<i8"),  # 1: no block follows
+        ("ball", "<i8"),  # 1: there is a ball
+        ("left", "<i8"),  # 1: the left hand is shown
+        ("right", "<i8"),
+        ("target_distance", "<f8"),  # target centre to board centre [m]
+        ("trials", "<i8"),  # successful trials the block asks for [1]
+        ("block", "<i8"),  # number of the block in its plan, from 1 [1]
+        ("blocks", "<i8"),  # number of blocks in the plan [1]
+        ("levelling", "<i8"),  # ticks for which the board must be level, 0 for none [1]
+        ("holding", "<i8"),  # ticks for which the ball must be in the target, 0 for none [1]
+    ]
+)
+"""What the participants of a block may see at one station, for the kernels."""
+
+
 @dataclass(frozen=True, slots=True)
 class Curtain:
     """What the participants of a block may see: the parts of the scene, and whose hand.
 
     Attributes
     ----------
-    dyadic : bool
-        Two participants, each seeing only their own stylus.
     ball : bool
         Whether there is a ball.
-    target_distance : float
-        Target centre to board centre [m].
-    trials : int
-        Successful trials the block asks for [1].
-    block, blocks : int
-        Number of the block in its plan, from 1, and how many there are [1].
+    block : int
+        Number of the block in its plan, from 1 [1].
     away : tuple of str
         Stations whose participant has nothing to do.
-    durations : dict of int
-        Ticks for which a phase must last, by phase [1].
+    stations : dict of ndarray of CURTAIN, shape (1,)
+        What each station may see.
     """
 
-    dyadic: bool
     ball: bool
-    target_distance: float
-    trials: int
     block: int
-    blocks: int
     away: tuple[Side, ...]
-    durations: dict[int, int]
-
-    @property
-    def last(self) -> bool:
-        """Whether no block follows."""
-        return self.block >= self.blocks
+    stations: Mapping[Side, NDArray[Any]]
 
 
 def make_curtain(config: Config) -> Curtain:
     """Take from the configuration what the curtain needs."""
-    block, task = config.block, config.task
-    return Curtain(
-        dyadic=block.configuration == "dyadic",
-        ball=config.physics.balls > 0,
-        target_distance=config.geometry.target_distance,
-        trials=block.trials,
-        block=block.number,
-        blocks=block.blocks,
-        away=tuple(side for side in SIDES if _is_away(block, side)),
-        durations={
-            int(Phase.LEVELLING): ticks(task.level_time),
-            int(Phase.HOLDING): ticks(task.hold_time),
-        },
-    )
+    block, ball = config.block, config.physics.balls > 0
+    away = tuple(side for side in SIDES if _is_away(block, side))
+    stations = {side: _pack(config, side, away=side in away) for side in SIDES}
+    return Curtain(ball, block.number, away, stations)
 
 
 def _is_away(block: Block, station: Side) -> bool:
@@ -92,17 +87,91 @@ def _is_away(block: Block, station: Side) -> bool:
     return (block.left if station == "left" else block.right) != "person"
 
 
-_SHOWN = (
-    *("phase", "attempt", "target", "tick", "z", "theta", "p", "left_used_z", "right_used_z"),
-    *("trial", "failures", "completion", "counted", "extra"),
+def _pack(config: Config, station: Side, *, away: bool) -> NDArray[Any]:
+    """Pack what one station may see."""
+    block, packed = config.block, np.zeros(1, CURTAIN)
+    packed["station"], packed["away"], packed["ball"] = SIDES.index(station), away, config.physics.balls > 0
+    for side in SIDES:
+        packed[side] = block.configuration != "dyadic" or station == side
+    packed["target_distance"], packed["trials"] = config.geometry.target_distance, block.trials
+    packed["block"], packed["blocks"], packed["last"] = block.number, block.blocks, block.number >= block.blocks
+    packed["levelling"], packed["holding"] = ticks(config.task.level_time), ticks(config.task.hold_time)
+    return packed
+
+
+class Shown(NamedTuple):
+    """What one station may see of a tick; NaN for what is hidden or not known yet. See `View`."""
+
+    phase: int  # number of a phase, or `NO_PHASE` for `AWAY`
+    z: float
+    theta: float
+    p: float
+    target: float
+    left: float
+    right: float
+    trial: int
+    trials: int
+    failures: int
+    completion: float
+    again: bool  # whether the notice is `AGAIN`
+    share: float
+
+
+NO_PHASE = -1
+"""Phase for somebody who has nothing to do, as a number."""
+
+_PHASE, _TARGET, _Z, _THETA, _P, _LEFT, _RIGHT = (
+    TICK_WORDS[name] for name in ("phase", "target", "z", "theta", "p", "left_used_z", "right_used_z")
 )
-_shown = itemgetter(*(TICK_WORDS[name] for name in _SHOWN))
-"""Takes what views are made of from the values of a row."""
+_TRIAL, _ATTEMPT, _FAILURES, _COMPLETION, _COUNTED, _EXTRA, TICK_NUMBER = (
+    TICK_WORDS[name] for name in ("trial", "attempt", "failures", "completion", "counted", "extra", "tick")
+)
+_LEVELLING, _HOLDING, _FINISHED = int(Phase.LEVELLING), int(Phase.HOLDING), int(Phase.FINISHED)
+
+
+@inlined
+def shown_of(curtain: Any, words: Any, numbers: Any) -> Shown:
+    """Return what one station may see of a tick. These are the rules of the curtain.
+
+    Parameters
+    ----------
+    curtain : record of CURTAIN
+        What the station may see.
+    words : ndarray of int64, shape (n,)
+        The row of the tick as words.
+    numbers : ndarray of float64, shape (n,)
+        The same memory as numbers.
+    """
+    phase, away = words[_PHASE], curtain["away"] != 0
+    hidden = away and not (curtain["last"] and phase == _FINISHED)  # the end of the last block is for everybody
+    ticks = curtain["levelling"] if phase == _LEVELLING else curtain["holding"] if phase == _HOLDING else 0
+    completion = numbers[_COMPLETION]
+    return Shown(
+        NO_PHASE if hidden else phase,
+        0.0 if away else numbers[_Z],
+        0.0 if away else numbers[_THETA],
+        numbers[_P] if curtain["ball"] and not away else np.nan,
+        0.0 if away else words[_TARGET] * curtain["target_distance"],
+        numbers[_LEFT] if curtain["left"] and not away else np.nan,
+        numbers[_RIGHT] if curtain["right"] and not away else np.nan,
+        words[_TRIAL],
+        curtain["trials"] + words[_EXTRA],
+        0 if away else words[_FAILURES],
+        completion if completion > 0.0 and not away else np.nan,
+        phase == _LEVELLING and words[_ATTEMPT] > 1 and not away,
+        min(max(words[_COUNTED] / ticks, 0.0), 1.0) if ticks and not away else 0.0,
+    )
+
+
+@kernel
+def _shown(curtain: Any, words: Any) -> Shown:
+    """Return `shown_of` for an array of one record."""
+    return shown_of(curtain[0], words, words.view(np.float64))
 
 
 def view_of(
     curtain: Curtain,
-    row: NDArray[Any] | np.void | tuple[Any, ...],
+    row: np.void,
     station: Side,
     best: float | None,
     sent_ns: int,
@@ -113,8 +182,8 @@ def view_of(
 
     Parameters
     ----------
-    row : netboard.base.tick.TICK record, or tuple
-        The tick, or its values (`numpy.ndarray.item`).
+    row : netboard.base.tick.TICK record
+        The tick.
     best : float or None
         Best completion time of the block so far [s].
     sent_ns : int
@@ -124,93 +193,55 @@ def view_of(
     rest : float or None
         Remaining rest before the block; None without one [s].
     """
-    phase, attempt, target, tick, z, theta, p, left, right, trial, failures, completion, counted, extra = _shown(
-        row if isinstance(row, tuple) else row.item()
-    )
-    away = station in curtain.away
-    over = phase == Phase.FINISHED and curtain.last  # for both participants
-    duration = curtain.durations.get(phase, 0)
+    packed, words = curtain.stations[station], np.frombuffer(row.data, np.int64)
+    shown = _shown(packed, words)
     return View(
         station=station,
-        tick=tick,
+        tick=int(words[TICK_NUMBER]),
         sent_ns=sent_ns,
-        phase=AWAY if away and not over else PHASE_NAMES[phase],
-        z=0.0 if away else z,
-        theta=0.0 if away else theta,
-        p=p if curtain.ball and not away else None,
-        target=0.0 if away else target * curtain.target_distance,
-        left=None if away or (curtain.dyadic and station != "left") else left,
-        right=None if away or (curtain.dyadic and station != "right") else right,
-        trial=trial,
-        trials=curtain.trials + extra,
-        failures=0 if away else failures,
-        completion=completion if completion > 0 and not away else None,
-        best=None if away else best,
-        notice=AGAIN if phase == Phase.LEVELLING and attempt > 1 and not away else "",
+        phase=AWAY if shown.phase == NO_PHASE else PHASE_NAMES[shown.phase],
+        z=shown.z,
+        theta=shown.theta,
+        p=_known(shown.p),
+        target=shown.target,
+        left=_known(shown.left),
+        right=_known(shown.right),
+        trial=shown.trial,
+        trials=shown.trials,
+        failures=shown.failures,
+        completion=_known(shown.completion),
+        best=None if station in curtain.away else best,
+        notice=AGAIN if shown.again else "",
         seq=seq,
-        share=min(max(counted / duration, 0.0), 1.0) if duration and not away else 0.0,
+        share=shown.share,
         block=curtain.block,
-        blocks=curtain.blocks,
+        blocks=int(packed["blocks"][0]),
         rest=rest,
     )
 
 
-CURTAIN = np.dtype(
-    [
-        ("away", "<i8"),  # 1: this station has nothing to do
-        ("last", "<i8"),  # 1: no block follows
-        ("ball", "<i8"),  # 1: there is a ball
-        ("left", "<i8"),  # 1: the left hand is shown
-        ("right", "<i8"),
-        ("target_distance", "<f8"),  # [m]
-    ]
-)
-"""What one station may see, for the kernels."""
-
-_PHASE, _TARGET, _Z, _THETA, _P, _LEFT, _RIGHT = (
-    TICK_WORDS[name] for name in ("phase", "target", "z", "theta", "p", "left_used_z", "right_used_z")
-)
-
-
-_FINISHED = int(Phase.FINISHED)
-
-
-def pack_curtain(curtain: Curtain, station: Side) -> NDArray[Any]:
-    """Pack for the kernels what one station may see.
-
-    Returns
-    -------
-    ndarray of CURTAIN, shape (1,)
-        The packed record.
-    """
-    packed = np.zeros(1, CURTAIN)
-    packed["away"], packed["last"], packed["ball"] = station in curtain.away, curtain.last, curtain.ball
-    for side in SIDES:
-        packed[side] = not curtain.dyadic or station == side
-    packed["target_distance"] = curtain.target_distance
-    return packed
+def _known(value: float) -> float | None:
+    return None if isnan(value) else value
 
 
 @kernel
-def glimpse(curtain: Any, words: Any, numbers: Any, when: float, shown: Any) -> None:
-    """Write what one station sees of a tick, as in its `view_of`, for a simulated participant.
+def glimpse(curtain: Any, words: Any, numbers: Any, when: float, seen: Any) -> None:
+    """Write what one station sees of a tick, for a simulated participant.
 
     Parameters
     ----------
+    curtain : record of CURTAIN
+        What the station may see.
     words : ndarray of int64, shape (n,)
         The row of the tick as words.
     numbers : ndarray of float64, shape (n,)
         The same memory as numbers.
     when : float
         Time at which the station displays the tick [s].
-    shown : record of netboard.participants.senses.SEEN
-        What is seen, written; NaN for what is hidden, phase -1 for a participant who is away (as in `view_of`).
+    seen : record of netboard.participants.senses.SEEN
+        What is seen, written; NaN for what is hidden.
     """
-    away = curtain["away"]
-    hidden = away and not (curtain["last"] and words[_PHASE] == _FINISHED)
-    shown["time"], shown["phase"] = when, -1 if hidden else words[_PHASE]
-    shown["z"], shown["theta"] = 0.0 if away else numbers[_Z], 0.0 if away else numbers[_THETA]
-    shown["p"] = numbers[_P] if curtain["ball"] and not away else np.nan
-    shown["target"] = 0.0 if away else words[_TARGET] * curtain["target_distance"]
-    shown["left"] = numbers[_LEFT] if curtain["left"] and not away else np.nan
-    shown["right"] = numbers[_RIGHT] if curtain["right"] and not away else np.nan
+    shown = shown_of(curtain, words, numbers)
+    seen["time"], seen["phase"] = when, shown.phase
+    seen["z"], seen["theta"], seen["p"], seen["target"] = shown.z, shown.theta, shown.p, shown.target
+    seen["left"], seen["right"] = shown.left, shown.right

@@ -27,7 +27,7 @@ from netboard.network.protocol.records import ClockRecord, EventRecord, FrameRec
 from netboard.network.transport import channels, sockets
 from netboard.network.transport.ports import free_port
 from netboard.nodes.ports.log_port import LogPort
-from netboard.nodes.server.session import HOUSEKEEPING_TICKS
+from netboard.nodes.server.session import FEED_TICKS
 from netboard.recording.recovery.spill import Spill
 
 START_SECONDS = 60.0
@@ -103,7 +103,7 @@ class Feeder:
 
     def feed(self, seconds: float, rate: int = 1, look: Callable[[], object] = lambda: None) -> None:
         """Send the records of a period as they become due, in portions as long as those of a server at this rate."""
-        due, portion = now_ns(), max(1, HOUSEKEEPING_TICKS // rate)
+        due, portion = now_ns(), max(1, FEED_TICKS // rate)
         for tick in range(round(seconds * 1e3)):
             due += TICK_NS
             time.sleep(max(0.0, (due - now_ns()) * 1e-9))

@@ -1,25 +1,27 @@
 """The server's endpoint of the two view channels: each station gets what its participant may see, at the view rate."""
 
-from dataclasses import fields
-from math import ceil
-from operator import attrgetter
+from math import ceil, nan
 from typing import Any
 
+import numpy as np
+
 from netboard.base.clock import now_ns
+from netboard.base.compiled import machine_code
 from netboard.base.config import SIDES, Side
 from netboard.base.tables.rig import Network
-from netboard.network.protocol.codec import encode
+from netboard.network.protocol.view_frame import CONTENT, MAX_SIZE, write_view
 from netboard.network.transport import channels, sockets
 from netboard.network.transport.authenticator import Authenticator
-from netboard.stage.curtain import Curtain, view_of
-from netboard.stage.view import View
+from netboard.stage.curtain import CURTAIN, Curtain
 
 SAME_VIEW_TICKS = 50
 """Ticks after which an unchanged view is sent again, so that a display knows that the link is alive [1]."""
 
-_ALWAYS_NEW = ("tick", "sent_ns", "seq", "rest")
-_content = attrgetter(*(field.name for field in fields(View) if field.name not in _ALWAYS_NEW))
-"""Takes from a view the fields whose change is shown at once; that of `rest` may wait, because it counts in seconds."""
+ASK_MS = 100
+"""Interval at which a publisher is asked whether anybody has subscribed: the answer takes as long as a view [ms]."""
+
+NOTHING_SHOWN = np.full(CONTENT, -(2**62))
+"""Content of a view before the first one."""
 
 
 class ViewPort:
@@ -30,9 +32,14 @@ class ViewPort:
         self._views = {side: sockets.view_publisher(context, where.listen(channels.VIEW[side])) for side in SIDES}
         self._every = ceil(1000 / network.view_rate_hz)
         self._due_ms = 0
-        self._last_shown: dict[Side, tuple[int, tuple[Any, ...]]] = {}
+        self._asked_ms, self._subscribed = -ASK_MS, list[Side]()
+        self._shown_ms = dict.fromkeys(SIDES, -SAME_VIEW_TICKS)
+        self._content = {side: NOTHING_SHOWN.copy() for side in SIDES}
         self._seq = dict.fromkeys(SIDES, 0)
-        self.renew()
+        self._frame = np.zeros(MAX_SIZE, np.uint8)
+        self._write_view = machine_code(
+            write_view, self._frame, np.zeros(1, CURTAIN), np.zeros(1, np.int64), NOTHING_SHOWN, False, 0.0, 0, 0, 0.0
+        )
 
     @property
     def wanted(self) -> bool:
@@ -45,43 +52,36 @@ class ViewPort:
 
     def renew(self) -> None:
         """Forget the last views, because a new block changes everything."""
-        self._last_shown = dict.fromkeys(SIDES, (-SAME_VIEW_TICKS, ()))
+        self._shown_ms = dict.fromkeys(SIDES, -SAME_VIEW_TICKS)
 
-    def show(self, now_ms: int, curtain: Curtain, row: Any, best: float | None, rest: float | None) -> None:
+    def show(self, now_ms: int, curtain: Curtain, words: Any, best: float | None, rest: float | None) -> None:
         """Publish the stations' views if they are due; each if somebody subscribes to it, and it has changed.
 
+        Only what a station may see counts as a change: otherwise the times of its views would reveal when the partner's
+        hand moves.
+
         ``now_ms``: elapsed time by which views are due [ms]; in a live session, the number of the following tick.
+        ``words``: row of the tick as words. ``best``, ``rest``: as in `netboard.stage.curtain.view_of`.
         """
         if now_ms <= self._due_ms:
             return
         self._due_ms = now_ms - now_ms % self._every + self._every
-        values = row.item()
-        for side in SIDES:
-            if self._views[side].wanted():
-                self._show_to(side, now_ms, curtain, values, best, rest)
+        if now_ms - self._asked_ms >= ASK_MS:
+            self._asked_ms = now_ms
+            self._subscribed = [side for side, publisher in self._views.items() if publisher.wanted()]
+        numbers = nan if best is None else best, now_ns(), nan if rest is None else rest
+        for side in self._subscribed:
+            self._show_to(side, now_ms, curtain.stations[side], words, *numbers)
 
     def _show_to(
-        self,
-        side: Side,
-        now_ms: int,
-        curtain: Curtain,
-        values: tuple[Any, ...],
-        best: float | None,
-        rest: float | None,
+        self, side: Side, now_ms: int, curtain: Any, words: Any, best: float, sent_ns: int, rest: float
     ) -> None:
-        """Publish a station's view if it has changed, or has not been sent for long.
-
-        Only what this station may see counts as a change: otherwise the times of its views would reveal when the
-        partner's hand moves.
-        """
-        shown_ms, sent = self._last_shown[side]
-        view = view_of(curtain, values, side, best, now_ns(), self._seq[side], rest)
-        content = _content(view)
-        if content == sent and now_ms - shown_ms < SAME_VIEW_TICKS:
-            return
-        self._last_shown[side] = now_ms, content
-        self._views[side].send(encode(view))
-        self._seq[side] += 1
+        """Publish a station's view if it has changed, or has not been sent for long."""
+        at_any_rate, seq = now_ms - self._shown_ms[side] >= SAME_VIEW_TICKS, self._seq[side]
+        size = self._write_view(self._frame, curtain, words, self._content[side], at_any_rate, best, sent_ns, seq, rest)
+        if size:
+            self._views[side].send(self._frame[:size].tobytes())
+            self._shown_ms[side], self._seq[side] = now_ms, seq + 1
 
     def close(self) -> None:
         """Close both publishers."""

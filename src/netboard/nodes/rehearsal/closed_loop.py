@@ -19,7 +19,7 @@ from netboard.base.tables.simulated import Participant
 from netboard.base.tick import TICK_NS, TICK_SECONDS, TICK_WORDS
 from netboard.participants.controller import MOVE, decide, initial_state, pack_constants
 from netboard.participants.senses import DECISION_INTERVAL, SEEN
-from netboard.stage.curtain import glimpse, make_curtain, pack_curtain
+from netboard.stage.curtain import glimpse, make_curtain
 from netboard.task.trials.state_machine import is_active
 
 DECISION_TICKS = round(DECISION_INTERVAL / TICK_SECONDS)
@@ -40,7 +40,7 @@ class SimulatedParticipant:
         block = config.block
         constants = pack_constants(person, config.physics, config.task, sides)
         seen = replace(block, left="person", right="person")  # a robot also sees the board
-        curtain = pack_curtain(make_curtain(replace(config, block=seen)), station)
+        curtain = make_curtain(replace(config, block=seen)).stations[station]
         view_ticks = ceil(1.0 / (TICK_SECONDS * config.network.view_rate_hz))
         timing = np.array([view_ticks, view_ticks // 2 if station == "right" else 0])
         scales = (block.trial_scales or (block.force_scale,)) if block.force == "full" and len(sides) == 1 else ()

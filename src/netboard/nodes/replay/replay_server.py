@@ -8,6 +8,8 @@ import logging
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+
 from netboard.base.clock import now_ns
 from netboard.base.errors import NetboardError
 from netboard.base.process import Stopping, log_to_stderr
@@ -142,7 +144,8 @@ class ReplayServer:
         """Send each station its view, if it is due."""
         index, recording = self.state.index, self.state.recording
         best, rest = recording.best(index), recording.rest(index)
-        self._views.show(milliseconds, recording.curtain, recording.ticks[index], best, rest)
+        words = np.frombuffer(recording.ticks[index].data, np.int64)
+        self._views.show(milliseconds, recording.curtain, words, best, rest)
 
     def _grant(self, request: CommandRequest) -> str:
         command = request.command

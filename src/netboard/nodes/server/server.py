@@ -54,8 +54,9 @@ class Server:
         steady_loop()
         first_ns = now_ns() + TICK_NS
         for place, session in enumerate(self.sessions):
-            # Spread over the millisecond, so that the sessions do not all tick at once.
-            session.begin(first_ns + place * TICK_NS // len(self.sessions), machine)
+            # Spread, so that the sessions do not all tick, or do their periodic work, at once.
+            share = place / len(self.sessions)
+            session.begin(first_ns + int(share * TICK_NS), machine, share)
         running = list(self.sessions)
         while running:
             self._run(running, stopping)

@@ -11,6 +11,7 @@ A session is not open until its form is complete: until then nothing is recorded
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES
@@ -45,8 +46,12 @@ from netboard.nodes.server.undisturbed import (
 )
 from netboard.task.trials.state_machine import STAGE_FAULT, Cause, Phase
 
-HOUSEKEEPING_TICKS = 18
-"""Ticks between two rounds of periodic work; a multiple of the ticks between two views at their usual rate [1]."""
+FEED_TICKS = 18
+"""Ticks after which latencies are checked and loggers fed; a multiple of those between two views at their usual rate
+[1]."""
+
+HOUSEKEEPING_TICKS = 2 * FEED_TICKS
+"""Ticks between two rounds of the other periodic work [1]."""
 
 DEADLINE_MARGIN_NS, MAX_POSTPONED = 400_000, 4
 """Work that can wait is not begun so shortly before a deadline [ns], at most this many times in a row [1]."""
@@ -91,20 +96,23 @@ class Session:
         self._undisturbed = False  # whether the next ticks can be run in one call
         self._runs = np.zeros(1, RUN)
         self._run = self._runs.view(np.int64).data
+        self._run_until = 0  # number of the tick before which Python does more than to publish views
         self._control_unread, self._deferred_due_ns, self._answer_ns = False, 0, 0
-        self._postponed = 0
+        self._postponed = self._stagger = 0
 
     @property
     def wake_ns(self) -> int:
         """When the session wants to run next if no message arrives first [ns]."""
         return self._clock.wake_ns
 
-    def begin(self, due_ns: int, machine: dict[str, str]) -> None:
+    def begin(self, due_ns: int, machine: dict[str, str], share: float = 0.0) -> None:
         """Make the first tick due at a time [ns].
 
-        ``machine``: real-time settings that the process got from its machine, for the recording.
+        ``machine``: real-time settings that the process got from its machine, for the recording. ``share``: by how much
+        of its interval the periodic work comes earlier than that of another session [1].
         """
         self._clock.begin(due_ns)
+        self._stagger = int(share * HOUSEKEEPING_TICKS)
         self._state.note("session_started", {"session": self._state.session, **machine})
         self._blocks.begin_session()
 
@@ -219,26 +227,28 @@ class Session:
     def _plan_run(self) -> None:
         """Set how many undisturbed ticks may run before other work is due."""
         number, run = self._state.number, self._run
-        until = min(number + -number % HOUSEKEEPING_TICKS + 1, self._state.ports.views.due(number))
+        until = number + -(number + self._stagger) % FEED_TICKS + 1
         run[_FORCES] = self._state.felt
         run[_RELEVANT], run[_FINE] = IN_TRIAL if self._state.active else WAITING
         if not run[_FORCES]:
             until = min(until, number + -number % HEARTBEAT_TICKS)
         if self._motion.unhandled or self._log.must_read(now_ns()):
             until = number + 1
-        run[_NUMBER], run[_DUE], run[_UNTIL], run[_SLEEPS] = number, self._clock.due_ns, until, self.sleeps
+        run[_NUMBER], run[_DUE], run[_SLEEPS] = number, self._clock.due_ns, self.sleeps
+        self._run_until = until
 
     def _run_undisturbed(self) -> int:
-        """Run the next ticks in one call, and do what follows them; return why they have ended."""
-        state, run, clock, stage = self._state, self._run, self._clock, self._state.block.stage
-        assert state.block.run is not None
+        """Run the next ticks, publish the views on the way, and do what follows them; return why they have ended."""
+        state, run, clock, until = self._state, self._run, self._clock, self._run_until
         if state.end_requested:
-            run[_UNTIL] = run[_NUMBER]
+            until = run[_NUMBER]
         elif self._control_unread:
-            run[_UNTIL] = run[_NUMBER] + 1
+            until = min(until, run[_NUMBER] + 1)
         self._motion.fast.watch(NO_FILE if self._control_unread else self.files[1])
-        scene = (state.stage, state.rows, state.words, stage.book, stage.tables)
-        ended = self._motion.run(state.block.run, scene, self._runs, stage.delay)
+        while (ended := self._run_until_views(until)) == DONE and run[_NUMBER] < until:
+            if state.words[(run[_NUMBER] - 1) % RING_ROWS, _EVENT]:
+                break
+            self._show_views(run[_NUMBER])
         if ended == WAITS:
             return ended
         self._control_unread |= ended == INTERRUPTED
@@ -252,11 +262,23 @@ class Session:
             self._motion.read_other_frame(now_ns(), clock.due_ns)
         return ended
 
+    def _run_until_views(self, until: int) -> int:
+        """Run ticks in one call until views are due, or before a given tick; return why they have ended."""
+        state, run, stage = self._state, self._run, self._state.block.stage
+        assert state.block.run is not None
+        run[_UNTIL] = min(until, state.ports.views.due(run[_NUMBER]))
+        scene = (state.stage, state.rows, state.words, stage.book, stage.tables)
+        return self._motion.run(state.block.run, scene, self._runs, stage.delay)
+
     def _follow_up(self, count: int) -> None:
         """Finish some ticks, and do the periodic work if it is due."""
         self._finish_ticks(count)
-        if (self._state.number - 1) % HOUSEKEEPING_TICKS == 0:
+        staggered = self._state.number - 1 + self._stagger
+        if staggered % HOUSEKEEPING_TICKS == 0:
             self._housekeeping()
+        elif staggered % FEED_TICKS == 0:
+            self._poll_latency()
+            self._log.pump(now_ns())
         else:
             self._log.read_if_needed(now_ns())
 
@@ -345,27 +367,37 @@ class Session:
         if words[:, _EVENT].any():
             self._finish_ticks(count)
             return
-        if state.operators.opened and count:
-            rows = words.data.cast("B")
-            for at in range(0, len(rows), TICK.itemsize):
-                self._log.append(_RECORD_HEAD + rows[at : at + TICK.itemsize])
+        self._log_ticks(words)
         state.number += count
         self._clock.advance(count)
 
     def _finish_ticks(self, count: int) -> None:
         """Log the finished ticks, handle their events, and publish the views."""
-        state = self._state
-        for number in range(state.number, state.number + count):
-            words = state.words[number % RING_ROWS]
-            if state.operators.opened:
-                self._log.append(_RECORD_HEAD + words.tobytes())
-            if words[_EVENT]:
-                self._record_decision(number)
+        state, first = self._state, self._state.number
+        words = state.words[np.arange(first, first + count) % RING_ROWS]
+        logged = 0
+        for k in np.flatnonzero(words[:, _EVENT]).tolist():
+            self._log_ticks(words[logged : k + 1])
+            self._record_decision(first + k)
+            logged = k + 1
+        self._log_ticks(words[logged:])
         state.number += count
         self._clock.advance(count)
+        self._show_views(state.number)
+
+    def _log_ticks(self, words: NDArray[np.int64]) -> None:
+        """Log ticks, unless the session is not open yet."""
+        if self._state.operators.opened and len(words):
+            rows, size = words.data.cast("B"), TICK.itemsize
+            for at in range(0, len(rows), size):
+                self._log.append(_RECORD_HEAD + rows[at : at + size])
+
+    def _show_views(self, number: int) -> None:
+        """Publish the views of the tick before this one, if they are due."""
+        state = self._state
         rest = state.rest(now_ns()) if state.rest_until_ns else None
-        newest = state.rows[(state.number - 1) % RING_ROWS]
-        state.ports.views.show(state.number, state.block.curtain, newest, state.attempts.best, rest)
+        newest = state.words[(number - 1) % RING_ROWS]
+        state.ports.views.show(number, state.block.curtain, newest, state.attempts.best, rest)
 
     def _command(self, found: int) -> Cause:
         """Return the command of a tick: from the supervisor, from an earlier request, or from an operator."""
@@ -418,11 +450,14 @@ class Session:
             state.questionnaires = asked
             state.note("questionnaire", {"text": asked})
 
+    def _poll_latency(self) -> None:
+        self._state.block.latency.poll(self._motion.loops_ns, haptics=self._state.felt)
+
     def _housekeeping(self) -> None:
-        """Do the periodic work that is not urgent: missing peers, latencies, quality rules, records."""
+        """Do the periodic work that is not urgent: missing peers, latencies, quality rules, news, records."""
         now, state = now_ns(), self._state
         self._motion.expire(now)
-        state.block.latency.poll(self._motion.loops_ns, haptics=state.felt)
+        self._poll_latency()
         state.attempts.poll(state.rows, state.number)
         state.missing = state.find_missing()
         self._control.pump(now)
