@@ -21,7 +21,7 @@ from netboard.benchmarks.loop.loop import (
     ratios_part,
 )
 from netboard.benchmarks.loop.rig import dyad_configs, write_configs
-from netboard.benchmarks.loop.scale import Served, holds, idle_part, scale_part
+from netboard.benchmarks.loop.scale import Served, holds, idle_part, scale_part, shared_part
 from netboard.benchmarks.loop.skips import AT_REST, CASES, FULL, NO_FEEDBACK, NO_PEERS, skips_part
 from netboard.benchmarks.loop.soak import RecordedDyad, growth, memory_part, minutes_part, records_part, stays_prompt
 from netboard.benchmarks.loop.timing import loop_timing, tick_timing
@@ -140,6 +140,14 @@ def test_scaling_verdict_requires_linear_cost_and_held_dyads() -> None:
     assert [row[-1] for row in broken.rows] == [True, True, False]
     assert verdicts(scale_part({1: served(0.1)})) == []
     assert all(len(row) == len(linear.columns) for row in linear.rows)
+
+
+def test_many_dyads_on_all_cores_should_be_in_time_and_in_trials() -> None:
+    part = shared_part(8, served(1.2, late=COUNT // 200))
+    assert verdicts(part) == [True]
+    assert len(part.rows[0]) == len(part.columns)
+    assert verdicts(shared_part(8, served(1.2, late=COUNT // 50))) == [False]
+    assert verdicts(shared_part(8, served(1.2, active=0.9))) == [False]
 
 
 def test_waiting_dyads_should_cost_little() -> None:

@@ -23,7 +23,15 @@ from netboard.benchmarks.loop.loop import (
     measure_loop,
     ratios_part,
 )
-from netboard.benchmarks.loop.scale import LightPeers, idle_part, measure_idle, measure_scale, scale_part
+from netboard.benchmarks.loop.scale import (
+    LightPeers,
+    idle_part,
+    measure_idle,
+    measure_scale,
+    measure_shared,
+    scale_part,
+    shared_part,
+)
 from netboard.benchmarks.loop.skips import measure_skips, skips_part, tick_part
 from netboard.benchmarks.loop.soak import measure_soak, memory_part, minutes_part, records_part
 from netboard.benchmarks.loop.timing import draw_histograms, histogram_part
@@ -115,6 +123,7 @@ def _light_peer_parts(
     if dyads:
         found = measure_scale(config, light_peers, dyads, seconds, tell)
         yield scale_part(found)
+        yield shared_part(max(dyads), measure_shared(config, light_peers, max(dyads), seconds, tell))
         most = max(found)
         yield idle_part(most, measure_idle(config, light_peers, most, seconds, tell))
     if skips:

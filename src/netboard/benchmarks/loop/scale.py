@@ -3,8 +3,8 @@
 The server is a real one. Two more processes run all its lightweight peers (`netboard.benchmarks.loop.light_peers`);
 their orders say which peers, and for how long.
 
-Every dyad is in a trial with haptic feedback and has a logger; all peers are on another core. Then idle dyads: with
-agents but no trial, and without peers.
+Every dyad is in a trial with haptic feedback and has a logger; all peers are on another core. Then as many dyads as
+asked for, with server and peers on all cores. Then idle dyads: with agents but no trial, and without peers.
 """
 
 import os
@@ -30,8 +30,9 @@ from netboard.nodes.operator.launcher import Launcher
 from netboard.nodes.operator.operator import Operator
 from netboard.recording.format.summary import spread
 
-WARM_SECONDS = 4.0
-"""Time for sessions to begin their trials and for agents to adjust their phase, before counting starts [s]."""
+WARM_SECONDS, WARM_SECONDS_A_DYAD = 4.0, 0.5
+"""Time for sessions to begin their trials and for agents to adjust their phase, before counting starts; and more
+for each dyad [s]."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,7 @@ class LightPeers(Workers):
             with sockets.open_context() as context:
                 operator = Operator(configs[-1].network, context)  # the context closes its socket
                 await_status(launcher, operator)
-            from_ns = now_ns() + round(WARM_SECONDS * 1e9)
+            from_ns = now_ns() + round((WARM_SECONDS + WARM_SECONDS_A_DYAD * dyads) * 1e9)
             until_ns = from_ns + round(seconds * 1e9)
             order: dict[str, Any] = {"files": files, "from_ns": from_ns, "until_ns": until_ns}
             self._watchers.order(**order, loggers=peers.loggers, displays=peers.displays)
@@ -108,6 +109,9 @@ MAX_LATE, MIN_ACTIVE = 0.02, 0.99
 MANY_DYADS = 8
 """Dyads that one core should hold [1]."""
 
+MAX_P99_MS = 0.5
+"""Largest lateness of 99 % of the ticks of many dyads on all cores [ms]."""
+
 MAX_GROWTH = 1.2
 """Largest ratio of the cost per dyad among many to that of one alone; up to it, cost counts as linear [1]."""
 
@@ -119,6 +123,11 @@ def on_cores(config: Config) -> Config:
     """Put the server on one core and its peers on another, where there are two."""
     cores = sorted(os.sched_getaffinity(0))
     return replace(config, realtime=replace(config.realtime, server_cpus=str(cores[0]), agent_cpus=str(cores[-1])))
+
+
+def on_all_cores(config: Config) -> Config:
+    """Let the server and its peers share all cores."""
+    return replace(config, realtime=replace(config.realtime, server_cpus="", agent_cpus=""))
 
 
 def holds(served: Served) -> bool:
@@ -145,10 +154,35 @@ def measure_scale(
 
 
 def scale_part(found: Mapping[int, Served]) -> Part:
-    """Tabulate the cost of many dyads."""
+    """Tabulate the cost of many dyads on one core."""
+    part = _table(
+        "scale", "Dyads in trials, served by one process on one core; start of its ticks after their deadline", found
+    )
+    part.verdicts += _verdicts(found)
+    return part
+
+
+def measure_shared(config: Config, light_peers: LightPeers, dyads: int, seconds: float, tell: Tell) -> Served:
+    """Run a server of some dyads that shares all cores with its peers."""
+    tell(f"dyads at one server on all cores: {dyads}", 0.0)
+    return light_peers.serve(on_all_cores(config), dyads, Peers(), seconds)
+
+
+def shared_part(dyads: int, served: Served) -> Part:
+    """Tabulate the cost of many dyads on all cores."""
+    cores = len(os.sched_getaffinity(0))
+    caption = f"Dyads in trials, served by one process that shares {cores} cores with their peers"
+    part = _table("shared", caption, {dyads: served})
+    p99_ms = spread(served.ticks.late_ns).p99 * 1e3
+    claim = f"{dyads} dyads on {cores} cores: 99 % of the ticks begin less than {MAX_P99_MS:g} ms after their deadline"
+    part.claim(claim, p99_ms < MAX_P99_MS and served.active >= MIN_ACTIVE, f"{p99_ms:.3f} ms")
+    return part
+
+
+def _table(name: str, caption: str, found: Mapping[int, Served]) -> Part:
     part = Part(
-        "scale",
-        "Dyads in trials, served by one process on one core; start of its ticks after their deadline",
+        name,
+        caption,
         (
             "dyads",
             f"{LOOP} [%]",
@@ -177,7 +211,6 @@ def scale_part(found: Mapping[int, Served]) -> Part:
             spread(served.peers_late_ns).p99 * 1e3,
             holds(served),
         )
-    part.verdicts += _verdicts(found)
     return part
 
 
