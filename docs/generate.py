@@ -212,7 +212,7 @@ STABILITY = (
 )
 """Tables of `netboard bench stability` that are in the page on that."""
 
-LOOP = ("ratios", "latency", "lateness", "costs", "scale", "waiting", "skips", "stage")
+LOOP = ("ratios", "latency", "lateness", "costs", "scale", "shared", "waiting", "skips", "stage")
 """Tables of `netboard bench loop` that are in the page on latency."""
 
 SOAK = ("records", "memory", "minutes", "costs")

@@ -9,7 +9,7 @@ from scipy.stats import poisson
 from netboard.base.errors import NetboardError
 from netboard.base.finding import Finding
 from netboard.base.tables.rig import Realtime
-from netboard.nodes.agent import agent
+from netboard.nodes.agent import undisturbed
 from netboard.nodes.doctor import exchange, prediction
 from netboard.nodes.doctor.exchange import ExchangeTimes
 
@@ -44,7 +44,7 @@ def test_missed_sample_closes_no_loop_and_delays_the_other_side() -> None:
 
 
 def test_predicted_lead_equals_the_lead_of_the_agents() -> None:
-    assert prediction.LEAD_NS == agent.LEAD_NS
+    assert prediction.LEAD_NS == undisturbed.LEAD_NS
 
 
 @pytest.mark.parametrize("missed", [0, 3, 61])
@@ -58,10 +58,11 @@ def test_confidence_interval_of_deadline_misses_is_exact(missed: int) -> None:
 
 
 def test_good_loop_is_green_and_bad_loop_names_its_causes() -> None:
-    good = prediction.finding(prediction.predict(uniform_exchanges(), 1, 10_000))
+    predicted = prediction.predict(uniform_exchanges(), 1, 10_000)
+    good = prediction.finding(predicted)
     bad = prediction.finding(prediction.predict(uniform_exchanges(), 61, 4_000))
     assert (good.colour, good.advice, bad.colour) == ("green", "", "yellow")
-    assert f"p50 {0.230 + WORK_MS:.2f}" in good.found
+    assert f"p50 {predicted.p50_ms:.2f}" in good.found
     others = [
         Finding("CPU governor", "yellow", "powersave", "do"),
         Finding("real-time scheduling", "red", "refused", "do"),
