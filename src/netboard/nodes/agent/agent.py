@@ -141,11 +141,11 @@ class Agent:
         self._await_limited_force = machine_code(
             await_limited_force, nowhere, self._link.frame, motion_link.empty(), chain, 0, False, *(0.0,) * 7
         )
+        self._undisturbed_ticks()
 
     def _serve(self, stopping: Callable[[], bool]) -> None:
         """Serve the connected device, and leave it with zero force."""
-        pacer = Pacer(now_ns() + TICK_NS)
-        run = self._undisturbed_ticks()
+        run, pacer = self._undisturbed_ticks(), Pacer(now_ns() + TICK_NS)
         while not stopping():
             pacer.wait()
             begun, reading = NOTHING_BEGUN, None
