@@ -238,6 +238,30 @@ def test_goodbye_of_the_server_in_the_middle_of_a_tick_is_handled(make: Callable
     assert one.tick().stage == NOT_BEGUN  # no session: nothing may be sent
 
 
+def test_late_tick_ends_although_answers_wait_in_both_ways(make: Callable[..., Simulated]) -> None:
+    both = [make(config_of(), compiled=compiled) for compiled in (True, False)]
+    for number in range(100):
+        for one in both:
+            one.source.due_ns = NEVER_DUE_NS
+            beat = Heartbeat(number, number, number + 1, 300_000, True)
+            one.deliver(beat if number < 20 else fixed_form(Force(number, number, number + 1, 0.1, 300_000)))
+            one.tick()
+    for one in both:
+        due_ns = one.pacer.due_ns
+        for tick in range(1000, 1004):
+            one.deliver(fixed_form(Force(tick, 0, one.agent._seq - 1, 0.1, 700_000)))
+        one.tick(1_500_000)
+        assert one.agent._link.state["words"][0, 0] == 1000
+        assert one.pacer.due_ns == due_ns + TICK_NS + 5_000
+    assert both[0].state() == both[1].state()
+
+
+def test_position_beyond_the_stops_or_not_a_number_is_not_ready(make: Callable[..., Simulated]) -> None:
+    one = rendering(make)
+    one.device._hand.state["place"][0, 2] = float("nan")
+    assert one.tick().stage == READ
+
+
 @pytest.mark.parametrize(("reading", "stops"), [({"ready": False}, 0), ({"buttons": 1}, 1)])
 def test_device_that_is_not_in_order_is_left_to_the_single_steps(
     make: Callable[..., Simulated], monkeypatch: pytest.MonkeyPatch, reading: dict[str, Any], stops: int

@@ -49,8 +49,8 @@ from netboard.nodes.agent.undisturbed import (
     Progress,
     Rules,
     await_limited_force,
-    phase_shift,
     run_of,
+    shifted,
 )
 from netboard.nodes.ports.latency import DELAY_LIMIT, limit_ns, loops_of
 from netboard.physics.stability.delayed_coupling import Mechanism
@@ -119,7 +119,7 @@ class Agent:
         self._shift_ns = 0
         self._ring = RenderedRing()
         self._await_limited_force = await_limited_force
-        self._phase_shift = machine_code(phase_shift, 0)
+        self._shifted = machine_code(shifted, 0, 0)
 
     def run(self, stopping: Callable[[], bool]) -> None:
         """Serve the device until stopped; the caller closes the device."""
@@ -250,7 +250,7 @@ class Agent:
             )
             if came == LIMITED:
                 self._write(fx, fy, fz, safeguards)
-                self._shift_ns += self._phase_shift(link.lead_ns)
+                self._shift_ns = self._shifted(self._shift_ns, link.lead_ns)
                 return True
             if self._handle(came, reading, alone):
                 return True
@@ -263,7 +263,7 @@ class Agent:
             return False
         if not alone:
             self._render(reading)
-        self._shift_ns += self._phase_shift(self._link.lead_ns)
+        self._shift_ns = self._shifted(self._shift_ns, self._link.lead_ns)
         return True
 
     def _source_due(self) -> tuple[int, int]:

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from netboard.base.clock import CATCH_UP_TICKS
-from netboard.base.compiled import composed, kernel, machine_code, waiting
+from netboard.base.compiled import composed, inlined, kernel, machine_code, waiting
 from netboard.base.tick import TICK_NS
 from netboard.devices.contract.device import CompiledAccess
 from netboard.devices.safety.chain import Safety, limit
@@ -83,12 +83,23 @@ NO_READING: Fields = (0, *(0.0,) * 6, 0, False)
 _BEHIND_NS = CATCH_UP_TICKS * TICK_NS
 
 
+@inlined
+def _limited_shift(shift_ns: int) -> int:
+    return min(max(shift_ns, -MAX_SHIFT_NS), MAX_SHIFT_NS)
+
+
 @kernel
 def phase_shift(lead_ns: int) -> int:
     """Return how much later to send the next sample [ns], for one that arrived this long before its deadline [ns]."""
     # Wrapped to half a tick: a sample that misses its tick is early for the next one.
     error = (lead_ns - LEAD_NS + TICK_NS // 2) % TICK_NS - TICK_NS // 2
-    return min(max(round(SHIFT_SHARE * error), -MAX_SHIFT_NS), MAX_SHIFT_NS)
+    return _limited_shift(round(SHIFT_SHARE * error))
+
+
+@kernel
+def shifted(shift_ns: int, lead_ns: int) -> int:
+    """Return the phase shift of a tick after one more answer, within the limit of a tick [ns]."""
+    return _limited_shift(shift_ns + phase_shift(lead_ns))
 
 
 @waiting
@@ -203,15 +214,18 @@ def _run(
             _write(parts, fx, fy, fz)
             close_loop(link, now_ns)
             came, rendered, safeguards = fastpath.NOTHING, fz, safeguards | bits
-            shift_ns += phase_shift(state["lead_ns"])
+            shift_ns = shifted(shift_ns, state["lead_ns"])
             until_ns = due_ns + TICK_NS + shift_ns
             if stage == SENT:
                 stage = ANSWERED
                 _live(parts, now_ns)
                 is_source_due = now_ns >= source_ns or fast[0]["signalled"] != 0
+            if now_ns >= until_ns:  # however many answers there are
+                break
         if is_source_due or stage == SENT or came != fastpath.NOTHING:
             break
         due_ns, stage, shift_ns = until_ns, NOT_BEGUN, 0
+    fast[0]["watched"] = fastpath.NO_FILE  # which may be closed before the next run
     return Progress(due_ns, seq, safeguards, rendered), Begun(stage, came, shift_ns), reading
 
 
