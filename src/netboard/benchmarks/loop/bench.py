@@ -108,8 +108,7 @@ def loop(
             yield costs_part(found.costs)
             yield histogram_part(series[0] | series[1])
             if dyads or skips:
-                with LightPeers(scratch) as peers:
-                    yield from _light_peer_parts(peers, setting.config, dyads, seconds / rounds, tell, skips=skips)
+                yield from _light_peer_parts(scratch, setting.config, dyads, seconds / rounds, tell, skips=skips)
             folder.save("loop", lambda: draw_histograms(series, f"Stylus to force: {setting}"))
 
     settings = {**asdict(setting), "seconds": seconds, "rounds": rounds, "dyads": list(dyads)}
@@ -117,18 +116,19 @@ def loop(
 
 
 def _light_peer_parts(
-    light_peers: LightPeers, config: Config, dyads: Sequence[int], seconds: float, tell: Tell, *, skips: bool
+    folder: Path, config: Config, dyads: Sequence[int], seconds: float, tell: Tell, *, skips: bool
 ) -> Iterator[Part]:
     """Measure a server with lightweight peers."""
-    if dyads:
-        found = measure_scale(config, light_peers, dyads, seconds, tell)
-        yield scale_part(found)
-        yield shared_part(max(dyads), measure_shared(config, light_peers, max(dyads), seconds, tell))
-        most = max(found)
-        yield idle_part(most, measure_idle(config, light_peers, most, seconds, tell))
-    if skips:
-        yield skips_part(measure_skips(config, light_peers, seconds, tell))
-        yield tick_part(config)
+    with LightPeers(folder) as light_peers:
+        if dyads:
+            found = measure_scale(config, light_peers, dyads, seconds, tell)
+            yield scale_part(found)
+            yield shared_part(max(dyads), measure_shared(config, folder, max(dyads), seconds, tell))
+            most = max(found)
+            yield idle_part(most, measure_idle(config, light_peers, most, seconds, tell))
+        if skips:
+            yield skips_part(measure_skips(config, light_peers, seconds, tell))
+            yield tick_part(config)
 
 
 def soak(setting: Setting, minutes: float | None, dyads: int, options: Options) -> int:

@@ -162,10 +162,11 @@ def scale_part(found: Mapping[int, Served]) -> Part:
     return part
 
 
-def measure_shared(config: Config, light_peers: LightPeers, dyads: int, seconds: float, tell: Tell) -> Served:
+def measure_shared(config: Config, folder: Path, dyads: int, seconds: float, tell: Tell) -> Served:
     """Run a server of some dyads that shares all cores with its peers."""
     tell(f"dyads at one server on all cores: {dyads}", 0.0)
-    return light_peers.serve(on_all_cores(config), dyads, Peers(), seconds)
+    with LightPeers(folder) as light_peers:  # those of other measurements stay on the core of their first one
+        return light_peers.serve(on_all_cores(config), dyads, Peers(), seconds)
 
 
 def shared_part(dyads: int, served: Served) -> Part:
