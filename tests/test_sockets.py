@@ -209,19 +209,6 @@ def test_waiter_wakes_for_any_of_several_sockets(made: Made) -> None:
     assert not waiter.wait(0.0)
 
 
-def test_poller_reports_which_sockets_have_signalled(made: Made) -> None:
-    server, peer = talk(made)
-    other = made.motion_server(ANYWHERE)
-    files = [server.socket.fileno(), other.socket.fileno()]
-    while server.receive() is not None or other.receive() is not None or poller.signalled(files, 0.0):
-        pass
-    assert sockets.send(peer, b"one")
-    assert poller.signalled(files, TIMEOUT) == files[:1]
-    assert server.receive() == (b"console@test", b"one")
-    assert server.receive() is None
-    assert poller.signalled(files, 0.0005) == []
-
-
 def test_views_reach_subscribers_and_only_the_newest_is_kept(made: Made) -> None:
     publisher = made.view_publisher(ANYWHERE)
     assert not publisher.wanted()

@@ -70,7 +70,7 @@ class TickRunner:
         run["number"], run["due_ns"], run["until"], run["sleeps"] = number, due_ns, until, sleeps
         run["forces"], (run["relevant"], run["fine"]) = forces, IN_TRIAL if forces else WAITING
         scene = (self.state, self.rows, self.words, self.stage.book, self.stage.tables)
-        return self._rig.port.run(self._ticks, scene, self._run, self.stage.delay)
+        return self._rig.port.undisturbed_ticks(self._ticks, scene, self._run, self.stage.delay)()
 
     def tick(self, number: int, due_ns: int, samples: dict[str, Stylus], command: int) -> bytes:
         """Run a tick with these samples, and return its row."""

@@ -56,7 +56,8 @@ FAST_PATH = np.dtype(
         ("clock", "<i8", (2,)),  # struct timespec
         ("sleep", "<i8", (2,)),  # struct timespec: the longest time to sleep
         ("file", "<i4"),  # number of the file that signals a frame
-        ("files", "<u8", (FILES // 64,)),  # fd_set: a bit for each file
+        ("files", "<u8", (FILES // 64,)),  # fd_set: a bit for each file to wait for, or that has signalled
+        ("highest", "<i4"),  # number of the highest of these files
         ("watched", "<i4"),  # number of another file that ends a sleep, or NO_FILE
         ("signalled", "<i4"),  # 1: it has ended one, which its user notes here
         ("simulated_ns", "<i8"),  # simulated time, or MACHINE_CLOCK [ns]
@@ -276,6 +277,38 @@ def send_one(fast: Any, frame: Any) -> int:
 
 
 @kernel
+def forget_files(fast: Any) -> None:
+    """Wait for no file."""
+    fast[0]["highest"] = NO_FILE
+    _clear(fast[0]["files"])
+
+
+@kernel
+def await_file(fast: Any, file: int) -> None:
+    """Wait for one more file; `NO_FILE` for none."""
+    path = fast[0]
+    if file != NO_FILE:
+        path["highest"] = max(path["highest"], file)
+        path["files"][file // 64] |= np.uint64(1) << np.uint64(file % 64)
+
+
+@kernel
+def has_signalled(fast: Any, file: int) -> bool:
+    """Return whether a file that was waited for has signalled."""
+    return bool(file != NO_FILE and fast[0]["files"][file // 64] >> np.uint64(file % 64) & np.uint64(1))
+
+
+@kernel
+def sleep_until_signalled(fast: Any, longest_ns: int) -> None:
+    """Sleep until one of the files signals, a signal of the system comes, or the time is over [ns]."""
+    path = fast[0]
+    files, time = path["files"], path["sleep"]
+    time[0], time[1] = longest_ns // 1_000_000_000, longest_ns % 1_000_000_000
+    if _pselect(path["highest"] + 1, files.ctypes.data, 0, 0, time.ctypes.data, 0) <= 0:
+        _clear(files)
+
+
+@kernel
 def sleep(fast: Any, longest_ns: int) -> bool:
     """Sleep until something may have arrived, the watched file signals, a signal comes, or the time is over [ns].
 
@@ -286,14 +319,11 @@ def sleep(fast: Any, longest_ns: int) -> bool:
     if path["simulated_ns"] != MACHINE_CLOCK:
         path["simulated_ns"] += longest_ns
         return False
-    file, watched, files, time = path["file"], path["watched"], path["files"], path["sleep"]
-    _clear(files)
-    files[file // 64] = np.uint64(1) << np.uint64(file % 64)
-    if watched != NO_FILE:
-        files[watched // 64] |= np.uint64(1) << np.uint64(watched % 64)
-    time[0], time[1] = longest_ns // 1_000_000_000, longest_ns % 1_000_000_000
-    ready = _pselect(max(file, watched) + 1, files.ctypes.data, 0, 0, time.ctypes.data, 0)
-    return bool(ready > 0 and watched != NO_FILE and files[watched // 64] >> np.uint64(watched % 64) & np.uint64(1))
+    forget_files(fast)
+    await_file(fast, path["file"])
+    await_file(fast, path["watched"])
+    sleep_until_signalled(fast, longest_ns)
+    return has_signalled(fast, path["watched"])
 
 
 class Sender(NamedTuple):
@@ -310,7 +340,7 @@ def sender_of(row: Any) -> Sender:
     return Sender(row["name"][: row["name_size"]].tobytes(), key, address)
 
 
-def _waitable(file: int) -> int:
+def waitable(file: int) -> int:
     """Return the number of a socket's file, or raise an error if it cannot be waited for."""
     if file >= FILES:
         raise NetboardError(f"file {file} of this process is a socket; only the first {FILES} can be waited for")
@@ -328,7 +358,7 @@ class FastPath:
         self.record = np.zeros(1, FAST_PATH)
         path = self.record[0]
         path["socket"], path["keyed"] = 0 if socket is None else socket.underlying, keyed
-        path["file"] = 0 if socket is None else _waitable(socket.fileno())
+        path["file"] = 0 if socket is None else waitable(socket.fileno())
         path["watched"], path["simulated_ns"] = NO_FILE, MACHINE_CLOCK
         for name, text in (("user_id", b"User-Id"), ("peer_address", b"Peer-Address")):
             path[name][: len(text)] = np.frombuffer(text, np.uint8)
@@ -342,7 +372,7 @@ class FastPath:
 
     def watch(self, file: int) -> None:
         """Let signals of another socket's file end a sleep; `NO_FILE` for none."""
-        self.record[0]["watched"] = _waitable(file)
+        self.record[0]["watched"] = waitable(file)
 
     def mute(self, place: int, muted: bool) -> None:
         """Send nothing to any peer at a place, or send to it again."""

@@ -6,7 +6,7 @@ has changed, so a `Waiter` checks whether the socket is readable before and afte
 
 import select
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 from netboard.network.transport.authenticator import Socket, readable
 
@@ -32,15 +32,6 @@ class Waiter:
                 return False
             files = select.select(self._files, (), (), left)[0]
             changed = [self._by_file[file] for file in files]
-
-
-def signalled(files: Sequence[int], timeout: float) -> list[int]:
-    """Wait until the timeout [s]; return the sockets' files that have signalled: those sockets may be readable.
-
-    A signal comes only after a socket has been read until it was empty, and other operations on the socket can consume
-    it. A caller must therefore check every socket now and then, signalled or not.
-    """
-    return select.select(files, (), (), max(timeout, 0.0))[0]
 
 
 def wait_readable(socket: Socket, timeout: float) -> bool:

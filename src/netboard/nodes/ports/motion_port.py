@@ -11,6 +11,7 @@ handled after the tick, a few at a time. Of a registered agent, frames other tha
 """
 
 from collections.abc import Callable, Collection
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -144,11 +145,13 @@ class MotionPort:
         """Begin the row of a tick with both sides' samples; see `netboard.nodes.ports.samples.fill`."""
         return samples.fill(row, self._words, number, due_ns, late_ns, self._timeout_ns)
 
-    def run(self, ticks: Callable[..., int], stage: tuple[Any, ...], run: Any, delay: int) -> int:
-        """Run undisturbed ticks and send their forces; see `netboard.nodes.server.undisturbed`, also for the result."""
+    def undisturbed_ticks(
+        self, ticks: Callable[..., int], stage: tuple[Any, ...], run: Any, delay: int
+    ) -> Callable[[], int]:
+        """Return a call that runs undisturbed ticks; see `netboard.nodes.server.undisturbed`, also for its result."""
         sample = self._form[-1]
         motion = self.fast.record, self._words, self.gains, self._frame, sample, self._unregistered
-        return ticks((*motion, self._force, self._force_words), stage, run, delay, self._timeout_ns)
+        return partial(ticks, (*motion, self._force, self._force_words), stage, run, delay, self._timeout_ns)
 
     def force(self, row: Any, commanded: Any) -> None:
         """Send each agent its commanded force of a tick, or the board's state from which it computes the force.

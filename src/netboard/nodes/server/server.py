@@ -11,12 +11,13 @@ from collections.abc import Callable, Sequence
 from netboard.base.clock import now_ns
 from netboard.base.process import steady_loop
 from netboard.base.tick import TICK_NS
-from netboard.network.transport import poller, sockets
+from netboard.network.transport import sockets
 from netboard.network.transport.authenticator import Authenticator
 from netboard.nodes.ports import samples
 from netboard.nodes.server.attempts import Attempts
 from netboard.nodes.server.blocks import BlockSequence
 from netboard.nodes.server.session import Session
+from netboard.nodes.server.turns import CONTROL, MOTION, Turns
 
 log = logging.getLogger(__name__)
 
@@ -68,20 +69,18 @@ class Server:
         """Run the sessions until one begins to end or is over, which changes the sockets to wait for."""
         for session in running:
             session.sleeps = len(running) == 1
-        files = [file for session in running if not session.records.ending for file in session.files]
+        turns = Turns([session.files for session in running])
+        for place, session in enumerate(running):
+            turns.set_wake(place, session.wake_ns)
         while True:
-            sleep_ns = min(min(session.wake_ns for session in running) - now_ns(), MAX_SLEEP_NS)
-            # A session that is alone waits for its sockets itself.
-            signalled = poller.signalled(files, sleep_ns * 1e-9) if sleep_ns > 0 or len(running) > 1 else []
-            now = now_ns()
-            for session in running:
-                motion, control = session.files
-                if not (motion in signalled or control in signalled or now >= session.wake_ns):
+            for place, found in enumerate(turns.wait(MAX_SLEEP_NS)):
+                if not found:
                     continue
-                before = session.records.ending
-                session.run_once(motion in signalled, control in signalled)
-                if session.records.over or session.records.ending != before:
+                session = running[place]
+                if session.run_once(bool(found & MOTION), bool(found & CONTROL)):
                     return
+                turns.set_wake(place, session.wake_ns)
             if stopping():
-                for session in running:
+                for place, session in enumerate(running):
                     session.stop()
+                    turns.set_wake(place, session.wake_ns)

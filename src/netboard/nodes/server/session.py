@@ -10,6 +10,8 @@ still wakes the session at once.
 A session is not open until its form is complete: until then nothing is recorded and no block can begin.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -96,6 +98,7 @@ class Session:
         self._undisturbed = False  # whether the next ticks can be run in one call
         self._runs = np.zeros(1, RUN)
         self._run = self._runs.view(np.int64).data
+        self._undisturbed_ticks: Callable[[], int] = lambda: STEPS
         self._run_until = 0  # number of the tick before which Python does more than to publish views
         self._control_unread, self._deferred_due_ns, self._answer_ns = False, 0, 0
         self._postponed = self._stagger = 0
@@ -120,26 +123,32 @@ class Session:
         """Ask the session to end, at once."""
         if not self._state.end_requested:
             self._state.end_requested, self._clock.wake_ns = True, 0
+            self._run_until = self._run[_UNTIL] = 0
 
     # --- the loop --------------------------------------------------------------------------------------------------
 
-    def run_once(self, motion: bool, control: bool) -> None:
+    def run_once(self, motion: bool, control: bool) -> bool:
         """Take the messages that have arrived, and run the ticks that are due.
 
         The motion channel is read last, until it is empty, because its socket only then signals again. If it holds more
         than one tick can take, the rest is read at the next tick, signalled or not.
+
+        Returns whether the session has begun to end or is over.
         """
         clock, state = self._clock, self._state
-        if self.records.ending:
-            now = now_ns()
-            self.records.continue_ending(now)
-            clock.wake_ns = now + TICK_NS
-            return
-        self._control_unread |= control
-        ended = self._run_undisturbed() if self._undisturbed else None
-        if ended == WAITS:
-            clock.wake_ns = self._run[_WAKE]
-            return
+        if self._undisturbed:
+            ended = self._continue_run(control)
+            if ended == WAITS:
+                clock.wake_ns = self._run[_WAKE]
+                return False
+        else:
+            ended = None
+            if self.records.ending:
+                now = now_ns()
+                self.records.continue_ending(now)
+                clock.wake_ns = now + TICK_NS
+                return self.records.over
+            self._control_unread |= control
         if ended == DONE:  # the compiled call has read the motion channel until it was empty
             self._motion.probe_clocks()
             complete = self._run[_WAKE] < self._run[_DUE]
@@ -151,11 +160,13 @@ class Session:
             complete = self._motion.drain(now_ns, clock.due_ns)
         self._do_deferred_work(now_ns())
         if state.end_requested and self._end():
-            return
+            self.files, self._undisturbed = (NO_FILE, NO_FILE), False
+            return True
         self._undisturbed = self._can_run_in_one_call
         if self._undisturbed:
             self._plan_run()
         self._sleep(complete)
+        return False
 
     def _tick_if_due(self, motion: bool) -> None:
         """Take the samples that have arrived, and run the tick if it is due, or all ticks that are due while idle."""
@@ -225,30 +236,39 @@ class Session:
     # --- ticks -----------------------------------------------------------------------------------------------------
 
     def _plan_run(self) -> None:
-        """Set how many undisturbed ticks may run before other work is due."""
-        number, run = self._state.number, self._run
+        """Set how many undisturbed ticks may run before other work is due, and prepare the compiled call."""
+        state, run, motion, block = self._state, self._run, self._motion, self._state.block
+        number, now = state.number, now_ns()
         until = number + -(number + self._stagger) % FEED_TICKS + 1
-        run[_FORCES] = self._state.felt
-        run[_RELEVANT], run[_FINE] = IN_TRIAL if self._state.active else WAITING
+        run[_FORCES] = state.felt
+        run[_RELEVANT], run[_FINE] = IN_TRIAL if state.active else WAITING
         if not run[_FORCES]:
             until = min(until, number + -number % HEARTBEAT_TICKS)
-        if self._motion.unhandled or self._log.must_read(now_ns()):
+        if self._control_unread or motion.unhandled or self._log.must_read(now):
             until = number + 1
         run[_NUMBER], run[_DUE], run[_SLEEPS] = number, self._clock.due_ns, self.sleeps
-        self._run_until = until
+        motion.fast.watch(NO_FILE if self._control_unread else self.files[1])
+        scene = (state.stage, state.rows, state.words, block.stage.book, block.stage.tables)
+        assert block.run is not None
+        self._undisturbed_ticks = motion.undisturbed_ticks(block.run, scene, self._runs, block.stage.delay)
+        self._end_run_before(until)
 
-    def _run_undisturbed(self) -> int:
+    def _end_run_before(self, until: int) -> None:
+        """Let the run end before a tick; the compiled call ends when views are due."""
+        self._run_until = until
+        self._run[_UNTIL] = min(until, self._state.ports.views.due(self._run[_NUMBER]))
+
+    def _continue_run(self, control: bool) -> int:
         """Run the next ticks, publish the views on the way, and do what follows them; return why they have ended."""
-        state, run, clock, until = self._state, self._run, self._clock, self._run_until
-        if state.end_requested:
-            until = run[_NUMBER]
-        elif self._control_unread:
-            until = min(until, run[_NUMBER] + 1)
-        self._motion.fast.watch(NO_FILE if self._control_unread else self.files[1])
-        while (ended := self._run_until_views(until)) == DONE and run[_NUMBER] < until:
+        state, run, clock = self._state, self._run, self._clock
+        if control:
+            self._control_unread = True
+            self._end_run_before(min(self._run_until, run[_NUMBER] + 1))
+        while (ended := self._undisturbed_ticks()) == DONE and run[_NUMBER] < self._run_until:
             if state.words[(run[_NUMBER] - 1) % RING_ROWS, _EVENT]:
                 break
             self._show_views(run[_NUMBER])
+            self._end_run_before(self._run_until)
         if ended == WAITS:
             return ended
         self._control_unread |= ended == INTERRUPTED
@@ -261,14 +281,6 @@ class Session:
         if ended == MESSAGE:
             self._motion.read_other_frame(now_ns(), clock.due_ns)
         return ended
-
-    def _run_until_views(self, until: int) -> int:
-        """Run ticks in one call until views are due, or before a given tick; return why they have ended."""
-        state, run, stage = self._state, self._run, self._state.block.stage
-        assert state.block.run is not None
-        run[_UNTIL] = min(until, state.ports.views.due(run[_NUMBER]))
-        scene = (state.stage, state.rows, state.words, stage.book, stage.tables)
-        return self._motion.run(state.block.run, scene, self._runs, stage.delay)
 
     def _follow_up(self, count: int) -> None:
         """Finish some ticks, and do the periodic work if it is due."""

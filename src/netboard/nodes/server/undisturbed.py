@@ -136,8 +136,9 @@ def _composed(ticks: Callable[..., None]) -> Callable[..., int]:
 def run_of(stage: Stage) -> Callable[..., int]:
     """Compile the undisturbed ticks of a stage, or load them from the cache.
 
-    The arguments are those of `netboard.nodes.ports.motion_port.MotionPort.run`, the stage's state, rows, words, book
-    and tables, a run (`RUN`), the force delay in ticks, and the age from which a sample no longer counts [ns].
+    The arguments are those that `netboard.nodes.ports.motion_port.MotionPort.undisturbed_ticks` passes, the stage's
+    state, rows, words, book and tables, a run (`RUN`), the force delay in ticks, and the age from which a sample no
+    longer counts [ns].
     """
     rows = np.zeros(1, TICK)
     motion = (

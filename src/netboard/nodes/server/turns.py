@@ -1,0 +1,66 @@
+"""The turns of the sessions of a server: it sleeps until one of them has something to do.
+
+A server of many dyads wakes ten times a millisecond, so this is compiled: Python's own `select` takes longer than the
+ticks that follow it.
+"""
+
+from collections.abc import Collection, Sequence
+from typing import Any
+
+import numpy as np
+
+from netboard.base.compiled import machine_code, waiting
+from netboard.network.transport import fastpath
+
+MOTION, CONTROL, DUE = 1, 2, 4
+"""Bits of why a session has its turn: a message on one of its channels, or its time has come."""
+
+_WAKE, _MOTION_FILE, _CONTROL_FILE, _FOUND = range(4)
+
+
+@waiting
+def _wait(fast: Any, turns: Any, longest_ns: int) -> None:
+    """Sleep until a session has something to do, or for the longest time [ns], and note for each what it is."""
+    begun_ns = fastpath.now_ns(fast)
+    wake_ns = begun_ns + longest_ns
+    fastpath.forget_files(fast)
+    for turn in turns:
+        wake_ns = min(wake_ns, turn[_WAKE])
+        fastpath.await_file(fast, turn[_MOTION_FILE])
+        fastpath.await_file(fast, turn[_CONTROL_FILE])
+    if wake_ns > begun_ns or len(turns) > 1:  # a session that is alone waits for its sockets itself
+        fastpath.sleep_until_signalled(fast, max(wake_ns - begun_ns, 0))
+    else:
+        fastpath.forget_files(fast)
+    now_ns = fastpath.now_ns(fast)
+    for turn in turns:
+        motion = fastpath.has_signalled(fast, turn[_MOTION_FILE])
+        control = fastpath.has_signalled(fast, turn[_CONTROL_FILE])
+        turn[_FOUND] = MOTION * motion + CONTROL * control + DUE * (now_ns >= turn[_WAKE])
+
+
+class Turns:
+    """When each of some sessions wants to run, and the files of its sockets; `fastpath.NO_FILE` for none.
+
+    ``files``: of the motion and the control channel, for each session.
+    """
+
+    def __init__(self, files: Collection[Sequence[int]]) -> None:
+        turns = np.zeros((len(files), 4), np.int64)
+        for turn, (motion, control) in zip(turns, files, strict=True):
+            turn[_MOTION_FILE], turn[_CONTROL_FILE] = motion, control
+        self._turns, self._fast = turns, fastpath.FastPath(None).record
+        self._wake_ns, self._found = turns[:, _WAKE].data, turns[:, _FOUND].data
+        self._wait = machine_code(_wait, self._fast, turns, 0)
+
+    def set_wake(self, place: int, wake_ns: int) -> None:
+        """Set when a session wants to run if no message arrives first [ns]."""
+        self._wake_ns[place] = wake_ns
+
+    def wait(self, longest_ns: int) -> list[int]:
+        """Sleep until a session has something to do, or for the longest time [ns].
+
+        Returns for each session the sum of `MOTION`, `CONTROL` and `DUE`; 0 if it has nothing to do.
+        """
+        self._wait(self._fast, self._turns, longest_ns)
+        return self._found.tolist()
