@@ -202,7 +202,7 @@ def test_dyads_shared_by_several_studies_are_noted(tmp_path: Path, whole: Elemen
 def test_excluded_attempts_are_listed_with_all_reasons(whole: Element) -> None:
     (table,) = [one for one in section(whole, "quality").all("table") if "with all reasons" in one.text]
     listed = {tuple(cell.text for cell in row.children if isinstance(cell, Element)) for row in table.all("tr")[1:]}
-    warm_up = "one of the first 1 trials of the block"
+    warm_up = "the first trial of the block"
     twice = f"{warm_up}; excluded by the experimenter: a noise"
     expected = {(f"made_{k}", "1", at, twice if k == 2 else warm_up) for k in range(1, 6) for at in ("1", "2")}
     assert listed == expected | {("made_2", "3", "1", "excluded by the experimenter: the phone rang")}

@@ -29,12 +29,13 @@ def study(folder: Path, *words: str) -> Study:
 
 
 def blocks(**columns: object) -> pd.DataFrame:
-    return pd.DataFrame({"recording": ["r"], "pilot": [0], "simulated": [0], "not_measured": [""]} | columns)
+    base = {"recording": ["r"], "pilot": 0, "simulated": 0, "not_measured": "", "run": "r", "block": 1}
+    return pd.DataFrame(base | {"config_sha256": ""} | columns)
 
 
 def trials(**columns: object) -> pd.DataFrame:
     base = {"recording": "r", "trial": [1, 2, 3], "attempt": 1, "catch": 0, "flags": ""}
-    base |= {"outcome": "success", "completion": 1.0}
+    base |= {"outcome": "success", "completion": 1.0, "target": 1, "duration": 3.0, "recorded_completion": 1.0}
     return pd.DataFrame(base | columns)
 
 
@@ -125,11 +126,27 @@ def test_attempt_is_listed_with_all_its_reasons() -> None:
 
 @pytest.mark.parametrize(("pilots", "count"), [("unless_all", 1), ("always", 1), ("never", 0)])
 def test_pilots_are_excluded_as_configured(pilots: str, count: int) -> None:
-    both = pd.DataFrame({"recording": ["r", "s"], "pilot": [0, 1], "simulated": 0, "not_measured": ""})
+    both = blocks(recording=["r", "s"], pilot=[0, 1], run=["r", "s"])
     rows = trials(recording=["r", "r", "s"])
     assert len(excluded(both, rows, Exclusions(pilots=pilots))) == count  # type: ignore[arg-type]
     alone = excluded(blocks(pilot=[1]), trials(), Exclusions(pilots=pilots))  # type: ignore[arg-type]
     assert len(alone) == (3 if pilots == "always" else 0)
+
+
+def test_an_attempt_that_two_loggers_recorded_counts_once() -> None:
+    """The second logger joined in trial 2, and the first one failed in trial 4, which neither has completely."""
+    both = blocks(recording=["a", "b"], not_measured=["4.1 unknown", "2.1 unreleased"])
+    rows = trials(recording=["a", "a", "a", "b", "b"], trial=[1, 2, 3, 3, 5], duration=[3.0, 2.0, 4.0, 4.0, 3.0])
+    found = excluded(both, rows, Exclusions())
+    again = found[~found["why"].str.contains("ended|release")]
+    assert list(again.itertuples(index=False, name=None)) == [
+        ("b", 3, 1, "recorded by another logger, too: counts in a")
+    ]
+    flagged = excluded(both, rows.assign(flags=["", "", "lost_samples", "", ""]), Exclusions())
+    again = flagged[flagged["why"].str.contains("another logger")]
+    assert list(again[["recording", "trial"]].itertuples(index=False, name=None)) == [("a", 3)]
+    other_runs = both.assign(run=["one", "two"])
+    assert not excluded(other_runs, rows, Exclusions())["why"].str.contains("another logger").any()
 
 
 @pytest.mark.parametrize("word", ["r/9: late", "q/1: late", "r/1", "r/one: late", "r/1:"])
@@ -176,6 +193,16 @@ def test_resumed_block_continues_its_trial_numbers() -> None:
     assert list(found.trials["recording"]) == ["x_ff", "x_ff_part2", "x_00"]
     assert list(found.trials["order"]) == [1, 2, 3]
     assert set(found.blocks["block"]) == {1}
+
+
+def test_an_attempt_in_two_recordings_counts_as_one_excluded_attempt() -> None:
+    """A logger that failed in a trial recorded its beginning, and the next one its end."""
+    parts = [one_trial_recording("x", 1, "10:00", run="x"), one_trial_recording("x_part2", 1, "10:05", part=2, run="x")]
+    parts[0].blocks["not_measured"][:] = "2.1 abort"
+    parts[1].blocks["not_measured"][:] = "2.1 unreleased; 3.1 pause"
+    found = study_of(parts, Readings())
+    assert len(found.exclusions) == 3
+    assert found.excluded_attempts == 2
 
 
 def test_parts_of_a_block_keep_their_order_if_the_wall_clock_is_set_back() -> None:

@@ -84,7 +84,7 @@ def test_exclusions_are_reported_and_settings_are_saved(study: Path) -> None:
     assert result.exit_code == 0, result.output
     assert "4 recordings" in result.output
     assert "4 trials count" in result.output
-    assert "excluded: 4 x one of the first 1 trials of the block" in result.output
+    assert "excluded: 4 x the first trial of the block" in result.output
     assert tomllib.loads(Path("out/settings.toml").read_text())["exclusions"]["warm_up"] == 1
     assert list(Path().glob(".out*")) == []
 

@@ -25,6 +25,12 @@ NO_COMPLETION = "no completion time: with the settings of this analysis, its sam
 NO_RELEASE = "its release is not in the recording, so its times are not known"
 """Reason for the exclusion of an attempt that began before the first tick of its recording."""
 
+BLOCK_RUN = ("run", "block", "config_sha256")
+"""Columns of the table of blocks that are the same in all recordings of a run of a block."""
+
+_SAME_ATTEMPT = (*BLOCK_RUN, "trial", "attempt", "outcome", "target", "duration", "recorded_completion")
+"""Columns by which an attempt in two recordings is the same; its measures may differ if one begins within it."""
+
 _STUCK = ("stuck_left", "stuck_right")
 
 
@@ -43,7 +49,27 @@ def excluded(blocks: pd.DataFrame, trials: pd.DataFrame, rules: Exclusions) -> p
         for why in _reasons(row, recordings[row["recording"]], rules, pilots, named)
     ]
     rows += [(name, *ended) for name, block in recordings.items() for ended in _ended_otherwise(block["not_measured"])]
+    rows += _recorded_again(blocks, trials)
     return pd.DataFrame(rows, columns=[field.name for field in EXCLUSIONS])
+
+
+def _recorded_again(blocks: pd.DataFrame, trials: pd.DataFrame) -> Iterator[tuple[str, int, int, str]]:
+    """Yield each attempt that another recording has, too, as when two loggers recorded parts of the same block.
+
+    It counts where it is without quality flags, or else in the first recording.
+    """
+    known = blocks.loc[blocks["run"] != "", ["recording", *BLOCK_RUN]]
+    joined = trials.merge(known, on="recording", validate="many_to_one")
+    best = joined.sort_values("flags", key=lambda flags: flags != "", kind="stable")
+    counts_in = best.groupby(list(_SAME_ATTEMPT), dropna=False)["recording"].transform("first").sort_index()
+    for row, counted in zip(joined.to_dict("records"), counts_in, strict=True):
+        if row["recording"] != counted:
+            yield (
+                row["recording"],
+                row["trial"],
+                row["attempt"],
+                f"recorded by another logger, too: counts in {counted}",
+            )
 
 
 def named_trials(rules: Exclusions) -> dict[tuple[str, int], str]:
@@ -87,7 +113,8 @@ def _reasons(
     if pilots and block["pilot"]:
         yield "a pilot recording"
     if row["trial"] <= rules.warm_up:
-        yield f"one of the first {rules.warm_up} trials of the block"
+        which = "the first trial" if rules.warm_up == 1 else f"one of the first {rules.warm_up} trials"
+        yield f"{which} of the block"
     if block.get("role") in rules.roles:
         yield f"in a {block['role']} block"
     if rules.catch and row["catch"]:

@@ -19,7 +19,7 @@ from netboard.analysis.extraction.conditions import (
     study_levels,
     value_columns,
 )
-from netboard.analysis.extraction.exclusions import excluded
+from netboard.analysis.extraction.exclusions import BLOCK_RUN, excluded
 from netboard.analysis.extraction.recordings import BLOCKS, FIELDS, Measured
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.tables import ATTEMPT_KEY, Columns, count, words
@@ -97,8 +97,9 @@ class Study:
 
     @property
     def excluded_attempts(self) -> int:
-        """Number of excluded attempts [1]."""
-        return len(self.exclusions.drop_duplicates(ATTEMPT_KEY))
+        """Number of excluded attempts; one that is in two recordings, as if a logger failed in it, counts once [1]."""
+        rows = self.exclusions.merge(self.blocks[["recording", *BLOCK_RUN]], on="recording", validate="many_to_one")
+        return len(rows.drop_duplicates([*BLOCK_RUN, "trial", "attempt"]))
 
     @property
     def dyads(self) -> list[str]:

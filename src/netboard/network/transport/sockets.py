@@ -42,8 +42,8 @@ CONTROL_HWM = 1000
 CONTROL_SERVER_HWM, SERVER_RECEIVE_HWM = 64, 16
 """Messages queued for a peer, and from a peer, at the server.
 
-Queued messages take memory, and allocating much of it at once would hold up the tick. But whoever reads a queue wakes
-the thread at its other end each time that half of it has been read: with 4 messages, at every second one [1].
+Queued messages take memory, and allocating much of it at once would hold up the tick. But reading a queue wakes the
+thread at its other end each time that half of the queue has been read: with 4 messages, at every second one [1].
 """
 HANDSHAKE_MS = 5_000
 """Time after which a connection without a complete handshake is closed: it holds a file of the server [ms]."""
