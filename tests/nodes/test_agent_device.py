@@ -150,6 +150,25 @@ def nothing() -> None:
     """Do nothing."""
 
 
+def test_motors_of_a_lost_device_that_is_back_are_still_warm(new_rig: Callable[..., Rig]) -> None:
+    rig = new_rig()
+    lost, attempts = rig.agent._safety, rig.device.open_attempts
+
+    def pull() -> None:
+        lost.chain[0]["mean"] = 0.85  # as after some seconds at the continuous force
+        rig.device.plugged = False
+
+    def plug_in() -> None:
+        rig.device.plugged = True
+
+    rig.run(
+        (lambda: bool(rig.samples()), pull),
+        (lambda: rig.device.open_attempts > attempts, plug_in),
+        (lambda: rig.agent._safety is not lost, nothing),
+    )
+    assert 0.5 < rig.agent._safety.chain[0]["mean"] <= 0.85
+
+
 @pytest.mark.slow
 def test_unplugged_device_is_searched_for_and_reconnected(new_rig: Callable[..., Rig]) -> None:
     rig = new_rig()

@@ -22,8 +22,11 @@ from netboard.network.protocol.records import BackfillRecord, EventRecord
 from netboard.network.transport import channels, sockets
 from netboard.nodes.agent.rendered_buffer import RenderedRing
 from netboard.nodes.ports.control_port import MAX_PEERS
+from netboard.nodes.ports.log_port import LogPort
 from netboard.nodes.ports.peer import Peer
 from netboard.nodes.server.block_changes import PAGE_TICKS
+from netboard.nodes.server.record_keeping import FRAMES_AT_ONCE
+from netboard.nodes.server.session import FEED_TICKS
 from netboard.nodes.server.supervision import READY_TICKS
 from netboard.task.trials.state_machine import Phase
 
@@ -339,6 +342,39 @@ def test_status_before_a_trial_gives_the_reason_of_a_logger_that_left(stepped: S
     assert stepped.session._answers.status().notice == f"waiting for the logger; {reason}"
     stepped.state.supervisor.notice = f"paused: {reason}"
     assert stepped.session._answers.status().notice == f"paused: {reason}"
+
+
+def test_frames_of_two_displays_at_the_highest_rate_are_recorded_as_fast_as_they_are_painted() -> None:
+    assert FRAMES_AT_ONCE * 1000 / FEED_TICKS > 2 * 240
+
+
+TROUBLES: dict[str, Callable[[SteppedSession], object]] = {
+    "the operator has disarmed": lambda stepped: stepped.do("disarm"),
+    "emergency stop": lambda stepped: stepped.do("emergency_stop"),
+    "the server stalled": lambda stepped: setattr(stepped.state.clock, "gap", "the server stalled for 30 ms"),
+    "too late": lambda stepped: setattr(stepped.state.block.latency, "trouble", "forces come too late"),
+    "the log": lambda stepped: setattr(stepped.state.ports.log, "trouble", "the log is full"),
+}
+
+
+@pytest.mark.parametrize("named", TROUBLES)
+def test_any_trouble_pauses_a_trial_with_haptic_feedback_at_the_next_tick(
+    tmp_path: Path, context: sockets.Context, monkeypatch: pytest.MonkeyPatch, named: str
+) -> None:
+    """Even though all samples are in order: a force waits for nothing that is not due."""
+    monkeypatch.setattr(LogPort, "loggers", 1)
+    stepped = SteppedSession(tmp_path, context, "network.require_logger=true")
+    stepped.start()
+    stepped.until(Phase.RUNNING)
+    stepped.tick()
+    assert stepped.state.felt
+    assert stepped.session._can_run_in_one_call
+    TROUBLES[named](stepped)
+    assert not stepped.session._can_run_in_one_call
+    stepped.tick()
+    assert stepped.phase == Phase.PAUSED
+    assert named in stepped.state.supervisor.notice
+    stepped.close()
 
 
 def test_device_replaced_in_a_trial_is_recorded_and_awaits_the_operator(automatic: SteppedSession) -> None:

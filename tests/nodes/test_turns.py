@@ -28,9 +28,9 @@ def pipes() -> Iterator[Pipes]:
 
 def turns_of(pipes: Pipes, *wakes_ns: int) -> Turns:
     files = [end for end, _ in pipes]
-    turns = Turns([files[2 * place : 2 * place + 2] for place in range(len(wakes_ns))])
+    turns = Turns(len(wakes_ns))
     for place, wake_ns in enumerate(wakes_ns):
-        turns.set_wake(place, wake_ns)
+        turns.plan(place, wake_ns, *files[2 * place : 2 * place + 2])
     return turns
 
 
@@ -54,7 +54,7 @@ def test_a_session_whose_time_has_come_has_a_turn(pipes: Pipes) -> None:
     os.write(pipes[0][1], b"sample")
     os.write(pipes[2][1], b"sample")
     assert turns.wait(LONG_NS) == [DUE + MOTION, MOTION]
-    turns.set_wake(0, FAR_NS)
+    turns.plan(0, FAR_NS, pipes[0][0], pipes[1][0])
     assert turns.wait(LONG_NS) == [MOTION, MOTION]
 
 
@@ -73,10 +73,10 @@ def test_a_session_alone_that_waits_for_its_sockets_itself_has_turns_by_time_onl
 def test_an_ending_session_waits_for_no_file(pipes: Pipes) -> None:
     for _, end in pipes:
         os.write(end, b"message")
-    turns = Turns([(NO_FILE, NO_FILE), (pipes[2][0], pipes[3][0])])
-    turns.set_wake(0, FAR_NS)
-    turns.set_wake(1, FAR_NS)
+    turns = Turns(2)
+    turns.plan(0, FAR_NS, NO_FILE, NO_FILE)
+    turns.plan(1, FAR_NS, pipes[2][0], pipes[3][0])
     assert turns.wait(LONG_NS) == [0, MOTION + CONTROL]
-    turns = Turns([(NO_FILE, NO_FILE)])
-    turns.set_wake(0, FAR_NS)
+    turns = Turns(1)
+    turns.plan(0, FAR_NS, NO_FILE, NO_FILE)
     assert turns.wait(SHORT_NS) == [0]

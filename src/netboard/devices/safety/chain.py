@@ -329,6 +329,11 @@ class Safety:
         for name in _LIMITS:
             c[name] = getattr(limits, name)
 
+    def keep_mean_of(self, before: "Safety") -> None:
+        """Continue the mean force of the same motors, as when a lost device is back: they are still warm."""
+        for name in ("mean", "now_ns"):
+            self.chain[0][name] = before.chain[0][name]
+
     @property
     def guard(self) -> Guard:
         """State of the chain."""

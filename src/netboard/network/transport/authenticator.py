@@ -100,7 +100,7 @@ class Authenticator:
     def answer_handshakes(self) -> None:
         """Answer waiting handshakes, a few at a time, in the context of each channel.
 
-        No peer can connect unless this is called; the session calls it a thousand times a second.
+        No peer can connect unless this is called; the session calls it at least 50 times a second.
         """
         for handler in self._handlers:
             handler.answer()

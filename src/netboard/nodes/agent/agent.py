@@ -205,7 +205,8 @@ class Agent:
                 Pacer(now_ns() + SEARCH_INTERVAL_NS).wait()
                 continue
             log.info("the device is back: %s %s", info.model, info.serial)
-            self._safety = Safety(self._config.safety, info.max_force, info.continuous_force)
+            lost, self._safety = self._safety, Safety(self._config.safety, info.max_force, info.continuous_force)
+            self._safety.keep_mean_of(lost)
             if self._stopped:
                 self._safety.stop()
             self._link.introduce(introduction(self._side, self._config, info, self._identity))

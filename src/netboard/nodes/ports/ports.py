@@ -9,6 +9,7 @@ from netboard.base.config import Config, Side
 from netboard.network.protocol.joining import Welcome
 from netboard.network.transport import channels, sockets
 from netboard.network.transport.authenticator import Authenticator
+from netboard.network.transport.fastpath import waitable
 from netboard.nodes.ports.control_port import ControlPort
 from netboard.nodes.ports.log_port import LogPort
 from netboard.nodes.ports.motion_port import MotionPort
@@ -46,7 +47,7 @@ class Ports:
         self.log = LogPort(sockets.log_server(context, where.listen(channels.LOG)), welcome, ring, spill)
         self.views = ViewPort(network, context, authenticator)
         # Numbers of the files that wake the session when a message arrives: motion, control.
-        self.files = (motion.socket.fileno(), control.socket.fileno())
+        self.files = waitable(motion.socket.fileno()), waitable(control.socket.fileno())
 
     def renew(self, welcome: Welcome, ends: Any, people: tuple[Side, ...]) -> None:
         """Send the welcome of a new block to all peers. ``people``: the sides whose hand is a person's."""

@@ -37,6 +37,7 @@ class Server:
         autostart: bool,
     ) -> None:
         samples.warm()
+        Turns(0)  # compiles what waits, before a tick is due
         self.sessions = [
             Session(sequence, attempts, context, authenticator, autostart=autostart)
             for (sequence, attempts), authenticator in zip(sessions, authenticators, strict=True)
@@ -69,9 +70,9 @@ class Server:
         """Run the sessions until one begins to end or is over, which changes the sockets to wait for."""
         for session in running:
             session.sleeps = len(running) == 1
-        turns = Turns([session.files for session in running])
+        turns = Turns(len(running))
         for place, session in enumerate(running):
-            turns.set_wake(place, session.wake_ns)
+            turns.plan(place, session.wake_ns, *session.files)
         while True:
             for place, found in enumerate(turns.wait(MAX_SLEEP_NS)):
                 if not found:
@@ -79,8 +80,8 @@ class Server:
                 session = running[place]
                 if session.run_once(bool(found & MOTION), bool(found & CONTROL)):
                     return
-                turns.set_wake(place, session.wake_ns)
+                turns.plan(place, session.wake_ns, *session.files)
             if stopping():
                 for place, session in enumerate(running):
                     session.stop()
-                    turns.set_wake(place, session.wake_ns)
+                    turns.plan(place, session.wake_ns, *session.files)

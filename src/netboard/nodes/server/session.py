@@ -92,7 +92,6 @@ class Session:
         self.records = RecordKeeping(state)  # knows whether the session is ending, is over, and has everything on disk
         self._motion, self._control, self._log = state.ports.motion, state.ports.control, state.ports.log
         self._clock = state.clock
-        self.files = state.ports.files
         self._stopping = False
         self.sleeps = False  # whether no other session runs in the loop
         self._undisturbed = False  # whether the next ticks can be run in one call
@@ -107,6 +106,12 @@ class Session:
     def wake_ns(self) -> int:
         """When the session wants to run next if no message arrives first [ns]."""
         return self._clock.wake_ns
+
+    @property
+    def files(self) -> tuple[int, int]:
+        """The files that signal a message on the motion and on the control channel; `NO_FILE`: do not wait for it."""
+        motion, control = (NO_FILE, NO_FILE) if self.records.ending else self._state.ports.files
+        return motion, NO_FILE if self._control_unread else control
 
     def begin(self, due_ns: int, machine: dict[str, str], share: float = 0.0) -> None:
         """Make the first tick due at a time [ns].
@@ -160,7 +165,7 @@ class Session:
             complete = self._motion.drain(now_ns, clock.due_ns)
         self._do_deferred_work(now_ns())
         if state.end_requested and self._end():
-            self.files, self._undisturbed = (NO_FILE, NO_FILE), False
+            self._undisturbed = False
             return True
         self._undisturbed = self._can_run_in_one_call
         if self._undisturbed:
@@ -247,7 +252,7 @@ class Session:
         if self._control_unread or motion.unhandled or self._log.must_read(now):
             until = number + 1
         run[_NUMBER], run[_DUE], run[_SLEEPS] = number, self._clock.due_ns, self.sleeps
-        motion.fast.watch(NO_FILE if self._control_unread else self.files[1])
+        motion.fast.watch(self.files[1])
         scene = (state.stage, state.rows, state.words, block.stage.book, block.stage.tables)
         assert block.run is not None
         self._undisturbed_ticks = motion.undisturbed_ticks(block.run, scene, self._runs, block.stage.delay)
@@ -298,7 +303,7 @@ class Session:
     def _no_command_due(self) -> bool:
         """Whether, while all samples are fine, no command can be due at the next tick of a trial."""
         state = self._state
-        if self._clock.gap or self._log.trouble or state.block.latency.trouble:
+        if state.in_trouble:
             return False
         return not (state.operators.pause_after or state.attempts.wanted or self._control.requests or self._stopping)
 
@@ -309,7 +314,7 @@ class Session:
         While no forces are sent, every `HEARTBEAT_TICKS` the supervisor is asked, and heartbeats are sent.
         """
         state = self._state
-        if state.block.run is None or state.idle or state.emergency_stop.halted or self._blocks.coming:
+        if state.block.run is None or state.idle or self._blocks.coming:
             return False
         return (state.felt or state.number % HEARTBEAT_TICKS != 0) and self._no_command_due
 

@@ -124,6 +124,12 @@ class SessionState:
             lacking.append("the rest to be over")
         return tuple(lacking)
 
+    @property
+    def in_trouble(self) -> bool:
+        """Whether something other than the samples of a tick may keep a trial from going on, as `trouble` then says."""
+        stopped = self.emergency_stop.halted or (self.active and not self.operators.armed)
+        return bool(stopped or self.clock.gap or self.block.latency.trouble or self.ports.log.trouble)
+
     def trouble(self, found: int) -> str:
         """Return why a running trial cannot continue, empty if it can; a gap in time is reported once.
 

@@ -4,7 +4,6 @@ A server of many dyads wakes ten times a millisecond, so this is compiled: Pytho
 ticks that follow it.
 """
 
-from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -40,22 +39,20 @@ def _wait(fast: Any, turns: Any, longest_ns: int) -> None:
 
 
 class Turns:
-    """When each of some sessions wants to run, and the files of its sockets; `fastpath.NO_FILE` for none.
+    """When each of some sessions wants to run, and the files of its two sockets; `fastpath.NO_FILE` for none.
 
-    ``files``: of the motion and the control channel, for each session.
+    The files must be below `fastpath.FILES`.
     """
 
-    def __init__(self, files: Collection[Sequence[int]]) -> None:
-        turns = np.zeros((len(files), 4), np.int64)
-        for turn, (motion, control) in zip(turns, files, strict=True):
-            turn[_MOTION_FILE], turn[_CONTROL_FILE] = motion, control
-        self._turns, self._fast = turns, fastpath.FastPath(None).record
-        self._wake_ns, self._found = turns[:, _WAKE].data, turns[:, _FOUND].data
-        self._wait = machine_code(_wait, self._fast, turns, 0)
+    def __init__(self, count: int) -> None:
+        self._turns, self._fast = np.zeros((count, 4), np.int64), fastpath.FastPath(None).record
+        self._words, self._found = self._turns.data, self._turns[:, _FOUND].data
+        self._wait = machine_code(_wait, self._fast, self._turns, 0)
 
-    def set_wake(self, place: int, wake_ns: int) -> None:
-        """Set when a session wants to run if no message arrives first [ns]."""
-        self._wake_ns[place] = wake_ns
+    def plan(self, place: int, wake_ns: int, motion: int, control: int) -> None:
+        """Set when a session wants to run if no message arrives first [ns], and the files that signal one."""
+        words = self._words
+        words[place, _WAKE], words[place, _MOTION_FILE], words[place, _CONTROL_FILE] = wake_ns, motion, control
 
     def wait(self, longest_ns: int) -> list[int]:
         """Sleep until a session has something to do, or for the longest time [ns].
