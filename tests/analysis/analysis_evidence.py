@@ -67,7 +67,7 @@ WITHOUT = {
     },
     **{
         (f"estimates.{name}", kind): COMMON
-        for name in ("known", "mean", "constant")
+        for name in ("known", "mean", "difference", "constant")
         for kind in ("truth", "properties", "disturbance")
     },
     **{

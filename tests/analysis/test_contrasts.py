@@ -46,6 +46,14 @@ def test_contrast_combines_intervals_tests_and_effect_size() -> None:
     assert any("below 0.125" in note for note in found.notes)
 
 
+def test_a_difference_of_nothing_but_rounding_is_a_tie() -> None:
+    """The mean of 0.1, 0.2 and 0.3 is not 0.2 in binary numbers."""
+    values, units = [0.1, 0.2, 0.3, 1.0, 2.0, 0.2, 2.0, 1.0], ["D1", "D1", "D1", "D2", "D3", "D1", "D2", "D3"]
+    found = condition_contrast(values, units, [True] * 5 + [False] * 3, rng(), name="haptics", resamples=99)
+    assert found.differences == (0.0, -1.0, 1.0)
+    assert (found.signs.statistic, found.signs.n) == (1.0, 2)
+
+
 def test_unit_counts_once_however_many_values_it_has() -> None:
     values = [*np.repeat(WITH, 7), 3.5, 3.7, *WITHOUT[1:]]
     units = [*np.repeat(NAMES, 7), "D01", "D01", *NAMES[1:]]

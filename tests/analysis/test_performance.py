@@ -131,6 +131,13 @@ def test_relative_performance_follows_the_definition_of_the_paper() -> None:
     assert better.gain == worse.gain == 0.5
 
 
+def test_a_dyad_at_the_mean_of_its_participants_has_no_gain() -> None:
+    """Their mean is not exact in binary numbers: 99, 139 and 119 velocity peaks in 24 trials each."""
+    first, second = relative_performance(99 / 24, 139 / 24, 119 / 24), relative_performance(139 / 24, 99 / 24, 119 / 24)
+    assert first.gain == second.gain == 0.0
+    assert better_dyads([first]) == better_dyads([second]) == (0, 1)
+
+
 @pytest.mark.evidence("properties", relative_performance, of=("mirror", "constant"))
 @given(*[st.floats(0.5, 30)] * 4)
 def test_both_partners_have_the_same_gain(own: float, partner: float, dyad: float, added: float) -> None:

@@ -6,6 +6,7 @@ Standard deviations are those of single trials, as in the paper, unless particip
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isclose
 from typing import Any, Literal
 
 import numpy as np
@@ -16,6 +17,9 @@ Level = Literal["mean", "median", "last"]
 
 ENDS = 30
 """Number of trials at the start and at the end of a condition that the paper compares [1]."""
+
+ROUNDING = 1e-12
+"""Relative difference up to which levels are equal but for rounding [1]."""
 
 LAST = 60
 """Number of last trials that define final performance: one block [1]."""
@@ -254,9 +258,11 @@ def relative_performance(own: float, partner: float, dyad: float) -> RelativePer
     own, partner : float
         Level of each participant alone, from `level` [any].
     dyad : float
-        Level of the dyad [as the others].
+        Level of the dyad [as the others]. If it is the mean of the two but for rounding, the gain is exactly 0.
     """
-    return RelativePerformance((partner - own) / 2, dyad - own)
+    against_partner = (partner - own) / 2
+    tie = isclose(dyad, (own + partner) / 2, rel_tol=ROUNDING)
+    return RelativePerformance(against_partner, against_partner if tie else dyad - own)
 
 
 def better_dyads(pairs: Sequence[RelativePerformance]) -> tuple[int, int]:

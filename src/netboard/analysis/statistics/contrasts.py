@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
 from netboard.analysis.statistics.effect_sizes import paired_effect
-from netboard.analysis.statistics.estimates import Estimate, cluster_mean, constant, known, t_interval
+from netboard.analysis.statistics.estimates import Estimate, cluster_mean, constant, difference, known, t_interval
 from netboard.analysis.statistics.exact_tests import Test, permutation_test, sign_test
 
 TOO_SHORT = 16
@@ -96,7 +96,7 @@ def condition_contrast(
     labels, pairs = _pairs(values, units, first)
     both = np.isfinite(pairs).all(axis=1)
     before, after = pairs[both].T
-    gaps = before - after
+    gaps = difference(before, after)
     return Contrast(
         name,
         len(gaps),

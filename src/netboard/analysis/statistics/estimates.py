@@ -168,6 +168,12 @@ def mean(values: NDArray[np.float64]) -> float:
     return float(values.mean()) if len(values) else np.nan
 
 
+def difference(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the differences, exactly 0 where two values are equal but for rounding: a tie [any]."""
+    gaps = first - second
+    return np.where(np.abs(gaps) <= ROUNDING * np.maximum(np.abs(first), np.abs(second)), 0.0, gaps)
+
+
 def constant(values: NDArray[np.float64]) -> bool:
     """Return whether one or more values differ by no more than rounding."""
     return not np.ptp(values) > ROUNDING * np.abs(values).max()
