@@ -66,4 +66,6 @@ def control(
     else:
         words = reply.reason or (shell.state_text(status) if after else "the server is stopping")
         typer.echo(f"{command}: {words}")
+        if until not in (None, status.phase):
+            raise NetboardError(f"--until {until}: was not reached; {shell.state_text(status)}")
     raise typer.Exit(0 if reply.accepted and until in (None, status.phase) else 1)

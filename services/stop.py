@@ -39,13 +39,13 @@ def stop(
         if guard and not wait_and_stop(operator, settings.network, typer.echo):
             return
         if release:
-            shell.carry_out(operator, settings.network, emergency.RELEASE)
-            paused = shell.status_of(operator, settings.network).phase == "paused"
+            reply = shell.carry_out(operator, settings.network, emergency.RELEASE)
+            status = shell.status_after(operator, settings.network, reply)
         elif not guard:
             shell.emergency_stop(operator, settings.network)
     if release:
-        command = "resume" if paused else "start"
-        console.print(f"The emergency stop is released. To continue: netboard control {command}")
+        command = "resume" if status is not None and status.phase == "paused" else "start"
+        console.print(f"{reply.reason}. To continue: netboard control {command}")
     else:
         console.print("EMERGENCY STOP", style="bold red", end="")
         console.print(": all forces are zero. To release it: netboard stop --release")

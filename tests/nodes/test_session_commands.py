@@ -430,8 +430,27 @@ def test_devices_cannot_be_armed_during_an_emergency_stop(stepped: SteppedSessio
     assert stepped.state.ports.motion.may_arm
 
 
+@pytest.mark.parametrize("command", ["skip", "abort", "start", "stop", "emergency_release", "arm", "next"])
+def test_command_with_words_that_mean_nothing_is_refused(stepped: SteppedSession, command: str) -> None:
+    """``skip 6`` would otherwise skip the trial that runs, which is another one."""
+    stepped.start()
+    stepped.until(Phase.RUNNING)
+    assert stepped.do(command, "6") == (False, f"{command} has no argument; found '6'")
+    stepped.tick(2)
+    assert stepped.phase == Phase.RUNNING
+
+
+@pytest.mark.parametrize("command", ["emergency_stop", "pause", "disarm"])
+def test_command_that_stops_forces_acts_whatever_follows_it(stepped: SteppedSession, command: str) -> None:
+    stepped.start()
+    stepped.until(Phase.RUNNING)
+    assert stepped.do(command, "please")[0]
+    stepped.tick()
+    assert stepped.phase == Phase.PAUSED
+
+
 def test_release_without_an_emergency_stop_delays_nothing(automatic: SteppedSession) -> None:
-    assert automatic.do("emergency_release")[0]
+    assert automatic.do("emergency_release") == (True, "there is no emergency stop to release")
     automatic.tick(2 * READY_TICKS)
     assert automatic.phase != Phase.IDLE
 

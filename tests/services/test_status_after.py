@@ -19,6 +19,9 @@ class Asked(Operator):
     def ask(self, seconds: float) -> Status | None:
         return self._answer
 
+    def attend(self, seconds: float) -> None:
+        """Nothing else arrives."""
+
 
 def test_server_that_ended_with_an_accepted_command_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shell, "ANSWER_SECONDS", 0.0)

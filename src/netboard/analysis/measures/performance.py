@@ -258,7 +258,7 @@ def relative_performance(own: float, partner: float, dyad: float) -> RelativePer
     own, partner : float
         Level of each participant alone, from `level` [any].
     dyad : float
-        Level of the dyad [as the others]. If it is the mean of the two but for rounding, the gain is exactly 0.
+        Level of the dyad; if it is the mean of the two but for rounding, the gain is exactly 0 [as the others].
     """
     against_partner = (partner - own) / 2
     tie = isclose(dyad, (own + partner) / 2, rel_tol=ROUNDING)

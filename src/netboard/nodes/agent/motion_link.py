@@ -188,6 +188,7 @@ class Link:
         self.introduce(hello)
         self._hello_ns = -HELLO_INTERVAL_NS
         self._refused = ""
+        self._server_silent = False  # whether it fell silent during the session
         self._invalid_messages = RateLimitedLog(log)
 
     @property
@@ -257,9 +258,18 @@ class Link:
         )
         if said == fastpath.FAILED:
             self._path.raise_failure("motion")
+        self._report_silence(bool(self._session) and stamp_ns - self.answer_ns >= HELLO_INTERVAL_NS)
         if stamp_ns - max(self.answer_ns, self._hello_ns) >= HELLO_INTERVAL_NS:
             self._hello_ns = stamp_ns
             sockets.send_or_renew(self._socket, self._hello)
+
+    def _report_silence(self, silent: bool) -> None:
+        """Log once that the server has fallen silent, and that it answers again."""
+        if silent and not self._server_silent:
+            log.warning("the server has been silent for %g s: waiting for it", HELLO_INTERVAL_NS * 1e-9)
+        elif self._server_silent and self._session and not silent:
+            log.info("the server answers again")
+        self._server_silent = silent
 
     def receive(self, until_ns: int = 0) -> bool:
         """Wait for a message until a time; return True if it is a newer answer."""

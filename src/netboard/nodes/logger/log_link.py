@@ -119,5 +119,7 @@ class Connection:
         silent = now - self._last_message_ns >= SILENCE_TIMEOUT_NS
         if (silent or not self.welcomed) and now - self._hello_ns >= HELLO_INTERVAL_NS:
             self._hello_ns = now
+            if self.welcomed:
+                log.warning("the server has been silent for %g s: waiting for it", SILENCE_TIMEOUT_NS * 1e-9)
             self.welcomed = False
             self.send(self._hello)

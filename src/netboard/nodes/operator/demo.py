@@ -78,6 +78,8 @@ def run(config: Config, *, displays: bool = True, study: Sequence[str] = ()) -> 
             raise NetboardError(f"{directory}: cannot be written to: {error.strerror}") from error
     if ended:
         return show(directory, session, logs, began)
+    for path in files_of(session, directory, ".mcap"):
+        console.print(f"recording {path}", soft_wrap=True)
     for part in files_of(session, directory, ".mcap.part"):
         command = shell_command("netboard", "recover", part)
         console.print(f"unfinished recording {part}; recover it with: {command}", soft_wrap=True)

@@ -54,6 +54,7 @@ def end(operator: Operator) -> Reply:
 def status_after(operator: Operator, network: Network, reply: Reply) -> Status | None:
     """Return the status after a command; None if it was carried out and ended the server, as after a last block."""
     try:
+        operator.attend(POLL_INTERVAL_S)  # until the command has taken effect, and earlier answers have come
         return status_of(operator, network)
     except NetboardError:
         if not reply.accepted:
@@ -74,10 +75,10 @@ def wait(
         operator.attend(POLL_INTERVAL_S)
 
 
-def carry_out(operator: Operator, network: Network, name: str) -> None:
-    """Send a command, and raise an error if it is not carried out."""
+def carry_out(operator: Operator, network: Network, name: str) -> Reply:
+    """Send a command; raise an error if it is not carried out."""
     status_of(operator, network)
-    _require(operator.do(name))
+    return _required(operator.do(name))
 
 
 def emergency_stop(operator: Operator, network: Network) -> None:
@@ -95,15 +96,16 @@ def emergency_stop(operator: Operator, network: Network) -> None:
         except NetboardError as error:
             trouble = str(error)
         for reply in filter(None, map(operator.reply, sent)):
-            _require(reply)
+            _required(reply)
             return
     raise NetboardError(f"{STOP}: {trouble}: LET GO OF THE STYLUSES")
 
 
-def _require(reply: Reply) -> None:
+def _required(reply: Reply) -> Reply:
     """Raise an error if a command was refused."""
     if not reply.accepted:
         raise NetboardError(reply.reason)
+    return reply
 
 
 def plain(status: Status) -> dict[str, object]:

@@ -5,6 +5,7 @@ from math import isnan
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from netboard.base.plural import plural
 from netboard.base.terminal import FittedTable, numbers
 from netboard.network.protocol.control import Status
 
@@ -29,7 +30,9 @@ def _lines(status: Status) -> list[Text]:
         lines.append(Text("waiting for " + ", ".join(status.waiting_for), style="yellow"))
     if status.notice:
         lines.append(Text(status.notice, style="yellow"))
-    lines += [Text(f"refused so far, {n} times: {where}: {why}", style="dim") for where, why, n in status.refused]
+    lines += [
+        Text(f"refused so far, {plural(n, 'time')}: {where}: {why}", style="dim") for where, why, n in status.refused
+    ]
     return lines
 
 

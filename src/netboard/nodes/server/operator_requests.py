@@ -22,7 +22,9 @@ class OperatorRequests:
         if operators.commander and not control.is_present(operators.commander):
             operators.leave()
         situation = Situation(state.phase, state.find_missing(), sequence.last, sequence.planned)
-        decision = operators.decide(command.name, request.who, request.name, situation, late=request.late)
+        decision = operators.decide(
+            command.name, request.who, request.name, situation, argument=command.argument, late=request.late
+        )
         if decision.accepted:
             decision = self._carry_out(command.name, command.argument, decision)
         control.reply(request, decision.accepted, decision.reason)
@@ -46,10 +48,13 @@ class OperatorRequests:
                     state.supervisor.await_operator()
                 case emergency.STOP:
                     state.update_arming(state.emergency_stop.halt("emergency stop by an operator"))
+                    return Decision(True, "all forces are zero until the emergency stop is released")
                 case emergency.RELEASE:
-                    if released := state.emergency_stop.release():
-                        state.supervisor.stop_released()
+                    if not (released := state.emergency_stop.release()):
+                        return Decision(True, "there is no emergency stop to release")
+                    state.supervisor.stop_released()
                     state.update_arming(released)
+                    return Decision(True, "the emergency stop is released")
                 case "arm" | "disarm":
                     state.update_arming([])
                 case "open":

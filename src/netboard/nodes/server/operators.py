@@ -35,7 +35,10 @@ BEFORE_OPENING = ("open", "end", emergency.STOP, emergency.RELEASE, "note", "tak
 """Commands that are allowed before the session is open."""
 
 SAFE_WHEN_LATE = (emergency.STOP, "note", "pause", "disarm")
-"""Commands that are carried out even if they arrive long after they were given."""
+"""Commands that are carried out even if they arrive long after they were given, or with words that mean nothing."""
+
+WITH_ARGUMENT = ("open", "repeat", "veto")
+"""Other commands that have an argument."""
 
 MAX_TICK = 2**63
 """Numbers of ticks are below this, so that they fit 64 bits [1]."""
@@ -81,12 +84,16 @@ class Operators:
         """Forget the commander."""
         self.commander, self.name = b"", ""
 
-    def decide(self, command: str, who: bytes, name: str, now: Situation, *, late: bool = False) -> Decision:
+    def decide(
+        self, command: str, who: bytes, name: str, now: Situation, *, argument: str = "", late: bool = False
+    ) -> Decision:
         """Decide on a command. ``late``: it may have been given long ago, before its connection was interrupted."""
         if command in REPLAY_COMMANDS:
             return Decision(False, f"cannot {command}: this is a live session, not a replay")
         if late and command not in SAFE_WHEN_LATE:
             return Decision(False, f"{command} may be from before the connection was interrupted: give it again")
+        if argument and command not in (*SAFE_WHEN_LATE, *WITH_ARGUMENT):
+            return Decision(False, f"{command} has no argument; found {argument!r}")
         if command == "take" or (command not in OPEN_TO_ALL and not self.commander):
             self.commander, self.name = who, name
         if command not in OPEN_TO_ALL and who != self.commander:
