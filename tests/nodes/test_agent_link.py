@@ -10,7 +10,7 @@ from netboard.base.clock import now_ns
 from netboard.devices.contract.device import Reading
 from netboard.network.protocol import fixed
 from netboard.network.protocol.codec import decode, encode
-from netboard.network.protocol.joining import HELLO_FIRST, Hello, Refusal, Welcome
+from netboard.network.protocol.joining import HELLO_FIRST, HELLO_INTERVAL_NS, Hello, Refusal, Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
 from netboard.network.protocol.motion import Force, Heartbeat, Point
 from netboard.network.transport import channels, sockets
@@ -61,6 +61,20 @@ def test_answer_to_a_recent_sample_is_fresh(pair: Pair) -> None:
     assert pair.deliver(force(1, 1))
     assert pair.link.newest == force(1, 1)
     assert pair.link.received_ns == pair.link.answer_ns > 0
+
+
+def test_silence_of_the_server_is_reported_once_and_its_end_too(pair: Pair, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level("INFO")
+    pair.send(1, now_ns())
+    assert pair.deliver(force(1, 1))
+    later = now_ns() + 2 * HELLO_INTERVAL_NS
+    for k in range(3):
+        pair.send(2 + k, later + k * HELLO_INTERVAL_NS)
+    assert caplog.messages == ["the server has been silent for 0.5 s: waiting for it"]
+    pair.link._hello_ns = 0
+    assert pair.deliver(force(2, 4))
+    pair.send(5, now_ns())
+    assert caplog.messages[1:] == ["the server answers again"]
 
 
 def test_answer_to_an_old_sample_is_received_but_not_fresh(pair: Pair) -> None:

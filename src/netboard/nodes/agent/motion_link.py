@@ -258,18 +258,15 @@ class Link:
         )
         if said == fastpath.FAILED:
             self._path.raise_failure("motion")
-        self._report_silence(bool(self._session) and stamp_ns - self.answer_ns >= HELLO_INTERVAL_NS)
         if stamp_ns - max(self.answer_ns, self._hello_ns) >= HELLO_INTERVAL_NS:
             self._hello_ns = stamp_ns
+            if self._session and not self._server_silent:
+                self._server_silent = True
+                log.warning("the server has been silent for %g s: waiting for it", HELLO_INTERVAL_NS * 1e-9)
             sockets.send_or_renew(self._socket, self._hello)
-
-    def _report_silence(self, silent: bool) -> None:
-        """Log once that the server has fallen silent, and that it answers again."""
-        if silent and not self._server_silent:
-            log.warning("the server has been silent for %g s: waiting for it", HELLO_INTERVAL_NS * 1e-9)
-        elif self._server_silent and self._session and not silent:
+        elif self._server_silent and self.answer_ns > self._hello_ns:
+            self._server_silent = False
             log.info("the server answers again")
-        self._server_silent = silent
 
     def receive(self, until_ns: int = 0) -> bool:
         """Wait for a message until a time; return True if it is a newer answer."""
