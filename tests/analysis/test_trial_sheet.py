@@ -85,7 +85,7 @@ def test_delay_panel_follows_the_settings(takes: list[Take], threshold: str, vel
     for side, peak in own.items():
         assert lines[f"_{side} 20 %"] == pytest.approx([200.0 * peak] * 2)
     whose = "each side's own peak" if threshold == "own_peak" else "the slower side's peak"
-    assert f"of {whose} (lines), in the largest movement" in axes.get_title(loc="left")
+    assert f"of {whose} (lines), largest movement" in axes.get_title(loc="left")
 
 
 def test_peaks_panel_marks_all_peaks(takes: list[Take], tables: Measured) -> None:

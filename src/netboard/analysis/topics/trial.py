@@ -151,7 +151,7 @@ def draw_delay(axes: Axes, take: Take) -> str:
     delays = ", ".join(f"{value * MM:.0f}" if np.isfinite(value) else "none" for value in found.signed[k])
     at = ", ".join(f"{percent}" for percent in THRESHOLDS)
     whose = "each side's own peak" if how.threshold == "own_peak" else "the slower side's peak"
-    return f"left minus right {delays} ms at {at} % of {whose} (lines), in the largest movement"
+    return f"left minus right {delays} ms at {at} % of {whose} (lines), largest movement"
 
 
 def draw_braking(axes: Axes, take: Take) -> str:

@@ -57,7 +57,7 @@ class Recording:
 
     Parameters
     ----------
-    path : Path
+    path : Path or str
         The file.
 
     Attributes
@@ -79,9 +79,9 @@ class Recording:
         If the file is not a finished, undamaged recording of a known format.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self._file = Container(path)
+    def __init__(self, path: Path | str) -> None:
+        self.path = Path(path)
+        self._file = Container(self.path)
         try:
             self._open()
         except BaseException:
