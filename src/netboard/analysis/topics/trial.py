@@ -97,16 +97,17 @@ def draw_classes(axes: Axes, take: Take) -> str:
     for level in (-limit, limit):
         axes.axhline(level, color=GREY, lw=0.6)
     low, high = axes.get_ylim()
-    axes.set_ylim(low - _ROOM * (high - low), high)
+    axes.set_ylim(low - _ROOM * (high - low), high + 1.5 * _ROOM * (high - low))  # the strip, and the legend
     classes = classes_of(take)
     texts = []
     for name, colour in CLASS_COLOURS.items():
         own = np.isin(classes, [kind for kind, word in _KINDS.items() if word == name])
         spans = [(first / RATE, (stop - first) / RATE) for first, stop in runs(own)]
-        axes.broken_barh(spans, (low - _ROOM * (high - low), 0.6 * _ROOM * (high - low)), color=colour, lw=0)
+        strip = low - _ROOM * (high - low), 0.6 * _ROOM * (high - low)
+        axes.broken_barh(spans, strip, color=colour, lw=0, label=name)
         texts.append(f"{name} {own.mean():.0%}" if own.size else f"{name} unknown")
     axes.set_ylabel("styluses [mm/s]")
-    axes.legend(loc="upper right", ncols=2)
+    axes.legend(loc="upper right", ncols=6, fontsize=7)
     return ", ".join(texts) + f" of the time; lines: {limit:g} mm/s"
 
 
