@@ -100,7 +100,7 @@ def test_file_name_stays_whole_on_a_narrow_terminal(folder: Path) -> None:
     """Someone copies it for the next command."""
     long = replace(entry_of(folder / "whole.mcap"), path=folder / "S01_D01_block01_52dec06c_part2.mcap")
     assert long.path.name in printed(long, folder, 80)
-    lossy = replace(long, verdict="complete with listed losses", why="4 of 5 trials done, 1 failed attempt")
+    lossy = replace(long, verdict="complete with listed losses", why="4 of the block's 5 trials done, 1 failed attempt")
     assert long.path.name in printed(lossy, folder, 80)
 
 
@@ -120,7 +120,7 @@ def test_stopped_block_with_a_repeat_not_done_is_a_loss_in_both_results(tmp_path
     last["phase"] = Phase.LEVELLING
     entry = with_trials(entry_of(rehearsed.write(tmp_path / "a.mcap", rows)))
     assert (entry.done, entry.trials, entry.verdict) == (2, 3, "complete with listed losses")
-    assert entry.why.startswith("2 of 3 trials done")
+    assert entry.why.startswith("2 of the block's 3 trials done")
     assert entry.why.endswith("an operator stopped the block")
     assert "2 of 3" in printed(entry, tmp_path)
     assert with_check(entry).verdict == entry.verdict

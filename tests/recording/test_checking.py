@@ -194,7 +194,7 @@ def test_wrong_number_of_trials_is_damage(tmp_path: Path) -> None:
     for trials in (1, 3):
         settings = replace(config, block=replace(config.block, trials=trials))
         report = check(rehearsed.write(tmp_path / f"{trials}.mcap", rehearsed.rows(), settings))
-        assert f"2 of {trials} trials done" in findings_text(report)
+        assert f"2 of the block's {trials} trials done" in findings_text(report)
 
 
 def test_unfinished_block_is_a_loss(tmp_path: Path) -> None:
@@ -203,7 +203,7 @@ def test_unfinished_block_is_a_loss(tmp_path: Path) -> None:
     )
     assert (report.result, findings_text(report)) == ("complete with listed losses", "")
     assert "ends before its session" in findings_text(report, Severity.LOSS)
-    assert "1 of 2 trials done" in findings_text(report, Severity.LOSS)
+    assert "1 of the block's 2 trials done" in findings_text(report, Severity.LOSS)
 
 
 def test_target_on_the_wrong_side_is_damage(tmp_path: Path) -> None:

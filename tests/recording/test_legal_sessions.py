@@ -75,7 +75,7 @@ def test_repeat_vetoed_in_the_last_tick_of_a_trial_ends_the_block(tmp_path: Path
     assert (rows["event"][-1], rows["extra"][-1]) == (Cause.LAST, 1)
     report = report_on(tmp_path, session_of(config, rows))
     assert (findings_text(report), report.result) == ("", "complete")
-    assert "1 of 1 trials done" in findings_text(report, Severity.SOUND)
+    assert "1 of the block's 1 trials done" in findings_text(report, Severity.SOUND)
 
 
 def test_repeated_trials_are_counted_beyond_the_planned_ones_and_leave_other_memory_alone() -> None:

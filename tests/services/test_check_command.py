@@ -29,7 +29,13 @@ def _run_in_folder_with_a_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 def test_check_reports_checksums_trials_and_speed() -> None:
     result = runner.invoke(app, ["check", "recordings/whole.mcap", "--verify"])
     assert result.exit_code == 0, result.output
-    for words in ("whole.mcap: complete", "every checksum is right", "2 of 2 trials done", "identical", "x real time"):
+    for words in (
+        "whole.mcap: complete",
+        "every checksum is right",
+        "2 of the block's 2 trials done",
+        "identical",
+        "x real time",
+    ):
         assert words in result.output
 
 

@@ -35,7 +35,7 @@ def in_total(reports: Sequence[Report], took: float) -> str:
         if (count := sum(report.severity == severity for report in reports))
     )
     ticks = sum(report.ticks for report in reports)
-    words = f"{plural(len(reports), 'recording')}: {counts}; {ticks} ticks in {took:.1f} s, {_times(ticks, took)}"
+    words = f"{plural(len(reports), 'recording')}: {counts}; {ticks} ticks read in {took:.1f} s, {_times(ticks, took)}"
     again, computing = _computed(reports)
     if again:
         words += f"\n{plural(again, 'tick')} computed again in {computing:.2f} s, {_times(again, computing)}"

@@ -131,7 +131,7 @@ def check_done(config: Config, rows: NDArray[Any], goes_on: Callable[[], bool]) 
     timed = 0 < ticks(block.duration) <= int(row["block_ticks"]) + 1
     condition = block.label or f"{block.configuration}, force {block.force}"
     failed = plural(int(row["failures"]), "failed attempt")
-    words = f"{done} of {wanted} trials done, {failed}, condition: {condition}"
+    words = f"{done} of the block's {wanted} trials done, {failed}, condition: {condition}"
     if done > wanted or (over and done < wanted and not timed):
         finding = Finding(Severity.DAMAGE, f"{words}: the trial state machine never ends a block like this")
     elif over:
