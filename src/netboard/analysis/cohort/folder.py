@@ -9,7 +9,7 @@ The tables are equal, byte for byte, for equal settings, whatever computed them 
 
 import json
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import ExitStack
 from functools import partial
 from importlib.metadata import version
@@ -28,7 +28,6 @@ from netboard.base.config import resolve
 from netboard.base.errors import ConfigError, RecordingError, writing
 from netboard.recording.export.formats import Progress
 from netboard.recording.export.tabular import open_csv, open_parquet, write_dictionary
-from netboard.recording.format.channels import Field
 from netboard.task.studies.study import resolve_study
 
 Ending = Literal["parquet", "csv"]
@@ -156,7 +155,8 @@ class Cohort:
 
     def _write(self, part: Path, studies: int, ending: Ending) -> None:
         """Write all tables, one study after the other."""
-        fields = {"studies": STUDIES, **self.get(1).fields}
+        in_file = self.get(1).fields
+        fields = {"studies": STUDIES, **in_file}
         kinds = [Kind(name, ABOUT[name], own) for name, own in fields.items()]
         write_dictionary(part, kinds, "NAME.parquet and NAME.csv: a table of all studies; trials in one of them only")
         with ExitStack() as stack:
@@ -167,16 +167,11 @@ class Cohort:
                         sheets.append((kind.name, stack.enter_context(opened(part / f"{kind.name}.{own}", kind))))
             for number in range(1, studies + 1):
                 packed = self.get(number)
-                if packed.fields != _in_file(fields):
+                if packed.fields != in_file:
                     raise RecordingError(f"{self.folder}: virtual study {number} has other columns than the first")
                 tables = {"studies": columns_of(STUDIES, [packed.whole]), **packed.tables}
                 for name, put in sheets:
                     put(tables[name])
-
-
-def _in_file(fields: Mapping[str, tuple[Field, ...]]) -> dict[str, tuple[Field, ...]]:
-    """Return the columns of the tables that a study's file has."""
-    return {name: own for name, own in fields.items() if name != "studies"}
 
 
 def _name(number: int) -> str:

@@ -39,9 +39,8 @@ class Request:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """Powers, the tables of a page, and a sentence on the first contrast."""
+    """The tables of a page, and a sentence on the first contrast."""
 
-    powers: tuple[Power, ...]
     parts: list[dict[str, Any]]
     sentence: str
 
@@ -72,7 +71,7 @@ def answer(
     origin = cohort.manifest["study"], cohort.manifest["netboard"], digest(config), cohort.manifest["seed"]
     assumptions = Assumptions(*origin, studies, cohort.manifest["dyads"], request.alpha, drawn)
     write(folder, found, assumptions)
-    return Answer(tuple(found), parts(found, assumptions), sentence(next(iter(by_test(found).values())), assumptions))
+    return Answer(parts(found, assumptions), sentence(next(iter(by_test(found).values())), assumptions))
 
 
 def suitable(request: Request, folder: Path) -> tuple[Cohort, int]:

@@ -174,19 +174,19 @@ def flat(one: Power) -> dict[str, Any]:
 def parts(found: Sequence[Power], assumptions: Assumptions) -> list[dict[str, Any]]:
     """Return the tables of a page: the assumptions, and power, false positives and precision by number of dyads."""
     sizes = sorted({one.dyads for one in found})
+    about = [list(row) for row in assumptions.rows()]
     found_parts: list[dict[str, Any]] = [
-        {
-            "name": "about",
-            "title": "Assumptions",
-            "columns": ["", "value"],
-            "rows": [list(r) for r in assumptions.rows()],
-        }
+        {"name": "about", "title": "Assumptions", "columns": ["", "value"], "rows": about, "verdicts": []}
     ]
     monte_carlo = "with 95 % Monte Carlo confidence intervals"
     kinds: tuple[tuple[str, str, Callable[[Power], object]], ...] = (
         ("power", f"Power, {monte_carlo}", lambda one: one.power),
         ("false-positives", f"False-positive rate, {monte_carlo}", lambda one: one.false_positives),
-        ("precision", "Mean width of the confidence interval; of a ratio: upper over lower limit", _width),
+        (
+            "precision",
+            "Mean width of the confidence interval; of a ratio: upper over lower limit",
+            lambda one: f"{one.width:.3g}",
+        ),
     )
     for name, title, cell in kinds:
         rows = []
@@ -199,12 +199,8 @@ def parts(found: Sequence[Power], assumptions: Assumptions) -> list[dict[str, An
             rows.append([*head, *(cells.get(size, "") for size in sizes)])
         columns = ["measure", "contrast", "test", "trials", "ratio or difference"]
         columns += [plural(size, "dyad") for size in sizes]
-        found_parts.append({"name": name, "title": title, "columns": columns, "rows": rows})
-    return [{**table, "verdicts": []} for table in found_parts]
-
-
-def _width(one: Power) -> str:
-    return f"{one.width:.3g}"
+        found_parts.append({"name": name, "title": title, "columns": columns, "rows": rows, "verdicts": []})
+    return found_parts
 
 
 def write(folder: Path, found: Sequence[Power], assumptions: Assumptions) -> None:

@@ -6,6 +6,7 @@ an analysis of all trials gives.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from operator import itemgetter
 
 import numpy as np
 import pandas as pd
@@ -98,19 +99,15 @@ class CohortMeasure:
 
     measure: Measure
     value: Callable[[pd.DataFrame], pd.Series]
-    weight: str = "trials"
-
-
-def _column(name: str) -> Callable[[pd.DataFrame], pd.Series]:
-    return lambda rows: rows[name]
+    weight: str
 
 
 _KEPT: dict[str, tuple[Callable[[pd.DataFrame], pd.Series], str]] = {
-    "completion time": (_column("log_completion"), "trials"),
-    "velocity peaks": (_column("peaks"), "trials"),
+    "completion time": (itemgetter("log_completion"), "trials"),
+    "velocity peaks": (itemgetter("peaks"), "trials"),
     "falls per attempt": (lambda rows: rows["falls"] / rows["attempts"].where(rows["attempts"] > 0), "attempts"),
-    **{f"{name} share": (_column(name), "trials") for name in CLASSES},
-    "|delay at 20 %|": (_column("delay_20"), "movements"),
+    **{f"{name} share": (itemgetter(name), "trials") for name in CLASSES},
+    "|delay at 20 %|": (itemgetter("delay_20"), "movements"),
 }
 
 KEPT = tuple(CohortMeasure(one, *_KEPT[one.name]) for one in MEASURES if one.name in _KEPT)
@@ -118,9 +115,8 @@ KEPT = tuple(CohortMeasure(one, *_KEPT[one.name]) for one in MEASURES if one.nam
 
 
 def fields_of(study: Study) -> dict[str, tuple[Field, ...]]:
-    """Return the columns of each table, with those of the study's factors."""
-    of_trials = {"groups": GROUPS, "trials": ATTEMPTS}
-    return {"studies": STUDIES, **{name: study.with_factor_fields(own) for name, own in of_trials.items()}}
+    """Return the columns of the tables of groups and of attempts, with those of the study's factors."""
+    return {"groups": study.with_factor_fields(GROUPS), "trials": study.with_factor_fields(ATTEMPTS)}
 
 
 def group_rows(study: Study, number: int) -> pd.DataFrame:

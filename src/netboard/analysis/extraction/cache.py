@@ -93,7 +93,6 @@ class Streams:
 
 
 def _values(column: Any, kind: str) -> NDArray[Any]:
-    """Turn a column into an array."""
     if kind == "string":
         texts = np.array([*column.dictionary.to_pylist(), None], object)[:-1]
         return np.asarray(texts[column.indices.to_numpy()])

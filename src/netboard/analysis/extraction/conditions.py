@@ -25,7 +25,6 @@ from netboard.task.studies.factors import (
     Declared,
     Scope,
     column_of,
-    design_of,
     factors_of,
     level_text,
     merge,
@@ -92,11 +91,6 @@ def settings_text(config: Config) -> str:
     if config.block.trial_scales and not config.design.trials:
         found["block.force_scale"] = config.block.trial_scales
     return json.dumps(found)
-
-
-def kind_text(config: Config) -> str:
-    """Return the kind of block of a recording; empty without a study."""
-    return design_of(config).kind
 
 
 # --- of a study ------------------------------------------------------------------------------------------------------
@@ -207,7 +201,6 @@ def _level(value: Any) -> str:
 
 
 def _unit_of(key: str) -> str:
-    """Return the unit of a setting."""
     table, _, name = key.partition(".")
     return next((one.unit for own in tables(Config) if own.name == table for one in own.keys if one.name == name), "")
 

@@ -107,7 +107,6 @@ def _reasons(
     pilots: bool,
     named: dict[tuple[str, int], str],
 ) -> Iterator[str]:
-    """Yield the reasons for the exclusion of an attempt."""
     if row["outcome"] == "success" and isnan(row["completion"]):
         yield NO_COMPLETION
     if pilots and block["pilot"]:

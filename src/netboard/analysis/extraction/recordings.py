@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.analysis.extraction.attempts import MODERN, PAPER
-from netboard.analysis.extraction.conditions import factors_text, kind_text, settings_text
+from netboard.analysis.extraction.conditions import factors_text, settings_text
 from netboard.analysis.extraction.details import MOVEMENTS, PATHS, movements, path
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.tables import PLACE, Columns, Group, columns_of, count, number, words
@@ -27,7 +27,7 @@ from netboard.recording.files.reader import Recording
 from netboard.recording.format.backfill import unknown_ticks
 from netboard.recording.format.channels import DTYPES
 from netboard.recording.integrity.quality_check import judged_along
-from netboard.task.studies.factors import role_of, trial_role
+from netboard.task.studies.factors import design_of, role_of, trial_role
 from netboard.task.trials.quality import FIELDS_NEEDED, Verdict
 
 BLOCKS = (
@@ -186,7 +186,6 @@ def attempt_row(
 
 
 def _paths(places: list[dict[str, Any]], takes: list[Take]) -> Columns:
-    """Concatenate the paths of all attempts."""
     parts = [path(take) for take in takes]
     lengths = [len(part["time"]) for part in parts]
     whole: Columns = {}
@@ -210,7 +209,7 @@ def block_row(run: Run, block: Block, repaired: bool, unknown: int) -> dict[str,
         "pilot": int(config.session.pilot),
         "block": config.block.number,
         "part": int(metadata["part"]),
-        "kind": kind_text(config),
+        "kind": design_of(config).kind,
         "role": role_of(config),
         "configuration": config.block.configuration,
         "force": config.block.force,
@@ -239,6 +238,5 @@ def block_row(run: Run, block: Block, repaired: bool, unknown: int) -> dict[str,
 
 
 def _mover(run: Run, side: Side) -> str:
-    """Return who moved a stylus."""
     kind: str = getattr(run.config.block, side)
     return next((person.label for person in run.people if side in person.sides), kind)

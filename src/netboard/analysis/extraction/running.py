@@ -76,7 +76,9 @@ def extract(
     keys = {run.path: key_of(run.path.stem, digests[run.path], readings) for run in runs}
     collector = _Collector(paths, progress, len(runs))
     if cache is not None:
-        _add_cached(keys, cache, collector)
+        for path, key in keys.items():
+            if (stored := cache.get(key)) is not None:
+                collector.add(path, stored)
     missing = [run for run in runs if run.path not in collector.tables]
     cached, peak = set(collector.tables), 0.0
     for run, answer in _answers(missing, digests, readings, workers_of):
@@ -134,13 +136,6 @@ def _left_out(path: Path, error: Exception) -> LeftOut:
     """Return the reason, without the path of the file."""
     why = str(error).replace(str(path.absolute()), path.name).replace(str(path), path.name)
     return LeftOut(path.name, why.removeprefix(f"{path.name}: "))
-
-
-def _add_cached(keys: Mapping[Path, str], cache: Cache, collector: _Collector) -> None:
-    """Add the cached tables."""
-    for path, key in keys.items():
-        if (measured := cache.get(key)) is not None:
-            collector.add(path, measured)
 
 
 def _answers(

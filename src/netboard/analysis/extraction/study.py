@@ -233,7 +233,6 @@ def _numbers(blocks: pd.DataFrame) -> pd.Series:
 
 
 def _joined(parts: Sequence[Columns]) -> pd.DataFrame:
-    """Concatenate tables."""
     return pd.DataFrame({name: np.concatenate([part[name] for part in parts]) for name in parts[0]}, copy=False)
 
 

@@ -289,7 +289,6 @@ class Take:
 
 
 def _cut(recording: Motion, trial: Trial) -> Motion:
-    """Return the samples of a trial."""
     inside = trial.window("whole")
     arrays = {name: getattr(recording, name)[inside] for name in Motion.__slots__ if name != "rate"}
     return Motion(rate=recording.rate, **arrays)

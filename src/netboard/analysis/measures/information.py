@@ -304,7 +304,6 @@ def _binned(e: _Embedded, bins: int) -> float:
 
 
 def _entropy(symbols: NDArray[np.int64]) -> float:
-    """Return the entropy of the observed rows."""
     share = np.unique(symbols, axis=0, return_counts=True)[1] / len(symbols)
     return float(-(share * np.log(share)).sum())
 
@@ -326,6 +325,5 @@ def _within(points: NDArray[np.float64], distance: NDArray[np.float64]) -> NDArr
 
 
 def _standard(columns: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Standardise the variables."""
     spread = columns.std(axis=0)
     return np.asarray((columns - columns.mean(axis=0)) / np.where(spread > 0.0, spread, 1.0))

@@ -263,7 +263,6 @@ def passive_control(
 
 
 def _mean_of(trials: Sequence[Heights], measure: Measure) -> float:
-    """Average a measure over trials."""
     return float(np.mean([measure(trial.left, trial.right) for trial in trials]))
 
 

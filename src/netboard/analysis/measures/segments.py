@@ -73,7 +73,6 @@ class Segments:
 def _angles(
     theta: NDArray[np.float64], omega: NDArray[np.float64], bounds: NDArray[np.int64], rate: float, angle: Angle
 ) -> NDArray[np.float64]:
-    """Return the angle of each segment."""
     first, last = bounds[:, 0], bounds[:, 1] - 1
     if angle == "net":
         return np.asarray(theta[last] - theta[first])

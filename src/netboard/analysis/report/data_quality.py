@@ -1,7 +1,6 @@
 """Quality section of a report: recordings, quality flags, exclusions, and unusual attempts."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import pandas as pd
@@ -23,39 +22,24 @@ _KINDS = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class DataQuality:
-    """Recordings of a study, their quality flags, reasons for exclusion, excluded attempts, and unusual attempts."""
-
-    sentences: tuple[str, ...]
-    recordings: Grid
-    flags: Grid
-    causes: Grid
-    excluded: Grid
-    unusual: Grid
-    left_out: Grid
-
-
-def data_quality(study: Study, left_out: Sequence[Mapping[str, str]]) -> DataQuality:
-    """Return the quality section of a study."""
-    table = grid(
-        "Files that are left out of this study",
-        [code("File"), Column("Why")],
-        [(str(one["file"]), str(one["why"])) for one in left_out],
-    )
-    return DataQuality(
-        tuple(_sentences(study, len(left_out))),
-        _recordings(study),
-        _flags(study),
-        _causes(study),
-        _excluded(study),
-        _unusual(study),
-        table,
-    )
+def data_quality(study: Study, left_out: Sequence[Mapping[str, str]]) -> dict[str, list[str] | Grid]:
+    """Return the sentences and the tables of the quality section, by their names in the page template."""
+    return {
+        "sentences": _sentences(study, len(left_out)),
+        "recordings": _recordings(study),
+        "flags": _flags(study),
+        "causes": _causes(study),
+        "excluded": _excluded(study),
+        "unusual": _unusual(study),
+        "left_out": grid(
+            "Files that are left out of this study",
+            [code("File"), Column("Why")],
+            [(str(one["file"]), str(one["why"])) for one in left_out],
+        ),
+    }
 
 
 def _sentences(study: Study, left_out: int) -> list[str]:
-    """Return the quality section's sentences."""
     blocks, trials = study.blocks, study.trials
     planned, done = _blocks(study)
     missing, there = int(blocks["missing"].sum()), int(blocks["ticks"].sum())
@@ -84,7 +68,6 @@ def _blocks(study: Study) -> tuple[pd.Series, pd.Series]:
 
 
 def _recordings(study: Study) -> Grid:
-    """Return the table of recordings, with their contents and losses."""
     of_each = dict(list(study.trials.groupby("recording")))
     out = pd.Series([key[0] for key in reasons(study)], dtype=object).value_counts()
     rows: list[dict[Column, Cell | float]] = []
@@ -112,7 +95,6 @@ def _recordings(study: Study) -> Grid:
 
 
 def _flags(study: Study) -> Grid:
-    """Return the counts of quality flags."""
     trials = study.trials
     out = set(reasons(study))
     keys = list(zip(trials["recording"], trials["trial"], trials["attempt"], strict=True))
@@ -130,14 +112,12 @@ def _flags(study: Study) -> Grid:
 
 
 def _causes(study: Study) -> Grid:
-    """Return the counts of reasons for exclusion."""
     counts = study.exclusions["why"].value_counts()
     columns = [name("Why"), number("Attempts")]
     return grid("Reasons for exclusion; an attempt may have several", columns, [*counts.items()])
 
 
 def _excluded(study: Study) -> Grid:
-    """Return every excluded attempt with every reason."""
     known = anchors(study)
     rows = [
         (Link(key[0], known[key]) if key in known else key[0], key[1], key[2], "; ".join(why))
@@ -148,7 +128,6 @@ def _excluded(study: Study) -> Grid:
 
 
 def _unusual(study: Study) -> Grid:
-    """Return the most extreme successful attempts."""
     known = anchors(study)
     done = study.trials[study.trials["outcome"] == "success"]
     rows: list[tuple[Any, ...]] = []

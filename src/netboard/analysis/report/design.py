@@ -57,7 +57,6 @@ def _step(row: Mapping[Any, Any], factors: Sequence[StudyFactor]) -> Step:
 
 
 def _factors(study: Study) -> Grid:
-    """Return the table of factors."""
     where = {"dyad": "between dyads", "block": "between blocks", "trial": "within blocks"}
     forces = [force for force in FORCE_LABELS if force in set(study.analysed["force"])]
     rows: list[tuple[str, ...]] = [
@@ -109,7 +108,6 @@ def _studies(blocks: pd.DataFrame) -> list[str]:
 
 
 def _conditions(study: Study, blocks: pd.DataFrame) -> Grid:
-    """Return blocks, trials and mean position of each condition."""
     trials, labels = study.trials, labels_of(study)
     rows = []
     for condition, of_it in trials.groupby("condition", sort=True):
@@ -137,7 +135,6 @@ def _conditions(study: Study, blocks: pd.DataFrame) -> Grid:
 
 
 def _beginnings(blocks: pd.DataFrame) -> Grid:
-    """Return how many performers began with each haptic condition."""
     first = blocks.sort_values("block", kind="stable").drop_duplicates(["dyad", "performer", "configuration"])
     counts = pd.crosstab(first["configuration"], first["force"])
     columns = [Column("Configuration"), *(number(f"Began with {FORCE_LABELS.get(force, force)}") for force in counts)]
@@ -165,7 +162,6 @@ def participants(study: Study, handedness: Mapping[str, str]) -> Grid:
 
 
 def _person(who: str, dyad: str, mine: list[dict[Any, Any]], hand: str) -> tuple[str | int, ...]:
-    """Return the row of a participant."""
     together = [row for row in mine if row["configuration"] == "dyadic"]
     seats = [side for side in SIDES if any(row[f"{side}_by"] == who for row in together)]
     simulated = sum(int(row["simulated"]) for row in mine)

@@ -110,7 +110,10 @@ def write_tables(
         "comparison": comparison,
     }
     every = TABLES if comparison is None else (*TABLES, BESIDE_THE_PAPER)
-    kinds = [_with_factors(kind, study) for kind in every]
+    kinds = [
+        replace(kind, fields=study.with_factor_fields(kind.fields)) if kind.name in OF_TRIALS else kind
+        for kind in every
+    ]
     for kind in kinds:
         if kind.name == "paths":
             _write_paths(folder, kind, study)
@@ -121,11 +124,6 @@ def write_tables(
 
 OF_TRIALS = ("blocks", "trials", "movements", "paths", "people", "exclusions")
 """Tables with factor columns."""
-
-
-def _with_factors(kind: Kind, study: Study) -> Kind:
-    """Return a table's description with the study's factor columns."""
-    return replace(kind, fields=study.with_factor_fields(kind.fields)) if kind.name in OF_TRIALS else kind
 
 
 def _of_study(study: Study, name: str) -> pd.DataFrame:

@@ -81,14 +81,12 @@ def topics(results: pd.DataFrame, titles: Mapping[str, str]) -> tuple[Topic, ...
 
 
 def _topic(title: str, rows: Sequence[Mapping[str, Any]]) -> Topic:
-    """Return the results of a topic as a table."""
     notes = list(dict.fromkeys(row["note"] for row in rows if row["note"]))
     table = grid_of(f"Results: {title}", [_result(row, notes) for row in rows])
     return Topic(title, table, tuple(notes))
 
 
 def _result(row: Mapping[str, Any], notes: list[str]) -> dict[Column, Cell | float]:
-    """Return the cells of a result."""
     value, low, high = written(row)
     return {
         Column("Quantity"): row["quantity"],
@@ -115,7 +113,6 @@ def comparison_grid(comparison: pd.DataFrame) -> Grid:
 
 
 def _compared(row: Mapping[str, Any]) -> dict[Column, Cell | float]:
-    """Return the cells of a comparison."""
     return {
         Column("Figure"): row["figure"],
         Column("Quantity"): row["quantity"],

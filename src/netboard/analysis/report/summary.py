@@ -295,7 +295,6 @@ def _ends_of_series(groups: Sequence[str]) -> list[str]:
 
 
 def _cell(heading: Heading, row: Mapping[str, Any]) -> str:
-    """Return a result with its interval as text."""
     value, interval = written(row)[0], between(row)
     if heading.is_count:
         return f"{value} of {amount(int(row['n']))}"
@@ -303,7 +302,6 @@ def _cell(heading: Heading, row: Mapping[str, Any]) -> str:
 
 
 def _heading(heading: Heading, rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return the heading of a column, with its unit."""
     unit = next(unit_of(row) for row in rows if row["quantity"] in heading.quantities)
     symbol = unit.symbol.removesuffix(" points")
     return f"{heading.title} [{symbol}]" if symbol else heading.title

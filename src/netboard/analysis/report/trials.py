@@ -4,7 +4,7 @@ The page has some thousands of attempts, so a path has a few dozen points with i
 else.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import ceil, isfinite
 from typing import Any
@@ -136,7 +136,6 @@ def reasons(study: Study) -> dict[Key, list[str]]:
 
 
 def _listing(number: int, block: Mapping[Any, Any], condition: str, rows: list[Row]) -> Listing:
-    """Return the attempts of a recording with a heading."""
     done = sum(row.outcome == "success" for row in rows)
     excluded = sum(bool(row.why) for row in rows)
     parts = [
@@ -149,7 +148,6 @@ def _listing(number: int, block: Mapping[Any, Any], condition: str, rows: list[R
 
 
 def _keys(table: pd.DataFrame) -> list[Key]:
-    """Return the attempt key of each row."""
     columns = (table[name].tolist() for name in ATTEMPT_KEY)
     return [(recording, int(trial), int(attempt)) for recording, trial, attempt in zip(*columns, strict=True)]
 
@@ -167,19 +165,16 @@ def reach(study: Study) -> float:
 
 def sparklines(study: Study) -> dict[Key, Sparkline]:
     """Draw the ball's path in every attempt: up is right, and time runs to the right."""
-    far = reach(study)
-    return {key: line for own in study.paths.values() for key, line in _sparklines(own, far)}
-
-
-def _sparklines(paths: pd.DataFrame, far: float) -> Iterator[tuple[Key, Sparkline]]:
-    """Draw the paths of a recording."""
-    starts = np.flatnonzero(~paths.duplicated(["trial", "attempt"]))
-    for key, own in zip(_keys(paths.iloc[starts]), np.split(paths[["time", "p"]].to_numpy(), starts[1:]), strict=False):
-        yield key, _sparkline(own[:, 0], own[:, 1], far)
+    far, found = reach(study), {}
+    for paths in study.paths.values():
+        starts = np.flatnonzero(~paths.duplicated(["trial", "attempt"]))
+        each = np.split(paths[["time", "p"]].to_numpy(), starts[1:])
+        for key, own in zip(_keys(paths.iloc[starts]), each, strict=False):
+            found[key] = _sparkline(own[:, 0], own[:, 1], far)
+    return found
 
 
 def _sparkline(time: NDArray[np.float64], p: NDArray[np.float64], far: float) -> Sparkline:
-    """Draw one path."""
     spacing = float(np.median(np.diff(time))) if time.size > 1 else STEP
     every = max(round(STEP / spacing), 1) if isfinite(spacing) and spacing > 0 else 1
     chosen = np.unique(np.append(np.arange(0, time.size, every), time.size - 1))

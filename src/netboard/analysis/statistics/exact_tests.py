@@ -92,7 +92,7 @@ def permutation_test(
     x = known(differences)
     if len(x) < 2:
         return Test(mean(x), np.nan, np.nan, len(x), unit, True, "sign flips")
-    p, least, exact = _permuted((x,), _mean_along, "samples", 2 ** len(x), alternative, rng, resamples)
+    p, least, exact = _permuted((x,), np.mean, "samples", 2 ** len(x), alternative, rng, resamples)
     return Test(mean(x), p, least, len(x), unit, exact, "sign flips")
 
 
@@ -143,10 +143,6 @@ def permutation_test_between(
     divisions = comb(n, len(x))
     p, least, exact = _permuted((x, y), _difference_along, "independent", divisions, alternative, rng, resamples)
     return Test(mean(x) - mean(y), p, least, n, unit, exact, "divisions")
-
-
-def _mean_along(x: NDArray[np.float64], axis: int) -> Any:
-    return np.mean(x, axis=axis)
 
 
 def _difference_along(x: NDArray[np.float64], y: NDArray[np.float64], axis: int) -> Any:

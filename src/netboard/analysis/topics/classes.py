@@ -100,7 +100,6 @@ def _results(found: tuple[Shares, ...]) -> Iterator[Result]:
 
 
 def _words(name: str) -> str:
-    """Return the name of a movement class."""
     return "stillness" if name == "still" else f"{name} movement"
 
 

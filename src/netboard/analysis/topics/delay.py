@@ -94,7 +94,7 @@ def delay(study: Study) -> TopicResults[ConditionDelay]:
 def _of_condition(condition: Condition, rows: pd.DataFrame, kind: str, unit: str) -> ConditionDelay:
     signed = _columns(rows, "delay")
     own = _columns(rows, "own_delay")
-    truncated = rows[[f"truncated_{q}" for q in THRESHOLDS]].astype(np.float64).set_axis(list(THRESHOLDS), axis=1)
+    truncated = _columns(rows, "truncated").astype(np.float64)
     searched = truncated.where(signed.notna() | (truncated == 1.0))
     place = rows[["dyad", "performer"]]
     deviations = signed.groupby([place["dyad"], place["performer"]]).std().rename_axis(["dyad", "performer"])
@@ -111,7 +111,7 @@ def _of_condition(condition: Condition, rows: pd.DataFrame, kind: str, unit: str
 
 
 def _columns(rows: pd.DataFrame, prefix: str) -> pd.DataFrame:
-    """Return the columns of a delay, named by their fractions."""
+    """Return the columns with this prefix, named by their fractions."""
     return rows[[f"{prefix}_{q}" for q in THRESHOLDS]].set_axis(list(THRESHOLDS), axis=1)
 
 
@@ -150,7 +150,6 @@ def _results(found: tuple[ConditionDelay, ...], kind: str) -> Iterator[Result]:
 
 
 def _of_one(found: ConditionDelay, kind: str) -> Iterator[Result]:
-    """Yield the results of a condition."""
     label = found.condition.label
     kinds = (
         ("delay at {} %", found.as_set, kind),

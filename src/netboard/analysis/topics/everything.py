@@ -60,7 +60,6 @@ MODERN: tuple[Topic, ...] = (
 """Topics beyond the paper."""
 
 TOPICS = PAPER + MODERN
-"""All topics."""
 
 
 def results_of(study: Study, topics: Sequence[Topic] = TOPICS) -> pd.DataFrame:
@@ -92,7 +91,6 @@ MODERN_FIGURES = tuple(
 """Figures beyond the paper."""
 
 PICTURES = PAPER_FIGURES + MODERN_FIGURES
-"""All figures."""
 
 
 def pictures(study: Study) -> Iterator[Picture]:

@@ -109,13 +109,13 @@ def _in_words(title: str, caption: str) -> "Figure":
     return figure
 
 
-def new_figure(height: float, columns: int = 1, rows: int = 1, width: float = WIDTH) -> "tuple[Figure, list[Axes]]":
+def new_figure(height: float, columns: int = 1, rows: int = 1) -> "tuple[Figure, list[Axes]]":
     """Return a new figure with its axes."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(width, height))
+        figure = Figure(figsize=(WIDTH, height))
         axes = figure.subplots(rows, columns, squeeze=False)
     return figure, list(axes.ravel())
 

@@ -169,7 +169,8 @@ def counted(study: Study) -> pd.DataFrame:
 
     Where the time of failed attempts counts too, those in the same recording are added.
     """
-    rows = study.counted.assign(team=with_team(study, study.counted))
+    team_of = {condition.name: condition.team for condition in conditions(study)}
+    rows = study.counted.assign(team=study.counted["condition"].map(team_of))
     if study.readings.summaries.time == "all_attempts":
         rows["completion"] = _times_of_all_attempts(study).reindex(rows.index)
     return rows
@@ -179,11 +180,6 @@ def excluded(study: Study) -> NDArray[np.bool_]:
     """Return whether each attempt of a study is excluded."""
     left_out = pd.MultiIndex.from_frame(study.exclusions[ATTEMPT_KEY])
     return np.asarray(pd.MultiIndex.from_frame(study.trials[ATTEMPT_KEY]).isin(left_out))
-
-
-def with_team(study: Study, rows: pd.DataFrame) -> pd.Series:
-    """Return the team of each row of trials or movements."""
-    return rows["condition"].map({condition.name: condition.team for condition in conditions(study)})
 
 
 def _times_of_all_attempts(study: Study) -> pd.Series:

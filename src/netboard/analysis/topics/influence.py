@@ -96,7 +96,6 @@ def influences(study: Study) -> TopicResults[Influence]:
 
 
 def _in_condition(condition: Condition, trials: pd.DataFrame, paths: Mapping[str, pd.DataFrame]) -> list[Influence]:
-    """Return the influence in both directions in a condition."""
     there = _signals(trials, paths)
     if not there:
         return []
@@ -106,13 +105,9 @@ def _in_condition(condition: Condition, trials: pd.DataFrame, paths: Mapping[str
     drawn = np.sort(rng.choice(of, count, replace=False))
     left, right = ([[there[dyad][k][:, [side, 2]] for k in drawn] for dyad in dyads] for side in (0, 1))
     return [
-        _influence(condition, direction, dyads, source, target, of, rng)
-        for direction, source, target in _directions(left, right)
+        _influence(condition, "left to right", dyads, left, right, of, rng),
+        _influence(condition, "right to left", dyads, right, left, of, rng),
     ]
-
-
-def _directions(left: list[Trials], right: list[Trials]) -> list[tuple[Direction, list[Trials], list[Trials]]]:
-    return [("left to right", left, right), ("right to left", right, left)]
 
 
 def _signals(trials: pd.DataFrame, paths: Mapping[str, pd.DataFrame]) -> dict[str, Trials]:

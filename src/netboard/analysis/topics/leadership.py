@@ -7,6 +7,7 @@ of one participant, in dyadic ones two participants. Levels are those of dyads, 
 
 from collections.abc import Collection, Iterator, Sequence
 from functools import partial
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 import pandas as pd
@@ -16,14 +17,14 @@ from netboard.analysis.extraction.study import Study
 from netboard.analysis.measures.lags import leadership
 from netboard.analysis.topics.figure import NO_EFFECT, Drawn, due_count, new_mosaic, pictured, titled
 from netboard.analysis.topics.groups import estimated
-from netboard.analysis.topics.measures import Levels, Measure, column, draw_levels, legend, levels_of, places
+from netboard.analysis.topics.measures import Levels, Measure, draw_levels, legend, levels_of, places
 from netboard.analysis.topics.result import Result, TopicResults, plain
 from netboard.analysis.topics.units import MS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_OWN = column("own_delay_20")
+_OWN = itemgetter("own_delay_20")
 
 
 def _index(delays: pd.Series) -> float:
@@ -31,9 +32,9 @@ def _index(delays: pd.Series) -> float:
 
 
 QUESTIONS = (
-    Measure("signed delay at 20 %", "s", "coordination", "movement", column("delay_20"), compared=False),
+    Measure("signed delay at 20 %", "s", "coordination", "movement", itemgetter("delay_20"), compared=False),
     Measure("signed delay at 20 % of each side's own peak", "s", "coordination", "movement", _OWN, compared=False),
-    Measure("signed lag", "s", "coordination", "trial", column("lag"), compared=False),
+    Measure("signed lag", "s", "coordination", "trial", itemgetter("lag"), compared=False),
     Measure("leadership index", "1", "coordination", "movement", _OWN, level=_index, compared=False),
 )
 """Leadership measures. The index uses delays at own peaks, so moving farther does not look like moving earlier."""

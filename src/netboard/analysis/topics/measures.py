@@ -7,6 +7,7 @@ weight, whatever its number of trials, and is the unit of all confidence interva
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from operator import itemgetter
 from textwrap import fill
 from typing import TYPE_CHECKING, Literal
 
@@ -104,11 +105,6 @@ def _both(name: str) -> Callable[[pd.DataFrame], ArrayLike]:
     return lambda rows: rows[f"left_{name}"] + rows[f"right_{name}"]
 
 
-def column(name: str) -> Callable[[pd.DataFrame], ArrayLike]:
-    """Return a function that takes the values of a column."""
-    return lambda rows: rows[name]
-
-
 def _of_trials(
     name: str, source: str, family: Family, *, compared: bool = True, ratio: bool = False, note: str = ""
 ) -> Measure:
@@ -118,7 +114,7 @@ def _of_trials(
             f'measure "{name}" in analysis/topics/measures.py: the table of trials has no column "{source}"; expected '
             "one of a Group in analysis/extraction/attempts.py"
         )
-    return Measure(name, _UNITS[source], family, "trial", column(source), compared=compared, ratio=ratio, note=note)
+    return Measure(name, _UNITS[source], family, "trial", itemgetter(source), compared=compared, ratio=ratio, note=note)
 
 
 def _magnitude(name: str) -> Callable[[pd.DataFrame], ArrayLike]:
@@ -172,7 +168,6 @@ MEASURES = (
         note="of the right hand, without static support: on a light board always one half",
     ),
 )
-"""All measures."""
 
 
 def rows_of(study: Study, of: Of) -> pd.DataFrame:

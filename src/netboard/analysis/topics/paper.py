@@ -71,7 +71,6 @@ def _ends(quantity: str, line: int, panels: str, values: tuple[float, ...]) -> t
 
 
 def _learned(quantity: str, line: int, panels: str) -> tuple[Reported, ...]:
-    """Return the directions of learning."""
     return tuple(
         Reported(
             f"2{panel}",
@@ -160,7 +159,6 @@ COMPARISON = (
     words("verdict", "whether both agree"),
     words("note", "note on the interpretation"),
 )
-"""Columns of the comparison."""
 
 
 LIKELY_SEARCH = 'the paper more likely had delays.search = "inside", with which delays grow with the threshold'
@@ -174,20 +172,15 @@ def compare(study: Study) -> pd.DataFrame:
     rows = []
     for one in REPORTED:
         said = replace(one, group=one.group.format(ends=ends))
-        result = found.get((said.topic, said.quantity, said.group), _nothing(said))
+        key = said.topic, said.quantity, said.group
+        result = found.get(key, plain(*key, nan, "", 0, "", "the study has no such result"))
         if said.topic == "delay" and study.readings.delays.search != "inside":
             result = replace(result, note="; ".join(filter(None, (result.note, LIKELY_SEARCH))))
         rows.append(_row(said, result))
     return pd.DataFrame(rows, columns=[field.name for field in COMPARISON])
 
 
-def _nothing(said: Reported) -> Result:
-    """Return a placeholder for a result that the study does not have."""
-    return plain(said.topic, said.quantity, said.group, nan, "", 0, "", "the study has no such result")
-
-
 def _row(said: Reported, found: Result) -> dict[str, Any]:
-    """Return a row with both numbers."""
     difference = nan if _other_total(said, found) else found.value - said.reported
     return {
         **asdict(said),

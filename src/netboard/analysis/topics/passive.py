@@ -9,6 +9,7 @@ device.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from operator import itemgetter
 
 import numpy as np
 import pandas as pd
@@ -28,7 +29,7 @@ from netboard.analysis.topics.figure import (
     pictured,
 )
 from netboard.analysis.topics.groups import Condition, conditions, estimated, with_base
-from netboard.analysis.topics.measures import column, levels, measures_of, rows_of
+from netboard.analysis.topics.measures import levels, measures_of, rows_of
 from netboard.analysis.topics.result import Result, TopicResults
 from netboard.analysis.topics.units import PERCENT, POINTS
 from netboard.base.plural import plural
@@ -109,7 +110,7 @@ def controls(study: Study) -> TopicResults[Control]:
     found = []
     for stiffness in STIFFNESSES:
         for name, held in ((f"passive_{stiffness}", False), (f"passive_{stiffness}_device", True)):
-            passive = levels(study, replace(cooperative, values=column(name)))
+            passive = levels(study, replace(cooperative, values=itemgetter(name)))
             for felt, off in with_base(conditions(study)):
                 columns = [_of(live, felt), _of(live, off), _of(passive, felt)]
                 table = pd.concat(columns, axis=1, join="inner").sort_index()
@@ -121,7 +122,6 @@ def controls(study: Study) -> TopicResults[Control]:
 
 
 def _friction(study: Study, condition: Condition) -> float:
-    """Return the mean friction of the devices of a condition."""
     rows = rows_of(study, "trial")
     return float(rows.loc[rows["condition"] == condition.name, "passive_friction"].mean())
 

@@ -93,7 +93,6 @@ def joined(trials: pd.DataFrame, paths: Mapping[str, pd.DataFrame]) -> Iterator[
 
 
 def _mean_paths(condition: Condition, study: Study, samples: int) -> list[MeanPath]:
-    """Return the mean paths of a condition."""
     trials = study.counted[study.counted["condition"] == condition.name]
     places: dict[str, list[pd.DataFrame]] = {name: [] for name in QUANTITIES}
     dyads: list[str] = []

@@ -67,7 +67,9 @@ def people_of(study: Study) -> pd.DataFrame:
                 **named,
                 **{name: _common(attempts[name]) for name in factors},
                 "partner": partners.get((named["dyad"], named["performer"]), ""),
-                **_of_attempts(attempts),
+                "trials": len(trials),
+                "attempts": len(attempts),
+                "falls": int((attempts["outcome"] == "fell").sum()),
                 **_of_trials(trials, study),
                 "delay_20": known.abs().mean(),
                 "signed_delay_20": known.mean(),
@@ -92,14 +94,6 @@ def _partners(study: Study) -> dict[tuple[str, str], str]:
         if len(people) == 2:
             found |= {(dyad, people[0]): people[1], (dyad, people[1]): people[0]}
     return found
-
-
-def _of_attempts(attempts: pd.DataFrame) -> dict[str, int]:
-    return {
-        "trials": int(attempts["counts"].sum()),
-        "attempts": len(attempts),
-        "falls": int((attempts["outcome"] == "fell").sum()),
-    }
 
 
 def _of_trials(trials: pd.DataFrame, study: Study) -> dict[str, float]:

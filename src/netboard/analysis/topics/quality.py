@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 OUTCOMES = {"success": "succeeded", "fell": "fell", "timed_out": "timed out"}
-"""Outcomes of attempts."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -196,7 +195,6 @@ def _caption(found: Quality, dyads: int) -> str:
 
 
 def _drift(found: Quality) -> str:
-    """Return a sentence on the drift of times from block to block."""
     if not np.isfinite(found.drift.value):
         return "A drift cannot be separated from the conditions."
     ends = f" ({_percent(found.drift.low)} to {_percent(found.drift.high)})" if np.isfinite(found.drift.low) else ""

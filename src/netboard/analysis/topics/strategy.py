@@ -239,7 +239,6 @@ def _spreads(axes: "Axes", teams: list[TeamStrategy], kind: int, size: int) -> N
 
 
 def _draw_spread(axes: "Axes", team: TeamStrategy, spread: Spread) -> None:
-    """Draw the spread of a team."""
     look, scale = team_look(team.team), read_in(spread.unit).scale
     middles = (team.first + team.last) / 2
     for dyad, values in spread.dyads.iterrows():

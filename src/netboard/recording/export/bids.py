@@ -95,7 +95,6 @@ def _cells(values: NDArray[Any]) -> Iterable[str]:
 
 
 def _channel(signal: Signal) -> Row:
-    """Describe a column of a motion file."""
     return {
         "name": signal.name,
         "component": signal.axis or texts.MISSING,

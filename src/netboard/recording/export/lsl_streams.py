@@ -82,7 +82,6 @@ EVENTS = Stream(
 )
 
 STREAMS = (TICKS, MARKERS, EVENTS)
-"""All streams, in order."""
 
 
 def samples(ticks: NDArray[Any]) -> NDArray[np.float64]:
@@ -112,23 +111,20 @@ def seconds(times_ns: NDArray[np.int64]) -> NDArray[np.float64]:
 def description(stream: Stream, notes: Mapping[str, Mapping[str, str]]) -> Element:
     """Return the ``desc`` element of a stream's information."""
     desc = Element("desc")
-    _add(desc, "manufacturer", "netboard")
-    _add(desc, "description", stream.text)
-    _add(desc, "netboard", version("netboard"))
+    put(desc, manufacturer="netboard", description=stream.text, netboard=version("netboard"))
     channels = SubElement(desc, "channels")
     for field in stream.channels:
         channel = SubElement(channels, "channel")
-        _add(channel, "label", field.name)
+        put(channel, label=field.name)
         if field.unit:
-            _add(channel, "unit", field.unit)
-        _add(channel, "type", _TYPES[field.unit] if field.unit else "Marker")
-        _add(channel, "description", field.text)
+            put(channel, unit=field.unit)
+        put(channel, type=_TYPES[field.unit] if field.unit else "Marker", description=field.text)
     for name, values in notes.items():
-        note = SubElement(desc, name)
-        for key, value in values.items():
-            _add(note, key, value)
+        put(SubElement(desc, name), **values)
     return desc
 
 
-def _add(to: Element, name: str, text: str) -> None:
-    SubElement(to, name).text = text
+def put(to: Element, /, **values: str) -> None:
+    """Add elements with texts, by tag."""
+    for name, value in values.items():
+        SubElement(to, name).text = value

@@ -65,6 +65,5 @@ def _ticks(source: OpenRecording, spool: Any, progress: Progress) -> dict[str, N
 
 
 def _struct(table: Table, source: OpenRecording) -> dict[str, NDArray[Any]]:
-    """Return all columns of a short table."""
     portions = list(table.portions(source))
     return {field.name: np.concatenate([rows[field.name] for rows in portions]) for field in table.fields}

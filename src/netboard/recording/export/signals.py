@@ -16,7 +16,6 @@ FRAME = "room"
 FRAME_TEXT = (
     "x out of the screen, towards the person; y to the person's right; z up. The origin is the device's neutral point"
 )
-"""Description of the reference frame."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,6 @@ TASK_TEXT = (
     "and roll a virtual ball into a target on one side and then on the other, where it must stay. A trial begins "
     "with levelling the board; each attempt lasts from the release of the ball to success, fall or time limit."
 )
-"""Description of the task."""
 
 KEYWORDS = ("haptics", "dyad", "joint action", "motor control")
 """Keywords for searches."""
@@ -39,7 +38,6 @@ EVENT_TEXTS = {name: text for _, name, text in _PHASE_CHANGES} | {"unknown": "un
 """Descriptions of these names."""
 
 ROLE_TEXT = "what the trial is for: practice, familiarisation, baseline, test, or catch"
-"""Description of the trial role."""
 
 ATTEMPT_TEXTS = {
     "trial": "number of the trial in the block, from 1",

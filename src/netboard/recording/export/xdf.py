@@ -30,6 +30,7 @@ from netboard.recording.export.lsl_streams import (
     Stream,
     description,
     event_text,
+    put,
     samples,
     seconds,
 )
@@ -87,7 +88,7 @@ class _Writer:
         self._offsets: list[float] = []
         file.write(MAGIC)
         header = Element("info")
-        _put(header, version="1.0", datetime=recording.metadata.get("opened_utc", ""))
+        put(header, version="1.0", datetime=recording.metadata.get("opened_utc", ""))
         self._chunk(FILE_HEADER, _xml(header))
         design = design_note(recording.config)
         for number, stream in enumerate(STREAMS, start=1):
@@ -129,11 +130,11 @@ class _Writer:
         for stream in STREAMS:
             written = self._written[stream.name]
             footer = Element("info")
-            _put(footer, first_timestamp=repr(written.first), last_timestamp=repr(written.last))
-            _put(footer, sample_count=str(written.count))
+            put(footer, first_timestamp=repr(written.first), last_timestamp=repr(written.last))
+            put(footer, sample_count=str(written.count))
             offsets = SubElement(footer, "clock_offsets")
             for at in self._offsets:
-                _put(SubElement(offsets, "offset"), time=repr(at), value="0")
+                put(SubElement(offsets, "offset"), time=repr(at), value="0")
             self._chunk(STREAM_FOOTER, _xml(footer), _number(stream))
 
     def _chunk(self, tag: int, content: bytes, stream: int | None = None) -> None:
@@ -174,7 +175,7 @@ def _information(stream: Stream, metadata: dict[str, str], design: dict[str, str
     """Return the LSL information of a stream, as far as the recording has it."""
     session = metadata.get("session", "")
     info = Element("info")
-    _put(
+    put(
         info,
         name=f"netboard.{stream.name}",
         type=stream.type,
@@ -198,11 +199,6 @@ def _information(stream: Stream, metadata: dict[str, str], design: dict[str, str
 
 def _number(stream: Stream) -> int:
     return STREAMS.index(stream) + 1
-
-
-def _put(to: Element, **values: str) -> None:
-    for name, value in values.items():
-        SubElement(to, name).text = value
 
 
 def _xml(element: Element) -> bytes:

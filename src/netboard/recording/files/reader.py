@@ -184,7 +184,7 @@ class Recording:
             The rows, bit for bit as the server sent them, except for the filled-in values.
         """
         rows = self._rows(self._places_in(first, stop), as_sent=as_sent)
-        wanted = _in_range(rows["tick"], first, stop)
+        wanted = _in_range(rows["tick"], rows["tick"], first, stop)
         return rows if wanted.all() else rows.view(ROW_BYTES)[wanted].view(TICK)
 
     def columns(self, *names: str, first: int | None = None, stop: int | None = None) -> dict[str, NDArray[Any]]:
@@ -216,7 +216,7 @@ class Recording:
         found = self._read_columns(tuple(asked), self._places_in(first, stop))
         if fills and self._backfilled:
             self._backfilled.fill(found)
-        wanted = _in_range(found["tick"], first, stop)
+        wanted = _in_range(found["tick"], found["tick"], first, stop)
         return {name: found[name] if wanted.all() else found[name][wanted] for name in names}
 
     def batches(
@@ -272,12 +272,7 @@ class Recording:
 
     def _places_in(self, first: int | None, stop: int | None) -> NDArray[Any]:
         """Return the locations of the batches that overlap a range of tick numbers."""
-        wanted = np.ones(len(self._places), bool)
-        if first is not None:
-            wanted &= self._places["last"] >= first
-        if stop is not None:
-            wanted &= self._places["first"] < stop
-        return self._places[wanted]
+        return self._places[_in_range(self._places["first"], self._places["last"], first, stop)]
 
     @cached_property
     def _backfilled(self) -> Backfilled | None:
@@ -404,10 +399,13 @@ def _refuse_unknown(names: Sequence[str]) -> None:
         raise ValueError(f"ticks have no field {', '.join(sorted(unknown))}")
 
 
-def _in_range(numbers: NDArray[np.int64], first: int | None, stop: int | None) -> NDArray[np.bool_]:
-    wanted = np.ones(len(numbers), bool)
+def _in_range(
+    begins: NDArray[np.int64], ends: NDArray[np.int64], first: int | None, stop: int | None
+) -> NDArray[np.bool_]:
+    """Return whether spans of tick numbers, each from its begin to its end, overlap a range of them."""
+    wanted = np.ones(len(begins), bool)
     if first is not None:
-        wanted &= numbers >= first
+        wanted &= ends >= first
     if stop is not None:
-        wanted &= numbers < stop
+        wanted &= begins < stop
     return wanted

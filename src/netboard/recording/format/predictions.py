@@ -73,7 +73,6 @@ _OF_A_SIDE = {
 
 
 def _of(side: str, sign: str) -> dict[str, str]:
-    """Return the predictions of one side."""
     return {name.format(side): text.replace("{}", side).replace("SIGN", sign) for name, text in _OF_A_SIDE.items()}
 
 

@@ -56,7 +56,6 @@ COLUMNS: dict[str, Column] = {
         Column("completion", "number", "s", "completion time of a success, in any row of an attempt"),
     )
 }
-"""All columns by name."""
 
 RATES = {"left_z": "left_vz", "right_z": "right_vz", "z": "vz", "theta": "omega", "p": "vp"}
 """The velocity column of each position that has one."""

@@ -117,7 +117,6 @@ class Manifest:
                     yield f"{self._at(place, f'{key}.{name}')}: {problem}"
 
     def _add(self, values: dict[str, Any], place: int) -> None:
-        """Add a recording with its configuration."""
         path = self.path.parent / values["file"]
         where = f"{self._at(place)} ({values['file']})"
         try:

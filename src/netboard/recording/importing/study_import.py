@@ -11,10 +11,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from netboard.base.config import Config, parse, resolve
+from netboard.base.config import Config, resolve
 from netboard.base.errors import ConfigError, NetboardError, RecordingError
 from netboard.base.plural import plural
-from netboard.base.text_file import read_text
 from netboard.base.workers import worker_processes
 from netboard.recording.files.locate import sha256_of
 from netboard.recording.files.offline_writer import recording_name
@@ -89,8 +88,7 @@ def examine(path: Path, folder: Path, tell: Tell) -> Plan:
 def _job(one: ListedTable, folder: Path) -> Job:
     """Read the start of a table and determine the file name of its recording."""
     has_ticks = is_tick_table(one.path) and not one.options.names
-    beside = configuration_beside(one.path) if has_ticks else None
-    config = one.config if beside is None else parse(read_text(beside), str(beside))
+    config = (configuration_beside(one.path) if has_ticks else None) or one.config
     if not has_ticks:
         probe(one.path, one.options.names, one.options.units, one.options.rate)
     return Job(one.where, one.path, config, one.options, folder / recording_name(config, sha256_of(one.path)))

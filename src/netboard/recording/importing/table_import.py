@@ -68,10 +68,10 @@ def in_words(done: Sequence[Imported]) -> Iterator[str]:
         yield f"  {note}" + f" ({count} recordings)" * (count > 1)
 
 
-def configuration_beside(path: Path) -> Path | None:
-    """Return the configuration that an export stored beside its table of ticks; None if there is none."""
+def configuration_beside(path: Path) -> Config | None:
+    """Read the configuration that an export stored beside its table of ticks; None if there is none."""
     found = path.resolve().parent.parent / "configurations" / f"{path.stem}.toml"
-    return found if found.is_file() else None
+    return parse(read_text(found), str(found)) if found.is_file() else None
 
 
 def import_table(
@@ -89,10 +89,9 @@ def import_table(
     origin = {"imported_from": path.name, "imported_sha256": sha256_of(path)}
     if is_tick_table(path) and not options.names:
         beside = configuration_beside(path)
-        if beside is not None:
-            config = parse(read_text(beside), str(beside))
         warned = () if beside else (f"no configurations/{path.stem}.toml beside its folder: it is given --config's",)
-        return _save(read_ticks(path), folder, config, {"imported": "ticks", **origin}, utc_ns, progress, warned)
+        origin = {"imported": "ticks", **origin}
+        return _save(read_ticks(path), folder, beside or config, origin, utc_ns, progress, warned)
     samples = read_samples(path, options.names, options.units, options.rate)
     if not options.simulate and not set(TASK) & samples.columns.keys():
         raise ConfigError(

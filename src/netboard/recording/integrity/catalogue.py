@@ -120,7 +120,6 @@ def entry_of(path: Path) -> Entry:
 
 
 def _recording(path: Path, size: int) -> Entry:
-    """Make the entry of a finished recording."""
     with Recording(path) as recording:
         metadata, end = recording.metadata, recording.end
         lost = int(end.get("lost", 0))
@@ -194,7 +193,6 @@ def _begun(entry: Entry) -> Entry:
 
 
 def _spill(path: Path, size: int) -> Entry:
-    """Make the entry of a server's spill file."""
     entry = Entry(path, "spill", size, verdict=RESULTS[Severity.DAMAGE], why="no logger received it: netboard recover")
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         welcome = next((message for _, _, message in read_spill(data) if isinstance(message, Welcome)), None)
@@ -202,7 +200,6 @@ def _spill(path: Path, size: int) -> Entry:
 
 
 def _journal(path: Path, size: int, lines: JournalContent) -> Entry:
-    """Make the entry of a session's journal."""
     header, entries = lines.header, lines.entries
     done = {(e.block, e.trial) for e in entries if isinstance(e, AttemptEnded) and e.outcome in ("success", "skipped")}
     over = {e.block for e in entries if isinstance(e, BlockEnded) and e.how != "stopped"}

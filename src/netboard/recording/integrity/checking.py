@@ -111,7 +111,6 @@ def _unreadable(path: Path, why: str) -> Report:
 
 
 def _recoverable(saved: RecoveryReport) -> str:
-    """Describe what can be saved."""
     ticks = saved.messages[TICKS]
     span = plural(ticks, "tick") + (f", {saved.first_tick} to {saved.last_tick}" if ticks else "")
     text = f"recoverable: {span}, and {sum(saved.messages.values()) - ticks} other records"

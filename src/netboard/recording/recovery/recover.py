@@ -83,7 +83,6 @@ class RecoveryReport:
 
     source: Path
     output: Path
-    source_bytes: int
     chunks: int
     messages: dict[str, int]
     first_tick: int | None
@@ -149,7 +148,6 @@ def recover(path: Path, output: Path | None = None) -> RecoveryReport:
     return RecoveryReport(
         source=path,
         output=target,
-        source_bytes=path.stat().st_size,
         chunks=len(chunks),
         messages={topic: counts[topic] for topic in IDS if topic != "/plot"},
         first_tick=min(ticks, default=None),

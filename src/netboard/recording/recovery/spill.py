@@ -15,6 +15,7 @@ from bisect import bisect_right
 from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
+from functools import partial
 from io import FileIO
 from mmap import mmap
 from pathlib import Path
@@ -130,7 +131,7 @@ class Spill:
         while len(self._loaded) > MAX_LOADED:
             used = self._loaded.popleft()
             used.frame, used.requested = None, False
-        at = bisect_right(self._blocks, cursor, key=_stop)
+        at = bisect_right(self._blocks, cursor, key=lambda block: block.stop)
         while at < len(self._blocks) and self._blocks[at].unreadable:
             del self._blocks[at]  # leaves a gap; the next batch counts its records as lost
         ahead = self._blocks[at : at + READ_AHEAD]
@@ -148,7 +149,7 @@ class Spill:
     def forget(self, before: int) -> None:
         """Discard records before a number; delete the file when none are left."""
         had_records = bool(self._blocks)
-        del self._blocks[: bisect_right(self._blocks, before, key=_stop)]
+        del self._blocks[: bisect_right(self._blocks, before, key=lambda block: block.stop)]
         if had_records and not self._blocks:
             self._end = len(self._introduction)
             self._unwritten.append(None)
@@ -178,7 +179,6 @@ class Spill:
         self._unwritten.append(block)
 
     def _request(self, blocks: list[_Block]) -> None:
-        """Request blocks from disk that are not yet requested."""
         missing = [block for block in blocks if block.frame is None and not block.requested]
         for block in missing:
             block.requested = True
@@ -226,7 +226,7 @@ class Spill:
     def _write_block(self, block: _Block) -> None:
         assert block.frame is not None
         if self._file is None:
-            self._file = FileIO(self.path, "x+", opener=_open_private)
+            self._file = FileIO(self.path, "x+", opener=partial(os.open, mode=0o600))  # only its owner may read it
             with suppress(OSError):  # nobody recovers it meanwhile, where the file system has locks
                 lock(self._file.fileno())
         place, data = block.offset - _HEAD.size, _block_of(block.frame)
@@ -319,12 +319,3 @@ def _write_all(file: FileIO, data: bytes) -> None:
     view = memoryview(data)
     while view:
         view = view[file.write(view) :]
-
-
-def _open_private(path: str, flags: int) -> int:
-    """Open a file that only its owner may read."""
-    return os.open(path, flags, 0o600)
-
-
-def _stop(block: _Block) -> int:
-    return block.stop

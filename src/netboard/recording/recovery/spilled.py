@@ -43,25 +43,16 @@ def recover_any(path: Path, output: Path | None = None) -> tuple[RecoveryReport,
     with mapped(path) as data:
         if data[: len(MAGIC)] != MAGIC:
             return (recover(path, output),)
-        welcome, opened, damage = _introduction(path, data)
-        return _Blocks(path, data, output, welcome, opened, damage).write()
+        return _Blocks(path, data, output).write()
 
 
 class _Blocks:
     """The recordings of a spill while they are written."""
 
-    def __init__(
-        self,
-        path: Path,
-        data: "mmap.mmap | bytes",
-        output: Path | None,
-        welcome: Welcome,
-        opened: EventRecord,
-        damage: list[Damage],
-    ) -> None:
+    def __init__(self, path: Path, data: "mmap.mmap | bytes", output: Path | None) -> None:
         self._path, self._data, self._output = path, data, output
-        self._welcome, self._opened, self._damage = welcome, opened, damage
-        self._now = self._utc_ns = int(opened.details["utc_ns"])
+        self._welcome, self._opened, self._damage = _introduction(path, data)
+        self._now = self._utc_ns = int(self._opened.details["utc_ns"])
         self._made: list[RecordingWriter] = []
         self._finished: list[RecordingWriter] = []
         self._batches: list[int] = []
@@ -147,7 +138,6 @@ class _Blocks:
             return RecoveryReport(
                 source=self._path,
                 output=writer.path,
-                source_bytes=len(self._data),
                 chunks=batches,
                 messages={topic: count for topic, count in recording.counts.items() if topic != "/plot"},
                 first_tick=int(ticks.min()) if ticks.size else None,

@@ -60,7 +60,10 @@ def _last(points: Sequence[float], part: int) -> float:
 
 def pair(recordings: Sequence[LoadedRecording], sync: Sync) -> Pairing:
     """Align recordings."""
-    return divide([_divisions(recording, _shared(recordings) if sync == "trial" else ()) for recording in recordings])
+    trials: list[int] = []
+    if sync == "trial":
+        trials = [number for number in recordings[0].trials if all(number in other.trials for other in recordings)]
+    return divide([_divisions(recording, trials) for recording in recordings])
 
 
 def divide(points: Sequence[Sequence[float]]) -> Pairing:
@@ -71,13 +74,6 @@ def divide(points: Sequence[Sequence[float]]) -> Pairing:
     spans = ([after - before for before, after in pairwise(divisions)] for divisions in points)
     longest = [max(parts) for parts in zip(*spans, strict=True)]
     return Pairing(tuple(map(tuple, points)), (0.0, *accumulate(longest)))
-
-
-def _shared(recordings: Sequence[LoadedRecording]) -> tuple[int, ...]:
-    """Return the trials that all recordings have."""
-    return tuple(
-        number for number in recordings[0].trials if all(number in recording.trials for recording in recordings)
-    )
 
 
 def _divisions(recording: LoadedRecording, trials: Sequence[int]) -> tuple[float, ...]:
