@@ -38,6 +38,10 @@ class Gaps:
         self._known: int | None = None  # newest sample before the interruption
         self._ticks = 0  # ticks without a sample since then
 
+    def begin(self) -> None:
+        """Begin with the next sample: those before it belong to another block."""
+        self._known, self._ticks = None, 0
+
     def poll(self, unknown: list[bool], seqs: list[int]) -> None:
         """Scan the next ticks: whether the rendered force is unknown, and the number of the newest sample."""
         for missing, seq in zip(unknown, seqs, strict=True):
@@ -65,8 +69,16 @@ class Backfiller:
 
     def __init__(self) -> None:
         self._gaps: dict[Side, Gaps] = {side: Gaps() for side in SIDES}
+        self._people: tuple[Side, ...] = SIDES
         self._scanned = 0
         self._records = 0
+
+    def expect(self, people: tuple[Side, ...], number: int) -> None:
+        """Scan the sides whose hand is a person's, from this tick on if that has changed: a robot has no agent."""
+        if people != self._people:
+            self._people, self._scanned = people, number
+            for gaps in self._gaps.values():
+                gaps.begin()
 
     def attend(self, motion: MotionPort, rows: Any, number: int, now_ns: int) -> list[BackfillRecord]:
         """Take the answers that have arrived, scan the new ticks if there are many, and send requests that are due."""
@@ -88,9 +100,9 @@ class Backfiller:
         """Scan the ticks since the last call."""
         places = np.arange(max(self._scanned, number - len(rows)), number) % len(rows)
         self._scanned = number
-        for side, gaps in self._gaps.items():
+        for side in self._people:
             unknown = np.isnan(rows[f"{side}_rendered"][places])
-            gaps.poll(unknown.tolist(), rows[f"{side}_seq"][places].tolist())
+            self._gaps[side].poll(unknown.tolist(), rows[f"{side}_seq"][places].tolist())
 
     def due(self, side: Side, now_ns: int) -> BackfillRequest | None:
         """Return the request to send to a side's agent now, and mark it as open."""

@@ -159,9 +159,8 @@ class LatencySupervisor:
         return ("a quicker network",) if self._checks_to_wait else ()
 
     def _reset(self, place: int) -> None:
-        """Forget the latency and the gain of a loop that is not closed."""
+        """Forget the latency of a loop that is not closed; its gain is needed when it is closed again."""
         self._latencies_ns[place], self._slow[place] = nan, False
-        self.gains[place] = self._recorded_gains[place] = 1.0
 
     def _judge(self, place: int, side: str) -> None:
         """Check whether a loop is too slow, and soften it if so configured."""

@@ -255,6 +255,11 @@ def fill(row: Any, agents: Any, number: int, due_ns: int, late_ns: int, timeout_
     return found
 
 
+def leave_out(row: Any, place: int) -> None:
+    """Clear what `fill` has written of a side whose connected device is not in use."""
+    row[_COPIED_TO[place]] = 0
+
+
 @kernel
 def write_force(words: Any, row: Any, commanded: Any, agents: Any, gains: Any, place: int, now_ns: int) -> None:
     """Fill in one side's `Force` of a tick.

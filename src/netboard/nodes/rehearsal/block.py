@@ -197,9 +197,9 @@ class Rehearsal:
     def _command(self, commands: NDArray[np.int64]) -> None:
         """Write the commands of the next ticks: the block starts, and is stopped if it takes too long."""
         commands[:] = _NONE
-        for tick, command in ((START_TICK, Cause.START), (self._last_tick, Cause.STOP)):
-            if self._ticks <= tick < self._ticks + len(commands):
-                commands[tick - self._ticks] = command
+        if self._ticks <= START_TICK < self._ticks + len(commands):
+            commands[START_TICK - self._ticks] = Cause.START
+        commands[max(self._last_tick - self._ticks, 0) :] = Cause.STOP  # the tick between two trials does not take it
 
     def _run(
         self,

@@ -6,6 +6,7 @@ Nothing here waits for a disk.
 """
 
 import re
+from collections import deque
 from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any, Literal
@@ -37,6 +38,9 @@ from netboard.task.trials.state_machine import BALL_FREE, OUTCOMES, TABLE, Cause
 MAX_ROWS = 200
 """Largest number of attempts in one answer to an operator [1]."""
 
+MAX_EARLY_NOTES = 100
+"""Newest notes kept until the session is open, and has a journal [1]."""
+
 _NUMBER = re.compile("[0-9]{1,9}")
 """Number of a trial as an operator writes it; int() would refuse other digits, and very long numbers."""
 
@@ -60,6 +64,7 @@ class Attempts:
         self.completions: list[float] = []  # completion times of the block so far [s]
         self.wanted = 0  # repeats that have not been passed on to the trial state machine yet
         self._begin_journal, self._journal, self._progress = begin_journal, journal, progress
+        self._early_notes = deque[tuple[str, int]](maxlen=MAX_EARLY_NOTES)
         self._run = ""
         self._block = 0
         self._repeats = Repeats(1)
@@ -95,6 +100,8 @@ class Attempts:
             self._write(Resumed(run))
         else:
             self._write(Opened(run, {name: str(value) for name, value in asdict(config.session).items()}))
+        while self._early_notes:
+            self.note(*self._early_notes.popleft())
 
     def start_of(self, block: int) -> dict[str, int]:
         """Return the state in which a block starts: empty, or as an earlier run of the server left it."""
@@ -236,7 +243,9 @@ class Attempts:
         return Cause.NONE
 
     def note(self, text: str, tick: int) -> None:
-        """Write an operator's note to the journal."""
+        """Write an operator's note to the journal, or keep it until there is one."""
+        if self._journal is None and self._begin_journal is not None:
+            self._early_notes.append((text, tick))
         self._write(Note(text, self._run, tick))
 
     def _write(self, entry: Entry) -> None:

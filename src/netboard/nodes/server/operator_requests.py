@@ -5,7 +5,7 @@ from netboard.nodes.ports import emergency
 from netboard.nodes.ports.control_port import CommandRequest
 from netboard.nodes.server.block_changes import BlockChanges
 from netboard.nodes.server.operators import Decision, Situation, form_of, note_of
-from netboard.nodes.server.state import SessionState
+from netboard.nodes.server.state import REST, SessionState
 from netboard.task.trials.state_machine import Cause, Phase
 
 
@@ -15,13 +15,19 @@ class OperatorRequests:
     def __init__(self, state: SessionState, blocks: BlockChanges) -> None:
         self._state, self._blocks = state, blocks
 
+    def forget_silent_commander(self) -> None:
+        """Let the next operator that commands be the commander, if the present one has left or is silent."""
+        operators = self._state.operators
+        if operators.commander and not self._state.ports.control.is_present(operators.commander):
+            operators.leave()
+
     def handle_command(self, request: CommandRequest) -> Cause:
         """Decide on a command, carry it out, reply and record it; return the cause for the trial state machine."""
         state, command = self._state, request.command
         control, operators, sequence = state.ports.control, state.operators, state.sequence
-        if operators.commander and not control.is_present(operators.commander):
-            operators.leave()
-        situation = Situation(state.phase, state.find_missing(), sequence.last, sequence.planned)
+        self.forget_silent_commander()
+        missing = tuple(one for one in state.find_missing() if one != REST)  # an operator need not await its end
+        situation = Situation(state.phase, missing, sequence.last, sequence.planned)
         decision = operators.decide(
             command.name, request.who, request.name, situation, argument=command.argument, late=request.late
         )

@@ -37,6 +37,8 @@ BEFORE_OPENING = ("open", "end", emergency.STOP, emergency.RELEASE, "note", "tak
 SAFE_WHEN_LATE = (emergency.STOP, "note", "pause", "disarm")
 """Commands that are carried out even if they arrive long after they were given, or with words that mean nothing."""
 
+PAUSE_AFTER = "pause_after_trial"
+
 WITH_ARGUMENT = ("open", "repeat", "veto")
 """Other commands that have an argument."""
 
@@ -133,7 +135,7 @@ class Operators:
                 self.armed = True
             case "disarm":
                 self.armed = False
-            case "pause_after_trial":
+            case command if command == PAUSE_AFTER:
                 return self._pause_after(now)
             case "stop_after_block" | "next" if not now.plan:
                 return Decision(False, f"cannot {command}: there is no plan, only this block")
@@ -142,7 +144,7 @@ class Operators:
                 return Decision(True, "the session ends after this block" if self.end_after else "taken back")
             case "next" if now.last:
                 return Decision(False, "cannot continue to the next block: this is the last one")
-            case "next" if now.phase in (*BALL_FREE, Phase.SUCCEEDED, Phase.FAILED):
+            case "next" if now.phase in (Phase.LEVELLING, *BALL_FREE, Phase.SUCCEEDED, Phase.FAILED):
                 return Decision(False, "cannot abandon the block in a trial: pause first")
         return Decision(True)
 

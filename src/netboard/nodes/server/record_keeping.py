@@ -84,6 +84,7 @@ class RecordKeeping:
         """Ask the agents what they rendered during an interruption, and record their answers [ns]."""
         state = self._state
         if state.operators.opened:
+            self._backfiller.expect(state.block.people, state.number)
             for record in self._backfiller.attend(state.ports.motion, state.rows, state.number, now):
                 state.event_log.record(record)
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.tick import TICK_WORDS
+from netboard.nodes.ports.samples import leave_out
 from netboard.nodes.rehearsal.body import Body, plan
 from netboard.nodes.rehearsal.closed_loop import DECISION_TICKS, SimulatedParticipant
 from netboard.participants.policy import SIMULATED_PARTICIPANT, identity_of
@@ -40,8 +41,10 @@ class Robot:
     def fill(self, words: NDArray[np.int64], tick: int, time_ns: int) -> None:
         """Fill in the sample of a tick: live flag, sequence number, stamp, height and velocity.
 
-        ``words``: the row of the tick as 64-bit words; the other side's sample may already be there.
+        ``words``: the row of the tick as 64-bit words; the other side's sample may already be there, and one of a
+        device that is connected at this side but not in use, which is left out.
         """
+        leave_out(words, SIDES.index(self.side))
         words[_TICK], words[_TIME] = tick, time_ns
         self._body.fill(words)
 

@@ -30,7 +30,7 @@ from netboard.nodes.server.block_changes import BlockChanges
 from netboard.nodes.server.blocks import BlockSequence
 from netboard.nodes.server.event_log import change_of
 from netboard.nodes.server.operator_requests import OperatorRequests
-from netboard.nodes.server.operators import CAUSES
+from netboard.nodes.server.operators import CAUSES, PAUSE_AFTER
 from netboard.nodes.server.record_keeping import RecordKeeping
 from netboard.nodes.server.state import RING_ROWS, SessionState
 from netboard.nodes.server.undisturbed import (
@@ -325,7 +325,8 @@ class Session:
         """
         state = self._state
         number = state.number
-        self._blocks.change_if_due(number)
+        if not self._stopping:
+            self._blocks.change_if_due(number)
         block = state.block
         words = state.words[number % RING_ROWS]
         if found < 0:
@@ -432,7 +433,10 @@ class Session:
         first = first or state.attempts.take_wanted(phase) or state.operators.due(phase)
         if first or not self._control.requests:
             return first  # an operator's command that arrives at the same time waits for the next tick
-        if phase in (Phase.SUCCEEDED, Phase.FAILED) and self._control.requests[0].command.name in CAUSES:
+        if phase in (Phase.SUCCEEDED, Phase.FAILED) and self._control.requests[0].command.name in (
+            *CAUSES,
+            PAUSE_AFTER,
+        ):
             return Cause.NONE  # this tick would refuse it
         return self._requests.handle_command(self._control.requests.pop(0))
 
@@ -454,6 +458,8 @@ class Session:
             state.questionnaires = ""
         elif int(stage["phase"]) == Phase.FINISHED:
             self._block_over(cause, number)
+        if int(stage["phase"]) == Phase.PAUSED:
+            state.operators.pause_after = False  # the attempt is over
 
     def _block_over(self, cause: Cause, number: int) -> None:
         """Ask for the questionnaires of a block that is over; an operator who has stopped it decides what follows."""
@@ -468,7 +474,10 @@ class Session:
             state.note("questionnaire", {"text": asked})
 
     def _poll_latency(self) -> None:
-        self._state.block.latency.poll(self._motion.loops_ns, haptics=self._state.felt)
+        block = self._state.block
+        loops_ns = zip(SIDES, self._motion.loops_ns, strict=True)
+        used = [loop_ns if side in block.people else 0 for side, loop_ns in loops_ns]
+        block.latency.poll(used, haptics=self._state.felt)
 
     def _housekeeping(self) -> None:
         """Do the periodic work that is not urgent: missing peers, latencies, quality rules, news, records."""
@@ -478,5 +487,6 @@ class Session:
         state.attempts.poll(state.rows, state.number)
         state.missing = state.find_missing()
         self._control.pump(now)
+        self._requests.forget_silent_commander()
         self._control_unread = True  # look at the control channel even without a signal, which may have been missed
         self.records.keep(now)

@@ -25,6 +25,9 @@ from netboard.task.trials.state_machine import Phase
 RING_ROWS = 1024
 """Ticks kept in memory: more than the longest force delay, and a second of what operators see [1]."""
 
+REST = "the rest to be over"
+"""What a block waits for that would start by itself."""
+
 _FIRST_ACTIVE, _LAST_ACTIVE = int(Phase.LEVELLING), int(Phase.FAILED)
 
 
@@ -97,7 +100,6 @@ class SessionState:
         self._phase_word = self.stage.view(np.int64)[(STATE.names or ()).index("phase") :].data
         for side in SIDES:  # with a force delay the first ticks would otherwise send forces of the last block
             self.rows[f"{side}_force"] = 0.0
-        block.latency.gains[:] = 1.0
         motion = self.ports.motion
         motion.gains = block.latency.gains
         for side, agent in motion.agents.items():
@@ -121,7 +123,7 @@ class SessionState:
         if self.emergency_stop.halted:
             lacking.append(emergency.AWAITING_RELEASE)
         if self.supervisor.autostart and self.rest(now) is not None:
-            lacking.append("the rest to be over")
+            lacking.append(REST)
         return tuple(lacking)
 
     @property
@@ -151,8 +153,11 @@ class SessionState:
         return self.ports.log.trouble if self.block.config.network.require_logger else ""
 
     def update_arming(self, events: list[Event]) -> None:
-        """Allow or forbid arming, as the next heartbeat tells the devices; record the events of an emergency stop."""
-        self.ports.motion.may_arm = self.operators.armed and not self.emergency_stop.halted
+        """Allow arming, as the next heartbeat tells the devices, or forbid it at once; record the events of a stop."""
+        motion, may_arm = self.ports.motion, self.operators.armed and not self.emergency_stop.halted
+        forbidden, motion.may_arm = motion.may_arm and not may_arm, may_arm
+        if forbidden:
+            motion.send_heartbeat(self.number, now_ns(), at_once=True)
         for name, details in events:
             self.note(name, details)
 

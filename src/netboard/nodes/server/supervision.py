@@ -56,8 +56,11 @@ class Supervisor:
         return Cause.NONE
 
     def command_carried_out(self, cause: Cause) -> None:
-        """Note that a command was carried out: older notices no longer apply."""
-        self._faulted, self._refused_when = False, None
+        """Note that a command was carried out: older notices no longer apply, but for what changes no trial now."""
+        self._refused_when = None
+        if cause in (Cause.REPEAT, Cause.VETO):
+            return
+        self._faulted = False
         self._released = self._released and cause not in (Cause.START, Cause.RESUME)
         self.notice = self._cause = self._replaced = ""
 
