@@ -86,6 +86,37 @@ def test_identify_writes_a_profile_only_for_a_free_device(capsys: pytest.Capture
     assert "profiles/virtual-left.toml: written" in capsys.readouterr().out
 
 
+def test_identify_saves_no_mass_that_it_could_not_identify() -> None:
+    """A hand holds the stylus, which the command was not told."""
+    with pytest.raises(NetboardError, match=r"could not be identified.*nothing was saved.*--held"):
+        commands.identify(
+            configured(held=True),
+            "left",
+            held=False,
+            yes=True,
+            replace_it=False,
+            as_json=True,
+            loop_clock=SimulatedTime(),
+        )
+    assert not Path("profiles").exists()
+
+
+@pytest.mark.parametrize(
+    ("buttons", "why"), [({"stop_buttons": 2}, "a stop button"), ({"consent_buttons": 1}, "must be held down")]
+)
+def test_test_command_obeys_the_buttons_of_the_stylus(
+    buttons: dict[str, int], why: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config = configured()
+    left = replace(config.agents.left, **buttons)
+    config = replace(config, agents=replace(config.agents, left=left))
+    puppet = Puppet(config, AT_REST._replace(buttons=2))
+    monkeypatch.setattr("netboard.devices.contract.registry.make", lambda side, given: puppet)
+    with pytest.raises(NetboardError, match=why):
+        commands.examine(config, "left", seconds=2.0, force=0.5, yes=True, as_json=True, loop_clock=SimulatedTime())
+    assert all(force == (0.0, 0.0, 0.0) for force in puppet.forces)
+
+
 @pytest.mark.parametrize("words", ["test --side left --force 0.3", "identify --side left"])
 def test_commands_that_move_the_device_require_consent(words: str) -> None:
     result = devices(*words.split())

@@ -28,7 +28,7 @@ PLACEMENTS = st.builds(
 PROFILES = st.builds(
     Profile,
     st.builds(Identity, model=st.text(max_size=20), serial=SERIALS),
-    st.builds(Mechanics, *([AMOUNTS] * 6), identified=st.text(max_size=20)),
+    st.builds(Mechanics, st.floats(1e-9, 50.0), *([AMOUNTS] * 5), identified=st.text(max_size=20)),
     PLACEMENTS,
 )
 
@@ -57,6 +57,20 @@ def test_each_serial_number_has_its_own_file_in_the_folder(serials: list[str]) -
 
 def make_profile(serial: str = "virtual-left", **placement: float) -> Profile:
     return Profile(Identity("virtual Touch", serial), placement=Placement(**placement))
+
+
+def test_an_identified_mass_is_more_than_nothing() -> None:
+    text = '[device]\nserial = "x"\n[mechanics]\nmass = 0.0\nidentified = "today"\n'
+    with pytest.raises(ConfigError, match=r"\[mechanics\] mass: found 0, expected a number > 0"):
+        profile.parse(text, "x.toml")
+
+
+def test_mass_in_the_frame_of_the_scene_is_smaller_where_movements_are_larger(tmp_path: Path) -> None:
+    """With the same force, a stylus whose movements are doubled is accelerated twice as much."""
+    known = replace(make_profile(scale=2.0), mechanics=Mechanics(mass=0.045, damping=0.1, identified="today"))
+    profile.save(tmp_path, known)
+    with VirtualTouch("left", rig(tmp_path)) as device:
+        assert (device.info.mass, device.info.damping) == (0.0225, 0.05)
 
 
 def test_load_returns_none_without_a_profile(tmp_path: Path) -> None:

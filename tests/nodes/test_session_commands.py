@@ -440,6 +440,16 @@ def test_command_with_words_that_mean_nothing_is_refused(stepped: SteppedSession
     assert stepped.phase == Phase.RUNNING
 
 
+def test_reason_of_a_refusal_in_a_trial_is_shown_until_the_next_phase(stepped: SteppedSession) -> None:
+    stepped.start()
+    stepped.until(Phase.LEVELLING)
+    accepted, reason = stepped.do("next")
+    assert not accepted
+    assert stepped.state.supervisor.notice == reason
+    stepped.until(Phase.RUNNING)
+    assert stepped.state.supervisor.notice == ""
+
+
 @pytest.mark.parametrize("command", ["emergency_stop", "pause", "disarm"])
 def test_command_that_stops_forces_acts_whatever_follows_it(stepped: SteppedSession, command: str) -> None:
     stepped.start()

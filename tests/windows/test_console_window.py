@@ -236,6 +236,14 @@ def test_unconfirmed_stop_raises_an_alarm_and_is_sent_again(console: ConsoleRig)
     console.until(lambda: "LET GO" not in console.window.alarm.text())
 
 
+def test_refused_stop_is_not_sent_again(console: ConsoleRig) -> None:
+    """A replay refuses it; sent again, it would stop the next session at this address."""
+    console.server.refuse[STOP] = "this is a replay"
+    console.press("Esc")
+    console.wait_for_reply("EMERGENCY STOP REFUSED: this is a replay")
+    assert console.client._stop_ns is None
+
+
 def test_pressing_ctrl_r_twice_releases_the_stop(console: ConsoleRig, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("netboard.windows.operator.window.SOON_NS", 0)
     console.press("Esc")

@@ -111,6 +111,20 @@ def test_closing_the_window_in_a_trial_needs_a_second_key(rig, monkeypatch):
     assert not rig.window.isVisible()
 
 
+def test_key_that_is_held_down_in_a_trial_counts_once(rig):
+    from PySide6.QtCore import QEvent, Qt
+    from PySide6.QtGui import QGuiApplication, QKeyEvent
+    from PySide6.QtTest import QTest
+
+    rig.serve()
+    rig.welcome()
+    assert rig.shows(PictureState.RUN, tick=5)
+    QTest.keyClick(rig.window, Qt.Key.Key_Escape)
+    key = QKeyEvent(QEvent.Type.KeyPress, Qt.Key.Key_Escape, Qt.KeyboardModifier.NoModifier, "", autorep=True)
+    QGuiApplication.sendEvent(rig.window, key)
+    assert rig.window.isVisible()
+
+
 def test_window_closes_with_one_key_between_trials(rig):
     from PySide6.QtCore import Qt
     from PySide6.QtTest import QTest

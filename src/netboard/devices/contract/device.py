@@ -70,7 +70,7 @@ class DeviceInfo:
     # Other properties worth recording, such as the firmware, with units. For an open device: includes the profile in
     # force.
     details: Mapping[str, str] = field(default_factory=dict)
-    mass: float | None = None  # apparent mass at the stylus, if the profile has it [kg]
+    mass: float | None = None  # apparent mass at the stylus in the scene's frame, if the profile has it [kg]
     damping: float | None = None  # viscous damping of the mechanism, if the profile has it [N s/m]
 
 
@@ -261,7 +261,9 @@ def _restricted(info: DeviceInfo, known: Profile | None) -> DeviceInfo:
     if known is None:
         return info
     workspace, mechanics = Box(*known.placement.box).within(info.workspace), known.mechanics
-    mass, damping = (mechanics.mass, mechanics.damping) if mechanics.identified else (None, None)
+    mass = damping = None
+    if mechanics.identified:  # forces are not scaled, so a larger movement in the scene takes a smaller mass
+        mass, damping = mechanics.mass / known.placement.scale, mechanics.damping / known.placement.scale
     details = {**info.details, **profile.in_words(known)}
     return replace(info, workspace=workspace, details=details, mass=mass, damping=damping)
 

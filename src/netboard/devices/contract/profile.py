@@ -92,10 +92,12 @@ def file_of(folder: Path, serial: str) -> Path:
 def parse(text: str, source: str) -> Profile:
     """Parse a profile.
 
-    ``source``: file name, for error messages. Raises `ConfigError` if a key is unknown or wrong, a lower bound of the
-    workspace exceeds its upper bound, or the zero is outside.
+    ``source``: file name, for error messages. Raises `ConfigError` if a key is unknown or wrong, an identified mass is
+    0, a lower bound of the workspace exceeds its upper bound, or the zero is outside.
     """
     profile = read(ADAPTER, Profile, text, source)
+    if profile.mechanics.identified and profile.mechanics.mass <= 0.0:
+        raise ConfigError(f"{source}: [mechanics] mass: found {profile.mechanics.mass:g}, expected a number > 0")
     for axis in ("x", "y", "z"):
         low, zero, high = (getattr(profile.placement, name) for name in (f"{axis}_min", f"zero_{axis}", f"{axis}_max"))
         if low >= high:

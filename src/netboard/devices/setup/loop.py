@@ -168,15 +168,29 @@ class Driver:
         begun = self._clock.wait()
         reading = self._device.read(begun)
         ended = self._clock.now()
-        if not reading.ready:
+        mine = self._device.agent
+        if reading.buttons & mine.stop_buttons:
+            self._safety.stop()
+        elif not reading.ready or not self._has_consent(reading):
             self._safety.disarm()
         velocity = (reading.vx, reading.vy, reading.vz)
         limited = self._safety.step(ended, force(reading), ended, velocity)
         self._device.write(limited.fx, limited.fy, limited.fz)
         return begun, ended, reading, self._clock.now(), (limited.fx, limited.fy, limited.fz)
 
+    def _has_consent(self, reading: Reading) -> bool:
+        wanted = self._device.agent.consent_buttons
+        return reading.buttons & wanted == wanted
+
     def _why(self, reading: Reading) -> str:
         """Explain why there is no force."""
+        if reading.buttons & self._device.agent.stop_buttons:
+            return "the force was cut: a stop button of the stylus is pressed (stop_buttons)"
+        if not self._has_consent(reading):
+            return (
+                "there is no force while a button that must be held down is not (consent_buttons); if no hand may hold "
+                "the stylus, set consent_buttons = 0 for this command"
+            )
         if not reading.ready:
             return (
                 "the device accepts no force: its stylus is outside of the workspace, or the device is not calibrated; "

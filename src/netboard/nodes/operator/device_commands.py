@@ -37,6 +37,9 @@ console = plain_console()
 CONSENT = "the motors may move the stylus"
 """Confirmation that an operator types before a device is moved."""
 
+MAX_UNCERTAINTY = 0.5
+"""Largest half width of the mass's confidence interval, relative to the mass, with which it is saved [1]."""
+
 WARM_UP = 0.1
 """Duration of the first readings, which are not counted [s]."""
 
@@ -127,6 +130,12 @@ def identify(
         whose = "hand and device" if held else "device"
         console.print(words.identified_table(f"{info.model} {info.serial} ({side}): the {whose}", found))
     if not held:
+        mass, half_width = found.mass
+        if half_width > MAX_UNCERTAINTY * mass:
+            raise NetboardError(
+                f"the mass could not be identified ({mass:.3g} +- {half_width:.2g} kg), and nothing was saved: was a "
+                "hand on the stylus (--held), or did it touch something?"
+            )
         known = known or Profile(Identity(info.model, info.serial))
         _save(config, replace(known, mechanics=mechanics_of(found, chirp)), replace_it, as_json)
     return 0

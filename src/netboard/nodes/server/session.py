@@ -445,6 +445,7 @@ class Session:
         state = self._state
         row, stage = state.rows[number % RING_ROWS], state.stage[0]
         cause = Cause(int(row["event"]))
+        state.supervisor.forget_refusal()
         details = change_of(cause, row, stage) | self._blocks.details.of(int(row["trial"]))
         if cause == Cause.FAULT:
             if row["command"] != row["event"]:

@@ -68,6 +68,11 @@ class Supervisor:
         """Note that an operator's command was refused: show the reason until the situation changes."""
         self.notice, self._refused_when = reason, self._seen
 
+    def forget_refusal(self) -> None:
+        """Note that the situation has changed: the reason of a refused command is no longer shown."""
+        if self._refused_when is not None:
+            self._refused_when, self.notice = None, ""
+
     def await_operator(self) -> None:
         """Resume only on an operator's command, whatever caused the pause."""
         self._faulted = False

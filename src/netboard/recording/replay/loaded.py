@@ -129,9 +129,9 @@ def best_so_far(ticks: NDArray[Any]) -> NDArray[np.float64]:
 
 
 def _rest_until_ns(events: Sequence[EventRecord], config: Config) -> int:
-    """Return the end of the rest before the block; 0 if the recording lacks the start of the block [ns]."""
+    """Return the end of the rest before the block; 0 without one, or if the block's start is not recorded [ns]."""
     began = next((event for event in events if event.name == BLOCK_BEGAN), None)
-    return 0 if began is None else began.time_ns + int(config.block.rest * 1e9)
+    return 0 if began is None or not config.block.rest else began.time_ns + int(config.block.rest * 1e9)
 
 
 def _outcomes(events: Sequence[EventRecord], attempts: Sequence[Attempt], block: int) -> list[tuple[int, OutcomeRow]]:

@@ -128,6 +128,8 @@ class ConsoleClient(QObject):
         outcome = "done" if reply.accepted else "REFUSED"
         reason = f": {reply.reason}" if reply.reason else ""
         self._window.say(Line(f"{LABELS[name]} {outcome}{reason}", Tone.GOOD if reply.accepted else Tone.BAD))
+        if name == STOP and not reply.accepted:  # as by a replay: it must not stop the next session
+            self._stop_ns = None
         if name == "open":
             if reply.accepted:
                 self._window.show_form(False)

@@ -286,7 +286,8 @@ class BoardWindow(Window):
     def keyPressEvent(self, event: QKeyEvent) -> None:  # noqa: N802  (Qt's name)
         """Close the window, or toggle full screen."""
         if event.key() in (Qt.Key.Key_Escape, Qt.Key.Key_Q):
-            self.close()
+            if not event.isAutoRepeat():  # a key that is held down is pressed once
+                self.close()
         elif event.key() == Qt.Key.Key_F11:
             self.fill_screen(not self.isFullScreen())
         else:
