@@ -123,6 +123,8 @@ def test_key_that_is_held_down_in_a_trial_counts_once(rig):
     key = QKeyEvent(QEvent.Type.KeyPress, Qt.Key.Key_Escape, Qt.KeyboardModifier.NoModifier, "", autorep=True)
     QGuiApplication.sendEvent(rig.window, key)
     assert rig.window.isVisible()
+    QTest.keyClick(rig.window, Qt.Key.Key_Escape)
+    assert not rig.window.isVisible()
 
 
 def test_window_closes_with_one_key_between_trials(rig):
