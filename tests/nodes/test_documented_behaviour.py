@@ -22,19 +22,6 @@ from netboard.task.trials.state_machine import Phase
 
 
 @pytest.fixture
-def context() -> Iterator[sockets.Context]:
-    with sockets.open_context() as context:
-        yield context
-
-
-@pytest.fixture
-def stepped(tmp_path: Path, context: sockets.Context) -> Iterator[SteppedSession]:
-    session = SteppedSession(tmp_path, context)
-    yield session
-    session.close()
-
-
-@pytest.fixture
 def automatic(tmp_path: Path, context: sockets.Context) -> Iterator[SteppedSession]:
     session = SteppedSession(tmp_path, context, autostart=True)
     while session.phase == Phase.IDLE:

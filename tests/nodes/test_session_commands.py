@@ -32,19 +32,6 @@ from netboard.task.trials.state_machine import Phase
 
 
 @pytest.fixture
-def context() -> Iterator[sockets.Context]:
-    with sockets.open_context() as context:
-        yield context
-
-
-@pytest.fixture
-def stepped(tmp_path: Path, context: sockets.Context) -> Iterator[SteppedSession]:
-    stepped = SteppedSession(tmp_path, context)
-    yield stepped
-    stepped.close()
-
-
-@pytest.fixture
 def automatic(tmp_path: Path, context: sockets.Context) -> Iterator[SteppedSession]:
     """A session whose blocks start by themselves."""
     stepped = SteppedSession(tmp_path, context, autostart=True)
