@@ -198,7 +198,7 @@ def test_emergency_stop_before_a_block_disarms_at_once(stepped: SteppedSession) 
     assert stepped.do("arm")[0]
     sent: list[bool] = []
     stepped.state.ports.motion.send_heartbeat = (  # type: ignore[method-assign]
-        lambda tick, now_ns, at_once=False, sides=(): sent.append(at_once or tick % 4 == 0)
+        lambda tick, at_once=False, sides=(): sent.append(at_once or tick % 4 == 0)
     )
     while stepped.state.number % 4 != 1:
         stepped.tick()

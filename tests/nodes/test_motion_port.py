@@ -211,7 +211,7 @@ def test_forces_are_sent_every_tick_and_heartbeats_at_intervals(rig: Rig) -> Non
     assert [(m.tick, m.force) for m in rig.router.received_by(A)] == [(t, -0.5) for t in range(2 * HEARTBEAT_TICKS)]  # type: ignore[union-attr]
     assert [m.force for m in rig.router.received_by(B)] == [0.25] * 2 * HEARTBEAT_TICKS  # type: ignore[union-attr]
     for tick in range(2 * HEARTBEAT_TICKS):
-        rig.port.send_heartbeat(tick, tick)
+        rig.port.send_heartbeat(tick)
     beats = rig.router.received_by(A)
     assert [type(m) for m in beats] == [Heartbeat, Heartbeat]
 
@@ -232,9 +232,9 @@ def test_device_at_a_side_without_a_person_gets_no_force_and_is_not_armed(new_ri
             rig.router.send_from(peer, replace(STYLUS, force_tick=4))
             rig.drain(lambda: MS // 10)
             rig.router.received_by(peer)
-        rig.port.send_heartbeat(0, MS, sides=("right",))
+        rig.port.send_heartbeat(0, sides=("right",))
         assert rig.router.received_by(A) == []
-        rig.port.send_heartbeat(0, MS)
+        rig.port.send_heartbeat(0)
         (beat,), (first, second) = (rig.router.received_by(peer) for peer in (A, B))
         assert beat.arm
         assert (first.arm, second.arm) == (False, False)
@@ -381,7 +381,7 @@ def test_device_is_armed_only_with_a_small_clock_bound(rig: Rig) -> None:
         rig.router.send_from(A, probe)
         rig.drain(lambda now=sent + 2 * delay_ns: now)
         rig.router.received_by(A)
-        rig.port.send_heartbeat(0, sent)
+        rig.port.send_heartbeat(0)
         (beat,) = rig.router.received_by(A)
         assert isinstance(beat, Heartbeat)
         assert beat.arm == may_arm

@@ -96,7 +96,7 @@ def test_motion_port_handles_any_message(seed: int) -> None:
             port.refusals.poll(clock.now_ns)
             port.fill(row.view(np.int64), tick, clock.now_ns, 0)
             assert np.isfinite(row["left_sent_z"] + row["right_sent_z"]) or not (row["left_live"] and row["right_live"])
-            port.send_heartbeat(tick, clock.now_ns)
+            port.send_heartbeat(tick)
             port.force(row.view(np.int64), row.view(np.int64))
             router.received_by(peer)
             if tick % 5 == 0:

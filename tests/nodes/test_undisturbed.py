@@ -12,10 +12,10 @@ from motion_rig import MotionRig
 
 from netboard.base.clock import now_ns
 from netboard.base.config import Config
-from netboard.base.tick import TICK, TICK_NS
+from netboard.base.tick import HEARTBEAT_TICKS, TICK, TICK_NS
 from netboard.network.protocol import fixed
 from netboard.network.protocol.joining import Goodbye
-from netboard.network.protocol.motion import Force, Safeguard, Stylus
+from netboard.network.protocol.motion import Force, Heartbeat, Safeguard, Stylus
 from netboard.network.transport import sockets
 from netboard.network.transport.fastpath import MACHINE_CLOCK
 from netboard.nodes.server.tick_clock import CATCH_UP_TICKS, EARLIEST_NS
@@ -36,7 +36,7 @@ class TickRunner:
         self.state = self.stage.initial()
         self.rows = np.zeros(ROWS, TICK)
         self.words = self.rows.view(np.int64).reshape(ROWS, -1)
-        self.answered = 0
+        self.answered, self._forces = 0, config.block.haptics
         self._ticks = run_of(self.stage) if compiled else None
         self._run = np.zeros(1, RUN)
         self.rig = self._rig = MotionRig(context)
@@ -63,12 +63,12 @@ class TickRunner:
         """The run, a record of RUN."""
         return self._run[0]
 
-    def run(self, number: int, due_ns: int, until: int, *, sleeps: bool = False, forces: bool = True) -> int:
+    def run(self, number: int, due_ns: int, until: int, *, sleeps: bool = False, in_trial: bool = True) -> int:
         """Run ticks in one call, and return why it has ended."""
         assert self._ticks is not None
         run = self.progress
         run["number"], run["due_ns"], run["until"], run["sleeps"] = number, due_ns, until, sleeps
-        run["forces"], (run["relevant"], run["fine"]) = forces, IN_TRIAL if forces else WAITING
+        run["forces"], (run["relevant"], run["fine"]) = self._forces and in_trial, IN_TRIAL if in_trial else WAITING
         scene = (self.state, self.rows, self.words, self.stage.book, self.stage.tables)
         return self._rig.port.undisturbed_ticks(self._ticks, scene, self._run, self.stage.delay)()
 
@@ -90,7 +90,10 @@ class TickRunner:
         found = port.fill(words, number, due_ns, 7) if found < 0 else found
         words[(TICK.names or ()).index("command")] = command
         self.stage.advance(self.state, self.rows, number)
-        port.force(words, self.stage.commanded_row(self.words, number))
+        if self._forces:
+            port.force(words, self.stage.commanded_row(self.words, number))
+        else:
+            port.send_heartbeat(number)
         return words.tobytes()
 
 
@@ -108,11 +111,13 @@ def samples_at(number: int, rng: np.random.Generator) -> dict[str, Stylus]:
     return found
 
 
-@pytest.mark.parametrize(("delay", "catch"), [(0, ()), (3, ()), (3, (1,))])
-def test_compiled_tick_equals_the_single_steps(delay: int, catch: tuple[int, ...]) -> None:
+@pytest.mark.parametrize(
+    ("force", "delay", "catch"), [("full", 0, ()), ("full", 3, ()), ("full", 3, (1,)), ("none", 0, ())]
+)
+def test_compiled_tick_equals_the_single_steps(force: Any, delay: int, catch: tuple[int, ...]) -> None:
     plain = Config()
-    config = replace(plain, block=replace(plain.block, force="full", force_delay_ms=delay, catch=catch, trials=2))
-    rng, forces = np.random.default_rng(7), 0
+    config = replace(plain, block=replace(plain.block, force=force, force_delay_ms=delay, catch=catch, trials=2))
+    rng, sent = np.random.default_rng(7), 0
     with sockets.open_context() as context:
         runners = [TickRunner(context, config, compiled=compiled) for compiled in (True, False)]
         for number in range(TICKS):
@@ -122,10 +127,11 @@ def test_compiled_tick_equals_the_single_steps(delay: int, catch: tuple[int, ...
             assert rows[0] == rows[1]
             first, second = (runner.received() for runner in runners)
             assert first == second
-            forces += sum(isinstance(message, Force) for messages in first for message in messages)
+            kind = Force if force == "full" else Heartbeat
+            sent += sum(isinstance(message, kind) for messages in first for message in messages)
         assert runners[0].state.tobytes() == runners[1].state.tobytes()
         assert 0.7 * TICKS < runners[0].answered < TICKS  # both paths were used
-        assert forces == 2 * TICKS
+        assert sent == 2 * TICKS / (1 if force == "full" else HEARTBEAT_TICKS)
 
 
 DUE_NS = 11 * TICK_NS
@@ -221,8 +227,13 @@ def test_frame_of_an_unregistered_peer_ends_a_run(felt: TickRunner) -> None:
 def test_run_between_trials_sends_no_force_and_needs_no_sample(felt: TickRunner) -> None:
     at(felt, DUE_NS + 60 * TICK_NS)  # longer than a sample counts
     assert felt.run(10, DUE_NS + 60 * TICK_NS, 11) == STEPS
-    assert felt.run(10, DUE_NS + 60 * TICK_NS, 11, forces=False) == DONE
+    assert felt.run(10, DUE_NS + 60 * TICK_NS, 11, in_trial=False) == DONE
     assert felt.received() == [[], []]
+    at(felt, DUE_NS + 64 * TICK_NS)
+    assert felt.run(11, DUE_NS + 60 * TICK_NS, 16, in_trial=False) == DONE
+    assert [[(type(m), m.tick, m.arm) for m in messages] for messages in felt.received()] == [
+        [(Heartbeat, 12, False)]
+    ] * 2
 
 
 def test_event_ends_a_run(felt: TickRunner) -> None:

@@ -1,9 +1,9 @@
 """The frames of the 1 kHz exchange in their fixed form, which compiled code reads and writes.
 
 A message of numbers only has a frame of fixed length if every number takes its widest form: nine bytes, a marker and
-the 64 bits of an integer or a float. netboard writes `Stylus`, `Force` and `Point` in this form, and reads such frames
-without making an object of each number. `netboard.network.protocol.codec` reads them like any other form of the same
-message.
+the 64 bits of an integer or a float; a truth value takes one. netboard writes `Stylus`, `Force`, `Point` and
+`Heartbeat` in this form, and reads such frames without making an object of each number.
+`netboard.network.protocol.codec` reads them like any other form of the same message.
 
 In memory such a message is a row of 64-bit words, one for each field, whatever its type; `fields_of` gives the record
 that names them.
@@ -17,13 +17,16 @@ from numpy.typing import NDArray
 
 from netboard.base.compiled import kernel
 from netboard.network.protocol.messages import KINDS, Message
-from netboard.network.protocol.motion import Force, Point, Stylus
+from netboard.network.protocol.motion import Force, Heartbeat, Point, Stylus
 
 WIDE = 9
 """Bytes of a number in its widest form [1]."""
 
-_MARKERS = {int: 0xD3, float: 0xCB}
-_TYPES = {int: "<i8", float: "<f8"}
+_FALSE = 0xC2
+"""A truth value is this byte or the next one."""
+
+_MARKERS = {int: 0xD3, float: 0xCB, bool: _FALSE}
+_TYPES = {int: "<i8", float: "<f8", bool: "<i8"}
 
 
 class Form(NamedTuple):
@@ -50,7 +53,8 @@ def form_of(message: type[Message]) -> Form:
     markers = [_MARKERS[hint] for hint in get_type_hints(message).values()]
     length = len(markers) + 1
     head = [0x90 | length, number] if length < 16 else [0xDC, 0, length, number]
-    return Form(np.array(head, np.uint8), np.array(markers, np.uint8), len(head) + WIDE * len(markers))
+    size = len(head) + sum(1 if marker == _FALSE else WIDE for marker in markers)
+    return Form(np.array(head, np.uint8), np.array(markers, np.uint8), size)
 
 
 def fields_of(message: type[Message]) -> list[tuple[str, str]]:
@@ -63,7 +67,7 @@ def packer_of(message: type[Message]) -> struct.Struct:
     return struct.Struct("<" + "".join("d" if kind == "<f8" else "q" for _, kind in fields_of(message)))
 
 
-STYLUS, FORCE, POINT = form_of(Stylus), form_of(Force), form_of(Point)
+STYLUS, FORCE, POINT, HEARTBEAT = map(form_of, (Stylus, Force, Point, Heartbeat))
 
 
 @kernel
@@ -75,21 +79,29 @@ def read(frame: Any, head: Any, markers: Any, words: Any) -> bool:
     words : ndarray of int64, shape (n,)
         Output: the numbers as words.
     """
-    start, count = len(head), len(markers)
-    if len(frame) != start + WIDE * count:
+    place, size = len(head), len(frame)
+    if size < place:
         return False
-    for k in range(start):
+    for k in range(place):
         if frame[k] != head[k]:
             return False
-    for k in range(count):
-        place = start + WIDE * k
-        if frame[place] != markers[k]:
+    for k in range(len(markers)):
+        width = 1 if markers[k] == _FALSE else WIDE
+        if size < place + width:
             return False
-        word = np.int64(0)
-        for byte in range(1, 9):
-            word = (word << np.int64(8)) | np.int64(frame[place + byte])
+        if width == 1:
+            word = np.int64(frame[place]) - _FALSE
+            if not 0 <= word <= 1:
+                return False
+        else:
+            if frame[place] != markers[k]:
+                return False
+            word = np.int64(0)
+            for byte in range(1, 9):
+                word = (word << np.int64(8)) | np.int64(frame[place + byte])
         words[k] = word
-    return True
+        place += width
+    return size == place
 
 
 @kernel
@@ -103,13 +115,17 @@ def write(frame: Any, head: Any, markers: Any, words: Any) -> None:
     words : ndarray of int64, shape (n,)
         The numbers as words.
     """
-    start = len(head)
-    for k in range(start):
+    place = len(head)
+    for k in range(place):
         frame[k] = head[k]
     for k in range(len(markers)):
-        place = start + WIDE * k
-        frame[place] = markers[k]
         word = words[k]
+        if markers[k] == _FALSE:
+            frame[place] = _FALSE + word
+            place += 1
+            continue
+        frame[place] = markers[k]
         for byte in range(8, 0, -1):
             frame[place + byte] = word & 255
             word >>= 8
+        place += WIDE

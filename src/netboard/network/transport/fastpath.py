@@ -67,7 +67,6 @@ FAST_PATH = np.dtype(
         ("more", "<i8"),  # 1: parts of a message are left to be skipped
         ("name_size", "<i8"),
         ("name_sizes", "<i8", (PLACES,)),  # of the registered peers, 0 for no peer
-        ("muted", "<i8", (PLACES,)),  # 1: nothing is sent to this peer
         ("names", "u1", (PLACES, NAME_ROOM)),
         ("keys", "u1", (PLACES, KEY_SIZE)),
         ("name", "u1", (NAME_ROOM,)),  # of the newest frame's sender
@@ -246,11 +245,9 @@ def receive(fast: Any, frame: Any) -> int:
 def send_to(fast: Any, place: int, frame: Any) -> int:
     """Send a frame to a registered peer, without waiting.
 
-    Returns `SENT`, `NOT_SENT` if the peer is muted or gone or its queue is full, or `FAILED`.
+    Returns `SENT`, `NOT_SENT` if the peer is gone or its queue is full, or `FAILED`.
     """
     path = fast[0]
-    if path["muted"][place]:
-        return NOT_SENT
     name = path["names"][place]
     if _zmq_send(path["socket"], name.ctypes.data, path["name_sizes"][place], _DONTWAIT | _SNDMORE) < 0:
         return _not_sent()  # refused here or not at all
@@ -373,10 +370,6 @@ class FastPath:
     def watch(self, file: int) -> None:
         """Let signals of another socket's file end a sleep; `NO_FILE` for none."""
         self.record[0]["watched"] = waitable(file)
-
-    def mute(self, place: int, muted: bool) -> None:
-        """Send nothing to any peer at a place, or send to it again."""
-        self.record[0]["muted"][place] = muted
 
     def unregister(self, place: int) -> None:
         """Unregister the peer at a place."""

@@ -5,7 +5,6 @@ are decoded as messages. Nothing here waits longer than asked, or knows the devi
 """
 
 import logging
-import struct
 from dataclasses import astuple
 from typing import Any
 
@@ -40,9 +39,10 @@ NEWER = -4
 """Result of `wait_for_answer` beside those of `fastpath.receive_one`: the newest answer is a newer one [1]."""
 
 _ANSWERS: tuple[Any, ...] = (None, Force, Point, Heartbeat)
-_PACKERS: tuple[Any, ...] = (None, *map(fixed.packer_of, (Force, Point)), struct.Struct("<4q?7x"))
+_PACKERS: tuple[Any, ...] = (None, *map(fixed.packer_of, (Force, Point, Heartbeat)))
 _LENGTH = len(fixed.POINT.markers)
 _SEND_FORM, _FORCE_FORM, _POINT_FORM = fixed.STYLUS[:2], fixed.FORCE[:2], fixed.POINT[:2]
+_BEAT_FORM = fixed.HEARTBEAT[:2]
 
 LINK = np.dtype(
     [
@@ -115,6 +115,9 @@ def wait_for_answer(fast: Any, frame: Any, link: Any, until_ns: int) -> int:
                     return NEWER
             elif fixed.read(frame[:size], _POINT_FORM[0], _POINT_FORM[1], came):
                 if take(link, POINT, came[8], now):
+                    return NEWER
+            elif fixed.read(frame[:size], _BEAT_FORM[0], _BEAT_FORM[1], came):
+                if take(link, BEAT, came[3], now):
                     return NEWER
             else:
                 return size

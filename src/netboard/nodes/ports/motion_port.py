@@ -24,7 +24,7 @@ from netboard.network.protocol.codec import decode, encode, kind_of
 from netboard.network.protocol.control import LinkStatus
 from netboard.network.protocol.joining import HELLO_FIRST, Goodbye, Hello, Welcome
 from netboard.network.protocol.messages import sent_by
-from netboard.network.protocol.motion import Backfill, BackfillRequest, Heartbeat, Stylus
+from netboard.network.protocol.motion import Backfill, BackfillRequest, Stylus
 from netboard.network.protocol.records import ClockRecord
 from netboard.network.transport import endpoints, fastpath, sockets
 from netboard.nodes.ports import samples
@@ -87,6 +87,8 @@ class MotionPort:
         self._force_words = np.zeros(len(fixed.FORCE.markers), np.int64)
         self._ends = ends
         self.gains = np.ones(len(SIDES))
+        self._beat = np.zeros(fixed.HEARTBEAT.size, np.uint8)
+        self._beat_words = np.zeros(len(fixed.HEARTBEAT.markers), np.int64)
         self._point = np.zeros(fixed.POINT.size, np.uint8)
         self._point_words = np.zeros(len(fixed.POINT.markers), np.int64)
 
@@ -149,9 +151,10 @@ class MotionPort:
         self, ticks: Callable[..., int], stage: tuple[Any, ...], run: Any, delay: int
     ) -> Callable[[], int]:
         """Return a call that runs undisturbed ticks; see `netboard.nodes.server.undisturbed`, also for its result."""
-        sample = self._form[-1]
-        motion = self.fast.record, self._words, self.gains, self._frame, sample, self._unregistered
-        return partial(ticks, (*motion, self._force, self._force_words), stage, run, delay, self._timeout_ns)
+        self._permit()
+        motion = self.fast.record, self._words, self.gains, self._frame, self._form[-1], self._unregistered
+        sent = self._force, self._force_words, self._beat, self._beat_words
+        return partial(ticks, (*motion, *sent), stage, run, delay, self._timeout_ns)
 
     def force(self, row: Any, commanded: Any) -> None:
         """Send each agent its commanded force of a tick, or the board's state from which it computes the force.
@@ -160,6 +163,7 @@ class MotionPort:
 
         ``commanded``: words of the row with the commanded force (`netboard.stage.stage.Stage.commanded_row`).
         """
+        self._permit()
         fast, agents, gains = self.fast.record, self._words, self.gains
         if self._ends is None:
             form, words = fixed.FORCE[:2], self._force_words
@@ -170,20 +174,26 @@ class MotionPort:
         if sent == fastpath.FAILED:
             self.fast.raise_failure("motion")
 
+    def _permit(self) -> None:
+        """Note for compiled code whose hand is a person's, and whose device may be armed."""
+        for words, agent in zip(self._words, self.agents.values(), strict=True):
+            words[samples.PERSON] = agent.side in self._people
+            words[samples.ARM] = self.may_arm and words[samples.PERSON] and agent.clock.bound_ns <= self._bound_ns
+
     @property
     def loops_ns(self) -> list[int]:
         """Newest sample-to-force latency of each hand, 0 if not yet known [ns]."""
         return [int(words[samples.LOOP]) for words in self._words]
 
-    def send_heartbeat(self, tick: int, now_ns: int, at_once: bool = False, sides: Collection[Side] = SIDES) -> None:
+    def send_heartbeat(self, tick: int, at_once: bool = False, sides: Collection[Side] = SIDES) -> None:
         """Send each agent of these sides a heartbeat, which commands no force: every `HEARTBEAT_TICKS` or at once."""
         if tick % HEARTBEAT_TICKS and not at_once:
             return
-        for place, agent in enumerate(self.agents.values()):
-            if agent.hello is not None and agent.side in sides:
-                seq, lead_ns = int(self._words[place, samples.SEQ]), int(self._words[place, samples.LEAD])
-                arm = self.may_arm and agent.side in self._people and agent.clock.bound_ns <= self._bound_ns
-                self._router.send(agent.peer, encode(Heartbeat(tick, now_ns, seq, lead_ns, arm)))
+        self._permit()
+        fast, agents, places = self.fast.record, self._words, sum(1 << SIDES.index(side) for side in sides)
+        form, words = fixed.HEARTBEAT[:2], self._beat_words
+        if samples.send_heartbeats(fast, self._beat, tick, agents, places, *form, words) == fastpath.FAILED:
+            self.fast.raise_failure("motion")
 
     def find_missing(self, now_ns: int, needed: Collection[Side]) -> list[str]:
         """Return what a block waits for at the agents of these sides."""
@@ -230,8 +240,6 @@ class MotionPort:
     def renew(self, welcome: Welcome, ends: Any, people: tuple[Side, ...] = SIDES) -> None:
         """Send the welcome of a new block to both agents. ``people``: the sides whose hand is a person's."""
         self._welcome, self._ends, self._people = encode(welcome), ends, people
-        for place, side in enumerate(SIDES):
-            self.fast.mute(place, side not in people)
         for agent in self.agents.values():
             if agent.hello is not None:
                 self._router.send_or_queue(agent.peer, self._welcome)

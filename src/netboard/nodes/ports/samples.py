@@ -41,6 +41,8 @@ _LINK_FIELDS = (
     "clock_known",  # 1: that offset is known
     "tripped",  # safeguards of the last tick that are reported as events
     "transit_ns",  # half the shortest recent round trip: transit time [ns]
+    "person",  # 1: its hand is a person's, who gets the forces
+    "arm",  # 1: its device may be armed
 )
 """Fields that the server adds to a sample: the state of the link."""
 
@@ -56,7 +58,7 @@ SEQ, FORCE_TICK, FORCE_SENT, FORCE_RECEIVED, SENT = (
     _WORD[name] for name in ("seq", "force_tick", "force_sent_ns", "force_received_ns", "sent_ns")
 )
 ARRIVED, SERVER_STAMP, LEAD, GATHERED, FRESH, PUNCTUAL = (_WORD[name] for name in _LINK_FIELDS[:6])
-TAKEN, MISSING, STALE, OFFSET, CLOCK_KNOWN, _TRIPPED, TRANSIT = (_WORD[name] for name in _LINK_FIELDS[6:])
+TAKEN, MISSING, STALE, OFFSET, CLOCK_KNOWN, _TRIPPED, TRANSIT, PERSON, ARM = (_WORD[name] for name in _LINK_FIELDS[6:])
 AGENT_STAMP, _Z, _VZ, SAFEGUARDS = (_WORD[name] for name in ("stamp_ns", "z", "vz", "safeguards"))
 LOOP = _WORD["loop_ns"]
 ARMED_BIT = int(Safeguard.ARMED)
@@ -109,6 +111,9 @@ UNREGISTERED_BATCH = 8
 
 LIVE, ARMED, STOPPED, TRIPPED = 1, 4, 16, 64
 """Bits that `fill` returns for the left side; the right side's are twice as large."""
+
+BOTH = 3
+"""Both sides: the sum of 1 for the left and 2 for the right one."""
 
 
 @kernel
@@ -289,10 +294,16 @@ def write_point(words: Any, row: Any, agents: Any, gains: Any, place: int, ends:
 
 
 @kernel
+def _has_person(fast: Any, agents: Any, place: int) -> bool:
+    """Return whether an agent is connected at a side whose hand is a person's."""
+    return bool(fast[0]["name_sizes"][place] and agents[place, PERSON])
+
+
+@kernel
 def send_forces(
     fast: Any, frame: Any, row: Any, commanded: Any, agents: Any, gains: Any, head: Any, markers: Any, words: Any
 ) -> int:
-    """Send each connected side its `Force` of a tick; the side that goes first alternates.
+    """Send each connected side with a person its `Force` of a tick; the side that goes first alternates.
 
     ``commanded``: words of the row with the commanded force (`netboard.stage.stage.Stage.commanded_row`). Returns
     `netboard.network.transport.fastpath.FAILED` if the socket is unusable; a peer that does not take its force is no
@@ -301,7 +312,7 @@ def send_forces(
     first = row[_TICK] & 1
     for turn in range(2):
         place = first ^ turn
-        if fast[0]["name_sizes"][place] == 0:
+        if not _has_person(fast, agents, place):
             continue
         write_force(words, row, commanded, agents, gains, place, fastpath.now_ns(fast))
         fixed.write(frame, head, markers, words)
@@ -325,9 +336,29 @@ def send_points(
     first = row[_TICK] & 1
     for turn in range(2):
         place = first ^ turn
-        if fast[0]["name_sizes"][place] == 0 or row[_LIVE[place]] == 0:
+        if not _has_person(fast, agents, place) or row[_LIVE[place]] == 0:
             continue
         write_point(words, row, agents, gains, place, ends, fastpath.now_ns(fast))
+        fixed.write(frame, head, markers, words)
+        if fastpath.send_to(fast, place, frame) == fastpath.FAILED:
+            return fastpath.FAILED
+    return fastpath.SENT
+
+
+@kernel
+def send_heartbeats(
+    fast: Any, frame: Any, tick: int, agents: Any, sides: int, head: Any, markers: Any, words: Any
+) -> int:
+    """Send some connected sides a `Heartbeat`, which commands no force.
+
+    ``sides``: the sum of 1 for the left and 2 for the right side. Returns `netboard.network.transport.fastpath.FAILED`
+    if the socket is unusable; a peer that does not take its heartbeat is no failure.
+    """
+    for place in range(2):
+        if fast[0]["name_sizes"][place] == 0 or not sides >> place & 1:
+            continue
+        words[0], words[1], words[2] = tick, fastpath.now_ns(fast), agents[place, SEQ]
+        words[3], words[4] = agents[place, LEAD], agents[place, ARM]
         fixed.write(frame, head, markers, words)
         if fastpath.send_to(fast, place, frame) == fastpath.FAILED:
             return fastpath.FAILED
@@ -359,5 +390,7 @@ def warm() -> None:
     fill(row, agents, 0, TICK_NS, 0, TICK_NS)
     gains = np.ones(2)
     send_forces(fast, frame, row, row, agents, gains, *fixed.FORCE[:2], np.zeros(len(fixed.FORCE.markers), np.int64))
+    beat, words = np.zeros(fixed.HEARTBEAT.size, np.uint8), np.zeros(len(fixed.HEARTBEAT.markers), np.int64)
+    send_heartbeats(fast, beat, 0, agents, BOTH, *fixed.HEARTBEAT[:2], words)
     point, words = np.zeros(fixed.POINT.size, np.uint8), np.zeros(len(fixed.POINT.markers), np.int64)
     send_points(fast, point, row, agents, gains, np.zeros((2, 3)), *fixed.POINT[:2], words)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES
-from netboard.base.tick import HEARTBEAT_TICKS, TICK, TICK_NS, TICK_WORDS
+from netboard.base.tick import TICK, TICK_NS, TICK_WORDS
 from netboard.network.protocol.codec import encode
 from netboard.network.protocol.records import TickRecord
 from netboard.network.transport import sockets
@@ -236,7 +236,7 @@ class Session:
         while self._state.phase != Phase.FINISHED:  # two ticks just after a trial, when no command has an effect
             self._tick(self._clock.due_ns, max(0, now_ns() - self._clock.due_ns))
         self._motion.may_arm = False
-        self._motion.send_heartbeat(self._state.number, now_ns(), at_once=True)  # else the last force would have to age
+        self._motion.send_heartbeat(self._state.number, at_once=True)  # else the last force would have to age
 
     # --- ticks -----------------------------------------------------------------------------------------------------
 
@@ -244,11 +244,9 @@ class Session:
         """Set how many undisturbed ticks may run before other work is due, and prepare the compiled call."""
         state, run, motion, block = self._state, self._run, self._motion, self._state.block
         number, now = state.number, now_ns()
-        until = number + -(number + self._stagger) % FEED_TICKS + 1
+        until = number + -(number + self._stagger) % FEED_TICKS + state.active
         run[_FORCES] = state.felt
         run[_RELEVANT], run[_FINE] = IN_TRIAL if state.active else WAITING
-        if not run[_FORCES]:
-            until = min(until, number + -number % HEARTBEAT_TICKS)
         if self._control_unread or motion.unhandled or self._log.must_read(now):
             until = number + 1
         run[_NUMBER], run[_DUE], run[_SLEEPS] = number, self._clock.due_ns, self.sleeps
@@ -311,12 +309,13 @@ class Session:
     def _can_run_in_one_call(self) -> bool:
         """Whether the next tick can be run in one call if its samples are in order.
 
-        While no forces are sent, every `HEARTBEAT_TICKS` the supervisor is asked, and heartbeats are sent.
+        Between trials the supervisor is asked at the ticks that periodic work follows.
         """
         state = self._state
         if state.block.run is None or state.idle or self._blocks.coming:
             return False
-        return (state.felt or state.number % HEARTBEAT_TICKS != 0) and self._no_command_due
+        periodic = (state.number + self._stagger) % FEED_TICKS == 0
+        return (state.active or not periodic) and self._no_command_due
 
     def _tick(self, due_ns: int, late_ns: int, found: int = -1) -> None:
         """Run one tick step by step.
@@ -341,9 +340,9 @@ class Session:
         if felt and not halted:
             self._motion.force(words, block.stage.commanded_row(state.words, number))
             if block.robots:
-                self._motion.send_heartbeat(number, now_ns(), sides=[robot.side for robot in block.robots])
+                self._motion.send_heartbeat(number, sides=[robot.side for robot in block.robots])
         else:
-            self._motion.send_heartbeat(number, now_ns(), at_once=active and halted)
+            self._motion.send_heartbeat(number, at_once=active and halted)
         for robot in block.robots:
             robot.take(words)
         self._clock.began(late_ns)

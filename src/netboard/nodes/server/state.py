@@ -157,7 +157,7 @@ class SessionState:
         motion, may_arm = self.ports.motion, self.operators.armed and not self.emergency_stop.halted
         forbidden, motion.may_arm = motion.may_arm and not may_arm, may_arm
         if forbidden:
-            motion.send_heartbeat(self.number, now_ns(), at_once=True)
+            motion.send_heartbeat(self.number, at_once=True)
         for name, details in events:
             self.note(name, details)
 

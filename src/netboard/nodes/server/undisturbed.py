@@ -2,7 +2,7 @@
 
 A force waits for whatever the loop does first, and in a loop that sleeps most of the time a few lines of Python take 10
 us. While a block runs undisturbed, several ticks in a row need no Python. Python takes over when other work is due:
-records for the loggers, views, heartbeats, a message other than a sample. Disturbed ticks (in a trial: a missing
+records for the loggers, views, a message other than a sample. Disturbed ticks (in a trial: a missing
 sample, a device that is not armed; an operator's command, a robot partner) are handled by
 `netboard.nodes.server.session`, which does the same steps one by one.
 """
@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 
 from netboard.base.compiled import composed, kernel, machine_code, waiting
-from netboard.base.tick import LATE_NS, TICK, TICK_NS, TICK_WORDS
+from netboard.base.tick import HEARTBEAT_TICKS, LATE_NS, TICK, TICK_NS, TICK_WORDS
 from netboard.network.protocol import fixed
 from netboard.network.transport import fastpath
 from netboard.nodes.ports import samples
-from netboard.nodes.ports.samples import awaited, drain, fill, send_forces
+from netboard.nodes.ports.samples import BOTH, awaited, drain, fill, send_forces, send_heartbeats
 from netboard.nodes.ports.unregistered import UNREGISTERED
 from netboard.nodes.server.tick_clock import CATCH_UP_TICKS, EARLIEST_NS
 from netboard.stage.stage import Stage, commanded_tick
@@ -41,7 +41,7 @@ RUN = np.dtype(
         ("due_ns", "<i8"),  # its deadline [ns]
         ("until", "<i8"),  # number of the tick before which Python is due
         ("sleeps", "<i8"),  # 1: sleep until the next tick; 0: return
-        ("forces", "<i8"),  # 1: send forces; 0: heartbeats follow some ticks, and Python sends them
+        ("forces", "<i8"),  # 1: send forces; 0: heartbeats, every `HEARTBEAT_TICKS`
         ("relevant", "<i8"),  # which bits that `samples.fill` returns matter
         ("fine", "<i8"),  # what these must be
         ("wake_ns", "<i8"),  # when it can begin, if no sample arrives first [ns]
@@ -56,10 +56,10 @@ RUN_WORDS = {name: place for place, name in enumerate(RUN.names or ())}
 """Place of each field among the words of a run, which Python reads and writes faster than fields of a record."""
 
 _BEHIND_NS = CATCH_UP_TICKS * TICK_NS
-_EVENT, _TRIAL = TICK_WORDS["event"], TICK_WORDS["trial"]
+_EVENT, _TICK, _TRIAL = (TICK_WORDS[name] for name in ("event", "tick", "trial"))
 _HEAD, _MARKERS = fixed.FORCE[:2]
+_BEAT_HEAD, _BEAT_MARKERS = fixed.HEARTBEAT[:2]
 _SAMPLE_HEAD, _SAMPLE_MARKERS = fixed.STYLUS[:2]
-_BROKEN = fastpath.FAILED
 _UNREAD = samples.OTHER | samples.FAILED
 
 
@@ -70,7 +70,7 @@ def _ticks(state: Any, rows: Any, first: int, count: int, book: Any, tables: Any
 @kernel
 def _take(motion: Any, due_ns: int, eager: bool) -> int:
     """Take the samples that have arrived; see `netboard.nodes.ports.samples.drain`."""
-    fast, agents, _, frame, sample, unregistered, _, _ = motion
+    fast, agents, _, frame, sample, unregistered, _, _, _, _ = motion
     head, markers, most = _SAMPLE_HEAD, _SAMPLE_MARKERS, samples.MAX_FRAMES
     return drain(agents, fast, frame, head, markers, sample, due_ns, eager, most, unregistered)
 
@@ -81,12 +81,23 @@ def _wake(agents: Any, due_ns: int) -> int:
     return due_ns if awaited(agents) else due_ns - EARLIEST_NS
 
 
+@kernel
+def _send(motion: Any, forces: int, row: Any, commanded: Any) -> int:
+    """Send the forces of a tick, or the heartbeats that are due; return a result of sending."""
+    fast, agents, gains, _, _, _, force, force_words, beat, beat_words = motion
+    if forces:
+        return send_forces(fast, force, row, commanded, agents, gains, _HEAD, _MARKERS, force_words)
+    if row[_TICK] % HEARTBEAT_TICKS == 0:
+        return send_heartbeats(fast, beat, row[_TICK], agents, BOTH, _BEAT_HEAD, _BEAT_MARKERS, beat_words)
+    return fastpath.SENT
+
+
 def _run(motion: Any, stage: Any, runs: Any, delay: int, timeout_ns: int) -> int:
-    """Run ticks while their samples are in order, and send both forces of each.
+    """Run ticks while their samples are in order, and send the forces or heartbeats of each.
 
     ``motion``, ``stage``, ``runs``: as in `run_of`. Returns why it returns.
     """
-    fast, agents, gains, _, _, unregistered, frame, numbers = motion
+    fast, agents, _, _, _, unregistered, _, _, _, _ = motion
     state, rows, words, book, tables = stage
     run = runs[0]
     while run["number"] < run["until"]:
@@ -105,8 +116,7 @@ def _run(motion: Any, stage: Any, runs: Any, delay: int, timeout_ns: int) -> int
                 return STEPS
             _ticks(state, rows, number, 1, book, tables)
             sent = commanded_tick(number, delay, row[_TRIAL], book[0]["rendering"]["catch"])
-            commanded, form = words[sent % len(words)], (_HEAD, _MARKERS)
-            if run["forces"] and send_forces(fast, frame, row, commanded, agents, gains, *form, numbers) == _BROKEN:
+            if _send(motion, run["forces"], row, words[sent % len(words)]) == fastpath.FAILED:
                 return FAILED
             run["late_ticks"] += late_ns > LATE_NS
             run["number"], run["due_ns"] = number + 1, due_ns + TICK_NS
@@ -150,6 +160,8 @@ def run_of(stage: Stage) -> Callable[..., int]:
         np.zeros(1, UNREGISTERED),
         np.zeros(fixed.FORCE.size, np.uint8),
         np.zeros(len(fixed.FORCE.markers), np.int64),
+        np.zeros(fixed.HEARTBEAT.size, np.uint8),
+        np.zeros(len(fixed.HEARTBEAT.markers), np.int64),
     )
     scene = stage.initial(), rows, rows.view(np.int64).reshape(1, -1), stage.book, stage.tables
     return machine_code(_composed(stage.ticks), motion, scene, np.zeros(1, RUN), 0, 0)
