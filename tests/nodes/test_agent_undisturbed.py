@@ -1,7 +1,7 @@
 """Undisturbed ticks of an agent in compiled code equal the single steps, to the bit, in any sequence of answers."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import astuple, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -10,6 +10,7 @@ import pytest
 from netboard.base.clock import Pacer
 from netboard.base.config import Config
 from netboard.base.tick import TICK_NS
+from netboard.devices.safety.chain import Guard
 from netboard.devices.simulated.virtual import VirtualTouch
 from netboard.network.protocol import fixed
 from netboard.network.protocol.codec import decode, encode
@@ -21,19 +22,19 @@ from netboard.network.transport.fastpath import NO_FILE
 from netboard.nodes.agent import agent as agent_module
 from netboard.nodes.agent import motion_link
 from netboard.nodes.agent.agent import Agent
-from netboard.nodes.agent.undisturbed import ANSWERED, NEVER_DUE_NS, NOT_BEGUN, NOTHING_BEGUN, READ, SENT, Begun
+from netboard.nodes.agent.undisturbed import ANSWERED, NEVER_DUE_NS, NOT_BEGUN, NOTHING_BEGUN, READ, Begun
 from netboard.participants.submovement import Submovement
 
 START_NS = 10**9
 TICKS = 3000
 
 
-def fixed_form(message: Force) -> bytes:
-    """The frame of a force in its fixed form."""
-    numbers = (message.tick, message.sent_ns, message.stylus_seq, message.force, message.lead_ns)
-    words = np.frombuffer(fixed.packer_of(Force).pack(*numbers), np.int64)
-    frame = np.zeros(fixed.FORCE.size, np.uint8)
-    fixed.write(frame, *fixed.FORCE[:2], words)
+def fixed_form(message: Force | Heartbeat) -> bytes:
+    """The frame of an answer in its fixed form."""
+    form = fixed.form_of(type(message))
+    words = np.frombuffer(fixed.packer_of(type(message)).pack(*astuple(message)), np.int64)
+    frame = np.zeros(form.size, np.uint8)
+    fixed.write(frame, *form[:2], words)
     return frame.tobytes()
 
 
@@ -144,10 +145,16 @@ def config_of(**safety: float) -> Config:
 
 
 def answers(number: int, seq: int, rng: np.random.Generator) -> list[Message | bytes]:
-    """What the server sends in a tick: mostly one force; sometimes none, two, a heartbeat or another form."""
+    """What the server sends in a tick: mostly one force; sometimes none, two, a heartbeat or another form.
+
+    For some time it sends a heartbeat every fourth tick only, as in a trial without haptic feedback.
+    """
     force = Force(2 * number, number, seq, float(0.4 * np.sin(number / 40)), int(rng.integers(-100_000, 700_000)))
     if number < 20 or 1500 < number < 1530:
         return [Heartbeat(2 * number, number, seq, 300_000, True)]
+    if 2200 < number < 2700:
+        beat = Heartbeat(2 * number, number, seq, int(rng.integers(-100_000, 700_000)), number > 2300)
+        return [] if number % 4 else [encode(beat) if number % 20 == 0 else fixed_form(beat)]
     match rng.integers(24):
         case 0:
             return []
@@ -214,13 +221,24 @@ def test_tick_with_a_force_is_complete_without_single_steps(make: Callable[..., 
     assert one.completed == before + 1
 
 
-def test_missing_force_is_left_to_the_single_steps(make: Callable[..., Simulated]) -> None:
+def test_tick_without_an_answer_is_complete_without_single_steps(make: Callable[..., Simulated]) -> None:
     one = rendering(make)
-    assert one.tick().stage == SENT
+    one.source.due_ns = NEVER_DUE_NS
+    before = one.completed
+    one.tick()
     assert one.agent._rendered > 0.05  # the force of the last tick is still fresh
+    one.deliver(fixed_form(Heartbeat(20_000, 0, one.agent._seq, 300_000, True)))
+    for _ in range(10):
+        one.tick()
+    assert one.agent._rendered == 0.0
+    assert one.completed == before + 11
+    one.deliver(fixed_form(Heartbeat(20_001, 0, one.agent._seq, 300_000, False)))
+    one.tick()
+    assert one.tick().stage == NOT_BEGUN
+    assert one.agent._safety.guard == Guard.RELEASING
 
 
-def test_force_fades_in_single_steps_when_the_server_falls_silent(make: Callable[..., Simulated]) -> None:
+def test_force_fades_when_the_server_falls_silent(make: Callable[..., Simulated]) -> None:
     one = rendering(make)
     for _ in range(1000):
         one.tick()

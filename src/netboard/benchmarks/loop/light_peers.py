@@ -99,11 +99,12 @@ class LightAgent:
         while True:
             count, came = self._take_answers(link.fast, link.frame, link.state)
             counts["forces" if link.kind == FORCE else "beats"] += count
+            if came != fastpath.NOTHING:
+                counts["beats"] += link.handle_found(came)
             if link.kind == BEAT:
                 self._safeguards = int(Safeguard.ARMED) if link.may_arm else 0
             if came == fastpath.NOTHING:
                 return
-            link.handle_found(came)
 
 
 class LightDyad:

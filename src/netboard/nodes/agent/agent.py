@@ -38,6 +38,7 @@ from netboard.nodes.agent.rendered_buffer import RenderedRing
 from netboard.nodes.agent.undisturbed import (
     ANSWER_NS,
     ANSWERED,
+    LATE,
     LIMITED,
     NEVER_DUE_NS,
     NO_READING,
@@ -172,7 +173,7 @@ class Agent:
         stop = self._seq + MAX_TICKS
         while True:
             progress, begun, reading = run(progress, begun, reading, stop, *self._source_due())
-            if begun.stage != ANSWERED or begun.came != fastpath.NOTHING:
+            if begun.stage < LATE or begun.came != fastpath.NOTHING:
                 break
             self._advance_source()
         pacer.due_ns, self._seq, self._safeguards, self._rendered = progress
@@ -229,9 +230,9 @@ class Agent:
             self._render(reading)
         self._shift_ns = begun.shift_ns
         rendered = self._handle(begun.came, reading, alone) or begun.stage == ANSWERED
-        if not rendered:
-            rendered = self._await(reading, until_ns - TICK_NS + ANSWER_NS, alone)
-        self._advance_source()
+        if begun.stage < LATE:
+            rendered = rendered or self._await(reading, until_ns - TICK_NS + ANSWER_NS, alone)
+            self._advance_source()
         while now_ns() < until_ns:
             rendered |= self._await(reading, until_ns, alone)
         if not (alone or rendered):

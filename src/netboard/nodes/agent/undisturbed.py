@@ -1,10 +1,10 @@
 """Undisturbed ticks of an agent, in one compiled call from reading the stylus to the rendered force.
 
 In a loop that sleeps most of the time a line of Python takes several microseconds, and a tick in single steps needs
-some hundred lines. While forces come in time and the device and its user want nothing else, ticks need no Python, if
-the device can be accessed by compiled code. Python takes over when the stylus source is due, and for everything else:
-heartbeats, messages in another form, a missing force, a button, a device that is not ready. It then continues the tick
-with the single steps of `netboard.nodes.agent.agent`, which follow the same rules.
+some hundred lines. While the device stays armed and its user wants nothing else, ticks need no Python, if the device
+can be accessed by compiled code. Python takes over when the stylus source is due, and for everything else: messages in
+another form, a long silence of the server, a button, a device that is not ready. It then continues the tick with the
+single steps of `netboard.nodes.agent.agent`, which follow the same rules.
 """
 
 from collections.abc import Callable
@@ -17,11 +17,11 @@ from netboard.base.clock import CATCH_UP_TICKS
 from netboard.base.compiled import composed, inlined, kernel, machine_code, waiting
 from netboard.base.tick import TICK_NS
 from netboard.devices.contract.device import CompiledAccess
-from netboard.devices.safety.chain import Safety, limit
+from netboard.devices.safety.chain import Guard, Safety, limit
 from netboard.devices.safety.fixture import fixture_force
 from netboard.network.protocol.joining import HELLO_INTERVAL_NS
 from netboard.network.transport import fastpath
-from netboard.nodes.agent.motion_link import FORCE, NEWER, Link, close_loop, send_sample, wait_for_answer
+from netboard.nodes.agent.motion_link import BEAT, FORCE, NEWER, POINT, Link, close_loop, send_sample, wait_for_answer
 from netboard.nodes.agent.rendered_buffer import RenderedRing, remember
 
 Kernel: TypeAlias = Callable[..., Any]
@@ -47,8 +47,9 @@ LIMITED = -5
 NEVER_DUE_NS = 2**62
 """When a stylus source is due that waits for a signal of its file only [ns]."""
 
-NOT_BEGUN, READ, SENT, ANSWERED = range(4)
-"""How far a tick has come: nothing is done; the stylus is read; the sample is sent; a force is rendered, too."""
+NOT_BEGUN, READ, SENT, LATE, ANSWERED = range(5)
+"""How far a tick has come: nothing is done; the stylus is read; the sample is sent; no answer came within `ANSWER_NS`;
+an answer's force is rendered."""
 
 
 class Rules(NamedTuple):
@@ -72,7 +73,7 @@ class Progress(NamedTuple):
 class Begun(NamedTuple):
     """What has been done of a tick that Python must continue."""
 
-    stage: int  # `NOT_BEGUN`, `READ`, `SENT` or `ANSWERED`
+    stage: int  # how far it has come, as `NOT_BEGUN`
     came: int  # why the last wait for an answer ended: a result of `wait_for_answer`
     shift_ns: int  # how much later to send the next sample [ns]
 
@@ -81,6 +82,7 @@ NOTHING_BEGUN = Begun(NOT_BEGUN, fastpath.NOTHING, 0)
 NO_READING: Fields = (0, *(0.0,) * 6, 0, False)
 
 _BEHIND_NS = CATCH_UP_TICKS * TICK_NS
+_DISARMED = int(Guard.DISARMED)
 
 
 @inlined
@@ -100,6 +102,19 @@ def phase_shift(lead_ns: int) -> int:
 def shifted(shift_ns: int, lead_ns: int) -> int:
     """Return the phase shift of a tick after one more answer, within the limit of a tick [ns]."""
     return _limited_shift(shift_ns + phase_shift(lead_ns))
+
+
+@kernel
+def _limited_force(
+    link: Any, chain: Any, now_ns: int, k: float, c: float, x: float, y: float, vx: float, vy: float, vz: float
+) -> tuple[int, float, float, float, int]:
+    """Pass the newest commanded force through the safety chain; see `await_limited_force`."""
+    state = link[0]
+    fz = state["words"].view(np.float64)[3] if state["kind"] == FORCE else 0.0
+    fx, fy = fixture_force(k, c, x, vx), fixture_force(k, c, y, vy)
+    safeguards = limit(chain, now_ns, fx, fy, fz, state["received_ns"], vx, vy, vz)
+    ready = chain[0]
+    return LIMITED, ready["fx"], ready["fy"], ready["fz"], safeguards
 
 
 @waiting
@@ -125,13 +140,9 @@ def await_limited_force(
     `wait_for_answer` and zeros.
     """
     came = wait_for_answer(fast, frame, link, until_ns)
-    state = link[0]
-    if came != NEWER or not limits or state["kind"] != FORCE:
+    if came != NEWER or not limits or link[0]["kind"] == POINT:
         return came, 0.0, 0.0, 0.0, 0
-    fx, fy, fz = fixture_force(k, c, x, vx), fixture_force(k, c, y, vy), state["words"].view(np.float64)[3]
-    safeguards = limit(chain, fastpath.now_ns(fast), fx, fy, fz, state["received_ns"], vx, vy, vz)
-    ready = chain[0]
-    return LIMITED, ready["fx"], ready["fy"], ready["fz"], safeguards
+    return _limited_force(link, chain, fastpath.now_ns(fast), k, c, x, y, vx, vy, vz)
 
 
 def _read(parts: Any, now_ns: int) -> Fields:
@@ -148,12 +159,13 @@ def _live(parts: Any, now_ns: int) -> None:
 
 
 @kernel
-def _may_begin(state: Any, now_ns: int, due_ns: int) -> bool:
+def _may_begin(state: Any, guard: int, now_ns: int, due_ns: int) -> bool:
     """Return whether the next tick may run without Python, as far as is known before the reading."""
+    allowed_to_arm = state["kind"] == BEAT and state["words"][4] != 0
     return bool(
         now_ns - due_ns <= _BEHIND_NS
         and state["in_session"]
-        and state["kind"] == FORCE
+        and (state["kind"] == FORCE or (allowed_to_arm and guard != _DISARMED))
         and now_ns - state["heard_ns"] < HELLO_INTERVAL_NS
     )
 
@@ -190,7 +202,7 @@ def _run(
     until_ns = due_ns + TICK_NS + shift_ns
     while True:
         if stage == NOT_BEGUN:
-            if seq >= stop or not _may_begin(state, now_ns, due_ns):
+            if seq >= stop or not _may_begin(state, chain[0]["guard"], now_ns, due_ns):
                 break
             reading = _read(parts, now_ns)
             stage = READ
@@ -203,27 +215,32 @@ def _run(
                 came = fastpath.FAILED
             stage, seq, safeguards, until_ns = SENT, seq + 1, 0, due_ns + ANSWER_NS
         is_source_due = False
+        _, x, y, _, vx, vy, vz, _, _ = reading
+        hand = rules.stiffness, rules.damping, x, y, vx, vy, vz
         while came == fastpath.NOTHING and not is_source_due:
-            _, x, y, _, vx, vy, vz, _, _ = reading
-            came, fx, fy, fz, bits = await_limited_force(
-                fast, frame, link, chain, until_ns, True, rules.stiffness, rules.damping, x, y, vx, vy, vz
-            )
+            came, fx, fy, fz, bits = await_limited_force(fast, frame, link, chain, until_ns, True, *hand)
             now_ns = fastpath.now_ns(fast)
-            if came != LIMITED:
-                break
-            _write(parts, fx, fy, fz)
-            close_loop(link, now_ns)
-            came, rendered, safeguards = fastpath.NOTHING, fz, safeguards | bits
-            shift_ns = shifted(shift_ns, state["lead_ns"])
-            until_ns = due_ns + TICK_NS + shift_ns
-            if stage == SENT:
-                stage = ANSWERED
+            is_first = stage == SENT
+            if came == LIMITED:
+                _write(parts, fx, fy, fz)
+                close_loop(link, now_ns)
+                came, stage, rendered, safeguards = fastpath.NOTHING, ANSWERED, fz, safeguards | bits
+                shift_ns = shifted(shift_ns, state["lead_ns"])
+            elif came == fastpath.NOTHING and is_first:
+                stage = LATE
+            if came == fastpath.NOTHING and is_first:
                 _live(parts, now_ns)
                 is_source_due = now_ns >= source_ns or fast[0]["signalled"] != 0
+            until_ns = due_ns + TICK_NS + shift_ns
             if now_ns >= until_ns:  # however many answers there are
                 break
-        if is_source_due or stage == SENT or came != fastpath.NOTHING:
+        if is_source_due or came != fastpath.NOTHING:
             break
+        if stage == LATE:
+            _, fx, fy, fz, bits = _limited_force(link, chain, now_ns, *hand)
+            _write(parts, fx, fy, fz)
+            close_loop(link, now_ns)
+            rendered, safeguards = fz, safeguards | bits
         due_ns, stage, shift_ns = until_ns, NOT_BEGUN, 0
     fast[0]["watched"] = fastpath.NO_FILE  # which may be closed before the next run
     return Progress(due_ns, seq, safeguards, rendered), Begun(stage, came, shift_ns), reading
