@@ -16,6 +16,7 @@ from netboard.base.errors import NetboardError
 from netboard.base.process import STOP_SIGNALS
 from netboard.devices.contract import profile
 from netboard.devices.contract.device import Box, Device, DeviceInfo, Reading
+from netboard.devices.contract.profile import Identity, Placement, Profile
 from netboard.devices.setup.excitation import Chirp
 from netboard.nodes.operator import device_commands as commands
 from netboard.services.cli import app
@@ -115,6 +116,20 @@ def test_test_command_obeys_the_buttons_of_the_stylus(
     with pytest.raises(NetboardError, match=why):
         commands.examine(config, "left", seconds=2.0, force=0.5, yes=True, as_json=True, loop_clock=SimulatedTime())
     assert all(force == (0.0, 0.0, 0.0) for force in puppet.forces)
+
+
+def test_no_force_is_rendered_outside_of_the_workspace_in_the_profile(monkeypatch: pytest.MonkeyPatch) -> None:
+    place = Placement(zero_z=0.05, z_min=0.01, z_max=0.08)
+    profile.save(Path("profiles"), Profile(Identity("Puppet", "puppet"), placement=place))
+    device = Puppet(Config(), AT_REST)
+    monkeypatch.setattr("netboard.devices.contract.registry.make", lambda side, config: device)
+    common = {"yes": True, "as_json": True, "loop_clock": SimulatedTime()}
+    with pytest.raises(NetboardError, match="outside of the workspace"):
+        commands.examine(Config(), "left", seconds=2.0, force=0.5, **common)
+    device.readings = [AT_REST._replace(z=0.05)]
+    with pytest.raises(NetboardError, match="a workspace from 10 to 80 mm"):
+        commands.identify(Config(), "left", held=False, replace_it=False, **common)
+    assert not any(map(any, device.forces))
 
 
 @pytest.mark.parametrize("words", ["test --side left --force 0.3", "identify --side left"])

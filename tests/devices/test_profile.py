@@ -171,9 +171,12 @@ def test_profile_transforms_readings_to_the_scene_frame(
         assert result.ready == (Box(*place.box).holds(x, y, z) and max(abs(x), abs(y), abs(z)) <= 0.1)
         assert (result.stamp_ns, result.buttons) == (7, 3)
         assert device.info.details["profile_scale"] == repr(s)
-    device.open(placed=False)
-    assert device.read(8)[1:7] == numbers
-    assert device.info.details == {}
+    for restricted in (True, False):
+        device.open(placed=False, restricted=restricted)
+        own = device.read(8)
+        assert own[1:7] == numbers
+        assert own.ready == (max(abs(x), abs(y), abs(z)) <= 0.1 and (not restricted or result.ready))
+        device.close()
 
 
 def test_device_details_list_the_applied_profile(tmp_path: Path) -> None:

@@ -139,10 +139,10 @@ class Device(ABC):
         return ()
 
     @final
-    def open(self, *, placed: bool = True) -> DeviceInfo:
+    def open(self, *, placed: bool = True, restricted: bool = True) -> DeviceInfo:
         """Find the device, start it with zero force and read its profile.
 
-        Not ``placed``, for calibration and identification: readings stay in the device's own frame, and the profile's
+        Not ``placed``: readings stay in the device's own frame. Not ``restricted``, for calibration: the profile's
         workspace is ignored. Raises `DeviceNotFound` if the device or its driver is missing, `ConfigError` if its
         profile is invalid, and `ValueError` if the device is open already.
         """
@@ -155,7 +155,7 @@ class Device(ABC):
             self._close()
             raise
         self._placed = placed
-        self._info = _restricted(info, self.profile) if placed else info
+        self._info = _restricted(info, self.profile) if restricted else info
         self._estimator = velocity.make(self.agent.velocity, self._info.resolution)
         return self._info
 

@@ -182,7 +182,7 @@ def calibrate(
     ask: Ask = input,
 ) -> int:
     """Find zero, workspace and scale of a device with an operator's help, and write them to its profile."""
-    with opened(config, side, loop_clock is None and not given) as device:
+    with opened(config, side, loop_clock is None and not given, restricted=False) as device:
         info, ticks = device.info, loop_clock or RealTime()
         known = device.profile or Profile(Identity(info.model, info.serial))
         if given:
@@ -230,13 +230,13 @@ def _measured(
 
 
 @contextmanager
-def opened(config: Config, side: Side, real_time: bool) -> Iterator[Device]:
+def opened(config: Config, side: Side, real_time: bool, restricted: bool = True) -> Iterator[Device]:
     """Open a side's device in its own frame, without force, in a process prepared for a steady loop."""
     if real_time:
         prepare(config.realtime, Priority.AGENT, cpus_for(side, config.realtime))
     device = registry.make(side, config)
     with interrupted_by_stop_signals(), no_terminal_suspension():
-        device.open(placed=False)
+        device.open(placed=False, restricted=restricted)
         with device:
             if real_time:
                 steady_loop()
