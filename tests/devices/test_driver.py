@@ -7,7 +7,7 @@ import pytest
 from simulated import AT_REST, Puppet, SimulatedTime
 
 from netboard.base.config import Config
-from netboard.base.errors import DeviceError, DeviceLost
+from netboard.base.errors import ConfigError, DeviceError, DeviceLost
 from netboard.base.tables.rig import Safety
 from netboard.devices.contract.device import Reading
 from netboard.devices.safety.chain import Vector
@@ -95,6 +95,23 @@ def test_stricter_limits_of_the_rig_apply_to_the_chirp() -> None:
     limits = excitation.limits_of(Chirp(), Safety(max_force=0.1, max_speed=0.2, arm_gate=0.05))
     assert (limits.max_force, limits.max_speed, limits.arm_gate) == (0.1, 0.2, 0.05)
     assert excitation.limits_of(Chirp(), Safety()).max_force == Chirp().max_force
+
+
+def test_spring_that_would_oscillate_is_refused() -> None:
+    device = Puppet(Config(), AT_REST)
+    device.open()
+    with pytest.raises(ConfigError, match=r"\[safety\] max_slew: found 20, expected at least 100 N/s"):
+        excitation.run(device, SimulatedTime(), Chirp(), Safety(max_slew=20.0))
+    assert device.forces == []
+
+
+def test_stylus_far_from_where_it_started_ends_the_chirp() -> None:
+    device = Puppet(Config(), *[AT_REST] * 2000, AT_REST._replace(y=0.03, z=-0.03))
+    device.open()
+    with pytest.raises(DeviceError, match="moved 42 mm away"):
+        excitation.run(device, SimulatedTime(), Chirp(), Safety())
+    assert any(map(any, device.forces))
+    assert device.forces[-1] == (0.0, 0.0, 0.0)
 
 
 def test_device_without_motors_cannot_be_identified() -> None:

@@ -7,11 +7,11 @@ An equally soft spring holds the stylus laterally.
 """
 
 from dataclasses import dataclass, replace
-from math import cos, exp, log, pi, sin, tau
+from math import cos, dist, exp, log, pi, sin, tau
 
 import numpy as np
 
-from netboard.base.errors import DeviceError
+from netboard.base.errors import ConfigError, DeviceError
 from netboard.base.tables.rig import Safety as Limits
 from netboard.devices.contract.device import Device, Reading
 from netboard.devices.safety.chain import Vector
@@ -20,6 +20,9 @@ from netboard.devices.setup.loop import Driver, LoopClock, Progress, Track
 
 AXIS = 2
 """Axis of the task: vertical [1]."""
+
+MIN_SLEW = 100.0
+"""Smallest slew limit with which the spring is stable: its force changes at up to 90 N/s, and a late one oscillates."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +58,15 @@ class Chirp:
 
 
 def limits_of(chirp: Chirp, own: Limits) -> Limits:
-    """Return the safety limits of the run: the chirp's, or the rig's where those are tighter."""
+    """Return the safety limits of the run: the chirp's, or the rig's where those are tighter.
+
+    Raises `ConfigError` if the rig's slew limit is too small for the spring.
+    """
+    if own.max_slew < MIN_SLEW:
+        raise ConfigError(
+            f"[safety] max_slew: found {own.max_slew:g}, expected at least {MIN_SLEW:g} N/s to identify a device: "
+            "the spring that moves the stylus would oscillate"
+        )
     most = min(chirp.max_force, own.max_force)
     return replace(
         own,
@@ -68,8 +79,8 @@ def limits_of(chirp: Chirp, own: Limits) -> Limits:
 def run(device: Device, clock: LoopClock, chirp: Chirp, own: Limits, progress: Progress = lambda _: None) -> Track:
     """Move the stylus of an open device along the chirp.
 
-    Raises `DeviceError` if the device has no motors, has too little room or fails; or if the safety chain cuts the
-    force.
+    Raises `DeviceError` if the device has no motors, has too little room or fails; or if the stylus leaves that room or
+    the safety chain cuts the force.
     """
     if device.info.max_force <= 0.0:
         raise DeviceError(f"the {device.info.model} cannot be identified: it has no motors")
@@ -81,6 +92,11 @@ def run(device: Device, clock: LoopClock, chirp: Chirp, own: Limits, progress: P
             _check_room(device, home[0], chirp)
         k, c = chirp.stiffness, chirp.damping
         x, y, z = home[0]
+        if (moved := dist(home[0], reading[1:4])) > 2.0 * chirp.swing:
+            raise DeviceError(
+                f"the stylus moved {moved * 1e3:.0f} mm away from where it started, more than the spring should move "
+                "it; the force is zero again: see that nothing pushes the stylus, and that it does not oscillate"
+            )
         return (
             k * (x - reading.x) - c * reading.vx,
             k * (y - reading.y) - c * reading.vy,
