@@ -21,6 +21,7 @@ from netboard.base import settings
 from netboard.base.config import Config, Side
 from netboard.devices.contract import profile, velocity
 from netboard.devices.contract.profile import Profile
+from netboard.participants.device_models import resolved
 
 O = TypeVar("O")  # noqa: E741
 
@@ -70,8 +71,9 @@ class DeviceInfo:
     # Other properties worth recording, such as the firmware, with units. For an open device: includes the profile in
     # force.
     details: Mapping[str, str] = field(default_factory=dict)
-    mass: float | None = None  # apparent mass at the stylus in the scene's frame, if the profile has it [kg]
-    damping: float | None = None  # viscous damping of the mechanism, if the profile has it [N s/m]
+    # Apparent mass at the stylus and damping in the scene's frame; None without a profile [kg, N s/m].
+    mass: float | None = None
+    damping: float | None = None
 
 
 class Reading(NamedTuple):
@@ -115,6 +117,7 @@ class Device(ABC):
         # Measured properties of the device; None before `open`, and for a device without a profile.
         self.profile: Profile | None = None
         self._profiles = Path(config.agents.profiles)
+        self._assumed = resolved(config.virtual)
         self._info: DeviceInfo | None = None
         self._estimator: velocity.Estimator | None = None
         self._placed = True
@@ -155,7 +158,7 @@ class Device(ABC):
             self._close()
             raise
         self._placed = placed
-        self._info = _restricted(info, self.profile) if restricted else info
+        self._info = self._restricted(info) if restricted else info
         self._estimator = velocity.make(self.agent.velocity, self._info.resolution)
         return self._info
 
@@ -232,6 +235,17 @@ class Device(ABC):
     def __exit__(self, *error: object) -> None:
         self.close()
 
+    def _restricted(self, info: DeviceInfo) -> DeviceInfo:
+        """Add the properties in the profile to those of the device; a mass not identified is that of ``[virtual]``."""
+        known = self.profile
+        if known is None:
+            return info
+        workspace, scale = Box(*known.placement.box).within(info.workspace), known.placement.scale
+        own = known.mechanics if known.mechanics.identified else self._assumed
+        details = {**info.details, **profile.in_words(known)}
+        # Forces are not scaled, so a larger movement in the scene takes a smaller mass.
+        return replace(info, workspace=workspace, details=details, mass=own.mass / scale, damping=own.damping / scale)
+
     def _compiled(self) -> CompiledAccess | None:
         """Return the compiled access in the device's own frame, if there is any.
 
@@ -254,18 +268,6 @@ class Device(ABC):
     @abstractmethod
     def _close(self) -> None:
         """Release the device; its force is already zero unless it was unreachable."""
-
-
-def _restricted(info: DeviceInfo, known: Profile | None) -> DeviceInfo:
-    """Add the properties in a profile to those of the device."""
-    if known is None:
-        return info
-    workspace, mechanics = Box(*known.placement.box).within(info.workspace), known.mechanics
-    mass = damping = None
-    if mechanics.identified:  # forces are not scaled, so a larger movement in the scene takes a smaller mass
-        mass, damping = mechanics.mass / known.placement.scale, mechanics.damping / known.placement.scale
-    details = {**info.details, **profile.in_words(known)}
-    return replace(info, workspace=workspace, details=details, mass=mass, damping=damping)
 
 
 def _mapped(reading: Reading, place: profile.Placement) -> Reading:
