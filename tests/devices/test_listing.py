@@ -9,6 +9,7 @@ from simulated import Puppet
 
 from netboard.base.config import Config
 from netboard.base.errors import DeviceNotFound
+from netboard.base.tables.rig import Agent, Agents
 from netboard.devices.contract import registry
 from netboard.devices.contract.device import Device, Found
 from netboard.devices.setup import listing, usb
@@ -107,6 +108,32 @@ def test_unusable_backend_is_listed_with_its_reason(tmp_path: Path, backends: di
         listing.BackendState("plain", ""),
         listing.BackendState("silent", "libHD.so is not there"),
     )
+
+
+@pytest.mark.parametrize(
+    ("backend", "serial", "colour", "found"),
+    [
+        (TwoListed, "42", "green", "Touch (vendor's name), serial 42"),
+        (TwoListed, "44", "yellow", "no openhaptics device with serial number 44 is connected"),
+        (LibraryMissing, "42", "yellow", "libHD.so is not there"),
+    ],
+)
+def test_configured_device_and_its_library_must_be_here(
+    machine: Path,
+    backends: dict,
+    monkeypatch: pytest.MonkeyPatch,
+    backend: type[Device],
+    serial: str,
+    colour: str,
+    found: str,
+) -> None:
+    backends["openhaptics"] = backend
+    monkeypatch.setattr(registry, "make", lambda side, config: None)
+    agent = Agent("openhaptics", options={"serial": serial})
+    left, right = listing.configured(Config(agents=Agents(left=agent, right=agent)), "yellow", machine)
+    assert (left.name, right.name) == ("left device", "right device")
+    assert left.colour == right.colour == colour
+    assert left.found.startswith(found)
 
 
 # --- without /sys --------------------------------------------------------------------------------------------------

@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
-from netboard.base.config import Config
-from netboard.base.errors import DeviceError, DeviceNotFound
+from netboard.base.config import SIDES, Config, Side
+from netboard.base.errors import ConfigError, DeviceError, DeviceNotFound
+from netboard.base.finding import Colour, Finding, graded
 from netboard.devices.contract import registry
 from netboard.devices.contract.device import Found
 from netboard.devices.setup import usb
@@ -75,6 +76,33 @@ def listing(config: Config, root: Path = usb.ROOT) -> Listing:
         backends.append(BackendState(name, trouble))
         devices = joined(devices, name, found)
     return Listing(tuple(devices), tuple(backends), tuple(remarks))
+
+
+def configured(config: Config, missing: Colour, root: Path = usb.ROOT) -> list[Finding]:
+    """Check that the device of each side can be used; ``missing``: colour of one that is not here."""
+    found = listing(config, root)
+    return [_of_side(side, config, found, missing) for side in SIDES]
+
+
+def _of_side(side: Side, config: Config, found: Listing, missing: Colour) -> Finding:
+    agent = config.agents.left if side == "left" else config.agents.right
+    title, name, serial = f"{side} device", agent.device, str(agent.options.get("serial", ""))
+    try:
+        registry.make(side, config)
+        trouble = dict(found.backends)[name]
+    except (ConfigError, DeviceNotFound) as error:
+        trouble = str(error)
+    if trouble:
+        return Finding(title, missing, trouble, f"needed at the machine of the {side} device")
+    backend = registry.BACKENDS.get(name)
+    if backend is None or not backend.usb:
+        return Finding(title, "green", name)
+    ids = [f"{vendor:04x}:{product:04x}" for vendor, product in backend.usb]
+    here = [each for each in found.devices if each.usb in ids or name in each.seen_by]
+    here = [each for each in here if not serial or each.serial in ("", serial)]
+    words = ", ".join(f"{each.model}, serial {each.serial or '?'}" for each in here)
+    wanted = f"no {name} device" + (f" with serial number {serial}" if serial else "") + " is connected"
+    return graded(title, bool(here), words or wanted, "connect it and switch it on", else_=missing)
 
 
 def _listed(found: Plugged, source: str) -> ListedDevice:

@@ -112,11 +112,16 @@ def ports(network: Network) -> Finding:
     return Finding(name, "green", f"{found} are free")
 
 
+def is_alone(network: Network) -> bool:
+    """Return whether no other machine takes part."""
+    return keys.local(network.bind) and keys.local(network.host)
+
+
 def secrets(network: Network) -> Finding:
     """Check whether the required keys are here, and only their owner can read them."""
     name = "keys"
     if not keys.encrypted(network):
-        if keys.local(network.bind) and keys.local(network.host):
+        if is_alone(network):
             return Finding(name, "green", "none needed within one machine")
         return Finding(name, "yellow", "switched off", 'with [network] curve = "on" every peer needs a key')
     folder = Path(network.keys)
@@ -133,7 +138,7 @@ def secrets(network: Network) -> Finding:
 def card(network: Network, folder: Path = NET, delay_us: Callable[[str], int | None] | None = None) -> Finding:
     """Check whether the network cards delay frames: wireless ones, and those that collect interrupts."""
     name = "network card"
-    if network.transport != "tcp" or (keys.local(network.bind) and keys.local(network.host)):
+    if network.transport != "tcp" or is_alone(network):
         return Finding(name, "green", "none in use: server and agents share this machine")
     cards = [device.parent for device in sorted(folder.glob("*/device"))]
     up = [card for card in cards if text_of(card / "operstate") == "up"]

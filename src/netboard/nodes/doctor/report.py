@@ -14,9 +14,9 @@ from pathlib import Path
 
 from netboard.base.config import Config
 from netboard.base.errors import NetboardError
-from netboard.base.finding import Finding
+from netboard.base.finding import Colour, Finding
 from netboard.base.process import OFF, OK, cpus_for
-from netboard.devices.setup import usb
+from netboard.devices.setup import listing, usb
 from netboard.nodes.doctor import disk, exchange, network, prediction, system, timing
 
 Progress = Callable[[float], None]
@@ -78,6 +78,7 @@ class Report:
 
 def steps(config: Config, effort: Effort) -> dict[str, Step]:
     """Return the examination's steps in order; each reports its progress, up to 1."""
+    missing: Colour = "red" if network.is_alone(config.network) else "yellow"  # a device may be at another machine
     return {
         "software": lambda progress: [system.versions()],
         "timer": lambda progress: list(_timers(config, effort, progress)),
@@ -101,7 +102,7 @@ def steps(config: Config, effort: Effort) -> dict[str, Step]:
             disk.speed(config.recording, effort.chunks, progress),
         ],
         "windows": lambda progress: [system.qt()],
-        "devices": lambda progress: [usb.devices()],
+        "devices": lambda progress: [usb.devices(), *listing.configured(config, missing)],
     }
 
 
