@@ -20,7 +20,7 @@ DEFAULT_FILE = Path("netboard.toml")
 
 def load(file: Path | None, overrides: Sequence[str] | None = None) -> "Config":
     """Read the configuration from a file, else from ``netboard.toml`` if it exists, else take the defaults."""
-    from netboard.base.config import parse, require_short_names
+    from netboard.base.config import parse, require_effective, require_short_names
 
     if file is None and DEFAULT_FILE.exists():
         file = DEFAULT_FILE
@@ -29,7 +29,9 @@ def load(file: Path | None, overrides: Sequence[str] | None = None) -> "Config":
         missing = f"no such file; create it with: {shell_command('netboard', 'config', 'init', file)}"
         source, text = str(file), text_of(str(file), missing)
     config = parse(text, source, overrides or ())
-    require_short_names(config.session, f"{source} with --set" if overrides else source)
+    origin = f"{source} with --set" if overrides else source
+    require_short_names(config.session, origin)
+    require_effective(config, origin)
     return config
 
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
-from netboard.base.config import Config, digest, parse, resolve, template
+from netboard.base.config import Config, digest, parse, require_effective, resolve, template
 from netboard.base.errors import ConfigError
 from netboard.base.settings import Key, Table, about, read, tables, to_toml
 from netboard.base.tables.experiment import Session
@@ -201,6 +201,18 @@ def test_no_form_of_a_text_is_described_by_a_regular_expression(cls: type) -> No
 @pytest.mark.parametrize("cpus", ["", "auto", "3", "0,2-3", "0-1,4-7,9"])
 def test_list_of_cpus_is_accepted(cpus: str) -> None:
     assert parse(f'[realtime]\nagent_cpus = "{cpus}"').realtime.agent_cpus == cpus
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("[agents.left]\nstop_buttons = 3\nconsent_buttons = 2", "stop_buttons, consent_buttons: found 2 in both"),
+        ('[realtime]\nagent_cpus = "0,3-1"', 'agent_cpus: found "3-1", expected "1-3"'),
+    ],
+)
+def test_settings_that_cancel_each_other_are_refused_outside_of_old_recordings(text: str, problem: str) -> None:
+    with pytest.raises(ConfigError, match=re.escape(problem)):
+        require_effective(parse(text), "test")
 
 
 def test_all_problems_are_reported_at_once() -> None:

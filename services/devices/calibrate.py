@@ -4,6 +4,7 @@ from typing import Annotated
 
 import typer
 
+from netboard.base.errors import ConfigError
 from netboard.services.loading import load
 from netboard.services.options import ConfigFile, HandSide, ReplaceProfile, examples
 
@@ -37,5 +38,7 @@ def calibrate(
     from netboard.nodes.operator import device_commands as commands
 
     given, others = commands.placement_values(overrides or ())
+    if given and zero_only:
+        raise ConfigError("devices calibrate: found --zero-only and --set placement., expected one of them")
     settings = load(config, others)
     raise typer.Exit(commands.calibrate(settings, side, zero_only=zero_only, yes=yes, given=given, replace_it=replace))

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from netboard.base.errors import ConfigError
 from netboard.services.loading import load
 from netboard.services.options import ConfigFile, HandSide, Overrides, examples
 
@@ -29,6 +30,8 @@ def monitor(
     ] = None,
 ) -> None:
     """Show position, velocity and buttons of a device live, in scene coordinates, without force."""
+    if text and screenshot:
+        raise ConfigError("devices monitor: found --text and --screenshot, expected one of them")
     settings = load(config, overrides)
     from netboard.nodes.operator import device_commands as commands
 

@@ -185,6 +185,17 @@ def test_calibrate_set_writes_values_and_keeps_a_backup() -> None:
     assert devices("calibrate", "--side", "left", "--set", "placement.scale").exit_code == 2
 
 
+@pytest.mark.parametrize(
+    "words",
+    ["monitor --side left --text --screenshot x.png", "calibrate --side left --zero-only --set placement.zero_z=0.02"],
+)
+def test_options_that_exclude_each_other_are_refused(words: str) -> None:
+    result = devices(*words.split())
+    assert result.exit_code == 2
+    assert "expected one of them" in result.output
+    assert not Path("profiles").exists()
+
+
 class GuidedOperator:
     """An operator who holds the device at a list of positions, one per prompt."""
 

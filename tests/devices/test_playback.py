@@ -180,6 +180,8 @@ def test_trial_option_plays_one_trial(tmp_path: Path) -> None:
     assert device.read(0).z == pytest.approx(rows["left_sent_z"][1000])
     with pytest.raises(ConfigError, match=r"no left stylus in trial 3; the recording has trials 1 to 2"):
         playback(path, trial=3)
+    with pytest.raises(ConfigError, match=r"found trial = 2, expected 0: a \.csv file has no trials"):
+        playback(sine(tmp_path / "sine.csv", rates=True), trial=2)
 
 
 def test_playback_device_renders_no_force(tmp_path: Path) -> None:

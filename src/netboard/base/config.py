@@ -8,6 +8,7 @@ This module parses text; it opens no file (the services do), so the pure part ma
 """
 
 import hashlib
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
@@ -106,6 +107,37 @@ def require_short_names(session: Session, source: str) -> None:
     ]
     if problems:
         raise ConfigError("\n".join(problems))
+
+
+def require_effective(config: Config, source: str) -> None:
+    """Refuse settings that cancel each other; `parse` also reads old recordings, which may have them.
+
+    Parameters
+    ----------
+    source : str
+        Where the configuration comes from, for error messages.
+
+    Raises
+    ------
+    ConfigError
+        If there are any. The message has a line for each.
+    """
+    if problems := [f"{source}: {problem}" for problem in _without_effect(config)]:
+        raise ConfigError("\n".join(problems))
+
+
+def _without_effect(config: Config) -> Iterator[str]:
+    """Yield a sentence for each setting that has no effect."""
+    for side, agent in zip(SIDES, (config.agents.left, config.agents.right), strict=True):
+        if both := agent.stop_buttons & agent.consent_buttons:
+            yield (
+                f"[agents.{side}] stop_buttons, consent_buttons: found {both} in both, expected different buttons, "
+                "because no force can be rendered while a stop button is pressed"
+            )
+    for key, cpus in (("server_cpus", config.realtime.server_cpus), ("agent_cpus", config.realtime.agent_cpus)):
+        for first, last in re.findall("([0-9]+)-([0-9]+)", cpus):
+            if int(first) > int(last):
+                yield f'[realtime] {key}: found "{first}-{last}", expected "{last}-{first}"'
 
 
 def resolve(config: Config) -> str:

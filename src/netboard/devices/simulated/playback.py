@@ -164,6 +164,8 @@ def read_track(path: Path, side: Side, trial: int) -> Track:
         case ".mcap":
             return read_recording(path, side, trial)
         case ".csv":
+            if trial:
+                raise ConfigError(f"{path}: found trial = {trial}, expected 0: a .csv file has no trials")
             return read_csv(path)
     raise ConfigError(f"{path}: expected a recording (.mcap) or a .csv file to play back")
 
