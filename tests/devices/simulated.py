@@ -5,7 +5,7 @@ from dataclasses import replace
 from netboard.base.config import Config
 from netboard.base.tables.simulated import Participant, VirtualDevice
 from netboard.base.tick import TICK_NS
-from netboard.devices.contract.device import Device, DeviceInfo, Reading
+from netboard.devices.contract.device import Box, Device, DeviceInfo, Reading
 from netboard.devices.simulated.virtual import VirtualTouch
 
 
@@ -49,7 +49,8 @@ class Puppet(Device):
         self.serial = "puppet"
 
     def _open(self) -> DeviceInfo:
-        return DeviceInfo("Puppet", self.serial, self._max_force, self._max_force / 3.0, 0.0)
+        box = Box(-0.1, -0.1, -0.1, 0.1, 0.1, 0.1)
+        return DeviceInfo("Puppet", self.serial, self._max_force, self._max_force / 3.0, 0.0, box)
 
     def _read(self, now_ns: int) -> Reading:
         reading = self.readings.pop(0) if len(self.readings) > 1 else self.readings[0]

@@ -46,7 +46,8 @@ def test_no_force_is_rendered_before_arming_is_complete() -> None:
 @pytest.mark.parametrize(
     ("reading", "why"),
     [
-        (AT_REST._replace(ready=False), "outside of the workspace"),
+        (AT_REST._replace(ready=False), "not ready for forces.*motors cool down"),
+        (AT_REST._replace(x=0.2, ready=False), "outside of the workspace"),
         (AT_REST._replace(vz=2.0), r"moved at 2\.00 m/s, the limit is 1 m/s"),
         (AT_REST._replace(vz=nan), "not finite"),
     ],
@@ -61,6 +62,12 @@ def test_unsafe_reading_ends_the_drive_with_zero_force(reading: Reading, why: st
     with pytest.raises(DeviceError, match=why):
         drive.drive(1.0, push)
     assert not any(map(any, device.forces))
+
+
+def test_device_that_is_not_ready_for_a_moment_is_not_called_fast() -> None:
+    _, drive = driver(*[AT_REST] * 50, AT_REST._replace(ready=False), AT_REST)
+    with pytest.raises(DeviceError, match="not ready for forces"):
+        drive.drive(1.0, push)
 
 
 def test_lost_device_is_sent_zero_force() -> None:
@@ -115,6 +122,7 @@ def test_stylus_far_from_where_it_started_ends_the_chirp() -> None:
 
 
 def test_device_without_motors_cannot_be_identified() -> None:
+    device = Puppet(Config(), AT_REST, max_force=0.0)
     device = Puppet(Config(), AT_REST, max_force=0.0)
     device.open()
     with pytest.raises(DeviceError, match="no motors"):

@@ -82,8 +82,6 @@ def run(device: Device, clock: LoopClock, chirp: Chirp, own: Limits, progress: P
     Raises `DeviceError` if the device has no motors, has too little room or fails; or if the stylus leaves that room or
     the safety chain cuts the force.
     """
-    if device.info.max_force <= 0.0:
-        raise DeviceError(f"the {device.info.model} cannot be identified: it has no motors")
     home: list[Vector] = []
 
     def force(t: float, reading: Reading) -> Vector:

@@ -131,6 +131,8 @@ class Driver:
 
         ``force``: wanted force on the hand [N], called with the time since arming [s] and a reading.
         """
+        if self._device.info.max_force <= 0.0:
+            raise DeviceError(f"the {self._device.info.model} renders no force: it has no motors")
         rows: list[Row] = []
         total = round(seconds * 1e9 / TICK_NS)
         try:
@@ -153,7 +155,7 @@ class Driver:
             reading = self._step(lambda _: ZERO)[2]
             if self._safety.guard is Guard.ARMED:
                 return
-            if self._safety.guard in (Guard.FAULT, Guard.DISARMED):
+            if self._safety.guard not in (Guard.WAITING, Guard.RAMPING):
                 break
         raise DeviceError(self._why(reading))
 
@@ -191,10 +193,13 @@ class Driver:
                 "there is no force while a button that must be held down is not (consent_buttons); if no hand may hold "
                 "the stylus, set consent_buttons = 0 for this command"
             )
+        box = self._device.info.workspace
+        if box is not None and not box.holds(reading.x, reading.y, reading.z):
+            return "the stylus is outside of the workspace: bring it to the middle and try again"
         if not reading.ready:
             return (
-                "the device accepts no force: its stylus is outside of the workspace, or the device is not calibrated; "
-                "bring the stylus to the middle of its workspace and try again"
+                "the device is not ready for forces: take the stylus out of its holder, home or calibrate the device, "
+                "or let its motors cool down; then try again"
             )
         if self._safety.guard is Guard.FAULT:
             return "the force was cut: the device returned readings that are not finite"
