@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 from math import exp, inf, nan
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +15,9 @@ from hypothesis import strategies as st
 
 from netboard.base.config import Config, parse
 from netboard.base.errors import ConfigError
+from netboard.devices.contract import profile
 from netboard.devices.contract.device import Device, Reading
+from netboard.devices.contract.profile import Identity, Placement, Profile
 from netboard.devices.mouse import MAX_FORCE, SILENCE_TIMEOUT_NS, MouseStylus, Options, follow
 
 RATE = 1.0 / Options().smoothing
@@ -205,9 +208,12 @@ def test_stylus_keeps_its_height_when_the_pointer_is_lost() -> None:
     assert device.read(6 * SILENCE_TIMEOUT_NS).z == pytest.approx(0.03, abs=1e-9)
 
 
-def test_pointer_height_is_in_the_scene_frame_for_any_zero() -> None:
+def test_pointer_height_is_in_the_scene_frame_for_any_zero_and_profile(tmp_path: Path) -> None:
+    place = Placement(zero_z=0.01, scale=2.0)
+    profile.save(tmp_path, Profile(Identity("mouse pointer", "mouse-left"), placement=place))
     config = configured(reach=0.1)
-    config = replace(config, agents=replace(config.agents, left=replace(config.agents.left, zero=0.02)))
+    left = replace(config.agents.left, zero=0.02)
+    config = replace(config, agents=replace(config.agents, left=left, profiles=str(tmp_path)))
     device = opened(config)
     device.point(0.03, 0)
     assert readings(device, 500)[-1].z == pytest.approx(0.03, abs=1e-9)

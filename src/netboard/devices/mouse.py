@@ -71,6 +71,8 @@ def follow(z: float, vz: float, before: float, after: float, dt: float, rate: fl
 class MouseStylus(Device):
     """A stylus moved by a pointer. It uses the options of this side's agent."""
 
+    in_scene = True
+
     def __init__(self, side: Side, config: Config) -> None:
         super().__init__(side, config)
         self._options = self.read_options(Options)
@@ -90,7 +92,7 @@ class MouseStylus(Device):
         if z is not None:
             if not isfinite(z):
                 raise ValueError(f"not a height: {z}")
-            self._pointer = self._in_reach(z + self.agent.zero)
+            self._pointer = self._in_reach(z)
         self._in_hand = z is not None
         self._pointed_ns = now_ns
 

@@ -2,7 +2,8 @@
 
 Rule 1: a backend implements the four ``_`` methods in its device's own frame; this module decides everything else.
 Rule 2: `Device.read` returns positions in the scene's frame (x out of the screen, y right, z up), in SI units. They are
-shifted and scaled by the device's profile, if it has one, then lowered by the agent's ``zero``.
+shifted and scaled by the device's profile, if it has one, then lowered by the agent's ``zero``. Readings of a backend
+that is ``in_scene`` are in that frame already.
 Rule 3: zero force is written before a device is released, on every path. `Device.close` may be called twice.
 Rule 4: a device limits forces only to what its motors can deliver; the limits that protect people are in
 `netboard.devices.safety.chain`.
@@ -111,6 +112,9 @@ class Device(ABC):
     Of the configuration, ``agents.<side>.options`` belongs to the backend.
     """
 
+    in_scene = False
+    """Whether readings are in the scene's frame already, so that neither a profile nor the agent's ``zero`` applies."""
+
     def __init__(self, side: Side, config: Config) -> None:
         self.side = side
         self.agent = config.agents.left if side == "left" else config.agents.right
@@ -153,11 +157,11 @@ class Device(ABC):
             raise ValueError("the device is open already")
         info = self._open()
         try:
-            self.profile = profile.load(self._profiles, info.serial)
+            self.profile = None if self.in_scene else profile.load(self._profiles, info.serial)
         except BaseException:
             self._close()
             raise
-        self._placed = placed
+        self._placed = placed and not self.in_scene
         self._info = self._restricted(info) if restricted else info
         self._estimator = velocity.make(self.agent.velocity, self._info.resolution)
         return self._info

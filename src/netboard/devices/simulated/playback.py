@@ -62,6 +62,8 @@ class Options:
 class Playback(Device):
     """A recorded stylus as a device."""
 
+    in_scene = True
+
     def __init__(self, side: Side, config: Config) -> None:
         super().__init__(side, config)
         self._options = self.read_options(Options)

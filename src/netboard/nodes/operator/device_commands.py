@@ -184,6 +184,8 @@ def calibrate(
     """Find zero, workspace and scale of a device with an operator's help, and write them to its profile."""
     with opened(config, side, loop_clock is None and not given, restricted=False) as device:
         info, ticks = device.info, loop_clock or RealTime()
+        if device.in_scene:
+            raise NetboardError(f"the {info.model} needs no calibration: its positions are in the frame of the scene")
         known = device.profile or Profile(Identity(info.model, info.serial))
         if given:
             place = calibration.with_values(known.placement, given, f"{now_in_words()}, values given by hand")
