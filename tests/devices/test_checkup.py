@@ -126,10 +126,11 @@ def measured_pushes(level: float, **model: float) -> checkup.Pushes:
     return checkup.pushes(track, device.info, mechanics)
 
 
-def test_all_pushes_move_a_free_stylus_after_the_mechanical_delay() -> None:
-    found = measured_pushes(0.3, mass=0.1, friction=0.05, damping=0.1)
+@pytest.mark.parametrize(("resolution", "distance"), [(5.5e-5, 1.5 * 5.5e-5), (0.0, checkup.SMALLEST)])
+def test_all_pushes_move_a_free_stylus_after_the_mechanical_delay(resolution: float, distance: float) -> None:
+    found = measured_pushes(0.3, mass=0.1, friction=0.05, damping=0.1, resolution=resolution)
     assert (len(found.delays), found.tried) == (checkup.PULSES, checkup.PULSES)
-    assert found.mechanical == pytest.approx((2 * 1.5 * 5.5e-5 * 0.1 / 0.25) ** 0.5)
+    assert found.mechanical == pytest.approx((2 * distance * 0.1 / 0.25) ** 0.5)
     assert np.allclose(found.delays, found.mechanical, atol=3.1e-3)
     assert checkup.judge_pushes(found).colour == "green"
 

@@ -45,6 +45,9 @@ BEFORE = 100
 PUSHING = PERIOD * (PULSES + 0.5)
 """Duration of the whole pulse sequence [s]."""
 
+SMALLEST = 1e-5
+"""Smallest movement that counts as the response to a pulse, if the device reports no resolution [m]."""
+
 LATE_MS = 10.0
 """Latency above which the virtual coupling oscillates [ms]."""
 
@@ -85,7 +88,7 @@ def pushes(track: Track, info: DeviceInfo, mechanics: Mechanics | None) -> Pushe
     fz, height = track.force[:, 2], track.place[:, 2]
     starts = np.flatnonzero((np.abs(fz[1:]) > 0.0) & (fz[:-1] == 0.0)) + 1
     delays = []
-    least = 1.5 * info.resolution
+    least = max(1.5 * info.resolution, SMALLEST)
     for start in starts:
         before = slice(max(start - BEFORE, 0), start + 1)
         line = np.polynomial.Polynomial.fit(track.time[before], height[before], 1)
