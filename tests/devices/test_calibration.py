@@ -53,7 +53,7 @@ def test_box_contains_both_corners_in_either_order(one: calibration.Point, other
     assert box == calibration.box_between(other, one)
 
 
-@given(st.floats(-0.1, 0.1), st.floats(0.01, 0.2), st.floats(0.01, 0.2), st.floats(0.01, 0.2))
+@given(st.floats(-0.1, 0.1), st.floats(0.02, 0.2), st.floats(0.02, 0.2), st.floats(0.01, 0.2))
 def test_scale_is_the_smallest_that_fits_the_task_range(zero: float, below: float, above: float, needed: float) -> None:
     box = Box(-inf, -inf, zero - below, inf, inf, zero + above)
     scale = calibration.scale_for(zero, box, needed)

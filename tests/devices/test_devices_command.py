@@ -242,6 +242,28 @@ def test_calibrate_writes_measured_zero_and_workspace_to_the_profile(monkeypatch
     assert (found.placement.zero_z, found.placement.scale) == (0.0, pytest.approx(1.5))
 
 
+@pytest.mark.parametrize(
+    ("places", "room"),
+    [([(0.0, 0.0, 0.095)], "-100 to 100 mm"), ([(0.0, 0.0, 0.0), (-0.05, -0.05, -0.006)], "-6 to 100 mm")],
+)
+def test_calibrate_refuses_too_small_a_room_before_the_next_position(
+    places: list[tuple[float, float, float]], room: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    operator = GuidedOperator(*places)
+
+    class HeldDevice(Puppet):
+        def _read(self, now_ns: int) -> Reading:
+            x, y, z = operator.place
+            return AT_REST._replace(stamp_ns=now_ns, x=x, y=y, z=z)
+
+    device = HeldDevice(Config(), AT_REST)
+    monkeypatch.setattr("netboard.devices.contract.registry.make", lambda side, config: device)
+    common = {"given": {}, "replace_it": False, "ask": operator, "loop_clock": SimulatedTime()}
+    with pytest.raises(NetboardError, match=rf"{room}: the task needs at least 7.5 mm above and below"):
+        commands.calibrate(Config(), "left", zero_only=False, yes=False, **common)
+    assert len(operator.prompts) == len(places)
+
+
 def test_calibrated_workspace_stays_within_that_of_the_device(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -24,6 +24,9 @@ from netboard.base.text_file import read_text
 REACH = 1.0
 """Upper bound for the distance of any workspace from the device's origin [m]."""
 
+MAX_SCALE = 10.0
+"""Upper bound of the scale [1]."""
+
 
 @dataclass(frozen=True, slots=True)
 class Identity:
@@ -56,7 +59,7 @@ class Placement:
     zero_x: Annotated[float, about("the scene's origin, out of the screen", "m", ge=-REACH, le=REACH)] = 0.0
     zero_y: Annotated[float, about("the scene's origin, to the right", "m", ge=-REACH, le=REACH)] = 0.0
     zero_z: Annotated[float, about("the scene's origin, upwards", "m", ge=-REACH, le=REACH)] = 0.0
-    scale: Annotated[float, about("length in the scene of one metre at the device", "1", ge=0.1, le=10)] = 1.0
+    scale: Annotated[float, about("length in the scene of one metre at the device", "1", ge=0.1, le=MAX_SCALE)] = 1.0
     x_min: Annotated[float, about("workspace, far end: into the screen", "m", ge=-REACH, le=REACH)] = -REACH
     y_min: Annotated[float, about("workspace, left end", "m", ge=-REACH, le=REACH)] = -REACH
     z_min: Annotated[float, about("workspace, lower end", "m", ge=-REACH, le=REACH)] = -REACH

@@ -12,7 +12,7 @@ import numpy as np
 from netboard.base import settings
 from netboard.base.errors import ConfigError, NetboardError
 from netboard.devices.contract.device import Box
-from netboard.devices.contract.profile import Placement
+from netboard.devices.contract.profile import MAX_SCALE, Placement
 from netboard.devices.setup.loop import Track
 
 STILL = 5e-3
@@ -63,11 +63,11 @@ def scale_for(zero_z: float, box: Box, needed: float) -> float:
 
     ``needed``: height above and below neutral that the task needs, ``task.stylus_range`` [m].
     """
-    room = min(zero_z - box.z_min, box.z_max - zero_z)
-    if room < 0.5 * MIN_SIDE:
+    room, least = min(zero_z - box.z_min, box.z_max - zero_z), max(0.5 * MIN_SIDE, needed / MAX_SCALE)
+    if room < least:
         raise NetboardError(
             f"the neutral height, {zero_z * 1e3:.0f} mm, is not well within the workspace, {box.z_min * 1e3:.0f} to "
-            f"{box.z_max * 1e3:.0f} mm: measure the corners again"
+            f"{box.z_max * 1e3:.0f} mm: the task needs at least {least * 1e3:.1f} mm above and below; measure again"
         )
     return max(1.0, needed / room)
 

@@ -26,7 +26,7 @@ from netboard.base.process import (
 )
 from netboard.base.terminal import plain_console
 from netboard.devices.contract import profile, registry
-from netboard.devices.contract.device import Device, Reading
+from netboard.devices.contract.device import Box, Device, Reading
 from netboard.devices.contract.profile import Identity, Mechanics, Placement, Profile
 from netboard.devices.setup import calibration, checkup, excitation, listing, usb, words
 from netboard.devices.setup.identification import Identified
@@ -223,12 +223,15 @@ def _measured(
         return watch(device, ticks, HOLD)
 
     zero = calibration.neutral_at(held("at the neutral height, in the middle"))
-    box = None
+    box, needed = None, config.task.stylus_range
     if not zero_only:
+        room = Box(*Placement().box).within(device.info.workspace)
+        calibration.scale_for(zero[2], room, needed)  # refuses too small a room before the next position is measured
         low = calibration.held_at(held("at the lower far left corner of the workspace"))
+        calibration.scale_for(zero[2], room._replace(z_min=low[2]), needed)
         high = calibration.held_at(held("at the upper near right corner of the workspace"))
         box = calibration.box_between(low, high).within(device.info.workspace)
-    return calibration.placed(before, zero, box, config.task.stylus_range, f"{now_in_words()}, by hand")
+    return calibration.placed(before, zero, box, needed, f"{now_in_words()}, by hand")
 
 
 @contextmanager
