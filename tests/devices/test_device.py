@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from netboard.base.config import Config
-from netboard.base.errors import DeviceLost, DeviceNotFound
+from netboard.base.errors import DeviceLost, DeviceNotFound, DeviceTimeout
 from netboard.devices.contract.device import Device, DeviceInfo, Reading
 
 
@@ -39,6 +39,22 @@ def test_closing_a_lost_device_still_releases_it() -> None:
         device.close()
     assert device.released == 1
     device.close()
+    assert device.released == 1
+
+
+def test_zero_force_is_written_again_if_its_first_transfer_is_lost() -> None:
+    class Unreliable(Failing):
+        forces = ()
+
+        def _write(self, fx: float, fy: float, fz: float) -> None:
+            self.forces = (*self.forces, fz)
+            if len(self.forces) == 2:
+                raise DeviceTimeout("lost")
+
+    device = Unreliable("left", Config())
+    with device:
+        device.write(0.0, 0.0, 1.0)
+    assert device.forces == (1.0, 0.0, 0.0)
     assert device.released == 1
 
 

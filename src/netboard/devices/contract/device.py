@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from netboard.base import settings
 from netboard.base.config import Config, Side
+from netboard.base.errors import DeviceError
 from netboard.devices.contract import profile, velocity
 from netboard.devices.contract.profile import Profile
 from netboard.participants.device_models import resolved
@@ -227,7 +228,10 @@ class Device(ABC):
             return
         self._info = None  # first, so that a second call does nothing even if the write fails
         try:
-            self._write(0.0, 0.0, 0.0)
+            try:
+                self._write(0.0, 0.0, 0.0)
+            except DeviceError:  # the loss of a single transfer must not leave the force on
+                self._write(0.0, 0.0, 0.0)
         finally:
             self._close()
 
