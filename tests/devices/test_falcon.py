@@ -1,12 +1,14 @@
 """The Falcon backend on a simulated USB bus with the real pyusb: contract, protocol, and faults."""
 
 import contextlib
+import errno
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from math import hypot
 from pathlib import Path
 
 import pytest
+import usb.core
 from contract import MS, DeviceContract
 from fake_falcon import FIRMWARE, Bus, Falcon
 from hypothesis import given
@@ -351,6 +353,15 @@ def test_falcon_without_serial_number_is_identified_by_its_usb_port(plug: Callab
 def test_missing_falcon_is_reported(plug: Callable[..., Bus]) -> None:
     plug()
     with pytest.raises(DeviceNotFound, match=r"no Falcon \(0403:cb48\) is plugged into USB"):
+        backend.Falcon("left", configured()).open()
+
+
+def test_bus_that_changes_while_it_is_listed_is_reported(plug: Callable[..., Bus], falcon: Falcon) -> None:
+    def fail() -> list[Falcon]:
+        raise usb.core.USBError("Input/Output Error", -1, errno.EIO)
+
+    plug(falcon).enumerate_devices = fail
+    with pytest.raises(DeviceNotFound, match=r"pyusb cannot list the USB devices: .*Input/Output Error"):
         backend.Falcon("left", configured()).open()
 
 

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 from typing import TypeAlias, final
 
 import pytest
@@ -14,6 +15,7 @@ from netboard.base.clock import now_ns
 from netboard.base.config import Config
 from netboard.base.errors import DeviceLost, DeviceNotFound
 from netboard.base.tick import TICK_NS
+from netboard.devices.contract import profile
 from netboard.devices.contract.device import Device, DeviceInfo, Reading
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import Goodbye, Hello, Welcome
@@ -36,6 +38,7 @@ class Pluggable(Device):
     """A device with buttons that can be unplugged."""
 
     plugged = True
+    lose_once = False
     open_attempts = 0
     buttons = 0
     ready = True
@@ -59,7 +62,8 @@ class Pluggable(Device):
         self.force = (0.0, 0.0, 0.0)
 
     def _require_plugged(self) -> None:
-        if not self.plugged:
+        lost, self.lose_once = self.lose_once, False
+        if lost or not self.plugged:
             raise DeviceLost("it was unplugged")
 
 
@@ -167,6 +171,22 @@ def test_motors_of_a_lost_device_that_is_back_are_still_warm(new_rig: Callable[.
         (lambda: rig.agent._safety is not lost, nothing),
     )
     assert 0.5 < rig.agent._safety.chain[0]["mean"] <= 0.85
+
+
+def test_agent_waits_until_the_profile_of_a_found_device_is_valid(new_rig: Callable[..., Rig], tmp_path: Path) -> None:
+    rig = new_rig()
+    rig.device._profiles = tmp_path
+    damaged = profile.file_of(tmp_path, "7")
+
+    def lose_and_damage() -> None:
+        damaged.write_text("[placement]\nscale = 0\n")
+        rig.device.lose_once = True
+
+    rig.run(
+        (lambda: bool(rig.samples()), lose_and_damage),
+        (lambda: rig.device.open_attempts > 2, damaged.unlink),
+        (lambda: len(rig.server.received_of(Hello)) > 1, nothing),
+    )
 
 
 @pytest.mark.slow

@@ -58,6 +58,8 @@ def plugged_in(ids: tuple[int, int]) -> list[Any]:
         return list(usb.core.find(find_all=True, idVendor=ids[0], idProduct=ids[1]))
     except usb.core.NoBackendError as error:
         raise DeviceNotFound("pyusb finds no libusb: apt-get install libusb-1.0-0") from error
+    except usb.core.USBError as error:  # as when a device is plugged in or out at this moment
+        raise DeviceNotFound(f"pyusb cannot list the USB devices: {error}") from error
 
 
 def find(ids: tuple[int, int], serial: str, what: str) -> Any:

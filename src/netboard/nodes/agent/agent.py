@@ -19,7 +19,7 @@ from typing import Protocol
 from netboard.base.clock import Pacer, now_ns
 from netboard.base.compiled import machine_code
 from netboard.base.config import Config, Side
-from netboard.base.errors import DeviceError, DeviceNotFound
+from netboard.base.errors import ConfigError, DeviceError, DeviceNotFound
 from netboard.base.process import NAME, RateLimitedLog, steady_loop
 from netboard.base.tick import TICK_NS
 from netboard.devices.contract.device import Device, DeviceInfo, Reading
@@ -201,7 +201,7 @@ class Agent:
             except DeviceNotFound:
                 Pacer(now_ns() + SEARCH_INTERVAL_NS).wait()
                 continue
-            except DeviceError as error:
+            except (DeviceError, ConfigError) as error:
                 trouble.log(f"the device is back, but cannot be used yet: {error}")
                 Pacer(now_ns() + SEARCH_INTERVAL_NS).wait()
                 continue
