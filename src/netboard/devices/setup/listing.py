@@ -102,7 +102,7 @@ def _of_side(side: Side, config: Config, found: Listing, missing: Colour) -> Fin
     here = [each for each in here if not serial or each.serial in ("", serial)]
     words = ", ".join(f"{each.model}, serial {each.serial or '?'}" for each in here)
     wanted = f"no {name} device" + (f" with serial number {serial}" if serial else "") + " is connected"
-    return graded(title, bool(here), words or wanted, "connect it and switch it on", else_=missing)
+    return graded(title, bool(here), words or wanted, "connect it, switch it on, and stop its agent", else_=missing)
 
 
 def _listed(found: Plugged, source: str) -> ListedDevice:
