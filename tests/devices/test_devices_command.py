@@ -296,6 +296,10 @@ def test_calibrated_workspace_stays_within_that_of_the_device(
     common["ask"] = operator
     assert commands.calibrate(config, "left", zero_only=True, **common) == 0
     assert "reaches 45 mm up and down from neutral, and the task needs 75 mm" in capsys.readouterr().out
+    common["ask"] = GuidedOperator((0.0, 0.0, 0.055))
+    operator = common["ask"]
+    with pytest.raises(NetboardError, match="neutral height, 55 mm, is not well within the workspace, -60 to 60 mm"):
+        commands.calibrate(config, "left", zero_only=True, **common)
 
 
 def test_test_pushes_obey_the_largest_force_of_the_rig(monkeypatch: pytest.MonkeyPatch) -> None:

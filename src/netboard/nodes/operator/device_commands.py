@@ -224,9 +224,9 @@ def _measured(
 
     zero = calibration.neutral_at(held("at the neutral height, in the middle"))
     box, needed = None, config.task.stylus_range
+    room = Box(*(before if zero_only else Placement()).box).within(device.info.workspace)
+    calibration.scale_for(zero[2], room, needed)  # refuses too small a room before the next position is measured
     if not zero_only:
-        room = Box(*Placement().box).within(device.info.workspace)
-        calibration.scale_for(zero[2], room, needed)  # refuses too small a room before the next position is measured
         low = calibration.held_at(held("at the lower far left corner of the workspace"))
         calibration.scale_for(zero[2], room._replace(z_min=low[2]), needed)
         high = calibration.held_at(held("at the upper near right corner of the workspace"))
