@@ -106,26 +106,31 @@ def test_identify_saves_no_mass_that_it_could_not_identify() -> None:
     ("buttons", "why"), [({"stop_buttons": 2}, "a stop button"), ({"consent_buttons": 1}, "must be held down")]
 )
 def test_test_command_obeys_the_buttons_of_the_stylus(
-    buttons: dict[str, int], why: str, monkeypatch: pytest.MonkeyPatch
+    buttons: dict[str, int], why: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     config = configured()
     left = replace(config.agents.left, **buttons)
     config = replace(config, agents=replace(config.agents, left=left))
     puppet = Puppet(config, AT_REST._replace(buttons=2))
     monkeypatch.setattr("netboard.devices.contract.registry.make", lambda side, given: puppet)
-    with pytest.raises(NetboardError, match=why):
-        commands.examine(config, "left", seconds=2.0, force=0.5, yes=True, as_json=True, loop_clock=SimulatedTime())
+    common = {"seconds": 2.0, "force": 0.5, "yes": True, "as_json": True, "loop_clock": SimulatedTime()}
+    assert commands.examine(config, "left", **common) == 1
+    findings = json.loads(capsys.readouterr().out)["findings"]
+    assert len(findings) == 9
+    assert why in findings[-1]["found"]
     assert all(force == (0.0, 0.0, 0.0) for force in puppet.forces)
 
 
-def test_no_force_is_rendered_outside_of_the_workspace_in_the_profile(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_force_is_rendered_outside_of_the_workspace_in_the_profile(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     place = Placement(zero_z=0.05, z_min=0.01, z_max=0.08)
     profile.save(Path("profiles"), Profile(Identity("Puppet", "puppet"), placement=place))
     device = Puppet(Config(), AT_REST)
     monkeypatch.setattr("netboard.devices.contract.registry.make", lambda side, config: device)
     common = {"yes": True, "as_json": True, "loop_clock": SimulatedTime()}
-    with pytest.raises(NetboardError, match="outside of the workspace"):
-        commands.examine(Config(), "left", seconds=2.0, force=0.5, **common)
+    assert commands.examine(Config(), "left", seconds=2.0, force=0.5, **common) == 1
+    assert "outside of the workspace" in capsys.readouterr().out
     device.readings = [AT_REST._replace(z=0.05)]
     with pytest.raises(NetboardError, match="a workspace from 10 to 80 mm"):
         commands.identify(Config(), "left", held=False, replace_it=False, **common)

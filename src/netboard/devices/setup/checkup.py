@@ -45,6 +45,9 @@ BEFORE = 100
 PUSHING = PERIOD * (PULSES + 0.5)
 """Duration of the whole pulse sequence [s]."""
 
+PUSHED = "force to movement"
+"""Name of the finding on the response to pulses."""
+
 SMALLEST = 1e-5
 """Smallest movement that counts as the response to a pulse, if the device reports no resolution [m]."""
 
@@ -104,7 +107,7 @@ def pushes(track: Track, info: DeviceInfo, mechanics: Mechanics | None) -> Pushe
 
 def judge_pushes(found: Pushes) -> Finding:
     """Check the response of a device to pulses."""
-    name = "force to movement"
+    name = PUSHED
     if len(found.delays) < max(1, found.tried // 2):
         return Finding(
             name,

@@ -14,7 +14,8 @@ from rich.live import Live
 from netboard.base import clock
 from netboard.base.bars import progress_bars
 from netboard.base.config import Config, Side
-from netboard.base.errors import ConfigError, NetboardError
+from netboard.base.errors import ConfigError, DeviceError, NetboardError
+from netboard.base.finding import Finding
 from netboard.base.process import (
     Priority,
     Stopping,
@@ -92,9 +93,12 @@ def examine(
         if force:
             limits = replace(config.safety, max_force=force, arm_gate=min(force, config.safety.arm_gate))
             driver = Driver(device, ticks, limits)
-            track = driver.drive(checkup.PUSHING, lambda t, _: checkup.push_force(force, t), progress("pushing"))
             known = device.profile.mechanics if device.profile else None
-            findings.append(checkup.judge_pushes(checkup.pushes(track, info, known)))
+            try:
+                track = driver.drive(checkup.PUSHING, lambda t, _: checkup.push_force(force, t), progress("pushing"))
+                findings.append(checkup.judge_pushes(checkup.pushes(track, info, known)))
+            except DeviceError as error:  # what was measured before is shown nevertheless
+                findings.append(Finding(checkup.PUSHED, "red", str(error)))
     if as_json:
         _print_json({"model": info.model, "serial": info.serial, "findings": [asdict(each) for each in findings]})
     else:
