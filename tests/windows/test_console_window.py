@@ -61,13 +61,6 @@ class ConsoleRig:
         self.turns.start()
         self.client = ConsoleClient(config, context, self.window)
 
-    def disable_shortcuts(self) -> None:
-        """Let the closed window take no keys from those of later tests."""
-        from PySide6.QtGui import QShortcut
-
-        for shortcut in self.window.findChildren(QShortcut):
-            shortcut.setEnabled(False)
-
     def until(self, true: Callable[[], object]) -> None:
         until(self.app, true)
 
@@ -105,9 +98,7 @@ def console(app, server: ConsoleServer):
         yield made
         made.turns.stop()
         made.client.leave()
-        made.window.show_state(replace(made.window.state, status=None))
-        made.window.close()
-        made.disable_shortcuts()
+        made.window.hide()
 
 
 KEYS = [
@@ -424,5 +415,6 @@ def test_screenshot_is_taken_at_the_first_status(app, server: ConsoleServer, tmp
     run(replace(Config(), network=server.network), lambda: False, picture)
     turns.stop()
     assert picture.read_bytes().startswith(b"\x89PNG")
+    assert not any(window.isVisible() for window in app.topLevelWidgets()), "a window that is left takes the keys"
     with pytest.raises(NetboardError, match="exists"):
         run(Config(), lambda: True, picture)

@@ -174,5 +174,5 @@ def run(config: Config, stopping: Callable[[], bool], picture: Path | None = Non
         windows.run(window, stopping, screenshot_timer.poll)
         screenshot_timer.take()
         client.leave()
-    window.close()
+    window.hide()  # closing it during a block would have to be confirmed
     screenshot_timer.finish()
