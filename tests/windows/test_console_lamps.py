@@ -17,7 +17,7 @@ from netboard.nodes.ports.refusals import TOO_MANY_MESSAGES
 from netboard.windows.operator import words
 from netboard.windows.operator.changes import RecentCounts, StatusHistory, minutes_left
 from netboard.windows.operator.commands import COMMANDS, RELEASING, STOP_KEYS, refusal
-from netboard.windows.operator.lamps import SESSION_LAMPS, Level, alarm, limits_of, session_lamps
+from netboard.windows.operator.lamps import SESSION_LAMPS, Level, alarm, ended, limits_of, session_lamps
 from netboard.windows.operator.stations import STATION_LAMPS, station_lamps
 from netboard.windows.operator.words import Tone
 
@@ -204,9 +204,17 @@ def test_alarms_for_lost_server_full_disk_and_emergency_stop() -> None:
     assert "EMERGENCY STOP" in alarm(STATES["stopped"], 0.0, NONE, False)
     assert "LET GO" in alarm(None, math.inf, NONE, True)
     assert alarm(None, math.inf, NONE, False) == ""
-    ended = STATES["finished"]
-    assert alarm(ended, 5.0, NONE, False) == ""
-    assert words.headline(ended, 5.0).words == "SESSION OVER"
+
+
+@pytest.mark.parametrize(("status", "goodbye"), [(STATES["finished"], False), (STATES["stopped"], True), (IDLE, True)])
+def test_ended_session_raises_no_alarm_and_names_no_key(status: Status, goodbye: bool) -> None:
+    assert ended(status, 0.0, False) is status
+    over = ended(status, 5.0, goodbye)
+    assert alarm(over, 5.0, NONE, False) == ""
+    assert words.headline(over, 5.0).words == "SESSION OVER"
+    assert "press" not in words.advice(over, "").words
+    assert of(session_lamps(over, 5.0, NONE, LIMITS), "Server").words == "ended"
+    assert possible(over) == set()
 
 
 def test_server_silent_for_almost_a_second_is_link_lost() -> None:

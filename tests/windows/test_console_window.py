@@ -9,10 +9,12 @@ from console_server import MINE, RUNNING, STATES, ConsoleServer, attempts, point
 
 from netboard.base.config import Config
 from netboard.base.process import NAME
+from netboard.network.protocol.codec import encode
+from netboard.network.protocol.joining import Goodbye
 from netboard.network.transport import sockets
 from netboard.nodes.ports.emergency import RELEASE, STOP
 from netboard.windows.operator.commands import COMMANDS, RELEASING, refusal
-from netboard.windows.operator.lamps import Level, limits_of
+from netboard.windows.operator.lamps import SILENT, Level, limits_of
 
 pytestmark = pytest.mark.slow
 
@@ -355,6 +357,17 @@ def test_silent_server_turns_the_server_lamp_red_until_it_answers(console: Conso
     console.server.silent = False
     console.until(lambda: lamp.lamp.level is Level.GOOD)
     assert console.window.headline.text() == "RUNNING"
+
+
+def test_session_is_over_after_the_goodbye_until_the_next_server_answers(console: ConsoleRig) -> None:
+    console.server.silent = True
+    for peer in console.server._peers:
+        console.server.router.send(peer, encode(Goodbye("the session is over")))
+    console.until(lambda: console.window.headline.text() == "SESSION OVER")
+    console.until(lambda: console.client.silence > SILENT)
+    assert console.window.headline.text() == "SESSION OVER"
+    console.server.silent = False
+    console.until(lambda: console.window.headline.text() == "RUNNING")
 
 
 def test_console_rejoins_a_server_that_has_forgotten_it(console: ConsoleRig) -> None:

@@ -66,6 +66,7 @@ class Operator:
         self._hello = encode(Hello("console", "", PROTOCOL_VERSION, NAME, version("netboard"), {}))
         self._hello_ns = -HELLO_INTERVAL_NS
         self._welcomed = False
+        self.over = False  # whether the server has said goodbye since its last welcome
         self._last_message_ns = 0
 
     def ask(self, seconds: float) -> Status | None:
@@ -142,7 +143,7 @@ class Operator:
                 raise NetboardError(f"invalid message from the server: {error}") from error
             match message:
                 case Welcome(config=config):
-                    self._welcomed, self.config = True, config
+                    self._welcomed, self.over, self.config = True, False, config
                 case Ping(sent_ns=ping_ns):
                     received_ns = now_ns()
                     self._send(Pong(ping_ns, received_ns, now_ns()))
@@ -155,6 +156,8 @@ class Operator:
                 case Trace(points=points):
                     last = self.points[-1][0] if self.points else -1
                     self.points.extend(point for point in points if point[0] > last)
+                case Goodbye():
+                    self._welcomed, self.over = False, True
                 case Refusal(reason=reason) if reason == HELLO_FIRST:  # removed as a silent peer
                     self._welcomed = False
                 case Refusal(reason=reason):

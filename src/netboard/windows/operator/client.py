@@ -24,7 +24,7 @@ from netboard.nodes.operator.operator import ANSWER_SECONDS, Operator
 from netboard.nodes.ports.emergency import AWAITING_RELEASE, RELEASE, STOP
 from netboard.windows.operator.changes import RecentCounts, StatusHistory
 from netboard.windows.operator.commands import COMMANDS, RELEASING
-from netboard.windows.operator.lamps import limits_of
+from netboard.windows.operator.lamps import ended, limits_of
 from netboard.windows.operator.window import SMALLEST, ConsoleWindow, State
 from netboard.windows.operator.words import Line, Tone
 from netboard.windows.participant import window as windows
@@ -99,9 +99,12 @@ class ConsoleClient(QObject):
 
     def _state(self) -> State:
         late = self._stop_ns is not None and now_ns() - self._stop_ns > CONFIRM_S * 1e9
-        attempts = [] if self._operator is None else self._operator.attempts
-        points = [] if self._operator is None else self._operator.points
-        return State(self.status, self.silence, self._recent, late, attempts, points, self._session)
+        operator, status = self._operator, self.status
+        if status is not None:
+            status = ended(status, self.silence, operator is not None and operator.over)
+        attempts = [] if operator is None else operator.attempts
+        points = [] if operator is None else operator.points
+        return State(status, self.silence, self._recent, late, attempts, points, self._session)
 
     def _update(self, operator: Operator) -> None:
         status = operator.poll()

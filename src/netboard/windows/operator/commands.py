@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from netboard.network.protocol.control import SHARED_COMMANDS, Status
 from netboard.nodes.ports.emergency import AWAITING_RELEASE, RELEASE, STOP
-from netboard.windows.operator.lamps import ACTIVE, replayed
+from netboard.windows.operator.lamps import ACTIVE, OVER, replayed
 
 STOP_KEYS = ("Esc", "Space")
 """Keys of the emergency stop; in a text field, Space writes a space."""
@@ -139,6 +139,8 @@ def refusal(command: Command, status: Status | None, console: str) -> str:
     """Return why a command of the console with this name is not possible now; empty if it is."""
     if status is None:
         return "no connection to the server"
+    if status.phase == OVER:
+        return "the session is over"
     if replayed(status):
         return "" if command.name in SHARED_COMMANDS else "this is a replay"
     if command.name == "take" and status.commander == console:

@@ -17,6 +17,9 @@ from netboard.windows.operator.changes import LATELY, RecentCounts
 ACTIVE = ("levelling", "running", "holding", "succeeded", "failed")
 """Phases in which a block is running."""
 
+OVER = "over"
+"""Phase that only the console knows: the server has ended."""
+
 SILENT = 0.75
 """Timeout after which the server counts as silent [s]."""
 
@@ -94,8 +97,9 @@ def session_lamps(status: Status | None, silence: float, recent: RecentCounts, l
             _forces(status),
             _form(status),
         )
-    lamps = [Lamp(name, *reading) for name, reading in zip(names, readings, strict=True)]
-    return (Lamp(server, *_server(silence, recent.refused)), *(faded(lamps) if live and silence > SILENT else lamps))
+    lamps = tuple(Lamp(name, *reading) for name, reading in zip(names, readings, strict=True))
+    lamps = faded(lamps) if live and silence > SILENT else lamps
+    return (Lamp(server, *_server(status, silence, recent.refused)), *lamps)
 
 
 SESSION_LAMPS = ("Server", "Recording", "Disk", "Deadline misses", "Forces", "Session")
@@ -125,12 +129,15 @@ def faded(lamps: Sequence[Lamp]) -> tuple[Lamp, ...]:
     )
 
 
-def over(status: Status, silence: float) -> bool:
-    """Whether the server has ended after the last block."""
-    return silence > SILENT and status.phase == "finished" and status.block >= status.blocks
+def ended(status: Status, silence: float, goodbye: bool) -> Status:
+    """Return the status in the phase `OVER` if the server has said goodbye, or is silent after the last block."""
+    done = silence > SILENT and status.phase == "finished" and status.block >= status.blocks
+    return replace(status, phase=OVER, waiting_for=()) if goodbye or done else status
 
 
-def _server(silence: float, refused: Sequence[str]) -> LampState:
+def _server(status: Status | None, silence: float, refused: Sequence[str]) -> LampState:
+    if status is not None and status.phase == OVER:
+        return Level.OFF, "ended", "The server has ended the session."
     if not isfinite(silence):
         return Level.BAD, "not found", "No server answers. Check that it is running and that the address is right."
     if silence > SILENT:
@@ -222,7 +229,7 @@ def alarm(status: Status | None, silence: float, recent: RecentCounts, unconfirm
     if status is None:
         return ""
     active = status.phase in ACTIVE and not replayed(status)
-    if silence > SILENT and not over(status, silence):
+    if silence > SILENT and status.phase != OVER:
         return f"NO REPLY FROM THE SERVER FOR {silence:.0f} s" + (": let go of the styluses" if active else "")
     if active and not recorded(status):
         return "RUNNING BUT NOT RECORDING: pause now (F5), then check the logger"

@@ -10,7 +10,7 @@ from math import isnan
 
 from netboard.network.protocol.control import AttemptOutcome, Status
 from netboard.nodes.ports.emergency import AWAITING_ARMING, AWAITING_RELEASE
-from netboard.windows.operator.lamps import ACTIVE, SILENT, Lamp, Level, over, replayed
+from netboard.windows.operator.lamps import ACTIVE, OVER, SILENT, Lamp, Level, replayed
 
 PHASES = {
     "levelling": "LEVELLING",
@@ -56,7 +56,7 @@ def headline(status: Status | None, silence: float) -> Line:
     """Return the current phase in one or two words."""
     if status is None:
         return Line("NO CONNECTION", Tone.WATCH)
-    if over(status, silence):
+    if status.phase == OVER:
         return Line("SESSION OVER", Tone.QUIET)
     if silence > SILENT:
         return Line("LINK LOST", Tone.BAD)
@@ -120,6 +120,8 @@ def advice(status: Status | None, where: str, refused: Sequence[str] = ()) -> Li
     """Return what the operator should know or do next; `refused`: why the server refuses peers now."""
     if status is None:
         return Line(f"Looking for the server at {where}", Tone.WATCH)
+    if status.phase == OVER:
+        return Line("The server has ended the session. The next one appears here as soon as a server runs.")
     if replayed(status):
         return Line(status.notice)
     if not status.opened and status.phase == "idle":
