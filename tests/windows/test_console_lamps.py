@@ -3,6 +3,7 @@
 import math
 import re
 from dataclasses import replace
+from itertools import product
 
 import pytest
 from console_server import IDLE, MINE, RUNNING, STATES, UNARMED_LINK, attempts
@@ -14,6 +15,8 @@ from netboard.network.protocol.joining import HELLO_FIRST
 from netboard.network.protocol.motion import Safeguard
 from netboard.nodes.ports.emergency import AWAITING_ARMING, AWAITING_RELEASE, STOP
 from netboard.nodes.ports.refusals import TOO_MANY_MESSAGES
+from netboard.nodes.server.operators import Operators, Situation
+from netboard.task.trials.state_machine import Phase
 from netboard.windows.operator import words
 from netboard.windows.operator.changes import RecentCounts, StatusHistory, minutes_left
 from netboard.windows.operator.commands import COMMANDS, RELEASING, STOP_KEYS, refusal
@@ -312,7 +315,7 @@ def test_last_block_has_no_next_one_and_a_finished_one_no_repeats() -> None:
     by_name = {command.name: command for command in COMMANDS}
     last = replace(RUNNING, block=RUNNING.blocks)
     assert refusal(by_name["next"], last, last.commander) == "this is the last block: end the session (Ctrl+E)"
-    assert refusal(by_name["next"], replace(last, block=1, blocks=2), last.commander) == ""
+    assert refusal(by_name["next"], replace(last, phase="paused", block=1, blocks=2), last.commander) == ""
     over = replace(last, phase="finished")
     assert "the block is over" in refusal(by_name["veto"], over, last.commander)
     assert "the block is over" in refusal(by_name["repeat"], over, last.commander)
@@ -333,7 +336,8 @@ def possible(status: Status | None, own: str = "me") -> set[str]:
 def test_possible_commands_depend_on_the_state() -> None:
     assert possible(None) == set()
     assert possible(STATES["unopened"]) == {"open", "note", "arm", "take"}
-    assert {"start", "arm", "next", "end"} <= possible(IDLE)
+    assert {"arm", "next", "end"} <= possible(IDLE)
+    assert "start" in possible(replace(IDLE, armed=True))
     assert "resume" not in possible(RUNNING)
     running = {"pause", "pause_after_trial", "abort", "skip", "stop_after_block", "disarm", "note"}
     assert running <= possible(RUNNING)
@@ -342,6 +346,18 @@ def test_possible_commands_depend_on_the_state() -> None:
     assert "resume" not in possible(STATES["stopped"])
     assert "arm" not in possible(replace(IDLE, waiting_for=(AWAITING_RELEASE,)))
     assert "repeat" in possible(replace(RUNNING, outcomes=1))
+
+
+@pytest.mark.parametrize("missing", ["", "the logger", AWAITING_RELEASE, f"the left {AWAITING_ARMING}"])
+@pytest.mark.parametrize("phase", ["idle", "levelling", "running", "holding", "paused", "finished"])
+def test_possible_commands_are_those_that_the_server_accepts(phase: str, missing: str) -> None:
+    for armed, (blocks, study) in product((False, True), ((1, ""), (1, "paper"), (2, "paper"))):
+        waiting = (missing,) if missing else ()
+        status = replace(RUNNING, phase=phase, armed=armed, block=1, blocks=blocks, study=study, waiting_for=waiting)
+        situation = Situation(Phase[phase.upper()], waiting, last=blocks == 1, plan=bool(study))
+        for name in possible(replace(status, outcomes=1)) - {"open"}:
+            operators = Operators(opened=True, armed=armed)
+            assert operators.decide(name, b"me", "me", situation).accepted, (name, status)
 
 
 def test_observer_may_take_over_and_add_notes() -> None:

@@ -353,6 +353,8 @@ def test_silent_server_turns_the_server_lamp_red_until_it_answers(console: Conso
     console.until(lambda: lamp.lamp.level is Level.BAD)
     assert console.window.headline.text() == "LINK LOST"
     assert "NO REPLY" in console.window.alarm.text()
+    enabled = {button.command.name for button in console.window.bar.buttons if button.isEnabled()}
+    assert enabled == {"pause", "disarm", "note"}, "the others would be refused as late"
     assert {widget.lamp.level for widget in console.window.stations.columns["left"]} == {Level.OFF}
     console.server.silent = False
     console.until(lambda: lamp.lamp.level is Level.GOOD)

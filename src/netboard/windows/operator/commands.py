@@ -52,14 +52,23 @@ def _arm(status: Status) -> str:
     return "the devices are armed already" if status.armed else ""
 
 
+def _go_on(status: Status) -> str:
+    if halted := _halted(status):
+        return halted
+    if not status.armed:
+        return "arm the devices first: F1"
+    missing = ", ".join(status.waiting_for) if not status.rest else ""  # the operator need not await the end of a rest
+    return missing and f"waiting for {missing}"
+
+
 def _start(status: Status) -> str:
-    if status.phase != "idle":
-        return f"not possible while {status.phase}"
-    return _halted(status) if status.opened else "fill in the session form first: F3"
+    if status.phase == "idle" and not status.opened:
+        return "fill in the session form first: F3"
+    return _in("idle")(status) or _go_on(status)
 
 
 def _resume(status: Status) -> str:
-    return _in("paused")(status) or _halted(status)
+    return _in("paused")(status) or _go_on(status)
 
 
 def _open(status: Status) -> str:
@@ -73,7 +82,13 @@ def _opened(status: Status) -> str:
 def _next(status: Status) -> str:
     if status.opened and status.block >= status.blocks:
         return "this is the last block: end the session (Ctrl+E)"
+    if status.phase in ACTIVE:
+        return "not possible in a trial: pause first (F5)"
     return _opened(status)
+
+
+def _stop_after_block(status: Status) -> str:
+    return _in(*ACTIVE, "paused")(status) if status.study else "there is no plan, only this block"
 
 
 def _judged(status: Status) -> str:
@@ -109,7 +124,7 @@ COMMANDS: tuple[Command, ...] = (
         "Stop after block",
         "F12",
         "End the session after this block.",
-        _in(*ACTIVE, "paused"),
+        _stop_after_block,
     ),
     Command(
         "disarm",

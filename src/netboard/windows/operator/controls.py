@@ -10,8 +10,7 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLineEdit, QPushButton, QSizePolicy, QVBoxLayout, QWidget
 
 from netboard.base.tick import TICK_SECONDS
-from netboard.network.protocol.control import Status
-from netboard.windows.operator.commands import COMMANDS, RELEASING, STOP_KEYS, Command, refusal
+from netboard.windows.operator.commands import COMMANDS, RELEASING, STOP_KEYS, Command
 from netboard.windows.operator.lamp_widget import PANEL, PLAIN, WATCH, label
 from netboard.windows.operator.words import Tone
 
@@ -62,9 +61,8 @@ class CommandButton(QPushButton):
         self.setProperty("sure", sure)
         self.setStyleSheet(STYLE)
 
-    def allow(self, status: Status | None, console: str) -> None:
-        """Enable the button if its command is possible now; else say why not in the tooltip."""
-        reason = refusal(self.command, status, console)
+    def allow(self, reason: str) -> None:
+        """Enable the button if there is no reason against its command; else say it in the tooltip."""
         self.setEnabled(not reason)
         tip = f"{self.command.tip} ({reason})" if reason else self.command.tip
         if tip != self.toolTip():

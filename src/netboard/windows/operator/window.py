@@ -18,6 +18,7 @@ from netboard.base.config import SIDES, Config
 from netboard.base.tables.experiment import Session
 from netboard.network.protocol.control import AttemptOutcome, Status, TracePoint
 from netboard.nodes.ports.emergency import STOP
+from netboard.nodes.server.operators import SAFE_WHEN_LATE
 from netboard.windows.operator import words
 from netboard.windows.operator.attempts import AttemptTable
 from netboard.windows.operator.changes import RecentCounts
@@ -119,7 +120,7 @@ class ConsoleWindow(Window):
             self._show_status(status)
         self._show_alarm(alarm(status, silence, state.recent, state.unconfirmed), words.worst(named))
         for button in (*self.bar.buttons, self.stop.release):
-            button.allow(status if silence < float("inf") else None, self._console)
+            button.allow(self._refusal(button.command))
 
     def _show_status(self, status: Status) -> None:
         other = status.session != self._session
@@ -170,7 +171,7 @@ class ConsoleWindow(Window):
         if command.name == "open" and self.middle.currentWidget() is self.form:
             self.show_form(False)
             return
-        reason = refusal(command, self.state.status, self._console)
+        reason = self._refusal(command)
         if reason:
             self._cancel_confirmation()
             self.say(Line(f"{command.label}: {reason}", Tone.WATCH))
@@ -179,6 +180,11 @@ class ConsoleWindow(Window):
         elif not command.confirm or now_ns() - self._asked_ns >= SOON_NS:
             self._cancel_confirmation()
             self._do(command)
+
+    def _refusal(self, command: Command) -> str:
+        """Return why a command is not possible now; a silent server would refuse most of them, as late."""
+        lost = self.state.silence > SILENT and command.name not in SAFE_WHEN_LATE
+        return refusal(command, None if lost else self.state.status, self._console)
 
     def _do(self, command: Command) -> None:
         match command.name:
