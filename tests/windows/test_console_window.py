@@ -342,8 +342,20 @@ def test_repeat_names_the_selected_trial(console: ConsoleRig) -> None:
 def test_long_names_do_not_make_the_window_wider(console: ConsoleRig) -> None:
     width = console.window.width()
     console.server.change(name="N" * 64, dyad="D" * 64, study="s" * 64, label="l" * 300, notice="n" * 300)
-    console.until(lambda: "N" * 64 in console.window.banner.text())
+    console.until(lambda: "N" * 64 in console.window.banner.toolTip())
+    assert console.window.banner.text().startswith("REAL   session NNN")
     assert console.window.width() == width
+
+
+def test_smallest_window_shows_all_columns_of_the_attempts(console: ConsoleRig) -> None:
+    from netboard.windows.operator.window import SMALLEST
+
+    console.server.attempts = attempts(8)
+    console.show("running")
+    console.window.resize(*SMALLEST)
+    table = console.window.table
+    console.until(lambda: console.window.width() == SMALLEST[0] and table.attempts.rowCount() == 8)
+    assert table.horizontalHeader().length() <= table.viewport().width()
 
 
 def test_silent_server_turns_the_server_lamp_red_until_it_answers(console: ConsoleRig) -> None:

@@ -75,7 +75,7 @@ class AttemptTable(QTableView):
         self.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
         self.setShowGrid(False)
         self.setVerticalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        self.setMinimumSize(200, 100)
+        self.setMinimumSize(436, 100)  # all columns, the usual flags among them
         self.verticalHeader().hide()
         self.verticalHeader().setDefaultSectionSize(24)
         head = self.horizontalHeader()
@@ -84,7 +84,7 @@ class AttemptTable(QTableView):
         head.setHighlightSections(False)
         self.setStyleSheet(
             f"QTableView {{ background: {PANEL}; border: none; selection-background-color: {PLAIN.target}; }}"
-            f"QHeaderView::section {{ background: {PANEL}; color: {PLAIN.detail}; border: none; padding: 3px 6px; }}"
+            f"QHeaderView::section {{ background: {PANEL}; color: {PLAIN.detail}; border: none; padding: 3px 4px; }}"
         )
 
     def take(self, attempts: Sequence[AttemptOutcome]) -> None:

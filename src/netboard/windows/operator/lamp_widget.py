@@ -79,7 +79,7 @@ class LampWidget(QWidget):
         painter.setFont(font)
         painter.setPen(QColor(front))
         words = f"{sign} {self.lamp.words}" if self.lamp.words else sign
-        fitting = painter.fontMetrics().elidedText(words, Qt.TextElideMode.ElideRight, round(area.width()) - 16)
+        fitting = painter.fontMetrics().elidedText(words, Qt.TextElideMode.ElideRight, round(area.width()) - 12)
         painter.drawText(area.adjusted(8, 0, -4, 0), Qt.AlignmentFlag.AlignVCenter, fitting)
         painter.end()
 

@@ -51,6 +51,9 @@ CONFIRM_MS = 5000
 SOON_NS = 400_000_000
 """A second press within this time is ignored as accidental [ns]."""
 
+BANNER_MARGINS = 30
+"""Width of the banner that is not for its text [pixels]."""
+
 STRIP_TURNS = 2
 """The strip charts are redrawn once per this many states [1]."""
 
@@ -102,8 +105,11 @@ class ConsoleWindow(Window):
         self.state = state
         status, silence = state.status, state.silence
         banner = words.banner(status)
-        if self.banner.text() != banner.words:
-            self.banner.setText(banner.words)
+        room = self.banner.width() - BANNER_MARGINS
+        fitting = self.banner.fontMetrics().elidedText(banner.words, Qt.TextElideMode.ElideMiddle, room)
+        if self.banner.text() != fitting:
+            self.banner.setText(fitting)
+            self.banner.setToolTip(banner.words)
             self.banner.setStyleSheet(_banner_style(banner.tone))
         _say(self.headline, words.headline(status, silence))
         _say(self.progress, Line(words.progress(status)))
@@ -241,6 +247,7 @@ class ConsoleWindow(Window):
         self.progress, self.block = label("", 22, Tone.PLAIN, bold=True), label("", 17, Tone.PLAIN)
         self.alarm = label("", 20, Tone.PLAIN, bold=True)
         self.alarm.setFixedHeight(48)
+        self.alarm.setWordWrap(True)
         self.stop, self.bar = StopPanel(), CommandBar()
         self.session = SessionLamps(SESSION_LAMPS)
         self.stations = StationLamps(STATION_LAMPS, SIDES)
@@ -262,7 +269,7 @@ class ConsoleWindow(Window):
         self.live.setSizes([560, 500])
         for page in (self.live, self.form):
             self.middle.addWidget(page)
-        self.stations.setFixedWidth(490)
+        self.stations.setFixedWidth(458)
         for line in (self.banner, self.alarm, self.reply):
             line.setMinimumWidth(1)
         rows = QVBoxLayout(self)

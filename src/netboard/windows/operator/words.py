@@ -163,7 +163,7 @@ def worst(lamps: Sequence[tuple[str, Lamp]]) -> Line:
 
 def commander(status: Status | None, console: str) -> Line:
     """Return who the commander is."""
-    if status is None:
+    if status is None or status.phase == OVER:
         return Line("", Tone.QUIET)
     if replayed(status):
         return Line("Every console may control a replay", Tone.PLAIN)
