@@ -97,6 +97,7 @@ def test_all_lamps_are_good_without_a_fault() -> None:
         ("Sample", Level.BAD, "none", {"age": math.nan}),
         ("Sample", Level.BAD, "60 ms old", {"age": 0.06}),
         ("Sample", Level.WATCH, "20 ms old", {"age": 0.02}),
+        ("Drops", Level.WATCH, "1 drop", {"missed": 1}),
         ("Drops", Level.WATCH, "3 drops", {"missed": 3}),
         ("Drops", Level.BAD, "500 drops", {"missed": 500}),
         ("Force", Level.WATCH, "AT LIMIT +0.31 N", {"bits": int(Safeguard.CLAMPED)}),

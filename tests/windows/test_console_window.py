@@ -148,6 +148,10 @@ def test_too_quick_a_second_press_does_not_confirm_a_command(
     end.click()
     console.wait_for_reply("once more")
     assert "again" in end.text()
+    console.window._confirm_timer.timeout.emit()
+    assert "again" not in end.text()
+    assert console.window.reply.text() == ""
+    end.click()
     console.press("F5")
     console.wait_for_command("pause")
     assert "again" not in end.text()
@@ -195,7 +199,9 @@ def test_emergency_stop_works_while_a_note_is_written(console: ConsoleRig) -> No
 
 
 def test_emergency_stop_works_while_the_form_is_filled_in(console: ConsoleRig) -> None:
+    console.server.attempts = attempts(1)
     console.show("unopened")
+    console.until(lambda: console.window.table.attempts.rowCount() == 1)
     console.press("F3")
     for field in (*console.window.form.texts.values(), console.window.form.consent):
         field.setFocus()
@@ -207,7 +213,14 @@ def test_emergency_stop_works_while_the_form_is_filled_in(console: ConsoleRig) -
     console.server.received.clear()
     console.press("Space")
     assert console.window.form.consent.isChecked()
+    console.press("Up")
+    assert console.window.table.marked is None
     assert console.server.commands() == []
+    console.press("F4")
+    console.write("a note")
+    console.press("Return")
+    console.press("Space")
+    console.wait_for_command(STOP)
 
 
 def test_stop_button_acts_on_press_not_on_release(console: ConsoleRig) -> None:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from math import isnan, nan
 
 from netboard.base.config import Side
+from netboard.base.plural import plural
 from netboard.network.protocol.control import LinkStatus, Status
 from netboard.network.protocol.motion import TRIP_CAUSES, Safeguard
 from netboard.nodes.ports.emergency import AWAITING_RELEASE
@@ -131,8 +132,8 @@ def _drops(station: _Station, limits: Limits) -> LampState:
     )
     most = max(station.lost, station.lost_ticks)
     if most > limits.lost_ticks:
-        return Level.BAD, f"{most} drops", f"{tip} This attempt will be flagged: check the network."
-    return Level.WATCH if most else Level.GOOD, f"{most} drops" if most else "none", tip
+        return Level.BAD, plural(most, "drop"), f"{tip} This attempt will be flagged: check the network."
+    return Level.WATCH if most else Level.GOOD, plural(most, "drop") if most else "none", tip
 
 
 def _force(station: _Station, limits: Limits) -> LampState:

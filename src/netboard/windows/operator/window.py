@@ -40,7 +40,7 @@ from netboard.windows.operator.lamps import ACTIVE, SESSION_LAMPS, SILENT, Limit
 from netboard.windows.operator.stations import STATION_LAMPS, station_lamps
 from netboard.windows.operator.strips import StripCharts
 from netboard.windows.operator.words import Line, Tone
-from netboard.windows.participant.window import Window
+from netboard.windows.participant.window import Window, application
 
 SMALLEST = 1200, 920
 """Size of the window that shows everything [pixels]; on a smaller screen, everything is drawn smaller."""
@@ -50,6 +50,9 @@ CONFIRM_MS = 5000
 
 SOON_NS = 400_000_000
 """A second press within this time is ignored as accidental [ns]."""
+
+REPLY_MS = 20_000
+"""Time for which the result of a command is shown [ms]."""
 
 BANNER_MARGINS = 30
 """Width of the banner that is not for its text [pixels]."""
@@ -93,6 +96,8 @@ class ConsoleWindow(Window):
         self._asked_ns = 0
         self._confirm_timer = QTimer(self, singleShot=True, interval=CONFIRM_MS)
         self._confirm_timer.timeout.connect(self._cancel_confirmation)
+        self._reply_timer = QTimer(self, singleShot=True, interval=REPLY_MS)
+        self._reply_timer.timeout.connect(partial(self.say, Line("")))
         self._make(config)
         self._lay_out()
         self._connect()
@@ -157,13 +162,13 @@ class ConsoleWindow(Window):
             self.alarm.setStyleSheet(look)
 
     def say(self, line: Line) -> None:
-        """Show the result of a command."""
+        """Show the result of a command for a while."""
         _say(self.reply, line)
+        self._reply_timer.start()
 
     def show_form(self, wanted: bool) -> None:
-        """Show or hide the session's form; in the form, Space types and ticks instead of being the emergency stop."""
+        """Show or hide the session's form."""
         self.middle.setCurrentWidget(self.form if wanted else self.live)
-        self._space.setEnabled(not wanted)
         if wanted:
             self.form.show_problem("")
             self.form.texts["name"].setFocus()
@@ -226,6 +231,7 @@ class ConsoleWindow(Window):
         if self._to_confirm is not None:
             self._button(self._to_confirm).ask(False)
             self._to_confirm = None
+            self.say(Line(""))
 
     def _button(self, command: Command) -> CommandButton:
         return next(button for button in (*self.bar.buttons, self.stop.release) if button.command is command)
@@ -290,10 +296,10 @@ class ConsoleWindow(Window):
             button.clicked.connect(lambda _checked, press=press: press())
             self._key(button.command.key, press)
         stops = [self._key(key, self._stop) for key in STOP_KEYS]
-        self._space = stops[-1]
         self.stop.stopped.connect(self._stop)
-        self._key("Up", lambda: self.table.step(-1))
-        self._key("Down", lambda: self.table.step(1))
+        arrows = [self._key(key, partial(self.table.step, by)) for key, by in (("Up", -1), ("Down", 1))]
+        self._keys_of_form = (stops[-1], *arrows)
+        application().focusChanged.connect(self._lend_keys)
         self._key("F11", lambda: self.showNormal() if self.isFullScreen() else self.showFullScreen())
         self.note.written.connect(lambda note: self.commanded.emit("note", note))
         self.form.filled.connect(lambda answers: self.commanded.emit("open", answers))
@@ -302,6 +308,11 @@ class ConsoleWindow(Window):
     def _stop(self) -> None:
         self._cancel_confirmation()
         self.commanded.emit(STOP, "")
+
+    def _lend_keys(self, _before: QWidget | None, now: QWidget | None) -> None:
+        """Let Space and the arrows type, tick and choose while a field of the form has the focus."""
+        for shortcut in self._keys_of_form:
+            shortcut.setEnabled(now is None or not self.form.isAncestorOf(now))
 
     def _key(self, key: str, do: Callable[[], None]) -> QShortcut:
         shortcut = QShortcut(QKeySequence(key), self, autoRepeat=False, context=Qt.ShortcutContext.ApplicationShortcut)
