@@ -53,13 +53,15 @@ def test_marks_show_notes_events_and_gaps_without_duplicates():
         event(2100, "command", name="note", argument='{"text": "he laughs", "tick": 2050}'),
         event(2200, "command", name="note", argument="she too"),
         event(2300, "stood_still", milliseconds="31"),
+        event(2400, "agent_left", side="right", reason="fell silent"),
         event(4100, "attempt_ended", trial="1", attempt="1", outcome="success", flags="late"),
     )
     marks = [(mark.tick, mark.kind, mark.label) for mark in loaded_recording(ticks, *events).marks]
     assert [mark for mark in marks if mark[1] in ("note", "event", "gap")] == [
         (2050, "note", "he laughs"),
         (2200, "note", "she too"),
-        (2300, "event", "stood still 31"),
+        (2300, "event", "stood still: 31 ms"),
+        (2400, "event", "right agent left: fell silent"),
         (3099, "gap", "ticks 3100 to 3299 are missing"),
     ]
 
@@ -68,7 +70,7 @@ def test_marks_show_notes_events_and_gaps_without_duplicates():
 def test_note_that_the_server_refused_does_not_prevent_the_replay(words):
     refused = event(2100, "command", name="note", argument=words, accepted="false", reason="the note is not JSON")
     marks = loaded_recording(two_trials(), refused).marks
-    assert [mark.label for mark in marks if mark.kind in ("note", "event")] == ["command note the note is not JSON"]
+    assert [mark.label for mark in marks if mark.kind in ("note", "event")] == ["command note: the note is not JSON"]
 
 
 def test_note_after_spaces_shows_its_text():
@@ -89,6 +91,15 @@ def test_next_and_previous_mark_are_found():
     assert to(5.0, "trial", back=True) == pytest.approx(4.001)
     assert to(4.1, "trial", back=True) == pytest.approx(0.501), "going back twice goes back two marks"
     assert to(0.2, "trial", back=True) is None
+
+
+def test_next_trial_is_not_another_attempt_of_the_same():
+    ticks = two_trials()
+    ticks["trial"][4001:], ticks["attempt"][4001:] = 1, 2
+    marks = loaded_recording(ticks).marks
+    assert [mark.label[:18] for mark in marks if mark.kind == "trial"] == ["trial 1: success i", "trial 1, attempt 2"]
+    assert near(marks, 0.6, "trial", back=False) is None
+    assert near(marks, 9.0, "trial", back=True).time == pytest.approx(0.501)
 
 
 def test_row_applies_until_the_next_tick():

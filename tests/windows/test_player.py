@@ -133,6 +133,19 @@ def test_two_recordings_play_side_by_side_on_one_timeline(app):
     window.close()
 
 
+@pytest.mark.slow
+def test_trials_of_two_recordings_are_those_of_the_first(app):
+    from netboard.windows.replay.player import PlayerWindow
+
+    slower = two_trials()
+    slower["event"][500], slower["event"][400] = 0, slower["event"][500]  # its block begins earlier
+    window = PlayerWindow([loaded_recording(two_trials()), loaded_recording(slower)], "left", now=Clock())
+    window.seek(1.0)
+    window.loop(trial=True)
+    assert window.playback.loop == pytest.approx((0.501, 4.001))
+    window.close()
+
+
 def test_long_names_and_events_do_not_make_the_window_wider(app):
     from netboard.windows.replay.player import PlayerWindow
 

@@ -99,8 +99,9 @@ def _event_in_words(event: EventRecord) -> tuple[int, str, str]:
     refused = details.get("accepted") == "false"  # its text may be anything
     if event.name == "command" and details.get("name") == "note" and not refused:
         return _note(event.tick, details.get("argument", ""))
-    more = " ".join(details[key] for key in ("name", "side", "reason", "milliseconds") if details.get(key))
-    return event.tick, "event", f"{event.name.replace('_', ' ')} {more}".strip()
+    words = " ".join(filter(None, (details.get("side"), event.name.replace("_", " "), details.get("name"))))
+    length = f"{details['milliseconds']} ms" if "milliseconds" in details else ""
+    return event.tick, "event", ": ".join(filter(None, (words, length, details.get("reason"))))
 
 
 def _note(tick: int, argument: str) -> tuple[int, str, str]:
@@ -121,9 +122,17 @@ ANY = "mark"
 """Stands for any of the `KINDS`."""
 
 
+def trial_starts(found: Sequence[Mark]) -> list[Mark]:
+    """Return the marks of the trials in order, each at its first attempt."""
+    return list({mark.trial: mark for mark in reversed(found) if mark.kind == "trial"}.values())[::-1]
+
+
 def near(found: Sequence[Mark], position: float, kind: str, *, back: bool) -> Mark | None:
-    """Find the next or previous mark. The current position does not count; None if there is none."""
-    alike = [mark for mark in found if kind in (ANY, mark.kind)]
+    """Find the next or previous mark. The current position does not count; None if there is none.
+
+    Of a trial, only the mark of its first attempt counts.
+    """
+    alike = trial_starts(found) if kind == "trial" else [mark for mark in found if kind in (ANY, mark.kind)]
     if back:
         return next((mark for mark in reversed(alike) if mark.time < position - JUST_NOW), None)
     return next((mark for mark in alike if mark.time > position + HERE), None)

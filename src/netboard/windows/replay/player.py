@@ -18,7 +18,7 @@ from netboard.base.clock import now_ns
 from netboard.base.config import Side
 from netboard.base.tick import TICK_SECONDS
 from netboard.recording.replay.loaded import LoadedRecording
-from netboard.recording.replay.marks import Mark, near
+from netboard.recording.replay.marks import near, trial_starts
 from netboard.recording.replay.pairing import Sync, pair
 from netboard.recording.replay.position import Playback, clock
 from netboard.stage.view import View
@@ -82,7 +82,8 @@ class PlayerWindow(windows.BoardWindow):
         super().__init__("netboard replay: " + ", ".join(recording.name for recording in recordings))
         self._station, self._now = station, now
         self.pairing = pair(recordings, sync)
-        self._marks = self._all_marks(recordings)
+        starts = trial_starts(recordings[0].marks)
+        self._trials = [replace(mark, time=self.pairing.of(0, mark.time)) for mark in starts]
         self.playback = Playback(self.pairing.length, self.pairing.begin, now(), speed)
         self.panes = [Pane(recordings[0], station, self.board)]
         self._captions: list[QLabel] = []
@@ -101,15 +102,6 @@ class PlayerWindow(windows.BoardWindow):
         self._frames = QTimer(self, interval=FRAME_MS, timerType=Qt.TimerType.PreciseTimer)
         self._frames.timeout.connect(self.refresh)
         self.refresh()
-
-    def _all_marks(self, recordings: Sequence[LoadedRecording]) -> list[Mark]:
-        """Return the marks of all recordings, on the common time line."""
-        found = [
-            replace(mark, time=self.pairing.of(which, mark.time))
-            for which, recording in enumerate(recordings)
-            for mark in recording.marks
-        ]
-        return sorted(found, key=lambda mark: mark.time)
 
     def _put_side_by_side(self, recordings: Sequence[LoadedRecording]) -> None:
         """Give each recording a board and a caption."""
@@ -171,8 +163,8 @@ class PlayerWindow(windows.BoardWindow):
         self._go(self.playback.pause(now).move(now, ticks * TICK_SECONDS))
 
     def next_trial(self, *, back: bool) -> None:
-        """Go to the next or the previous trial."""
-        mark = near(self._marks, self.playback.at(self._now()), "trial", back=back)
+        """Go to the next or the previous trial of the first recording."""
+        mark = near(self._trials, self.playback.at(self._now()), "trial", back=back)
         if mark is not None:
             self.seek(mark.time)
 
@@ -185,7 +177,7 @@ class PlayerWindow(windows.BoardWindow):
 
     def _trial_at(self, position: float) -> tuple[float, float]:
         """Return the beginning of the current trial and that of the next one [s]."""
-        begins = [mark.time for mark in self._marks if mark.kind == "trial"]
+        begins = [mark.time for mark in self._trials]
         before = max((time for time in begins if time <= position), default=0.0)
         return before, min((time for time in begins if time > position), default=self.pairing.length)
 

@@ -14,7 +14,7 @@ from PySide6.QtGui import QFont
 from PySide6.QtWidgets import QWidget
 
 from netboard.recording.replay.loaded import LoadedRecording
-from netboard.recording.replay.marks import KINDS, Mark
+from netboard.recording.replay.marks import KINDS, Mark, trial_starts
 from netboard.recording.replay.pairing import Pairing
 from netboard.windows.participant.scene import COLOURS, Colours, PictureState
 
@@ -109,14 +109,13 @@ class TimeBar(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no type hin
         if recording.config.physics.balls:
             ball = middle + recording.ticks["p"][rows] * height
             self.plot(times, ball, pen=pg.mkPen(self._colours.ball, width=1.5))
-        self._number([mark for mark in recording.marks if mark.kind == "trial"], pairing, which)
+        self._number(trial_starts(recording.marks), pairing, which)
 
     def _number(self, trials: list[Mark], pairing: Pairing, which: int) -> None:
         """Write the trial numbers, as many as fit."""
         font = QFont(self.font())
         font.setPixelSize(LETTERS)
-        firsts = {mark.trial: mark for mark in reversed(trials)}
-        for mark in sorted(firsts.values(), key=lambda one: one.trial)[:: max(1, ceil(len(firsts) / MAX_NUMBERS))]:
+        for mark in trials[:: max(1, ceil(len(trials) / MAX_NUMBERS))]:
             number = pg.TextItem(str(mark.trial), color=self._colours.detail, anchor=(-0.15, 0.1))
             number.setFont(font)
             number.setPos(pairing.of(which, mark.time), -LANE * which)
