@@ -1,5 +1,7 @@
 """The demonstration on one machine, without its processes."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -20,3 +22,9 @@ def test_failed_demo_lists_only_its_own_unfinished_recordings(
     assert [line.split()[2].rstrip(";") for line in output.splitlines() if line.startswith("unfinished")] == [
         str(tmp_path / name) for name in listed
     ]
+
+
+def test_reserved_ports_end_with_the_process_without_a_warning() -> None:
+    script = "from netboard.network.transport.ports import free_port; free_port()"
+    ended = subprocess.run([sys.executable, "-W", "always", "-c", script], capture_output=True, text=True, check=True)
+    assert ended.stderr == ""

@@ -8,9 +8,6 @@ from contextlib import contextmanager
 from netboard.base.errors import NetboardError
 from netboard.network.transport.channels import CHANNELS
 
-_guards: list[net.socket] = []
-"""Sockets that reserve the ranges of ports which this process has found free."""
-
 
 def try_to_bind(host: str, port: int) -> None:
     """Bind a port as a server would, and release it; raise an OSError if that fails."""
@@ -59,6 +56,6 @@ def free_port() -> int:
         except OSError:
             guard.close()
             continue
-        _guards.append(guard)
+        guard.detach()  # left open, for the system to close with this process
         return port
     raise NetboardError(f"there are no {count} free ports in a row on this machine")
