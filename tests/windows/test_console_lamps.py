@@ -101,7 +101,7 @@ def test_all_lamps_are_good_without_a_fault() -> None:
         ("Drops", Level.WATCH, "3 drops", {"missed": 3}),
         ("Drops", Level.BAD, "500 drops", {"missed": 500}),
         ("Force", Level.WATCH, "AT LIMIT +0.31 N", {"bits": int(Safeguard.CLAMPED)}),
-        ("Force", Level.WATCH, "SLEW LIMIT +0.31 N", {"bits": int(Safeguard.SLEWED)}),
+        ("Force", Level.WATCH, "SLEW +0.31 N", {"bits": int(Safeguard.SLEWED)}),
         ("Force", Level.WATCH, "LIMITED +0.31 N", {"clamped": 900}),
         ("Safety", Level.BAD, "STOPPED", {"bits": int(Safeguard.STOPPED | Safeguard.STALE)}),
         ("Safety", Level.BAD, "too fast", {"bits": int(Safeguard.TOO_FAST | Safeguard.ARMED)}),
@@ -195,6 +195,7 @@ def test_alarm_when_a_trial_runs_without_a_recording() -> None:
             status = replace(RUNNING, phase=phase, recordings=recordings)
             assert "NOT RECORDING" in alarm(status, 0.0, NONE, False)
             assert of(session_lamps(status, 0.0, NONE, LIMITS), "Recording").level is Level.BAD
+    assert of(session_lamps(replace(RUNNING, recordings=()), 0.0, NONE, LIMITS), "Recording").words == "NO LOGGER"
     assert alarm(RUNNING, 0.0, NONE, False) == ""
     assert alarm(replace(IDLE, recordings=()), 0.0, NONE, False) == ""
     two = replace(RUNNING, recordings=(*RUNNING.recordings, *stalled))

@@ -151,7 +151,7 @@ def _server(status: Status | None, silence: float, refused: Sequence[str]) -> La
 def _recording(status: Status) -> LampState:
     if not status.recordings:
         tip = "Nothing is recorded. Start a logger: netboard logger"
-        return Level.BAD, "NOT RECORDING", tip
+        return Level.BAD, "NO LOGGER", tip
     begun = _begun(status)
     if not begun:
         level = Level.WATCH if status.opened else Level.GOOD

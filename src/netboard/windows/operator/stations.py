@@ -143,7 +143,7 @@ def _force(station: _Station, limits: Limits) -> LampState:
     if Safeguard.CLAMPED in station.bits:
         return Level.WATCH, f"AT LIMIT {words}", f"{tip} The commanded force is above the limit."
     if Safeguard.SLEWED in station.bits:
-        return Level.WATCH, f"SLEW LIMIT {words}", f"{tip} The commanded force changes too fast."
+        return Level.WATCH, f"SLEW {words}", f"{tip} The commanded force changes too fast."
     if station.clipped_ticks > limits.clipped_ticks:
         return Level.WATCH, f"LIMITED {words}", f"{tip} This attempt will be flagged."
     return Level.GOOD if known else Level.WATCH, words, tip
