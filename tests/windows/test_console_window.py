@@ -280,6 +280,24 @@ def test_note_is_stamped_with_the_tick_of_its_first_letter(console: ConsoleRig) 
     assert len(console.server.commands()) == 1
 
 
+def test_note_that_the_server_has_not_received_returns_to_its_field(console: ConsoleRig) -> None:
+    note = console.window.note
+    console.server.refuse["note"] = "it may be from before the connection was interrupted: give it again"
+    console.press("F4")
+    first = note.tick
+    console.write("was loud")
+    console.server.change(tick=first + 5000)
+    console.press("Return")
+    console.wait_for_reply("REFUSED")
+    assert note.text.text() == "was loud"
+    console.server.refuse.clear()
+    console.press("F4")
+    console.press("Return")
+    console.wait_for_command("note", json.dumps({"text": "was loud", "tick": first}))
+    console.wait_for_reply("done")
+    assert note.text.text() == ""
+
+
 def test_form_opens_the_session_once_its_answers_are_valid(console: ConsoleRig) -> None:
     form = console.window.form
     console.server.change(opened=False, consent=False, phase="idle", session="another")

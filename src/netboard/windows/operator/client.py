@@ -55,7 +55,7 @@ class ConsoleClient(QObject):
         self._session: Session | None = None
         self._last_message_ns = self._renew_ns = 0
         self._stop_ns: int | None = None
-        self._asked: dict[int, tuple[str, int]] = {}
+        self._asked: dict[int, tuple[str, str, int]] = {}
         window.commanded.connect(self.do)
         self._timer = QTimer(self, interval=POLL_MS)
         self._timer.timeout.connect(self.poll)
@@ -68,9 +68,9 @@ class ConsoleClient(QObject):
         elif name == RELEASE:
             self._stop_ns = None
         if self._operator is None:
-            self._window.say(Line(f"{LABELS[name]}: no connection to the server", Tone.BAD))
+            self._fail(name, argument, ": no connection to the server")
             return
-        self._asked[self._operator.command(name, argument)] = (name, now_ns())
+        self._asked[self._operator.command(name, argument)] = (name, argument, now_ns())
         log.info("%s %s", name, argument)
         self._window.say(Line(f"{LABELS[name]}: sent", Tone.QUIET))
 
@@ -115,22 +115,30 @@ class ConsoleClient(QObject):
             self._recent = self._history.add(now_ns() * 1e-9, status)
             if AWAITING_RELEASE in status.waiting_for:
                 self._stop_ns = None
-        for number, (name, asked_ns) in list(self._asked.items()):
+        for number, (name, argument, asked_ns) in list(self._asked.items()):
             reply = operator.reply(number)
             if reply is not None:
                 del self._asked[number]
-                self._answered(name, reply)
+                self._answered(name, argument, reply)
             elif now_ns() - asked_ns > ANSWER_SECONDS * 1e9:
                 del self._asked[number]
-                self._window.say(Line(f"{LABELS[name]}: no reply from the server", Tone.BAD))
+                self._fail(name, argument, ": no reply from the server")
         if self._stop_ns is not None:
             operator.command(STOP)
 
-    def _answered(self, name: str, reply: Reply) -> None:
+    def _fail(self, name: str, argument: str, why: str) -> None:
+        """Show why a command has failed; a note goes back into its field."""
+        self._window.say(Line(f"{LABELS[name]}{why}", Tone.BAD))
+        if name == "note":
+            self._window.note.put_back(argument)
+
+    def _answered(self, name: str, argument: str, reply: Reply) -> None:
         """Show the server's reply; a refused form shows the reason itself."""
-        outcome = "done" if reply.accepted else "REFUSED"
         reason = f": {reply.reason}" if reply.reason else ""
-        self._window.say(Line(f"{LABELS[name]} {outcome}{reason}", Tone.GOOD if reply.accepted else Tone.BAD))
+        if reply.accepted:
+            self._window.say(Line(f"{LABELS[name]} done{reason}", Tone.GOOD))
+        else:
+            self._fail(name, argument, f" REFUSED{reason}")
         if name == STOP and not reply.accepted:  # as by a replay: it must not stop the next session
             self._stop_ns = None
         if name == "open":
@@ -146,6 +154,9 @@ class ConsoleClient(QObject):
         if self._operator is not None:
             self._operator.leave()
             self._operator = None
+        for name, argument, _ in self._asked.values():
+            if name == "note":
+                self._window.note.put_back(argument)
         self._asked.clear()
         self._renew_ns = now_ns()
 

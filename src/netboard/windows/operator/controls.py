@@ -141,6 +141,13 @@ class NoteField(QWidget):
         else:
             self.text.setFocus()
 
+    def put_back(self, note: str) -> None:
+        """Put a note that was not received back, before what has been written since."""
+        lost = json.loads(note)
+        self._begun = lost["tick"]
+        self.text.setText(f"{lost['text']} {self.text.text()}".rstrip())
+        self._edited(self.text.text())
+
     def _edited(self, words: str) -> None:
         """Stamp the first letter; clear the stamp of an empty note."""
         if not words:
