@@ -389,6 +389,23 @@ def test_smallest_window_shows_all_columns_of_the_attempts(console: ConsoleRig) 
     assert table.horizontalHeader().length() <= table.viewport().width()
 
 
+def test_problems_of_the_form_do_not_squeeze_its_fields(console: ConsoleRig) -> None:
+    from netboard.windows.operator.window import SMALLEST
+
+    form, name = console.window.form, console.window.form.texts["name"]
+    console.show("unopened")
+    console.window.resize(*SMALLEST)
+    console.window.show_form(True)
+    console.until(lambda: name.height() >= name.sizeHint().height())
+    for text in form.texts.values():
+        text.setText("Anna Bauer " * 5)
+    form.send()
+    console.app.processEvents()
+    form.layout().activate()
+    assert form.trouble.text().startswith("Session: found 'Anna Bauer")
+    assert name.height() >= name.sizeHint().height()
+
+
 def test_silent_server_turns_the_server_lamp_red_until_it_answers(console: ConsoleRig) -> None:
     lamp = console.window.session.widgets[0]
     console.until(lambda: lamp.lamp.level is Level.GOOD)

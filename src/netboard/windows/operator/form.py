@@ -13,6 +13,7 @@ from PySide6.QtWidgets import (
     QHBoxLayout,
     QLineEdit,
     QPushButton,
+    QSizePolicy,
     QVBoxLayout,
     QWidget,
 )
@@ -83,9 +84,10 @@ class SessionForm(QWidget):
         self.kind = Choice({"real": "REAL", "pilot": "PILOT"}, "pilot" if entry.pilot else "real")
         self.consent = QCheckBox("Both participants have given written consent")
         self.consent.setChecked(entry.consent)
-        self.trouble = label("", 13, Tone.BAD, bold=True)
+        self.trouble = label("", 11, Tone.BAD, bold=True)
         self.trouble.setWordWrap(True)
         self.trouble.setMinimumHeight(44)
+        self.trouble.setSizePolicy(QSizePolicy.Policy.Preferred, QSizePolicy.Policy.Ignored)  # squeezes no field
         self.trouble.setAlignment(Qt.AlignmentFlag.AlignTop)
         self._lay_out()
         for key in (Qt.Key.Key_Return, Qt.Key.Key_Enter):
@@ -117,10 +119,10 @@ class SessionForm(QWidget):
         self.seat_a.buttons[session.seat_a].setChecked(True)
 
     def send(self) -> None:
-        """Check the answers; send them, or show what is wrong."""
+        """Check the answers; send them, or show what is wrong first."""
         entry = self.entry
         found = problems(entry)
-        self.show_problem("\n".join(found.values()))
+        self.show_problem(next(iter(found.values()), ""))
         if found:
             field = next(iter(found))
             (self.consent if field == "consent" else self.texts[field]).setFocus()
@@ -160,7 +162,7 @@ class SessionForm(QWidget):
         grid.setColumnStretch(1, 1)
         grid.setColumnStretch(2, 1)
         rows.addLayout(grid)
-        rows.addWidget(self.trouble)
+        rows.addWidget(self.trouble, 1)
         buttons = QHBoxLayout()
         send, later = QPushButton("Open session   Enter"), QPushButton("Not now   F3")
         later.setFocusPolicy(Qt.FocusPolicy.NoFocus)
@@ -171,7 +173,6 @@ class SessionForm(QWidget):
         buttons.addWidget(later)
         buttons.addStretch(1)
         rows.addLayout(buttons)
-        rows.addStretch(1)
 
 
 def _named(words: str, field: QWidget) -> QWidget:
