@@ -378,7 +378,7 @@ def test_long_names_do_not_make_the_window_wider(console: ConsoleRig) -> None:
     assert console.window.width() == width
 
 
-def test_smallest_window_shows_all_columns_of_the_attempts(console: ConsoleRig) -> None:
+def test_smallest_window_shows_all_columns_of_the_attempts_and_long_advice(console: ConsoleRig) -> None:
     from netboard.windows.operator.window import SMALLEST
 
     console.server.attempts = attempts(8)
@@ -387,6 +387,10 @@ def test_smallest_window_shows_all_columns_of_the_attempts(console: ConsoleRig) 
     table = console.window.table
     console.until(lambda: console.window.width() == SMALLEST[0] and table.attempts.rowCount() == 8)
     assert table.horizontalHeader().length() <= table.viewport().width()
+    alarm = console.window.alarm
+    console.server.change(notice="the right device is lost; " * 9)
+    console.until(lambda: "right device" in alarm.text())
+    assert alarm.heightForWidth(alarm.width()) <= alarm.height()
 
 
 def test_problems_of_the_form_do_not_squeeze_its_fields(console: ConsoleRig) -> None:

@@ -57,6 +57,9 @@ REPLY_MS = 20_000
 BANNER_MARGINS = 30
 """Width of the banner that is not for its text [pixels]."""
 
+TWO_LINES = 180
+"""Length of advice from which its letters are smaller, so that two lines hold it [1]."""
+
 STRIP_TURNS = 2
 """The strip charts are redrawn once per this many states [1]."""
 
@@ -154,7 +157,9 @@ class ConsoleWindow(Window):
         line = words.advice(self.state.status, self._where, self.state.recent.refused)
         if not line.words:
             line = worst
-        look = _LOUD if urgent else f"background: {PANEL}; color: {TONES[line.tone]}; {_ALARM}"
+        letters = 19 if len(line.words) < TWO_LINES else 15
+        plain = f"background: {PANEL}; color: {TONES[line.tone]}; {_ALARM} font-size: {letters}px;"
+        look = _LOUD if urgent else plain
         if self.alarm.text() != (urgent or line.words):
             self.alarm.setText(urgent or line.words)
             self.alarm.setToolTip(urgent or line.words)
@@ -320,7 +325,7 @@ class ConsoleWindow(Window):
         return shortcut
 
 
-_ALARM = "border-radius: 6px; padding: 0 14px; font-size: 19px;"
+_ALARM = "border-radius: 6px; padding: 0 14px;"
 _LOUD = f"background: {BAD}; color: white; border-radius: 6px; padding: 0 14px; font-size: 27px;"
 
 
