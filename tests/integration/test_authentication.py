@@ -214,6 +214,7 @@ class Attempts:
         assert done.exit_code == 0, done.output
         who = self.at(channels.CONTROL, lock, "display.right@late")
         who.until_logged("reason=the key of display.right has been revoked", hello("display", "right"))
+        before.socket.close()
         return who
 
     def replay(self) -> Intruder:
