@@ -181,6 +181,18 @@ def test_surplus_commands_are_refused_except_the_emergency_stop() -> None:
     assert rig.port.refusals.totals == {"too many commands at once": 22}
 
 
+def test_emergency_stops_of_two_operators_at_once_are_both_recorded() -> None:
+    rig = ControlRig()
+    for name in (b"first", b"second"):
+        rig.router.send_from(name, hello("console"))
+        rig.tick()
+    for name, command in ((b"first", "note"), *[(b"first", "emergency_stop")] * 2, (b"second", "emergency_stop")):
+        rig.router.send_from(name, Command(command, "", 1))
+        rig.tick()
+    requests = [(request.who, request.command.name) for request in rig.port.requests]
+    assert requests == [(b"first", "emergency_stop"), (b"second", "emergency_stop"), (b"first", "note")]
+
+
 def test_only_hello_is_unpacked_from_unregistered_peers() -> None:
     assert Hello in ALLOWED_MESSAGES[""]
     rig = ControlRig()

@@ -235,11 +235,12 @@ class ControlPort:
                 self._questions.setdefault((name, kind), question)
 
     def _queue(self, request: CommandRequest, now_ns: int) -> None:
-        """Queue a command; an emergency stop goes first."""
+        """Queue a command; the emergency stops go first, one of each peer."""
         waiting = sum(other.who == request.who for other in self.requests)
         if request.command.name == emergency.STOP:
-            if not any(other.command.name == emergency.STOP for other in self.requests):
-                self.requests.insert(0, request)
+            stops = [other.who for other in self.requests if other.command.name == emergency.STOP]
+            if request.who not in stops:
+                self.requests.insert(len(stops), request)
             else:
                 self.reply(request, True, "")
         elif waiting >= MAX_REQUESTS or not self._command_limit.allows(request.who, 0, now_ns):
