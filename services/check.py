@@ -41,11 +41,12 @@ def check(
     from netboard.base.bars import progress_bars
     from netboard.base.terminal import plain_console
     from netboard.recording.files.copies import copies_among
+    from netboard.recording.files.locate import each_once
     from netboard.recording.integrity.checking import check as check_file
     from netboard.recording.integrity.report_text import as_data, in_total, in_words
     from netboard.recording.integrity.severity import EXIT_CODES, Report
 
-    files = [*recordings_in(recordings)]
+    files = each_once(recordings_in(recordings))
     console = plain_console()
     reports: list[Report] = []
     began = time.perf_counter()

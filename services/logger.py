@@ -9,6 +9,9 @@ from netboard.services.options import ConfigFile, Overrides, examples
 
 app = typer.Typer()
 
+ORPHANED_S = 15.0
+"""How long the logger goes on if `netboard up` was killed, so that it takes the server's last records [s]."""
+
 
 @app.command(epilog=examples("netboard logger", "netboard logger --set recording.directory=/data --once"))
 def logger(
@@ -25,6 +28,6 @@ def logger(
 
     log_to_stderr("logger")
     leave_reserved_cpus(settings.realtime)
-    with Stopping() as stopping, sockets.open_context() as context:
+    with Stopping(ORPHANED_S) as stopping, sockets.open_context() as context:
         link = SocketLink(settings.network, "logger", context)
         raise typer.Exit(Logger(settings.recording, link, once=once).run(stopping))

@@ -38,10 +38,11 @@ def recover(
     from netboard.base.bars import progress_bars
     from netboard.base.process import interrupted_by_stop_signals
     from netboard.base.terminal import plain_console
+    from netboard.recording.files.locate import each_once
     from netboard.recording.recovery.recover import require_finished
     from netboard.recording.recovery.spilled import recover_any
 
-    files = list(_files(recordings))
+    files = each_once(_files(recordings))
     if output is not None and len(files) != 1:
         raise ConfigError(f"--output: names one file, but found {len(files)} files to recover; leave it out")
     refused = 0
@@ -65,7 +66,10 @@ def _files(paths: Sequence[Path]) -> Iterator[Path]:
             continue
         found = sorted(file for pattern in UNFINISHED for file in path.glob(pattern))
         if not found:
-            typer.echo(f"{path}: no unfinished recording in this folder; for a damaged one, name the file")
+            typer.echo(
+                f"{path}: no unfinished recording in this folder; for a damaged one, name the file. A server leaves "
+                "its .spill in the folder in which it was started"
+            )
         yield from found
 
 

@@ -49,7 +49,8 @@ def sessions(
     if not place.is_dir():
         raise RecordingError(f"{place}: no such folder")
     wanted = catalogue.Filter(dyad, study, verdict, None if since is None else since.date(), pilot)
-    found = [entry for entry in map(catalogue.entry_of, catalogue.files_in(place)) if wanted.matches(entry)]
+    files = catalogue.files_in(place)
+    found = [entry for entry in map(catalogue.entry_of, files) if wanted.matches(entry)]
     entries = []
     screen = plain_console(stderr=True)
     with progress_bars(screen) as progress:
@@ -60,11 +61,13 @@ def sessions(
     console = plain_console()
     if as_json:
         groups = catalogue.in_order(entries)
-        typer.echo(json.dumps([asdict(entry) | {"path": str(entry.path)} for _, group in groups for entry in group]))
+        own = {"quick": not full}  # results
+        data = [asdict(entry) | own | {"path": str(entry.path)} for _, group in groups for entry in group]
+        typer.echo(json.dumps(data))
     elif entries:
         console.print(sessions_table(entries, place, "" if full else QUICK))
         console.print(sessions_in_total(entries), soft_wrap=True)
     else:
-        console.print(f"{place}: no matching recording", soft_wrap=True)
+        console.print(f"{place}: no {'matching ' if files else ''}recording", soft_wrap=True)
     for copy in copies_among(entry.path for entry in entries if entry.kind == "recording"):
         (screen if as_json else console).print(copy, soft_wrap=True, style="yellow")

@@ -348,8 +348,10 @@ def test_process_stops_with_its_parent_if_requested(monkeypatch: pytest.MonkeyPa
     monkeypatch.setenv(STOP_WITH_PARENT, "1")
     with Stopping() as stopping:
         assert not stopping()
-        monkeypatch.setattr(os, "getppid", lambda: 1)
-        assert stopping()
+        with Stopping(600.0) as lasting:
+            monkeypatch.setattr(os, "getppid", lambda: 1)
+            assert stopping()
+            assert not lasting()
     monkeypatch.delenv(STOP_WITH_PARENT)
     with Stopping() as stopping:
         assert not stopping()

@@ -56,6 +56,12 @@ def test_check_exits_with_the_code_of_the_worst_recording() -> None:
     assert report["recordings"][0]["replay"] is None
 
 
+def test_recording_that_is_named_twice_is_checked_once() -> None:
+    result = runner.invoke(app, ["check", "recordings/whole.mcap", "recordings", str(Path.cwd())])
+    assert "every checksum is right" in result.output  # the full report of a single file
+    assert "1 recording: 1 complete" in result.output
+
+
 @pytest.mark.parametrize("command", ["check", "sessions"])
 def test_copies_of_a_recording_are_pointed_out(command: str) -> None:
     shutil.copy("recordings/whole.mcap", "recordings/copy.mcap")
@@ -133,8 +139,11 @@ def test_sessions_lists_the_configured_folder() -> None:
     for words in ("D01 S01", "whole.mcap", "2 of 2", "complete", "1 session, 1 file ("):
         assert words in result.output
     (entry,) = json.loads(runner.invoke(app, ["sessions", "--json", "--check", "--no-pilot"]).stdout)
-    assert (entry["done"], entry["trials"], entry["verdict"]) == (2, 2, "complete")
+    assert (entry["done"], entry["trials"], entry["verdict"], entry["quick"]) == (2, 2, "complete", False)
+    assert json.loads(runner.invoke(app, ["sessions", "--json"]).stdout)[0]["quick"] is True
     assert "no matching recording" in runner.invoke(app, ["sessions", "--dyad", "D99"]).output
+    Path("empty").mkdir()
+    assert runner.invoke(app, ["sessions", "empty"]).output == "empty: no recording\n"
 
 
 def test_whatif_shows_recorded_and_changed_outcomes() -> None:

@@ -100,8 +100,9 @@ def test_recover_never_overwrites_a_file(writer: RecordingWriter) -> None:
 def test_recover_of_a_folder_continues_after_an_unreadable_file(writer: RecordingWriter) -> None:
     writer.abandon()
     Path("torn.mcap.part").write_bytes(b"never was one")
-    result = runner.invoke(app, ["recover", "."])
+    result = runner.invoke(app, ["recover", ".", "../" + Path.cwd().name])
     assert result.exit_code == 1
+    assert result.stderr.count("netboard:") == 1
     assert result.output.startswith(f"S01.recovered.mcap: ticks 0 to {TICKS - 1}, 0 missing")
     assert "torn.mcap.part: not an MCAP file" in result.stderr
 
@@ -118,5 +119,6 @@ def test_recover_reports_a_folder_with_nothing_to_recover(tmp_path: Path) -> Non
     result = runner.invoke(app, ["recover", str(tmp_path)])
     assert (result.exit_code, result.output) == (
         0,
-        f"{tmp_path}: no unfinished recording in this folder; for a damaged one, name the file\n",
+        f"{tmp_path}: no unfinished recording in this folder; for a damaged one, name the file. A server leaves "
+        "its .spill in the folder in which it was started\n",
     )

@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from enum import IntEnum
 from functools import partial
+from math import inf
 from pathlib import Path
 from queue import Full, Queue
 from threading import Event, Thread
@@ -184,10 +185,13 @@ class Stopping:
     A second signal interrupts as Ctrl-C does, whichever it is: a closing terminal sends two, and an agent that ended at
     once would leave its device with the last force. A closing terminal that `nohup` lets this process ignore stays
     ignored. Every loop polls the flag, so each call also reports to the supervisor that the process is alive.
+
+    ``orphaned_s``: how long the process goes on after its parent has ended [s].
     """
 
-    def __init__(self) -> None:
+    def __init__(self, orphaned_s: float = 0.0) -> None:
         self._requested = False
+        self._orphaned_s, self._stop_at = orphaned_s, inf
         self._parent = os.getppid() if os.environ.get(STOP_WITH_PARENT) else None
         if self._parent is not None and sys.platform == "linux":
             # A parent that suspended this process, and was killed, cannot resume it.
@@ -197,7 +201,9 @@ class Stopping:
 
     def __call__(self) -> bool:
         """Return whether a stop was requested, or the parent process has ended."""
-        stop = self._requested or (self._parent is not None and os.getppid() != self._parent)
+        if self._parent is not None and os.getppid() != self._parent:
+            self._parent, self._stop_at = None, time.monotonic() + self._orphaned_s
+        stop = self._requested or time.monotonic() >= self._stop_at
         if not stop:
             self._supervisor.alive()
         return stop

@@ -6,7 +6,7 @@ This module imports no numerical library.
 import hashlib
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from netboard.base.errors import RecordingError
@@ -47,6 +47,14 @@ def find_recordings(paths: Sequence[Path]) -> tuple[Path, ...]:
         if other != path:
             raise RecordingError(f"{other} and {path} have the same name; take them one at a time, or rename one")
     return tuple(names.values())
+
+
+def each_once(paths: Iterable[Path]) -> list[Path]:
+    """Return the paths without those that name the same place again."""
+    places: dict[str, Path] = {}
+    for path in paths:
+        places.setdefault(os.path.normpath(path.absolute()), path)
+    return list(places.values())
 
 
 def _is_text(path: Path) -> bool:
