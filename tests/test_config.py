@@ -168,6 +168,7 @@ def test_values_beyond_limits_and_infinity_are_refused(table: Table, key: Key) -
         ("x = = 1", "not valid TOML: Invalid value (at line 1, column 5)"),
         ("[block]\ntrials = 1\ntrials = 2", "not valid TOML: Cannot overwrite a value (at "),
         (f"x = {'[' * 100_000}", "lists or tables are nested too deeply"),
+        (f"{'x . ' * 20_000}x = 1", "lists or tables are nested too deeply"),
     ],
 )
 def test_each_problem_is_reported_in_one_line(text: str, problem: str) -> None:

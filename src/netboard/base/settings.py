@@ -11,6 +11,7 @@ import dataclasses
 import difflib
 import functools
 import json
+import re
 import tomllib
 from collections.abc import Callable, Sequence
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -32,6 +33,9 @@ Path = tuple[str, ...]
 """Names of nested tables, outermost first."""
 
 _KINDS = {float: "a number", int: "a whole number", bool: "true or false", str: "text"}
+_DEEP_KEY = re.compile(r"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){100}""")
+"""A dotted key, of which `tomllib` needs memory with the square of its parts."""
+
 _SIGNS = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
 
 
@@ -222,6 +226,8 @@ def parse_toml(text: str, source: str) -> dict[str, Any]:
         If it is not TOML, or its lists and tables are nested too deeply.
     """
     try:
+        if _DEEP_KEY.search(text):
+            raise RecursionError
         return tomllib.loads(text)
     except ValueError as error:
         raise ConfigError(f"{source}: not valid TOML: {error}") from None
