@@ -2,8 +2,10 @@
 
 import csv
 import json
+import os
 import shutil
 import subprocess
+import sys
 from dataclasses import replace
 from importlib.metadata import metadata
 from pathlib import Path
@@ -20,9 +22,10 @@ from netboard.base.errors import ConfigError, RecordingError
 from netboard.base.tables.experiment import Design
 from netboard.base.tick import TICK
 from netboard.recording.export import matlab
-from netboard.recording.export.formats import FORMATS, export, library
+from netboard.recording.export.formats import FORMATS, export, library, new_folder
 from netboard.recording.export.tables import TABLES, TICKS
 from netboard.recording.files.reader import Recording
+from netboard.recording.format.disk import lock
 from netboard.recording.importing.table_import import ImportOptions, import_table
 from netboard.services.cli import app
 
@@ -181,6 +184,20 @@ def test_output_folder_created_during_the_export_is_left_alone(two: list[Path], 
     with pytest.raises(RecordingError, match="out: already exists"):
         export(two, "csv", tmp_path / "out", appear)
     assert [path.name for path in tmp_path.rglob("*")] == ["out"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="locks folders")
+def test_rest_of_a_killed_export_is_removed_but_not_that_of_a_running_one(tmp_path: Path) -> None:
+    killed, running = (tmp_path / f".out.{number}.part" for number in (1, 2))
+    for folder in (killed, running):
+        folder.mkdir()
+        (folder / "ticks.csv").touch()
+    handle = os.open(running, os.O_RDONLY)
+    lock(handle)
+    with new_folder(tmp_path / "out"):
+        assert not killed.exists()
+    os.close(handle)
+    assert sorted(tmp_path.iterdir()) == [running, tmp_path / "out"]
 
 
 def test_unknown_format_and_missing_library_are_refused(tmp_path: Path) -> None:

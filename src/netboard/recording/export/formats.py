@@ -8,8 +8,9 @@ existing files are never overwritten, and a failed export leaves nothing behind.
 import os
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
+from glob import escape
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -17,6 +18,7 @@ from pkgutil import resolve_name
 from typing import Any, TypeVar
 
 from netboard.base.errors import ConfigError, RecordingError, writing
+from netboard.recording.format.disk import lock
 
 Progress = Callable[[str, int, int], None]
 """Progress callback: current step, amount done and total [1]."""
@@ -88,18 +90,37 @@ def export(recordings: Sequence[Path], name: str, folder: Path, progress: Progre
 
 @contextmanager
 def new_folder(folder: Path) -> Iterator[Path]:
-    """Create a folder that gets its name only when it is complete; after an error, nothing is left."""
+    """Create a folder that gets its name only when it is complete; after an error, nothing is left.
+
+    What is left of a process that was killed is removed when the folder is made again.
+    """
     refuse_existing(folder)
     part = folder.with_name(f".{folder.name}.{os.getpid()}.part")
-    with writing(folder):
+    with writing(folder), ExitStack() as locks:
         folder.parent.mkdir(parents=True, exist_ok=True)
+        for abandoned in folder.parent.glob(f".{escape(folder.name)}.*.part"):
+            with suppress(OSError), _locked(abandoned):
+                shutil.rmtree(abandoned, ignore_errors=True)
         part.mkdir()
         try:
+            with suppress(OSError):  # a system without locks removes nothing either
+                locks.enter_context(_locked(part))
             yield part
             refuse_existing(folder)
             part.rename(folder)
         finally:
             shutil.rmtree(part, ignore_errors=True)
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Lock a folder; raise `OSError` if another process has locked it, or the system cannot lock it."""
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        lock(handle)
+        yield
+    finally:
+        os.close(handle)
 
 
 def refuse_existing(folder: Path) -> None:
