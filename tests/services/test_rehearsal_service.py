@@ -51,6 +51,26 @@ def test_rehearsal_writes_verifiable_recordings_listed_in_json(
 
 
 @pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="finds the worker in /proc")
+def test_interrupt_while_a_worker_starts_is_no_traceback(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "netboard.services.cli", "session", "rehearse", "paper", "--blocks", "2"]
+    with subprocess.Popen(
+        [*command, "--workers", "2", "--output", str(tmp_path)], start_new_session=True, stderr=subprocess.PIPE
+    ) as started:
+        while started.poll() is None and not any(
+            b"spawn_main" in child.read_bytes()
+            for place in Path(f"/proc/{started.pid}/task/{started.pid}/children").read_text().split()
+            if (child := Path(f"/proc/{place}/cmdline")).exists()
+        ):
+            time.sleep(0.01)
+        time.sleep(0.2)
+        os.killpg(started.pid, signal.SIGINT)
+        assert started.stderr is not None
+        assert started.stderr.read() == b"netboard: interrupted\n"
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C reaches a process group on POSIX only")
 def test_interrupt_ends_all_workers_and_leaves_nothing(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "netboard.services.cli", "session", "rehearse", "paper", "--real-time"]

@@ -1,13 +1,45 @@
 """Processes that work for this one."""
 
 import signal
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
+from contextlib import contextmanager
+from multiprocessing.context import SpawnContext, SpawnProcess
 
 
-def worker_processes(count: int) -> ProcessPoolExecutor:
-    """Return a pool of new processes; Ctrl-C stops only the waiting process, which stops them."""
-    return ProcessPoolExecutor(count, get_context("spawn"), _leave_stopping)
+def worker_processes(count: int, *, interruptible: bool = False) -> ProcessPoolExecutor:
+    """Return a pool of new processes; Ctrl-C stops only the waiting process, which stops them.
+
+    ``interruptible``: it also interrupts what they run with `ctrl_c` unblocked.
+    """
+    return ProcessPoolExecutor(count, _Context(), None if interruptible else _leave_stopping)
+
+
+@contextmanager
+def ctrl_c(*, blocked: bool) -> Iterator[None]:
+    """Block Ctrl-C until the end, in this thread and the processes that it starts, or unblock it; POSIX only."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK if blocked else signal.SIG_UNBLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+class _Worker(SpawnProcess):
+    """A process that Ctrl-C does not interrupt while it starts or waits, which would print a traceback."""
+
+    def start(self) -> None:
+        with ctrl_c(blocked=True):
+            super().start()
+
+
+class _Context(SpawnContext):
+    """Starts these processes."""
+
+    Process = _Worker  # type: ignore[assignment]
 
 
 def terminate_workers(pool: ProcessPoolExecutor) -> None:

@@ -6,9 +6,8 @@ They run one after the other in this process, or several at once, each in its ow
 import hashlib
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
 from pathlib import Path
 from statistics import fmean
 from threading import Event
@@ -16,6 +15,7 @@ from threading import Event
 from netboard.base.config import Config, digest
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import TICK_SECONDS
+from netboard.base.workers import ctrl_c, worker_processes
 from netboard.nodes.rehearsal.block import PIECE, Rehearsal
 from netboard.nodes.rehearsal.population import people_of
 from netboard.participants.policy import SIMULATED_PARTICIPANT, identity_of
@@ -88,9 +88,12 @@ def rehearse(job: Job, progress: Callable[[int], object] = lambda successes: Non
         for letter, person in job.people.items()
         for name, text in identity_of(SIMULATED_PARTICIPANT, person).items()
     }
-    writer = None if job.folder is None else BlockWriter(job.folder, job.config, job.session, begun_ns, metadata)
+    writer: BlockWriter | None = None
     ticks = successes = 0
     try:
+        if job.folder is not None:
+            with ctrl_c(blocked=True):  # else nobody could abandon a file that has just been made
+                writer = BlockWriter(job.folder, job.config, job.session, begun_ns, metadata)
         for rows in rehearsal.pieces(PIECE if job.fast else SECOND):
             if writer is not None:
                 writer.take(rows)
@@ -133,7 +136,7 @@ def rehearse_all(
             results.append(rehearse(job))
             done(results[-1])
         return results
-    with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
+    with worker_processes(workers, interruptible=True) as pool:
         futures = [pool.submit(_rehearse_in_worker, job) for job in jobs]
         try:
             for future in as_completed(futures):
@@ -152,7 +155,8 @@ def _rehearse_in_worker(job: Job) -> BlockResult:
     if _interrupted.is_set():
         raise KeyboardInterrupt
     try:
-        return rehearse(job)
+        with ctrl_c(blocked=False):
+            return rehearse(job)
     except KeyboardInterrupt:
         _interrupted.set()
         raise
