@@ -186,9 +186,10 @@ def test_blocks_keep_their_order_after_a_step_of_the_wall_clock(tmp_path: Path) 
     first = dyad(tmp_path / "z.mcap", minute=60)
     second = dyad(tmp_path / "a.mcap", minute=1, block={"number": 2})
     before = dyad(tmp_path / "m.mcap", minute=0, session="00000000")
-    out = export([second, before, first], tmp_path / "out")
+    resumed = dyad(tmp_path / "b.mcap", minute=0, block={"number": 2}, session="11111111")
+    out = export([resumed, second, before, first], tmp_path / "out")
     rows = table(next(out.glob("sub-P22/ses-*/*_scans.tsv")))
-    assert [row["recording"] for row in rows] == ["m.mcap", "z.mcap", "a.mcap"]
+    assert [row["recording"] for row in rows] == ["m.mcap", "z.mcap", "a.mcap", "b.mcap"]
 
 
 def test_acquisition_time_uses_the_best_clock_probe_of_its_own_logger(tmp_path: Path) -> None:

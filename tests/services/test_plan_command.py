@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from netboard.base.config import Config
+from netboard.base.config import Config, parse
+from netboard.base.errors import RecordingError
 from netboard.nodes.server.planned import Planned, StudySession
 from netboard.services.cli import app
 from netboard.services.loading import load_study
@@ -132,3 +133,12 @@ def test_server_start_reports_an_existing_journal_of_the_session(capsys: pytest.
     printed = capsys.readouterr().out
     assert f"{planned.path}: exists already" in printed
     assert "--resume" in printed
+
+
+@pytest.mark.slow
+def test_server_of_a_session_that_was_started_before_does_not_begin() -> None:
+    planned = Planned(parse("[session]\npilot = true"), load_study("pilot"), StudySession("pilot", 1))
+    planned.path.parent.mkdir()
+    planned.path.touch()
+    with pytest.raises(RecordingError, match="this session was started before"):
+        planned.begin()

@@ -14,7 +14,7 @@ from netboard.base.tables.experiment import Session
 from netboard.base.terminal import plain_console
 from netboard.nodes.server.attempts import Attempts
 from netboard.nodes.server.blocks import BlockSequence
-from netboard.recording.recovery.journal_file import Journal, journal_path, other_journals
+from netboard.recording.recovery.journal_file import Journal, journal_path, other_journals, started_before
 from netboard.task.journal.entries import FORMAT, Entry, Header, Opened
 from netboard.task.journal.progress import progress_of, resume_words
 from netboard.task.journal.same_session import changed_plan, changes, require_same_people, require_same_plan
@@ -115,7 +115,9 @@ class Planned:
 
     def begin(self) -> tuple[BlockSequence, Attempts]:
         """Begin the session."""
-        if self.path.exists() and not self.config.session.ready:
+        if self.path.exists():
+            if self.config.session.ready:
+                raise started_before(self.path)
             console.print(
                 f"{self.path}: exists already: this session was started before. Check --dyad and --session; resume it "
                 "with --resume, or enter another name in the form of the new session; otherwise it cannot be opened",

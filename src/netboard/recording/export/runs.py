@@ -77,13 +77,15 @@ def runs_of(recordings: Sequence[Path]) -> tuple[Run, ...]:
 def _numbered(who: tuple[str, str], found: list[tuple[int, Path, dict[str, str], Config]]) -> Iterator[Run]:
     """Yield the runs of a session in order of time.
 
-    The wall clock orders only the servers, as after a restart: a step of it does not change the order of their blocks.
+    The wall clock orders only servers that began with the same block, as after a restart: a step of it does not change
+    the order of their blocks.
     """
-    began: dict[str, int] = {}
-    for opened, _, metadata, _ in found:
-        began[metadata["session"]] = min(opened, began.get(metadata["session"], opened))
+    began: dict[str, tuple[int, int]] = {}
+    for opened, _, metadata, config in found:
+        first = config.block.number, opened
+        began[metadata["session"]] = min(first, began.get(metadata["session"], first))
 
-    def place(one: tuple[int, Path, dict[str, str], Config]) -> tuple[int, str, int, int, int, Path]:
+    def place(one: tuple[int, Path, dict[str, str], Config]) -> tuple[tuple[int, int], str, int, int, int, Path]:
         opened, path, metadata, config = one
         server = metadata["session"]
         return began[server], server, config.block.number, int(metadata["part"]), opened, path

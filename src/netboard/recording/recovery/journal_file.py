@@ -40,6 +40,14 @@ def journal_path(directory: Path, config: Config) -> Path:
     return directory / f"{config.session.dyad}_{config.session.name}{ENDING}"
 
 
+def started_before(path: Path) -> RecordingError:
+    """Return the error for a session that has a journal already."""
+    return RecordingError(
+        f"{path}: exists already: this session was started before. Continue it with netboard server --resume, or give "
+        "the new session another name ([session] name, dyad)"
+    )
+
+
 def other_journals(path: Path, dyad: str) -> list[tuple[Path, Header]]:
     """List the readable journals of the other sessions of a dyad, beside the journal of a session."""
     found = []
@@ -79,10 +87,7 @@ class Journal:
             return cls(path, _new(path, line), len(line), 0)
         except OSError as error:
             if isinstance(error, FileExistsError) and path.exists():
-                raise RecordingError(
-                    f"{path}: exists already: this session was started before. Continue it with "
-                    "netboard server --resume, or give the new session another name ([session] name, dyad)"
-                ) from None
+                raise started_before(path) from None
             raise RecordingError(f"{path}: cannot be written: {error.strerror or error}") from error
 
     @classmethod
