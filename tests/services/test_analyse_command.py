@@ -195,11 +195,13 @@ def test_recordings_without_attempts_are_reported(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("without_figures")
 def test_unreadable_recordings_are_skipped_and_listed(study: Path) -> None:
     Path("broken.mcap").write_text("nothing")
-    result = analyse(study, "broken.mcap", "-o", "out", "--workers", "1", "--skip-unreadable")
+    Path("gone.mcap").symlink_to("on a disk that is not mounted")
+    result = analyse(study, "broken.mcap", "gone.mcap", "-o", "out", "--workers", "1", "--skip-unreadable")
     assert result.exit_code == 0, result.output
-    assert "left out: broken.mcap: not an MCAP file" in result.output
     listed = parquet.read_table("out/tables/left_out.parquet").to_pylist()
-    assert listed == [{"file": "broken.mcap", "why": "not an MCAP file"}]
+    whys = {"broken.mcap": "not an MCAP file", "gone.mcap": "cannot be read: No such file or directory"}
+    assert listed == [{"file": file, "why": why} for file, why in whys.items()]
+    assert all(f"left out: {file}: {why}" in result.output for file, why in whys.items())
     assert json.loads(Path("out/provenance.json").read_text())["left_out"] == listed
 
 

@@ -126,6 +126,7 @@ def _readable(recordings: Sequence[Path]) -> tuple[tuple[Run, ...], list[LeftOut
     for path in recordings:
         try:
             runs_of([path])
+            sha256_of(path)  # reads every byte of it: a disk may fail at any
             sound.append(path)
         except NetboardError as error:
             left_out.append(_left_out(path, error))

@@ -17,7 +17,7 @@ import json
 import os
 import platform
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import cache
@@ -150,15 +150,23 @@ def _version(name: str) -> str:
 
 def key_of_analysis(recordings: Sequence[Path], settings: bytes, options: Sequence[str]) -> str:
     """Return the cache key of an analysis from everything that affects its output."""
-    named = [[str(path), digest] for path, digest in digests_of(recordings).items()]
+    named = [[str(path), digest] for path, digest in digests_of(recordings, _digest_or_error).items()]
     inputs = json.dumps([code_digest(), named, hashlib.sha256(settings).hexdigest(), list(options)])
     return hashlib.sha256(inputs.encode()).hexdigest()
 
 
-def digests_of(paths: Sequence[Path]) -> dict[Path, str]:
+def _digest_or_error(path: Path) -> str:
+    """Return the SHA-256 of a file, or why it cannot be read: the analysis may leave it out."""
+    try:
+        return sha256_of(path)
+    except RecordingError as error:
+        return str(error)
+
+
+def digests_of(paths: Sequence[Path], digest: Callable[[Path], str] = sha256_of) -> dict[Path, str]:
     """Return the SHA-256 of files, in hexadecimal."""
     with ThreadPoolExecutor() as pool:
-        return dict(zip(paths, pool.map(sha256_of, paths), strict=True))
+        return dict(zip(paths, pool.map(digest, paths), strict=True))
 
 
 def store_analysis(store: Store, key: str, folder: Path, words: Sequence[str]) -> None:
