@@ -5,7 +5,7 @@ import pytest
 
 from made_modern import modern_blocks, modern_study
 from made_study import Block, made_study, times
-from netboard.analysis.topics.quality import quality
+from netboard.analysis.topics.quality import picture, quality
 
 
 def test_attempts_of_a_block_are_counted_by_outcome() -> None:
@@ -56,3 +56,9 @@ def test_drift_interval_covers_1_without_a_drift() -> None:
     found = quality(modern_study(blocks))
     assert found.drift.n == 6
     assert found.drift.low <= 1.0 <= found.drift.high
+
+
+def test_figure_of_many_dyads_labels_some_of_them() -> None:
+    blocks = [Block(f"D{n:02}", f"D{n:02}", "dyadic", "full", times(3.0)) for n in range(1, 62)]
+    labels = [label.get_text() for label in picture(made_study(blocks)).shown.axes[0].get_yticklabels()]
+    assert labels == [f"D{n:02}" for n in range(1, 62, 3)]

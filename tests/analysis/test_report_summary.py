@@ -10,7 +10,7 @@ from made_study import SMALL, made_study, random_blocks
 from netboard.analysis.extraction.settings import parse
 from netboard.analysis.extraction.study import study_of
 from netboard.analysis.report.numbers import after, between, unit_of, written
-from netboard.analysis.report.summary import THEMES, Main, summary
+from netboard.analysis.report.summary import THEMES, Main, few, summary
 from netboard.analysis.topics.everything import results_of
 from netboard.analysis.topics.result import Result, table_of
 from netboard.analysis.topics.units import read_in
@@ -98,6 +98,14 @@ def test_ratio_is_compared_with_one() -> None:
 def test_single_dyad_has_no_interval() -> None:
     (found,) = summary_of(row(0.9, n=1)).sentences
     assert found.endswith("haptics off (1 dyad): there is no confidence interval, so its uncertainty is unknown.")
+
+
+@pytest.mark.parametrize(
+    ("dyads", "least"), [(4, "no p below 0.125 here, so none"), (16, "no p below 0.000031 here."), (17, "")]
+)
+def test_smallest_p_is_stated_while_tests_are_exact(dyads: int, least: str) -> None:
+    assert least in few(dyads)
+    assert (" p " in few(dyads)) == bool(least)
 
 
 def test_robot_partner_is_named() -> None:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from markupsafe import escape
 
 from netboard.analysis.extraction.store import Store, default_folder, key_of_analysis, restore_analysis, store_analysis
-from netboard.analysis.report.wording import plural, visible
+from netboard.analysis.report.wording import amount, plural, visible
 from netboard.base.bars import telling
 from netboard.base.errors import ConfigError
 from netboard.base.process import peak_memory
@@ -79,7 +79,7 @@ def analyse(
         before, peak = "all were cached", 0.0
         if words is None:
             words, kept, peak = _analysed(recordings, unfinished, part, read(), chosen, store, tell)
-            before = f"{kept} from the cache" if kept else ""
+            before = f"{amount(kept)} from the cache" if kept else ""
             if store:
                 store_analysis(store, key, part, words)
         name_command(part, ["netboard", *sys.argv[1:]])

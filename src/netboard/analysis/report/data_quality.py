@@ -106,7 +106,7 @@ def _flags(study: Study) -> Grid:
             gone = sum(key in out for key, marked in zip(keys, has, strict=True) if marked)
             excludes = "yes" if word in study.readings.exclusions.flags else "no"
             rows.append((flag_words(word), n, gone, excludes, meaning))
-    columns = [Column("Mark"), number("Attempts"), number("Of these excluded"), Column("Excludes"), Column("Meaning")]
+    columns = [Column("Flag"), number("Attempts"), number("Of these excluded"), Column("Excludes"), Column("Meaning")]
     caption = "Quality flags. “stuck” excludes no attempt of a simulated participant, whose hand may be still."
     return grid(caption, columns, rows)
 

@@ -81,7 +81,7 @@ def write_analysis(
     text = json.dumps(origin, indent=1, ensure_ascii=False) + "\n"
     (folder / "provenance.json").write_text(text, encoding="utf-8")
     write_tables(folder / "tables", study, results, extracted.left_out, comparison)
-    progress("pictures", 1, 3)
+    progress("figures", 1, 3)
     drawn = list(pictures(study))
     _write_pictures(folder / "figures", drawn)
     progress("report", 2, 3)

@@ -150,16 +150,16 @@ def head(study: Study, provenance: Mapping[str, Any]) -> Head:
 
 
 def _warnings(blocks: pd.DataFrame) -> list[str]:
+    def share(column: str) -> str:
+        return f"{amount(int(blocks[column].sum()))} of {plural(len(blocks), 'recording')}"
+
     warnings = []
     if blocks["simulated"].all():
         warnings.append("Simulated participants: no person held a device. These results are no evidence about people.")
     elif blocks["simulated"].any():
-        warnings.append(
-            f"Simulated participants in {int(blocks['simulated'].sum())} of {plural(len(blocks), 'recording')}: "
-            "their data are no evidence about people."
-        )
+        warnings.append(f"Simulated participants in {share('simulated')}: their data are no evidence about people.")
     if blocks["pilot"].any():
-        warnings.append(f"{int(blocks['pilot'].sum())} of {plural(len(blocks), 'recording')} are marked as pilots.")
+        warnings.append(f"{share('pilot')} are marked as pilots.")
     return warnings
 
 

@@ -16,6 +16,7 @@ from netboard.analysis.extraction.conditions import STAND_INS
 from netboard.analysis.report.grids import Column, Grid, grid, name, number
 from netboard.analysis.report.numbers import after, between, records, unit_of, written
 from netboard.analysis.report.wording import amount, plural
+from netboard.analysis.statistics.exact_tests import MAX_EXACT
 from netboard.analysis.topics.delay import OVER_ALL, RISE
 
 _STAGES = r"(?P<team>.+), last (?P<count>\d+) vs first \d+"
@@ -319,10 +320,10 @@ def _caption(title: str, rows: Sequence[Mapping[str, Any]]) -> str:
 def few(dyads: int) -> str:
     """Return a caution for the number of dyads."""
     least = min(1.0, 2.0 / 2**dyads)
-    caution = (
-        f"The dyad is the unit of replication: {plural(dyads, 'dyad')}, however many trials. "
-        f"An exact two-sided test of a difference within dyads has no p below {amount(least)} here"
-    )
+    caution = f"The dyad is the unit of replication: {plural(dyads, 'dyad')}, however many trials."
+    if 2**dyads > MAX_EXACT:  # random sign flips, and no p of a sign test that is worth a sentence
+        return caution
+    caution += f" An exact two-sided test of a difference within dyads has no p below {amount(least)} here"
     if least > 0.05:
         return f"{caution}, so none can be significant at 5 %; that takes six dyads or more."
     return f"{caution}."

@@ -111,7 +111,7 @@ def _drifts(trials: pd.DataFrame) -> pd.Series:
 
 
 _READABLE = 30
-"""Largest number of dyads with numbers in the squares [1]."""
+"""Largest number of labelled dyads, and of dyads with numbers in the squares [1]."""
 
 
 @pictured("What was recorded")
@@ -144,7 +144,8 @@ def _counts(axes: "Axes", found: Quality, column: str) -> None:
     if len(table) <= _READABLE:
         for row, column_number in zip(*np.nonzero(np.nan_to_num(values)), strict=True):
             axes.text(column_number, row, f"{values[row, column_number]:.0f}", ha="center", va="center", fontsize=6.5)
-    axes.set_yticks(range(len(table)), table.index if len(table) <= _READABLE else [""] * len(table), fontsize=7)
+    every = -(-len(table) // _READABLE)
+    axes.set_yticks(range(0, len(table), every), table.index[::every], fontsize=7)
     step = _step(table.shape[1])
     axes.set_xticks(range(0, table.shape[1], step), table.columns[::step], fontsize=7)
     axes.set_xlabel("block of the plan [1]")
