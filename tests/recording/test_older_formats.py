@@ -12,6 +12,7 @@ import pytest
 from netboard.base.config import parse
 from netboard.base.errors import RecordingError
 from netboard.base.tick import TICK
+from netboard.recording.export.runs import runs_of
 from netboard.recording.files.reader import READABLE, Recording
 from netboard.recording.format import older
 from netboard.recording.format.channels import FORMAT_VERSION
@@ -48,6 +49,12 @@ def test_golden_recording_reads_as_its_json_twin(version: str) -> None:
         assert parse(recording.config_text).block.force == "full"
         assert [attempt.trial for attempt in recording.attempts()] == [1]
         assert "/ticks" not in recording.gaps()
+
+
+@pytest.mark.parametrize("version", READABLE)
+def test_golden_recording_can_be_exported_and_analysed(version: str) -> None:
+    (run,) = runs_of([GOLDEN / f"format-{version}.mcap"])
+    assert (run.session, [person.label for person in run.people]) == ("D01S01", ["D01A", "D01B"])
 
 
 @pytest.mark.parametrize("version", READABLE[1:])

@@ -23,7 +23,7 @@ from netboard.task.plans.plan import OTHER_SIDE
 Letter = Literal["A", "B"]
 """Participant of a dyad."""
 
-_NEEDED = ("session", "block", "part", "opened_log_ns", "opened_monotonic_ns", "welcome_server_ns", "netboard")
+_NEEDED = ("session", "part", "opened_log_ns", "opened_monotonic_ns", "welcome_server_ns", "netboard")
 """Metadata that a run needs; a recovered recording may have lost some."""
 
 MAKERS = {"falcon": "Novint", "openhaptics": "3D Systems", "spacemouse": "3Dconnexion"}
