@@ -171,6 +171,14 @@ def test_failed_export_leaves_no_files(two: list[Path], tmp_path: Path, name: st
     assert list(tmp_path.iterdir()) == [cut]
 
 
+@pytest.mark.parametrize("name", sorted(FORMATS))
+def test_progress_is_that_of_all_recordings(two: list[Path], tmp_path: Path, name: str) -> None:
+    shares: list[float] = []
+    export(two, name, tmp_path / "out", lambda what, done, total: shares.append(done / total))
+    assert shares == sorted(shares)
+    assert (shares[0], shares[-1]) == (0.0, 1.0)
+
+
 def test_export_never_overwrites_its_output_folder(two: list[Path], tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     with pytest.raises(RecordingError, match="out: already exists"):

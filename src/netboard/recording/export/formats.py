@@ -85,7 +85,18 @@ def export(recordings: Sequence[Path], name: str, folder: Path, progress: Progre
     write: Callable[[Sequence[Path], Path, Progress], None]
     write = resolve_name(f"netboard.recording.export.{FORMATS[name].writer}")
     with new_folder(folder) as part:
-        write(recordings, part, progress)
+        write(recordings, part, _over_all(len(recordings), progress))
+
+
+def _over_all(count: int, progress: Progress) -> Progress:
+    """Return a callback for the progress in each of some recordings, one after the other; it reports that in all."""
+    places: dict[str, int] = {}
+
+    def tell(name: str, done: int, total: int) -> None:
+        place, total = places.setdefault(name, len(places)), max(total, 1)
+        progress(f"{name} ({place + 1} of {count})", place * total + done, count * total)
+
+    return tell
 
 
 @contextmanager
