@@ -131,6 +131,13 @@ def test_level_is_stated_only_without_a_difference() -> None:
     assert "by 10.3\u00a0%\u00a0points in dyadic trials (5.0 to 15.6, 4 dyads): the whole interval is above 0." in found
 
 
+@pytest.mark.parametrize(("count", "words"), [(1, "trial"), (30, "30 trials")])
+def test_change_names_the_compared_trials(count: int, words: str) -> None:
+    change = {"topic": "learning", "quantity": "change of completion time", "unit": "s"}
+    (found,) = summary_of(row(-1.0, -2.0, 0.5, group=f"dyadic, last {count} vs first {count}", **change)).sentences
+    assert found.startswith(f"From the first to the last {words}, completion time changed by −1.00")
+
+
 def test_table_shows_first_and_last_groups_of_trials() -> None:
     spread = {"topic": "strategy", "quantity": "variance of distance", "unit": "m2"}
     groups = [f"{team}, trials {k} to {k + 29}" for team in ("bimanual", "dyadic") for k in (1, 31, 61)]

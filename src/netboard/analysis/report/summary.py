@@ -110,7 +110,7 @@ THEMES = (
             SentencePattern(
                 "change of completion time",
                 _STAGES,
-                "From the first to the last {count} trials, completion time changed",
+                "From the first to the last {count}, completion time changed",
                 "by {value} in {team}",
                 "no change",
             ),
@@ -237,10 +237,17 @@ def _sentences(patterns: Sequence[SentencePattern], rows: Sequence[Mapping[str, 
         for row in rows:
             match = re.fullmatch(pattern.group, row["group"]) if row["quantity"] == pattern.quantity else None
             if match:
-                words = {part: _trials(text) if part == "team" else text for part, text in match.groupdict().items()}
+                words = {part: _worded(part, text) for part, text in match.groupdict().items()}
                 clauses.setdefault(pattern.lead.format(**words), []).append(_clause(pattern, row, words))
                 known.add(pattern.quantity)
         yield from (f"{lead} {'; '.join(texts)}." for lead, texts in clauses.items())
+
+
+def _worded(part: str, text: str) -> str:
+    """Return a part of a group's name as words of a sentence."""
+    if part == "count":
+        return "trial" if text == "1" else f"{text} trials"
+    return _trials(text) if part == "team" else text
 
 
 def _trials(team: str) -> str:

@@ -117,7 +117,7 @@ def _compare(quantity: Quantity, condition: Condition, points: Iterator[Point]) 
 
 def _results(found: Comparison) -> Iterator[Result]:
     quantity, group = found.quantity, found.condition.haptics_label
-    note = "" if found.known else "no dyad performed in both configurations with this force"
+    note = "" if found.known else "no dyad has trials that count in both configurations with this force"
     yield estimated(TOPIC, f"{quantity.name}: mean of the two minus dyad", group, found.gain, quantity.unit, note)
     if found.known:
         tested = f"p = {found.test.p:.3g}; {plural(found.test.n, 'dyad')} can give no p below {found.test.least_p:.3g}"
