@@ -39,7 +39,7 @@ class _Worker(SpawnProcess):
 class _Context(SpawnContext):
     """Starts these processes."""
 
-    Process = _Worker  # type: ignore[assignment]
+    Process = _Worker
 
 
 def terminate_workers(pool: ProcessPoolExecutor) -> None:
