@@ -5,15 +5,16 @@ from pathlib import Path
 import pytest
 
 from netboard.base.errors import RecordingError
-from netboard.recording.files.locate import find_recordings, find_unfinished
+from netboard.recording.files.locate import files_below, find_recordings, find_unfinished
 
 
 def test_recordings_of_files_and_folders_are_listed_once_in_order(tmp_path: Path) -> None:
-    for name in ("b.mcap", "a.mcap", "c.mcap.part", "notes.txt"):
+    for name in ("b.mcap", "a.mcap", "c.mcap.part", "notes.txt", "._a.mcap"):  # the last as macOS writes it
         (tmp_path / name).touch()
     a, b = tmp_path / "a.mcap", tmp_path / "b.mcap"
     assert find_recordings([b, tmp_path]) == (b, a)
     assert find_recordings([tmp_path]) == (a, b)
+    assert files_below(tmp_path, (".mcap",)) == [a, b]
 
 
 def test_empty_folder_and_equal_names_are_refused(tmp_path: Path) -> None:

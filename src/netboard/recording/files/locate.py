@@ -24,6 +24,9 @@ GROWING_S = 10.0
 _OF_THE_DISK = ("lost+found", "System Volume Information", "$RECYCLE.BIN")
 """Folders at the top of a disk that belong to the file system, and that only an administrator may read."""
 
+_OF_MACOS = "._"
+"""Start of the names of files in which macOS keeps what it knows about others, on disks of other systems."""
+
 
 def find_recordings(paths: Sequence[Path]) -> tuple[Path, ...]:
     """Return the recordings that the paths name.
@@ -34,7 +37,7 @@ def find_recordings(paths: Sequence[Path]) -> tuple[Path, ...]:
     """
     found: list[Path] = []
     for path in paths:
-        here = sorted(path.glob("*.mcap")) if path.is_dir() else [path]
+        here = _named(path, ".mcap") if path.is_dir() else [path]
         if not here:
             words = "".join(f"; {part.name} {UNFINISHED}" for part in find_unfinished([path])[:1])
             raise RecordingError(f"{path}: there is no recording (.mcap) in this folder{words}")
@@ -47,6 +50,14 @@ def find_recordings(paths: Sequence[Path]) -> tuple[Path, ...]:
         if other != path:
             raise RecordingError(f"{other} and {path} have the same name; take them one at a time, or rename one")
     return tuple(names.values())
+
+
+def _named(folder: Path, ending: str) -> list[Path]:
+    return sorted(path for path in folder.glob(f"*{ending}") if _ends(path.name, (ending,)))
+
+
+def _ends(name: str, endings: tuple[str, ...]) -> bool:
+    return name.endswith(endings) and not name.startswith(_OF_MACOS)
 
 
 def each_once(paths: Iterable[Path]) -> list[Path]:
@@ -80,7 +91,7 @@ def files_below(folder: Path, endings: tuple[str, ...]) -> list[Path]:
         raise RecordingError(f"{error.filename}: cannot be read: {error.strerror}") from error
 
     walked = os.walk(folder, onerror=refuse)
-    found = (Path(place, name) for place, _, names in walked for name in names if name.endswith(endings))
+    found = (Path(place, name) for place, _, names in walked for name in names if _ends(name, endings))
     # A link to a file that is not there, as on a disk that is not mounted, must not pass for absent either.
     return sorted(path for path in found if path.is_file() or not path.exists())
 
@@ -102,7 +113,7 @@ def sha256_of(path: Path) -> str:
 
 def find_unfinished(paths: Sequence[Path]) -> tuple[Path, ...]:
     """Return the unfinished recordings in the folders among the paths that have not been recovered."""
-    found = sorted(part for path in paths if path.is_dir() for part in path.glob("*.mcap.part"))
+    found = sorted(part for path in paths if path.is_dir() for part in _named(path, ".mcap.part"))
     return tuple(part for part in found if not recovered_path(part).exists())
 
 
