@@ -337,7 +337,7 @@ def possible(status: Status | None, own: str = "me") -> set[str]:
 
 def test_possible_commands_depend_on_the_state() -> None:
     assert possible(None) == set()
-    assert possible(STATES["unopened"]) == {"open", "note", "arm", "take"}
+    assert possible(STATES["unopened"]) == {"open", "note", "arm", "take", "end"}
     assert {"arm", "next", "end"} <= possible(IDLE)
     assert "start" in possible(replace(IDLE, armed=True))
     assert "resume" not in possible(RUNNING)

@@ -134,7 +134,7 @@ COMMANDS: tuple[Command, ...] = (
         lambda s: "" if s.armed else "no device is armed",
     ),
     Command("next", "Next block", "Ctrl+N", "Skip the rest of this block.", _next, confirm=True),
-    Command("end", "End session", "Ctrl+E", "End the session now; it can be resumed.", _opened, confirm=True),
+    Command("end", "End session", "Ctrl+E", "End the session now; it can be resumed.", _always, confirm=True),
     Command("take", "Take command", "T", "Make this console the commander.", _always),
 )
 """The commands, in the order of their buttons."""
