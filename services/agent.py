@@ -12,15 +12,8 @@ app = typer.Typer()
 def agent(side: HandSide, config: ConfigFile = None, overrides: Overrides = None) -> None:
     """Run the agent of one device: it reads the stylus, and renders the force within safety limits."""
     settings = load(config, overrides)
-    from netboard.base.process import (
-        Priority,
-        Stopping,
-        cpus_for,
-        io_priority,
-        log_to_stderr,
-        no_terminal_suspension,
-        prepare,
-    )
+    from netboard.base.logs import log_to_stderr
+    from netboard.base.process import Priority, Stopping, cpus_for, io_priority, no_terminal_suspension, prepare
     from netboard.devices.contract import registry
     from netboard.network.transport import sockets
     from netboard.nodes.agent.agent import Agent

@@ -22,7 +22,8 @@ def console(
 ) -> None:
     """Open the operator's console: open, run, watch and stop a session."""
     settings = load(config, overrides)
-    from netboard.base.process import Stopping, leave_reserved_cpus, log_to_stderr
+    from netboard.base.logs import log_to_stderr
+    from netboard.base.process import Stopping, leave_reserved_cpus
 
     log_to_stderr("console")
     leave_reserved_cpus(settings.realtime)

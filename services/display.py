@@ -54,7 +54,8 @@ def display(
     if station is None:
         raise ConfigError("--station: not given, expected left or right")
     from netboard.base.config import played_sides
-    from netboard.base.process import Stopping, leave_reserved_cpus, log_to_stderr
+    from netboard.base.logs import log_to_stderr
+    from netboard.base.process import Stopping, leave_reserved_cpus
 
     log_to_stderr(f"display {station}")
     leave_reserved_cpus(settings.realtime)

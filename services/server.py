@@ -76,7 +76,7 @@ def server(
         raise ConfigError("--resume: needs --study; a single block cannot be resumed")
     if study is not None and len(settings) > 1:
         raise ConfigError(f"--study: found {len(settings)} configuration files, expected one: run a server per dyad")
-    from netboard.base.process import log_to_stderr
+    from netboard.base.logs import log_to_stderr
     from netboard.nodes.server.attempts import Attempts
     from netboard.nodes.server.blocks import BlockSequence
 

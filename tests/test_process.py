@@ -3,7 +3,6 @@
 import contextlib
 import errno
 import gc
-import io
 import logging
 import math
 import os
@@ -14,11 +13,9 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from threading import Thread
 
 import pytest
 
-from netboard.base import process
 from netboard.base.process import (
     IO_PRIORITY_STEP,
     OFF,
@@ -33,7 +30,6 @@ from netboard.base.process import (
     interrupted_by_stop_signals,
     io_priority,
     leave_reserved_cpus,
-    log_to_stderr,
     peak_memory,
     prepare,
     resident_memory,
@@ -392,115 +388,9 @@ os.kill(os.getpid(), signal.SIGKILL)
         os.close(handle)
 
 
-def test_frequent_messages_are_logged_at_a_limited_rate(
-    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    seldom = process.RateLimitedLog(logging.getLogger("test"))
-    for number in range(1000):
-        seldom.log(f"number {number}")
-    monkeypatch.setattr(process, "LOG_INTERVAL_S", 0.0)
-    seldom.log("the end")
-    assert [record.message for record in caplog.records] == ["number 0", "the end (the last of 1000)"]
-
-
 @pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
 def test_resident_memory_equals_the_resident_pages() -> None:
     pages = int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[1])
     assert resident_memory() == pytest.approx(pages * os.sysconf("SC_PAGE_SIZE"), rel=0.05)
     assert resident_memory(os.getpid()) <= peak_memory()
     assert math.isnan(resident_memory("no process"))
-
-
-@linux
-def test_a_terminal_that_accepts_nothing_delays_no_log_line_and_gets_all_of_them_later() -> None:
-    reading, writing = os.pipe()
-    os.set_blocking(writing, False)
-    filled = 0
-    with contextlib.suppress(BlockingIOError):
-        while True:
-            filled += os.write(writing, b"x")
-    os.set_blocking(writing, True)
-    log = logging.getLogger("test.background")
-    log.propagate = False
-    with os.fdopen(writing, "w") as terminal:
-        background = process.BackgroundLog(terminal)
-        log.addHandler(background)
-        for number in range(3):
-            log.error("line %d", number)  # would wait for ever in this thread
-        assert os.read(reading, filled) == b"x" * filled
-        background.flush()
-        assert os.read(reading, 100).splitlines() == [b"line 0", b"line 1", b"line 2"]
-        log.removeHandler(background)
-        background.close()
-    os.close(reading)
-
-
-def test_log_lines_beyond_the_limit_and_a_closed_terminal_are_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(process, "MAX_LOG_LINES", 2)
-    monkeypatch.setattr(process, "FLUSH_S", 0.01)
-    reading, writing = os.pipe()
-    os.close(reading)
-    line = logging.LogRecord("test", logging.ERROR, __file__, 1, "a line", None, None)
-    with os.fdopen(writing, "w") as terminal:
-        for stream in (terminal, None):
-            background = process.BackgroundLog(stream)
-            for _ in range(100):
-                background.emit(line)
-            background.flush()
-            background.close()
-        terminal.buffer.raw.close()  # type: ignore[attr-defined]  # what is buffered cannot be written any more
-
-
-def test_no_log_line_of_a_burst_before_the_end_is_lost_silently() -> None:
-    """A pipe that is read only when the queue is full."""
-    reading, writing = os.pipe()
-    received: list[bytes] = []
-
-    def read() -> None:
-        while part := os.read(reading, 2**20):
-            received.append(part)
-
-    reader = Thread(target=read)
-    with os.fdopen(writing, "w") as terminal:
-        background = process.BackgroundLog(terminal)
-        for number in range(2 * process.MAX_LOG_LINES):
-            text = f"{number} {'x' * 200}"
-            background.emit(logging.LogRecord("test", logging.ERROR, __file__, 1, text, None, None))
-        reader.start()
-        background.flush()
-        background.close()
-    reader.join()
-    os.close(reading)
-    *lines, last = b"".join(received).decode().splitlines()
-    dropped = int(last.removesuffix(" log lines were dropped: the terminal was stopped, or too slow"))
-    assert dropped > 0
-    assert len(lines) + dropped == 2 * process.MAX_LOG_LINES
-
-
-def test_step_of_the_wall_clock_does_not_change_the_time_of_a_log_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    terminal = io.StringIO()
-    monkeypatch.setattr("sys.stderr", terminal)
-    root = logging.getLogger()
-    before, level = root.handlers[:], root.level
-    root.handlers.clear()
-    try:
-        log_to_stderr("server")
-        line = logging.makeLogRecord({"msg": "a line", "levelno": logging.INFO, "relativeCreated": -3.6e6})
-        root.handle(line)
-        root.handlers[0].flush()
-    finally:
-        root.handlers[0].close()
-        root.handlers[:] = before
-        root.setLevel(level)
-    milliseconds, unit, rest = terminal.getvalue().split(maxsplit=2)
-    assert int(milliseconds) >= 0
-    assert (unit, rest) == ("ms", "server  a line\n")
-
-
-def test_log_line_that_cannot_be_formatted_is_no_error_of_the_loop() -> None:
-    terminal = io.StringIO()
-    background = process.BackgroundLog(terminal)
-    background.handle(logging.LogRecord("test", logging.ERROR, __file__, 1, "%d samples", ("no",), None))
-    background.flush()
-    background.close()
-    assert terminal.getvalue().startswith("'%d samples' ('no',): TypeError(")

@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 from netboard.base.clock import CATCH_UP_TICKS, now_ns
 from netboard.base.compiled import kernel, machine_code
 from netboard.base.config import SIDES, Config, Side, parse
-from netboard.base.process import NAME, Priority, cpus_for, io_priority, log_to_stderr, prepare, steady_loop
+from netboard.base.logs import log_to_stderr
+from netboard.base.process import NAME, Priority, cpus_for, io_priority, prepare, steady_loop
 from netboard.base.tick import TICK, TICK_NS
 from netboard.benchmarks.loop.timing import skipped_ticks
 from netboard.benchmarks.loop.workers import serve

@@ -190,9 +190,9 @@ def _run(
 ) -> tuple[Progress, Begun, Fields]:
     """Run ticks until Python is due; return the progress, what has been done of the newest tick, and its reading.
 
-    ``motion``, ``parts``: as in `run_of`. ``begun``, ``reading``: of the tick that the run continues, after its first
-    answer; or `NOTHING_BEGUN`. ``stop``: number of the sample before which the run ends. ``source_ns``,
-    ``source_file``: when Python must advance the stylus source [ns], or the file that signals it.
+    ``motion``, ``parts``: as in `run_of`. ``begun``, ``reading``: of the tick that the run continues, whose stylus
+    source has been advanced; or `NOTHING_BEGUN`. ``stop``: number of the sample before which the run ends.
+    ``source_ns``, ``source_file``: when Python must advance the stylus source [ns], or the file that signals it.
     """
     fast, frame, sample, link, rows, chain = motion
     due_ns, seq, safeguards, rendered = progress
@@ -226,9 +226,8 @@ def _run(
                 close_loop(link, now_ns)
                 came, stage, rendered, safeguards = fastpath.NOTHING, ANSWERED, fz, safeguards | bits
                 shift_ns = shifted(shift_ns, state["lead_ns"])
-            elif came == fastpath.NOTHING and is_first:
-                stage = LATE
-            if came == fastpath.NOTHING and is_first:
+            if is_first and came == fastpath.NOTHING:
+                stage = max(stage, LATE)
                 _live(parts, now_ns)
                 is_source_due = now_ns >= source_ns or fast[0]["signalled"] != 0
             until_ns = due_ns + TICK_NS + shift_ns

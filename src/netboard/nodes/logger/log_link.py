@@ -7,7 +7,8 @@ from importlib.metadata import version
 from typing import Protocol
 
 from netboard.base.errors import WireError
-from netboard.base.process import NAME, RateLimitedLog
+from netboard.base.logs import RateLimitedLog
+from netboard.base.process import NAME
 from netboard.base.tables.rig import Network
 from netboard.network import keys
 from netboard.network.protocol.codec import decode, encode

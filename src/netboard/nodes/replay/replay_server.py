@@ -13,7 +13,8 @@ import numpy as np
 
 from netboard.base.clock import now_ns
 from netboard.base.errors import NetboardError
-from netboard.base.process import Stopping, log_to_stderr
+from netboard.base.logs import log_to_stderr
+from netboard.base.process import Stopping
 from netboard.base.tables.rig import Network
 from netboard.base.terminal import plain_console
 from netboard.network import keys
