@@ -19,7 +19,7 @@ app = typer.Typer()
         "netboard import study/ticks/S01.parquet",
         "netboard import hands.csv --simulate -c rig.toml",
         "netboard import --manifest study.toml -o recordings/",
-        "netboard import theirs.csv --map time=t --unit time=ms --map left_z=Height1 --unit left_z=mm",
+        "netboard import theirs.csv --map time=t --unit time=ms --unit left_z=mm --unit right_z=mm",
     ),
 )
 def import_(
