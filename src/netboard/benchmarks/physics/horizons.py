@@ -7,7 +7,6 @@ include sampling, extrapolation and method. Errors of the ball grow by e in 2.28
 
 from collections.abc import Iterable, Iterator
 from math import exp, inf
-from typing import Literal
 
 import numpy as np
 
@@ -19,19 +18,16 @@ from netboard.benchmarks.physics.problem import (
     Array,
     Problem,
     Reference,
-    hermite_drives,
     largest,
     multiples,
     styluses_at,
 )
 from netboard.benchmarks.physics.tick_cost import live_run
-from netboard.physics.arithmetic.vectors import State
-from netboard.physics.methods.march import forces_along, make_grid, run
-from netboard.physics.scene.parameters import pack_scene, parts_of
+from netboard.physics.hands.sampled import Hands
 from netboard.physics.scene.statics import ball_poles
+from netboard.physics.simulation import choose_steps, simulate
 
 Row = tuple[Value, ...]
-Hold = Literal["zoh", "cv", "ca", "hermite"]
 
 HORIZONS = (1.0, 3.0, 10.0)
 """Durations of the runs [s]."""
@@ -40,42 +36,19 @@ NUDGE = 1e-6
 """Initial displacement of the ball, whose growth is measured [m]."""
 
 
-def sampled_hands(problem: Problem, hold: Hold, age: float = 0.0) -> Array:
-    """Return the drives during each tick, extrapolated or interpolated from samples."""
-    ticks = multiples(round(problem.duration / TICK_SECONDS) + 1, TICK_SECONDS)
-    z, vz = styluses_at(ticks - age)
-    _, before = styluses_at(ticks - age - TICK_SECONDS)
-    az = (vz - before) / TICK_SECONDS if hold == "ca" else np.zeros_like(vz)
-    k, c = problem.physics.k_h, problem.physics.c_h
-    if hold == "hermite":
-        return hermite_drives(problem.physics, ticks, z, vz)
-    if hold == "zoh":
-        parts = (k * z + c * vz, 0 * z, 0 * z, 0 * z)
-    else:
-        z, vz = z + vz * age + az * age**2 / 2, vz + az * age
-        parts = (k * z + c * vz, k * vz + c * az, k * az / 2, 0 * z)
-    hands = np.stack(parts, axis=-1)[: len(ticks) - 1]
-    return np.ascontiguousarray(hands.reshape(len(hands), 8))
-
-
-def sampled_run(
-    problem: Problem, hold: Hold, method: str, substeps: int = 1, age: float = 0.0, nudge: float = 0.0
+def offline_run(
+    problem: Problem, method: str, substeps: int = 1, *, physics: Physics | None = None, nudge: float = 0.0
 ) -> tuple[Array, Array]:
-    """Run a problem from samples of its hands; return states and commanded forces [SI, N].
+    """Simulate a problem offline from samples of its hands; return states and commanded forces [SI, N].
 
+    - `physics`: another scene under the same hands.
     - `nudge`: initial displacement of the ball [m].
     """
-    z, vz, theta, omega, p, vp = problem.first
-    hands, first = sampled_hands(problem, hold, age), (z, vz, theta, omega, p + nudge, vp)
-    return _run(problem.physics, first, hands, method, substeps)
-
-
-def _run(physics: Physics, first: State, hands: Array, method: str, substeps: int) -> tuple[Array, Array]:
-    """Return states and forces at every tick but the last."""
-    n, parts, scene = len(hands), parts_of(physics), pack_scene(physics)
-    grid = make_grid(method, np.full(n, TICK_SECONDS), np.full(n, substeps, np.int64), parts, 6, scene)
-    states = run(method, first, hands, grid, parts, scene)[:-1]
-    return states, forces_along(states, np.ascontiguousarray(hands[:, [0, 4]]), parts, scene)
+    times = multiples(round(problem.duration / TICK_SECONDS) + 1, TICK_SECONDS)
+    scene, first = physics or problem.physics, np.add(problem.first, (0.0, 0.0, 0.0, 0.0, nudge, 0.0))
+    steps = choose_steps(scene, method=method, substeps=substeps)
+    found = simulate(Hands(times, *styluses_at(times)), scene, tuple(first.tolist()), dt=TICK_SECONDS, steps=steps)
+    return found.states[:-1], found.forces[:-1]
 
 
 def _errors(name: str, states: Array, forces: Array) -> Iterator[Row]:
@@ -88,18 +61,18 @@ def _errors(name: str, states: Array, forces: Array) -> Iterator[Row]:
 
 def expectations(problem: Problem, reference: Reference) -> Iterator[Row]:
     """Yield the errors of live ticks with each extrapolation, and of offline runs."""
-    ways: list[tuple[str, Hold, str, int, float]] = [
-        ("live, zoh", "zoh", "rk4", 1, 0.0),
-        ("live, cv", "cv", "rk4", 1, 0.0),
-        ("live, ca (the default)", "ca", "rk4", 1, 0.0),
-        ("live, ca, samples 0.5 ms old", "ca", "rk4", 1, 0.0005),
-        ("live, ca, samples 1 ms old", "ca", "rk4", 1, 0.001),
-        ("offline, hermite, rk4", "hermite", "rk4", 1, 0.0),
-        ("offline, hermite, etdrk4", "hermite", "etdrk4", 1, 0.0),
-        ("offline, hermite, dop853 (the default)", "hermite", "dop853", 2, 0.0),
-    ]
-    for name, hold, method, substeps, age in ways:
-        yield from _errors(name, *_errors_at_reference(reference, *sampled_run(problem, hold, method, substeps, age)))
+    runs = {
+        "live, zoh": live_run(problem, "zoh"),
+        "live, cv": live_run(problem, "cv"),
+        "live, ca (the default)": live_run(problem, "ca"),
+        "live, ca, samples 0.5 ms old": live_run(problem, "ca", 500_000),
+        "live, ca, samples 1 ms old": live_run(problem, "ca", 1_000_000),
+        "offline, hermite, rk4": offline_run(problem, "rk4"),
+        "offline, hermite, etdrk4": offline_run(problem, "etdrk4"),
+        "offline, hermite, dop853 (the default)": offline_run(problem, "dop853", 2),
+    }
+    for name, found in runs.items():
+        yield from _errors(name, *_errors_at_reference(reference, *found))
 
 
 def _errors_at_reference(reference: Reference, states: Array, forces: Array) -> tuple[Array, Array]:
@@ -115,17 +88,16 @@ def left_out(problem: Problem) -> Iterator[Row]:
         "Lagrange's, and the ball rolls (solid sphere)": Physics(model="lagrangian", ball_inertia=0.4),
         "the paper's, and the ball rolls": Physics(ball_inertia=0.4),
     }
-    hands = sampled_hands(problem, "hermite")
-    states, forces = _run(problem.physics, problem.first, hands, "dop853", 2)
+    states, forces = offline_run(problem, "dop853", 2)
     for name, physics in scenes.items():
-        other, felt = _run(physics, problem.first, hands, "dop853", 2)
+        other, felt = offline_run(problem, "dop853", 2, physics=physics)
         yield from _errors(name, (other - states)[::2], (felt - forces)[::2])
 
 
 def growth(problem: Problem) -> list[tuple[float, float, float]]:
     """Return horizons, and the growth of an initial displacement, simulated and predicted from the saddle [s, 1, 1]."""
-    here, _ = sampled_run(problem, "hermite", "dop853", 2)
-    there, _ = sampled_run(problem, "hermite", "dop853", 2, nudge=NUDGE)
+    here, _ = offline_run(problem, "dop853", 2)
+    there, _ = offline_run(problem, "dop853", 2, nudge=NUDGE)
     pole = abs(ball_poles(1, problem.parts, problem.scene[0])[0])
     away = np.abs(there[:, 4] - here[:, 4]) / NUDGE
     return [
@@ -160,7 +132,7 @@ def holds_part(cases: Iterable[tuple[Problem, Reference]]) -> Part:
         runs = [(hold, "the server's tick", live_run(problem, hold)) for hold in ("zoh", "cv", "ca")]
         for method, substeps in (("rk4", 1), ("etdrk4", 1), ("dop853", 2)):
             name = f"offline, {method}, {1.0 / substeps:g} ms"
-            runs.append(("hermite", name, sampled_run(problem, "hermite", method, substeps)))
+            runs.append(("hermite", name, offline_run(problem, method, substeps)))
         best: dict[str, tuple[float, str]] = {}
         for hold, name, found in runs:
             states, forces = _errors_at_reference(reference, *found)

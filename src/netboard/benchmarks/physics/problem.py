@@ -22,6 +22,7 @@ from scipy.integrate import solve_ivp
 from netboard.base.compiled import inlined, kernel
 from netboard.base.tables.scene import Physics
 from netboard.physics.arithmetic.vectors import State
+from netboard.physics.hands.extrapolation import between
 from netboard.physics.methods.march import forces_along, make_grid, run
 from netboard.physics.scene.models import rates
 from netboard.physics.scene.parameters import Parts, pack_scene, parts_of
@@ -145,16 +146,9 @@ def hermite_drives(physics: Physics, times: Array, z: Array, vz: Array) -> Array
 
     - `z`, `vz` (shape (n + 1, 2)): heights and velocities of the left and the right stylus [m, m/s].
     """
-    k, c, gap = physics.k_h, physics.c_h, np.diff(times)[:, None]
-    mean = np.diff(z, axis=0) / gap
-    bend = (3.0 * mean - 2.0 * vz[:-1] - vz[1:]) / gap
-    twist = (vz[:-1] + vz[1:] - 2.0 * mean) / gap**2
-    out = np.empty((len(gap), 8))
-    out[:, 0::4] = k * z[:-1] + c * vz[:-1]
-    out[:, 1::4] = k * vz[:-1] + 2.0 * c * bend
-    out[:, 2::4] = k * bend + 3.0 * c * twist
-    out[:, 3::4] = k * twist
-    return out
+    of_arrays: Any = getattr(between, "py_func", between)  # as it stands, not compiled for numbers
+    drives = of_arrays(z[:-1], vz[:-1], z[1:], vz[1:], np.diff(times)[:, None], physics.k_h, physics.c_h)
+    return np.stack(drives, axis=-1).reshape(-1, 8)
 
 
 def drive_waves(physics: Physics) -> Array:

@@ -22,7 +22,7 @@ from netboard.base.tables.scene import Geometry, Physics
 from netboard.base.tick import TICK, TICK_NS, TICK_SECONDS
 from netboard.benchmarks.harness.results import Part
 from netboard.benchmarks.physics.batch import LANES, in_blocks, make_batch, scene_blocks
-from netboard.benchmarks.physics.problem import STATE_NAMES, Array, Problem, styluses_at
+from netboard.benchmarks.physics.problem import STATE_NAMES, Array, Problem, multiples, styluses_at
 from netboard.benchmarks.physics.work_precision import in_turns, timed
 from netboard.physics.arithmetic.trig import sincos
 from netboard.physics.methods.catalogue import NUMBER
@@ -219,35 +219,45 @@ def live_stage(problem: Problem, hold: str = "ca") -> Stage:
     )
 
 
-def live_rows(problem: Problem) -> NDArray[Any]:
-    """Return the input rows of a problem: a new sample of each hand in every tick."""
-    rows = np.zeros(round(problem.duration / TICK_SECONDS) + 1, TICK)
-    number = np.arange(len(rows))
-    z, vz = styluses_at(number * TICK_SECONDS)
-    rows["tick"], rows["time_ns"] = number, (number + 2) * TICK_NS
+def sampled_rows(z: Array, vz: Array, first_ns: int, age_ns: int) -> NDArray[Any]:
+    """Return the input rows of ticks, each with a new sample of both hands.
+
+    - `z`, `vz` (shape (n, 2)): heights and velocities of the left and the right stylus [m, m/s].
+    - `first_ns`: time of the first tick [ns].
+    - `age_ns`: age of the samples when a tick begins [ns].
+    """
+    rows = np.zeros(len(z), TICK)
+    rows["tick"] = np.arange(len(z))
+    rows["time_ns"] = first_ns + rows["tick"] * TICK_NS
     for i, side in enumerate(SIDES):
         rows[f"{side}_live"] = 1
-        rows[f"{side}_seq"] = number
-        rows[f"{side}_stamp_ns"] = rows["time_ns"]
+        rows[f"{side}_seq"] = rows["tick"]
+        rows[f"{side}_stamp_ns"] = rows["time_ns"] - age_ns
         rows[f"{side}_sent_z"], rows[f"{side}_sent_vz"] = z[:, i], vz[:, i]
     return rows
 
 
-def live_state(stage: Stage, problem: Problem) -> NDArray[Any]:
+def live_rows(problem: Problem, age_ns: int = 0) -> NDArray[Any]:
+    """Return the input rows of a problem."""
+    times = multiples(round(problem.duration / TICK_SECONDS) + 1, TICK_SECONDS) - age_ns * 1e-9
+    return sampled_rows(*styluses_at(times), 2 * TICK_NS, age_ns)
+
+
+def live_state(stage: Stage, problem: Problem, age_ns: int = 0) -> NDArray[Any]:
     """Return the initial state of a problem: a running trial with the ball free."""
     state = stage.initial()
     state["phase"] = Phase.RUNNING
     for name, value in zip(STATE_NAMES, problem.first, strict=True):
         state[name] = value
-    _, before = styluses_at(np.array([-TICK_SECONDS]))
+    _, before = styluses_at(np.array([-TICK_SECONDS - age_ns * 1e-9]))
     for i, side in enumerate(SIDES):
-        state[f"{side}_seen_ns"], state[f"{side}_seen_vz"] = TICK_NS, before[0, i]
+        state[f"{side}_seen_ns"], state[f"{side}_seen_vz"] = TICK_NS - age_ns, before[0, i]
     return state
 
 
-def live_run(problem: Problem, hold: str) -> tuple[Array, Array]:
+def live_run(problem: Problem, hold: str, age_ns: int = 0) -> tuple[Array, Array]:
     """Run a problem by the server's ticks, from samples at 1 kHz; return states and commanded forces [SI, N]."""
-    stage, rows = live_stage(problem, hold), live_rows(problem)
-    stage.advance(live_state(stage, problem), rows, 0, len(rows))
+    stage, rows = live_stage(problem, hold), live_rows(problem, age_ns)
+    stage.advance(live_state(stage, problem, age_ns), rows, 0, len(rows))
     states = np.stack([rows[name] for name in STATE_NAMES], axis=1)
     return states, np.stack([rows["left_coupling"], rows["right_coupling"]], axis=1)

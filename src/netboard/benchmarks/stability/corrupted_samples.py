@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.config import SIDES, Config
-from netboard.base.tick import OUTPUT, STATE, TICK, TICK_NS, TICK_SECONDS
+from netboard.base.tick import OUTPUT, STATE, TICK, TICK_SECONDS
 from netboard.benchmarks.harness.results import Part
 from netboard.benchmarks.physics.problem import styluses_at
+from netboard.benchmarks.physics.tick_cost import sampled_rows
 from netboard.stage.stage import Stage, make_stage
 from netboard.task.trials.state_machine import Cause
 
@@ -38,20 +39,11 @@ Corruption = Callable[[Rows], None]
 
 def smooth_rows() -> Rows:
     """Return ticks with samples of hands that rest, then move smoothly."""
-    rows = np.zeros(WHOLE, TICK)
-    rows["tick"] = np.arange(WHOLE)
-    rows["time_ns"] = rows["tick"] * TICK_NS + 10**9
-    times = (rows["tick"] - REST) * TICK_SECONDS - AGE_NS * 1e-9
-    start = np.clip(times / 0.5, 0.0, 1.0)
+    times = (np.arange(WHOLE) - REST) * TICK_SECONDS - AGE_NS * 1e-9
+    start = np.clip(times / 0.5, 0.0, 1.0)[:, None]
     share, rate = start**2 * (3.0 - 2.0 * start), 6.0 * start * (1.0 - start) / 0.5
     z, vz = styluses_at(times)
-    for i, side in enumerate(SIDES):
-        rows[f"{side}_live"] = 1
-        rows[f"{side}_seq"] = rows["tick"]
-        rows[f"{side}_stamp_ns"] = rows["time_ns"] - AGE_NS
-        rows[f"{side}_sent_z"] = share * z[:, i]
-        rows[f"{side}_sent_vz"] = share * vz[:, i] + rate * z[:, i]
-    return rows
+    return sampled_rows(share * z, share * vz + rate * z, 10**9, AGE_NS)
 
 
 def _jump(rows: Rows) -> None:
