@@ -1,11 +1,20 @@
 """The list of the paper's open questions and the random paths through them."""
 
+from typing import get_args
+
 import pytest
 
 from netboard.analysis.extraction.settings import Readings
 from netboard.base.errors import ConfigError
 from netboard.benchmarks.analysis.multiverse import EXCLUDED, random_paths
-from netboard.benchmarks.analysis.open_questions import PAIRS, QUESTIONS, Alternative, question_named, readings_of
+from netboard.benchmarks.analysis.open_questions import (
+    PAIRS,
+    QUESTIONS,
+    Alternative,
+    Family,
+    question_named,
+    readings_of,
+)
 
 ALTERNATIVES = [(one.name, other) for one in QUESTIONS for other in one.alternatives]
 
@@ -20,6 +29,7 @@ def test_every_question_has_alternatives_or_a_reason() -> None:
         assert bool(one.alternatives) != bool(one.reason), one.name
         assert one.text
         assert one.default
+        assert set(one.families) <= set(get_args(Family)), one.name
         assert one.families
 
 
