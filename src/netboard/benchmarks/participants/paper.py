@@ -5,7 +5,7 @@ shares, ellipses and most delays. Its wording is interpreted as in the analysis:
 within configuration and haptic condition, both conditions are pooled, and standard deviations are over single trials.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import product
@@ -81,17 +81,13 @@ class Sample:
 
     def better(self, name: str, haptics: bool) -> int:
         """Count the dyads that are better than the mean of their two participants alone."""
-        return sum(self.gain(name, dyad, haptics) > 0 for dyad in self.dyads)
+        return sum(relative_performance(*self.levels(name, dyad, haptics)).gain > 0 for dyad in self.dyads)
 
     def levels(self, name: str, dyad: int, haptics: bool) -> tuple[float, float, float]:
         """Return the means of both participants alone and of the dyad in a haptic condition."""
         trials = self.rows[(self.rows["dyad"] == dyad) & (self.rows["haptics"] == haptics)]
         a, b, both = (float(np.mean(trials[name][trials["performer"] == who])) for who in ("A", "B", "dyad"))
         return a, b, both
-
-    def gain(self, name: str, dyad: int, haptics: bool) -> float:
-        """Return how far a dyad is below the mean of its participants alone."""
-        return relative_performance(*self.levels(name, dyad, haptics)).gain
 
     def delay(self, configuration: Configuration, haptics: bool, portion: int | None = None) -> float:
         """Return the mean absolute delay at one portion of the peak, or of all portions [s]."""
@@ -131,57 +127,45 @@ class Statement:
     fitted: bool = False
 
 
-def _ends() -> list[Statement]:
-    """Completion times and numbers of peaks of the first and last trials."""
-    labels = {"completion": "completion time [s]", "peaks": "velocity peaks"}
-    found = []
-    for name, configuration in product(labels, CONFIGURATIONS):
-        text, fitted = f"{labels[name]}, {configuration}", configuration == "bimanual"
-        for which in ENDS:
-            of = partial(_end, name=name, configuration=configuration, which=which)
-            spread = partial(of, summary=_deviation)
-            reported = printed(QUANTITIES[name], f"{configuration}, {which} {{ends}}")
-            # The fit does not use the standard deviation of the peaks.
-            of_fit = fitted and name == "completion"
-            found.append(Statement(f"{text}, {which} 30", of, reported.reported, fitted=fitted))
-            found.append(Statement(f"{text}, {which} 30, SD", spread, reported.reported_sd, fitted=of_fit))
-        learned = partial(_learned, name=name, configuration=configuration)
-        found.append(Statement(f"{text}, last - first", learned, sense=-1, fitted=fitted))
-    return found
+Quantity = Callable[[Sample], float]
 
 
-_deviation = partial(np.std, ddof=1)
+def _minus(one: Quantity, other: Quantity) -> Quantity:
+    return lambda sample: one(sample) - other(sample)
 
 
 def _end(
-    sample: Sample, name: str, configuration: Configuration, which: End, summary: Callable[..., Any] = np.mean
-) -> float:
-    return float(summary(sample.end(name, configuration, which)))
+    name: str, configuration: Configuration, which: End, summary: Callable[[NDArray[Any]], Any] = np.mean
+) -> Quantity:
+    return lambda sample: float(summary(sample.end(name, configuration, which)))
 
 
-def _learned(sample: Sample, name: str, configuration: Configuration) -> float:
-    return _end(sample, name, configuration, "last") - _end(sample, name, configuration, "first")
+def _ends() -> Iterator[Statement]:
+    """Completion times and numbers of peaks of the first and last trials."""
+    labels = {"completion": "completion time [s]", "peaks": "velocity peaks"}
+    for name, configuration in product(labels, CONFIGURATIONS):
+        text, fitted = f"{labels[name]}, {configuration}", configuration == "bimanual"
+        for which in ENDS:
+            reported = printed(QUANTITIES[name], f"{configuration}, {which} {{ends}}")
+            mean, spread = (_end(name, configuration, which, of) for of in (np.mean, partial(np.std, ddof=1)))
+            yield Statement(f"{text}, {which} 30", mean, reported.reported, fitted=fitted)
+            # The fit does not use the standard deviation of the peaks.
+            of_fit = fitted and name == "completion"
+            yield Statement(f"{text}, {which} 30, SD", spread, reported.reported_sd, fitted=of_fit)
+        learned = _minus(_end(name, configuration, "last"), _end(name, configuration, "first"))
+        yield Statement(f"{text}, last - first", learned, sense=-1, fitted=fitted)
 
 
-def _share(sample: Sample, name: str, configuration: Configuration, haptics: bool | None = None) -> float:
+def _share(name: str, configuration: Configuration, haptics: bool | None = None) -> Quantity:
     """Return the mean share of a movement class."""
-    return float(np.nanmean(sample.of(name, configuration, haptics)))
+    return lambda sample: float(np.nanmean(sample.of(name, configuration, haptics)))
 
 
-def _dyadic_effect(sample: Sample, name: str) -> float:
-    return _share(sample, name, "dyadic") - _share(sample, name, "bimanual")
-
-
-def _haptic_effect(sample: Sample, name: str, configuration: Configuration) -> float:
-    return _share(sample, name, configuration, True) - _share(sample, name, configuration, False)
-
-
-def _shares() -> list[Statement]:
+def _shares() -> Iterator[Statement]:
     """Shares of the movement classes: the paper prints only directions."""
-    found = [
-        Statement(f"{name} share, dyadic - bimanual", partial(_dyadic_effect, name=name), sense=sense)
-        for name, sense in (("cooperative", -1), ("still", -1), ("single", 1), ("competitive", 1))
-    ]
+    for name, sense in (("cooperative", -1), ("still", -1), ("single", 1), ("competitive", 1)):
+        of = _minus(_share(name, "dyadic"), _share(name, "bimanual"))
+        yield Statement(f"{name} share, dyadic - bimanual", of, sense=sense)
     effects: tuple[tuple[str, Configuration, int], ...] = (
         ("cooperative", "bimanual", 1),
         ("cooperative", "dyadic", 1),
@@ -190,76 +174,55 @@ def _shares() -> list[Statement]:
         ("competitive", "dyadic", -1),
     )
     for name, configuration, sense in effects:
-        of = partial(_haptic_effect, name=name, configuration=configuration)
-        found.append(Statement(f"{name} share, {configuration}, haptics on - off", of, sense=sense))
-    return found
+        of = _minus(_share(name, configuration, True), _share(name, configuration, False))
+        yield Statement(f"{name} share, {configuration}, haptics on - off", of, sense=sense)
 
 
-def _dyads() -> list[Statement]:
+def _dyads() -> Iterator[Statement]:
     """Dyads that are better than the mean of their participants, of four."""
-    return [
-        Statement(
-            f"dyads {word} than alone, haptics {on}",
-            partial(Sample.better, name=name, haptics=on == "on"),
-            round(printed(f"{QUANTITIES[name]}: dyads better than the mean of the two", f"haptics {on}").reported),
-        )
-        for (name, word), on in product((("completion", "faster"), ("peaks", "smoother")), ("on", "off"))
-    ]
+    for (name, word), on in product((("completion", "faster"), ("peaks", "smoother")), ("on", "off")):
+        reported = printed(f"{QUANTITIES[name]}: dyads better than the mean of the two", f"haptics {on}").reported
+        of = partial(Sample.better, name=name, haptics=on == "on")
+        yield Statement(f"dyads {word} than alone, haptics {on}", of, round(reported))
 
 
-def _variance(points: NDArray[np.float64], column: int) -> float:
-    known = points[np.isfinite(points[:, column]), column]
+def _variance(values: NDArray[np.float64]) -> float:
+    known = values[np.isfinite(values)]
     return float(np.var(known, ddof=1)) if len(known) > 1 else float("nan")
 
 
-def _strategies() -> list[Statement]:
+def _strategies() -> Iterator[Statement]:
     """Convergence of the strategies: ellipses shrink, variances fall."""
     measures: dict[str, Callable[[NDArray[np.float64]], float]] = {
         "ellipse area": lambda points: ellipse(points).area,
-        "variance of distance": partial(_variance, column=0),
-        "variance of velocity": partial(_variance, column=1),
+        "variance of distance": lambda points: _variance(points[:, 0]),
+        "variance of velocity": lambda points: _variance(points[:, 1]),
     }
-    return [
-        Statement(f"{text}, {one}, log(last/first)", partial(Sample.spread, configuration=one, measure=how), sense=-1)
-        for text, how in measures.items()
-        for one in CONFIGURATIONS
-    ]
+    for (text, how), one in product(measures.items(), CONFIGURATIONS):
+        of = partial(Sample.spread, configuration=one, measure=how)
+        yield Statement(f"{text}, {one}, log(last/first)", of, sense=-1)
 
 
-def _delay(sample: Sample, configuration: Configuration, haptics: bool) -> float:
-    return 1e3 * sample.delay(configuration, haptics)
+def _delay(configuration: Configuration, haptics: bool, portion: int | None = None) -> Quantity:
+    return lambda sample: 1e3 * sample.delay(configuration, haptics, portion)
 
 
-def _rising(sample: Sample, configuration: Configuration, haptics: bool) -> float:
-    return 1e3 * (sample.delay(configuration, haptics, -1) - sample.delay(configuration, haptics, 0))
-
-
-def _delays() -> list[Statement]:
+def _delays() -> Iterator[Statement]:
     """Delays between the sides, the mean of the four portions of the peak."""
-    found = []
     for configuration in reversed(CONFIGURATIONS):
-        value = 1e3 * printed(f"delay, {OVER_ALL}", configuration).reported
-        of = partial(_delay, configuration=configuration, haptics=False)
-        found.append(
-            Statement(f"delay [ms], {configuration}, haptics off", of, value, fitted=configuration == "bimanual")
-        )
-        for on in ("off", "on"):
-            rising = partial(_rising, configuration=configuration, haptics=on == "on")
-            found.append(Statement(f"delay [ms], {configuration}, haptics {on}, 40 % - 10 %", rising, sense=1))
-    return [
-        *found,
-        Statement("delay [ms], dyadic, haptics on - off", _haptic_delay_effect, sense=-1),
-        Statement("delay [ms], haptic effect, dyadic - bimanual, absolute", _contrast, sense=1),
-    ]
-
-
-def _haptic_delay_effect(sample: Sample, configuration: Configuration = "dyadic") -> float:
-    return _delay(sample, configuration, True) - _delay(sample, configuration, False)
-
-
-def _contrast(sample: Sample) -> float:
-    """Return how much larger the haptic effect on the delay is in dyads than bimanually [ms]."""
-    return abs(_haptic_delay_effect(sample)) - abs(_haptic_delay_effect(sample, "bimanual"))
+        value, of = 1e3 * printed(f"delay, {OVER_ALL}", configuration).reported, _delay(configuration, False)
+        yield Statement(f"delay [ms], {configuration}, haptics off", of, value, fitted=configuration == "bimanual")
+        for on in (False, True):
+            rising = _minus(_delay(configuration, on, -1), _delay(configuration, on, 0))
+            text = f"delay [ms], {configuration}, haptics {'on' if on else 'off'}, 40 % - 10 %"
+            yield Statement(text, rising, sense=1)
+    alone, together = (_minus(_delay(one, True), _delay(one, False)) for one in CONFIGURATIONS)
+    yield Statement("delay [ms], dyadic, haptics on - off", together, sense=-1)
+    yield Statement(
+        "delay [ms], haptic effect, dyadic - bimanual, absolute",
+        lambda sample: abs(together(sample)) - abs(alone(sample)),
+        sense=1,
+    )
 
 
 STATEMENTS = (*_ends(), *_shares(), *_dyads(), *_strategies(), *_delays())
@@ -272,8 +235,8 @@ def _haptic_time_effect(sample: Sample, configuration: Configuration) -> float:
     return on / off - 1.0
 
 
-EXTRA = (
-    Statement("completion time, bimanual, haptics on/off - 1", partial(_haptic_time_effect, configuration="bimanual")),
-    Statement("completion time, dyadic, haptics on/off - 1", partial(_haptic_time_effect, configuration="dyadic")),
+EXTRA = tuple(
+    Statement(f"completion time, {one}, haptics on/off - 1", partial(_haptic_time_effect, configuration=one))
+    for one in CONFIGURATIONS
 )
 """Quantities that the paper does not report, for comparison."""
