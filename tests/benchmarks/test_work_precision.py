@@ -21,7 +21,7 @@ from netboard.benchmarks.physics.problem import MODELS, Model, Problem, make_ref
 from netboard.benchmarks.physics.skips import SAME, SKIPS, Skip, difference
 from netboard.benchmarks.physics.work_precision import (
     OURS,
-    Comparison,
+    TARGETS,
     Row,
     compare,
     cost_at,
@@ -108,7 +108,7 @@ def test_least_cost_is_that_of_a_single_best_method() -> None:
 def test_cost_ratios_compare_solvers_at_equal_error() -> None:
     rows = [row(1e-2, 10.0), row(1e-6, 100.0), row(1e-2, 20.0, "peer"), row(1e-8, 50.0, "peer")]
     comparison = next(one for one in compare(rows) if one.what == "physics")
-    ratios = dict(zip(comparison.errors, comparison.ratios, strict=True))
+    ratios = dict(zip(TARGETS, comparison.ratios, strict=True))
     assert ratios[1e-2] == pytest.approx(2.0)
     assert ratios[1e-6] == pytest.approx(20.0 * 2.5 ** (4 / 6) / 100.0)
     assert ratios[1e-8] == 0.0
@@ -118,8 +118,9 @@ def test_cost_ratios_compare_solvers_at_equal_error() -> None:
 
 
 def test_error_reached_by_netboard_only_has_infinite_ratio() -> None:
-    comparison = Comparison("paper, settled", "peer", "physics", (1e-2, 1e-3), (1.0, 2.0), (3.0, inf))
-    assert comparison.ratios == (3.0, inf)
+    ours, theirs = [row(1e-2, 1.0), row(1e-12, 2.0)], [row(1e-2, 3.0, "peer")]
+    comparison = next(one for one in compare([*ours, *theirs]) if one.what == "physics")
+    assert comparison.ratios == (3.0, *[inf] * (len(TARGETS) - 1))
     assert comparison.beaten
     assert ratios_parts([comparison])[0].holds
 

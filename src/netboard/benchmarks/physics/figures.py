@@ -12,7 +12,7 @@ from typing import Any
 
 from netboard.benchmarks.harness.results import Folder
 from netboard.benchmarks.physics.problem import ERRORS
-from netboard.benchmarks.physics.work_precision import COSTS, OURS, PHYSICS, Row, frontier
+from netboard.benchmarks.physics.work_precision import COSTS, OURS, PHYSICS, Row, by_problem, frontier
 
 _LARGEST = 1.0
 """Runs with errors E beyond this are left out [1]."""
@@ -30,8 +30,8 @@ _MARKS = "osD^v<>pXP*h"
 
 def draw(rows: Sequence[Row], folder: Folder, signals: bool = True) -> None:
     """Draw each problem: E against both costs, and each signal's error against the physics' cost."""
-    for problem in dict.fromkeys(row.problem for row in rows):
-        here = [row for row in rows if row.problem == problem and row.scaled < _LARGEST]
+    for problem, every in by_problem(rows).items():
+        here = [row for row in every if row.scaled < _LARGEST]
         here.sort(key=lambda row: (row.library != OURS, row.library, row.method))
         name = problem.replace(", ", "-")
         folder.save(f"work-precision-{name}", partial(_overview, here, problem))
@@ -65,7 +65,7 @@ def _overview(rows: Sequence[Row], problem: str) -> Any:
 def _signals(rows: Sequence[Row], problem: str) -> Any:
     figure, axes = _figure(13.0, 10.0, 2, 2)
     for i, (ax, signal) in enumerate(zip(axes, ERRORS, strict=True)):
-        _curves(ax, rows, _error_of(i), PHYSICS)
+        _curves(ax, rows, partial(_error, i), PHYSICS)
         ax.set_xlabel(f"largest error of {signal}")
         ax.set_ylabel("cost of a second of simulated time, physics alone [us]")
     figure.suptitle(problem)
@@ -73,8 +73,8 @@ def _signals(rows: Sequence[Row], problem: str) -> Any:
     return figure
 
 
-def _error_of(signal: int) -> Callable[[Row], float]:
-    return lambda row: row.errors[signal]
+def _error(signal: int, row: Row) -> float:
+    return row.errors[signal]
 
 
 def _curves(ax: Any, rows: Sequence[Row], error: Callable[[Row], float], cost: Callable[[Row], float]) -> None:

@@ -8,7 +8,16 @@ from netboard.benchmarks.harness.results import Part, Value, Verdict
 from netboard.benchmarks.physics.peer_mujoco import LIBRARY as MUJOCO
 from netboard.benchmarks.physics.peer_mujoco import STAGES
 from netboard.benchmarks.physics.problem import ERRORS, Problem, Reference
-from netboard.benchmarks.physics.work_precision import OURS, TARGETS, Comparison, Row, cost_at, frontier, least_cost
+from netboard.benchmarks.physics.work_precision import (
+    OURS,
+    TARGETS,
+    Comparison,
+    Row,
+    by_problem,
+    cost_at,
+    frontier,
+    least_cost,
+)
 
 SURE = 1e-11
 """Largest difference of two reference solutions that can resolve an E of 1e-12 [1]."""
@@ -81,12 +90,7 @@ def steps_part(rows: Iterable[Row]) -> Part:
 
 def frontier_part(rows: Sequence[Row]) -> Part:
     """List the Pareto-optimal runs."""
-    best = [
-        row
-        for problem in dict.fromkeys(row.problem for row in rows)
-        for row in frontier(row for row in rows if row.problem == problem)
-        if row.scaled < 1.0
-    ]
+    best = [row for here in by_problem(rows).values() for row in frontier(here) if row.scaled < 1.0]
     return Part(
         "frontier",
         "Pareto frontier: no run has both a smaller error and a lower cost, hands excluded",
@@ -101,9 +105,8 @@ def frontier_part(rows: Sequence[Row]) -> Part:
 def costs_parts(rows: Sequence[Row]) -> list[Part]:
     """List the cost of each error with each method, for each problem."""
     parts = []
-    for problem in dict.fromkeys(row.problem for row in rows):
+    for problem, here in by_problem(rows).items():
         table: list[tuple[Value, ...]] = []
-        here = [row for row in rows if row.problem == problem]
         for library, method in dict.fromkeys((row.library, row.method) for row in here):
             curve = [row for row in here if (row.library, row.method) == (library, method)]
             costs = [cost_at(curve, error) for error in TARGETS]
@@ -111,7 +114,7 @@ def costs_parts(rows: Sequence[Row]) -> list[Part]:
                 table.append((f"{library} {method}", *(_short(cost) if cost < inf else "-" for cost in costs)))
         parts.append(
             Part(
-                f"costs-{_file(problem)}",
+                f"costs-{problem.replace(', ', '-')}",
                 f"{problem}: cost of an error E, hands excluded [us per second of simulated time]",
                 ("E [1]", *_HEADS),
                 table,
@@ -121,10 +124,6 @@ def costs_parts(rows: Sequence[Row]) -> list[Part]:
 
 
 _HEADS = tuple(f"{error:.0e}".replace("e-0", "e-") for error in TARGETS)
-
-
-def _file(problem: str) -> str:
-    return problem.replace(", ", "-")
 
 
 WHAT = {
@@ -178,7 +177,7 @@ def _least(comparisons: Sequence[Comparison]) -> str:
     all_of = [
         (ratio, error, one.problem)
         for one in comparisons
-        for ratio, error in zip(one.ratios, one.errors, strict=True)
+        for ratio, error in zip(one.ratios, TARGETS, strict=True)
         if ratio is not None
     ]
     if not all_of:
@@ -191,10 +190,12 @@ def mujoco_part(rows: Sequence[Row], comparisons: Sequence[Comparison]) -> Part:
     """Compare netboard with MuJoCo on the Lagrangian problems."""
     part = Part("mujoco", "MuJoCo", "problem | what | MuJoCo | netboard | ratio")
     held = []
-    for problem in dict.fromkeys(row.problem for row in rows if row.library == MUJOCO):
-        ours = [row for row in rows if row.problem == problem and row.library == OURS]
+    for problem, here in by_problem(rows).items():
+        ours = [row for row in here if row.library == OURS]
         our_rk4 = [row for row in ours if row.method == "rk4"]
-        theirs = [row for row in rows if row.problem == problem and row.library == MUJOCO]
+        theirs = [row for row in here if row.library == MUJOCO]
+        if not theirs:
+            continue
         staged = min(row.step_ns for row in theirs if row.method == STAGES)
         ns = min(row.step_ns for row in our_rk4 if row.scaled < 1.0)
         part.add(problem, "a step of RK4 on the same equations [ns]", staged, ns, staged / ns)

@@ -148,27 +148,11 @@ def samples_of(ticks: int) -> Array:
     return np.ascontiguousarray(np.stack([z[1:], vz[1:], az], axis=-1).reshape(ticks, 6))
 
 
-def _initial_state(model: Model, skip: Skip, length: int) -> State:
-    first = Problem(model, "settled").first
-    return tuple(0.0 if i in skip.still else value for i, value in enumerate(first[:length]))
-
-
-def _table(method: str, scene: NDArray[Any], parts: Parts, length: int) -> Array:
-    return METHODS[NUMBER[method]].tables(scene[0], parts, length, TICK_SECONDS)[np.newaxis]
-
-
 def _simpler(model: Model, skip: Skip) -> Callable[[Array, Array], object]:
     """Return a function that runs the simpler scene, and writes forces and states into two arrays."""
     physics = Physics(model=model, **skip.scene)
-    scene, parts, length = pack_scene(physics), parts_of(physics, skip.free), state_length(physics)
-    loop = _make_loop(NUMBER[skip.method], parts, skip.forces)
-    return partial(
-        loop,
-        _initial_state(model, skip, length),
-        samples_of(skip.ticks),
-        _table(skip.method, scene, parts, length),
-        scene,
-    )
+    scene, parts = pack_scene(physics), parts_of(physics, skip.free)
+    return _run(_make_loop(NUMBER[skip.method], parts, skip.forces), skip.method, skip, physics, scene, parts)
 
 
 def _full(model: Model, skip: Skip) -> Callable[[Array, Array], object]:
@@ -181,13 +165,17 @@ def _full(model: Model, skip: Skip) -> Callable[[Array, Array], object]:
         loop: Callable[..., object] = _make_inert(parts, *skip.limp, skip.carried)
     else:
         loop = _make_loop(NUMBER[skip.proof_method], parts, True)
-    return partial(
-        loop,
-        _initial_state(model, skip, 6),
-        samples_of(skip.ticks),
-        _table(skip.proof_method, scene, parts, 6),
-        scene,
-    )
+    return _run(loop, skip.proof_method, skip, physics, scene, parts)
+
+
+def _run(
+    loop: Callable[..., object], method: str, skip: Skip, physics: Physics, scene: NDArray[Any], parts: Parts
+) -> Callable[[Array, Array], object]:
+    """Prepare a loop over a scene, from the initial state of the test problem."""
+    first = Problem(physics.model, "settled").first[: state_length(physics)]
+    x = tuple(0.0 if i in skip.still else value for i, value in enumerate(first))
+    tables = METHODS[NUMBER[method]].tables(scene[0], parts, len(x), TICK_SECONDS)[np.newaxis]
+    return partial(loop, x, samples_of(skip.ticks), tables, scene)
 
 
 def difference(model: Model, skip: Skip) -> float:

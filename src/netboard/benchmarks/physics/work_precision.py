@@ -148,24 +148,11 @@ def measure(
         warm_ups.append(perf_counter() - start)
     ns = input_cost(problem)
     tell(f"{problem.name}: timing", share)
-    walls = in_turns([solver.bare for solver in solvers], repeats, budget)
+    bare = in_turns([solver.bare for solver in solvers], repeats, budget)
     alone = _of_some([solver.alone for solver in solvers], repeats, budget)
     dense = _of_some([solver.dense for solver in solvers], repeats, budget)
-    return [
-        _row(problem, reference, solver, solution, warm_up, Times(wall, lonely, gridded), ns)
-        for solver, solution, warm_up, wall, lonely, gridded in zip(
-            solvers, solutions, warm_ups, walls, alone, dense, strict=True
-        )
-    ]
-
-
-@dataclass(frozen=True)
-class Times:
-    """Wall times of a solver without states, without hands, and with dense states; empty if not run [s]."""
-
-    bare: list[float]
-    alone: list[float]
-    dense: list[float]
+    found = zip(solvers, solutions, warm_ups, bare, alone, dense, strict=True)
+    return [_row(problem, reference, ns, *one) for one in found]
 
 
 def _of_some(runs: Sequence[Callable[[], object] | None], repeats: int, budget: float) -> list[list[float]]:
@@ -194,21 +181,27 @@ def in_turns(runs: Sequence[Callable[[], object]], repeats: int, budget: float) 
 def _row(
     problem: Problem,
     reference: Reference,
+    ns: float,
     solver: Solver,
     solution: Solution,
     warm_up: float,
-    times: Times,
-    ns: float,
+    bare: list[float],
+    alone: list[float],
+    dense: list[float],
 ) -> Row:
+    """Return error and cost from wall times without states, without hands, and with dense states; empty if not run.
+
+    - `ns`: cost of one evaluation of the hands in compiled code [ns].
+    """
     errors = errors_of(problem, reference, solution.states, solution.stride)
     scale = 1e6 / problem.duration
     hands = solution.calls * (ns if isnan(solver.input_ns) else solver.input_ns) * 1e-9
 
     def costs(of: Callable[[list[float]], float]) -> tuple[float, float]:
-        took = of(times.bare) / solver.share
+        took = of(bare) / solver.share
         if not solver.inputs:
             return took * scale, (took + hands) * scale
-        physics = of(times.alone) if times.alone else max(took - hands, 0.0)
+        physics = of(alone) if alone else max(took - hands, 0.0)
         return physics * scale, took * scale
 
     physics, whole = costs(min)
@@ -223,13 +216,13 @@ def _row(
         calls=solution.calls,
         errors=tuple(errors.tolist()),
         scaled=float((errors / reference.scales).max()),
-        turns=len(times.bare),
+        turns=len(bare),
         warm_up=warm_up,
         physics=physics,
         physics_median=physics_median,
         whole=whole,
         whole_median=whole_median,
-        dense=physics + (min(times.dense) - min(times.bare)) * scale if times.dense else inf,
+        dense=physics + (min(dense) - min(bare)) * scale if dense else inf,
         spacing=solution.stride * SPACING,
         step_ns=physics / scale / solution.steps * 1e9 if solution.steps else 0.0,
     )
@@ -242,6 +235,14 @@ COSTS: dict[str, Cost] = {name: attrgetter(name) for name in ("physics", "whole"
 """Costs that are compared, by the name of the field."""
 
 PHYSICS = COSTS["physics"]
+
+
+def by_problem(rows: Iterable[Row]) -> dict[str, list[Row]]:
+    """Return the rows of each problem."""
+    found: dict[str, list[Row]] = {}
+    for row in rows:
+        found.setdefault(row.problem, []).append(row)
+    return found
 
 
 def frontier(rows: Iterable[Row], cost: Cost = PHYSICS) -> list[Row]:
@@ -281,22 +282,13 @@ def least_cost(rows: Iterable[Row], error: float, cost: Cost = PHYSICS) -> float
 class Comparison:
     """Cost over error of netboard's methods and of a library.
 
-    - `ours`, `theirs`: least costs; infinite where that error is not reached [us].
+    - `ratios`: least costs at each of `TARGETS`, theirs over ours; None: neither reaches it, infinite: only ours [1].
     """
 
     problem: str
     library: str
     what: str
-    errors: tuple[float, ...]
-    ours: tuple[float, ...]
-    theirs: tuple[float, ...]
-
-    @property
-    def ratios(self) -> tuple[float | None, ...]:
-        """Ratio of costs, theirs over ours, at each error; None: neither reaches it, infinite: only ours does."""
-        return tuple(
-            None if a == b == inf else (inf if b == inf else b / a) for a, b in zip(self.ours, self.theirs, strict=True)
-        )
+    ratios: tuple[float | None, ...]
 
     @property
     def beaten(self) -> bool:
@@ -307,22 +299,21 @@ class Comparison:
 def compare(rows: Sequence[Row]) -> list[Comparison]:
     """Compare netboard with each library on each problem, with and without the cost of the hands."""
     found = []
-    for problem in dict.fromkeys(row.problem for row in rows):
-        here = [row for row in rows if row.problem == problem]
+    for problem, here in by_problem(rows).items():
         ours = [row for row in here if row.library == OURS]
         for library in dict.fromkeys(row.library for row in here if row.library != OURS):
             theirs = [row for row in here if row.library == library]
             for what, cost in COSTS.items():
-                if what == "dense" and not any(row.dense < inf for row in theirs):
-                    continue
-                found.append(
-                    Comparison(
-                        problem,
-                        library,
-                        what,
-                        TARGETS,
-                        tuple(least_cost(ours, error, cost) for error in TARGETS),
-                        tuple(least_cost(theirs, error, cost) for error in TARGETS),
+                if what != "dense" or any(row.dense < inf for row in theirs):
+                    ratios = (
+                        ratio(least_cost(ours, error, cost), least_cost(theirs, error, cost)) for error in TARGETS
                     )
-                )
+                    found.append(Comparison(problem, library, what, tuple(ratios)))
     return found
+
+
+def ratio(ours: float, theirs: float) -> float | None:
+    """Return a ratio of costs; None if both are infinite."""
+    if theirs == inf:
+        return None if ours == inf else inf
+    return theirs / ours
