@@ -55,7 +55,7 @@ def test_remeasuring_with_default_settings_gives_the_same_tables(run: Run) -> No
 def test_other_settings_equal_a_separate_measurement(run: Run, setting: str) -> None:
     other = readings_of((setting,))
     alone = measure(run, other)
-    found = remeasured(run, "peaks.window=whole", setting, "delays.search=inside").others[1]
+    found = remeasured(run, "peaks.window=whole", setting, "delays.search=inside").others[other]
     for name in ("peaks", "cooperative", "braking_distance"):
         assert np.array_equal(found.trials[name], alone.trials[name], equal_nan=True), name
     assert np.array_equal(found.movements["delay_20"], alone.movements["delay_20"], equal_nan=True)
@@ -132,7 +132,8 @@ def test_lost_samples_prevent_a_completion_time_unless_bridged(run: Run) -> None
 
 def test_search_inside_the_movement_shortens_delays_at_the_lowest_threshold(run: Run) -> None:
     found = remeasured(run, "delays.search=inside")
-    before, after = (np.nanmean(np.abs(one.movements["delay_10"])) for one in (found.base, found.others[0]))
+    (other,) = found.others.values()
+    before, after = (np.nanmean(np.abs(one.movements["delay_10"])) for one in (found.base, other))
     assert after < before
 
 
@@ -144,9 +145,8 @@ def test_shared_threshold_biases_delays_and_own_peaks_do_not(tmp_path: Path) -> 
     ticks["theta"] = 0.06 * done
     run = runs_of([written(tmp_path, ticks)])[0]
     found = remeasured(run, "delays.threshold=own_peak")
-    shared, own = (
-        np.concatenate([one.movements[f"delay_{q}"] for q in (10, 40)]) for one in (found.base, found.others[0])
-    )
+    (other,) = found.others.values()
+    shared, own = (np.concatenate([one.movements[f"delay_{q}"] for q in (10, 40)]) for one in (found.base, other))
     # A positive delay means that the right side was first. The left one moves twice as far.
     assert shared == pytest.approx([-0.014, -0.034], abs=0.003)
     assert own == pytest.approx([0, 0], abs=0.001)

@@ -55,11 +55,12 @@ class Request:
 class Remeasured:
     """The measurements of one recording.
 
+    - `others`: with each of the further settings.
     - `undisturbed`, `disturbed`: values of each attempt without and with each disturbance [SI].
     """
 
     base: Measured
-    others: tuple[Measured, ...]
+    others: dict[Readings, Measured]
     undisturbed: tuple[Columns, ...]
     disturbed: tuple[Columns, ...]
     forms: tuple[Form, ...]
@@ -109,29 +110,30 @@ def remeasure(request: Request) -> Remeasured:
     whole = measure(request.run, request.base)
     base = replace(whole, paths={name: values[:0].copy() for name, values in whole.paths.items()})
     block = read_block(request.run, request.base)
-    others: dict[int, Measured] = {}
+    others: dict[Readings, Measured] = {}
     seen = block
-    for number in _in_order(request):
-        if measured_with(request.others[number]) == measured_with(request.base):
-            others[number] = base
+    # Those with equal filters one after the other, because they share the filtered signals.
+    for readings in sorted(request.others, key=lambda one: (one.filters != request.base.filters, repr(one))):
+        if measured_with(readings) == measured_with(request.base):
+            others[readings] = base
         else:
-            seen = seen.again(request.others[number])
-            others[number] = update_measures(base, list(seen.takes()))
+            seen = seen.again(readings)
+            others[readings] = update_measures(base, list(seen.takes()))
     undisturbed, disturbed = _disturbed(request, base, block)
     forms = compare_forms(block.raw("p"), block.placed) if request.disturbances else ()
-    return Remeasured(base, tuple(others[number] for number in range(len(others))), undisturbed, disturbed, forms)
+    return Remeasured(base, others, undisturbed, disturbed, forms)
 
 
 def _disturbed(request: Request, base: Measured, block: Block) -> tuple[tuple[Columns, ...], tuple[Columns, ...]]:
     groups = (*PAPER, *_SMOOTHNESS)
-    references: dict[str, tuple[Block, list[Take], Columns]] = {}
+    references: dict[Readings, tuple[Block, list[Take], Columns]] = {}
     undisturbed, disturbed = [], []
     for number, (disturbance, readings) in enumerate(zip(request.disturbances, request.disturbed_by, strict=True)):
-        if repr(readings) not in references:
+        if readings not in references:
             seen = block.again(readings)
             takes = list(seen.takes())
-            references[repr(readings)] = seen, takes, attempt_values(update_measures(base, takes, groups))
-        seen, takes, values = references[repr(readings)]
+            references[readings] = seen, takes, attempt_values(update_measures(base, takes, groups))
+        seen, takes, values = references[readings]
         generator = np.random.default_rng([zlib.crc32(request.run.path.stem.encode()), number])
         changed = seen.again(readings, **disturbance.change(disturbable_columns(seen), generator))
         # In the window of the undisturbed attempt: a disturbed completion time must not change other values.
@@ -140,16 +142,6 @@ def _disturbed(request: Request, base: Measured, block: Block) -> tuple[tuple[Co
         undisturbed.append(values)
         disturbed.append(attempt_values(update_measures(base, windowed, groups)))
     return tuple(undisturbed), tuple(disturbed)
-
-
-def _in_order(request: Request) -> list[int]:
-    """Order settings so that equal filters are adjacent, the default filters first."""
-
-    def place(number: int) -> tuple[bool, str, str]:
-        readings = request.others[number]
-        return readings.filters != request.base.filters, repr(readings.filters), repr(readings.segments)
-
-    return sorted(range(len(request.others)), key=place)
 
 
 def disturbable_columns(block: Block) -> Columns:

@@ -101,24 +101,15 @@ class Variants:
     runs: tuple[Run, ...]
     settings: tuple[str, ...]
     base: Readings
-    singles: tuple[tuple[Question, Alternative], ...]
-    pairs: tuple[tuple[Question, Question], ...]
+    singles: tuple[tuple[Question, Alternative, Readings], ...]
+    pairs: tuple[tuple[Question, Question, Readings], ...]
     paths: multiverse.Paths
 
     @property
-    def first_path(self) -> int:
-        """Return the index in `others` of the first path [1]."""
-        return len(self.singles) + len(self.pairs)
-
-    @property
     def others(self) -> tuple[Readings, ...]:
-        """Return all other settings: singles, then pairs, then paths."""
-        one = [readings_of(other.settings, self.settings) for _, other in self.singles]
-        two = [
-            readings_of((*a.alternatives[0].settings, *b.alternatives[0].settings), self.settings)
-            for a, b in self.pairs
-        ]
-        return (*one, *two, *self.paths.measured)
+        """Return all settings but the default ones, each once."""
+        every = *(one[2] for one in self.singles), *(one[2] for one in self.pairs), *self.paths.measured
+        return tuple(dict.fromkeys(every))
 
 
 def variants_of(recordings: Sequence[Path], *, quick: bool) -> Variants:
@@ -133,12 +124,15 @@ def variants_of(recordings: Sequence[Path], *, quick: bool) -> Variants:
         names = ", ".join(sorted(f"{configuration} with force {force}" for configuration, force in missing))
         raise RecordingError(f"{len(runs)} recordings: expected the paper's four conditions, found none of {names}")
     settings = window_settings(min(trials.values()))
+    pairs = [(question_named(one), question_named(other)) for one, other in PAIRS]
     return Variants(
         runs,
         settings,
         readings_of((), settings),
-        tuple((one, other) for one in QUESTIONS for other in one.alternatives),
-        tuple((question_named(one), question_named(other)) for one, other in PAIRS),
+        tuple((q, other, readings_of(other.settings, settings)) for q in QUESTIONS for other in q.alternatives),
+        tuple(
+            (a, b, readings_of((*a.alternatives[0].settings, *b.alternatives[0].settings), settings)) for a, b in pairs
+        ),
         multiverse.random_paths(settings, *(QUICK_PATHS if quick else PATHS)),
     )
 
@@ -171,13 +165,15 @@ def study(recordings: Sequence[Path], folder: Folder, tell: Tell, *, quick: bool
     yield about_part(variants, base, found)
     tell("computing the reported numbers", 0.9)
     default = numbers(base)
-    alone, both = _singles_and_pairs(variants, found, default)
+    alone = [(one, other, numbers(_study(found, by), default)) for one, other, by in variants.singles]
+    both = [(one, other, numbers(_study(found, by), default)) for one, other, by in variants.pairs]
     yield tables.numbers_part(default, alone)
     yield tables.alternatives_part(default, alone)
     yield tables.headlines_part(default, alone)
     yield tables.moved_part(default, alone)
     yield tables.pairs_part(default, alone, both)
-    yield tables.affected_part(base, _single(variants, found, "B5"))
+    whole_ball = next(by for question, _, by in variants.singles if question.name == "B5")
+    yield tables.affected_part(base, _study(found, whole_ball))
     paths = _paths(variants, found, default, tell)
     yield tables.paths_part(default, paths, variants.paths.count)
     yield tables.statements_part(default, alone, paths)
@@ -189,24 +185,9 @@ def study(recordings: Sequence[Path], folder: Folder, tell: Tell, *, quick: bool
     yield forms_part([one.forms for one in disturbed])
 
 
-def _singles_and_pairs(
-    variants: Variants, found: Sequence[Remeasured], default: Numbers
-) -> tuple[
-    list[tuple[Question, Alternative, Numbers]],
-    list[tuple[Question, Question, Numbers]],
-]:
-    each = [
-        numbers(study_of([one.others[number] for one in found], readings), default)
-        for number, readings in enumerate(variants.others[: variants.first_path])
-    ]
-    alone = [(*which, values) for which, values in zip(variants.singles, each, strict=False)]
-    return alone, [(*which, values) for which, values in zip(variants.pairs, each[len(alone) :], strict=True)]
-
-
-def _single(variants: Variants, found: Sequence[Remeasured], name: str) -> Study:
-    """Return the study with the first alternative to a question."""
-    number = next(place for place, (one, _) in enumerate(variants.singles) if one.name == name)
-    return study_of([one.others[number] for one in found], variants.others[number])
+def _study(found: Sequence[Remeasured], measured: Readings, summarised: Readings | None = None) -> Study:
+    """Return the study with other settings, and with other summaries of the same measures if they are given."""
+    return study_of([one.others[measured] for one in found], summarised or measured)
 
 
 def _measured(variants: Variants, tell: Tell) -> list[Remeasured]:
@@ -230,10 +211,10 @@ def _measured(variants: Variants, tell: Tell) -> list[Remeasured]:
 
 def _paths(variants: Variants, found: Sequence[Remeasured], default: Numbers, tell: Tell) -> list[dict[str, float]]:
     values = []
-    for number, summaries in enumerate(variants.paths.summaries):
-        tell("random paths", 0.9 + 0.1 * number / len(variants.paths.summaries))
-        measured = [one.others[variants.first_path + number] for one in found]
-        values += [tables.values_of(numbers(study_of(measured, readings), default)) for readings in summaries]
+    paths = variants.paths
+    for number, (measured, summaries) in enumerate(zip(paths.measured, paths.summaries, strict=True)):
+        tell("random paths", 0.9 + 0.1 * number / len(paths.measured))
+        values += [tables.values_of(numbers(_study(found, measured, one), default)) for one in summaries]
     return values
 
 
