@@ -1,14 +1,14 @@
 """Tables of the effects of disturbances on the measures of an attempt."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from netboard.benchmarks.analysis.disturbances import DISTURBANCES
 from netboard.benchmarks.analysis.remeasuring import Remeasured
-from netboard.benchmarks.harness.results import Part, Value, Verdict
+from netboard.benchmarks.harness.results import Part
 
 MEASURES = (
     ("completion", "completion [ms]", 1e3),
@@ -42,6 +42,11 @@ class Shift:
     count: int
     lost: int
 
+    @property
+    def largest(self) -> float:
+        """Larger of bias and deviation; 0 if too few attempts have a value."""
+        return max(abs(self.bias), self.deviation) if self.count > 1 else 0.0
+
 
 def shift(found: Sequence[Remeasured], number: int, name: str) -> Shift:
     """Compare each disturbed attempt with the same one undisturbed."""
@@ -61,40 +66,27 @@ def disturbances_part(found: Sequence[Remeasured]) -> Part:
     for name, _, factor in MEASURES:
         undisturbed = np.concatenate([one.undisturbed[0][name] for one in found])
         means.append(f"{factor * np.nanmean(undisturbed):.3g}" if np.isfinite(undisturbed).any() else "none")
-    rows: list[tuple[Value, ...]] = [("undisturbed: mean", "", *means)]
-    for number, one in enumerate(DISTURBANCES):
-        cells = [_cell(shift(found, number, name), factor) for name, _, factor in MEASURES]
-        rows.append((one.kind, one.size, *cells))
-    return Part(
+    part = Part(
         "disturbances",
         "Effect of disturbances on an attempt's measures: mean (standard deviation); "
         "L: share of attempts without a value",
         ("disturbance", "size", *(label for _, label, _ in MEASURES)),
-        rows,
-        list(_verdicts(found)),
+        [("undisturbed: mean", "", *means)],
     )
-
-
-def _verdicts(found: Sequence[Remeasured]) -> Iterator[Verdict]:
-    """Yield the claims that must hold for any recordings."""
-    largest = {
-        one: max((_largest(shift(found, number, name)) * factor for name, _, factor in MEASURES), default=0.0)
-        for number, one in enumerate(DISTURBANCES)
-    }
-    offsets = [size for one, size in largest.items() if one.kind.startswith("offset")]
-    yield Verdict("an offset of a stylus changes no measure", max(offsets) < 1e-6, f"{max(offsets):.2g} at most")
+    for number, one in enumerate(DISTURBANCES):
+        shifts = {name: shift(found, number, name) for name, _, _ in MEASURES}
+        part.add(one.kind, one.size, *(_cell(shifts[name], factor) for name, _, factor in MEASURES))
+        if one.kind.startswith("offset"):
+            largest = max(shifts[name].largest * factor for name, _, factor in MEASURES)
+            part.claim("an offset of a stylus changes no measure", largest < 1e-6, f"{largest:.2g} at most")
     for kind, name, sign, claim in (
         ("noise of the ball, peaks of any size", "peaks", 1, "noise of the ball adds peaks"),
         ("noise of the styluses", "still", -1, "noise of the styluses reduces stillness"),
     ):
         number = max(place for place, one in enumerate(DISTURBANCES) if one.kind == kind)
         bias = shift(found, number, name).bias
-        yield Verdict(claim, sign * bias > 0, f"{bias:+.3g} at {DISTURBANCES[number].size}")
-
-
-def _largest(one: Shift) -> float:
-    """Return the larger of bias and deviation; 0 if too few attempts have a value."""
-    return max(abs(one.bias), one.deviation) if one.count > 1 else 0.0
+        part.claim(claim, sign * bias > 0, f"{bias:+.3g} at {DISTURBANCES[number].size}")
+    return part
 
 
 def _cell(one: Shift, factor: float) -> str:
@@ -102,10 +94,10 @@ def _cell(one: Shift, factor: float) -> str:
     lost = f" L {100 * one.lost / (one.count + one.lost):.2g} %" if one.lost else ""
     if one.count < 2:
         return f"all lost{lost}" if one.lost else "none"
-    if factor * max(abs(one.bias), one.deviation) < NEGLIGIBLE:
+    if factor * one.largest < NEGLIGIBLE:
         return f"0{lost}"
     bias, deviation = factor * one.bias, factor * one.deviation
-    digits = 1 - math.floor(math.log10(max(deviation, abs(bias))))
+    digits = 1 - math.floor(math.log10(factor * one.largest))
     return f"{bias:+.{max(digits, 0)}f} ({deviation:.{max(digits, 0)}f}){lost}"
 
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from netboard.base.config import Config
 from netboard.base.tables.simulated import Participant
-from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict
+from netboard.benchmarks.harness.results import Folder, Part
 from netboard.benchmarks.harness.running import Tell
 from netboard.benchmarks.participants.paper import EXTRA, STATEMENTS, Sample, Statement
 from netboard.benchmarks.participants.speed import ROUNDS, speed_part
@@ -161,53 +161,35 @@ def _performances(
 
 def predictions_part(found: Sequence[Prediction], performances: Sequence[Performance], trials: int, count: int) -> Part:
     """Tabulate the predictions of the full model, and whether it reproduces each result."""
-    rows: list[tuple[Value, ...]] = []
+    part = Part(
+        "predictions",
+        f"Results of the paper: {count} virtual studies of {STATES} dyads, "
+        f"drawn from {len(performances)} dyads, {trials} trials a block",
+        "result | use | paper | direction | median | 2.5 % | 97.5 % | P(direction) | reproduced",
+    )
     for one in found:
-        middle, low, high = one.interval
         statement = one.statement
         value = "-" if statement.value is None else statement.value
         probability = "-" if one.probability is None else f"{one.probability:.2f}"
         use = "fitted" if statement.fitted else "not fitted"
-        rows.append((statement.name, use, value, _direction(statement), middle, low, high, probability, one.reproduced))
-    failures = sum(int((~one.attempts["success"]).sum()) for one in performances)
-    successes = sum(int(one.attempts["success"].sum()) for one in performances)
-    given_up = sum(one.given_up for one in performances)
-    about = f"{count} virtual studies of {STATES} dyads, drawn from {len(performances)} dyads, {trials} trials a block"
-    verdicts = [
-        *_verdicts(found),
-        Verdict(
-            "no simulated participant is excluded, and all blocks are completed",
-            given_up == 0,
-            f"{len(performances)} dyads: {given_up} blocks given up; "
-            f"{failures} falls of the ball in {successes} trials",
-        ),
-    ]
-    return Part(
-        "predictions",
-        f"Results of the paper: {about}",
-        "result | use | paper | direction | median | 2.5 % | 97.5 % | P(direction) | reproduced",
-        rows,
-        verdicts,
-    )
-
-
-def _verdicts(found: Sequence[Prediction]) -> Iterator[Verdict]:
-    """Count the results that were not fitted and that the model reproduces."""
+        part.add(statement.name, use, value, _direction(statement), *one.interval, probability, one.reproduced)
     others = [one for one in found if not one.statement.fitted]
-    values = [one for one in others if one.inside is not None]
-    directions = [one for one in others if one.probability is not None]
-    inside = sum(bool(one.inside) for one in values)
-    likely = sum(one.reproduced == "yes" for one in directions)
-    yield Verdict(
-        "every value of the paper that was not fitted lies in its 95 % predictive interval",
-        inside == len(values),
-        f"{inside} of {len(values)}",
+    inside = [bool(one.inside) for one in others if one.inside is not None]
+    likely = [one.reproduced == "yes" for one in others if one.probability is not None]
+    for claim, reproduced in (
+        ("value of the paper that was not fitted lies in its 95 % predictive interval", inside),
+        (f"direction of the paper that was not fitted appears in at least {LIKELY:.0%} of the virtual studies", likely),
+    ):
+        part.claim(f"every {claim}", all(reproduced), f"{sum(reproduced)} of {len(reproduced)}")
+    success = np.concatenate([one.attempts["success"] for one in performances])
+    given_up = sum(one.given_up for one in performances)
+    part.claim(
+        "no simulated participant is excluded, and all blocks are completed",
+        given_up == 0,
+        f"{len(performances)} dyads: {given_up} blocks given up; "
+        f"{np.sum(~success)} falls of the ball in {np.sum(success)} trials",
     )
-    yield Verdict(
-        f"every direction of the paper that was not fitted appears in at least {LIKELY:.0%} of the virtual studies",
-        likely == len(directions),
-        f"{likely} of {len(directions)}",
-    )
+    return part
 
 
 def _direction(statement: Statement) -> str:

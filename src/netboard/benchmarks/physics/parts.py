@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import inf
 
-from netboard.benchmarks.harness.results import Part, Value, Verdict
+from netboard.benchmarks.harness.results import Part, Value
 from netboard.benchmarks.physics.peer_mujoco import LIBRARY as MUJOCO
 from netboard.benchmarks.physics.peer_mujoco import STAGES
 from netboard.benchmarks.physics.problem import ERRORS, Problem, Reference
@@ -139,28 +139,21 @@ def ratios_parts(comparisons: Sequence[Comparison]) -> list[Part]:
     parts = []
     for what, meaning in WHAT.items():
         mine = [one for one in comparisons if one.what == what]
-        if mine:
-            parts.append(
-                Part(
-                    f"ratios-{what}",
-                    f"Cost of the other library over the cost of netboard at equal error, {meaning}; "
-                    "inf: only netboard reaches this error, -: neither does",
-                    ("E [1]", *_HEADS, "beaten"),
-                    [(f"{one.problem}: {one.library}", *map(_ratio, one.ratios), one.beaten) for one in mine],
-                    [] if what == "whole" else _ahead(mine, meaning),
-                )
-            )
+        if not mine:
+            continue
+        part = Part(
+            f"ratios-{what}",
+            f"Cost of the other library over the cost of netboard at equal error, {meaning}; "
+            "inf: only netboard reaches this error, -: neither does",
+            ("E [1]", *_HEADS, "beaten"),
+            [(f"{one.problem}: {one.library}", *map(_ratio, one.ratios), one.beaten) for one in mine],
+        )
+        for library in dict.fromkeys(one.library for one in mine if what != "whole"):
+            its = [one for one in mine if one.library == library]
+            claim = f"cheaper than {library} at every error that it reaches, {meaning}"
+            part.claim(claim, all(one.beaten for one in its), _least(its))
+        parts.append(part)
     return parts
-
-
-def _ahead(comparisons: Sequence[Comparison], meaning: str) -> list[Verdict]:
-    """Return a claim for each library: that netboard costs less at equal error."""
-    verdicts = []
-    for library in dict.fromkeys(one.library for one in comparisons):
-        mine = [one for one in comparisons if one.library == library]
-        claim = f"cheaper than {library} at every error that it reaches, {meaning}"
-        verdicts.append(Verdict(claim, all(one.beaten for one in mine), _least(mine)))
-    return verdicts
 
 
 def _ratio(ratio: float | None) -> Value:

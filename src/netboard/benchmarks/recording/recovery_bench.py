@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from netboard.base.config import Config
 from netboard.base.errors import RecordingError
 from netboard.base.tick import TICK, TICK_SECONDS
-from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict
+from netboard.benchmarks.harness.results import Folder, Part, Value
 from netboard.benchmarks.harness.running import Tell
 from netboard.benchmarks.recording.feeding import Feeder, live_log
 from netboard.benchmarks.recording.specimen import Piece, Specimen, make_specimen
@@ -269,15 +269,10 @@ def damage_part(scratch: Path, tell: Tell, *, quick: bool) -> Part:
         not faults,
         _fault_summary(faults, sum(int(row[1]) for row in rows)),
     )
-    part.verdicts.append(_chunk_verdict(specimen, rows))
-    return part
-
-
-def _chunk_verdict(specimen: Specimen, rows: list[tuple[Value, ...]]) -> Verdict:
-    """Judge whether a cut or a changed byte costs at most one chunk."""
     longest = max(stop - first for first, stop in (piece.ticks for piece in specimen.pieces)) * TICK_SECONDS * 1e3
     worst = max(float(row[6]) for row in rows[:3])
-    return Verdict("a cut or a changed byte costs one chunk at most", worst <= longest, f"{worst:g} of {longest:g} ms")
+    part.claim("a cut or a changed byte costs one chunk at most", worst <= longest, f"{worst:g} of {longest:g} ms")
+    return part
 
 
 def kills_part(folder: Path, tell: Tell, count: int) -> Part:

@@ -15,7 +15,7 @@ import numpy as np
 
 from netboard.base.tables.scene import Physics
 from netboard.base.tick import TICK_SECONDS
-from netboard.benchmarks.harness.results import Part, Value, Verdict
+from netboard.benchmarks.harness.results import Part
 from netboard.benchmarks.harness.running import Tell, no_progress
 from netboard.benchmarks.stability.runs import (
     STUDIED,
@@ -132,53 +132,38 @@ def make_map(
 def map_parts(plane: Plane, cells: Sequence[Cell]) -> Iterator[Part]:
     """Return the parts of a map: all cells, and a summary with checked claims."""
     over = f"{plane.across}, {plane.down}"
-    heads = (
-        "method",
-        f"{plane.across} x [1]",
-        f"{plane.down} x [1]",
-        "theory [s]",
-        "runs [s]",
-        "runs / theory - 1 [1]",
-    )
-    rows: list[tuple[Value, ...]] = [
-        (cell.method, cell.across, cell.down, cell.theory, cell.nonlinear, cell.difference) for cell in cells
-    ]
-    yield Part(f"map-{plane.name}", f"Largest stable step over {over}", heads, rows, on_screen=False)
-    summaries = [_summary(method, cells) for method in dict.fromkeys(cell.method for cell in cells)]
     yield Part(
+        f"map-{plane.name}",
+        f"Largest stable step over {over}",
+        f"method | {plane.across} x [1] | {plane.down} x [1] | theory [s] | runs [s] | runs / theory - 1 [1]",
+        [(cell.method, cell.across, cell.down, cell.theory, cell.nonlinear, cell.difference) for cell in cells],
+        on_screen=False,
+    )
+    summary = Part(
         f"map-{plane.name}-summary",
         f"Largest stable step over {over}, x1 to x{max(cell.across for cell in cells):g}: theory and nonlinear runs",
-        ("method", "paper's scene: theory [s]", "runs [s]", "smallest [s]", "scenes compared", "worst difference [1]"),
-        [row for row, _ in summaries],
-        [verdict for _, verdict in summaries],
+        "method | paper's scene: theory [s] | runs [s] | smallest [s] | scenes compared | worst difference [1]",
     )
+    for method in dict.fromkeys(cell.method for cell in cells):
+        _summarise(summary, method, [cell for cell in cells if cell.method == method])
+    yield summary
 
 
-def _summary(method: str, cells: Sequence[Cell]) -> tuple[tuple[Value, ...], Verdict]:
-    own = [cell for cell in cells if cell.method == method]
-    first, smallest = own[0], min(cell.nonlinear for cell in own)
-    limited = [cell for cell in own if cell.counts]
+def _summarise(part: Part, method: str, cells: Sequence[Cell]) -> None:
+    """Add the row and the claim of a method."""
+    smallest, limited = min(cell.nonlinear for cell in cells), [cell for cell in cells if cell.counts]
     worst = max(limited, key=lambda cell: abs(cell.difference), default=None)
-    row = (
-        method,
-        first.theory,
-        first.nonlinear,
-        smallest,
-        len(limited),
-        worst.difference if worst else "no limit in theory",
-    )
+    difference = worst.difference if worst else "no limit in theory"
+    part.add(method, cells[0].theory, cells[0].nonlinear, smallest, len(limited), difference)
     if worst is None:
-        return row, Verdict(
-            f"{method} holds every scene in steps of a tick",
-            smallest >= TICK_SECONDS,
-            "in any step tried" if math.isinf(smallest) else f"up to {smallest:.3g} s in each",
-        )
-    off = [cell for cell in limited if not cell.agrees]
-    return row, Verdict(
+        found = "in any step tried" if math.isinf(smallest) else f"up to {smallest:.3g} s in each"
+        part.claim(f"{method} holds every scene in steps of a tick", smallest >= TICK_SECONDS, found)
+        return
+    agreeing = sum(cell.agrees for cell in limited)
+    part.claim(
         f"{method}: theory within {ALLOWED.get(method, USUALLY_ALLOWED):.0%} of runs",
-        not off,
-        f"{len(limited) - len(off)} of {len(limited)} scenes, worst {worst.difference:+.1%} "
-        f"at x{worst.across:.3g}, x{worst.down:.3g}",
+        agreeing == len(limited),
+        f"{agreeing} of {len(limited)} scenes, worst {worst.difference:+.1%} at x{worst.across:.3g}, x{worst.down:.3g}",
     )
 
 
@@ -201,12 +186,16 @@ WAYS: dict[str, Callable[[float], dict[str, float]]] = {
 
 def tick_limits(methods: Sequence[str] = STUDIED, tell: Tell = no_progress) -> Part:
     """Find the stability limit of the coupling at 1 ms steps, by theory and by runs on both sides of it."""
-    rows: list[tuple[Value, ...]] = []
+    part = Part(
+        "tick-limits",
+        f"How far the couplings may be scaled, in steps of {TICK_SECONDS:g} s",
+        ("method", *(f"{way} x [1]" for way in WAYS)),
+    )
     failures: list[str] = []
     checked = 0
     for i, method in enumerate(methods):
         tell(f"largest scales in steps of a tick: {method}", i / len(methods))
-        found: list[Value] = []
+        found = []
         for way, factors in WAYS.items():
             scale = math.inf if method in EXPONENTIAL else largest_scale(_stable(method, factors))
             found.append(scale)
@@ -215,13 +204,7 @@ def tick_limits(methods: Sequence[str] = STUDIED, tell: Tell = no_progress) -> P
                 checked += 1
                 if is_bounded(physics, method, TICK_SECONDS, 4.0) is not bounded:
                     failures.append(f"{method}, {way} x{share * scale:.3g}")
-        rows.append((method, *found))
-    part = Part(
-        "tick-limits",
-        f"How far the couplings may be scaled, in steps of {TICK_SECONDS:g} s",
-        ("method", *(f"{way} x [1]" for way in WAYS)),
-        rows,
-    )
+        part.add(method, *found)
     part.claim(
         "runs are bounded 4 % below each limit, and not 4 % above",
         not failures,

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from netboard.base.config import Config
 from netboard.base.tick import TICK_NS, TICK_SECONDS
-from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict
+from netboard.benchmarks.harness.results import Folder, Part, Value
 from netboard.benchmarks.harness.running import Tell
 from netboard.devices.contract.estimators import WINDOW_NS, alpha_beta_gains, kalman_gains
 from netboard.devices.contract.velocity import KINDS, Estimator
@@ -252,46 +252,37 @@ def delays(*, quick: bool, tell: Tell) -> Part:
     """Find the largest stable delay of the paper's virtual coupling for a bare stylus, with each estimator."""
     physics = Config().physics
     loops = [Loop(TOUCH.mass, b, physics.k_h, physics.c_h) for b in (0.0, TOUCH.damping)]
-    rows: list[tuple[Value, ...]] = []
+    part = Part(
+        "delays",
+        f"Largest delay of {physics.k_h:g} N/m, {physics.c_h:g} N s/m on a bare stylus of {TOUCH.mass * 1e3:g} g",
+        ("estimator", *(f"{how}, {loop.b:g} N s/m [ms]" for loop in loops for how in ("theory", "runs"))),
+    )
     differ: list[str] = []
     kinds = (IDEAL, *KINDS)
     for i, kind in enumerate(kinds):
         tell(f"late forces: {kind}", i / len(kinds))
-        row: list[Value] = [kind]
+        row: list[Value] = []
         for loop in loops:
             theory = "-" if kind == "adaptive" else largest_delay(loop, kind)
             run = largest_played(loop, kind, QUICK_SECONDS if quick else SECONDS)
             row += [theory, run]
             if kind != "adaptive" and theory != run:
                 differ.append(f"{kind}, {loop.b:g} N s/m: {theory} and {run} ms")
-        rows.append(tuple(row))
-    heads = [f"{how}, {loop.b:g} N s/m [ms]" for loop in loops for how in ("theory", "runs")]
-    verdicts = [
-        Verdict(
-            "runs in encoder steps settle up to the delay that eigenvalues allow, and not beyond",
-            not differ,
-            "; ".join(differ) or f"{2 * (len(kinds) - 1)} of {2 * (len(kinds) - 1)}",
-        ),
-        _rule(rows, loops),
-    ]
-    return Part(
-        "delays",
-        f"Largest delay of {physics.k_h:g} N/m, {physics.c_h:g} N s/m on a bare stylus of {TOUCH.mass * 1e3:g} g",
-        ("estimator", *heads),
-        rows,
-        verdicts,
+        part.add(kind, *row)
+    part.claim(
+        "runs in encoder steps settle up to the delay that eigenvalues allow, and not beyond",
+        not differ,
+        "; ".join(differ) or f"{2 * (len(kinds) - 1)} of {2 * (len(kinds) - 1)}",
     )
-
-
-def _rule(rows: list[tuple[Value, ...]], loops: list[Loop]) -> Verdict:
-    """Compare with the linear rule: ``K < (b + B) / (T / 2 + delay)`` (Gil et al. 2009)."""
+    # The linear rule: K < (b + B) / (T / 2 + delay) (Gil et al. 2009).
     limits = [1e3 * ((loop.b + loop.damping) / loop.stiffness - TICK_SECONDS / 2.0) for loop in loops]
-    ideal = [rows[0][1], rows[0][3]]
-    holds = all(
-        isinstance(found, int) and limit - 2.5 < found <= limit for found, limit in zip(ideal, limits, strict=True)
+    ideal = list(zip(map(int, part.rows[0][1::2]), limits, strict=True))
+    part.claim(
+        "the ideal one comes close to the linear rule, from below",
+        all(limit - 2.5 < found <= limit for found, limit in ideal),
+        ", ".join(f"{found} of {limit:.1f} ms" for found, limit in ideal),
     )
-    limits_text = ", ".join(f"{found} of {limit:.1f} ms" for found, limit in zip(ideal, limits, strict=True))
-    return Verdict("the ideal one comes close to the linear rule, from below", holds, limits_text)
+    return part
 
 
 def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
