@@ -106,15 +106,11 @@ def cost_of_report(recordings: Sequence[Path], cache: Path, folder: Path) -> tup
     with new_folder(folder) as part, TemporaryDirectory(dir=part) as paths:
         extracted, study = _tables(recordings, 1, cache, Path(paths))
         watch = Stopwatch()
-        write_analysis(part, study, extracted, ["netboard", "bench", "analysis"], _no_progress)
+        write_analysis(part, study, extracted, ["netboard", "bench", "analysis"], lambda *_: None)
     return watch.read(), peak_memory()
 
 
 def _tables(recordings: Sequence[Path], workers: int, cache: Path, paths: Path) -> tuple[Extraction, Study]:
     """Measure recordings, or take their measures from the cache, and join them."""
-    extracted = extract(recordings, Readings(), processes(workers), Cache(cache), PathTable(paths), _no_progress)
+    extracted = extract(recordings, Readings(), processes(workers), Cache(cache), PathTable(paths), lambda *_: None)
     return extracted, study_of(extracted.measured, Readings(), extracted.paths)
-
-
-def _no_progress(text: str, done: int, total: int) -> None:
-    """Ignore a progress report."""

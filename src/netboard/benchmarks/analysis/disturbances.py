@@ -100,36 +100,30 @@ _PROMINENT = ("peaks.least_prominence=0.01",)
 _ALL = ("peaks.least_prominence=0.0", "peaks.least_share=0.0")
 _BY_DEVICE = ("filters.velocity=device",)
 
+_PER = {"mm": 1e3, "mm/s": 1e3, "deg": float(np.degrees(1.0))}
+"""Factors from SI units."""
+
+
+def _noises(
+    kind: str, unit: str, names: tuple[str, ...], *deviations: float, settings: tuple[str, ...] = ()
+) -> tuple[Disturbance, ...]:
+    return tuple(
+        Disturbance(kind, f"{_PER[unit] * one:g} {unit}", partial(noise, names=names, deviation=one), settings)
+        for one in deviations
+    )
+
+
 DISTURBANCES = (
-    *(
-        Disturbance("noise of the styluses", f"{1e3 * sd:g} mm", partial(noise, names=HANDS, deviation=sd))
-        for sd in (5e-5, 2e-4, 1e-3)
-    ),
+    *_noises("noise of the styluses", "mm", HANDS, 5e-5, 2e-4, 1e-3),
     *(
         Disturbance(what, f"{1e3 * step:g} mm", partial(quantised, names=HANDS, step=step))
         for what, step in (("encoder steps of a Touch", TOUCH), ("quantisation of the styluses", 5e-4))
     ),
-    *(
-        Disturbance(
-            "noise of the devices' velocities",
-            f"{1e3 * sd:g} mm/s",
-            partial(noise, names=RATES, deviation=sd),
-            _BY_DEVICE,
-        )
-        for sd in (4e-3, 5.5e-2)
-    ),
-    *(
-        Disturbance("noise of the ball", f"{1e3 * sd:g} mm", partial(noise, names=BALL, deviation=sd))
-        for sd in (3e-5, 1e-4, 3e-4)
-    ),
-    Disturbance(
-        "noise of the ball, peaks from 10 mm/s", "0.3 mm", partial(noise, names=BALL, deviation=3e-4), _PROMINENT
-    ),
-    Disturbance("noise of the ball, peaks of any size", "0.3 mm", partial(noise, names=BALL, deviation=3e-4), _ALL),
-    *(
-        Disturbance("noise of the tilt", f"{size:g} deg", partial(noise, names=TILT, deviation=float(np.radians(size))))
-        for size in (0.02, 0.1, 0.5)
-    ),
+    *_noises("noise of the devices' velocities", "mm/s", RATES, 4e-3, 5.5e-2, settings=_BY_DEVICE),
+    *_noises("noise of the ball", "mm", BALL, 3e-5, 1e-4, 3e-4),
+    *_noises("noise of the ball, peaks from 10 mm/s", "mm", BALL, 3e-4, settings=_PROMINENT),
+    *_noises("noise of the ball, peaks of any size", "mm", BALL, 3e-4, settings=_ALL),
+    *_noises("noise of the tilt", "deg", TILT, *np.radians((0.02, 0.1, 0.5)).tolist()),
     Disturbance("single ticks lost", "0.01 %", partial(lost, share=1e-4)),
     Disturbance("single ticks lost", "0.1 %", partial(lost, share=1e-3)),
     Disturbance("single ticks lost, bridged", "0.1 %", partial(lost, share=1e-3, bridged=True)),

@@ -325,15 +325,7 @@ def _tasks(name: str, dyads: int, trials: int) -> list[tuple[Sequence[Job], int]
     """Return the blocks of a case: the bimanual blocks without haptic feedback, with the force of the case."""
     force, keys = CASES[name]
     population = Population(replace(Participant(), **keys), trials=trials)
-    return [
-        ([_with_force(job, force) for job in population.jobs(dyad) if _is_bimanual_off(job)], dyad)
-        for dyad in range(1, dyads + 1)
-    ]
-
-
-def _is_bimanual_off(job: Job) -> bool:
-    """Return whether a block is bimanual and without haptic feedback."""
-    return job.config.block.configuration == "bimanual" and not job.config.block.haptics
+    return [([_with_force(job, force) for job in population.bimanual_jobs(dyad)], dyad) for dyad in range(1, dyads + 1)]
 
 
 def _with_force(job: Job, force: str) -> Job:

@@ -80,12 +80,7 @@ def ends_of(population: Population, dyad: int) -> list[Job]:
     half = PAPER_TRIALS // 2
     jobs = []
     for performer in ("A", "B"):
-        blocks = [
-            job
-            for job in population.jobs(dyad)
-            if (job.config.block.configuration, job.config.block.performer) == ("bimanual", performer)
-            and not job.config.block.haptics
-        ]
+        blocks = [job for job in population.bimanual_jobs(dyad) if job.config.block.performer == performer]
         for job, before in ((blocks[0], 0), (blocks[-1], half)):
             person = job.people[performer]
             practised = replace(person, practice=float(person.practice) + before)

@@ -77,6 +77,11 @@ class Population:
         jobs = zip(jobs_of(plan, SEED, dyad, None), shortened(plan, None, self.trials), strict=True)
         return [replace(job, config=config) for job, config in jobs]
 
+    def bimanual_jobs(self, dyad: int) -> list[Job]:
+        """Return those in which one participant moves both hands, with haptic feedback off."""
+        blocks = [(job, job.config.block) for job in self.jobs(dyad)]
+        return [job for job, block in blocks if block.configuration == "bimanual" and not block.haptics]
+
 
 @dataclass(frozen=True)
 class Performance:

@@ -62,7 +62,7 @@ def one_step_solvers(problem: Problem, quick: bool) -> list[Solver]:
             dense=_march(problem, method, h, True) if h <= SPACING else None,
         )
         for method in METHODS
-        if _fits(problem, method) and (not quick or method.name in QUICK_METHODS)
+        if method.name in (QUICK_METHODS if quick else NUMBER.keys() - {"exact"})  # that one is for a level board
         for h in steps
         if _divides(h, problem.duration)
     ]
@@ -71,11 +71,6 @@ def one_step_solvers(problem: Problem, quick: bool) -> list[Solver]:
 def _divides(h: float, duration: float) -> bool:
     """Return whether a run is a whole number of steps."""
     return abs(round(duration / h) * h - duration) < 1e-9
-
-
-def _fits(problem: Problem, method: Method) -> bool:
-    """Return whether a method can solve a problem: the exact one requires a board that cannot tilt."""
-    return method.name != "exact" or not problem.parts.tilts
 
 
 def _hands(problem: Problem, method: Method, h: float) -> tuple[Grid, Array]:

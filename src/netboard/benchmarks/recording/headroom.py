@@ -36,7 +36,6 @@ class Load:
     - `feeder_behind`: largest delay of the feeder [s].
     """
 
-    rate: int
     cpu: float
     halfway: float
     backlog: float
@@ -68,38 +67,29 @@ def measure_load(folder: Path, log: list[list[bytes]], rate: int, seconds: float
     with Recording(path) as recording:
         lost = int(recording.end["lost"])
     cpu = total(after.since(before).values()).seconds / ((after.at_ns - before.at_ns) * 1e-9)
-    return Load(rate, cpu, halfway, backlog, feeder.behind_ns * 1e-9, lost)
+    return Load(cpu, halfway, backlog, feeder.behind_ns * 1e-9, lost)
 
 
 def headroom_part(folder: Path, log: list[list[bytes]], rates: Sequence[int], seconds: float, tell: Tell) -> Part:
     """Raise the rate until the logger no longer keeps up."""
-    loads: list[Load] = []
-    for rate in rates:
-        tell(f"a logger at {rate} times the live rate", 0.4)
-        load = measure_load(folder, log, rate, seconds)
-        # A stall of the machine is no evidence about the rate: measure again.
-        loads.append(load if load.sustained else measure_load(folder, log, rate, seconds))
-        if not loads[-1].sustained:
-            break
-    most = max((load.rate for load in loads if load.sustained), default=0)
     part = Part(
         "headroom",
         f"A logger fed over a socket for {seconds:g} s at multiples of one dyad's rate",
         "times the rate [1] | CPU [cores] | not on disk halfway [ms] | at the end [ms] | feeder behind [ms] | "
         "lost | sustained",
-        [
-            (
-                load.rate,
-                load.cpu,
-                1e3 * load.halfway,
-                1e3 * load.backlog,
-                1e3 * load.feeder_behind,
-                load.lost,
-                load.sustained,
-            )
-            for load in loads
-        ],
     )
+    most = 0
+    for rate in rates:
+        tell(f"a logger at {rate} times the live rate", 0.4)
+        load = measure_load(folder, log, rate, seconds)
+        if not load.sustained:  # a stall of the machine is no evidence about the rate: measure again
+            load = measure_load(folder, log, rate, seconds)
+        times = (1e3 * value for value in (load.halfway, load.backlog, load.feeder_behind))
+        part.add(rate, load.cpu, *times, load.lost, load.sustained)
+        if not load.sustained:
+            break
+        most = max(most, rate)
     part.claim(f"a logger takes {TARGET} times one dyad's rate", most >= TARGET, f"{most} times, on this machine")
-    part.claim("at one dyad's rate it uses a tenth of a core at most", loads[0].cpu <= 0.1, f"{loads[0].cpu:.3f}")
+    cpu = float(part.rows[0][1])
+    part.claim("at one dyad's rate it uses a tenth of a core at most", cpu <= 0.1, f"{cpu:.3f}")
     return part

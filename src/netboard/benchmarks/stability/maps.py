@@ -19,10 +19,10 @@ from netboard.benchmarks.harness.results import Part
 from netboard.benchmarks.harness.running import Tell, no_progress
 from netboard.benchmarks.stability.runs import (
     STUDIED,
-    edge,
     is_bounded,
     ladder,
     largest_bounded,
+    largest_stable,
     scaled,
     telling_duration,
 )
@@ -101,12 +101,9 @@ def theoretical_step(physics: Physics, method: str) -> float:
     if method not in EXPONENTIAL:
         return largest_step(method, level)
     tilted = board_matrix(physics, TILT)
-    good = 0.0
-    for h in ladder():
-        if spectral_radius(method, tilted, h, level) > 1.0 + GROWTH_TOLERANCE:
-            return good
-        good = h
-    return math.inf
+    return largest_stable(
+        lambda h: spectral_radius(method, tilted, h, level) <= 1.0 + GROWTH_TOLERANCE, ladder(), math.inf
+    )
 
 
 def measure_cell(physics: Physics, method: str, across: float = 1.0, down: float = 1.0) -> Cell:
@@ -169,12 +166,7 @@ def _summarise(part: Part, method: str, cells: Sequence[Cell]) -> None:
 
 def largest_scale(stable: Callable[[float], bool]) -> float:
     """Return the scale up to which theory predicts stability."""
-    good = 1.0
-    for scale in np.geomspace(1.0, MAX_SCALE, 161):
-        if not stable(float(scale)):
-            return edge(stable, good, float(scale), 1.001) if stable(1.0) else 0.0
-        good = float(scale)
-    return math.inf
+    return largest_stable(stable, np.geomspace(1.0, MAX_SCALE, 161).tolist(), 1.001)
 
 
 WAYS: dict[str, Callable[[float], dict[str, float]]] = {

@@ -10,7 +10,7 @@ well as positions: with too large a step the board may vibrate or stay tilted wi
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -146,12 +146,7 @@ def largest_bounded(physics: Physics, method: str, guess: float, duration: float
         return is_bounded(physics, method, h, duration)
 
     if math.isinf(guess):
-        good = 0.0
-        for h in ladder():
-            if not holds(h):
-                return edge(holds, good, h) if good > 0.0 else 0.0
-            good = h
-        return math.inf
+        return largest_stable(holds, ladder())
     good, factor = guess, OFF
     while not holds(good):
         good, factor = good / factor, factor**1.5
@@ -167,6 +162,19 @@ def ladder() -> list[float]:
     """Return steps up to `LONGEST`, each a quarter longer than the last."""
     count = math.ceil(math.log(LONGEST / TICK_SECONDS) / math.log(1.25))
     return [min(TICK_SECONDS * 1.25**i, LONGEST) for i in range(count + 1)]
+
+
+def largest_stable(holds: Callable[[float], bool], values: Iterable[float], narrow: float = NARROW) -> float:
+    """Return the largest stable value below the first unstable one of rising values: 0 or infinite if there is none.
+
+    - `narrow`: ratio at which the search between both ends; infinite for the last stable one of these values [1].
+    """
+    good = 0.0
+    for value in values:
+        if not holds(value):
+            return edge(holds, good, value, narrow) if good > 0.0 else 0.0
+        good = value
+    return math.inf
 
 
 def edge(holds: Callable[[float], bool], good: float, bad: float, narrow: float = NARROW) -> float:
