@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from netboard.base.compiled import fast, inlined, relaxed, specialised
 from netboard.physics.arithmetic.trig import EIGHTH_TURN, MAX_ANGLE, reduced, sincos, small
 from netboard.physics.arithmetic.vectors import calm
+from netboard.physics.arithmetic.written import listed, written
 from netboard.physics.methods.one_step import rk4
 from netboard.physics.scene.models import stopped
 from netboard.physics.scene.parameters import SCENE, Parts
@@ -83,30 +84,11 @@ def _number(scene: Any, name: Any) -> Any:
     return lambda scene, name: scene[place]
 
 
-def column_at(a: Array, b: int, j: int, length: int) -> tuple[float, ...]:
-    """Return the state of one simulation in an array, as a tuple.
+column_at = written("a, b, j, length", lambda _, __, ___, n: listed([f"a[b, {k}, j]" for k in range(n)]))
+"""The state of one simulation in an array, as a tuple of a length that is a compile-time constant."""
 
-    - `length`: number of components; a compile-time constant [1].
-    """
-    return tuple(a[b, :length, j].tolist())
-
-
-@specialised(column_at)
-def _compiled_column(a: Any, b: Any, j: Any, length: Any) -> Any:
-    if not isinstance(length, types.IntegerLiteral):
-        return None
-    return eval("lambda a, b, j, length: (" + "".join(f"a[b, {k}, j], " for k in range(length.literal_value)) + ")")
-
-
-def _put(done: Array, j: int, x: tuple[float, ...]) -> None:
-    done[:, j] = x
-
-
-@specialised(_put)
-def _compiled_put(done: Any, j: Any, x: Any) -> Any:
-    known: dict[str, Any] = {}
-    exec("\n".join(["def put(done, j, x):", *(f"    done[{k}, j] = x[{k}]" for k in range(x.count))]), known)
-    return known["put"]
+_put = written("done, j, x", lambda _, __, n: "\n".join([*(f"done[{k}, j] = x[{k}]" for k in range(n)), "None"]))
+"""Put a state into an array."""
 
 
 @cache

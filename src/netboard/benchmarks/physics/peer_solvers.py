@@ -4,7 +4,7 @@ scipy and CVODE call a compiled right-hand side; diffrax compiles the whole loop
 without intermediate output, and run a second time with dense output for the error.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache, partial
 from typing import Any
@@ -49,10 +49,7 @@ _EVALUATIONS = 10_000
 
 def scipy_solvers(problem: Problem, coarse: bool) -> list[Solver]:
     """Return the solvers of scipy."""
-    rate = new_rate(problem)
-    solve = partial(_solve_scipy, problem, rate)
-    chosen = COARSE if coarse else SCIPY
-    return [_solver("scipy", name, tolerance, solve) for name, tolerances in chosen.items() for tolerance in tolerances]
+    return _solvers("scipy", COARSE if coarse else SCIPY, partial(_solve_scipy, problem, new_rate(problem)))
 
 
 def cvode_solvers(problem: Problem, coarse: bool) -> list[Solver]:
@@ -63,31 +60,32 @@ def cvode_solvers(problem: Problem, coarse: bool) -> list[Solver]:
     def rate(t: float, x: Array, out: Array) -> None:
         right_side(t, x, waves, scene, out)
 
-    solve = partial(_solve_cvode, problem, rate)
-    return [
-        _solver("CVODE", name, tolerance, solve)
-        for name, tolerances in CVODE.items()
-        for tolerance in tolerances[: 1 if coarse else None]
-    ]
+    chosen = {name: tolerances[: 1 if coarse else None] for name, tolerances in CVODE.items()}
+    return _solvers("CVODE", chosen, partial(_solve_cvode, problem, rate))
 
 
 def diffrax_solvers(problem: Problem, coarse: bool) -> list[Solver]:
     """Return the solvers of diffrax."""
-    solve = partial(_solve_diffrax, problem)
-    every = [(name, tolerance) for name, tolerances in DIFFRAX.items() for tolerance in tolerances]
-    chosen, cost = every[: 1 if coarse else None], _diffrax_input_ns()
-    return [replace(_solver("diffrax", name, tolerance, solve), input_ns=cost) for name, tolerance in chosen]
+    found = _solvers("diffrax", DIFFRAX, partial(_solve_diffrax, problem))
+    return [replace(one, input_ns=_diffrax_input_ns()) for one in found[: 1 if coarse else None]]
 
 
-def _solver(library: str, method: str, tolerance: float, solve: Callable[[str, float, bool], Any]) -> Solver:
-    return Solver(
-        library,
-        method,
-        f"rtol {tolerance:.0e}",
-        partial(solve, method, tolerance, True),
-        partial(solve, method, tolerance, False),
-        inputs=True,
-    )
+def _solvers(
+    library: str, methods: Mapping[str, tuple[float, ...]], solve: Callable[[str, float, bool], Any]
+) -> list[Solver]:
+    """Return a solver for each method and tolerance; `solve` keeps the states or not."""
+    return [
+        Solver(
+            library,
+            method,
+            f"rtol {tolerance:.0e}",
+            partial(solve, method, tolerance, True),
+            partial(solve, method, tolerance, False),
+            inputs=True,
+        )
+        for method, tolerances in methods.items()
+        for tolerance in tolerances
+    ]
 
 
 def _solve_scipy(problem: Problem, rate: Any, method: str, tolerance: float, keep: bool) -> Solution | None:

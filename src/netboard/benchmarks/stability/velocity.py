@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import expm
 
 from netboard.base.config import Config
 from netboard.base.tick import TICK_NS, TICK_SECONDS
@@ -54,12 +55,9 @@ class Loop:
 
     def step(self) -> tuple[Array, Array]:
         """Return the matrices of a tick for position and velocity, and for a constant force."""
-        t, m, b = TICK_SECONDS, self.mass, self.b
-        if b == 0.0:
-            return np.array([[1.0, t], [0.0, 1.0]]), np.array([t * t / (2.0 * m), t / m])
-        left = float(np.exp(-b * t / m))
-        gone = m / b * (1.0 - left)
-        return np.array([[1.0, gone], [0.0, left]]), np.array([(t - gone) / b, (1.0 - left) / b])
+        rates = np.array([[0.0, 1.0, 0.0], [0.0, -self.b / self.mass, 1.0 / self.mass], [0.0, 0.0, 0.0]])
+        whole = expm(TICK_SECONDS * rates)
+        return whole[:2, :2], whole[:2, 2]
 
 
 def linear_estimator(kind: str) -> tuple[Array, Array, Array, float]:
