@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from time import perf_counter
 from typing import Any, Protocol
 
 from netboard.base.bars import progress_bars
@@ -20,6 +21,13 @@ Tell = Callable[[str, float], object]
 
 def no_progress(text: str, share: float) -> None:
     """Ignore progress."""
+
+
+def timed(run: Callable[[], object]) -> float:
+    """Return the duration of a call [s]."""
+    start = perf_counter()
+    run()
+    return perf_counter() - start
 
 
 WIDTH = 160

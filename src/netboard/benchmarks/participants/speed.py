@@ -5,13 +5,12 @@ The stage alone computes the same ticks from given hands, as a replay does: no h
 
 from collections.abc import Callable, Sequence
 from statistics import median
-from time import perf_counter
 
 import numpy as np
 
 from netboard.base.tick import TICK_SECONDS
 from netboard.benchmarks.harness.results import Part
-from netboard.benchmarks.harness.running import Tell
+from netboard.benchmarks.harness.running import Tell, timed
 from netboard.benchmarks.participants.trials import Population
 from netboard.nodes.rehearsal.block import Rehearsal
 from netboard.nodes.rehearsal.jobs import Job
@@ -42,9 +41,7 @@ def speed_part(trials: int, rounds: int, tell: Tell) -> Part:
     for number in range(rounds):
         tell("speed of rehearsals", number / rounds)
         for name, run in runs.items():
-            start = perf_counter()
-            run()
-            taken[name].append((perf_counter() - start) / ticks[name])
+            taken[name].append(timed(run) / ticks[name])
     part = Part(
         "speed",
         f"Speed of rehearsals on one core: sessions of the paper, {trials} trials in a block, {rounds} rounds in turn",

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from netboard.benchmarks.harness.running import timed
 from netboard.benchmarks.physics.problem import (
     Array,
     Model,
@@ -22,7 +23,7 @@ from netboard.benchmarks.physics.problem import (
     new_rate,
     push_and_turn,
 )
-from netboard.benchmarks.physics.work_precision import Solution, Solver, timed
+from netboard.benchmarks.physics.work_precision import Solution, Solver
 
 SCIPY = {
     "RK45": (1e-3, 1e-5, 1e-7, 1e-9),

@@ -21,9 +21,10 @@ from netboard.base.tables.experiment import Task
 from netboard.base.tables.scene import Geometry, Physics
 from netboard.base.tick import TICK, TICK_NS, TICK_SECONDS
 from netboard.benchmarks.harness.results import Part
+from netboard.benchmarks.harness.running import timed
 from netboard.benchmarks.physics.batch import LANES, in_blocks, make_batch, scene_blocks
 from netboard.benchmarks.physics.problem import STATE_NAMES, Array, Problem, multiples, styluses_at
-from netboard.benchmarks.physics.work_precision import in_turns, timed
+from netboard.benchmarks.physics.work_precision import in_turns
 from netboard.physics.arithmetic.trig import sincos
 from netboard.physics.methods.catalogue import NUMBER
 from netboard.physics.methods.march import make_grid, make_march

@@ -19,7 +19,7 @@ from time import perf_counter
 
 import numpy as np
 
-from netboard.benchmarks.harness.running import Tell, no_progress
+from netboard.benchmarks.harness.running import Tell, no_progress, timed
 from netboard.benchmarks.physics.problem import SPACING, Array, Problem, Reference, drives_at, errors_of
 
 OURS = "netboard"
@@ -62,13 +62,6 @@ class Solver:
     dense: Callable[[], object] | None = None
     share: float = 1.0
     input_ns: float = nan
-
-
-def timed(run: Callable[[], object]) -> float:
-    """Return the duration of a call [s]."""
-    start = perf_counter()
-    run()
-    return perf_counter() - start
 
 
 TARGETS = tuple(10.0**-i for i in range(2, 13))

@@ -5,7 +5,9 @@ A real session with displays is run first; everything else uses its recording.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 import numpy as np
@@ -14,7 +16,7 @@ from numpy.typing import NDArray
 
 from netboard.base.config import Config
 from netboard.benchmarks.harness.results import Folder, Part, Value
-from netboard.benchmarks.harness.running import Tell
+from netboard.benchmarks.harness.running import Tell, timed
 from netboard.benchmarks.recording.feeding import live_log
 from netboard.benchmarks.recording.headroom import headroom_part
 from netboard.benchmarks.recording.hours import (
@@ -188,14 +190,13 @@ def writing_part(written: Written) -> Part:
 def reading_part(session: Session, path: Path, folder: Path, ticks: int, tell: Tell) -> Part:
     """Measure several ways of reading a long recording."""
     tell("reading", 0.9)
-    trials, length = zip(*(read_trial(path) for _ in range(TURNS)), strict=True)
-    trial = float(np.median(trials))
-    whole, four = (float(np.median([read_columns(path, names) for _ in range(TURNS)])) for names in ((), FOUR))
+    reads = (partial(read_trial, path), partial(read_columns, path), partial(read_columns, path, FOUR))
+    trial, whole, four = (median(timed(read) for _ in range(TURNS)) for read in reads)
     tell("reading with the upstream library", 0.95)
-    decoded, all_messages = decode_upstream(path), read_messages(path)
+    decoded, all_messages = timed(lambda: decode_upstream(path)), timed(lambda: read_messages(path))
     minute, single = min(MINUTE, len(session.rows)), folder / "single.mcap"
     write_messages(session, single, minute)
-    each = read_messages(single) * ticks / minute
+    each = timed(lambda: read_messages(single)) * ticks / minute
     single.unlink()
     with Recording(path) as recording:
         size = path.stat().st_size
@@ -208,7 +209,7 @@ def reading_part(session: Session, path: Path, folder: Path, ticks: int, tell: T
         [
             ("all columns", whole, whole / hours),
             ("four columns", four, four / hours),
-            (f"one trial of {length[0]} ticks, opened anew", trial, trial),
+            (f"one trial of {read_trial(path)} ticks, opened anew", trial, trial),
             ("upstream reader, msgpack and numpy: all columns", decoded, decoded / hours),
             ("upstream reader and msgpack: every message, no columns", all_messages, all_messages / hours),
             ("the same where each tick is a message (from a minute)", each, each / hours),

@@ -112,36 +112,29 @@ def write_hour(session: Session, path: Path, ticks: int, tell: Tell) -> Written:
     return Written(ticks, spent, np.array(flushes), grown, path.stat().st_size)
 
 
-def read_columns(path: Path, names: tuple[str, ...]) -> float:
-    """Return the time to read the named columns of a recording, or all [s]."""
-    began = time.perf_counter()
+def read_columns(path: Path, names: tuple[str, ...] = ()) -> None:
+    """Read the named columns of a recording, or all."""
     with Recording(path) as recording:
         recording.columns(*names)
-    return time.perf_counter() - began
 
 
-def read_trial(path: Path) -> tuple[float, int]:
-    """Return the time to open a recording and read its middle attempt [s], and the ticks in it [1]."""
-    began = time.perf_counter()
+def read_trial(path: Path) -> int:
+    """Open a recording and read its middle attempt; return the number of its ticks."""
     with Recording(path) as recording:
         attempts = recording.attempts()
         attempt = attempts[len(attempts) // 2]
-        rows = recording.ticks(attempt.began, attempt.stop)
-    return time.perf_counter() - began, len(rows)
+        return len(recording.ticks(attempt.began, attempt.stop))
 
 
-def read_messages(path: Path) -> float:
-    """Return the time to read all messages with the upstream reader and msgpack [s]."""
-    began = time.perf_counter()
+def read_messages(path: Path) -> None:
+    """Read all messages with the upstream reader and msgpack."""
     with path.open("rb") as file:
         for _, _, message in make_reader(file).iter_messages(log_time_order=False):
             msgpack.unpackb(message.data)
-    return time.perf_counter() - began
 
 
-def decode_upstream(path: Path) -> float:
-    """Return the time to read all columns as FORMAT.md describes without netboard [s]."""
-    began = time.perf_counter()
+def decode_upstream(path: Path) -> None:
+    """Read all columns as FORMAT.md describes without netboard."""
     with path.open("rb") as file, np.errstate(all="ignore"):
         for schema, _, message in make_reader(file).iter_messages(topics=["/ticks"], log_time_order=False):
             assert schema is not None
@@ -163,7 +156,6 @@ def decode_upstream(path: Path) -> float:
                     if correction is None
                     else (correction.view("<i8") + _bits(prediction)).view(correction.dtype)
                 )
-    return time.perf_counter() - began
 
 
 _HELPERS: dict[str, Any] = {

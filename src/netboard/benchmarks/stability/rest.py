@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from netboard.base.tables.scene import Physics
 from netboard.base.tick import TICK_SECONDS
 from netboard.benchmarks.harness.results import Part
-from netboard.benchmarks.harness.running import Tell, no_progress
+from netboard.benchmarks.harness.running import Tell, no_progress, timed
 from netboard.benchmarks.physics.problem import hermite_drives, styluses_at
-from netboard.benchmarks.physics.work_precision import timed
 from netboard.benchmarks.stability.maps import board_matrix
 from netboard.benchmarks.stability.runs import STUDIED
 from netboard.physics.arithmetic.vectors import State
