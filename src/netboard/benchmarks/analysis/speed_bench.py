@@ -139,7 +139,8 @@ def _costs(rows: Sequence[Row], workers: int) -> Part:
     ratios = ("uncached / reading [1]", "cached / reading [1]", "uncached, x real time [1]")
     return Part(
         "costs",
-        f"From recordings to the tables of the study: elapsed time with {_processes(workers)}",
+        "From recordings to the tables of the study: elapsed time with "
+        f"{workers} process{'' if workers == 1 else 'es'}",
         ("recordings", "attempts", "data [s]", *times, *ratios),
         [
             (
@@ -152,10 +153,6 @@ def _costs(rows: Sequence[Row], workers: int) -> Part:
             for row in rows
         ],
     )
-
-
-def _processes(count: int) -> str:
-    return "1 process" if count == 1 else f"{count} processes"
 
 
 def _times(row: Row) -> tuple[Time, Time, Time]:

@@ -78,8 +78,11 @@ def _error(signal: int, row: Row) -> float:
 
 
 def _curves(ax: Any, rows: Sequence[Row], error: Callable[[Row], float], cost: Callable[[Row], float]) -> None:
-    """Draw the Pareto frontier of each method's settings."""
+    """Draw the Pareto frontier of each method's settings, ours from blue to green."""
+    import matplotlib as mpl
+
     ours = [method for method, _ in groupby(row.method for row in rows if row.library == OURS)]
+    shade = mpl.colormaps["viridis"]
     for i, ((library, method), curve) in enumerate(groupby(rows, key=lambda row: (row.library, row.method))):
         shown = [(error(row), cost(row)) for row in frontier(curve, cost) if isfinite(error(row)) and error(row) > 0.0]
         is_ours = library == OURS
@@ -90,17 +93,10 @@ def _curves(ax: Any, rows: Sequence[Row], error: Callable[[Row], float], cost: C
             markersize=4,
             linewidth=1.5 if is_ours else 1.0,
             linestyle="-" if is_ours else "--",
-            color=_shade(ours.index(method) / max(len(ours), 1)) if is_ours else _COLOURS.get(library, _OTHER),
+            color=shade(0.05 + 0.8 * ours.index(method) / len(ours)) if is_ours else _COLOURS.get(library, _OTHER),
             label=f"{library} {method}",
         )
     ax.set_xscale("log")
     ax.set_yscale("log")
     ax.invert_xaxis()
     ax.grid(True, which="major", alpha=0.3)
-
-
-def _shade(share: float) -> Any:
-    """Return a colour from blue to green."""
-    import matplotlib as mpl
-
-    return mpl.colormaps["viridis"](0.05 + 0.8 * share)

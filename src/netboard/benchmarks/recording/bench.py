@@ -83,10 +83,10 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
     """Measure everything, on the disk of the folder of results."""
     place, effort = folder.path, QUICK if quick else WHOLE
     (place / "session").mkdir(exist_ok=True)
-    session_recording = record_stalls(place / "session", effort.stall_seconds, tell)
-    yield stalls_part(session_recording)
+    recorded, periods = record_stalls(place / "session", effort.stall_seconds, tell)
+    yield stalls_part(recorded, periods)
     yield headroom_part(place / "headroom", live_log(5000), effort.rates, effort.load_seconds, tell)
-    session = Session(session_recording.path)
+    session = Session(recorded)
     yield size_part(session, place, min(MINUTE, effort.ticks), tell)
     yield columns_part(session.rows, session.config)
     path = place / "hour.mcap"

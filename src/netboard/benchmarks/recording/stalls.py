@@ -6,7 +6,6 @@ second. For the server both are the same.
 
 import signal
 import time
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -29,16 +28,12 @@ ALLOWED_MS = 0.5
 """Largest allowed increase of the 99th percentile of the tick jitter: half a tick [ms]."""
 
 
-@dataclass(frozen=True)
-class StallRecording:
-    """A session's recording, and start and end of each kind of interference with its logger, server time [ns]."""
-
-    path: Path
-    periods: dict[str, tuple[int, int]]
+Periods = dict[str, tuple[int, int]]
+"""Start and end of each kind of interference with a logger, server time [ns]."""
 
 
-def record_stalls(folder: Path, seconds: float, tell: Tell) -> StallRecording:
-    """Run a session with displays, and stop its logger in some periods."""
+def record_stalls(folder: Path, seconds: float, tell: Tell) -> tuple[Path, Periods]:
+    """Run a session with displays, and stop its logger in some periods; return its recording, and these."""
     periods = {}
     with Rig(folder, ("block.trials=1000",)) as rig:
         tell("starting a session", 0.0)
@@ -54,7 +49,7 @@ def record_stalls(folder: Path, seconds: float, tell: Tell) -> StallRecording:
             periods[name] = began, now_ns()
             time.sleep(REST_SECONDS)
         (path,) = rig.finish()
-    return StallRecording(path, periods)
+    return path, periods
 
 
 def _stop_logger(rig: Rig, seconds: float, share: float) -> None:
@@ -69,12 +64,12 @@ def _stop_logger(rig: Rig, seconds: float, share: float) -> None:
             time.sleep(length * (1 / share - 1))
 
 
-def stalls_part(stall_recording: StallRecording) -> Part:
+def stalls_part(path: Path, periods: Periods) -> Part:
     """Compare the server's tick jitter."""
-    with Recording(stall_recording.path) as recording:
+    with Recording(path) as recording:
         ticks = recording.columns("tick", "time_ns", "late_ns")
         lost = int(recording.end["lost"]) + sum(gap.count for gap in recording.gaps().get("/ticks", ()))
-    late = {name: _between(ticks, *span) for name, span in stall_recording.periods.items()}
+    late = {name: _between(ticks, *span) for name, span in periods.items()}
     p99 = [float(np.percentile(values, 99)) for values in late.values()]
     part = Part(
         "stalls",

@@ -13,7 +13,7 @@ from netboard.base.config import Config
 from netboard.benchmarks.harness.results import Folder, Part
 from netboard.benchmarks.harness.running import Options, Tell, run
 from netboard.benchmarks.stability.corrupted_samples import corrupted_samples
-from netboard.benchmarks.stability.maps import PLANES, Plane, draw_map, make_map, map_parts, tick_limits
+from netboard.benchmarks.stability.maps import PLANES, draw_map, make_map, map_parts, tick_limits
 from netboard.benchmarks.stability.rest import energy_drift, perfect_rest
 from netboard.benchmarks.stability.runs import STUDIED
 from netboard.benchmarks.stability.soak import soak
@@ -37,7 +37,9 @@ def study(folder: Folder, tell: Tell, *, quick: bool, soak_too: bool) -> Iterato
     methods = QUICK_METHODS if quick else STUDIED
     yield tick_limits(methods, tell)
     for plane in PLANES:
-        yield from _mapped(plane, folder, quick, tell)
+        cells = make_map(plane, QUICK_SCALES if quick else SCALES, methods, tell)
+        folder.save(f"map-{plane.name}", partial(draw_map, plane, cells))
+        yield from map_parts(plane, cells)
     yield stiff_forces(tell=tell)
     yield large_tilts(tell=tell)
     yield energy_drift(100_000 if quick else 10_000_000, methods, tell)
@@ -47,10 +49,3 @@ def study(folder: Folder, tell: Tell, *, quick: bool, soak_too: bool) -> Iterato
     yield corrupted_samples(Config())
     if soak_too:
         yield soak(QUICK_SOAK_STEPS if quick else SOAK_STEPS, tell=tell)
-
-
-def _mapped(plane: Plane, folder: Folder, quick: bool, tell: Tell) -> Iterator[Part]:
-    """Make a map, and draw it if matplotlib is installed."""
-    cells = make_map(plane, QUICK_SCALES if quick else SCALES, QUICK_METHODS if quick else STUDIED, tell)
-    folder.save(f"map-{plane.name}", lambda: draw_map(plane, cells))
-    yield from map_parts(plane, cells)
