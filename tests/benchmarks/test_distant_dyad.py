@@ -8,7 +8,7 @@ import pytest
 from netboard.base.config import Config
 from netboard.base.tables.simulated import VirtualDevice
 from netboard.benchmarks.coupling.boundary import AGREED, Case, predicted, scene, simulated_is_stable
-from netboard.benchmarks.coupling.distant_dyad import Delays, DistantDyad
+from netboard.benchmarks.coupling.distant_dyad import DistantDyad
 from netboard.benchmarks.coupling.remedies import everyday_part, make_loop, move_and_release, rendered
 
 pytestmark = pytest.mark.slow
@@ -55,7 +55,7 @@ def test_passivity_control_restores_damping_lost_to_delay() -> None:
 def test_both_coupling_modes_are_equal_without_delay() -> None:
     found = []
     for at in ("server", "both"):
-        dyad = DistantDyad(Config(physics=scene(at, "board"), virtual=replace(BARE, resolution=0.0)), Delays(0, 0))  # type: ignore[arg-type]
+        dyad = DistantDyad(Config(physics=scene(at, "board"), virtual=replace(BARE, resolution=0.0)), 0)  # type: ignore[arg-type]
         dyad.settle()
         dyad.place(0.001, -0.0005)
         dyad.run(300)

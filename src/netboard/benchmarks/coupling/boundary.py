@@ -15,7 +15,7 @@ from netboard.base.config import Config
 from netboard.base.tables.scene import Physics
 from netboard.base.tables.simulated import VirtualDevice
 from netboard.base.tick import TICK_SECONDS
-from netboard.benchmarks.coupling.distant_dyad import Delays, DistantDyad
+from netboard.benchmarks.coupling.distant_dyad import DistantDyad
 from netboard.benchmarks.harness.results import Part
 from netboard.benchmarks.harness.running import Tell
 from netboard.devices.safety.virtual_coupling import REACH
@@ -149,7 +149,7 @@ def simulated_is_stable(case: Case, k: float, mode: str) -> bool:
     """
     hand = HANDS[case.hand]
     device = VirtualDevice(mass=hand.mass, damping=hand.damping, friction=0.0, resolution=0.0)
-    dyad = DistantDyad(Config(physics=scene(case.at, case.end, k), virtual=device), Delays(case.delay, case.delay))
+    dyad = DistantDyad(Config(physics=scene(case.at, case.end, k), virtual=device), case.delay)
     dyad.settle()
     dyad.place(NUDGE, -NUDGE if mode == "tilt" else NUDGE)
     period = 2.0 * math.pi / max(dominant_frequency(loops_of(case, k)[mode]), MIN_RATE)

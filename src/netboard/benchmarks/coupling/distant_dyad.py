@@ -7,7 +7,7 @@ samples that have arrived. Network delays are whole milliseconds; clock offsets 
 """
 
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -41,14 +41,6 @@ _COMMAND = TICK_WORDS["command"]
 _STYLUS, _FORCE, _POINT = (fixed.packer_of(message) for message in (Stylus, Force, Point))
 
 
-@dataclass(frozen=True)
-class Delays:
-    """Delays of a sample to the server, and of the answer to it [ms]."""
-
-    up: int
-    down: int
-
-
 @cache
 def _stage(physics: Physics) -> Stage:
     """Return the stage of a scene, which is built only once."""
@@ -69,13 +61,13 @@ def simulation_config(config: Config) -> Config:
 class Station:
     """One side: device, agent, and the messages under way to the server and back."""
 
-    def __init__(self, side: Side, config: Config, delays: Delays) -> None:
+    def __init__(self, side: Side, config: Config, delay: int) -> None:
         self.device = VirtualTouch(side, config)
         self.rendered = 0.0
         self.safeguards = 0
         self.sent: deque[NDArray[np.uint8]] = deque()
         self.answers: deque[NDArray[np.uint8]] = deque()
-        self._delays = delays
+        self._delay = delay
         most = self.device.open().max_force
         self._safety = Safety(config.safety, most, most)  # a run is too short to wear motors
         self._passivity = Passivity() if config.safety.passivity else None
@@ -103,11 +95,11 @@ class Station:
 
     def arriving(self) -> NDArray[np.uint8] | None:
         """Return the sample that arrives at the server now, if any."""
-        return self.sent.popleft() if len(self.sent) > self._delays.up else None
+        return self.sent.popleft() if len(self.sent) > self._delay else None
 
     def render(self, now_ns: int) -> None:
         """Receive the answer that arrives now, if any, and render a force."""
-        if len(self.answers) > self._delays.down:
+        if len(self.answers) > self._delay:
             self._receive(self.answers.popleft())
         limited = self._safety.step(now_ns, (0.0, 0.0, self._wanted(now_ns)), now_ns, self.reading[4:7])
         self.device.write(limited.fx, limited.fy, limited.fz)
@@ -135,14 +127,15 @@ class Station:
 class DistantDyad:
     """Both sides, and the server.
 
+    - `delay`: delay of a sample to the server, and of the answer to it [ms].
     - `heights`, `forces`: of both styluses, for each millisecond since both were ready [m, N].
     - `cut`: whether a safety chain has cut a force since then, because the stylus was too fast.
     """
 
-    def __init__(self, config: Config, delays: Delays) -> None:
+    def __init__(self, config: Config, delay: int) -> None:
         config = simulation_config(config)
-        self._delays = delays
-        self.stations = [Station(side, config, delays) for side in SIDES]
+        self._delay = delay
+        self.stations = [Station(side, config, delay) for side in SIDES]
         self.heights: list[tuple[float, float]] = []
         self.forces: list[tuple[float, float]] = []
         self.cut = False
@@ -170,7 +163,7 @@ class DistantDyad:
 
     def settle(self) -> None:
         """Simulate until both devices are armed, a trial runs, and all messages under way have arrived."""
-        self.run(READY + 2 * (self._delays.up + self._delays.down))
+        self.run(READY + 4 * self._delay)
         self.heights.clear()
         self.forces.clear()
         self.cut = False

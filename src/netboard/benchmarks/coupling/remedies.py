@@ -25,7 +25,7 @@ from netboard.base.tables.scene import Physics
 from netboard.base.tables.simulated import VirtualDevice
 from netboard.base.tick import START_NS, TICK_NS, TICK_SECONDS
 from netboard.benchmarks.coupling.boundary import HANDS, Case, loops_of, scene
-from netboard.benchmarks.coupling.distant_dyad import Delays, DistantDyad, simulation_config
+from netboard.benchmarks.coupling.distant_dyad import DistantDyad, simulation_config
 from netboard.benchmarks.harness.results import Part, Value
 from netboard.benchmarks.harness.running import Tell
 from netboard.devices.simulated.virtual import VirtualTouch
@@ -117,14 +117,6 @@ def smooth(share: float) -> float:
     return s * s * s * (10.0 - 15.0 * s + 6.0 * s * s)
 
 
-def release(physics: Physics, device: VirtualDevice, delay: int, *, passivity: bool = False) -> Release:
-    """Release the left stylus, and return the outcome."""
-    dyad = DistantDyad(
-        Config(physics=physics, virtual=device, safety=Safety(passivity=passivity)), Delays(delay, delay)
-    )
-    return move_and_release(dyad)
-
-
 def releases_part(delays: Sequence[int], tell: Tell) -> Part:
     """Release a bare stylus with several delays."""
     part = Part(
@@ -145,7 +137,8 @@ def releases_part(delays: Sequence[int], tell: Tell) -> Part:
             stable = all(is_stable(loop) for loop in loops_of(case, Physics().k_h).values())
             row.append("stable" if stable else "unstable")
             for name, device in (("no friction", slick), ("friction", rough)):
-                found = release(scene(at, case.end), device, delay)
+                config = Config(physics=scene(at, case.end), virtual=device)
+                found = move_and_release(DistantDyad(config, delay))
                 row.append(str(found))
                 if found.quiet:
                     quiet.setdefault((at, name), []).append(delay)
@@ -229,7 +222,7 @@ def make_loop(name: str, device: VirtualDevice, delay: int) -> Loop:
     at: At = "both" if name == "both" else "server"
     safety = Safety(passivity=name == "with passivity control")
     config = Config(physics=scene(at, "fixed"), virtual=device, safety=safety)
-    return Waves(config, delay) if name == "wave variables" else DistantDyad(config, Delays(delay, delay))
+    return Waves(config, delay) if name == "wave variables" else DistantDyad(config, delay)
 
 
 # --- releases ----------------------------------------------------------------------------------------------------
@@ -337,7 +330,7 @@ def _play_movements(delay: int, *, passivity: bool) -> NDArray[np.float64]:
     """Simulate movements of both hands, and return the forces on them."""
     device = VirtualDevice(mass=IMMOVABLE, damping=0.0, friction=0.0)
     config = Config(physics=scene("server", "board"), virtual=device, safety=Safety(passivity=passivity))
-    dyad = DistantDyad(config, Delays(delay, delay))
+    dyad = DistantDyad(config, delay)
     dyad.settle()
     rng = np.random.default_rng(1)
     at = np.zeros(2)
