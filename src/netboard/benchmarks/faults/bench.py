@@ -16,13 +16,12 @@ from pathlib import Path
 
 from netboard.base.bars import progress_bars
 from netboard.base.clock import now_ns
-from netboard.base.config import SIDES
 from netboard.base.errors import ConfigError, NetboardError
 from netboard.base.terminal import FittedTable, plain_console
 from netboard.benchmarks.faults import attack_cases
 from netboard.benchmarks.faults.cases import DEVICES, LINKS, MACHINES, PARTS, PEERS, PROCESSES, Case
-from netboard.benchmarks.faults.checks import UNDISTURBED_NS, Falls, disturbed, fades_of, verdict_of
-from netboard.benchmarks.faults.evidence import Evidence, Window, gather, largest_step, split_at_cuts
+from netboard.benchmarks.faults.checks import UNDISTURBED_NS, Falls, disturbed, fades_of, largest_step, verdict_of
+from netboard.benchmarks.faults.evidence import Evidence, Window, gather
 from netboard.benchmarks.faults.sites import Setup, Site, open_site
 from netboard.benchmarks.harness.machine import describe
 from netboard.benchmarks.harness.results import Part, Value, Verdict, show
@@ -252,17 +251,10 @@ def figures(case: Case, evidence: Evidence) -> tuple[Value, ...]:
     """Return the figures of a case: the columns after its name in the table."""
     sides = {side for check in case.checks if isinstance(check, Falls) for side in check.sides}
     fades = [found[0] for side in sides if (found := fades_of(evidence, side))]
-    slew = evidence.limits.max_slew
-    shares = [
-        largest_step(part, slew).share
-        for side in SIDES
-        for trace in evidence.traces[side]
-        for part in (split_at_cuts(trace, slew) if side == case.cut else [trace])
-    ]
     return (
         max((fade.begun * 1e3 for fade in fades), default=""),
         max((fade.zero * 1e3 for fade in fades if not isnan(fade.zero)), default=""),
-        max(shares, default=0.0),
+        largest_step(evidence, case.cut),
         len(evidence.pauses),
         evidence.rig.lost_ticks,
         verdict_of(evidence),

@@ -22,8 +22,7 @@ from netboard.benchmarks.faults.evidence import (
     between,
     cuts_to_zero,
     fades,
-    largest_step,
-    split_at_cuts,
+    step_shares,
 )
 from netboard.benchmarks.harness.results import Verdict
 from netboard.network.protocol.motion import Safeguard
@@ -105,17 +104,25 @@ def _already_late(evidence: Evidence, fade: Fade) -> float:
     return max(0, evidence.window.start_ns + EFFECT_NS - fade.last_ns) * 1e-9
 
 
+def largest_step(evidence: Evidence, cut: Side | None) -> float:
+    """Return the largest change of a force, relative to the slew limit; on one side without its cuts to zero [1]."""
+    slew = evidence.limits.max_slew
+    shares = [
+        step_shares(part, slew)
+        for side in SIDES
+        for trace in evidence.traces[side]
+        for part in np.split(trace, cuts_to_zero(trace, slew) if side == cut else ())
+    ]
+    return max((float(share.max(initial=0.0)) for share in shares), default=0.0)
+
+
 @deferred
 def within_slew_limit(evidence: Evidence, cut: Side | None = None) -> Verdict:
     """Check that no force exceeds the slew limit; on one side a fault may cut it to zero."""
     slew = evidence.limits.max_slew
     claim = f"no step of the force is larger than {slew:g} N/s allow"
-    worst, cuts = 0.0, 0
-    for side in SIDES:
-        for trace in evidence.traces[side]:
-            cuts += len(cuts_to_zero(trace, slew)) if side == cut else 0
-            parts = split_at_cuts(trace, slew) if side == cut else [trace]
-            worst = max([worst, *(largest_step(part, slew).share for part in parts)])
+    worst = largest_step(evidence, cut)
+    cuts = sum(cuts_to_zero(trace, slew).size for trace in evidence.traces[cut]) if cut else 0
     found = f"at most {worst:.2f} of it" + (f", cut to zero at once {cuts} times" if cut else "")
     return Verdict(claim + (", except to nothing" if cut else ""), worst <= 1.0 + 1e-9, found)
 

@@ -92,48 +92,24 @@ def _runs(values: NDArray[np.float64]) -> Iterator[tuple[int, int]]:
     yield from pairwise(bounds.tolist())
 
 
-@dataclass(frozen=True, slots=True)
-class Step:
-    """A change of force from one row to the next.
-
-    - `at_ns`: time [ns].
-    - `size`: norm over the three axes [N].
-    """
-
-    at_ns: int
-    size: float
-    share: float
-
-
-def largest_step(trace: NDArray[Any], slew: float) -> Step:
-    """Return the change of force that is largest relative to the slew limit.
+def step_shares(trace: NDArray[Any], slew: float) -> NDArray[np.float64]:
+    """Return the change of force up to each row, relative to the slew limit; 0 at the first two rows.
 
     The chain limits a force some time before it is written, but after the one before it was. So the time step of the
     chain is at most that from two rows before, and at most `MAX_STEP_NS`.
     """
-    if trace.size < 3:
-        return Step(0, 0.0, 0.0)
     force = np.stack([trace["fx"], trace["fy"], trace["fz"]])
-    sizes = np.sqrt(np.sum(np.diff(force, axis=1)[:, 1:] ** 2, axis=0))
     times = trace["time_ns"]
-    allowed = slew * 1e-9 * np.minimum(times[2:] - times[:-2], MAX_STEP_NS)
-    shares = sizes / allowed
-    worst = int(np.argmax(shares))
-    return Step(int(times[worst + 2]), float(sizes[worst]), float(shares[worst]))
+    shares = np.zeros(trace.size)
+    sizes = np.sqrt(np.sum(np.diff(force, axis=1)[:, 1:] ** 2, axis=0))
+    shares[2:] = sizes / (slew * 1e-9 * np.minimum(times[2:] - times[:-2], MAX_STEP_NS))
+    return shares
 
 
-def cuts_to_zero(trace: NDArray[Any], slew: float) -> list[Step]:
-    """Return where the force was cut to zero faster than the slew limit, as the safety chain does after a fault."""
-    force = np.stack([trace["fx"], trace["fy"], trace["fz"]], axis=1)
-    cut = np.flatnonzero(np.all(force[1:] == 0.0, axis=1) & np.any(force[:-1] != 0.0, axis=1)) + 1
-    found = (largest_step(trace[max(0, row - 2) : row + 1], slew) for row in cut.tolist())
-    return [step for step in found if step.share > 1.0]
-
-
-def split_at_cuts(trace: NDArray[Any], slew: float) -> list[NDArray[Any]]:
-    """Split a trace where the force was cut to zero."""
-    times = [step.at_ns for step in cuts_to_zero(trace, slew)]
-    return np.split(trace, np.searchsorted(trace["time_ns"], times).tolist())
+def cuts_to_zero(trace: NDArray[Any], slew: float) -> NDArray[np.int64]:
+    """Return the rows at which the force was cut to zero faster than the slew limit, as by the chain after a fault."""
+    silent = (trace["fx"] == 0.0) & (trace["fy"] == 0.0) & (trace["fz"] == 0.0)
+    return np.flatnonzero(silent & ~np.roll(silent, 1) & (step_shares(trace, slew) > 1.0))
 
 
 def stalls_in(times_ns: NDArray[np.int64]) -> NDArray[np.int64]:
