@@ -5,10 +5,6 @@ The attackers run on the server's machine, so even an attack on the sink costs t
 attack, before and after, show the deadline misses of the machine itself.
 """
 
-import json
-import os
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -17,8 +13,8 @@ from math import sqrt
 import numpy as np
 
 from netboard.base.clock import now_ns
-from netboard.base.errors import NetboardError
 from netboard.base.tick import LATE_NS
+from netboard.benchmarks.faults import attackers
 from netboard.benchmarks.faults.actions import Facts
 from netboard.benchmarks.faults.cases import Case
 from netboard.benchmarks.faults.checks import Check, agent_stalled, nothing_lost, recorded
@@ -26,6 +22,7 @@ from netboard.benchmarks.faults.deferred import deferred
 from netboard.benchmarks.faults.evidence import Evidence, between
 from netboard.benchmarks.faults.sites import GUESTS, Setup, Site
 from netboard.benchmarks.harness.results import Value, Verdict
+from netboard.benchmarks.harness.workers import Workers
 from netboard.network import keys
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import HELLO_INTERVAL_NS, Goodbye, Hello, Welcome
@@ -34,9 +31,6 @@ from netboard.network.transport import channels, sockets
 
 SECONDS, QUICK_SECONDS = 60.0, 2.0
 """Duration of an attack on the sink, and of one on the server [s]."""
-
-FINISH_S = 60.0
-"""Timeout for an attacker to exit after its attack [s]."""
 
 RATIO = 1.2
 """Largest ratio of deadline misses with an attack on the server to those with one on the sink, beyond chance [1]."""
@@ -67,7 +61,7 @@ def attack(site: Site, name: str) -> Facts:
     time.sleep(span / 4)
     quiet = before_ns, now_ns()
     on_sink = _attack_sink(name, site, span)
-    on_server = _run_attacker(name, site, span)
+    on_server = _attack(name, site, span, site.rig.config.network.port)
     after_ns = now_ns()
     time.sleep(span / 4)
     return _facts(on_server, on_sink, quiet, (after_ns, now_ns()))
@@ -89,53 +83,30 @@ def join_during(site: Site, name: str) -> Facts:
         time.sleep(span / 3)
         during.extend(_join(site) for _ in range(joins))
 
-    on_server = _run_attacker(name, site, span, meanwhile=join_in_attack)
+    on_server = _attack(name, site, span, site.rig.config.network.port, meanwhile=join_in_attack)
     slowest = {"join without": f"{max(without):.3f}", "join with": f"{max(during):.3f}"}
     return {**_facts(on_server, on_sink, quiet, (quiet[1], quiet[1])), **slowest}
 
 
 def _attack_sink(name: str, site: Site, seconds: float) -> dict[str, int]:
-    """Run an attacker on a sink for a duration [s]; return its counts and times."""
-    with _start("sink", str(site.rig.file)) as sink:
-        assert sink.stdin is not None
-        counts = _run_attacker(name, site, seconds, _read_line(sink, "sink"))
-        sink.stdin.close()
-    return counts
+    with Workers() as workers:
+        sink = workers.start("sink", attackers.__name__, folder=site.rig.folder)
+        sink.order(attack="sink", file=str(site.rig.file))
+        return _attack(name, site, seconds, sink.answer()["port"])
 
 
-def _run_attacker(
-    name: str, site: Site, seconds: float, *port: str, meanwhile: Callable[[], object] = lambda: None
+def _attack(
+    name: str, site: Site, seconds: float, port: int, meanwhile: Callable[[], object] = lambda: None
 ) -> dict[str, int]:
-    """Run an attacker for a duration [s] on the server, or on another port; return its counts and times."""
-    arguments = (name, str(site.rig.file), str(site.rig.folder / GUESTS), str(seconds), *port)
-    with _start(*arguments) as process:
-        _read_line(process, f"attacker {name}")
-        assert process.stdin is not None
-        process.stdin.write("go\n")
-        process.stdin.flush()
+    """Run an attacker for a duration [s] on a port; return its counts and times."""
+    with Workers() as workers:
+        attacker = workers.start("attacker", attackers.__name__, folder=site.rig.folder)
+        attacker.order()
+        attacker.answer()  # it is ready
+        files = {"file": str(site.rig.file), "folder": str(site.rig.folder / GUESTS)}
+        attacker.order(attack=name, **files, seconds=seconds, port=port)
         meanwhile()
-        try:
-            output, _ = process.communicate(timeout=seconds + FINISH_S)
-            return dict(json.loads(output))
-        except (subprocess.TimeoutExpired, ValueError) as error:
-            process.kill()
-            raise NetboardError(f"the attacker {name} did not report its counts: {error}") from error
-
-
-def _start(*arguments: str) -> "subprocess.Popen[str]":
-    command = (sys.executable, "-m", "netboard.benchmarks.faults.attackers", *arguments)
-    environment = os.environ | {"OMP_NUM_THREADS": "1"}
-    return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment)
-
-
-def _read_line(process: "subprocess.Popen[str]", name: str) -> str:
-    """Return the first line that a process prints, once it is ready."""
-    assert process.stdout is not None
-    line = process.stdout.readline()
-    if not line:
-        process.kill()
-        raise NetboardError(f"the process of the {name} exited before it was ready")
-    return line.strip()
+        return attacker.answer()
 
 
 def _facts(on_server: dict[str, int], on_sink: dict[str, int], *quiet: tuple[int, int]) -> dict[str, str]:

@@ -1,30 +1,31 @@
-"""A process that floods a server with the largest messages that the protocol allows.
+"""A worker process that floods a server with the largest messages that the protocol allows.
 
-The attack cases run ``python -m netboard.benchmarks.faults.attackers ATTACK FILE FOLDER SECONDS [PORT]``. It prints
-``ready``, waits for a line on its standard input, attacks, and prints the number of messages and connections as JSON.
-FILE is the server's configuration, FOLDER has the attacker's keys if keys are in use, and PORT replaces the server's
-port (that of a sink). The process has the lowest priority (niceness 19) and stays off the server's CPU, because the
-test is about the server's work for the messages, not about competition for the processor.
+An attack's order is its name (``attack``), the server's configuration (``file``), the folder with the attacker's keys
+(``folder``), the port of the server or of a sink (``port``), and the duration (``seconds``); its answer is the number
+of messages and connections. The process has the lowest priority (niceness 19) and stays off the server's CPU, because
+the test is about the server's work for the messages, not about competition for the processor.
 
-``python -m netboard.benchmarks.faults.attackers sink FILE`` runs a sink instead: a process that receives an attacker's
-messages as the server does, and discards them. An attack on it shows the load that the attack itself puts on the
-machine; the difference to an attack on the server is the server's own work for the messages.
+The order ``sink`` makes it a sink instead: it receives an attacker's messages as the server does, and discards them. An
+attack on it shows the load that the attack itself puts on the machine; the difference to an attack on the server is the
+server's own work for the messages.
 """
 
-import json
 import os
-import sys
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import replace
+from functools import partial
 from itertools import count, cycle, islice
 from pathlib import Path
+from typing import Any
 
 from netboard.base.clock import now_ns
 from netboard.base.config import Config, parse
+from netboard.base.tables.rig import Network
+from netboard.benchmarks.harness.workers import serve
 from netboard.network import keys
 from netboard.network.protocol.codec import encode
 from netboard.network.protocol.control import Command, OutcomesRequest, StatusRequest, TraceRequest
@@ -240,53 +241,49 @@ def _lower_priority() -> None:
         os.nice(19)
 
 
-def main(attack: str, file: Path, folder: Path, seconds: float, port: int | None = None) -> None:
-    """Prepare, wait for a line, attack the server of a configuration or the one at `port`, and print the counts."""
-    config = parse(file.read_text(encoding="utf-8"), str(file))
-    if port is not None:
-        config = replace(config, network=replace(config.network, port=port))
+def carry_out(stack: ExitStack, order: dict[str, Any]) -> dict[str, int]:
+    """Attack, and return the counts; or become a sink, and return its port. An empty order asks whether it is ready."""
+    if not order:
+        return {}
+    config = parse(Path(order["file"]).read_text(encoding="utf-8"), order["file"])
+    attack, port = order["attack"], order.get("port", free_port())
+    config = replace(config, network=replace(config.network, port=port))
+    if attack == "sink":
+        threading.Thread(target=receive_and_discard, args=(config.network,), daemon=True).start()
+        return {"port": port}
     _lower_priority()
-    print("ready", flush=True)  # noqa: T201
-    sys.stdin.readline()
-    begun_ns = now_ns()
-    end = time.monotonic() + seconds
+    folder, begun_ns = Path(order["folder"]), now_ns()
+    end = time.monotonic() + float(order["seconds"])
 
     def stop() -> bool:
         return time.monotonic() >= end
 
-    with ExitStack() as stack:
-        match attack.split("-"):
-            case ["stranger"]:
-                counts = flood_as_stranger(config, stop, stack)
-            case ["churn"]:
-                counts = connect_and_leave(config, folder, stop, stack)
-            case ["unauthenticated", channel]:
-                counts = open_without_valid_keys(channels.CHANNELS.index(channel), config, folder, stop, stack)
-            case _:
-                counts = flood_as_role(attack, config, folder, stop, stack)
-        counts |= {"begun_ns": begun_ns, "over_ns": now_ns()}
-        print(json.dumps(counts), flush=True)  # noqa: T201
+    match attack.split("-"):
+        case ["stranger"]:
+            counts = flood_as_stranger(config, stop, stack)
+        case ["churn"]:
+            counts = connect_and_leave(config, folder, stop, stack)
+        case ["unauthenticated", channel]:
+            counts = open_without_valid_keys(channels.CHANNELS.index(channel), config, folder, stop, stack)
+        case _:
+            counts = flood_as_role(attack, config, folder, stop, stack)
+    return counts | {"begun_ns": begun_ns, "over_ns": now_ns()}
 
 
-def receive_and_discard(file: Path) -> None:
-    """Run the sink: print its port, and receive on every channel until the standard input closes."""
-    config = parse(file.read_text(encoding="utf-8"), str(file))
-    network = replace(config.network, port=free_port())
+def receive_and_discard(network: Network) -> None:
+    """Receive on every channel until the process ends."""
     gate = keys.make_authenticator(network)
     addresses = channels.addresses(network, gate)
-    reader = threading.Thread(target=sys.stdin.read, daemon=True)
-    reader.start()
     with sockets.open_context(best_effort=True) as context:
         routers = [
-            serve(context, addresses.listen(channel))
-            for serve, channel in (
+            listen(context, addresses.listen(channel))
+            for listen, channel in (
                 (sockets.motion_server, channels.MOTION),
                 (sockets.log_server, channels.LOG),
                 (sockets.control_server, channels.CONTROL),
             )
         ]
-        print(network.port, flush=True)  # noqa: T201
-        while reader.is_alive():
+        while True:
             if gate is not None:
                 gate.answer_handshakes()
                 gate.reports(time.monotonic_ns())
@@ -298,7 +295,5 @@ def receive_and_discard(file: Path) -> None:
 
 
 if __name__ == "__main__":
-    if sys.argv[1] == "sink":
-        receive_and_discard(Path(sys.argv[2]))
-    else:
-        main(sys.argv[1], Path(sys.argv[2]), Path(sys.argv[3]), float(sys.argv[4]), *map(int, sys.argv[5:]))
+    with ExitStack() as stack:
+        serve(partial(carry_out, stack))

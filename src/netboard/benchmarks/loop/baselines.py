@@ -18,7 +18,7 @@ from netboard.base.config import Config, parse
 from netboard.base.logs import log_to_stderr
 from netboard.base.process import NAME, Priority, cpus_for, io_priority, prepare, steady_loop
 from netboard.base.tick import TICK_SECONDS
-from netboard.benchmarks.loop.workers import serve
+from netboard.benchmarks.harness.workers import serve
 from netboard.network import keys
 from netboard.network.protocol.fixed import FORCE, STYLUS
 from netboard.network.transport import channels, endpoints, sockets

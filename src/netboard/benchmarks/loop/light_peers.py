@@ -26,8 +26,8 @@ from netboard.base.config import SIDES, Config, Side, parse
 from netboard.base.logs import log_to_stderr
 from netboard.base.process import NAME, Priority, cpus_for, io_priority, prepare, steady_loop
 from netboard.base.tick import TICK, TICK_NS
+from netboard.benchmarks.harness.workers import serve
 from netboard.benchmarks.loop.timing import skipped_ticks
-from netboard.benchmarks.loop.workers import serve
 from netboard.devices.contract.device import Reading
 from netboard.network import keys
 from netboard.network.protocol.codec import decode, encode

@@ -19,6 +19,7 @@ from netboard.base.config import SIDES, Config
 from netboard.base.tick import TICK_NS, TICK_SECONDS
 from netboard.benchmarks.harness.results import Part, Value, Verdict
 from netboard.benchmarks.harness.running import Tell
+from netboard.benchmarks.harness.workers import Worker, Workers
 from netboard.benchmarks.loop import baselines
 from netboard.benchmarks.loop.rig import Rig, dyad_configs, write_configs
 from netboard.benchmarks.loop.timing import (
@@ -32,7 +33,6 @@ from netboard.benchmarks.loop.timing import (
     tick_timing,
 )
 from netboard.benchmarks.loop.usage import KINDS, LOOP, TRANSPORT, Costs, Usage, add_costs, read_usage, total
-from netboard.benchmarks.loop.workers import Worker, Workers
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.summary import spread
 from netboard.recording.timing.stamps import Stamps, stamps_of

@@ -20,11 +20,11 @@ from netboard.base.clock import now_ns
 from netboard.base.config import Config
 from netboard.benchmarks.harness.results import Part, Verdict
 from netboard.benchmarks.harness.running import Tell
+from netboard.benchmarks.harness.workers import Workers
 from netboard.benchmarks.loop import light_peers
 from netboard.benchmarks.loop.rig import await_status, dyad_configs, write_configs
 from netboard.benchmarks.loop.timing import HEADS, TickTiming, Times, in_milliseconds, tick_timing
 from netboard.benchmarks.loop.usage import LOOP, TRANSPORT, Cost, read_usage, total
-from netboard.benchmarks.loop.workers import Workers
 from netboard.network.transport import sockets
 from netboard.nodes.operator.launcher import Launcher
 from netboard.nodes.operator.operator import Operator
