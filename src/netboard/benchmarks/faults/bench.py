@@ -14,7 +14,6 @@ from math import isnan
 from operator import attrgetter
 from pathlib import Path
 
-from netboard.base.bars import progress_bars
 from netboard.base.clock import now_ns
 from netboard.base.errors import ConfigError, NetboardError
 from netboard.base.terminal import FittedTable, plain_console
@@ -23,9 +22,8 @@ from netboard.benchmarks.faults.cases import DEVICES, LINKS, MACHINES, PARTS, PE
 from netboard.benchmarks.faults.checks import UNDISTURBED_NS, Falls, disturbed, fades_of, largest_step, verdict_of
 from netboard.benchmarks.faults.evidence import Evidence, Window, gather
 from netboard.benchmarks.faults.sites import Setup, Site, open_site
-from netboard.benchmarks.harness.machine import describe
-from netboard.benchmarks.harness.results import Part, Value, Verdict, show
-from netboard.benchmarks.harness.running import Options
+from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict
+from netboard.benchmarks.harness.running import Options, Tell, run
 
 COLUMNS = (
     *("case", "falls after [ms]", "zero after [ms]", "largest step / limit [1]"),
@@ -47,7 +45,7 @@ PAUSES_BEFORE = "pauses while a trial was waited for"
 MAX_REPETITIONS = 3
 """Most repetitions of a case that the machine disturbed [1]."""
 
-Tell = Callable[[str], object]
+TellCase = Callable[[str], object]
 
 CASES: tuple[Case, ...] = (*PROCESSES, *LINKS, *PEERS, *DEVICES, *MACHINES, *attack_cases.ATTACKS)
 """All fault cases."""
@@ -87,31 +85,25 @@ class Outcome:
 
 def main(names: Sequence[str], options: Options) -> int:
     """Inject faults and check the reactions."""
-    console = plain_console()
     chosen = choose(names, quick=options.quick)
-    folder = options.folder("faults")
-    for line in describe().lines():
-        console.print(line)
     outcomes: list[Outcome] = []
-    with progress_bars(console) as progress:
-        task = progress.add_task("", total=len(chosen))
+    results: dict[str, object] = {}
 
-        def tell(name: str) -> None:
-            progress.update(task, description=name)
+    def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
+        def tell_case(name: str) -> None:
+            tell(name, len(outcomes) / len(chosen))
 
-        for outcome in run_all(chosen, folder.path / "sites", options.quick, tell):
+        for outcome in run_all(chosen, folder.path / "sites", quick, tell_case):
             outcomes.append(outcome)
-            progress.advance(task)
-            folder.write(parts_of(outcomes), about(outcomes, options.quick))
-    if options.json is not None:
-        shutil.copyfile(folder.path / "results.json", options.json)
-    for part in parts_of(outcomes):
-        show(console, part)
-    held = sum(outcome.holds for outcome in outcomes if not outcome.refusal)
-    ran = sum(not outcome.refusal for outcome in outcomes)
-    console.print(f"{held} of {ran} cases hold, {len(outcomes) - ran} could not be run; results in {folder.path}")
+            results.update(about(outcomes, quick))
+            folder.write(parts_of(outcomes), results)
+        yield from parts_of(outcomes)
+
+    verdicts = run("faults", study, options, results)
+    console = plain_console()
+    console.print(f"{sum(bool(outcome.refusal) for outcome in outcomes)} cases could not be run")
     console.print(repetitions_line(outcomes))
-    return 0 if held == ran else 1
+    return 0 if all(verdict.holds for verdict in verdicts) else 1
 
 
 def choose(names: Sequence[str], *, quick: bool) -> list[Case]:
@@ -142,7 +134,7 @@ def list_cases() -> int:
     return 0
 
 
-def run_all(cases: Sequence[Case], folder: Path, quick: bool, tell: Tell) -> Iterator[Outcome]:
+def run_all(cases: Sequence[Case], folder: Path, quick: bool, tell: TellCase) -> Iterator[Outcome]:
     """Run cases, grouped by the site that they need."""
     for setup, group in groupby(sorted(cases, key=attrgetter("setup.name")), attrgetter("setup")):
         waiting = list(group)
@@ -177,7 +169,7 @@ def without_repeated(outcomes: Sequence[Outcome], repetitions: Counter[str]) -> 
     return kept
 
 
-def run_in_site(setup: Setup, cases: Sequence[Case], folder: Path, quick: bool, tell: Tell) -> list[Outcome]:
+def run_in_site(setup: Setup, cases: Sequence[Case], folder: Path, quick: bool, tell: TellCase) -> list[Outcome]:
     """Run cases in one site, up to the first after which the site does not recover."""
     tell(f"{cases[0].name}: starting")
     with open_site(setup, folder, quick=quick) as site:
