@@ -5,7 +5,7 @@ import pytest
 
 from netboard.base.config import SIDES
 from netboard.base.tick import TICK, TICK_NS
-from netboard.benchmarks.loop.timing import REST, UPLINK, WAIT, LoopTiming, loop_timing, tick_timing, within
+from netboard.benchmarks.loop.timing import REST, UPLINK, WAIT, LoopTiming, TickTiming, loop_timing, within
 from netboard.recording.timing.stamps import COLUMNS, stamps_from
 from netboard.task.trials.state_machine import Phase
 
@@ -75,7 +75,7 @@ def test_intervals_are_half_open() -> None:
 
 def test_late_and_missed_ticks_are_counted() -> None:
     late_ns = np.array([-300_000, 0, 400_000, 600_000, 1_100_000, 5_000_000])
-    found = tick_timing(late_ns, 3)
+    found = TickTiming(late_ns, 3)
     assert (found.ticks, found.late, found.missed) == (6, 3, 2 + 3)
     assert found.missed_of(600) == 500
 

@@ -24,7 +24,7 @@ from netboard.benchmarks.loop.rig import dyad_configs, write_configs
 from netboard.benchmarks.loop.scale import Served, holds, idle_part, scale_part, shared_part
 from netboard.benchmarks.loop.skips import AT_REST, CASES, FULL, NO_FEEDBACK, NO_PEERS, skips_part
 from netboard.benchmarks.loop.soak import RecordedDyad, growth, memory_part, minutes_part, records_part, stays_prompt
-from netboard.benchmarks.loop.timing import loop_timing, tick_timing
+from netboard.benchmarks.loop.timing import TickTiming, loop_timing
 from netboard.benchmarks.loop.usage import LOOP, OTHER, TRANSPORT, Cost, ThreadUsage, Usage
 from netboard.recording.timing.stamps import COLUMNS, Stamps, stamps_from
 from netboard.services.loading import load
@@ -61,7 +61,7 @@ def stamps_with(loops_ns: Sequence[int], late_ns: int = 0) -> Stamps:
 def measured(*loops_ns: int, echo_ns: int = 200_000, late_ns: int = 0, agent: float = 0.1) -> Measured:
     """One round for each duration of the loop."""
     stamps = stamps_with(loops_ns, late_ns)
-    timer = tick_timing(np.zeros(COUNT, np.int64), 0)
+    timer = TickTiming(np.zeros(COUNT, np.int64), 0)
     costs = {"server": cost(0.1, 0.05), "echo": cost(0.1)}
     costs |= {f"{side} agent": cost(agent) for side in SIDES} | {f"peer {side}": cost(0.05) for side in SIDES}
     spans = [(k * COUNT * TICK_NS, (k + 1) * COUNT * TICK_NS) for k in range(len(loops_ns))]
@@ -119,7 +119,7 @@ def test_costs_are_percentages_of_a_core_and_counts_per_tick() -> None:
 def served(share: float, late: int = 0, active: float = 1.0, **counts: float) -> Served:
     late_ns = np.zeros(COUNT, np.int64)
     late_ns[:late] = TICK_NS
-    return Served(cost(share), counts, tick_timing(late_ns, 0), active, np.zeros(COUNT, np.int64))
+    return Served(cost(share), counts, TickTiming(late_ns, 0), active, np.zeros(COUNT, np.int64))
 
 
 def test_server_holds_while_ticks_are_on_time_and_trials_continue() -> None:

@@ -30,7 +30,6 @@ from netboard.benchmarks.loop.timing import (
     loop_timing,
     ratio_row,
     spread_rows,
-    tick_timing,
 )
 from netboard.benchmarks.loop.usage import KINDS, LOOP, TRANSPORT, Costs, Usage, add_costs, read_usage, total
 from netboard.recording.files.reader import Recording
@@ -80,9 +79,8 @@ class Measured:
     @property
     def timer(self) -> TickTiming:
         """Return the timing of the timer in all rounds."""
-        timers = [one.timer for one in self.rounds]
-        late_ns = np.concatenate([timer.late_ns for timer in timers])
-        return TickTiming(late_ns, sum(timer.late for timer in timers), sum(timer.missed for timer in timers))
+        late_ns = np.concatenate([one.timer.late_ns for one in self.rounds])
+        return TickTiming(late_ns, sum(one.timer.skipped for one in self.rounds))
 
 
 def measure_loop(config: Config, folder: Path, displays: int, seconds: float, rounds: int, tell: Tell) -> Measured:
@@ -146,7 +144,7 @@ class Baselines:
         """Run the timer's turn."""
         self._timer.order(count=self._count, start_ns=now_ns() + LEAD_NS)
         found = self._timer.answer()
-        return tick_timing(np.array(found["late_ns"], np.int64), found["moved_ns"] // TICK_NS)
+        return TickTiming(np.array(found["late_ns"], np.int64), found["moved_ns"] // TICK_NS)
 
     def _exchange(self, count: int, *, greeting: bool = False) -> dict[str, list[int]]:
         self._echo.order(count=count * len(self._peers), greeting=greeting)
@@ -199,7 +197,7 @@ def ratios_part(found: Measured) -> Part:
 
 def _ratios(one: Round, timing: LoopTiming) -> dict[str, float]:
     _, *ratios = ratio_row("", _concatenated(timing.latency_ns), one.echo_ns)
-    spent = {name: total(cost.spent.values()).seconds / cost.seconds for name, cost in one.costs.items()}
+    spent = {name: cost.core_share for name, cost in one.costs.items()}
     agents, peers = sum(spent[f"{side} agent"] for side in SIDES), sum(spent[f"peer {side}"] for side in SIDES)
     return {
         **{f"sample to force / echo, {at} [1]": float(ratio) for at, ratio in zip(MAX_RATIOS, ratios, strict=False)},

@@ -23,8 +23,8 @@ from netboard.benchmarks.harness.running import Tell
 from netboard.benchmarks.harness.workers import Workers
 from netboard.benchmarks.loop import light_peers
 from netboard.benchmarks.loop.rig import await_status, dyad_configs, write_configs
-from netboard.benchmarks.loop.timing import HEADS, TickTiming, Times, in_milliseconds, tick_timing
-from netboard.benchmarks.loop.usage import LOOP, TRANSPORT, Cost, read_usage, total
+from netboard.benchmarks.loop.timing import HEADS, TickTiming, Times, in_milliseconds
+from netboard.benchmarks.loop.usage import LOOP, TRANSPORT, Cost, read_usage
 from netboard.network.transport import sockets
 from netboard.nodes.operator.launcher import Launcher
 from netboard.nodes.operator.operator import Operator
@@ -97,7 +97,7 @@ class LightPeers(Workers):
         return Served(
             cost,
             {name: count / seconds for name, count in (received["counts"] | of_agents["counts"]).items()},
-            tick_timing(np.array(received["late_ns"], np.int64), received["skipped_ticks"]),
+            TickTiming(np.array(received["late_ns"], np.int64), received["skipped_ticks"]),
             received["active"],
             np.array(of_agents["late_ns"], np.int64),
         )
@@ -133,11 +133,6 @@ def on_all_cores(config: Config) -> Config:
 def holds(served: Served) -> bool:
     """Return whether a server met the criteria for its dyads."""
     return served.ticks.late <= MAX_LATE * served.ticks.ticks and served.active >= MIN_ACTIVE
-
-
-def core_share(served: Served) -> float:
-    """Return the share of a core that a server used [1]."""
-    return total(served.cost.spent.values()).seconds / served.cost.seconds
 
 
 def measure_scale(
@@ -199,7 +194,7 @@ def _table(name: str, caption: str, found: Mapping[int, Served]) -> Part:
         ),
     )
     for count, served in found.items():
-        share, seconds = core_share(served), served.cost.seconds
+        share, seconds = served.cost.core_share, served.cost.seconds
         part.add(
             count,
             *(100 * served.cost.spent[kind].seconds / seconds for kind in (LOOP, TRANSPORT)),
@@ -216,7 +211,7 @@ def _table(name: str, caption: str, found: Mapping[int, Served]) -> Part:
 
 
 def _verdicts(found: Mapping[int, Served]) -> list[Verdict]:
-    shares = {count: core_share(served) for count, served in found.items() if holds(served)}
+    shares = {count: served.cost.core_share for count, served in found.items() if holds(served)}
     most = max(shares, default=0)
     verdicts = []
     if max(found) >= MANY_DYADS:
@@ -250,13 +245,13 @@ def measure_idle(config: Config, light_peers: LightPeers, dyads: int, seconds: f
 
 def idle_part(dyads: int, found: Mapping[str, Served]) -> Part:
     """Tabulate the cost of idle dyads."""
-    idle = core_share(found["no peers"]) / dyads
+    idle = found["no peers"].cost.core_share / dyads
     claim = f"a dyad without peers costs less than {MAX_IDLE:.1%} of a core"
     part = Part(
         "waiting",
         f"{dyads} idle dyads, served by one process",
         "peers | all [%] | each dyad [%]",
-        [(name, 100 * core_share(served), 100 * core_share(served) / dyads) for name, served in found.items()],
+        [(name, 100 * served.cost.core_share, 100 * served.cost.core_share / dyads) for name, served in found.items()],
     )
     part.claim(claim, idle < MAX_IDLE, f"{idle:.2%}")
     return part

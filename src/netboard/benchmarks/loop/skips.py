@@ -11,7 +11,7 @@ from netboard.base.config import Config
 from netboard.base.tick import TICK, TICK_NS, TICK_SECONDS
 from netboard.benchmarks.harness.results import Part, Value, Verdict
 from netboard.benchmarks.harness.running import Tell
-from netboard.benchmarks.loop.scale import LightPeers, Peers, Served, core_share, on_cores
+from netboard.benchmarks.loop.scale import LightPeers, Peers, Served, on_cores
 from netboard.benchmarks.loop.usage import LOOP, TRANSPORT
 from netboard.stage.stage import make_stage
 from netboard.task.trials.state_machine import Phase
@@ -72,7 +72,7 @@ def skips_part(found: dict[str, Served]) -> Part:
                 *(round(served.counts.get(what, 0.0)) for what in SENT),
                 *(round(spent[kind].sleeps / seconds) for kind in (LOOP, TRANSPORT)),
                 *(1e6 * spent[kind].seconds * TICK_SECONDS / seconds for kind in (LOOP, TRANSPORT)),
-                100 * core_share(served),
+                100 * served.cost.core_share,
             )
         )
     return Part(
@@ -93,7 +93,7 @@ def skips_part(found: dict[str, Served]) -> Part:
 def _verdicts(found: dict[str, Served]) -> list[Verdict]:
     forces, beats = (found[NO_FEEDBACK].counts.get(what, 0.0) for what in ("forces", "beats"))
     views, fewer = (found[name].counts.get("views", 0.0) for name in (NO_TRIAL, AT_REST))
-    busy, idle = core_share(found[FULL]), core_share(found[NO_PEERS])
+    busy, idle = found[FULL].cost.core_share, found[NO_PEERS].cost.core_share
     return [
         Verdict(
             "no force is sent without haptic feedback",

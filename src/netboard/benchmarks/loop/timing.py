@@ -107,27 +107,30 @@ class TickTiming:
     """Timing of ticks.
 
     - `late_ns`: start of each after its deadline; negative: before it [ns].
-    - `missed`: ticks that began more than a whole tick late, and skipped ticks [1].
+    - `skipped`: ticks that a stalled loop has left out [1].
     """
 
     late_ns: Times
-    late: int
-    missed: int
+    skipped: int
 
     @property
     def ticks(self) -> int:
         """Return the number of ticks, without those passed over [1]."""
         return self.late_ns.size
 
+    @property
+    def late(self) -> int:
+        """Return the number of deadline misses [1]."""
+        return int(np.count_nonzero(self.late_ns > LATE_NS))
+
+    @property
+    def missed(self) -> int:
+        """Return the number of ticks that began more than a whole tick late, or never [1]."""
+        return int(np.count_nonzero(self.late_ns > TICK_NS)) + self.skipped
+
     def missed_of(self, many: int) -> float:
         """Return the expected number of ticks missed by a whole period or more among `many` [1]."""
         return self.missed * many / max(self.ticks, 1)
-
-
-def tick_timing(late_ns: Times, skipped_ticks: int) -> TickTiming:
-    """Count deadline misses."""
-    missed = int(np.count_nonzero(late_ns > TICK_NS)) + skipped_ticks
-    return TickTiming(late_ns, int(np.count_nonzero(late_ns > LATE_NS)), missed)
 
 
 def skipped_ticks(time_ns: Times) -> int:
@@ -161,7 +164,7 @@ def loop_timing(stamps: Stamps, times: Sequence[tuple[int, int]]) -> LoopTiming:
     return LoopTiming(
         took,
         parts,
-        tick_timing(late_ns, sum(map(skipped_ticks, due))),
+        TickTiming(late_ns, sum(map(skipped_ticks, due))),
         sum(times.size for times in took.values()) / max(len(SIDES) * int(np.count_nonzero(felt)), 1),
     )
 

@@ -7,7 +7,9 @@ the scheduler, to the nanosecond if available (``schedstat``), else to its clock
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import reduce
 from pathlib import Path
+from typing import NamedTuple
 
 from netboard.base.clock import now_ns
 from netboard.base.errors import NetboardError
@@ -20,8 +22,7 @@ KINDS = (LOOP, TRANSPORT, OTHER)
 _TRANSPORT_NAME = "ZMQbg/IO"
 
 
-@dataclass(frozen=True, slots=True)
-class ThreadUsage:
+class ThreadUsage(NamedTuple):
     """Usage of threads.
 
     - `seconds`: time on a core [s].
@@ -35,12 +36,7 @@ class ThreadUsage:
 
     def plus(self, other: "ThreadUsage", sign: int = 1) -> "ThreadUsage":
         """Return the sum with another, or with sign -1 the difference."""
-        return ThreadUsage(
-            self.seconds + sign * other.seconds,
-            self.waited + sign * other.waited,
-            self.sleeps + sign * other.sleeps,
-            self.preemptions + sign * other.preemptions,
-        )
+        return ThreadUsage._make(mine + sign * theirs for mine, theirs in zip(self, other, strict=True))
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,10 +61,7 @@ class Usage:
 
 def total(parts: Iterable[ThreadUsage]) -> ThreadUsage:
     """Return the sum."""
-    whole = ThreadUsage()
-    for part in parts:
-        whole = whole.plus(part)
-    return whole
+    return reduce(ThreadUsage.plus, parts, ThreadUsage())
 
 
 @dataclass
@@ -86,6 +79,11 @@ class Cost:
         for kind, spent in after.since(before).items():
             self.spent[kind] = self.spent.get(kind, ThreadUsage()).plus(spent)
         self.seconds += (after.at_ns - before.at_ns) * 1e-9
+
+    @property
+    def core_share(self) -> float:
+        """Return the share of a core that the process used [1]."""
+        return total(self.spent.values()).seconds / self.seconds
 
 
 Costs = dict[str, Cost]
