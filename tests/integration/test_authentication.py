@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from netboard.benchmarks.faults.rigs import TIMEOUT, Rig
+from netboard.benchmarks.harness.rig import TIMEOUT, Rig
 from netboard.network import keys
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.control import Command, Status, StatusRequest

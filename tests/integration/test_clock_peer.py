@@ -15,7 +15,7 @@ from skewed import SkewedClock
 from netboard.base.clock import now_ns
 from netboard.base.config import Side
 from netboard.benchmarks.faults.relay import Impairment, relay_to_server
-from netboard.benchmarks.faults.rigs import TIMEOUT, Rig, Route
+from netboard.benchmarks.harness.rig import TIMEOUT, Rig, Route
 from netboard.network.protocol.motion import Safeguard
 from netboard.network.protocol.records import ClockRecord
 from netboard.network.transport.ports import free_port

@@ -15,7 +15,7 @@ import pytest
 from netboard.base.clock import now_ns
 from netboard.base.tables.scene import Physics
 from netboard.base.tick import TICK
-from netboard.benchmarks.faults.rigs import Rig
+from netboard.benchmarks.harness.rig import Rig
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import Goodbye, Hello, Ping, Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message

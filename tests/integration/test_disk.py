@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from netboard.benchmarks.faults.rigs import Rig
+from netboard.benchmarks.harness.rig import Rig
 from netboard.network.protocol.control import Status
 from netboard.recording.integrity.account import Account, account_of
 from netboard.recording.recovery.spilled import recover_any

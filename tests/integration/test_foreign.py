@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from foreign_clients import ROOT, run
 
-from netboard.benchmarks.faults.rigs import Rig
+from netboard.benchmarks.harness.rig import Rig
 from netboard.network.protocol.codec import decode
 from netboard.network.protocol.control import Status
 from netboard.recording.files.reader import Recording

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from test_authentication import rig_with_keys
 
-from netboard.benchmarks.faults.rigs import Rig
+from netboard.benchmarks.harness.rig import Rig
 from netboard.network.protocol.records import kind_of_peer
 from netboard.recording.files.reader import Recording
 from netboard.recording.integrity.checking import check

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from netboard.base.clock import now_ns
-from netboard.benchmarks.faults.rigs import Rig, Route
+from netboard.benchmarks.harness.rig import Rig, Route
 from netboard.network.transport.ports import free_port
 from netboard.recording.export.lsl_streams import STREAMS, description, event_text, samples, seconds
 from netboard.recording.files.reader import Recording

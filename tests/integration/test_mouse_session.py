@@ -18,7 +18,7 @@ import pytest
 
 from netboard.base.config import Config
 from netboard.base.process import STOP_WITH_PARENT
-from netboard.benchmarks.faults.rigs import Rig
+from netboard.benchmarks.harness.rig import Rig
 from netboard.network.protocol.codec import decode
 from netboard.network.protocol.control import Status
 from netboard.network.transport import channels, sockets

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from netboard.base.config import parse
-from netboard.benchmarks.faults.rigs import Rig
+from netboard.benchmarks.harness.rig import Rig
 from netboard.network.protocol.motion import Safeguard
 from netboard.network.transport import channels, sockets
 from netboard.recording.files.reader import Recording

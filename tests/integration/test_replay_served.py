@@ -14,7 +14,7 @@ import pytest
 
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES, Side
-from netboard.benchmarks.faults.rigs import TIMEOUT, Rig
+from netboard.benchmarks.harness.rig import TIMEOUT, Rig
 from netboard.network import keys
 from netboard.network.protocol.codec import decode
 from netboard.network.transport import channels, poller, sockets

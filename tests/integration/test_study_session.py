@@ -15,7 +15,7 @@ import daily
 from netboard.base.config import parse
 from netboard.base.errors import NetboardError
 from netboard.base.tables.experiment import Session
-from netboard.benchmarks.faults.rigs import Rig
+from netboard.benchmarks.harness.rig import Rig
 from netboard.network.protocol.control import Status
 from netboard.network.protocol.motion import Safeguard
 from netboard.nodes.operator.operator import Operator

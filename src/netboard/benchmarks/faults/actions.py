@@ -22,8 +22,9 @@ from netboard.benchmarks.faults.attackers import SAMPLE
 from netboard.benchmarks.faults.deferred import deferred
 from netboard.benchmarks.faults.devices import DeviceFault, read_trace, set_device_fault, trace_file
 from netboard.benchmarks.faults.relay import UNIMPAIRED, Impairment, Relay
-from netboard.benchmarks.faults.rigs import TIMEOUT
+from netboard.benchmarks.faults.rigs import until_forces
 from netboard.benchmarks.faults.sites import START_S, Site, side_of
+from netboard.benchmarks.harness.rig import TIMEOUT
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import Hello, Refusal
 from netboard.network.protocol.messages import PROTOCOL_VERSION
@@ -60,7 +61,7 @@ def kill(site: Site, process: str, seconds: float = RESTART_DELAY, quick: float 
     site.sleep(seconds, quick)
     site.restart(process)
     if process == "server":
-        site.rig.until_forces(START_S)
+        until_forces(site.rig, START_S)
     else:
         name = f":{site.rig.running[process].pid}"
         site.rig.until(lambda status: any(link[1].endswith(name) for link in status.links))

@@ -21,6 +21,7 @@ from netboard.benchmarks.faults import attack_cases
 from netboard.benchmarks.faults.cases import DEVICES, LINKS, MACHINES, PARTS, PEERS, PROCESSES, Case
 from netboard.benchmarks.faults.checks import UNDISTURBED_NS, Falls, disturbed, fades_of, largest_step, verdict_of
 from netboard.benchmarks.faults.evidence import Evidence, Window, gather
+from netboard.benchmarks.faults.rigs import until_forces, until_undisturbed
 from netboard.benchmarks.faults.sites import Setup, Site, open_site
 from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict
 from netboard.benchmarks.harness.running import Options, Tell, run
@@ -217,13 +218,13 @@ def inject(case: Case, site: Site) -> Window:
     start_ns = now_ns()
     facts: dict[str, str] = {}
     try:
-        pauses = site.rig.until_undisturbed(UNDISTURBED_NS * 1e-9, RECOVERY_S)
+        pauses = until_undisturbed(site.rig, UNDISTURBED_NS * 1e-9, RECOVERY_S)
         start_ns = now_ns()
         if pauses:
             facts[PAUSES_BEFORE] = str(pauses)
         facts.update(case.action(site) or {})
         site.sleep(DETECTION_S)
-        site.rig.until_forces(RECOVERY_S)
+        until_forces(site.rig, RECOVERY_S)
     except (NetboardError, OSError) as error:
         return Window(start_ns, now_ns(), facts, f"{type(error).__name__}: {error}")
     site.sleep(AFTER_S)

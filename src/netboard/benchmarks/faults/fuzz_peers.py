@@ -26,8 +26,9 @@ from netboard.benchmarks.faults.devices import read_traces
 from netboard.benchmarks.faults.evidence import between
 from netboard.benchmarks.faults.fuzz_server import STUCK_SECONDS, memory_part
 from netboard.benchmarks.faults.malformed_frames import MalformedFrames, decode_or_none, valid_frames
-from netboard.benchmarks.faults.rigs import TIMEOUT, Rig, tampered
+from netboard.benchmarks.faults.rigs import tampered
 from netboard.benchmarks.harness.results import Part, Verdict
+from netboard.benchmarks.harness.rig import TIMEOUT, Rig
 from netboard.benchmarks.harness.running import Tell
 from netboard.network.protocol.codec import encode
 from netboard.network.protocol.joining import Goodbye, Hello, Refusal, Welcome

@@ -26,9 +26,10 @@ from netboard.benchmarks.faults.checks import continues, ticks_accounted, within
 from netboard.benchmarks.faults.devices import read_traces
 from netboard.benchmarks.faults.evidence import Evidence, Window, between, read_recordings
 from netboard.benchmarks.faults.malformed_frames import MalformedFrames, decode_or_none, valid_frames
-from netboard.benchmarks.faults.rigs import Rig, tampered
+from netboard.benchmarks.faults.rigs import tampered, until_forces
 from netboard.benchmarks.faults.sites import PACE
 from netboard.benchmarks.harness.results import Part
+from netboard.benchmarks.harness.rig import Rig
 from netboard.benchmarks.harness.running import Tell
 from netboard.network.protocol.codec import encode
 from netboard.network.protocol.control import Command
@@ -255,7 +256,7 @@ def server_parts(folder: Path, count: int, tell: Tell, quiet: float = QUIET_SECO
         agents = _fuzz_as_agents(rig, round(count * AGENT_SHARE), tell)
         rig.start_stations()
         rig.start("left display", "display", "--station", "left", "--offscreen")
-        rig.until_forces()
+        until_forces(rig)
         rig.until(lambda status: "display.left" in status.peers)
         before_period = _period("nothing", lambda: time.sleep(quiet))
         before = rig.memory()

@@ -15,7 +15,7 @@ from typing import Self
 
 from netboard.base.config import SIDES, Side
 from netboard.base.errors import NetboardError
-from netboard.benchmarks.faults.rigs import Route
+from netboard.benchmarks.harness.rig import Route
 
 SERVER = "10.213.0.1"
 _CURRENT_NAMESPACE = Path("/proc/thread-self/ns/net")

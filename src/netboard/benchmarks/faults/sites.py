@@ -16,8 +16,8 @@ from typing import cast
 from netboard.base.config import SIDES, Side
 from netboard.benchmarks.faults import links, wall_clock
 from netboard.benchmarks.faults.relay import Relay, relay_to_server
-from netboard.benchmarks.faults.rigs import Rig, Route, tampered
-from netboard.benchmarks.harness.dyad_keys import add_dyad_keys
+from netboard.benchmarks.faults.rigs import tampered, until_forces
+from netboard.benchmarks.harness.rig import Rig, Route, add_dyad_keys
 from netboard.network import keys
 from netboard.network.transport.ports import free_port
 
@@ -92,7 +92,7 @@ class Site:
             rig.start("logger", *self._logger())
             rig.start_stations(self.setup.displays)
         for rig in self.rigs:
-            rig.until_forces(START_S)
+            until_forces(rig, START_S)
 
     def restart(self, process: str) -> None:
         """Restart a process of the affected dyad, or the server of all dyads."""

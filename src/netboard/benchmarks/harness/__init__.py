@@ -1,1 +1,1 @@
-"""How a benchmark is run: its parts, their results with checked claims, and the machine."""
+"""How a benchmark is run: its processes, its parts, their results with checked claims, and the machine."""

@@ -155,7 +155,7 @@ def _scratch_folder(setting: Setting, folder: Folder, tell: Tell) -> Iterator[Pa
     """Compile the kernels; yield a folder for recordings and logs, which is removed if the study succeeds."""
     if not Path("/proc/self/task").exists():
         raise NetboardError("the resource use of processes is read from /proc, which this system does not have")
-    scratch = folder.path / "processes"
+    scratch = folder.path.resolve() / "processes"
     shutil.rmtree(scratch, ignore_errors=True)
     scratch.mkdir()
     tell("compiling the kernels", 0.0)

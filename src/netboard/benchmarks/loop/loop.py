@@ -21,7 +21,7 @@ from netboard.benchmarks.harness.results import Part, Value, Verdict
 from netboard.benchmarks.harness.running import Tell
 from netboard.benchmarks.harness.workers import Worker, Workers
 from netboard.benchmarks.loop import baselines
-from netboard.benchmarks.loop.rig import Rig, dyad_configs, write_configs
+from netboard.benchmarks.loop.rig import Dyads, dyad_configs, write_configs
 from netboard.benchmarks.loop.timing import (
     HEADS,
     LoopTiming,
@@ -88,14 +88,14 @@ def measure_loop(config: Config, folder: Path, displays: int, seconds: float, ro
     measured, spare = dyad_configs(config, folder, 2)
     costs: Costs = {}
     found: list[Round] = []
-    with Workers() as workers, Rig([measured], folder, displays) as rig:
+    with Workers() as workers, Dyads([measured], folder, displays) as processes:
         others = Baselines(spare, folder, workers, round(seconds / rounds * 1e9) // TICK_NS)
         for number in range(rounds):
             report = _progress(tell, number, rounds)
             report("waiting for a trial", 0.0)
-            rig.wait_for_trials()
-            period = rig.measure(seconds / rounds, partial(report, "netboard"))
-            rig.suspend()
+            processes.wait_for_trials()
+            period = processes.measure(seconds / rounds, partial(report, "netboard"))
+            processes.suspend()
             report("echo", 1.0)
             echo_ns, before, after = others.run_echo()
             report("timer", 1.0)
@@ -103,9 +103,9 @@ def measure_loop(config: Config, folder: Path, displays: int, seconds: float, ro
             for where in (costs, found[-1].costs):
                 add_costs(where, period.before, period.after)
                 add_costs(where, before, after)
-            rig.resume()
+            processes.resume()
         tell("reading the recording", 1.0)
-        (path,) = rig.finish()
+        (path,) = processes.finish()
     with Recording(path) as recording:
         stamps = stamps_of(recording)
     return Measured(found, stamps, loop_timing(stamps, [one.span_ns for one in found]), costs)

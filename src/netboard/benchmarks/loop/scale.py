@@ -8,7 +8,6 @@ asked for, with server and peers on all cores. Then idle dyads: with agents but 
 """
 
 import os
-import signal
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,15 +18,13 @@ import numpy as np
 from netboard.base.clock import now_ns
 from netboard.base.config import Config
 from netboard.benchmarks.harness.results import Part, Verdict
+from netboard.benchmarks.harness.rig import Rig
 from netboard.benchmarks.harness.running import Tell
 from netboard.benchmarks.harness.workers import Workers
 from netboard.benchmarks.loop import light_peers
-from netboard.benchmarks.loop.rig import await_status, dyad_configs, write_configs
+from netboard.benchmarks.loop.rig import dyad_configs, write_configs
 from netboard.benchmarks.loop.timing import HEADS, TickTiming, Times, in_milliseconds
 from netboard.benchmarks.loop.usage import LOOP, TRANSPORT, Cost, read_usage
-from netboard.network.transport import sockets
-from netboard.nodes.operator.launcher import Launcher
-from netboard.nodes.operator.operator import Operator
 from netboard.recording.format.summary import spread
 
 WARM_SECONDS, WARM_SECONDS_A_DYAD = 4.0, 0.5
@@ -74,26 +71,24 @@ class LightPeers(Workers):
         """Run a server of some dyads with these peers."""
         configs = dyad_configs(config, self._folder, dyads)
         files = [str(file) for file in write_configs(configs, self._folder)]
-        with Launcher(self._folder, {}) as launcher:
-            arguments = [argument for file in files for argument in ("-c", file)]
-            launcher.start("server", "server", *arguments, *([] if peers.trial else ["--no-autostart"]))
-            with sockets.open_context() as context:
-                operator = Operator(configs[-1].network, context)  # the context closes its socket
-                await_status(launcher, operator)
+        with Rig(self._folder, configs[-1]) as rig:  # its recording is not needed
+            others = [word for file in files[:-1] for word in ("-c", file)]
+            rig.start("server", "server", *others, *([] if peers.trial else ["--no-autostart"]))
+            rig.until(lambda status: True)
+            rig.disconnect()
             from_ns = now_ns() + round((WARM_SECONDS + WARM_SECONDS_A_DYAD * dyads) * 1e9)
             until_ns = from_ns + round(seconds * 1e9)
             order: dict[str, Any] = {"files": files, "from_ns": from_ns, "until_ns": until_ns}
             self._watchers.order(**order, loggers=peers.loggers, displays=peers.displays)
             if peers.agents:
                 self._agents.order(**order, moving=peers.moving)
-            cost, process = Cost(), launcher.process_id("server")
+            cost, process = Cost(), rig.running["server"].pid
             light_peers.sleep_until(from_ns)
             before = read_usage(process)
             light_peers.sleep_until(until_ns)
             cost.add(before, read_usage(process))
             received = self._watchers.answer()
             of_agents = self._agents.answer() if peers.agents else {"counts": {}, "late_ns": []}
-            os.kill(process, signal.SIGKILL)  # its recording is not needed
         return Served(
             cost,
             {name: count / seconds for name, count in (received["counts"] | of_agents["counts"]).items()},

@@ -16,7 +16,7 @@ from netboard.base.config import SIDES, Config
 from netboard.base.tick import LATE_NS
 from netboard.benchmarks.harness.results import Part, Value, Verdict
 from netboard.benchmarks.harness.running import Tell
-from netboard.benchmarks.loop.rig import Rig, dyad_configs
+from netboard.benchmarks.loop.rig import Dyads, dyad_configs
 from netboard.benchmarks.loop.timing import HEADS, Times, in_milliseconds
 from netboard.benchmarks.loop.usage import Usage
 from netboard.recording.files.reader import Recording
@@ -83,12 +83,12 @@ class Soaked:
 def measure_soak(config: Config, folder: Path, dyads: int, displays: int, seconds: float, tell: Tell) -> Soaked:
     """Run dyads for a long time."""
     small = replace(config, network=replace(config.network, log_ring_s=RING_SECONDS))
-    with Rig(dyad_configs(small, folder, dyads), folder, displays) as rig:
+    with Dyads(dyad_configs(small, folder, dyads), folder, displays) as processes:
         tell("waiting for trials", 0.0)
-        rig.wait_for_trials()
-        samples = _watch(rig, seconds, tell)
+        processes.wait_for_trials()
+        samples = _watch(processes, seconds, tell)
         tell("ending the sessions", 1.0)
-        paths = rig.finish()
+        paths = processes.finish()
     recorded = []
     for path in paths:
         tell(f"verifying {path.name}", 1.0)
@@ -96,15 +96,15 @@ def measure_soak(config: Config, folder: Path, dyads: int, displays: int, second
     return Soaked(samples, recorded)
 
 
-def _watch(rig: Rig, seconds: float, tell: Callable[[str, float], object]) -> list[dict[str, Usage]]:
+def _watch(processes: Dyads, seconds: float, tell: Callable[[str, float], object]) -> list[dict[str, Usage]]:
     """Read the resource use of all processes every second."""
-    samples = [rig.usage()]
+    samples = [processes.usage()]
     begun = time.monotonic()
     while (done := time.monotonic() - begun) < seconds:
         tell(f"{done / 60:.1f} of {seconds / 60:g} minutes", done / seconds)
         time.sleep(min(SAMPLE_SECONDS, seconds - done))
-        rig.poll()
-        samples.append(rig.usage())
+        processes.poll()
+        samples.append(processes.usage())
     return samples
 
 

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.clock import now_ns
-from netboard.benchmarks.faults.rigs import ACTIVE, Rig
 from netboard.benchmarks.harness.results import Part
+from netboard.benchmarks.harness.rig import ACTIVE, Rig
 from netboard.benchmarks.harness.running import Tell
 from netboard.recording.files.reader import Recording
 
