@@ -263,7 +263,7 @@ def parts_of(outcomes: Sequence[Outcome]) -> list[Part]:
         if mine:
             columns = attack_cases.COLUMNS if part == attack_cases.PART else COLUMNS
             rows: list[tuple[Value, ...]] = [(o.case.name, *_padded(o, len(columns) - 2), _holds_text(o)) for o in mine]
-            found.append(Part(part, title, columns, rows, [_verdict(o) for o in mine]))
+            found.append(Part(part, title, columns, rows, [_verdict(o) for o in mine if not o.refusal]))
     return found
 
 
@@ -273,14 +273,14 @@ def _padded(outcome: Outcome, count: int) -> tuple[Value, ...]:
 
 
 def _holds_text(outcome: Outcome) -> str:
-    return "not run" if outcome.refusal else "yes" if outcome.holds else "NO"
+    if outcome.refusal:
+        return f"not run: {outcome.refusal}"
+    return "yes" if outcome.holds else "NO"
 
 
 def _verdict(outcome: Outcome) -> Verdict:
-    """Return a case as one checked claim, with its failures or results."""
+    """Return a case that was run as one checked claim, with its failures or results."""
     claim = f"{outcome.case.name}: {outcome.case.done}: {outcome.case.expected}"
-    if outcome.refusal:
-        return Verdict(claim, True, f"not run: {outcome.refusal}")
     failed = [verdict for verdict in outcome.verdicts if not verdict.holds]
     if failed:
         return Verdict(claim, False, "; ".join(f"NOT {verdict.claim}: {verdict.found}" for verdict in failed))
