@@ -50,12 +50,10 @@ def show(config: ConfigFile = None, overrides: Overrides = None) -> None:
 def init(file: Annotated[Path, typer.Argument(metavar="FILE", help="The file to create.")] = DEFAULT_FILE) -> None:
     """Create a commented file with every setting, its default, unit and limits."""
     from netboard.base.config import template
+    from netboard.base.new_file import new_file
 
-    try:
-        with file.open("x", encoding="utf-8", newline="\n") as new:
-            new.write(template())
-    except FileExistsError:
-        raise ConfigError(f"{file}: already exists and was not changed; name another file") from None
-    except OSError as error:
-        raise ConfigError(f"{file}: cannot be written: {error.strerror or error}") from error
+    with new_file(file) as part:
+        part.write_text(template(), encoding="utf-8", newline="\n")
+        if file.exists():
+            raise ConfigError(f"{file}: already exists and was not changed; name another file")
     typer.echo(f"{file}: created; after editing, check it with: {shell_command('netboard', 'config', 'check', file)}")

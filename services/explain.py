@@ -44,6 +44,7 @@ def explain(
 
 def draw(path: Path, trial: int, attempt: int | None, readings: "Readings", output: Path | None) -> str:
     """Write the figure of an attempt, or of the last one at the trial, and return what was written."""
+    from netboard.base.new_file import new_file
     from netboard.recording.export.formats import library
 
     library("matplotlib", "analysis")
@@ -56,13 +57,10 @@ def draw(path: Path, trial: int, attempt: int | None, readings: "Readings", outp
         raise ConfigError(f"--output {output}: expected a file that ends with .{', .'.join(KINDS)}")
     picture = sheet(_find(path, trial, attempt, readings))
     assert picture.figure is not None
-    try:
-        with output.open("xb") as file:
-            file.write(as_bytes(picture.figure, kind))
-    except FileExistsError:
-        raise RecordingError(f"{output}: already exists; name another --output") from None
-    except OSError as error:
-        raise RecordingError(f"{output}: cannot be written: {error.strerror}") from error
+    with new_file(output) as part:
+        part.write_bytes(as_bytes(picture.figure, kind))
+        if output.exists():
+            raise RecordingError(f"{output}: already exists; name another --output")
     return f"{output}: {picture.title} of {path.name}"
 
 

@@ -75,6 +75,19 @@ def imported(text: str) -> set[str]:
     return found | {".".join(name.split(".")[:n]) for name in found for n in range(1, name.count(".") + 1)}
 
 
+@pytest.mark.skipif(os.name == "nt", reason="no such limit there")
+def test_kernel_runs_if_a_full_disk_cannot_cache_it() -> None:
+    """A limit of the kernel of the operating system replaces the full disk."""
+    import resource
+
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, limits[1]))
+    try:
+        assert kernel(lambda x: x + 1.0)(2.0) == 3.0
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+
 def test_cache_folder_depends_on_every_source_that_a_kernel_may_use() -> None:
     """Modules that can make kernels, and whatever they import, found here by Python's own parser."""
     package = Path(netboard.__file__).parent

@@ -142,6 +142,32 @@ def test_file_name_that_is_too_long_is_one_line_that_names_it(words: str) -> Non
     assert re.fullmatch(rf"netboard: {LONG}[^\n]*: File name too long\n", result.stderr)
 
 
+@pytest.mark.skipif(os.name == "nt", reason="no such limit there")
+@pytest.mark.parametrize(
+    "words",
+    [
+        "config init new",
+        "keys init --set network.keys=keys",
+        "cohort paper -o new",
+        f"replay {GOLDEN} --screenshot new.png",
+        f"explain {GOLDEN} --trial 1 -o new.png",
+    ],
+)
+def test_full_disk_leaves_no_empty_file(words: str) -> None:
+    """A limit of the kernel replaces the full disk."""
+    import resource
+
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, limits[1]))
+    try:
+        result = runner.invoke(app, words.split())
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert result.exit_code in (1, 2)
+    assert re.search("^netboard: [^\n]*: cannot be written", result.stderr)
+    assert [path for path in Path().rglob("*") if path.name != "keys"] == []
+
+
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
 def test_output_to_a_full_disk_is_one_line() -> None:
     with Path("/dev/full").open("w", encoding="utf-8") as full:
@@ -191,7 +217,7 @@ def test_config_init_never_overwrites_a_file() -> None:
 
 def test_config_init_reports_a_missing_folder() -> None:
     result = runner.invoke(app, ["config", "init", "nowhere/rig.toml"])
-    assert result.exit_code == 2
+    assert result.exit_code == 1
     assert result.stderr == "netboard: nowhere/rig.toml: cannot be written: No such file or directory\n"
 
 

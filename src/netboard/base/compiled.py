@@ -21,7 +21,7 @@ import shutil
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import CellType, FunctionType
 from typing import IO, Any, ParamSpec, TypeVar, cast
@@ -159,6 +159,8 @@ def _once_for_all_processes(compiled: Any) -> Any:
             return compile_now(signature)
         # Take Numba's lock first, so that no thread that holds it can wait for this thread's file lock.
         with global_compiler_lock, _locked(name):
+            with suppress(OSError):  # compiled, but a full disk cannot cache it
+                return compile_now(signature)
             return compile_now(signature)
 
     compiled.compile = compile_once

@@ -321,7 +321,11 @@ def _write_new(path: Path, text: str, existing: str = "already exists and was no
     """Write a new file that only its owner can read; ``existing``: end of the error message if it exists already."""
     try:
         path.touch(mode=0o600, exist_ok=False)
-        path.write_text(text, encoding="utf-8", newline="\n")
+        try:
+            path.write_text(text, encoding="utf-8", newline="\n")
+        except BaseException:
+            path.unlink(missing_ok=True)
+            raise
     except FileExistsError:
         raise ConfigError(f"{path}: {existing}") from None
     except OSError as error:

@@ -26,7 +26,7 @@ from netboard.analysis.extraction.store import Store
 from netboard.analysis.extraction.tables import Kind, columns_of
 from netboard.base.config import resolve
 from netboard.base.errors import ConfigError, RecordingError, writing
-from netboard.recording.export.formats import Progress
+from netboard.recording.export.formats import Progress, new_folder
 from netboard.recording.export.tabular import open_csv, open_parquet, write_dictionary
 from netboard.task.studies.study import resolve_study
 
@@ -89,10 +89,9 @@ class Cohort:
         """Make a new folder."""
         if folder.exists():
             raise RecordingError(f"{folder}: already exists; continue it with --resume, or choose another --output")
-        with writing(folder):
-            folder.mkdir(parents=True)
+        with new_folder(folder) as part:
             text = json.dumps(manifest_of(design), indent=1, ensure_ascii=False) + "\n"
-            (folder / MANIFEST).write_text(text, encoding="utf-8")
+            (part / MANIFEST).write_text(text, encoding="utf-8")
         return cls(folder)
 
     def require(self, design: Design) -> None:

@@ -24,6 +24,7 @@ from PySide6.QtWidgets import QApplication, QVBoxLayout, QWidget
 from netboard.base.clock import now_ns
 from netboard.base.config import Side
 from netboard.base.errors import ConfigError, NetboardError
+from netboard.base.new_file import new_file
 from netboard.base.tables.rig import Display
 from netboard.windows.participant.widget import BoardView
 
@@ -142,8 +143,9 @@ def screenshot(widget: QWidget, picture: Path) -> None:
     """Write the content of a widget to a PNG file."""
     require_new(picture)
     picture.parent.mkdir(parents=True, exist_ok=True)
-    if not widget.grab().save(str(picture), "PNG"):
-        raise NetboardError(f"{picture}: cannot be written")
+    with new_file(picture) as part:
+        if not widget.grab().save(str(part), "PNG"):
+            raise NetboardError(f"{picture}: cannot be written")
 
 
 class ScreenshotTimer:
