@@ -16,7 +16,9 @@ from netboard.benchmarks.physics.bench import Selection, choose_peers, study
 from netboard.benchmarks.physics.figures import draw
 from netboard.benchmarks.physics.horizons import holds_part
 from netboard.benchmarks.physics.netboard_methods import collocation_solvers, meeting, one_step_solvers
-from netboard.benchmarks.physics.parts import ratios_parts
+from netboard.benchmarks.physics.parts import AGREEMENT, mujoco_part, ratios_parts
+from netboard.benchmarks.physics.peer_mujoco import LIBRARY as MUJOCO
+from netboard.benchmarks.physics.peer_mujoco import STAGES, many_at_once
 from netboard.benchmarks.physics.problem import MODELS, Model, Problem, make_reference, tight
 from netboard.benchmarks.physics.skips import SAME, SKIPS, Skip, difference
 from netboard.benchmarks.physics.work_precision import (
@@ -250,3 +252,20 @@ def test_peer_libraries_are_chosen_by_name() -> None:
     assert choose_peers([], quick=False) == ()
     assert choose_peers(["scipy"], quick=True) == ("scipy",)
     assert "scipy" in choose_peers(None, quick=True)
+
+
+def test_many_simulations_at_once_take_the_same_steps_as_mujoco() -> None:
+    pytest.importorskip("mujoco")
+    theirs, ours, apart = many_at_once(Problem("lagrangian", "settled"), 1)
+    assert theirs > 0.0
+    assert ours > 0.0
+    assert 0.0 < apart < AGREEMENT
+
+
+@pytest.mark.parametrize(("ours", "apart", "holds"), [(40.0, 1e-12, True), (60.0, 1e-12, False), (40.0, 1e-3, False)])
+def test_steps_of_many_simulations_are_compared_with_those_of_mujoco(ours: float, apart: float, holds: bool) -> None:
+    problem = "lagrangian, settled"
+    rows = [row(1e-3, 1.0, problem=problem), row(1e-3, 100.0, MUJOCO, STAGES, problem)]
+    part = mujoco_part(rows, [], {problem: (5000.0, ours, apart)})
+    assert [verdict.holds for verdict in part.verdicts] == [holds]
+    assert part.rows[1][-1] == 5000.0 / ours

@@ -125,7 +125,9 @@ def study(selection: Selection, folder: Folder, tell: Tell, *, quick: bool) -> I
     yield physics_parts.frontier_part(rows)
     yield from physics_parts.ratios_parts(comparisons)
     if any(row.library == peer_mujoco.LIBRARY for row in rows):
-        yield physics_parts.mujoco_part(rows, comparisons)
+        lagrangian = [problem for problem in selection.problems if problem.model == "lagrangian"]
+        many = {problem.name: peer_mujoco.many_at_once(problem, selection.repeats) for problem in lagrangian}
+        yield physics_parts.mujoco_part(rows, comparisons, many)
     chosen = [problem for problem in selection.problems if problem.start == "settled"][: 1 if quick else None]
     tell("from samples", 0.8)
     yield holds_part((problem, references[problem].reference) for problem in chosen)

@@ -7,6 +7,9 @@ be compared; MuJoCo cannot express the paper's equations.
 MuJoCo's controls are usually set once per step: this is run and timed by its rollout, in C, with the controls as an
 array. It is also run with the controls of each stage, which require a callback. Then the error is that with the
 callback, while the time is that of steps in C with constant controls, a lower bound.
+
+A step of one simulation is a chain of dependent operations in either program. `many_at_once` therefore compares steps
+of many simulations as well, on one core.
 """
 
 from collections.abc import Callable
@@ -16,8 +19,10 @@ from typing import Any
 import numpy as np
 
 from netboard.base.tables.scene import Physics
+from netboard.base.tick import TICK_SECONDS
+from netboard.benchmarks.physics.batch import LANES, in_blocks, make_batch, out_of_blocks, scene_blocks
 from netboard.benchmarks.physics.problem import SPACING, Array, Problem, drives_at, multiples
-from netboard.benchmarks.physics.work_precision import Solution, Solver
+from netboard.benchmarks.physics.work_precision import Solution, Solver, in_turns
 
 LIBRARY = "MuJoCo"
 STEPS = (0.004, 0.002, 0.001, 0.0005, 0.00025)
@@ -27,6 +32,9 @@ HELD = ("Euler", "implicitfast", "RK4")
 
 TIMED = 2000
 """Steps that are timed; each costs the same [1]."""
+
+MANY, MANY_STEPS = 1024, 20
+"""Simulations that are run at once, and their steps in one timing [1]."""
 
 STAGES = "RK4, controls of each stage"
 MIDDLE = "RK4, controls of mid-step"
@@ -163,8 +171,44 @@ class Scene:
     def _solution(self, states: Array, calls: int) -> Solution:
         """Return the states at points of the grid, in netboard's order of components."""
         every, stride = max(1, round(SPACING / self.step)), max(1, round(self.step / SPACING))
-        kept = states[::every]
-        return Solution(np.ascontiguousarray(kept[:, [0, 3, 1, 4, 2, 5]]), stride, self.steps, calls)
+        return Solution(in_our_order(states[::every]), stride, self.steps, calls)
+
+
+def in_our_order(states: Array) -> Array:
+    """Return states with each rate after its coordinate, from states with all rates after all coordinates."""
+    return np.ascontiguousarray(states[..., [0, 3, 1, 4, 2, 5]])
+
+
+def many_at_once(problem: Problem, repeats: int) -> tuple[float, float, float]:
+    """Time steps of RK4 of many simulations on one core, with constant controls and balls in different places.
+
+    - returns the time of a step in MuJoCo and in netboard [ns], and their largest difference after the last step,
+      relative to the largest value of each component [1].
+    """
+    from mujoco import rollout
+
+    scene = Scene(problem, "RK4", TICK_SECONDS)
+    states = np.tile(scene._rewind(), (MANY, 1))
+    states[:, 3] += np.linspace(-0.1, 0.1, MANY)
+    drives = drives_at(problem.waves, np.zeros(1))[0]
+    controls = np.tile(drives, (MANY, MANY_STEPS, 1))
+    step, x = make_batch(problem.parts, 6, False), in_blocks(in_our_order(states[:, 1:7]))
+    hands, scenes = np.zeros((len(x), 8, LANES)), scene_blocks(problem.scene)
+    hands[:, 0], hands[:, 4] = drives
+
+    def theirs() -> Array:
+        return in_our_order(rollout.rollout(scene.model, scene.data, states, controls)[0][:, -1, 1:7])
+
+    def ours() -> Array:
+        y = x.copy()
+        for _ in range(MANY_STEPS):
+            step(y, hands, scenes, TICK_SECONDS)
+        return out_of_blocks(y)
+
+    found = theirs()
+    apart = float((np.abs(found - ours()) / np.abs(found).max(axis=0)).max())
+    their_time, our_time = (min(taken) / (MANY * MANY_STEPS) * 1e9 for taken in in_turns([theirs, ours], repeats, 10.0))
+    return their_time, our_time, apart
 
 
 def solvers(problem: Problem, coarse: bool) -> list[Solver]:
