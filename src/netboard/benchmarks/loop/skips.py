@@ -93,12 +93,17 @@ def skips_part(found: dict[str, Served]) -> Part:
 def _verdicts(found: dict[str, Served]) -> list[Verdict]:
     forces, beats = (found[NO_FEEDBACK].counts.get(what, 0.0) for what in ("forces", "beats"))
     views, fewer = (found[name].counts.get("views", 0.0) for name in (NO_TRIAL, AT_REST))
-    busy, idle = found[FULL].cost.core_share, found[NO_PEERS].cost.core_share
+    busy, forceless, idle = (found[name].cost.core_share for name in (FULL, NO_FEEDBACK, NO_PEERS))
     return [
         Verdict(
             "no force is sent without haptic feedback",
             forces == 0,
             f"{forces:.0f} Hz, and heartbeats at {beats:.0f} Hz",
+        ),
+        Verdict(
+            "a trial without forces costs no more",
+            forceless <= busy,
+            f"{forceless:.1%} of a core instead of {busy:.1%}",
         ),
         Verdict(
             "an unchanged view is sent only occasionally",

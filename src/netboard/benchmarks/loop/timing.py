@@ -71,7 +71,7 @@ def histogram_part(named: Mapping[str, Times]) -> Part:
 def draw_histograms(groups: Sequence[Mapping[str, Times]], title: str) -> Any:
     """Draw histograms over a logarithmic axis, with marks at the percentiles 50, 99 and 99.9.
 
-    - `groups`: durations by name; each group is drawn in one axes [ns].
+    - `groups`: durations by name; each group is drawn in one axes, those below `MIN_NS` at its left edge [ns].
     """
     from matplotlib.figure import Figure
 
@@ -85,7 +85,7 @@ def draw_histograms(groups: Sequence[Mapping[str, Times]], title: str) -> Any:
             ax.stairs(shares, EDGES_NS * 1e-6, fill=True, alpha=0.3, color=colour, label=name)
             ax.stairs(shares, EDGES_NS * 1e-6, color=colour)
             for mark in in_milliseconds(spread(times))[:3]:
-                ax.axvline(mark, color=colour, linestyle=":", linewidth=1.2)
+                ax.axvline(max(mark, MIN_NS * 1e-6), color=colour, linestyle=":", linewidth=1.2)
         ax.set_ylabel(f"share in 1/{PER_DECADE} of a decade [1]")
         ax.grid(True, which="major", alpha=0.3)
         ax.legend(loc="best")
