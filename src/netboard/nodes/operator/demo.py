@@ -32,7 +32,9 @@ SCREENSHOT_DELAY_S = 8.0
 """Time after the first view at which a display's screenshot is taken [s]."""
 
 ANSWER_SECONDS = 0.2
-START_SECONDS = 60.0
+SILENCE_SECONDS = 180.0
+"""Time after which a server without an answer has failed: a first start compiles for minutes on a busy machine [s]."""
+
 END_SECONDS = 20.0
 WELCOME_TIMEOUT_S = 10.0
 """Time that a player who leaves waits for the server's first answer [s]."""
@@ -156,8 +158,8 @@ def watch(operator: Operator, launcher: Launcher, stopping: Stopping, played: bo
                 return End.FAILED
             status = operator.ask(ANSWER_SECONDS)
             if status is None:
-                if time.monotonic() - answered > START_SECONDS:
-                    console.print(f"the server has been silent for {START_SECONDS:.0f} s", style="red")
+                if time.monotonic() - answered > SILENCE_SECONDS:
+                    console.print(f"the server has been silent for {SILENCE_SECONDS:.0f} s", style="red")
                     return End.FAILED
                 continue
             answered = time.monotonic()
