@@ -37,9 +37,11 @@ def rehearse(
 ) -> None:
     """Rehearse all blocks of a dyad with simulated participants, without devices, network or clock."""
     settings = load(config, overrides)
+    from netboard.base.process import interrupted_by_stop_signals
     from netboard.nodes.rehearsal.session import rehearse_blocks
     from netboard.task.plans.plan import blocks_of, shortened
 
     wanted = list(shortened(blocks_of(settings, load_study(study), seed, dyad), blocks, trials))
-    code = rehearse_blocks(wanted, seed, dyad, folder=output, fast=fast, workers=workers, as_json=json)
+    with interrupted_by_stop_signals():
+        code = rehearse_blocks(wanted, seed, dyad, folder=output, fast=fast, workers=workers, as_json=json)
     raise typer.Exit(code)

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -72,21 +73,25 @@ def test_interrupt_while_a_worker_starts_is_no_traceback(tmp_path: Path) -> None
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C reaches a process group on POSIX only")
-def test_interrupt_ends_all_workers_and_leaves_nothing(tmp_path: Path) -> None:
+@pytest.mark.parametrize("workers", ["1", "2"])
+@pytest.mark.parametrize(("kill", "number"), [("killpg", signal.SIGINT), ("kill", signal.SIGTERM)])
+def test_stopped_rehearsal_ends_all_workers_and_leaves_nothing(
+    kill: str, number: int, workers: str, tmp_path: Path
+) -> None:
     command = [sys.executable, "-m", "netboard.services.cli", "session", "rehearse", "paper", "--real-time"]
     with subprocess.Popen(
-        [*command, "--workers", "2", "--output", str(tmp_path)],
+        [*command, "--workers", workers, "--output", str(tmp_path)],
         start_new_session=True,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     ) as started:
         try:
             until = time.monotonic() + 300
-            while len(list(tmp_path.iterdir())) < 2 and time.monotonic() < until:
+            while len(list(tmp_path.iterdir())) < int(workers) and time.monotonic() < until:
                 time.sleep(0.1)
-            os.killpg(started.pid, signal.SIGINT)
+            getattr(os, kill)(started.pid, number)
             assert started.wait(60) == 1
         finally:
-            if started.poll() is None:
+            with suppress(ProcessLookupError):
                 os.killpg(started.pid, signal.SIGKILL)
     assert not list(tmp_path.iterdir())

@@ -1,5 +1,6 @@
 """Processes that work for this one."""
 
+import os
 import signal
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
@@ -40,6 +41,13 @@ class _Context(SpawnContext):
     """Starts these processes."""
 
     Process = _Worker
+
+
+def interrupt_workers(pool: ProcessPoolExecutor) -> None:
+    """Interrupt what the processes of an interruptible pool run, as Ctrl-C does; POSIX only."""
+    if hasattr(signal, "pthread_sigmask"):
+        for number in pool._processes or {}:
+            os.kill(number, signal.SIGINT)
 
 
 def terminate_workers(pool: ProcessPoolExecutor) -> None:

@@ -15,7 +15,7 @@ from threading import Event
 from netboard.base.config import Config, digest
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import TICK_SECONDS
-from netboard.base.workers import ctrl_c, worker_processes
+from netboard.base.workers import ctrl_c, interrupt_workers, worker_processes
 from netboard.nodes.rehearsal.block import PIECE, Rehearsal
 from netboard.nodes.rehearsal.population import people_of
 from netboard.participants.policy import SIMULATED_PARTICIPANT, identity_of
@@ -106,8 +106,9 @@ def rehearse(job: Job, progress: Callable[[int], object] = lambda successes: Non
         if writer is not None:
             writer.finish()
     except BaseException:
-        if writer is not None:
-            writer.abandon()
+        with ctrl_c(blocked=True):  # a worker may get another from the waiting process
+            if writer is not None:
+                writer.abandon()
         raise
     summary, block = rehearsal.summary(), job.config.block
     return BlockResult(
@@ -141,6 +142,9 @@ def rehearse_all(
         try:
             for future in as_completed(futures):
                 done(future.result())
+        except KeyboardInterrupt:
+            interrupt_workers(pool)  # the signal may have reached this process only
+            raise
         finally:
             pool.shutdown(cancel_futures=True)
         return [future.result() for future in futures]
