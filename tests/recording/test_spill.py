@@ -3,7 +3,9 @@
 import os
 import stat
 import sys
+import tempfile
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from threading import Event
 
@@ -268,3 +270,13 @@ def test_spill_name_has_session_dyad_and_id() -> None:
     path = spill_path(Config(), WELCOME.session)
     assert path.is_absolute()
     assert path.name == "S01_D01_c0ffee12.spill"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
+def test_spill_goes_to_a_folder_that_can_be_written_to(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Records that no logger took are not lost with a server that was started in a read-only folder."""
+    monkeypatch.chdir("/proc")  # where root, too, cannot create files
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    assert spill_path(Config(), WELCOME.session).parent == tmp_path
+    there = replace(Config(), recording=replace(Config().recording, directory=str(tmp_path.parent)))
+    assert spill_path(there, WELCOME.session).parent == tmp_path.parent

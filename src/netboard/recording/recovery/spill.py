@@ -9,6 +9,7 @@ deleted once all its records are in recordings. A remaining file describes itsel
 import logging
 import os
 import struct
+import tempfile
 import time
 import zlib
 from bisect import bisect_right
@@ -52,8 +53,18 @@ log = logging.getLogger(__name__)
 
 
 def spill_path(config: Config, session: str) -> Path:
-    """Return the path of a session's spill, in the server's working directory."""
-    return Path(f"{config.session.name}_{config.session.dyad}_{session[:8]}.spill").absolute()
+    """Return the path of a session's spill, in the first folder of these in which files can be created."""
+    folders = Path(), Path(config.recording.directory), Path(tempfile.gettempdir())
+    folder = next(filter(_accepts_files, folders), folders[0])
+    return (folder / f"{config.session.name}_{config.session.dyad}_{session[:8]}.spill").absolute()
+
+
+def _accepts_files(folder: Path) -> bool:
+    try:
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError:
+        return False
+    return True
 
 
 class _Block:
