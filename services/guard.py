@@ -57,6 +57,8 @@ def expected(error: NetboardError | OSError | ImportError) -> tuple[str, int]:
             return str(error), FAULT
         case OSError() if error.filename is None and error.errno == errno.ENOSPC:
             return "the output cannot be written: the disk is full", FAULT
+        case OSError() if error.filename is None and error.errno == errno.ENOENT:  # from os.getcwd
+            return "this folder has been deleted; change to another one", FAULT
         case OSError():  # such as a file name that is too long, or a folder that may not be read
             return "" if error.filename is None else f"{error.filename}: {error.strerror}", FAULT
         case ModuleNotFoundError():

@@ -176,6 +176,16 @@ def test_output_to_a_full_disk_is_one_line() -> None:
     assert (done.returncode, done.stderr) == (1, "netboard: the output cannot be written: the disk is full\n")
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows does not delete the folder of a process")
+def test_deleted_working_folder_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    result = runner.invoke(app, ["demo", "--no-displays"])
+    assert (result.exit_code, result.stderr) == (1, "netboard: this folder has been deleted; change to another one\n")
+
+
 def test_importing_the_command_line_loads_no_heavy_module() -> None:
     heavy = ("zmq", "numba", "numpy", "PySide6", "pyqtgraph", "mcap", "scipy", "netboard.nodes", "netboard.stage.stage")
     script = f"import sys, netboard.services.cli; print([name for name in {heavy} if name in sys.modules])"
