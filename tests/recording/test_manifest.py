@@ -54,7 +54,7 @@ def write_table(path: Path, rows: int = 300, names: str = "t,Height1,Height2,tri
 def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A manifest of two dyads with two blocks each."""
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "rig.toml").write_text("[block]\ntrials = 30\n[geometry]\ntarget_width = 0.07\n")
+    (tmp_path / "rig.toml").write_text("[block]\ntrials = 30\nblocks = 1\n[geometry]\ntarget_width = 0.07\n")
     for block in BLOCKS:
         write_table(tmp_path / f"D{block['dyad']}" / f"b{block['number']}.csv")
     manifest = tmp_path / "study.toml"

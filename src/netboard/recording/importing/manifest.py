@@ -73,8 +73,8 @@ class Manifest:
         self.problems += chain.from_iterable(problems_of)
         if whole:
             places = [place for place, problems in enumerate(problems_of) if not problems]
-            merged = [_merged(_merged(base, head), recordings[place]) for place in places]
-            for place, one in zip(places, _with_block_counts(merged), strict=True):
+            own = [_merged(head, recordings[place]) for place in places]
+            for place, one in zip(places, _with_block_counts(base, own), strict=True):
                 self._add(one, place)
 
     def _base(self, name: Any) -> dict[str, Any]:
@@ -190,17 +190,17 @@ def _merged(under: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]
     return merged
 
 
-def _with_block_counts(recordings: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]]:
-    """Add the missing number of blocks per session, from the highest block number."""
+def _with_block_counts(base: dict[str, Any], recordings: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]]:
+    """Add the base, and the number of blocks of a session from its highest block number, unless a recording has it."""
     most: dict[tuple[str, str], int] = {}
-    for one in recordings:
+    for one in (_merged(base, own) for own in recordings):
         session, number = one.get("session", {}), one.get("block", {}).get("number", 1)
         key = str(session.get("dyad")), str(session.get("name"))
         most[key] = max(most.get(key, 1), number if isinstance(number, int) else 1)
-    for one in recordings:
-        session = one.get("session", {})
+    for own in recordings:
+        session = _merged(base, own).get("session", {})
         blocks = most[str(session.get("dyad")), str(session.get("name"))]
-        yield _merged({"block": {"blocks": blocks}}, one)
+        yield _merged(_merged(base, {"block": {"blocks": blocks}}), own)
 
 
 def _toml_of(values: Mapping[str, Any]) -> str:
