@@ -196,10 +196,12 @@ def test_recordings_without_attempts_are_reported(tmp_path: Path) -> None:
 def test_unreadable_recordings_are_skipped_and_listed(study: Path) -> None:
     Path("broken.mcap").write_text("nothing")
     Path("gone.mcap").symlink_to("on a disk that is not mounted")
-    result = analyse(study, "broken.mcap", "gone.mcap", "-o", "out", "--workers", "1", "--skip-unreadable")
+    Path("torn.mcap").write_bytes(min(study.glob("*.mcap")).read_bytes()[:-1000])
+    result = analyse(study, "broken.mcap", "gone.mcap", "torn.mcap", "-o", "out", "--workers", "1", "--skip-unreadable")
     assert result.exit_code == 0, result.output
     listed = parquet.read_table("out/tables/left_out.parquet").to_pylist()
     whys = {"broken.mcap": "not an MCAP file", "gone.mcap": "cannot be read: No such file or directory"}
+    whys["torn.mcap"] = "is unfinished or cut short; netboard recover makes a recording of it"  # in which folder?
     assert listed == [{"file": file, "why": why} for file, why in whys.items()]
     assert all(f"left out: {file}: {why}" in result.output for file, why in whys.items())
     assert json.loads(Path("out/provenance.json").read_text())["left_out"] == listed

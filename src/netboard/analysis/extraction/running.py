@@ -20,7 +20,7 @@ from netboard.base.errors import NetboardError, RecordingError
 from netboard.base.process import peak_memory
 from netboard.recording.export.formats import Progress
 from netboard.recording.export.runs import Run, runs_of
-from netboard.recording.files.locate import sha256_of
+from netboard.recording.files.locate import RECOVERABLE, recovery_command, sha256_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -134,8 +134,10 @@ def _readable(recordings: Sequence[Path]) -> tuple[tuple[Run, ...], list[LeftOut
 
 
 def _left_out(path: Path, error: Exception) -> LeftOut:
-    """Return the reason, without the path of the file."""
-    why = str(error).replace(str(path.absolute()), path.name).replace(str(path), path.name)
+    """Return the reason, without the path of the file, and so without a command that needs it."""
+    why = str(error)
+    for place in (path.absolute(), path):
+        why = why.replace(recovery_command(place), RECOVERABLE).replace(str(place), path.name)
     return LeftOut(path.name, why.removeprefix(f"{path.name}: "))
 
 

@@ -12,7 +12,10 @@ from pathlib import Path
 from netboard.base.errors import RecordingError
 from netboard.base.shell import shell_command
 
-UNFINISHED = "is unfinished; netboard recover makes a recording of it"
+RECOVERABLE = "netboard recover makes a recording of it"
+"""What to do about an unfinished or damaged recording, where no path may be named."""
+
+UNFINISHED = f"is unfinished; {RECOVERABLE}"
 """Why an unfinished recording is left out."""
 
 EMPTY = "is empty (0 bytes): it contains nothing to read or to recover"
@@ -132,5 +135,9 @@ def recovery_advice(path: Path) -> str:
         growing = path.suffix == ".part" and abs(time.time() - path.stat().st_mtime) < GROWING_S
     except OSError:  # a logger has just finished and renamed it, or the disk does not answer
         growing = False
-    command = shell_command("netboard", "recover", path)
-    return "a logger may still be writing it; after its session, " * growing + f"run: {command}"
+    return "a logger may still be writing it; after its session, " * growing + recovery_command(path)
+
+
+def recovery_command(path: Path) -> str:
+    """Return the command that recovers a recording, in words."""
+    return f"run: {shell_command('netboard', 'recover', path)}"
