@@ -164,7 +164,7 @@ def test_key_files_are_never_overwritten(ring: keys.KeyRing, folder: Path) -> No
     before = {path: path.read_bytes() for path in folder.iterdir()}
     with pytest.raises(ConfigError, match=r"server\.key: already exists and was not changed"):
         keys.init(folder)
-    with pytest.raises(ConfigError, match=r"agent\.left\.key: already exists and was not changed"):
+    with pytest.raises(ConfigError, match=r"agent\.left\.key: already exists and was not changed; move it away first"):
         keys.add(folder, "agent", "left", folder)
     assert {path: path.read_bytes() for path in folder.iterdir()} == before
 

@@ -317,7 +317,7 @@ def _write_key(path: Path, file: _KeyFile) -> None:
     )
 
 
-def _write_new(path: Path, text: str, existing: str = "already exists and was not changed") -> None:
+def _write_new(path: Path, text: str, existing: str = "already exists and was not changed; move it away first") -> None:
     """Write a new file that only its owner can read; ``existing``: end of the error message if it exists already."""
     try:
         path.touch(mode=0o600, exist_ok=False)
