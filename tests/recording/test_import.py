@@ -21,7 +21,7 @@ from netboard.recording.export.formats import export
 from netboard.recording.files.offline_writer import BlockWriter
 from netboard.recording.files.reader import Recording
 from netboard.recording.importing import tables
-from netboard.recording.importing.table_import import ImportOptions, import_table
+from netboard.recording.importing.table_import import Imported, ImportOptions, import_table, in_words
 from netboard.recording.integrity.account import account_of, parts_of
 from netboard.recording.integrity.checking import check
 from netboard.recording.integrity.severity import Severity
@@ -291,3 +291,7 @@ def test_import_command_summarises_the_import(tmp_path: Path) -> None:
     with Recording(path) as found:
         assert found.config_text == resolve(replace(Config(), session=replace(Config().session, dyad="D77")))
         assert set(TICK.names) == set(found.ticks().dtype.names)
+
+
+def test_exported_table_is_named_as_such() -> None:
+    assert [*in_words([Imported(Path("S01.mcap"), "ticks", 3, ())])] == ["S01.mcap: 3 ticks, as exported"]

@@ -63,7 +63,8 @@ class Imported:
 
 def in_words(done: Sequence[Imported]) -> Iterator[str]:
     """Describe the new recordings, then the notes on them, each once."""
-    yield from (f"{found.path}: {plural(found.ticks, 'tick')}, {found.what}" for found in done)
+    for found in done:
+        yield f"{found.path}: {plural(found.ticks, 'tick')}, {'as exported' if found.what == 'ticks' else found.what}"
     for note, count in Counter(note for found in done for note in found.notes).items():
         yield f"  {note}" + f" ({count} recordings)" * (count > 1)
 
