@@ -83,7 +83,7 @@ def _counts(summary: Summary) -> FittedTable:
         "ticks": f"{summary.ticks}",
         "ticks missing": f"{summary.missing_ticks}",
         "records lost": f"{summary.lost_records}",
-        "late ticks (> 0.5 ms)": f"{summary.late_ticks}",
+        "deadline misses (> 0.5 ms)": f"{summary.late_ticks}",
         "successful trials": f"{len(completions)}",
         "failed attempts": f"{summary.failures}",
         "mean completion time": mean,
