@@ -34,7 +34,11 @@ def whatif(
         Path | None, typer.Option(metavar="FILE", help="Plot recorded and computed: .png, .svg or .pdf.")
     ] = None,
     trial: Annotated[
-        int | None, typer.Option(min=1, help="Trial in the figure; default: the longest whose outcome changed.")
+        int | None,
+        typer.Option(
+            min=1,
+            help="Trial in the figure; default: the longest whose outcome changed, else that whose ball differs most.",
+        ),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object, in SI units.")] = False,
 ) -> None:
