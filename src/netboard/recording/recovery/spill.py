@@ -9,7 +9,6 @@ deleted once all its records are in recordings. A remaining file describes itsel
 import logging
 import os
 import struct
-import tempfile
 import time
 import zlib
 from bisect import bisect_right
@@ -21,6 +20,7 @@ from io import FileIO
 from mmap import mmap
 from pathlib import Path
 from queue import Empty, SimpleQueue
+from tempfile import NamedTemporaryFile
 from threading import Thread
 
 from netboard.base.config import Config
@@ -54,17 +54,11 @@ log = logging.getLogger(__name__)
 
 def spill_path(config: Config, session: str) -> Path:
     """Return the path of a session's spill, in the first folder of these in which files can be created."""
-    folders = Path(), Path(config.recording.directory), Path(tempfile.gettempdir())
-    folder = next(filter(_accepts_files, folders), folders[0])
-    return (folder / f"{config.session.name}_{config.session.dyad}_{session[:8]}.spill").absolute()
-
-
-def _accepts_files(folder: Path) -> bool:
-    try:
-        tempfile.TemporaryFile(dir=folder).close()
-    except OSError:
-        return False
-    return True
+    name = f"{config.session.name}_{config.session.dyad}_{session[:8]}.spill"
+    for folder in (Path(), Path(config.recording.directory), None):  # None: the system's folder for temporary files
+        with suppress(OSError), NamedTemporaryFile(dir=folder) as file:
+            return Path(file.name).absolute().with_name(name)
+    return Path(name)
 
 
 class _Block:
