@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,9 +25,10 @@ NEW_CONDITION = """
 from dataclasses import replace
 from netboard.base.tables import forces
 source = forces.__spec__.loader.get_source(forces.__name__)
-entry = '"made_up": ForceCondition("a", "b", "made-up force", _full, local=True),'
+kernel = 'def _made_up(hand):\\n    return -hand.coupling\\n\\n'
+entry = '"made_up": ForceCondition("a", "b", "made-up force", _made_up, local=True),'
 start = 'CONDITIONS: dict[str, ForceCondition] = {'
-source = source.replace(start, start + entry)
+source = source.replace(start, kernel + start + entry)
 exec(compile(source, forces.__file__, "exec"), forces.__dict__)
 from netboard.analysis.topics.figure import _SHAPES
 from netboard.analysis.topics import groups
@@ -52,8 +54,8 @@ def test_configuration_choices_equal_the_registries() -> None:
 
 
 @pytest.mark.slow
-def test_new_force_condition_needs_only_one_entry() -> None:
-    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+def test_new_force_condition_needs_only_one_entry(tmp_path: Path) -> None:
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
     program = [sys.executable, "-c", NEW_CONDITION]
     ended = subprocess.run(program, check=False, capture_output=True, text=True, env=environment)
     assert ended.returncode == 0, ended.stderr

@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
-from netboard.base.compiled import inlined
-
 
 class ForceInputs(NamedTuple):
     """What the kernel of a force condition gets in a tick, for one hand.
@@ -80,39 +78,33 @@ class ForceCondition:
     local: bool = False
 
 
-@inlined
 def _none(hand: ForceInputs) -> float:
     """Return no force [N]."""
     return 0.0
 
 
-@inlined
 def _full(hand: ForceInputs) -> float:
     """Return the reaction of the coupling [N]."""
     return -hand.coupling
 
 
-@inlined
 def _partner_only(hand: ForceInputs) -> float:
     """Return the term of the partner's height [N]."""
     force: float = -(hand.gains["partner"] * hand.partner_z)
     return force
 
 
-@inlined
 def _environment_only(hand: ForceInputs) -> float:
     """Return the terms of the weight, of its own height and of the ball [N]."""
     force: float = -(hand.gains["weight"] + hand.gains["own"] * hand.own_z + hand.gains["ball"] * hand.ball)
     return force
 
 
-@inlined
 def _unrelated(hand: ForceInputs) -> float:
     """Return the recorded force, 0 where it is not finite [N]."""
     return hand.recorded if np.isfinite(hand.recorded) else 0.0
 
 
-@inlined
 def _own_only(hand: ForceInputs) -> float:
     """Return the terms of the weight and of its own height [N]."""
     force: float = -(hand.gains["weight"] + hand.gains["own"] * hand.own_z)

@@ -9,8 +9,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import sqrt
 
-from netboard.base.compiled import inlined
-
 MAX_SPEED = 5.0
 """Largest speed of a ball at which a law must be stable: that of a free fall by 1.3 m [m/s]."""
 
@@ -43,13 +41,11 @@ class Friction:
     slope: Callable[[float, float], float]
 
 
-@inlined
 def _viscous(coefficient: float, vp: float, load: float) -> float:
     """Return viscous friction [N]."""
     return coefficient * vp
 
 
-@inlined
 def _rolling(coefficient: float, vp: float, load: float) -> float:
     """Return rolling resistance, with a smooth sign of the speed [N]."""
     return coefficient * load * (vp / sqrt(vp * vp + SMOOTHING_SPEED * SMOOTHING_SPEED))

@@ -74,13 +74,15 @@ def _resistance(vp: float, load: float, parts: Parts, scene: Any) -> float:
     return force
 
 
+_LAWS = {f"law{i}": inlined(law.force) for i, law in enumerate(FRICTION.values())}
+
+
 @specialised(friction)
 def _friction(vp: Any, load: Any, parts: Any, scene: Any) -> Any:
     """Write the sum of all laws; the compiler removes those that the scene lacks."""
-    laws = {f"law{i}": law.force for i, law in enumerate(FRICTION.values())}
     terms = [f'(law{i}(scene["{key}"], vp[#], load) if parts.friction[{i}] else 0.0)' for i, key in enumerate(FRICTION)]
     sums = "".join(f"0.0 + {' + '.join(terms)}, ".replace("#", str(ball)) for ball in range(vp.count))
-    return eval(f"lambda vp, load, parts, scene: ({sums})", laws)
+    return eval(f"lambda vp, load, parts, scene: ({sums})", _LAWS)
 
 
 @inlined

@@ -92,14 +92,16 @@ def _rendered(number: int, hand: ForceInputs) -> float:
     return CONDITIONS[FORCES[number]].force(hand)
 
 
+_KERNELS = {f"force{place}": inlined(CONDITIONS[name].force) for place, name in enumerate(FORCES)}
+
+
 @specialised(_rendered)
 def _compiled_rendered(number: Any, hand: Any) -> Any:
     """Write the choice out; the number is a constant of a block, so the compiler keeps one condition."""
     text = "nan"
     for place in reversed(range(len(FORCES))):
         text = f"force{place}(hand) if number == {place} else ({text})"
-    kernels = {f"force{place}": CONDITIONS[name].force for place, name in enumerate(FORCES)}
-    return eval(f"lambda number, hand: {text}", {"nan": np.nan, **kernels})
+    return eval(f"lambda number, hand: {text}", {"nan": np.nan, **_KERNELS})
 
 
 @inlined
