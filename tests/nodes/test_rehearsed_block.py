@@ -10,7 +10,8 @@ from netboard.base.config import Config
 from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant, VirtualDevice
 from netboard.nodes.rehearsal import block as rehearsed
-from netboard.nodes.rehearsal.block import START_TICK, Rehearsal, Summary, person_at
+from netboard.nodes.rehearsal.block import START_TICK, Rehearsal, Summary
+from netboard.nodes.rehearsal.closed_loop import person_at
 from netboard.participants.hand import CAPACITY
 from netboard.recording.integrity.verification import verify
 from netboard.stage.stage import commanded_forces, make_stage

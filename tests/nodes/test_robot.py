@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from netboard.base.config import Config
+from netboard.base.errors import ConfigError
 from netboard.base.tick import TICK, TICK_NS
 from netboard.nodes.server.robot import Robot
 from netboard.stage.stage import make_stage
@@ -76,3 +77,8 @@ def test_robot_renders_no_force_without_haptic_feedback() -> None:
     rows = play(replace(settings, block=replace(settings.block, force="none")))
     assert not rows["left_rendered"].any()
     assert (rows["event"] == Cause.HELD).sum() == 1
+
+
+def test_robot_refuses_a_mover_that_it_does_not_know() -> None:
+    with pytest.raises(ConfigError, match=r'\[block\] right: found "mirror", expected person, still or robot'):
+        Robot(config("person", "mirror"), "right")

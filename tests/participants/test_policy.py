@@ -5,15 +5,11 @@ import json
 from dataclasses import asdict, replace
 from pathlib import Path
 
-import numpy as np
-
 from netboard.base.config import Config
 from netboard.base.tables.simulated import Participant
 from netboard.nodes.rehearsal.jobs import Job, rehearse
 from netboard.nodes.server.robot import Robot
-from netboard.participants.controller import Controller
-from netboard.participants.policy import Policy, identity_of
-from netboard.participants.senses import DECISION_INTERVAL
+from netboard.participants.policy import identity_of
 from netboard.recording.files.reader import Recording
 
 PERSON = Participant(kp=2.0)
@@ -30,13 +26,11 @@ def test_identity_holds_the_policy_and_its_parameters_with_their_hash() -> None:
 def test_policy_identity_agrees_between_server_and_rehearsal(tmp_path: Path) -> None:
     config = Config(participant=PERSON)
     config = replace(config, block=replace(config.block, right="robot", trials=1))
-    controller: Policy = Controller(PERSON, config.physics, config.task, ("left",), np.random.default_rng(1))
     robot = Robot(config, "right")
     result = rehearse(Job(config, {"A": PERSON, "B": PERSON}, "0" * 32, tmp_path, begun_ns=1))
     with Recording(Path(result.recording)) as recording:
         metadata = recording.metadata
-    assert controller.interval == DECISION_INTERVAL
-    assert controller.identity == robot.identity == {name: metadata[f"A_{name}"] for name in robot.identity}
+    assert robot.identity == {name: metadata[f"A_{name}"] for name in robot.identity}
     assert json.loads(metadata["A_policy_parameters"]) == asdict(PERSON)
 
 

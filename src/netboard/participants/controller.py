@@ -48,7 +48,6 @@ from netboard.participants.expectations import (
 )
 from netboard.participants.hand import CAPACITY
 from netboard.participants.partner import GOAL, goal_gains
-from netboard.participants.policy import SIMULATED_PARTICIPANT, identity_of
 from netboard.participants.senses import (
     DECISION_INTERVAL,
     LEVELLING,
@@ -403,15 +402,7 @@ def _decide(states: Any, constants: Any, now: float, shown: Any, felt: float, mo
 
 
 class Controller:
-    """Controller of one simulated participant: a `netboard.participants.policy.Policy`.
-
-    Attributes
-    ----------
-    identity : dict of str
-        Kind and parameters as a recording stores them.
-    interval : float
-        Time between two decisions [s].
-    """
+    """Controller of one simulated participant."""
 
     def __init__(
         self,
@@ -421,8 +412,6 @@ class Controller:
         sides: tuple[Side, ...],
         rng: np.random.Generator,
     ) -> None:
-        self.identity = identity_of(SIMULATED_PARTICIPANT, person)
-        self.interval = DECISION_INTERVAL
         self.constants = pack_constants(person, physics, task, sides)
         self.state = initial_state(self.constants, rng)
         self._glimpse = np.zeros(1, SEEN)

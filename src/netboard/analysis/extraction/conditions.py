@@ -10,7 +10,7 @@ import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from math import nan
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pandas as pd
@@ -18,6 +18,7 @@ import pandas as pd
 from netboard.analysis.extraction.tables import words
 from netboard.base.config import Config
 from netboard.base.settings import tables
+from netboard.base.tables.experiment import Mover
 from netboard.recording.export.factors import fields_of
 from netboard.recording.format.channels import Field
 from netboard.task.studies.factors import (
@@ -205,7 +206,7 @@ def _unit_of(key: str) -> str:
     return next((one.unit for own in tables(Config) if own.name == table for one in own.keys if one.name == name), "")
 
 
-STAND_INS = ("robot", "still")
+STAND_INS = tuple(sorted({*get_args(Mover)} - {"person"}))
 """Movers of a stylus that are not participants."""
 
 

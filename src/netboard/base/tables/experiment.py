@@ -14,6 +14,9 @@ from netboard.base.tables.forces import Force
 MAX_TRIALS = 10_000
 """Largest number of trials in a block [1]."""
 
+Mover = Literal["person", "still", "robot"]
+"""Who can move a hand; every mover but "still" receives a force."""
+
 
 @dataclass(frozen=True, slots=True)
 class Session:
@@ -66,10 +69,10 @@ class Block:
     ] = ()
     unrelated: Annotated[str, about('recording whose forces are rendered with force = "unrelated"')] = ""
     left: Annotated[
-        Literal["person", "still", "robot"],
+        Mover,
         about("mover of the left hand: a person, none (held still at height 0), or a simulated partner"),
     ] = "person"
-    right: Annotated[Literal["person", "still", "robot"], about("mover of the right hand, likewise")] = "person"
+    right: Annotated[Mover, about("mover of the right hand, likewise")] = "person"
     trials: Annotated[int, about("successful trials in the block", "1", ge=1, le=MAX_TRIALS)] = 60
     duration: Annotated[float, about("no trial begins after this time; 0: no time limit", "s", ge=0, le=36_000)] = 0.0
     first_target: Annotated[Literal["left", "right", "random"], about("side of the first target")] = "random"

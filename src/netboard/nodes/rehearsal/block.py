@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.compiled import borrowed, composed, machine_code
-from netboard.base.config import SIDES, Config, Side
+from netboard.base.config import SIDES, Config
 from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import START_NS, TICK, TICK_NS, TICK_SECONDS, TICK_WORDS
@@ -32,6 +32,7 @@ from netboard.nodes.rehearsal.closed_loop import (
     SimulatedParticipant,
     decide_in_tick,
     newest_seen,
+    person_at,
     seats_of,
     see,
 )
@@ -218,20 +219,3 @@ class Rehearsal:
         if self._code is None:
             self._code = machine_code(_loop_around(stage.ticks), *arguments)
         return self._code(*arguments)
-
-
-def person_at(config: Config, side: Side, people: Mapping[str, Participant]) -> Participant | None:
-    """Return the participant that moves a hand; None for a hand that is held still."""
-    block = config.block
-    match block.left if side == "left" else block.right:
-        case "still":
-            return None
-        case "robot":
-            return config.participant
-        case "person":
-            pass
-        case other:
-            raise ConfigError(f'[block] {side}: found "{other}", expected person, still or robot')
-    if block.configuration == "bimanual":
-        return people[block.performer]
-    return people["A" if config.session.seat_a == side else "B"]

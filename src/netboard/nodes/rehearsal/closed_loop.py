@@ -6,6 +6,7 @@ board. Any other force pushes the hand, but carries no information. Rule 3: time
 from the given generator.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 from math import ceil, nan
 from typing import Any
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from netboard.base.compiled import inlined, machine_code
 from netboard.base.config import SIDES, Config, Side
+from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import TICK_NS, TICK_SECONDS, TICK_WORDS
 from netboard.participants.controller import MOVE, decide, initial_state, pack_constants
@@ -118,3 +120,20 @@ def seats_of(config: Config) -> tuple[tuple[Side, tuple[Side, ...]], ...]:
         return ((block.station, SIDES),)
     moved = {"left": block.left, "right": block.right}
     return tuple((side, (side,)) for side in SIDES if moved[side] != "still")
+
+
+def person_at(config: Config, side: Side, people: Mapping[str, Participant]) -> Participant | None:
+    """Return the participant that moves a hand: of people, or a robot; None for a hand that is held still."""
+    block = config.block
+    match block.left if side == "left" else block.right:
+        case "still":
+            return None
+        case "robot":
+            return config.participant
+        case "person":
+            pass
+        case other:
+            raise ConfigError(f'[block] {side}: found "{other}", expected person, still or robot')
+    if block.configuration == "bimanual":
+        return people[block.performer]
+    return people["A" if config.session.seat_a == side else "B"]

@@ -12,7 +12,7 @@ from netboard.base.config import SIDES, Config, Side
 from netboard.base.tick import TICK_WORDS
 from netboard.nodes.ports.samples import leave_out
 from netboard.nodes.rehearsal.body import Body, plan
-from netboard.nodes.rehearsal.closed_loop import DECISION_TICKS, SimulatedParticipant
+from netboard.nodes.rehearsal.closed_loop import DECISION_TICKS, SimulatedParticipant, person_at
 from netboard.participants.policy import SIMULATED_PARTICIPANT, identity_of
 
 _TICK, _TIME = TICK_WORDS["tick"], TICK_WORDS["time_ns"]
@@ -26,8 +26,7 @@ class Robot:
 
     def __init__(self, config: Config, side: Side) -> None:
         self.side = side
-        mover = config.block.left if side == "left" else config.block.right
-        who = None if mover == "still" else config.participant
+        who = person_at(config, side, {})
         self.identity = identity_of("held still" if who is None else SIMULATED_PARTICIPANT, who)
         seed = (config.block.seed, config.block.number, SIDES.index(side))
         Body(config, side, config.participant, np.random.default_rng(seed)).warm()

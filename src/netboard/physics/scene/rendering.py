@@ -9,7 +9,7 @@ with four gains for each hand that depend on the scene alone. Rates, damping and
 on the partial conditions. docs/explanation/forces.md has the equations.
 """
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,15 +17,10 @@ from numpy.typing import NDArray
 from netboard.base.compiled import inlined, specialised
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError
-from netboard.base.tables.declared import number_of, require, words_of
-from netboard.base.tables.experiment import MAX_TRIALS, Block
+from netboard.base.tables.declared import number_of
+from netboard.base.tables.experiment import MAX_TRIALS, Block, Mover
 from netboard.base.tables.forces import CONDITIONS, FORCES, ForceInputs
 from netboard.physics.scene.parameters import Parts, load_mass, pack_scene, parts_of
-
-MOVERS = ("person", "still", "robot")
-"""Who can move a hand; every mover but "still" receives a force."""
-
-require("rendering_of in netboard/physics/scene/rendering.py", MOVERS, words_of(Block, "left"))
 
 TRIAL_ENTRIES = MAX_TRIALS + 1
 """First trial number without an entry in the tables below; only trials that operators add reach it [1]."""
@@ -157,7 +152,7 @@ def rendering_of(block: Block) -> Rendering:
     varies = bool(block.trial_scales)
     force = number_of(block.force, FORCES, "[block] force")
     for side, mover in (("left", block.left), ("right", block.right)):
-        number_of(mover, MOVERS, f"[block] {side}")
+        number_of(mover, get_args(Mover), f"[block] {side}")
     if block.force == "none" or (block.force_scale == 0.0 and not varies) or not (left or right):
         return NO_FORCE
     scaled = varies or block.force_scale != 1.0
