@@ -19,7 +19,7 @@ from netboard.network.protocol.joining import Goodbye, Ping, Pong, Refusal, Welc
 from netboard.network.protocol.messages import Message
 from netboard.network.protocol.motion import Stylus
 from netboard.network.protocol.views import Frames
-from netboard.nodes.ports.control_port import CONNECTION_CHECK_NS, MAX_PEERS, ControlPort
+from netboard.nodes.ports.control_port import ALLOWED_MESSAGES, CONNECTION_CHECK_NS, MAX_PEERS, ControlPort
 from netboard.nodes.ports.peer import PING_NS, SILENCE_TIMEOUT_NS
 
 STYLUS = Stylus(0, 0, 0.0, 0.0, 0.01, 0.0, 0.0, 0.1, 0, 0, 0.0, -1, 0, 0, 0, 0)
@@ -53,6 +53,14 @@ def test_operator_requests_and_commands_are_answered() -> None:
     assert (request.who, request.command.name) == (C, "pause")
     rig.port.reply(request, False, "cannot pause while idle")
     assert rig.router.received_by(C) == [Reply(5, False, "cannot pause while idle")]
+
+
+def test_message_without_a_handler_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    rig = Rig()
+    monkeypatch.setitem(
+        ALLOWED_MESSAGES, "console", ALLOWED_MESSAGES["console"] | {Stylus}
+    )  # as a new message would be
+    assert rig.exchange(C, STYLUS) == [Refusal("the server has no answer to Stylus")]
 
 
 def test_reason_that_quotes_a_long_argument_is_cut() -> None:

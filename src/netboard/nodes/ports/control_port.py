@@ -10,7 +10,7 @@ an answer to an operator) is done in pieces between ticks, when the session asks
 
 from collections import deque
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from netboard.base.errors import WireError
 from netboard.network.protocol.codec import decode, encode, kind_of
@@ -37,7 +37,6 @@ from netboard.nodes.ports.rate_limit import COMMANDS_AT_ONCE, COMMANDS_HZ, RateL
 from netboard.nodes.ports.refusals import TOO_MANY_MESSAGES, Refusals
 
 ROLES = ("display", "console")
-QUESTIONS: tuple[type[Message], ...] = (StatusRequest, OutcomesRequest, TraceRequest)
 ALLOWED_MESSAGES: dict[str, frozenset[type[Message]]] = {
     "": frozenset((Hello, Goodbye)),
     **{role: sent_by(role) for role in ROLES},
@@ -74,6 +73,14 @@ class Answers(Protocol):
 
     def trace(self, after: int) -> Trace:
         """Return what has happened after this tick."""
+
+
+_ANSWERS: dict[type[Message], Callable[[Any, Answers], Message]] = {
+    StatusRequest: lambda question, answers: answers.status(),
+    OutcomesRequest: lambda question, answers: answers.outcomes(question.first),
+    TraceRequest: lambda question, answers: answers.trace(question.after),
+}
+"""Answer to each question of an operator."""
 
 
 class CommandRequest(NamedTuple):
@@ -136,7 +143,7 @@ class ControlPort:
         if self._questions:
             who, kind = next(iter(self._questions))
             question = self._questions.pop((who, kind))
-            self._router.send(who, encode(_answer_to(question, answers)))
+            self._router.send(who, encode(_ANSWERS[kind](question, answers)))
 
     def take_frames(self, most: int | None = None) -> list[FrameRecord]:
         """Take records of painted frames, at most this many [1]."""
@@ -231,8 +238,10 @@ class ControlPort:
                 self._queue_report(name, peer.hello.side, frames)
             case Command() as command:
                 self._queue(CommandRequest(name, peer.hello.name, command, peer.may_be_late), now_ns)
-            case question:
+            case question if kind in _ANSWERS:
                 self._questions.setdefault((name, kind), question)
+            case _:
+                raise WireError(f"the server has no answer to {kind.__name__}")
 
     def _queue(self, request: CommandRequest, now_ns: int) -> None:
         """Queue a command; the emergency stops go first, one of each peer."""
@@ -278,7 +287,7 @@ class ControlPort:
         if peer is not None:
             self._router.drop_queued(name)
             self._silent.discard(name)
-            for kind in QUESTIONS:
+            for kind in _ANSWERS:
                 self._questions.pop((name, kind), None)
             self._add_event("left", peer.hello, now_ns)
 
@@ -301,12 +310,3 @@ class ControlPort:
             raise WireError(f"{TOO_MANY_MESSAGES}: {MAX_REPORTS} reports of up to {MAX_SHOWN} frames wait already")
         if frames.shown:
             self._reports.append((side, deque(frames.shown), frames.dropped))
-
-
-def _answer_to(question: Message, answers: Answers) -> Message:
-    match question:
-        case OutcomesRequest(first=first):
-            return answers.outcomes(first)
-        case TraceRequest(after=after):
-            return answers.trace(after)
-    return answers.status()
