@@ -68,7 +68,7 @@ def coupling(options: "Options") -> None:
 
 @benchmark(app, "netboard bench forces --quick", "netboard bench forces -o results")
 def forces(options: "Options") -> None:
-    """Forces on both hands for one movement under each of the six force conditions, as a figure and a table."""
+    """Forces on both hands for one movement under each force condition, as a figure and a table."""
     from netboard.benchmarks.coupling.forces import study
     from netboard.benchmarks.harness.running import run
 

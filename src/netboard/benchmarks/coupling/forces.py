@@ -1,7 +1,7 @@
-"""``netboard bench forces``: commanded forces of both hands in one movement under each of the six force conditions.
+"""``netboard bench forces``: commanded forces of both hands in one movement under each force condition.
 
 Two hands move the ball from one target to the other along a smooth path; the right hand contributes more than the left,
-and both sway up and down together. The same samples are the input of six stages that differ only in the force
+and both sway up and down together. The same samples are the input of stages that differ only in the force
 condition, without sockets and clocks, so the figure is the same on every machine. The unrelated force is that of
 another movement.
 """
