@@ -20,6 +20,9 @@ class Other(VirtualTouch.__mro__[1]):
     def _write(self, fx, fy, fz): ...
     def _close(self): ...
 
+class Unfinished(VirtualTouch.__mro__[1]):
+    def _open(self): ...
+
 NO_DEVICE = 3
 """
 
@@ -28,6 +31,8 @@ ENTRY_POINTS = """
 other = a_lab_plugin:Other
 missing = a_lab_plugin:Missing
 broken = a_lab_plugin_that_is_not_there:Other
+faulty = a_faulty_lab_plugin:Other
+unfinished = a_lab_plugin:Unfinished
 no_device = a_lab_plugin:NO_DEVICE
 virtual = a_lab_plugin:Other
 """
@@ -37,6 +42,7 @@ virtual = a_lab_plugin:Other
 def plugin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Install a third-party distribution for this test."""
     (tmp_path / "a_lab_plugin.py").write_text(PLUGIN)
+    (tmp_path / "a_faulty_lab_plugin.py").write_text("class Other(Device): ...")
     info = tmp_path / "a_lab_plugin-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: a-lab-plugin\nVersion: 1.0\n")
@@ -73,7 +79,14 @@ def test_backends_of_other_packages_are_registered() -> None:
 
 @pytest.mark.usefixtures("plugin")
 @pytest.mark.parametrize(
-    ("name", "why"), [("missing", "no attribute"), ("broken", "No module"), ("no_device", "is not a netboard")]
+    ("name", "why"),
+    [
+        ("missing", "no attribute"),
+        ("broken", "No module"),
+        ("faulty", "NameError: name 'Device' is not defined"),
+        ("unfinished", "must implement _close, _read, _write"),
+        ("no_device", "is not a netboard"),
+    ],
 )
 def test_broken_backend_error_says_why(name: str, why: str) -> None:
     with pytest.raises(DeviceNotFound, match=why):

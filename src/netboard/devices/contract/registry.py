@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
+from inspect import isabstract
 
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import ConfigError, DeviceNotFound
@@ -78,10 +79,14 @@ def find(name: str) -> type[Device]:
     module, _, attribute = target.partition(":")
     try:
         backend = getattr(import_module(module), attribute)
-    except (ImportError, AttributeError, OSError) as error:
-        raise DeviceNotFound(f"the device backend {name!r} ({target}) cannot be loaded: {error}") from error
+    except Exception as error:  # the code of another package may raise anything
+        why = f"{type(error).__name__}: {error}"
+        raise DeviceNotFound(f"the device backend {name!r} ({target}) cannot be loaded: {why}") from error
     if not (isinstance(backend, type) and issubclass(backend, Device)):
         raise DeviceNotFound(f"the device backend {name!r} ({target}) is not a netboard.devices.contract.device.Device")
+    if isabstract(backend):
+        lacks = ", ".join(sorted(backend.__abstractmethods__))
+        raise DeviceNotFound(f"the device backend {name!r} ({target}) must implement {lacks}")
     return backend
 
 
