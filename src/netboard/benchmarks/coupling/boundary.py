@@ -97,15 +97,15 @@ def loops_of(case: Case, k: float, substeps: int = SUBSTEPS) -> dict[str, Loop]:
     }
 
 
-def largest_stiffness(loop: Loop, start: float = 1.0, factor: float = 1.2, most: float = 1e6) -> float:
+def largest_stiffness(loop: Loop, start: float = 1.0, most: float = 1e6) -> float:
     """Return the stiffness up to which a loop is stable, to a hundredth of a per cent.
 
-    Stiffnesses are raised by a factor from the first one; then the limit is found by bisection. The result is 0 if
+    Stiffnesses are raised by a fifth from the first one; then the limit is found by bisection. The result is 0 if
     the first is unstable, and infinite if all are stable.
     """
     stable, k = 0.0, start
     while is_stable(replace(loop, k=k)):
-        stable, k = k, k * factor
+        stable, k = k, k * 1.2
         if stable >= most:
             return math.inf
     if stable == 0.0:

@@ -62,10 +62,10 @@ UNUSUAL_VALUES: tuple[Any, ...] = (
 """Values that replace a field or an item."""
 
 
-def valid_frames(seed: int, of_each: int = 3) -> list[bytes]:
-    """Return `of_each` valid frames of every message type."""
+def valid_frames(seed: int) -> list[bytes]:
+    """Return three valid frames of every message type."""
     rng = random.Random(seed)
-    return [encode(_message(kind.message, rng)) for kind in KINDS.values() for _ in range(of_each)]
+    return [encode(_message(kind.message, rng)) for kind in KINDS.values() for _ in range(3)]
 
 
 def decode_or_none(frame: bytes) -> Message | None:

@@ -138,7 +138,7 @@ def play(stage: Stage, rows: Rows, started: bool) -> Rows:
     return played
 
 
-def corrupted_samples(config: Config, kinds: Sequence[str] = tuple(KINDS)) -> Part:
+def corrupted_samples(config: Config) -> Part:
     """Run all kinds of corrupted samples and tabulate the results."""
     stage, smooth = make_stage(config), smooth_rows()
     calm = play(stage, smooth, started=False)
@@ -149,9 +149,9 @@ def corrupted_samples(config: Config, kinds: Sequence[str] = tuple(KINDS)) -> Pa
         "left 0.5 s later [m, rad]",
     )
     lost, large, kept = [], [], []
-    for kind in kinds:
+    for kind, corrupt in KINDS.items():
         corrupted = smooth.copy()
-        KINDS[kind](corrupted[CORRUPTED])
+        corrupt(corrupted[CORRUPTED])
         fixed, rolling = play(stage, corrupted, started=False), play(stage, corrupted, started=True)
         not_finite = sum(_not_finite(played) for played in (fixed, rolling))
         force, most = _forces(fixed, rolling, config)

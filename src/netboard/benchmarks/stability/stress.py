@@ -146,7 +146,7 @@ def large_tilts(tilts_deg: Sequence[float] = TILTS_DEG, tell: Tell = no_progress
 # --- ends of the board -------------------------------------------------------------------------------------------
 
 
-def ball_at_ends(duration: float = 20.0, tell: Tell = no_progress) -> Part:
+def ball_at_ends(tell: Tell = no_progress) -> Part:
     """Let a ball hit stops, and check that it stays between them and no impact adds energy."""
     kinds = [(model, share) for model in MODELS for share in (0.0, 0.5, 1.0)]
     part = Part(
@@ -159,7 +159,7 @@ def ball_at_ends(duration: float = 20.0, tell: Tell = no_progress) -> Part:
     for i, (model, share) in enumerate(kinds):
         tell(f"ball at the ends: {model}, restitution {share:g}", i / len(kinds))
         physics = replace(Physics(), model=model, ball_stop=0.3, restitution=share)
-        run_ = make_run(physics, "rk4", TICK_SECONDS, duration)
+        run_ = make_run(physics, "rk4", TICK_SECONDS, 20.0)
         z, vz = styluses_at(run_.times)
         hands = np.stack([z[:, 0], vz[:, 0], z[:, 1], vz[:, 1]], axis=1)
         parts, scene = parts_of(physics), pack_scene(physics)

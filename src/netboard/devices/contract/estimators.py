@@ -157,17 +157,15 @@ def _observed(
     return count, states[1, 0, 1], states[1, 1, 1], states[1, 2, 1]
 
 
-def alpha_beta_gains(forget: float = FORGET) -> tuple[float, float, float]:
+def alpha_beta_gains() -> tuple[float, float, float]:
     """Return the gains of a critically damped alpha-beta filter.
 
     Under constant acceleration its velocity estimate lags by ``alpha / beta - 1/2`` samples.
-
-    ``forget``: fraction of an error that remains after one sample.
     """
-    return 1.0 - forget * forget, (1.0 - forget) ** 2, 0.0
+    return 1.0 - FORGET * FORGET, (1.0 - FORGET) ** 2, 0.0
 
 
-def kalman_gains(resolution: float, jerk: float = JERK) -> tuple[float, float, float]:
+def kalman_gains(resolution: float) -> tuple[float, float, float]:
     """Return the steady-state gains of a Kalman filter for constant acceleration, white jerk and one reading per tick.
 
     Quantisation by the encoder counts as white noise of variance ``resolution**2 / 12``. The Riccati equation is
@@ -176,7 +174,7 @@ def kalman_gains(resolution: float, jerk: float = JERK) -> tuple[float, float, f
     ``resolution``: size of one encoder step, 0 for none; `MIN_RESOLUTION` is the lower bound [m].
     """
     variance = max(resolution, MIN_RESOLUTION) ** 2 / 12.0
-    noise = jerk * TICK_SECONDS**5 / variance * _JERK_NOISE
+    noise = JERK * TICK_SECONDS**5 / variance * _JERK_NOISE
     covariance, before = np.eye(3), np.zeros((3, 3))
     while np.abs(covariance - before).max() > 1e-13 * np.abs(covariance).max():
         before = covariance

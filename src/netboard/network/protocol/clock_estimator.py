@@ -14,6 +14,9 @@ NEVER_NS = 2**63 - 1
 MAX_OFFSET_NS = 2**61
 """Clock offsets beyond this (73 years) are invalid; below it, every number of an estimate fits 64 bits [ns]."""
 
+SKEW_PPM = 100
+"""Largest skew between two clocks: 50 parts per million for each [1e-6]."""
+
 _MILLION = 1_000_000
 
 _SPANS = 8
@@ -64,8 +67,6 @@ class ClockEstimator:
     ----------
     window_ns : int
         Window of the probes in use; some are dropped up to a quarter of it sooner [ns].
-    skew_ppm : int
-        Largest skew between two clocks: 100 allows 50 parts per million to each [1e-6].
 
     Attributes
     ----------
@@ -85,12 +86,11 @@ class ClockEstimator:
         Number of restarts of the estimate [1].
     """
 
-    def __init__(self, window_ns: int = 2_000_000_000, skew_ppm: int = 100) -> None:
+    def __init__(self, window_ns: int = 2_000_000_000) -> None:
         self.offset_ns = 0
         self.bound_ns = self.round_trip_ns = NEVER_NS
         self.accepted = self.rejected = self.restarts = 0
         self._window_ns = window_ns
-        self._skew_ppm = skew_ppm
         self._spans: deque[_Span] = deque()
         self._estimates: deque[_Estimate] = deque(maxlen=_ESTIMATES)
         self._upper: int
@@ -124,8 +124,8 @@ class ClockEstimator:
             self.rejected += 1
             return False
         self.accepted += 1
-        age = t3_ns * self._skew_ppm // _MILLION + 1  # rounded up: how much an upper limit has loosened since time 0
-        upper = highest - t0_ns * self._skew_ppm // _MILLION
+        age = t3_ns * SKEW_PPM // _MILLION + 1  # rounded up: how much an upper limit has loosened since time 0
+        upper = highest - t0_ns * SKEW_PPM // _MILLION
         lower = lowest + age - 1
         if upper + 2 * age < self._lower or lower - 2 * age > self._upper:
             self._forget()

@@ -234,7 +234,7 @@ def is_stable(method: str, a: Matrix, h: float, solved: Matrix | None = None) ->
     return spectral_radius(method, a, h, solved) <= 1 + ROUNDING
 
 
-def largest_step(method: str, a: Matrix, solved: Matrix | None = None) -> float:
+def largest_step(method: str, a: Matrix) -> float:
     """Return the step size up to which all steps are stable.
 
     Some methods have several stable ranges. Therefore sizes are tried from small to large, 40 per decade, and the first
@@ -247,15 +247,15 @@ def largest_step(method: str, a: Matrix, solved: Matrix | None = None) -> float:
     """
     good = 0.0
     for h in np.geomspace(1e-5, 1e6, 441) / max(_modulus(a), 1e-3):
-        if not is_stable(method, a, float(h), solved):
-            return _edge(method, a, solved, good, float(h)) if good else 0.0
+        if not is_stable(method, a, float(h)):
+            return _edge(method, a, good, float(h)) if good else 0.0
         good = float(h)
     return math.inf
 
 
-def _edge(method: str, a: Matrix, solved: Matrix | None, good: float, bad: float) -> float:
+def _edge(method: str, a: Matrix, good: float, bad: float) -> float:
     """Return the largest stable step between a stable and an unstable one, by bisection."""
     while bad - good > 1e-9 * bad:
         middle = (good + bad) / 2
-        good, bad = (middle, bad) if is_stable(method, a, middle, solved) else (good, middle)
+        good, bad = (middle, bad) if is_stable(method, a, middle) else (good, middle)
     return good
