@@ -47,10 +47,10 @@ def cohort(
 
     from netboard.analysis.cohort.folder import make_cohort
     from netboard.analysis.cohort.virtual import Design
-    from netboard.analysis.extraction.workers import cores
     from netboard.base.bars import telling
     from netboard.base.process import interrupted_by_stop_signals
     from netboard.base.terminal import plain_console
+    from netboard.base.workers import cores
 
     design = Design(load_study(study), settings, dyads, seed, trials is not None)
     began = time.perf_counter()

@@ -78,9 +78,9 @@ def import_(
 
 def import_study(manifest: Path, folder: Path, workers: int | None) -> int:
     """Import the tables that a manifest lists, several at a time."""
-    from netboard.analysis.extraction.workers import cores
     from netboard.base.bars import telling
     from netboard.base.process import interrupted_by_stop_signals
+    from netboard.base.workers import cores
     from netboard.recording.importing.study_import import examine, run
     from netboard.recording.importing.table_import import in_words
 

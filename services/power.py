@@ -58,9 +58,9 @@ def power(
     """
     settings = load(config, overrides)
     from netboard.analysis.cohort.planning import Request, answer
-    from netboard.analysis.extraction.workers import cores
     from netboard.base.bars import telling
     from netboard.base.terminal import plain_console
+    from netboard.base.workers import cores
 
     request = Request(
         load_study(study),

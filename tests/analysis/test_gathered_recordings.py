@@ -16,8 +16,9 @@ from netboard.analysis.extraction import running
 from netboard.analysis.extraction.cache import Cache
 from netboard.analysis.extraction.settings import Readings, parse
 from netboard.analysis.extraction.study import Study
-from netboard.analysis.extraction.workers import cores, dask, processes
+from netboard.analysis.extraction.workers import dask, processes
 from netboard.base.errors import ConfigError, NetboardError, RecordingError
+from netboard.base.workers import cores
 
 pytestmark = pytest.mark.slow
 

@@ -2,8 +2,9 @@
 
 import pytest
 
+from netboard.base.clock import CATCH_UP_TICKS
 from netboard.base.tick import TICK_NS
-from netboard.nodes.server.tick_clock import CATCH_UP_TICKS, EARLIEST_NS, IDLE_TICKS, LATE_NS, NO_PEER_TICKS, TickClock
+from netboard.nodes.server.tick_clock import EARLIEST_NS, IDLE_TICKS, LATE_NS, NO_PEER_TICKS, TickClock
 
 DUE = 5_000_000_000
 

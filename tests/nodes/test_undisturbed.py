@@ -10,7 +10,7 @@ import pytest
 from fake_router import hello
 from motion_rig import MotionRig
 
-from netboard.base.clock import now_ns
+from netboard.base.clock import CATCH_UP_TICKS, now_ns
 from netboard.base.config import Config
 from netboard.base.tick import HEARTBEAT_TICKS, TICK, TICK_NS
 from netboard.network.protocol import fixed
@@ -18,7 +18,7 @@ from netboard.network.protocol.joining import Goodbye
 from netboard.network.protocol.motion import Force, Heartbeat, Safeguard, Stylus
 from netboard.network.transport import sockets
 from netboard.network.transport.fastpath import MACHINE_CLOCK
-from netboard.nodes.server.tick_clock import CATCH_UP_TICKS, EARLIEST_NS
+from netboard.nodes.server.tick_clock import EARLIEST_NS
 from netboard.nodes.server.undisturbed import DONE, IN_TRIAL, INTERRUPTED, MESSAGE, RUN, STEPS, WAITING, WAITS, run_of
 from netboard.stage.stage import make_stage
 from netboard.task.trials.state_machine import Cause

@@ -10,7 +10,7 @@ import time
 from netboard.base.tick import TICK_NS
 
 CATCH_UP_TICKS = 20
-"""A pacer further behind than this moves its deadlines instead of running ticks in a burst [1]."""
+"""A loop further behind than this moves its deadlines instead of running ticks in a burst [1]."""
 
 
 def now_ns() -> int:

@@ -1,4 +1,4 @@
-"""Processes that work for this one."""
+"""Processes that work for this one, and the cores for them."""
 
 import os
 import signal
@@ -6,6 +6,16 @@ from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing.context import SpawnContext, SpawnProcess
+
+
+def usable_cpus() -> list[int]:
+    """Return the CPUs that this process may use."""
+    return sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else list(range(os.cpu_count() or 1))
+
+
+def cores() -> int:
+    """Return the number of cores that this process may use [1]."""
+    return len(usable_cpus())
 
 
 def worker_processes(count: int, *, interruptible: bool = False) -> ProcessPoolExecutor:

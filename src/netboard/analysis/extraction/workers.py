@@ -4,7 +4,6 @@ An executor factory receives the recordings and checks that it can measure them 
 ends too early gives an error in one line.
 """
 
-import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
@@ -22,13 +21,6 @@ WorkerPool = Callable[[Sequence[Path]], AbstractContextManager[Executor]]
 
 TIMEOUT = 10.0
 """Timeout for the scheduler to answer and to have workers [s]."""
-
-
-def cores() -> int:
-    """Return the number of cores that this process may use [1]."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def processes(workers: int) -> WorkerPool:

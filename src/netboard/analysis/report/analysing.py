@@ -120,7 +120,8 @@ def _analysed(
 
 def _pool(chosen: AnalysisOptions) -> "WorkerPool":
     """Choose the workers that extract the measures."""
-    from netboard.analysis.extraction.workers import cores, dask, processes
+    from netboard.analysis.extraction.workers import dask, processes
+    from netboard.base.workers import cores
 
     if chosen.dask is None:
         return processes(chosen.workers or cores())

@@ -5,7 +5,6 @@ test at .05 should reject in 5 % of the studies without an effect. Fixed effects
 the mixed model, so an effect is added to the estimates of the same studies to obtain the power.
 """
 
-import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import as_completed
 from dataclasses import dataclass
@@ -26,6 +25,7 @@ from netboard.analysis.statistics.small_samples import (
     kenward_roger_freedom,
     satterthwaite_freedom,
 )
+from netboard.base.workers import cores
 from netboard.benchmarks.harness.processes import fresh_processes
 from netboard.benchmarks.harness.results import Folder, Part
 from netboard.benchmarks.harness.running import Tell
@@ -224,7 +224,7 @@ def rejections(studies: int, tell: Tell) -> Counts:
     # The largest studies first, so that all processes end at about the same time.
     tasks.sort(key=lambda task: -task[0].dyads)
     counts = {setting: np.zeros((2, len(TERMS), len(METHODS))) for setting in settings()}
-    with fresh_processes(min(os.cpu_count() or 1, len(tasks))) as pool:
+    with fresh_processes(min(cores(), len(tasks))) as pool:
         futures = {pool.submit(_count_rejections, *task): task[0] for task in tasks}
         for done, answer in enumerate(as_completed(futures), start=1):
             counts[futures[answer]] += answer.result()

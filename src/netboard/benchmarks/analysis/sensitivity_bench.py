@@ -4,7 +4,6 @@ All recordings are measured with the default settings and with alternatives: one
 paths through all questions. Each disturbed attempt is compared with the same attempt undisturbed.
 """
 
-import os
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ from netboard.analysis.extraction.study import Study, study_of
 from netboard.analysis.measures.performance import window_sizes
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError, RecordingError
+from netboard.base.workers import cores
 from netboard.benchmarks.analysis import multiverse
 from netboard.benchmarks.analysis import question_tables as tables
 from netboard.benchmarks.analysis.disturbance_tables import all_disturbances_part, disturbances_part
@@ -202,7 +202,7 @@ def _measured(variants: Variants, tell: Tell) -> list[Remeasured]:
     order = sorted(range(total), key=lambda number: not requests[number].disturbances)
     done = remeasure_all(
         [requests[number] for number in order],
-        min(os.cpu_count() or 1, total),
+        min(cores(), total),
         lambda count: tell(f"{count} of {total} recordings", 0.9 * count / total),
     )
     by_number = dict(zip(order, done, strict=True))

@@ -8,6 +8,8 @@ from pathlib import Path
 
 from llvmlite.binding import get_host_cpu_features
 
+from netboard.base.workers import cores
+
 LIBRARIES = ("netboard", "numba", "llvmlite", "numpy", "scipy")
 """Libraries whose version can change a result."""
 
@@ -41,7 +43,7 @@ def describe() -> Machine:
     return Machine(
         system=platform.platform(),
         cpu=_cpu(),
-        cores=_cores(),
+        cores=cores(),
         vectors=_vectors(),
         load=os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan"),
         python=platform.python_version(),
@@ -55,13 +57,6 @@ def version_of(library: str) -> str:
         return version(library)
     except PackageNotFoundError:
         return "not installed"
-
-
-def _cores() -> int:
-    """Return the number of cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def _cpu() -> str:

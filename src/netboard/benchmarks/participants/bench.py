@@ -9,7 +9,6 @@ studies. Dyads of the pool appear in several studies, so a small pool makes the 
 factor of about ``sqrt(1 - 1/n)`` for n dyads of each state.
 """
 
-import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import ceil
@@ -20,6 +19,7 @@ from numpy.typing import NDArray
 
 from netboard.base.config import Config
 from netboard.base.tables.simulated import Participant
+from netboard.base.workers import cores
 from netboard.benchmarks.harness.results import Folder, Part
 from netboard.benchmarks.harness.running import Tell
 from netboard.benchmarks.participants.paper import EXTRA, STATEMENTS, Sample, Statement
@@ -127,7 +127,7 @@ def study(
     """Draw `count` virtual studies from a pool of dyads, and compare them with the paper's results."""
     # A multiple of STATES, so that each starting state has as many dyads.
     pool = STATES * ceil((dyads or (QUICK_DYADS if quick else DYADS)) / STATES)
-    cores = workers or os.cpu_count() or 1
+    workers = workers or cores()
     variants = QUICK_VARIANTS if quick else tuple(ABLATIONS)
     found: dict[str, list[Prediction]] = {}
     for number, name in enumerate(variants):
@@ -135,7 +135,7 @@ def study(
         if name != variants[0]:
             size = min(size, QUICK_ABLATED_DYADS if quick else ABLATED_DYADS)
             trials = min(trials, ABLATED_TRIALS)
-        performances = list(_performances(name, size, trials, cores, number, len(variants), tell))
+        performances = list(_performances(name, size, trials, workers, number, len(variants), tell))
         found[name] = predictions(studies([one.attempts for one in performances], count))
         if name == variants[0]:
             yield predictions_part(found[name], performances, trials, count)
@@ -145,7 +145,7 @@ def study(
     yield ablations_part(found)
     if not quick:
         tell("bimanual blocks with parts of the force", 1.0)
-        yield slowing_part(SLOWING_DYADS, SLOWING_TRIALS, cores)
+        yield slowing_part(SLOWING_DYADS, SLOWING_TRIALS, workers)
     yield speed_part(QUICK_TIMED_TRIALS, QUICK_ROUNDS, tell) if quick else speed_part(PAPER_TRIALS, ROUNDS, tell)
 
 

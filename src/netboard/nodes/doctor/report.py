@@ -16,6 +16,7 @@ from netboard.base.config import Config
 from netboard.base.errors import NetboardError
 from netboard.base.finding import Colour, Finding
 from netboard.base.process import OFF, OK, cpus_for
+from netboard.base.workers import usable_cpus
 from netboard.devices.setup import listing, usb
 from netboard.nodes.doctor import disk, exchange, network, prediction, system, timing
 
@@ -88,8 +89,8 @@ def steps(config: Config, effort: Effort) -> dict[str, Step]:
             system.preemption(),
             system.clock_source(),
             system.virtual_machine(),
-            system.cores(system.usable_cpus()),
-            system.isolation(cpus_for("server", config.realtime), system.usable_cpus()),
+            system.cores(usable_cpus()),
+            system.isolation(cpus_for("server", config.realtime), usable_cpus()),
         ],
         "clock": lambda progress: [network.clock_bound(config.network, effort.exchanges, progress)],
         "network": lambda progress: [

@@ -4,7 +4,6 @@ All settings are read from /proc, /sys and /dev below a root that a test may cho
 system does not have that setting.
 """
 
-import os
 import platform
 import subprocess
 import sys
@@ -88,11 +87,6 @@ def virtual_machine(root: Path = ROOT) -> Finding:
     guest = "hypervisor" in text_of(root / "proc/cpuinfo").split()
     advice = "run server and agents on physical machines, or pin its cores on the host"
     return graded("virtual machine", not guest, "yes" if guest else "no", advice)
-
-
-def usable_cpus() -> list[int]:
-    """Return the CPUs that this process may use."""
-    return sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else list(range(os.cpu_count() or 1))
 
 
 def cores(have: Collection[int]) -> Finding:

@@ -5,13 +5,11 @@ it runs at its deadline. While the session is idle, due ticks run together, 20 t
 it has no peer. Pure: time is an argument.
 """
 
+from netboard.base.clock import CATCH_UP_TICKS
 from netboard.base.tick import LATE_NS, TICK_NS
 
 EARLIEST_NS = TICK_NS // 2
 """Earliest start of a tick before its deadline [ns]."""
-
-CATCH_UP_TICKS = 20
-"""Backlog beyond which the deadlines move instead of the ticks running in a burst [ticks]."""
 
 IDLE_TICKS = 50
 """Ticks that run together while the session is idle [1]."""

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from netboard.base.clock import CATCH_UP_TICKS
 from netboard.base.compiled import composed, kernel, machine_code, waiting
 from netboard.base.tick import HEARTBEAT_TICKS, LATE_NS, TICK, TICK_NS, TICK_WORDS
 from netboard.network.protocol import fixed
@@ -20,7 +21,7 @@ from netboard.network.transport import fastpath
 from netboard.nodes.ports import samples
 from netboard.nodes.ports.samples import BOTH, awaited, drain, fill, send_forces, send_heartbeats
 from netboard.nodes.ports.unregistered import UNREGISTERED
-from netboard.nodes.server.tick_clock import CATCH_UP_TICKS, EARLIEST_NS
+from netboard.nodes.server.tick_clock import EARLIEST_NS
 from netboard.stage.stage import Stage, commanded_tick
 
 ALL_FINE = 3 * (samples.LIVE | samples.ARMED)
