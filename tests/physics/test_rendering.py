@@ -266,3 +266,10 @@ def test_trial_scales_repeat_cyclically() -> None:
 def test_trial_scales_apply_even_if_the_block_scale_is_zero() -> None:
     assert rendering_of(replace(Config().block, force_scale=0.0, trial_scales=(1.0,))).varies
     assert rendering_of(replace(Config().block, force="none")) == NO_FORCE
+
+
+def test_gains_of_a_condition_that_does_not_ask_for_them_are_not_a_number() -> None:
+    """A condition that uses gains without ``quasi_static`` must not render a force that lacks them."""
+    numbers = pack_rendering(parse('[block]\nforce = "full"'))[0]
+    for gains in ("left_fixed", "right_fixed", "left_free", "right_free"):
+        assert np.isnan(numbers[gains].tolist()).all()

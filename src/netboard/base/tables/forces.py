@@ -29,8 +29,8 @@ class ForceInputs(NamedTuple):
     recorded : float
         Commanded force of a hand in another session, + = up [N].
     gains : GAINS record
-        Gains of the hand (`netboard.physics.scene.rendering.GAINS`), for a free or a fixed ball; 0 unless the condition
-        is quasi-static.
+        Gains of the hand (`netboard.physics.scene.rendering.GAINS`), for a free or a fixed ball; NaN unless the
+        condition is quasi-static.
     """
 
     coupling: float

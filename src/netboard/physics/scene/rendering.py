@@ -173,11 +173,10 @@ def pack_rendering(config: Config) -> NDArray[Any]:
     if scales := config.block.trial_scales:
         numbers["scales"][0, 1:] = np.resize(scales, TRIAL_ENTRIES - 1)
     number = number_of(config.block.force, FORCES, "[block] force")
-    if CONDITIONS[FORCES[number]].quasi_static:
-        scene = pack_scene(config.physics)[0]
-        for name, free in (("fixed", False), ("free", True)):
-            left, right = gains_of(parts_of(config.physics, free), scene)
-            numbers[f"left_{name}"], numbers[f"right_{name}"] = left, right
+    scene, known = pack_scene(config.physics)[0], CONDITIONS[FORCES[number]].quasi_static
+    for name, free in (("fixed", False), ("free", True)):
+        left, right = gains_of(parts_of(config.physics, free), scene) if known else (np.nan, np.nan)
+        numbers[f"left_{name}"], numbers[f"right_{name}"] = left, right
     return numbers
 
 
