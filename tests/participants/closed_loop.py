@@ -17,7 +17,7 @@ from netboard.devices.safety.fixture import lateral_force
 from netboard.devices.simulated.virtual import VirtualTouch
 from netboard.network.protocol.motion import Safeguard
 from netboard.participants.controller import Controller
-from netboard.participants.senses import Glimpse
+from netboard.participants.senses import DECISION_INTERVAL, Glimpse
 from netboard.participants.submovement import Submovement
 from netboard.stage.stage import make_stage
 from netboard.task.trials.state_machine import Cause, Phase
@@ -57,7 +57,7 @@ def decide_if_due(
     controller: Controller, now: float, glimpse: Glimpse | None, felt: float | None
 ) -> tuple[Submovement, ...]:
     """Let a controller decide, unless its last decision was too short a time ago."""
-    due = now - controller.state["decision_time"][0] >= controller.interval
+    due = now - controller.state["decision_time"][0] >= DECISION_INTERVAL
     return controller.decide(now, glimpse, felt) if due else ()
 
 
