@@ -78,6 +78,7 @@ def test_interrupt_while_a_worker_starts_is_no_traceback(tmp_path: Path) -> None
 def test_stopped_rehearsal_ends_all_workers_and_leaves_nothing(
     kill: str, number: int, workers: str, tmp_path: Path
 ) -> None:
+    rehearsal.rehearse_blocks(blocks()[:1], 1, 1, folder=None)  # an interruption may be lost while code is compiled
     command = [sys.executable, "-m", "netboard.services.cli", "session", "rehearse", "paper", "--real-time"]
     with subprocess.Popen(
         [*command, "--workers", workers, "--output", str(tmp_path)],

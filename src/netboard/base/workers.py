@@ -6,6 +6,10 @@ from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing.context import SpawnContext, SpawnProcess
+from threading import Event
+
+interrupted = Event()
+"""Whether Ctrl-C has interrupted this worker: the exception alone can be lost, in a callback of the compiler."""
 
 
 def usable_cpus() -> list[int]:
@@ -21,9 +25,9 @@ def cores() -> int:
 def worker_processes(count: int, *, interruptible: bool = False) -> ProcessPoolExecutor:
     """Return a pool of new processes; Ctrl-C stops only the waiting process, which stops them.
 
-    ``interruptible``: it also interrupts what they run with `ctrl_c` unblocked.
+    ``interruptible``: it also interrupts what they run with `ctrl_c` unblocked, and `interrupted` tells them.
     """
-    return ProcessPoolExecutor(count, _Context(), None if interruptible else _leave_stopping)
+    return ProcessPoolExecutor(count, _Context(), _stop_once if interruptible else _leave_stopping)
 
 
 @contextmanager
@@ -71,3 +75,14 @@ def terminate_workers(pool: ProcessPoolExecutor) -> None:
 def _leave_stopping() -> None:
     """Ignore Ctrl-C in a worker."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _stop_once() -> None:
+    """Let Ctrl-C interrupt a worker once: it can reach it from the terminal and from the waiting process."""
+
+    def stop(number: int, frame: object) -> None:
+        if not interrupted.is_set():
+            interrupted.set()
+            raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, stop)

@@ -10,12 +10,12 @@ from concurrent.futures import as_completed
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import fmean
-from threading import Event
 
 from netboard.base.config import Config, digest
+from netboard.base.process import uninterrupted
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import TICK_SECONDS
-from netboard.base.workers import ctrl_c, interrupt_workers, worker_processes
+from netboard.base.workers import ctrl_c, interrupt_workers, interrupted, worker_processes
 from netboard.nodes.rehearsal.block import PIECE, Rehearsal
 from netboard.nodes.rehearsal.population import people_of
 from netboard.participants.policy import SIMULATED_PARTICIPANT, identity_of
@@ -92,9 +92,11 @@ def rehearse(job: Job, progress: Callable[[int], object] = lambda successes: Non
     ticks = successes = 0
     try:
         if job.folder is not None:
-            with ctrl_c(blocked=True):  # else nobody could abandon a file that has just been made
+            with uninterrupted():  # else nobody could abandon a file that has just been made
                 writer = BlockWriter(job.folder, job.config, job.session, begun_ns, metadata)
         for rows in rehearsal.pieces(PIECE if job.fast else SECOND):
+            if interrupted.is_set():
+                raise KeyboardInterrupt
             if writer is not None:
                 writer.take(rows)
             ticks += len(rows)
@@ -106,8 +108,8 @@ def rehearse(job: Job, progress: Callable[[int], object] = lambda successes: Non
         if writer is not None:
             writer.finish()
     except BaseException:
-        with ctrl_c(blocked=True):  # a worker may get another from the waiting process
-            if writer is not None:
+        if writer is not None:
+            with uninterrupted():
                 writer.abandon()
         raise
     summary, block = rehearsal.summary(), job.config.block
@@ -150,17 +152,7 @@ def rehearse_all(
         return [future.result() for future in futures]
 
 
-_interrupted = Event()
-"""Whether Ctrl-C has stopped this worker."""
-
-
 def _rehearse_in_worker(job: Job) -> BlockResult:
-    """Rehearse one block in a worker, which begins no other after Ctrl-C."""
-    if _interrupted.is_set():
-        raise KeyboardInterrupt
-    try:
-        with ctrl_c(blocked=False):
-            return rehearse(job)
-    except KeyboardInterrupt:
-        _interrupted.set()
-        raise
+    """Rehearse one block in a worker."""
+    with ctrl_c(blocked=False):
+        return rehearse(job)
