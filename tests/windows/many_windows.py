@@ -45,6 +45,7 @@ def monitor() -> QWidget:
     window.show()
     window.take()
     window.redraw()
+    window.closed.connect(window.dismantle)
     return window
 
 

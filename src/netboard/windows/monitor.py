@@ -46,6 +46,7 @@ class MonitorWindow(windows.Window):
         self._values = np.zeros((6, KEPT))
         self._count = 0
         self._newest: Reading | None = None
+        self._plots: list[pg.PlotWidget] = []
         rows = QVBoxLayout(self)
         self._lines = [*self._plot(rows, "position", "mm"), *self._plot(rows, "velocity", "mm/s")]
         self.words = QLabel(self)
@@ -92,6 +93,11 @@ class MonitorWindow(windows.Window):
             timer.stop()
         super().closeEvent(event)
 
+    def dismantle(self) -> None:
+        """Take a closed window apart in order; else a part of pyqtgraph may be called when others are gone."""
+        while self._plots:
+            self._plots.pop().close()
+
     def _plot(self, rows: QVBoxLayout, name: str, unit: str) -> list[pg.PlotDataItem]:
         plot = pg.PlotWidget(self, background=COLOURS[PictureState.RUN].background)
         plot.setLabel("left", f"{name} [{unit}]")
@@ -104,6 +110,7 @@ class MonitorWindow(windows.Window):
         plot.showGrid(x=True, y=True, alpha=0.2)
         plot.addLegend(offset=(8, 2), colCount=len(AXES))
         rows.addWidget(plot, 1)
+        self._plots.append(plot)
         return [plot.plot(name=axis, pen=pg.mkPen(colour, width=1.5)) for axis, colour in AXES]
 
     def _every(self, milliseconds: int, do: Callable[[], None]) -> QTimer:
@@ -132,5 +139,6 @@ def run(read: Callable[[], Reading], title: str, stopping: Callable[[], bool], p
         window.redraw()
         windows.screenshot(window, picture)
     window.close()
+    window.dismantle()
     if window.trouble is not None:
         raise window.trouble
