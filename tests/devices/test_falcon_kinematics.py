@@ -5,7 +5,7 @@ from math import degrees, hypot, isnan
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 from netboard.devices.falcon.device import MAX_COMMAND, MAX_FORCE
@@ -83,13 +83,12 @@ def test_unreachable_poses_give_nan() -> None:
     assert all(map(isnan, forward((3.0, 0.0, 0.0), CENTRE)))
 
 
-@given(st.tuples(*(st.integers(-32768, 32767),) * 3))
+@given(st.tuples(*(st.integers(-3000, 3000) | st.integers(-32768, 32767),) * 3))
 def test_forward_kinematics_terminates_for_any_encoder_counts(encoders: tuple) -> None:
     """The result is NaN or a pose whose kinematic chains are closed."""
     angles = angles_of(encoders)
     place = forward(angles, CENTRE)
-    assume(not isnan(place[0]))
-    assert inverse(place) == pytest.approx(angles, abs=1e-6)
+    assert isnan(place[0]) or inverse(place) == pytest.approx(angles, abs=1e-6)
 
 
 @given(st.tuples(*(st.integers(-3000, 3000),) * 3))
