@@ -11,6 +11,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -34,6 +35,7 @@ from netboard.base.process import (
     prepare,
     resident_memory,
     steady_loop,
+    uninterrupted,
 )
 from netboard.base.tables.rig import Realtime
 
@@ -66,6 +68,42 @@ def test_every_stop_signal_can_interrupt_for_cleanup(number: signal.Signals) -> 
         assert signal.getsignal(number) == signal.SIG_DFL
     finally:
         signal.signal(number, outside)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+@pytest.mark.parametrize("number", STOP_SIGNALS)
+@pytest.mark.parametrize("fails", [False, True])
+def test_stop_signal_waits_for_the_end_of_what_must_not_be_interrupted(number: signal.Signals, fails: bool) -> None:
+    outside = signal.signal(number, signal.SIG_DFL)
+    done = []
+
+    def run() -> None:
+        with interrupted_by_stop_signals(), uninterrupted():
+            os.kill(os.getpid(), number)
+            done.append("whole")
+            if fails:
+                raise OSError("the disk is full")
+
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            run()
+        assert done == ["whole"]
+        assert signal.getsignal(number) == signal.SIG_DFL
+    finally:
+        signal.signal(number, outside)
+
+
+def test_no_signal_handler_is_set_outside_of_the_main_thread() -> None:
+    found = []
+
+    def run() -> None:
+        with uninterrupted():
+            found.append(signal.getsignal(signal.SIGINT))
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    thread.join()
+    assert found == [signal.getsignal(signal.SIGINT)]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")

@@ -16,14 +16,14 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from enum import IntEnum
 from functools import partial
 from math import inf
 from pathlib import Path
 from types import FrameType
-from typing import Self
+from typing import Any, Self
 
 from netboard.base.errors import ConfigError
 from netboard.base.tables.rig import Realtime
@@ -132,9 +132,20 @@ class Supervisor:
         return True
 
 
-def _handled_signals() -> list[signal.Signals]:
+def _stop_signals() -> list[signal.Signals]:
     """Return the stop signals, without that of a closing terminal if `nohup` lets this process ignore it."""
     return [one for one in STOP_SIGNALS if one.name != "SIGHUP" or signal.getsignal(one) is not signal.SIG_IGN]
+
+
+@contextmanager
+def _handled(numbers: Iterable[signal.Signals], handler: Any) -> Iterator[None]:
+    """Let a handler have these signals until the end."""
+    before = {number: signal.signal(number, handler) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, former in before.items():
+            signal.signal(number, former)
 
 
 @contextmanager
@@ -143,12 +154,8 @@ def interrupted_by_stop_signals() -> Iterator[None]:
 
     A closing terminal that `nohup` lets this process ignore stays ignored.
     """
-    before = {number: signal.signal(number, signal.default_int_handler) for number in _handled_signals()}
-    try:
+    with _handled(_stop_signals(), signal.default_int_handler):
         yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 @contextmanager
@@ -161,14 +168,12 @@ def uninterrupted() -> Iterator[None]:
         yield
         return
     held: list[int] = []
-    before = {one: signal.signal(one, lambda number, _: held.append(number)) for one in _handled_signals()}
     try:
-        yield
+        with _handled(_stop_signals(), lambda number, _: held.append(number)):
+            yield
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-    if held:
-        signal.raise_signal(held[0])
+        if held:
+            signal.raise_signal(held[0])
 
 
 @contextmanager
@@ -178,12 +183,8 @@ def no_terminal_suspension() -> Iterator[None]:
     A suspended agent would leave its device with the last force.
     """
     names = ("SIGTSTP", "SIGTTOU")
-    before = {each: signal.signal(each, signal.SIG_IGN) for name in names if (each := getattr(signal, name, None))}
-    try:
+    with _handled([getattr(signal, name) for name in names if hasattr(signal, name)], signal.SIG_IGN):
         yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 class Stopping:
@@ -216,7 +217,7 @@ class Stopping:
         return stop
 
     def __enter__(self) -> Self:
-        for number in _handled_signals():
+        for number in _stop_signals():
             self._before[number] = signal.signal(number, self._request)
         return self
 
