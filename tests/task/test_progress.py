@@ -391,3 +391,13 @@ def test_changes_that_do_not_prevent_resuming_are_listed() -> None:
         "version of netboard: 0.1.0 when the session began, 0.2.0 now",
         "the rig's configuration has changed",
     )
+
+
+def test_changed_settings_are_named_when_a_session_resumes() -> None:
+    then = replace(HEADER, config='[physics]\nM = 1.0\nmodel = "paper"\n[agents.left]\ndevice = "touch"\n')
+    now = replace(HEADER, config_digest="d1", config='[physics]\nM = 1.0\nmodel = "lagrangian"\nnew = [1, 2]\n')
+    assert changes(then, now) == (
+        "physics.model: paper when the session began, lagrangian now",
+        "agents.left.device: touch when the session began, none now",
+        "physics.new: none when the session began, [1, 2] now",
+    )

@@ -8,7 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from netboard.base.config import Config, digest
+from netboard.base.config import Config, digest, resolve
 from netboard.base.errors import ConfigError
 from netboard.base.tables.experiment import Session
 from netboard.base.terminal import plain_console
@@ -90,6 +90,7 @@ class Planned:
 
     def header(self, session: Session) -> Header:
         """Return the header of the session's journal."""
+        config = replace(self.config, session=session)
         return Header(
             format=FORMAT,
             study=self.study.name,
@@ -103,7 +104,8 @@ class Planned:
             pilot=session.pilot,
             consent=session.consent,
             netboard=version("netboard"),
-            config_digest=digest(replace(self.config, session=session)),
+            config_digest=digest(config),
+            config=resolve(config),
         )
 
     def _digest(self) -> str:

@@ -53,6 +53,8 @@ class Header:
         Version of netboard.
     config_digest : str
         `netboard.base.config.digest` of the rig's configuration.
+    config : str
+        That configuration, in TOML; empty in a journal of an older version.
     """
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
@@ -69,6 +71,7 @@ class Header:
     consent: bool
     netboard: str
     config_digest: str
+    config: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,5 +1,7 @@
 """Compare a session with the journal that it resumes, and with the other sessions of its dyad."""
 
+import tomllib
+from collections.abc import Iterator
 from typing import Any
 
 from netboard.base.errors import RecordingError
@@ -39,8 +41,26 @@ def changes(header: Header, now: Header) -> tuple[str, ...]:
     """List changes since a journal began that do not prevent resuming it, one sentence each, for the operator."""
     found = _differences(header, now, {"netboard": "version of netboard", "consent": "consent"})
     if header.config_digest != now.config_digest:
-        found.append("the rig's configuration has changed")
+        found += _changed_settings(header, now) or ["the rig's configuration has changed"]
     return tuple(found)
+
+
+def _changed_settings(header: Header, today: Header) -> list[str]:
+    """Describe the settings that two rigs' configurations have differently; none if a journal lacks its own."""
+    then, new = (dict(_settings(tomllib.loads(one.config))) for one in (header, today))
+    if not then:
+        return []
+    both = [(key, then.get(key, "none"), new.get(key, "none")) for key in {**then, **new}]
+    return [f"{key}: {_text(was)} when the session began, {_text(now)} now" for key, was, now in both if was != now]
+
+
+def _settings(table: dict[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the dotted key and the value of each setting."""
+    for key, value in table.items():
+        if isinstance(value, dict):
+            yield from _settings(value, f"{path}{key}.")
+        else:
+            yield f"{path}{key}", value
 
 
 def require_same_people(header: Header, now: Header, source: str) -> None:
