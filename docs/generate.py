@@ -13,6 +13,7 @@ measures from the marks of their tests.
 import json
 import re
 import sys
+import textwrap
 from collections.abc import Callable, Iterator
 from dataclasses import fields
 from importlib import import_module
@@ -37,7 +38,7 @@ from netboard.recording.integrity.checking import CHECKS
 from netboard.services.cli import app
 from netboard.task.trials.state_machine import BALL_FREE, TABLE, Action, Cause, Phase
 
-DOCS = Path(__file__).parent
+DOCS = Path(__file__).resolve().parent
 
 
 def state_diagram() -> str:
@@ -162,12 +163,17 @@ def _cell(text: str) -> str:
     return re.sub(r"\s+", " ", text).replace("|", "\\|")
 
 
+def part_of(study: str, name: str) -> Any:
+    """Return one table of a study's results."""
+    parts = json.loads((DOCS / "data" / f"{study}.json").read_text(encoding="utf-8"))["parts"]
+    return next(part for part in parts if part["name"] == name)
+
+
 def study_part(study: str, name: str) -> Callable[[], str]:
     """Return what writes one table of a study, and what follows from it."""
 
     def write() -> str:
-        parts = json.loads((DOCS / "data" / f"{study}.json").read_text(encoding="utf-8"))["parts"]
-        part = next(part for part in parts if part["name"] == name)
+        part = part_of(study, name)
         lines = [f"*{part['title']}*", "", "| " + " | ".join(map(_cell, part["columns"])) + " |"]
         lines += ["|" + "---|" * len(part["columns"])]
         lines += ["| " + " | ".join(map(_figure, row)) + " |" for row in part["rows"]]
@@ -214,6 +220,35 @@ STABILITY = (
 
 LOOP = ("ratios", "latency", "lateness", "costs", "scale", "shared", "waiting", "skips", "stage")
 """Tables of `netboard bench loop` that are in the page on latency."""
+
+
+def loop_in_short() -> str:
+    """Write what the loop can do on the machine on which it was measured, as two limits of the README."""
+
+    def column(part: str, name: str) -> dict[Any, Any]:
+        table = part_of("loop", part)
+        return {row[0]: row[table["columns"].index(name)] for row in table["rows"]}
+
+    latency, cost, held = "sample to force", column("costs", "all [%]"), column("scale", "holds")
+    median, rare = (column("latency", quantile)[latency] for quantile in ("50 % [ms]", "99.9 % [ms]"))
+    ratio = column("ratios", "median")[f"{latency} / echo, 50 % [1]"]
+    dyads = max(number for number, holds in held.items() if holds)
+    limits = f"""
+It is not hard real time.** Python on a stock kernel misses some deadlines of the 1 kHz loop; every deadline miss is
+counted and recorded. With server, agents and logger on one virtual machine of two cores, the median sample-to-force
+latency was {median:.2f} ms. That is {ratio:.2f} times the latency of a minimal ZeroMQ round trip with messages of the
+same size. One sample in a thousand took longer than {rare:.2g} ms ([all results](docs/explanation/latency.md)). If no
+sample arrives for 50 ms, the server pauses the trial. The operator resumes it, or the server itself with
+`--autostart`. Measure your own machines with `netboard doctor` and `netboard bench loop`.
+
+One core serves {dyads} dyads** ({column("scale", "all [%]")[dyads]:.0f} % of the core). With agents and logger on the
+same machine, the server of one dyad uses {cost["server"]:.0f} % of a core; the minimal round trip uses
+{cost["echo"]:.0f} %."""
+    return "\n".join(
+        textwrap.fill(limit.strip(), 127, initial_indent="- **", subsequent_indent="  ")
+        for limit in limits.split("\n\n")
+    )
+
 
 SOAK = ("records", "memory", "minutes", "costs")
 """Those of `netboard bench soak`."""
@@ -323,6 +358,7 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     **{name: ("explanation/stability.md", study_part("stability", name)) for name in STABILITY},
     "loop machine": ("explanation/latency.md", study_machine("loop")),
     **{f"loop-{name}": ("explanation/latency.md", study_part("loop", name)) for name in LOOP},
+    "loop in short": ("../README.md", loop_in_short),
     "soak machine": ("explanation/latency.md", study_machine("soak")),
     **{f"soak-{name}": ("explanation/latency.md", study_part("soak", name)) for name in SOAK},
     "participant parameters": ("explanation/participants.md", participant_parameters),
@@ -384,7 +420,7 @@ def pages() -> dict[Path, str]:
     """Make every page anew that has generated parts."""
     made: dict[Path, str] = {}
     for name, (file, make) in GENERATED.items():
-        path = DOCS / file
+        path = (DOCS / file).resolve()
         page = made[path] if path in made else path.read_text(encoding="utf-8")
         made[path] = renewed(page, name, make())
     return made
