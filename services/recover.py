@@ -15,9 +15,6 @@ if TYPE_CHECKING:
 
 app = typer.Typer()
 
-UNFINISHED = ("*.mcap.part", "*.spill")
-"""Files in a folder that need recovery."""
-
 
 @app.command(
     epilog=examples("netboard recover recordings/S01.mcap.part", "netboard recover recordings"),
@@ -59,16 +56,18 @@ def recover(
 
 
 def _files(paths: Sequence[Path]) -> Iterator[Path]:
-    """Yield every file, including those in the folders."""
+    """Yield every file, and those in the folders that need recovery."""
+    from netboard.recording.files.locate import find_unfinished
+
     for path in paths:
         if not path.is_dir():
             yield path
             continue
-        found = sorted(file for pattern in UNFINISHED for file in path.glob(pattern))
+        found = find_unfinished([path])
         if not found:
             typer.echo(
-                f"{path}: no unfinished recording in this folder; for a damaged one, name the file. A server leaves "
-                "its .spill in the folder in which it was started"
+                f"{path}: nothing is left to recover in this folder; for a damaged recording, name the file. A server "
+                "leaves its .spill in the folder in which it was started"
             )
         yield from found
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from netboard.base.errors import RecordingError
-from netboard.recording.files.locate import files_below, find_recordings, find_unfinished
+from netboard.recording.files.locate import files_below, find_recordings, find_unfinished, require_file
 
 
 def test_recordings_of_files_and_folders_are_listed_once_in_order(tmp_path: Path) -> None:
@@ -35,6 +35,14 @@ def test_path_that_no_table_can_contain_is_refused(tmp_path: Path) -> None:
 
 
 def test_unfinished_recordings_are_those_not_recovered(tmp_path: Path) -> None:
-    for name in ("a.mcap", "b.mcap.part", "c.mcap.part", "c.recovered.mcap"):
+    recovered = ("c.mcap.part", "c.recovered.mcap", "d.spill", "d.recovered.mcap")
+    blocks = ("e.spill", "e_block02.recovered.mcap")
+    for name in ("a.mcap", "b.mcap.part", "b.spill", *recovered, *blocks):
         (tmp_path / name).touch()
-    assert find_unfinished([tmp_path, tmp_path / "a.mcap"]) == (tmp_path / "b.mcap.part",)
+    found = find_unfinished([tmp_path, tmp_path / "a.mcap"])
+    assert found == (tmp_path / "b.mcap.part", tmp_path / "b.spill")
+
+
+def test_folder_in_place_of_a_recording_is_refused_with_the_command_that_lists_it(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"is a folder, expected a recording; netboard sessions .* lists those"):
+        require_file(tmp_path)

@@ -107,6 +107,13 @@ def test_recover_of_a_folder_continues_after_an_unreadable_file(writer: Recordin
     assert "torn.mcap.part: not an MCAP file" in result.stderr
 
 
+def test_recover_of_a_folder_leaves_out_what_was_recovered_before(writer: RecordingWriter) -> None:
+    writer.abandon()
+    assert runner.invoke(app, ["recover", "."]).exit_code == 0
+    again = runner.invoke(app, ["recover", "."])
+    assert (again.exit_code, again.output.partition(";")[0]) == (0, ".: nothing is left to recover in this folder")
+
+
 def test_recover_refuses_one_output_for_several_files(writer: RecordingWriter) -> None:
     writer.abandon()
     result = runner.invoke(app, ["recover", "S01.mcap.part", "other.mcap.part", "-o", "whole.mcap"])
@@ -119,6 +126,6 @@ def test_recover_reports_a_folder_with_nothing_to_recover(tmp_path: Path) -> Non
     result = runner.invoke(app, ["recover", str(tmp_path)])
     assert (result.exit_code, result.output) == (
         0,
-        f"{tmp_path}: no unfinished recording in this folder; for a damaged one, name the file. A server leaves "
-        "its .spill in the folder in which it was started\n",
+        f"{tmp_path}: nothing is left to recover in this folder; for a damaged recording, name the file. A server "
+        "leaves its .spill in the folder in which it was started\n",
     )

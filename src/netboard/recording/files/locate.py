@@ -7,6 +7,7 @@ import hashlib
 import os
 import time
 from collections.abc import Iterable, Sequence
+from glob import escape
 from pathlib import Path
 
 from netboard.base.errors import RecordingError
@@ -23,6 +24,9 @@ EMPTY = "is empty (0 bytes): it contains nothing to read or to recover"
 
 GROWING_S = 10.0
 """An unfinished recording written to within this time may still be growing; a logger writes at least every 5 s [s]."""
+
+_UNFINISHED = (".mcap.part", ".spill")
+"""Endings of recordings that are not finished, and of records that no logger took from a server."""
 
 _OF_THE_DISK = ("lost+found", "System Volume Information", "$RECYCLE.BIN")
 """Folders at the top of a disk that belong to the file system, and that only an administrator may read."""
@@ -55,8 +59,8 @@ def find_recordings(paths: Sequence[Path]) -> tuple[Path, ...]:
     return tuple(names.values())
 
 
-def _named(folder: Path, ending: str) -> list[Path]:
-    return sorted(path for path in folder.glob(f"*{ending}") if _ends(path.name, (ending,)))
+def _named(folder: Path, *endings: str) -> list[Path]:
+    return sorted(path for path in folder.iterdir() if _ends(path.name, endings))
 
 
 def _ends(name: str, endings: tuple[str, ...]) -> bool:
@@ -100,8 +104,11 @@ def files_below(folder: Path, endings: tuple[str, ...]) -> list[Path]:
 
 
 def require_file(path: Path) -> None:
-    """Refuse a pipe or a device: it cannot be read from any position, and opening it may wait for ever."""
-    if path.exists() and not (path.is_file() or path.is_dir()):
+    """Refuse a folder, and a pipe or a device, which cannot be read from any position and may keep a reader waiting."""
+    if path.is_dir():
+        listing = shell_command("netboard", "sessions", path)
+        raise RecordingError(f"{path}: is a folder, expected a recording; {listing} lists those in a folder")
+    if path.exists() and not path.is_file():
         raise RecordingError(f"{path}: is a pipe or a device; save the recording as a file, and give that")
 
 
@@ -115,9 +122,9 @@ def sha256_of(path: Path) -> str:
 
 
 def find_unfinished(paths: Sequence[Path]) -> tuple[Path, ...]:
-    """Return the unfinished recordings in the folders among the paths that have not been recovered."""
-    found = sorted(part for path in paths if path.is_dir() for part in _named(path, ".mcap.part"))
-    return tuple(part for part in found if not recovered_path(part).exists())
+    """Return the unfinished recordings and spills in the folders among the paths that have not been recovered."""
+    found = sorted(file for path in paths if path.is_dir() for file in _named(path, *_UNFINISHED))
+    return tuple(file for file in found if recovered_as(file) is None)
 
 
 def recovered_path(path: Path) -> Path:
@@ -126,11 +133,17 @@ def recovered_path(path: Path) -> Path:
     return whole.with_suffix(".recovered.mcap")
 
 
+def recovered_as(path: Path) -> Path | None:
+    """Return the file as which another was recovered, the first of those of a spill; None if it was not recovered."""
+    target = recovered_path(path)
+    blocks = sorted(path.parent.glob(f"{escape(path.stem)}_block*.recovered.mcap")) if path.suffix == ".spill" else []
+    return next((file for file in (target, *blocks) if file.exists()), None)
+
+
 def recovery_advice(path: Path) -> str:
     """Return what to do about an unfinished or damaged recording."""
-    recovered = recovered_path(path)
     try:
-        if recovered.exists():
+        if recovered := recovered_as(path):
             return f"it was recovered as {recovered}"
         growing = path.suffix == ".part" and abs(time.time() - path.stat().st_mtime) < GROWING_S
     except OSError:  # a logger has just finished and renamed it, or the disk does not answer

@@ -19,7 +19,7 @@ from netboard.base.config import Config, parse
 from netboard.base.errors import NetboardError, RecordingError
 from netboard.base.plural import plural
 from netboard.network.protocol.joining import Welcome
-from netboard.recording.files.locate import EMPTY, files_below
+from netboard.recording.files.locate import EMPTY, files_below, recovery_advice
 from netboard.recording.files.provenance import CONFIG_NAME, MetadataName
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.chunks import UNSOUND
@@ -109,7 +109,8 @@ def entry_of(path: Path) -> Entry:
         if path.suffix == ".spill":
             return _spill(path, size)
         if path.suffix == ".part":
-            return _begun(Entry(path, "unfinished", size, verdict=RESULTS[Severity.DAMAGE], why="not finished"))
+            why = f"not finished; {recovery_advice(path)}"
+            return _begun(Entry(path, "unfinished", size, verdict=RESULTS[Severity.DAMAGE], why=why))
         return _recording(path, size)
     except _UNREADABLE as error:
         kind = "unfinished" if path.suffix == ".part" else path.suffix.removeprefix(".").replace("mcap", "recording")
@@ -193,7 +194,8 @@ def _begun(entry: Entry) -> Entry:
 
 
 def _spill(path: Path, size: int) -> Entry:
-    entry = Entry(path, "spill", size, verdict=RESULTS[Severity.DAMAGE], why="no logger received it: netboard recover")
+    why = f"no logger received it; {recovery_advice(path)}"
+    entry = Entry(path, "spill", size, verdict=RESULTS[Severity.DAMAGE], why=why)
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         welcome = next((message for _, _, message in read_spill(data) if isinstance(message, Welcome)), None)
     return entry if welcome is None else _named(entry, parse(welcome.config, "its configuration"))
