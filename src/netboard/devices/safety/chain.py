@@ -35,7 +35,7 @@ MAX_STEP_NS = 2_000_000
 """Upper bound of the step duration wherever the force may grow [ns]."""
 
 MEAN_TIME = 10.0
-"""Time constant of the mean force [s]."""
+"""Time constant of the mean force, assumed, because vendors publish none of their motors [s]."""
 
 MARGIN = 0.1
 """The clamp decreases while the mean is within this fraction of its limit [1]."""
@@ -88,7 +88,7 @@ TABLE: dict[Guard, dict[Trip, Guard]] = {
         Trip.FULL: Guard.ARMED,
         Trip.STALE: Guard.HOLDING,
         Trip.EXPIRED: Guard.RELEASING,
-        Trip.TOO_FAST: Guard.WAITING,
+        Trip.TOO_FAST: Guard.WAITING,  # a force that returned by itself would drive a free stylus in a limit cycle
         Trip.DISARM: Guard.RELEASING,
         Trip.FAULT: Guard.FAULT,
     },
@@ -304,6 +304,7 @@ def limit(
         fx = fy = fz = 0.0
     if c["guard"] not in (_FAILED, _DISARMED):
         bits |= _slew(chain, dt, fx, fy, fz)
+    # Exponential, not a window: when a smaller force leaves a window, its mean rises however the force is clamped.
     c["mean"] += (_norm(c["fx"], c["fy"], c["fz"]) - c["mean"]) * min(dt / MEAN_TIME, 1.0)
     return int(bits)
 
@@ -331,6 +332,7 @@ class Safety:
 
     def keep_mean_of(self, before: "Safety") -> None:
         """Continue the mean force of the same motors, as when a lost device is back: they are still warm."""
+        # With the time of the last step, so that the next one lets the mean decay over the time of the loss.
         for name in ("mean", "now_ns"):
             self.chain[0][name] = before.chain[0][name]
 

@@ -151,6 +151,7 @@ class Agent:
         while not stopping():
             pacer.wait()
             begun, reading = NOTHING_BEGUN, None
+            # A run does not note which sample first reports an emergency stop; only `_send` does.
             if run is not None and not self._stopped:
                 begun, reading = self._run_undisturbed(run, pacer)
             pacer.shift(self._tick(pacer.due_ns + TICK_NS, begun, reading))
@@ -209,6 +210,7 @@ class Agent:
             log.info("the device is back: %s %s", info.model, info.serial)
             lost, self._safety = self._safety, Safety(self._config.safety, info.max_force, info.continuous_force)
             self._safety.keep_mean_of(lost)
+            # The new chain is only disarmed, so the server could arm it before it knows of the emergency stop.
             if self._stopped:
                 self._safety.stop()
             self._link.introduce(introduction(self._side, self._config, info, self._identity))
@@ -235,9 +237,11 @@ class Agent:
             rendered = rendered or self._await(reading, until_ns - TICK_NS + ANSWER_NS, alone)
             self._advance_source()
         while now_ns() < until_ns:
+            # No `or`: each newer answer is rendered, not only the first one of a tick.
             rendered |= self._await(reading, until_ns, alone)
         if not (alone or rendered):
             self._render(reading)
+        # Last, so that no backfill delays a force.
         if self._link.asked is not None:
             self._link.answer(self._ring.answer(self._link.asked))
         return self._shift_ns
@@ -340,6 +344,7 @@ class Agent:
         """Send the sample, with the safeguards and the rendered force since the last one."""
         if self._passivity is not None:
             self._passivity.remember(self._seq, reading.z)
+        # The first sample with the pressed button does not tell of the stop: its safeguards are those before it.
         if self._stopped and self._stopped_seq is None and self._safeguards & _STOPPED:
             self._stopped_seq = self._seq
         self._link.send(self._seq, reading, self._safeguards, self._rendered)

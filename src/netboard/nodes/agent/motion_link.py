@@ -27,7 +27,7 @@ from netboard.network.transport import fastpath, sockets
 log = logging.getLogger(__name__)
 
 REMEMBERED = 256
-"""Samples whose stamps are remembered [1]."""
+"""Samples whose stamps are remembered; an answer to an older one is never fresh, whatever the timeout [1]."""
 
 GOODBYE_ATTEMPTS = 50
 """Attempts to send the goodbye after a lost device, one each millisecond [1]."""
@@ -110,6 +110,8 @@ def wait_for_answer(fast: Any, frame: Any, link: Any, until_ns: int) -> int:
         size = fastpath.receive_one(fast, frame)
         now = fastpath.now_ns(fast)
         if size >= 0:
+            # Word 4 of a `Force`, word 8 of a `Point` and word 3 of a `Heartbeat` is its ``lead_ns``: the order of
+            # their fields.
             if fixed.read(frame[:size], _FORCE_FORM[0], _FORCE_FORM[1], came):
                 if take(link, FORCE, came[4], now):
                     return NEWER
@@ -165,6 +167,7 @@ def close_loop(link: Any, at_ns: int) -> None:
     """Note that the newest answer was rendered, which closes the loop of the sample it was computed from."""
     state = link[0]
     seq = state["words"][2]
+    # The server may compute several ticks from one sample; only the first answer to it closes its loop.
     if state["kind"] in (FORCE, POINT) and seq > state["looped"]:
         state["looped"] = seq
         state["loop_ns"] = at_ns - state["stamps"][seq % REMEMBERED]
@@ -298,9 +301,9 @@ class Link:
                 self.block = block
             case Goodbye(reason=reason):
                 log.info("the server ended the connection: %s", reason)
-                self._set_session("", forget=False)
+                self._set_session("")
             case Refusal(reason=reason) if reason == HELLO_FIRST:  # it has forgotten this agent: samples are in vain
-                self._set_session("", forget=False)
+                self._set_session("")
             case Refusal(reason=reason) if reason != self._refused:
                 self._refused = reason
                 log.warning("the server refused the connection: %s", reason)
@@ -342,9 +345,8 @@ class Link:
             log.info("in session %s", session[:8])
             self._set_session(session)
 
-    def _set_session(self, session: str, *, forget: bool = True) -> None:
-        """Be in another session, or in none."""
+    def _set_session(self, session: str) -> None:
+        """Be in another session, or in none, without an answer."""
         self._session = session
         self.state[0]["in_session"] = session != ""
-        if forget:
-            self.state[0]["kind"] = NONE
+        self.state[0]["kind"] = NONE  # ticks of a new session count from 0: `take` would refuse them as older

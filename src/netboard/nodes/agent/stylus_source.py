@@ -116,6 +116,7 @@ class LiveController:
         bimanual = config.block.configuration == "bimanual"
         station = config.block.station if bimanual else device.side
         sides: tuple[Side, ...] = ("left", "right") if bimanual else (device.side,)
+        # The virtual devices draw their hands from the streams (seed, 0) and (seed, 1).
         rng = np.random.default_rng((config.block.seed, len(SIDES) + SIDES.index(device.side)))
         self._controller = Controller(config.participant, config.physics, config.task, sides, rng)
         self._views = ViewReceiver(sockets.view_subscriber(context, where.reach(channels.VIEW[station])))

@@ -110,6 +110,7 @@ def _limited_force(
 ) -> tuple[int, float, float, float, int]:
     """Pass the newest commanded force through the safety chain; see `await_limited_force`."""
     state = link[0]
+    # Word 3 of a `Force` is its force, and word 4 of a `Heartbeat` (below) whether to arm: the order of their fields.
     fz = state["words"].view(np.float64)[3] if state["kind"] == FORCE else 0.0
     fx, fy = fixture_force(k, c, x, vx), fixture_force(k, c, y, vy)
     safeguards = limit(chain, now_ns, fx, fy, fz, state["received_ns"], vx, vy, vz)
