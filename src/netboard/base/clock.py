@@ -15,7 +15,7 @@ CATCH_UP_TICKS = 20
 
 def now_ns() -> int:
     """Return the monotonic time of this machine [ns]."""
-    return time.monotonic_ns()
+    return time.monotonic_ns()  # looked up at each call, because a test replaces the clock of this module
 
 
 class Pacer:

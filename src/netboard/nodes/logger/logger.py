@@ -140,6 +140,7 @@ class Logger:
 
     def _enter(self, welcome: Welcome) -> None:
         """Enter a session, or continue the current one."""
+        # A server that has not closed yet welcomes the logger again, which has nothing more to record.
         if welcome.session == self._ended:
             return
         if self._ended and self._once:

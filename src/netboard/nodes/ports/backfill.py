@@ -61,6 +61,7 @@ class Gaps:
         first = seq - self._ticks - MARGIN - self._ticks // MARGIN
         first = max(0, min(first, known) if known < seq else first)
         if first < seq:
+            # With the next sample, whose number tells a reader that the device held its force until then.
             self.open.append(BackfillRequest(first, seq + 1))
 
 

@@ -119,6 +119,7 @@ class LatencySupervisor:
 
     def take_limit(self, side: Side, details: Mapping[str, str]) -> None:
         """Take the limit of an agent's device from the details with which the agent joins."""
+        # A peer's text: a short pattern, because int and float take any number of digits, infinity and NaN.
         limit = re.fullmatch(r"([0-9]{1,4}(?:[.][0-9]+)?) ms", details.get(DELAY_LIMIT, ""))
         self._limits_ns[side] = round(float(limit[1]) * 1e6) if limit else self._configured_ns
         limit_ns = min(self._limits_ns.values())

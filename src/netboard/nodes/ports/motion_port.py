@@ -303,6 +303,7 @@ class MotionPort:
         present = agent.hello if agent.silent_ns(now_ns) < self._timeout_ns else None
         if present is not None and present != hello:
             raise WireError(f"the {agent.side} side already has an agent: {present.name}")
+        # Not registered: an agent that was not welcomed sends no samples, and says hello again.
         if not self._router.send(peer, self._welcome):
             return
         if present is None:

@@ -240,6 +240,7 @@ def fill(row: Any, agents: Any, number: int, due_ns: int, late_ns: int, timeout_
         for k in range(len(_COPIED_FROM)):
             row[_COPIED_TO[place, k]] = agent[_COPIED_FROM[k]]
         possible = abs(values[place, _Z]) <= MAX_HEIGHT and np.isfinite(values[place, _VZ])
+        # A sample that was held up on the way arrives now with an old stamp; one from the future has a wrong clock.
         in_time = due_ns - agent[ARRIVED] < timeout_ns and abs(due_ns - agent[SERVER_STAMP]) < timeout_ns
         if agent[TAKEN] > 0 and possible and in_time:
             row[_LIVE[place]] = 1
@@ -249,11 +250,13 @@ def fill(row: Any, agents: Any, number: int, due_ns: int, late_ns: int, timeout_
             numbers[_RENDERED[place]] = np.nan
         if agent[SAFEGUARDS] & ARMED_BIT:
             found |= ARMED << place
+        # Of all samples since the last tick: only one of them may report the stop.
         if agent[GATHERED] & _STOPPED_BIT:
             found |= STOPPED << place
         trips = agent[GATHERED] & _TRIP_BITS
         if trips & ~agent[_TRIPPED]:
             found |= TRIPPED << place
+        # Without a new sample nothing was gathered; to store that would report the same trip again.
         if agent[FRESH]:
             agent[_TRIPPED] = trips
         agent[PUNCTUAL], agent[FRESH], agent[GATHERED] = agent[FRESH], 0, 0
@@ -309,6 +312,7 @@ def send_forces(
     `netboard.network.transport.fastpath.FAILED` if the socket is unusable; a peer that does not take its force is no
     failure.
     """
+    # ZeroMQ's thread takes the core at each send, so the second force leaves later: neither hand is always second.
     first = row[_TICK] & 1
     for turn in range(2):
         place = first ^ turn

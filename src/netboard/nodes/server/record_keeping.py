@@ -108,6 +108,7 @@ class RecordKeeping:
 
         Many devices have no serial number, so one at another machine is another one.
         """
+        # A name is host:process; a restarted agent is another process with the same device.
         side, machine = details["side"], details["name"].rpartition(":")[0]
         device = " ".join(filter(None, (*map(details.get, DEVICE), machine and f"at {machine}")))
         before, self._devices[side] = self._devices.get(side, device), device

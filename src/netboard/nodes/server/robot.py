@@ -29,6 +29,7 @@ class Robot:
         who = person_at(config, side, {})
         self.identity = identity_of("held still" if who is None else SIMULATED_PARTICIPANT, who)
         seed = (config.block.seed, config.block.number, SIDES.index(side))
+        # Another body is warmed, because that changes its state and takes random numbers.
         Body(config, side, config.participant, np.random.default_rng(seed)).warm()
         self._body = Body(config, side, who, np.random.default_rng((*seed, 0)))
         self._participant = (

@@ -156,7 +156,7 @@ class Session:
             self._control_unread |= control
         if ended == DONE:  # the compiled call has read the motion channel until it was empty
             self._motion.probe_clocks()
-            complete = self._run[_WAKE] < self._run[_DUE]
+            complete = self._run[_WAKE] < self._run[_DUE]  # the call waits for the deadline only if a sample is awaited
         else:
             if ended == STEPS:
                 self._tick(clock.due_ns, self._run[_LATE], self._run[_FOUND])
@@ -244,6 +244,8 @@ class Session:
         """Set how many undisturbed ticks may run before other work is due, and prepare the compiled call."""
         state, run, motion, block = self._state, self._run, self._motion, self._state.block
         number, now = state.number, now_ns()
+        # In a trial the run includes the tick that periodic work follows; between trials it ends before that tick, at
+        # which the supervisor is asked whether to begin.
         until = number + -(number + self._stagger) % FEED_TICKS + state.active
         run[_FORCES] = state.felt
         run[_RELEVANT], run[_FINE] = IN_TRIAL if state.active else WAITING
@@ -393,6 +395,7 @@ class Session:
         state, first = self._state, self._state.number
         words = state.words[np.arange(first, first + count) % RING_ROWS]
         logged = 0
+        # A decision is recorded right after its tick: the log has one order however many ticks are finished at once.
         for k in np.flatnonzero(words[:, _EVENT]).tolist():
             self._log_ticks(words[logged : k + 1])
             self._record_decision(first + k)
@@ -447,7 +450,7 @@ class Session:
         state.supervisor.forget_refusal()
         details = change_of(cause, row, stage) | self._blocks.details.of(int(row["trial"]))
         if cause == Cause.FAULT:
-            if row["command"] != row["event"]:
+            if row["command"] != row["event"]:  # nobody commanded it: the stage itself found an impossible state
                 state.supervisor.faulted(STAGE_FAULT)
             details["notice"] = state.supervisor.notice
         state.note(cause.name.lower(), details)

@@ -97,6 +97,7 @@ class SessionState:
         """Make the current block of the sequence that of the session."""
         block = self.block = self.sequence.block
         self.stage = block.stage.initial(**self.attempts.start_of(block.config.block.number))
+        # A view of one word: it is read several times a tick, and a field of a record takes ten times as long.
         self._phase_word = self.stage.view(np.int64)[(STATE.names or ()).index("phase") :].data
         for side in SIDES:  # with a force delay the first ticks would otherwise send forces of the last block
             self.rows[f"{side}_force"] = 0.0

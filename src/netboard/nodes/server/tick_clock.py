@@ -53,8 +53,10 @@ class TickClock:
     def skip_backlog(self, now_ns: int, idle: bool) -> int:
         """Move the deadlines if the loop was held up too long; return by how much [ns]."""
         behind_ns = now_ns - self.due_ns
+        # An idle session runs its ticks in groups, so being behind by a group is no stall.
         if behind_ns <= (CATCH_UP_TICKS + (NO_PEER_TICKS if idle else 0)) * TICK_NS:
             return 0
+        # Whole ticks: the agents' sampling stays in phase, and a check of the recording takes other jumps for damage.
         moved_ns = behind_ns - behind_ns % TICK_NS
         self.due_ns += moved_ns
         self.gap = f"the server stalled for {moved_ns / TICK_NS:.0f} ms"

@@ -121,6 +121,7 @@ def _run(motion: Any, stage: Any, runs: Any, delay: int, timeout_ns: int) -> int
                 return FAILED
             run["late_ticks"] += late_ns > LATE_NS
             run["number"], run["due_ns"] = number + 1, due_ns + TICK_NS
+            # Python records the decision, and a change of the phase may end what makes a tick undisturbed.
             if row[_EVENT]:
                 run["until"] = number + 1
         if begins or (run["wake_ns"] < due_ns and not found & _UNREAD):  # an unread message must not be overwritten
