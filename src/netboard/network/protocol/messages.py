@@ -153,7 +153,7 @@ KINDS: dict[int, Kind] = {
     61: Kind(Pointer, 64),
     62: Kind(Felt, 64),
 }
-"""Messages by their numbers on the wire. Append only; 127 is the highest."""
+"""Messages by their numbers on the wire. Append only; 127 is the highest that MessagePack writes as one byte."""
 
 
 def sent_by(role: str) -> frozenset[type[Message]]:

@@ -80,6 +80,7 @@ def _is_new(content: Any, shown: Shown, best: float) -> bool:
     values[4], values[5], values[6], values[7] = shown.target, shown.left, shown.right, shown.trial
     values[8], values[9], values[10], values[11] = shown.trials, shown.failures, shown.completion, shown.again
     values[12], values[13] = shown.share, best
+    # As words, because NaN, which stands for what is hidden, does not equal itself.
     words, new = values.view(np.int64), False
     for k in range(CONTENT):
         new |= content[k] != words[k]

@@ -225,7 +225,7 @@ def receive(fast: Any, frame: Any) -> int:
         return _no_frame()
     path["name_size"] = size
     message = path["message"].ctypes.data
-    _msg_init(message)
+    _msg_init(message)  # not a plain buffer: only a message tells of further parts and has its sender's key and address
     size = _msg_recv(message, socket, _DONTWAIT)
     if size < 0:
         _msg_close(message)

@@ -105,6 +105,7 @@ def open_context(
     if io_priority is not None and _is_granted(
         f"SCHED_FIFO {io_priority}", lambda: os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(io_priority))
     ):
+        # Before the first socket, with which libzmq starts its threads.
         context.set(zmq.THREAD_SCHED_POLICY, os.SCHED_FIFO)
         context.set(zmq.THREAD_PRIORITY, io_priority)
     if cpus and _is_granted(f"CPUs {sorted(cpus)}", lambda: os.sched_setaffinity(0, cpus)):
@@ -179,6 +180,7 @@ def _is_granted(setting: str, request: Callable[[], None]) -> bool:
 def _make(context: Context, kind: int, hwm: int, linger_ms: int = 0, largest: int = MAX_FRAME) -> Socket:
     """Make a socket with the options that all have in common."""
     socket: Socket = context.socket(kind)
+    # By default libzmq lingers for ever: a process whose peer is gone would not end.
     socket.setsockopt(zmq.LINGER, linger_ms)
     socket.setsockopt(zmq.SNDHWM, hwm)
     socket.setsockopt(zmq.RCVHWM, hwm)
@@ -270,6 +272,7 @@ def _router(context: Context, endpoint: Endpoint, hwm: int, largest: int, linger
     socket = _make(context, zmq.ROUTER, hwm, linger_ms, largest)
     socket.setsockopt(zmq.RCVHWM, min(hwm, SERVER_RECEIVE_HWM))
     socket.setsockopt(zmq.AFFINITY, threads)
+    # Otherwise libzmq drops silently what it cannot send, and refuses a restarted peer while its old connection lasts.
     socket.setsockopt(zmq.ROUTER_MANDATORY, 1)
     socket.setsockopt(zmq.ROUTER_HANDOVER, 1)
     return Router(_bind(context, socket, endpoint), endpoint)
@@ -329,6 +332,7 @@ def view_publisher(context: Context, endpoint: Endpoint) -> Publisher:
 def view_subscriber(context: Context, endpoint: Endpoint) -> Socket:
     """Make a station's socket of its view channel, which keeps only the newest view."""
     socket = _make(context, zmq.SUB, 1)
+    # libzmq keeps only one part of a conflated message, so a view must stay a single frame.
     socket.setsockopt(zmq.CONFLATE, 1)
     socket.setsockopt(zmq.SUBSCRIBE, b"")
     return _connect(socket, endpoint)
