@@ -135,6 +135,7 @@ class Falcon(Device):
             self._ask()
         self._locate(self._link.answer())
         age_ns = max(entered_ns - self._link.sent_ns, 0)
+        # Later than the one before, because the velocity needs time between two positions; and never in the future.
         self._stamp_ns = min(max(now_ns - age_ns, self._stamp_ns + 1), now_ns)
         right, up, out = self._place
         x, y, z = out - CENTRE[2], right, up

@@ -11,7 +11,7 @@ from netboard.devices.falcon import ftdi
 from netboard.devices.falcon.serial_protocol import Link
 
 ATTEMPTS = 10
-"""Largest number of uploads [1]."""
+"""Largest number of uploads; libnifalcon's users report that the first often fails (its issues 24, 32, 45, 67) [1]."""
 
 LARGEST = 1_000_000
 """Largest plausible size of the firmware file [B]."""

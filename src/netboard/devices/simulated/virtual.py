@@ -138,6 +138,7 @@ def read(parts: Any, now_ns: int) -> tuple[int, float, float, float, float, floa
     rest = max(now_ns - d["time_ns"], 0) * 1e-9
     x, y, z = encoded(state, rest, d["stop"], d["step"])
     vx, vy, vz = windowed_velocity(window, now_ns, x, y, z)
+    # Rounded to whole steps, a position at the stop may lie up to a step beyond it.
     reach = d["stop"] + d["step"]
     return now_ns, x, y, z, vx, vy, vz, 0, abs(x) <= reach and abs(y) <= reach and abs(z) <= reach
 

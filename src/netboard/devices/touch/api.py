@@ -151,6 +151,7 @@ PROTOTYPES: dict[str, tuple[Any, ...]] = {
     "hdUpdateCalibration": (None, c_uint32),
     "hdStartScheduler": (None,),
     "hdStopScheduler": (None,),
+    # The handle has 64 bits on Linux; without a declared type ctypes would cut it to an int.
     "hdScheduleAsynchronous": (c_ulong, CALLBACK, c_void_p, c_uint16),
     "hdUnschedule": (None, c_ulong),
 }

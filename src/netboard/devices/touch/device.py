@@ -114,6 +114,7 @@ class OpenHaptics(Device):
                 self._servo = servo = SERVOS[self._options.servo](rig.library, opened.handle, timeout_ns)
                 rig.schedule(opened, servo)
             self._first_ticks(rig, servo, opened)
+            # Before the force is switched on: calibrating makes the position jump (OpenHaptics Programmer's Guide).
             calibrate(rig, opened)
             with rig.paused():
                 limits = enable(rig, opened)
@@ -138,6 +139,7 @@ class OpenHaptics(Device):
         assert self._opened is not None
         assert self._servo is not None
         since_ns = self._rig.since_ns
+        # Before the errors: those of a tick are there when its result is, so none of them can be missed.
         result = self._servo.result()
         self._judge(self._rig.faults(self._opened), now_ns)
         assert result is not None  # open() waited for the first one

@@ -24,10 +24,13 @@ T = TypeVar("T")
 log = logging.getLogger(__name__)
 
 USUAL_NAMES = ("Default Device", "Default PHANToM", "")
-"""Usual names of a rig's only device, in the order of trial; the empty name lets the library choose."""
+"""Usual names of a rig's only device, in the order of trial; the empty name lets the library choose.
+
+It comes last, because some drivers accept only a literal name (danepowell/phantom_omni, issues 5 and 6).
+"""
 
 OTHER_NAMES = ("Left Device", "Right Device", "Phantom2", "Phantom3", "Phantom4")
-"""Frequent names of second devices."""
+"""Frequent names of second devices: those of the ROS drivers and of CHAI3D."""
 
 CALIBRATE_S = 2.0
 """Time limit for the library to calibrate a device [s]."""
@@ -247,6 +250,7 @@ def enable(rig: Rig, opened: OpenDevice) -> dict[str, str]:
         states[limit.name.lower()] = "on" if on else f"off: {_listed(faults) or 'the device does not have it'}"
         if not on:
             log.warning("the haptic device does without HD_%s: %s", limit.name, states[limit.name.lower()])
+    # Last, so that there is no force without the library's own limits.
     hd.calls.hdEnable(Capability.FORCE_OUTPUT)
     rig.check("switching on the force")
     return states

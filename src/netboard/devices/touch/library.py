@@ -128,6 +128,7 @@ class Rig:
             done.set()
             return After.CALLBACK_DONE
 
+        # A local name keeps it alive until it has run or is unscheduled: the library has only its address.
         callback = CALLBACK(once)
         scheduled = hd.calls.hdScheduleAsynchronous(callback, c_void_p(), MAX_PRIORITY)
         if not done.wait(ANSWER_S):

@@ -39,7 +39,7 @@ struct library { /* function addresses; Calls in shim.py */
     struct error_info (*get_error)(void);
 };
 
-struct sample { /* Shot in shim.py */
+struct sample { /* ShimResult in shim.py */
     int64_t tick;
     int64_t stamp_ns;
     double position[3];
@@ -97,6 +97,7 @@ static int take(struct ring *ring, void *content, size_t words) {
         if (number == 0) return 0;
         for (size_t j = 0; j < words; j++) copy[j] = atomic_load_explicit(&slot[j], memory_order_relaxed);
         atomic_thread_fence(memory_order_acquire);
+        /* The writer fills a slot before it counts it: SLOTS - 1 entries later this one may be half overwritten. */
         if (atomic_load_explicit(&ring->newest, memory_order_relaxed) - number < SLOTS - 1) {
             memcpy(content, copy, 8 * words);
             return 1;
@@ -178,7 +179,7 @@ uint32_t servo_tick(void *data) {
 
 /* --- a watch over a servo callback, for measurements ----------------------------------------------------------- */
 
-struct watch { /* Watch in shim.py */
+struct watch { /* WatchState in shim.py */
     uint32_t (*callback)(void *); /* watched callback; NULL for an empty tick */
     void *data;
     int64_t *times; /* capacity for pairs: start and end of each tick */
