@@ -223,6 +223,7 @@ class TickStream:
         }
         chunk = self._file.add(IDS["/ticks"], Stamped("/ticks", first, time_ns, msgpack.packb(values)), log_ns)
         self._note_place(chunk, first, int(rows["tick"][-1]), len(rows))
+        # A number too large for single precision becomes infinite.
         with np.errstate(all="ignore"):
             plotted = rows[rows["tick"] % PLOTTED_EVERY == 0][list(_PLOT.names or ())].astype(_PLOT)
         for row in plotted.tolist():

@@ -19,7 +19,7 @@ if sys.platform != "win32":
     import fcntl
 
 LOW_BYTES = 5_000_000_000
-"""Warn below this free space [1]."""
+"""Warn below this free space, as Open Ephys and Pupil Capture do [1]."""
 
 LOW_S = 1800.0
 """Warn below this remaining time [s]."""
@@ -36,7 +36,7 @@ MEMORY_NS = 60_000_000_000
 STEP_NS = 5_000_000_000
 """Interval between two size measurements [ns]."""
 
-_KEEP_SIZE = 1
+_KEEP_SIZE = 1  # FALLOC_FL_KEEP_SIZE of Linux: the file does not grow, so a reader finds no zeros at its end
 
 
 class Space(NamedTuple):
@@ -108,6 +108,7 @@ def sync_directory(directory: Path) -> None:
 
 def allocate(handle: int, start: int, count: int) -> bool:
     """Reserve disk space after the end of a file; return False where the system does not support it."""
+    # On a 32-bit system the C library's offsets have another size than the arguments declared here.
     if sys.platform != "linux" or sys.maxsize < 2**32:
         return False
     fallocate = ctypes.CDLL(None, use_errno=True).fallocate

@@ -46,6 +46,7 @@ def part_path(path: Path) -> Path:
 def publish(part: Path, path: Path) -> None:
     """Give a finished file its final name, never over an existing file."""
     try:
+        # Not renamed: on POSIX a hard link cannot replace an existing file, but a rename does.
         os.link(part, path)
     except FileExistsError:
         raise RecordingError(f"{path}: exists already") from None
@@ -99,6 +100,7 @@ class PartFile:
         self._lock()
         # Only this class closes chunks: the library's own limit would let a chunk grow beyond its size.
         self._mcap: Any = Writer(
+            # MCAP has no checksum of a metadata record: that of all data covers it.
             self._file, chunk_size=2**62, compression=CompressionType.ZSTD, enable_crcs=True, enable_data_crcs=True
         )
         try:
@@ -259,6 +261,7 @@ class PartFile:
             old.seek(0)
             shutil.copyfileobj(old, new)
             new.flush()
+            # Under the old number, because the library's writer keeps the file object.
             os.dup2(new.fileno(), self._file.fileno())
         self._lock()
         sync_directory(self.part.parent)

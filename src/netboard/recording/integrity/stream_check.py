@@ -24,7 +24,7 @@ from netboard.task.trials.state_machine import Phase
 TICKS = CHANNELS[0].topic
 """Topic of the ticks."""
 
-_MAX_BATCH_NS = 5_000_000_000
+_MAX_BATCH_NS = 5_000_000_000  # the largest recording.flush_ms
 
 
 def check_numbers(evidence: Evidence) -> Iterator[Finding]:

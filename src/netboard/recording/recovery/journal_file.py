@@ -73,6 +73,7 @@ class Journal:
         self.appended = durable  # number of entries on disk or waiting
         self._waiting: SimpleQueue[bytes | None] = SimpleQueue()
         self._closing = Event()
+        # A daemon: a disk that never answers must not keep the process from ending.
         self._thread = Thread(target=self._work, name="journal", daemon=True)
         self._thread.start()
 
@@ -153,6 +154,7 @@ class Journal:
                 _write(self._handle, self._end, line)
             except OSError as error:
                 self._log_once(f"{self.path}: cannot be written: {error.strerror or error}")
+                # Once the journal is closing, the wait returns at once.
                 if self._closing.wait(RETRY_SECONDS):
                     time.sleep(RETRY_SECONDS)
             else:

@@ -57,7 +57,7 @@ _NAMED = (
 
 _TOPICS = {number: topic for topic, number in IDS.items()}
 _TICKS = CHANNELS[0].topic
-_COPIED = frozenset(IDS) - {_TICKS, "/plot"}
+_COPIED = frozenset(IDS) - {_TICKS, "/plot"}  # `TickStream` writes both anew
 _LAYOUT, _LAYOUT_3 = Layout(CHANNELS[0].schema()), Layout(older.schema_3())
 
 

@@ -192,6 +192,7 @@ class Spill:
 
     def _wake(self, wanted: list[_Block] | None) -> None:
         if self._thread is None:
+            # A daemon: a disk that never answers must not keep the process from ending.
             self._thread = Thread(target=self._work, name="spill", daemon=True)
             self._thread.start()
         self._wanted.put(wanted)
