@@ -238,6 +238,7 @@ def steady_loop() -> None:
 
     The thread switch interval is shortened, so that a thread of a library cannot delay the loop by 5 ms.
     """
+    # A full collection of 800 000 objects takes 130 to 140 ms.
     gc.collect()
     gc.freeze()
     gc.disable()

@@ -52,7 +52,7 @@ class _Worker(SpawnProcess):
 
 
 class _Context(SpawnContext):
-    """Starts these processes."""
+    """Starts these processes; a forked copy would inherit locks of other threads (ZeroMQ's, Numba's), held for ever."""
 
     Process = _Worker
 

@@ -78,6 +78,7 @@ def _force(
 @inlined
 def _settle(s: Any, x: State) -> bool:
     """Store the state of board and ball; if it is implausible, put them at rest and return False."""
+    # One test for all six: a NaN or an infinity makes the sum non-finite.
     sound = bool(np.isfinite(x[0] + x[1] + x[2] + x[3] + x[4] + x[5])) and abs(x[2]) <= MAX_TILT
     if sound:
         s["z"], s["vz"], s["theta"], s["omega"], s["p"], s["vp"] = x
@@ -120,6 +121,7 @@ def _make_ticks(
         for _ in range(count):
             row = rows[place]
             place = place + 1 if place + 1 < len(rows) else 0
+            # Recordings verify against these steps to the bit: another order or rounding would refute those that exist.
             _keep(row, s)
             sense_left(s, row, limit, HOLD)
             sense_right(s, row, limit, HOLD)

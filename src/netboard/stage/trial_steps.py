@@ -109,6 +109,7 @@ def decide(s: Any, command: int, rules: Any) -> int:
     _count(s, rules)
     phase = s["phase"]
     cause = take_transition(s, wished(command, s["trial"], s["extra"], s["block_ticks"], rules), rules)
+    # A repeat or a veto leaves the phase as it is, so what the ball does still counts in this tick.
     if cause not in (_NONE, _REPEAT, _VETO):
         return cause
     centre = s["target"] * rules["target_distance"]

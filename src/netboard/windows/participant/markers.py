@@ -89,6 +89,7 @@ class SerialMarkers:
                 f"[display] markers: found {port!r}; serial ports need Linux or macOS, expected none or lsl here"
             ) from None
         try:
+            # Otherwise the port could become this process's controlling terminal, and opening waits for a carrier.
             self._file = os.open(port, os.O_WRONLY | os.O_NOCTTY | os.O_NONBLOCK)
         except OSError as error:
             raise ConfigError(

@@ -23,7 +23,7 @@ SETTLED = 2.5
 """Extrapolation stops when no view has arrived for this many intervals [1]."""
 
 SKEW = 1e-4
-"""Largest assumed drift between the two clocks [1]."""
+"""Largest assumed drift between the two clocks, as `netboard.network.protocol.clock_estimator.SKEW_PPM` [1]."""
 
 NEW_CLOCK_NS = 1_000_000_000
 """A view with this much more delay than the quickest one comes from another clock [ns]."""

@@ -77,6 +77,7 @@ class Showing(QObject):
         self._to_mark: list[str] = []
         self._refresh_ns = round(1e9 / DEFAULT_REFRESH_HZ)
         self.tally = FrameTally(station, self._refresh_ns)
+        # Qt's default timer may be 5 % early or late.
         self._turn = QTimer(self, singleShot=True, timerType=Qt.TimerType.PreciseTimer)
         self._turn.timeout.connect(self._frame)
         window.board.painted.connect(self._painted)

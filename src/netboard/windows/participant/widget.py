@@ -48,7 +48,9 @@ class BoardView(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
+        # `paintEvent` fills its rectangle itself, so Qt need not erase it first.
         self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)
+        # Keys are for the window.
         self.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         self.setMinimumSize(320, 200)
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
