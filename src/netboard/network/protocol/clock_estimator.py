@@ -167,6 +167,7 @@ class ClockEstimator:
         self._spans.append(_Span(self._span_end_ns, self._span_upper, self._span_lower, self._span_round_trip_ns))
         while self._spans and self._spans[0].until_ns < now_ns - (_SPANS - 2) * length:
             self._spans.popleft()
+        # `_NO_SPAN` is there even if all spans have left the window.
         _, uppers, lowers, round_trips = zip(_NO_SPAN, *self._spans, strict=True)
         self._begin_span(_Span(0, min(uppers), max(lowers), min(round_trips)))
         self._span_end_ns = now_ns + length

@@ -22,7 +22,7 @@ from netboard.base.tables.rig import Recording
 from netboard.network.protocol.joining import Goodbye, Welcome
 from netboard.network.protocol.messages import Message
 from netboard.network.protocol.records import LogAck, LogBatch, LogEnd, LogRequest
-from netboard.nodes.logger.log_link import SILENCE_TIMEOUT_NS, Connection, Link
+from netboard.nodes.logger.log_link import Connection, Link
 from netboard.recording.files.provenance import next_recording, provenance
 from netboard.recording.files.writer import RecordingWriter
 from netboard.recording.format.channels import block_config, record_of
@@ -79,7 +79,7 @@ class Logger:
         self._session = ""
         self._ended = ""
         self._log_time_minus_clock = 0
-        self._asked_ns = -SILENCE_TIMEOUT_NS
+        self._asked_ns = -ASK_NS
         self._checked_ns = 0
         self._empty_end_seen = False
         self._space_is_low = False

@@ -17,7 +17,10 @@ from netboard.network.protocol.records import ClockRecord, connection_name
 from netboard.network.transport.endpoints import MAX_CHARACTERS, Router
 
 PING_NS = 200_000_000
-"""Interval between two pings of a peer that answers [ns]."""
+"""Interval between two pings of a peer that answers [ns].
+
+Well below the second of silence after which a logger joins again: its log may be idle for longer.
+"""
 
 SILENCE_SHARE = 8
 """A silent peer is pinged at intervals of its silence over this [1].
@@ -58,8 +61,8 @@ class Rate:
     def of(self, count: int, now_ns: int) -> float:
         """Return the current rate [Hz]."""
         span_ns = now_ns - self._since_ns
-        if span_ns >= RATE_NS or count < self._count:
-            self._value = max(count - self._count, 0) / (span_ns * 1e-9)
+        if span_ns >= RATE_NS:
+            self._value = (count - self._count) / (span_ns * 1e-9)
             self._count, self._since_ns = count, now_ns
         return self._value
 

@@ -23,7 +23,7 @@ from netboard.nodes.server.tick_clock import TickClock
 from netboard.task.trials.state_machine import Phase
 
 RING_ROWS = 1024
-"""Ticks kept in memory: more than the longest force delay, and a second of what operators see [1]."""
+"""Ticks kept in memory: more than the longest `block.force_delay_ms`, and a second of what operators see [1]."""
 
 REST = "the rest to be over"
 """What a block waits for that would start by itself."""
