@@ -87,6 +87,7 @@ class Safety:
     ] = 0.88
     max_slew: Annotated[float, about("largest change of force", "N/s", gt=0, le=10_000)] = 500.0
     max_speed: Annotated[float, about("stylus speed above which the force is cut", "m/s", gt=0, le=10)] = 1.0
+    # With the period of the agent's loop at most 10 ms; two intervals between heartbeats are 8 ms.
     stale_after_ms: Annotated[
         float, about("age of the last commanded force at which it begins to fade", "ms", gt=0, le=1000)
     ] = 9.0

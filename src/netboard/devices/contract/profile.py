@@ -150,7 +150,7 @@ def save(folder: Path, profile: Profile, *, replace: bool = False) -> Path:
         with fresh.open("w", encoding="utf-8", newline="\n") as file:
             file.write(text)
             file.flush()
-            os.fsync(file.fileno())
+            os.fsync(file.fileno())  # otherwise a power cut after the renaming could leave an empty file
         if path.exists() and not replace:
             shutil.copy2(path, path.with_name(f"{path.name}.bak"))
         fresh.replace(path)

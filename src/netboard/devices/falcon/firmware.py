@@ -1,7 +1,8 @@
 """Firmware upload to a Novint Falcon, which loses its firmware when powered off.
 
 The firmware belongs to Novint, and its licence forbids redistribution. Owners of a Falcon have it on their disc, and
-name the file in the options. The Falcon echoes each block. Uploads fail occasionally, so up to `ATTEMPTS` are made.
+name the file in the options. The Falcon echoes each block. Uploads fail occasionally, so up to `ATTEMPTS` are made. The
+sequence of requests, and the divisors, are libnifalcon's.
 """
 
 from pathlib import Path

@@ -22,7 +22,7 @@ Rule 6: the gate requires only a small vertical force. The lateral force is a sp
 """
 
 from enum import IntEnum
-from math import inf, isfinite, sqrt
+from math import isfinite, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -293,7 +293,8 @@ def limit(
     c["now_ns"] = max(now_ns, before_ns)  # a caller whose clock steps back gains no ramp or slew from it
     if not (isfinite(fx) and isfinite(fy) and isfinite(fz) and isfinite(vx) and isfinite(vy) and isfinite(vz)):
         fail(chain, _NOT_FINITE)
-    age_ms = inf if fresh_ns == NEVER_NS else max(now_ns - fresh_ns, 0) * 1e-6
+    age_ms = max(now_ns - fresh_ns, 0) * 1e-6  # NEVER_NS is long ago, too
+    # In a fault there is no force to cut, and the speed may be infinite.
     too_fast = c["guard"] != _FAILED and _norm(vx, vy, vz) > c["max_speed"]
     _watch(chain, age_ms, too_fast, fz)
     bits = c["cause"] | (_TOO_FAST if too_fast else 0) | (_STALE if c["guard"] == _HOLDS else 0)

@@ -170,6 +170,7 @@ class TickStream:
         self.last = -1
         self._file = file
         self._constants = constants
+        # By default 550 ticks: more than those of a flush interval, which are then one batch in one chunk.
         self._most = max(1, int(chunk_bytes * _SHARE_OF_CHUNK) // TICK.itemsize)
         self._held: list[bytes] = []
         self._count = 0

@@ -80,7 +80,7 @@ class Pointing(QObject):
         if watched is self._window:
             if kind in KEYS and isinstance(event, QKeyEvent):
                 return self._key(event)
-            if kind == QEvent.Type.WindowDeactivate:
+            if kind == QEvent.Type.WindowDeactivate:  # the release of a held key goes to another window
                 self._hold(set())
             return False
         if kind in MOUSE and isinstance(event, QMouseEvent):
@@ -88,7 +88,7 @@ class Pointing(QObject):
             return True
         if kind in TOUCH and isinstance(event, QTouchEvent):
             self._point(event.points()[0].position())
-            event.accept()
+            event.accept()  # without it Qt sends no further event of this touch
             return True
         return False
 
