@@ -334,6 +334,7 @@ def _choose_for_copy(copy: FunctionType, choose: Callable[..., object], recompil
         text = choose(*arguments)
         return text and _copied(text, recompiled)
 
+    # Numba refuses a selection whose arguments have other names than those of the function.
     names = ", ".join(inspect.signature(choose).parameters)
     alike = eval(f"lambda {names}: chosen({names})", {"chosen": chosen})
     overload(copy, jit_options=LOOSE, prefer_literal=True)(alike)  # type: ignore[arg-type]

@@ -334,6 +334,7 @@ def _schedule(priority: int) -> None:
     """Request SCHED_FIFO for this thread, from the start of its loop on."""
     _only_on("linux")
     _fifo(priority)
+    # The flag stays: Linux lets only a privileged thread clear it (sched(7)), and would refuse the rest with it.
     os.sched_setscheduler(0, os.SCHED_OTHER | os.SCHED_RESET_ON_FORK, os.sched_param(0))
     _granted[PRIORITY] = priority
 

@@ -99,7 +99,7 @@ def _keep(row: Any, s: Any) -> None:
 
 @specialised(_keep)
 def _keep_compiled(row: Any, s: Any) -> Any:
-    """Write one assignment for each field."""
+    """Write one assignment for each field: a kernel finds the fields of a record by constant names only."""
     made: dict[str, Any] = {}
     exec("def keep(row, s):\n" + "".join(f"    row[{name!r}] = s[{name!r}]\n" for name in _STATE_NAMES), made)
     return made["keep"]

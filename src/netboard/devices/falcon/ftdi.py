@@ -23,7 +23,7 @@ PAYLOAD = PACKET - 2
 
 INTERFACE = 0
 OUT, IN = 0x02, 0x81
-VENDOR_OUT = 0x40
+VENDOR_OUT = 0x40  # bmRequestType of USB: a vendor's request, to the device
 REQUEST_MS = 1000
 """Timeout of a request [ms]."""
 

@@ -185,6 +185,7 @@ def read_recording(path: Path, side: Side, trial: int) -> Track:
     rows = rows[rows[f"{side}_live"] == 1]
     if len(rows):
         stamps = rows[f"{side}_stamp_ns"]
+        # Stamps in server time may step back, where the estimate of the agent's clock has changed.
         rows = rows[np.concatenate(([True], np.diff(np.maximum.accumulate(stamps)) > 0))]
     if len(rows) < 2:
         trials = f"trials {recorded[0]} to {recorded[-1]}" if recorded else "no trial"

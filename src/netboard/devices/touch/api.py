@@ -129,6 +129,7 @@ class ErrorInfo(ctypes.Structure):
     _fields_ = (("code", c_uint32), ("internal", c_int32), ("handle", c_uint32))
 
 
+# By name, because mypy knows WINFUNCTYPE and WinDLL on Windows only.
 CALLBACK = (getattr(ctypes, "WINFUNCTYPE") if STDCALL else ctypes.CFUNCTYPE)(c_uint32, c_void_p)  # noqa: B009
 """HDSchedulerCallback."""
 

@@ -25,7 +25,7 @@ WIDE = 9
 _FALSE = 0xC2
 """A truth value is this byte or the next one."""
 
-_MARKERS = {int: 0xD3, float: 0xCB, bool: _FALSE}
+_MARKERS = {int: 0xD3, float: 0xCB, bool: _FALSE}  # MessagePack: int 64, float 64, false
 _TYPES = {int: "<i8", float: "<f8", bool: "<i8"}
 
 

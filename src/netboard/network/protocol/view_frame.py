@@ -20,7 +20,7 @@ from netboard.stage.view import View
 CONTENT = 14
 """Numbers that make a view a new one [1]."""
 
-_ARRAY, _NIL, _TEXT, _INTEGER, _FLOAT = 0xDC, 0xC0, 0xA0, 0xD3, 0xCB
+_ARRAY, _NIL, _TEXT, _INTEGER, _FLOAT = 0xDC, 0xC0, 0xA0, 0xD3, 0xCB  # MessagePack: array 16 to float 64
 _KIND = next(number for number, kind in KINDS.items() if kind.message is View)
 _LENGTH = 1 + len(fields(View))
 

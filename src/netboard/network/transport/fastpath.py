@@ -52,7 +52,7 @@ FILES = 1024
 
 FAST_PATH = np.dtype(
     [
-        ("message", "u1", (64,)),  # zmq_msg_t
+        ("message", "u1", (64,)),  # zmq_msg_t, of the size that zmq.h gives it
         ("clock", "<i8", (2,)),  # struct timespec
         ("sleep", "<i8", (2,)),  # struct timespec: the longest time to sleep
         ("file", "<i4"),  # number of the file that signals a frame

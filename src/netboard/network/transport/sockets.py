@@ -65,6 +65,7 @@ IO_THREAD = "ZMQbg/IO"
 """Prefix of the names of libzmq's threads that exchange frames."""
 START_S = 1.0
 """Time within which these threads have started [s]."""
+# A pulled cable is noticed within seconds; the default of Linux is two hours.
 KEEPALIVE_S = 1
 KEEPALIVE_PROBES = 3
 RECONNECT_IVL_MS = 100

@@ -75,6 +75,7 @@ class AgentState:
         if clock.add(*probe):
             self.probe = probe
             words[samples.OFFSET], words[samples.CLOCK_KNOWN] = clock.offset_ns, True
+            # Of the sample that brought the probe, too, because the next tick uses it.
             words[samples.SERVER_STAMP] = words[samples.AGENT_STAMP] - clock.offset_ns
             words[samples.TRANSIT] = clock.round_trip_ns // 2
 

@@ -260,7 +260,7 @@ class ControlPort:
 
     def _greet(self, name: bytes, hello: Hello, now_ns: int) -> None:
         admit(hello, self._router, ROLES)
-        peer = self._peers.pop(name, None)
+        peer = self._peers.pop(name, None)  # so that it comes last again: the newest display reports for its station
         if peer is None:
             self._make_room(hello.role, now_ns)
             self._add_event("joined", hello, now_ns)

@@ -82,7 +82,7 @@ def _largest_round_trip(loop: Loop, most: int) -> int:
 
 
 def _limits(loops: Sequence[Loop], first_ns: int) -> list[int]:
-    """Return the largest stable delay for each of `GAINS`, none smaller than the one before [ns]."""
+    """Return the largest stable delay for each of `GAINS`; `np.interp` needs none smaller than the one before [ns]."""
     limits = [first_ns]
     for gain in GAINS[1:]:
         enough = limits[-1] >= LONGEST * 1_000_000

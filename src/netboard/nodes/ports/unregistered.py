@@ -19,6 +19,8 @@ UNREGISTERED_CAPACITY = 16
 """Frames of unregistered peers that are kept at once [1]."""
 
 SENDER_SLOTS = 8192
+"""Places for the hashed names of senders; those that share one share its rate [1]."""
+
 UNREGISTERED_INTERVAL_NS = 200_000_000
 """Time for which further frames of an unregistered peer are dropped after one was kept; `Hello` counts apart [ns]."""
 

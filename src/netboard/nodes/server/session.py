@@ -65,7 +65,7 @@ _COMMAND, _EVENT, _TICK, _TIME = (TICK_WORDS[name] for name in ("command", "even
 _NUMBER, _DUE, _UNTIL, _SLEEPS = (RUN_WORDS[name] for name in ("number", "due_ns", "until", "sleeps"))
 _FORCES, _RELEVANT, _FINE = (RUN_WORDS[name] for name in ("forces", "relevant", "fine"))
 _WAKE, _LATE, _LATE_TICKS, _FOUND = (RUN_WORDS[name] for name in ("wake_ns", "late_ns", "late_ticks", "found"))
-_STOPPED, _TRIPPED = 3 * samples.STOPPED, 3 * samples.TRIPPED
+_STOPPED, _TRIPPED = 3 * samples.STOPPED, 3 * samples.TRIPPED  # of either side
 _RECORD_HEAD = encode(TickRecord(bytes(TICK.itemsize)))[: -TICK.itemsize]
 
 

@@ -101,7 +101,11 @@ class PartFile:
         # Only this class closes chunks: the library's own limit would let a chunk grow beyond its size.
         self._mcap: Any = Writer(
             # MCAP has no checksum of a metadata record: that of all data covers it.
-            self._file, chunk_size=2**62, compression=CompressionType.ZSTD, enable_crcs=True, enable_data_crcs=True
+            self._file,
+            chunk_size=2**62,
+            compression=CompressionType.ZSTD,
+            enable_crcs=True,
+            enable_data_crcs=True,
         )
         try:
             with self._writing():

@@ -31,7 +31,7 @@ _INTERLEAVED_NS = 1_000_000_000
 _SINGLE = "agent."
 """Name prefix of peers with a single connection: an agent occupies its side."""
 
-_PROBES_PER_FIT = 60
+_PROBES_PER_FIT = 60  # of a minute: one a second is recorded
 _MIN_PROBES = 6
 
 
