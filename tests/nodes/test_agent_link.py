@@ -10,7 +10,7 @@ from netboard.base.clock import now_ns
 from netboard.devices.contract.device import Reading
 from netboard.network.protocol import fixed
 from netboard.network.protocol.codec import decode, encode
-from netboard.network.protocol.joining import HELLO_FIRST, HELLO_INTERVAL_NS, Hello, Refusal, Welcome
+from netboard.network.protocol.joining import HELLO_FIRST, HELLO_INTERVAL_NS, Goodbye, Hello, Refusal, Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
 from netboard.network.protocol.motion import Force, Heartbeat, Point
 from netboard.network.transport import channels, sockets
@@ -147,3 +147,14 @@ def test_agent_that_the_server_has_forgotten_sends_no_samples_until_it_is_welcom
     pair.send(3, now_ns())
     assert pair.router.receive() is not None
     assert pair.deliver(force(7, 3))
+
+
+@pytest.mark.parametrize("parting", [Goodbye("the session is over"), Refusal(HELLO_FIRST)])
+def test_agent_that_has_left_the_session_may_not_arm_its_device(pair: Pair, parting: Message) -> None:
+    pair.send(1, now_ns())
+    assert pair.router.receive() is not None
+    assert pair.deliver(Heartbeat(5, 0, 1, 0, True))
+    assert pair.link.may_arm
+    assert not pair.deliver(parting)
+    assert not pair.link.may_arm
+    assert pair.link.newest is None
