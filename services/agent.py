@@ -12,8 +12,9 @@ app = typer.Typer()
 def agent(side: HandSide, config: ConfigFile = None, overrides: Overrides = None) -> None:
     """Run the agent of one device: it reads the stylus, and renders the force within safety limits."""
     settings = load(config, overrides)
-    from netboard.base.logs import log_to_stderr
-    from netboard.base.process import Priority, Stopping, cpus_for, io_priority, no_terminal_suspension, prepare
+    from netboard.base.process.realtime import Priority, cpus_for, io_priority, prepare
+    from netboard.base.process.stopping import Stopping, no_terminal_suspension
+    from netboard.base.terminal.logs import log_to_stderr
     from netboard.devices.contract import registry
     from netboard.network.transport import sockets
     from netboard.nodes.agent.agent import Agent

@@ -58,8 +58,8 @@ def analyse(
     Needs additional libraries: pip install 'netboard\[analysis]', and for --dask also 'netboard\[dask]'.
     """
     from netboard.analysis.report import analysing
-    from netboard.base.process import interrupted_by_stop_signals
-    from netboard.base.terminal import plain_console
+    from netboard.base.process.stopping import interrupted_by_stop_signals
+    from netboard.base.terminal.output import plain_console
 
     if cache is not None and no_cache:
         raise ConfigError("--cache and --no-cache: expected one of them")

@@ -38,8 +38,8 @@ def check(
     """
     from rich.progress import MofNCompleteColumn
 
-    from netboard.base.bars import progress_bars
-    from netboard.base.terminal import plain_console
+    from netboard.base.terminal.bars import progress_bars
+    from netboard.base.terminal.output import plain_console
     from netboard.recording.files.copies import copies_among
     from netboard.recording.files.locate import each_once
     from netboard.recording.integrity.checking import check as check_file

@@ -47,10 +47,10 @@ def cohort(
 
     from netboard.analysis.cohort.folder import make_cohort
     from netboard.analysis.cohort.virtual import Design
-    from netboard.base.bars import telling
-    from netboard.base.process import interrupted_by_stop_signals
-    from netboard.base.terminal import plain_console
-    from netboard.base.workers import cores
+    from netboard.base.process.stopping import interrupted_by_stop_signals
+    from netboard.base.process.workers import cores
+    from netboard.base.terminal.bars import telling
+    from netboard.base.terminal.output import plain_console
 
     design = Design(load_study(study), settings, dyads, seed, trials is not None)
     began = time.perf_counter()

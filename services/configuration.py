@@ -7,7 +7,7 @@ import typer
 
 from netboard.base.errors import ConfigError
 from netboard.base.plural import plural
-from netboard.base.shell import shell_command
+from netboard.base.terminal.shell import shell_command
 from netboard.services.loading import DEFAULT_FILE, load
 from netboard.services.options import ConfigFile, Overrides, examples
 
@@ -50,7 +50,7 @@ def show(config: ConfigFile = None, overrides: Overrides = None) -> None:
 def init(file: Annotated[Path, typer.Argument(metavar="FILE", help="The file to create.")] = DEFAULT_FILE) -> None:
     """Create a commented file with every setting, its default, unit and limits."""
     from netboard.base.config import template
-    from netboard.base.new_file import new_file
+    from netboard.base.files.new import new_file
 
     with new_file(file) as part:
         part.write_text(template(), encoding="utf-8", newline="\n")

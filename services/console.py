@@ -22,8 +22,9 @@ def console(
 ) -> None:
     """Open the operator's console: open, run, watch and stop a session."""
     settings = load(config, overrides)
-    from netboard.base.logs import log_to_stderr
-    from netboard.base.process import Stopping, leave_reserved_cpus
+    from netboard.base.process.realtime import leave_reserved_cpus
+    from netboard.base.process.stopping import Stopping
+    from netboard.base.terminal.logs import log_to_stderr
 
     log_to_stderr("console")
     leave_reserved_cpus(settings.realtime)

@@ -45,7 +45,7 @@ def control(
 ) -> None:
     """Send a command to a running server, as the console does; for scripts."""
     settings = load(config, overrides)
-    from netboard.base.process import Stopping
+    from netboard.base.process.stopping import Stopping
     from netboard.nodes.operator import shell
 
     network, argument = settings.network, " ".join(arguments or ())

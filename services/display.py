@@ -54,8 +54,9 @@ def display(
     if station is None:
         raise ConfigError("--station: not given, expected left or right")
     from netboard.base.config import played_sides
-    from netboard.base.logs import log_to_stderr
-    from netboard.base.process import Stopping, leave_reserved_cpus
+    from netboard.base.process.realtime import leave_reserved_cpus
+    from netboard.base.process.stopping import Stopping
+    from netboard.base.terminal.logs import log_to_stderr
 
     log_to_stderr(f"display {station}")
     leave_reserved_cpus(settings.realtime)

@@ -23,8 +23,8 @@ def doctor(
 ) -> None:
     """Check whether this computer is fit for a session, and say how to fix each problem."""
     settings = load(config, overrides)
-    from netboard.base.bars import progress_bars
-    from netboard.base.terminal import plain_console
+    from netboard.base.terminal.bars import progress_bars
+    from netboard.base.terminal.output import plain_console
     from netboard.devices.setup.words import findings_table
     from netboard.nodes.doctor import report as examination
     from netboard.recording.files.provenance import doctor_report_path

@@ -44,7 +44,7 @@ def explain(
 
 def draw(path: Path, trial: int, attempt: int | None, readings: "Readings", output: Path | None) -> str:
     """Write the figure of an attempt, or of the last one at the trial, and return what was written."""
-    from netboard.base.new_file import new_file
+    from netboard.base.files.new import new_file
     from netboard.recording.export.formats import library
 
     library("matplotlib", "analysis")

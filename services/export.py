@@ -21,8 +21,8 @@ def export(
     output: NewFolder = None,
 ) -> None:
     """Export recordings to the formats of other tools."""
-    from netboard.base.bars import telling
-    from netboard.base.process import interrupted_by_stop_signals
+    from netboard.base.process.stopping import interrupted_by_stop_signals
+    from netboard.base.terminal.bars import telling
     from netboard.recording.export import formats
     from netboard.recording.files.locate import UNFINISHED, find_recordings, find_unfinished
 

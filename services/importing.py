@@ -62,8 +62,8 @@ def import_(
         raise ConfigError("import: expected either TABLE... or --manifest")
     if manifest is not None and others:
         raise ConfigError(f"--manifest: found with {', '.join(others)}; set these in {manifest} instead")
-    from netboard.base.bars import telling
-    from netboard.base.process import interrupted_by_stop_signals
+    from netboard.base.process.stopping import interrupted_by_stop_signals
+    from netboard.base.terminal.bars import telling
     from netboard.recording.importing.table_import import ImportOptions, import_table, in_words
 
     if manifest is not None:
@@ -78,9 +78,9 @@ def import_(
 
 def import_study(manifest: Path, folder: Path, workers: int | None) -> int:
     """Import the tables that a manifest lists, several at a time."""
-    from netboard.base.bars import telling
-    from netboard.base.process import interrupted_by_stop_signals
-    from netboard.base.workers import cores
+    from netboard.base.process.stopping import interrupted_by_stop_signals
+    from netboard.base.process.workers import cores
+    from netboard.base.terminal.bars import telling
     from netboard.recording.importing.study_import import examine, run
     from netboard.recording.importing.table_import import in_words
 

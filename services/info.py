@@ -10,7 +10,7 @@ app = typer.Typer()
 @app.command(epilog=examples("netboard info recordings/S01.mcap"))
 def info(recording: RecordingFile) -> None:
     """Summarise a recording: provenance, trials, completion times, latencies, losses."""
-    from netboard.base.terminal import plain_console
+    from netboard.base.terminal.output import plain_console
     from netboard.recording.files.reader import Recording
     from netboard.recording.integrity.quality_check import judged
     from netboard.recording.replay.text import (

@@ -64,7 +64,7 @@ def add(
 @app.command("list", epilog=examples("netboard keys list"))
 def list_(config: ConfigFile = None, overrides: Overrides = None) -> None:
     """List the authorised peers, and the secret keys in this folder, by their fingerprints."""
-    from netboard.base.terminal import FittedTable, plain_console
+    from netboard.base.terminal.output import FittedTable, plain_console
     from netboard.network import keys
 
     folder = folder_of(config, overrides)

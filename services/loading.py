@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from netboard.base.errors import ConfigError
-from netboard.base.shell import shell_command
-from netboard.base.text_file import read_text
+from netboard.base.files.text import read_text
+from netboard.base.terminal.shell import shell_command
 
 if TYPE_CHECKING:
     from netboard.analysis.extraction.settings import Readings

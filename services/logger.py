@@ -21,8 +21,9 @@ def logger(
 ) -> None:
     """Run the logger: it writes every tick and event to a recording."""
     settings = load(config, overrides)
-    from netboard.base.logs import log_to_stderr
-    from netboard.base.process import Stopping, leave_reserved_cpus
+    from netboard.base.process.realtime import leave_reserved_cpus
+    from netboard.base.process.stopping import Stopping
+    from netboard.base.terminal.logs import log_to_stderr
     from netboard.network.transport import sockets
     from netboard.nodes.logger.log_link import SocketLink
     from netboard.nodes.logger.logger import Logger

@@ -36,7 +36,7 @@ def show(
 ) -> None:
     """Show the blocks of a dyad, and the counterbalancing over one or several dyads."""
     settings = load(config, overrides)
-    from netboard.base.terminal import plain_console
+    from netboard.base.terminal.output import plain_console
     from netboard.task.plans.plan import plan_of
     from netboard.task.plans.tables import examine, plan_as_json, plan_in_words, refuse
 
@@ -62,7 +62,7 @@ def check(
 ) -> None:
     """Check whether a study is valid and its trial counts are balanced; exit code 2 and the reasons if not."""
     settings = load(config, overrides)
-    from netboard.base.terminal import plain_console
+    from netboard.base.terminal.output import plain_console
     from netboard.task.plans.plan import plan_of
     from netboard.task.plans.tables import examine, fitted, refuse, valid_in_words
 
@@ -77,7 +77,7 @@ def check(
 @app.command("list", epilog=examples("netboard plan list"))
 def list_() -> None:
     """List the built-in studies."""
-    from netboard.base.terminal import plain_console
+    from netboard.base.terminal.output import plain_console
     from netboard.task.plans.tables import studies_table
     from netboard.task.studies import library
 

@@ -11,7 +11,7 @@ from netboard.services.loading import load, load_study
 from netboard.services.options import CohortSeed, ConfigFile, Dask, Overrides, Studies, Study, Workers, examples
 
 if TYPE_CHECKING:
-    from netboard.base.terminal import FittedTable
+    from netboard.base.terminal.output import FittedTable
 
 app = typer.Typer()
 
@@ -58,9 +58,9 @@ def power(
     """
     settings = load(config, overrides)
     from netboard.analysis.cohort.planning import Request, answer
-    from netboard.base.bars import telling
-    from netboard.base.terminal import plain_console
-    from netboard.base.workers import cores
+    from netboard.base.process.workers import cores
+    from netboard.base.terminal.bars import telling
+    from netboard.base.terminal.output import plain_console
 
     request = Request(
         load_study(study),
@@ -92,6 +92,6 @@ def numbers(option: str, text: str, least: int) -> tuple[int, ...]:
 
 def table_of(part: "Mapping[str, Any]") -> "FittedTable":
     """Return one table of an answer."""
-    from netboard.base.terminal import FittedTable
+    from netboard.base.terminal.output import FittedTable
 
     return FittedTable(*part["columns"], rows=[tuple(map(str, row)) for row in part["rows"]], title=part["title"])

@@ -32,9 +32,9 @@ def recover(
     ] = None,
 ) -> None:
     """Recover unfinished or damaged recordings into new files; the originals stay unchanged."""
-    from netboard.base.bars import progress_bars
-    from netboard.base.process import interrupted_by_stop_signals
-    from netboard.base.terminal import plain_console
+    from netboard.base.process.stopping import interrupted_by_stop_signals
+    from netboard.base.terminal.bars import progress_bars
+    from netboard.base.terminal.output import plain_console
     from netboard.recording.files.locate import each_once
     from netboard.recording.recovery.recover import require_finished
     from netboard.recording.recovery.spilled import recover_any

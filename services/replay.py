@@ -63,8 +63,8 @@ def replay(
     if len(recordings) > (1 if chosen else 2):
         raise ConfigError(f"replay: found {len(recordings)} recordings, expected one, or two to show side by side")
     path = recordings[0]
-    from netboard.base.process import Stopping
-    from netboard.base.terminal import plain_console
+    from netboard.base.process.stopping import Stopping
+    from netboard.base.terminal.output import plain_console
 
     console = plain_console()
     if verify:

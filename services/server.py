@@ -76,7 +76,7 @@ def server(
         raise ConfigError("--resume: needs --study; a single block cannot be resumed")
     if study is not None and len(settings) > 1:
         raise ConfigError(f"--study: found {len(settings)} configuration files, expected one: run a server per dyad")
-    from netboard.base.logs import log_to_stderr
+    from netboard.base.terminal.logs import log_to_stderr
     from netboard.nodes.server.attempts import Attempts
     from netboard.nodes.server.blocks import BlockSequence
 
@@ -100,15 +100,9 @@ def serve(
     autostart: bool,
 ) -> int:
     """Serve sessions until all have ended; return 1 if some records may not be on disk."""
-    from netboard.base.process import (
-        Priority,
-        Stopping,
-        allow_files,
-        cpus_for,
-        io_priority,
-        no_terminal_suspension,
-        prepare,
-    )
+    from netboard.base.process.realtime import Priority, cpus_for, io_priority, prepare
+    from netboard.base.process.resources import allow_files
+    from netboard.base.process.stopping import Stopping, no_terminal_suspension
     from netboard.network.transport import sockets
     from netboard.nodes.server.server import Server
 

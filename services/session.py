@@ -37,7 +37,7 @@ def rehearse(
 ) -> None:
     """Rehearse all blocks of a dyad with simulated participants, without devices, network or clock."""
     settings = load(config, overrides)
-    from netboard.base.process import interrupted_by_stop_signals
+    from netboard.base.process.stopping import interrupted_by_stop_signals
     from netboard.nodes.rehearsal.session import rehearse_blocks
     from netboard.task.plans.plan import blocks_of, shortened
 

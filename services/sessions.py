@@ -39,8 +39,8 @@ def sessions(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON array.")] = False,
 ) -> None:
     """List the recordings in a folder: participants, trials, losses, and the result of the integrity check."""
-    from netboard.base.bars import progress_bars
-    from netboard.base.terminal import plain_console
+    from netboard.base.terminal.bars import progress_bars
+    from netboard.base.terminal.output import plain_console
     from netboard.recording.files.copies import copies_among
     from netboard.recording.integrity import catalogue
     from netboard.recording.integrity.report_text import QUICK, sessions_in_total, sessions_table

@@ -65,8 +65,8 @@ def simulate(
     force: Annotated[bool, typer.Option("--force", help="Overwrite existing results.")] = False,
 ) -> None:
     """Simulate a scene with recorded hands, offline and as exactly as the samples allow."""
-    from netboard.base.process import interrupted_by_stop_signals
-    from netboard.base.terminal import plain_console
+    from netboard.base.process.stopping import interrupted_by_stop_signals
+    from netboard.base.terminal.output import plain_console
     from netboard.recording.importing.hand_simulation import SimulationOptions, load_scene, simulate_files
 
     chosen = SimulationOptions(

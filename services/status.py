@@ -40,8 +40,8 @@ def status(
     from rich.live import Live
     from rich.text import Text
 
-    from netboard.base.process import Stopping
-    from netboard.base.terminal import plain_console
+    from netboard.base.process.stopping import Stopping
+    from netboard.base.terminal.output import plain_console
     from netboard.nodes.operator import shell
     from netboard.nodes.operator.status_table import status_tables
 

@@ -29,7 +29,7 @@ def stop(
     if release and guard:
         raise ConfigError("--release and --guard: expected one of them")
     settings = load(config, overrides)
-    from netboard.base.terminal import plain_console
+    from netboard.base.terminal.output import plain_console
     from netboard.nodes.operator import shell
     from netboard.nodes.operator.guard import guard as wait_and_stop
     from netboard.nodes.ports import emergency

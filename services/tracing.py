@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from netboard.base.errors import RecordingError
-from netboard.base.figure_file import refuse_figure, save_figure
+from netboard.base.files.figure import refuse_figure, save_figure
 from netboard.services.options import RecordingFile, examples
 
 app = typer.Typer()
@@ -41,7 +41,7 @@ def trace(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object, in SI units.")] = False,
 ) -> None:
     """Find the ticks that stuttered, the cause of each, and what to do about it."""
-    from netboard.base.terminal import plain_console
+    from netboard.base.terminal.output import plain_console
     from netboard.recording.files.reader import Recording
     from netboard.recording.timing import scheduler as switches
     from netboard.recording.timing.figure import draw

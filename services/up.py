@@ -76,8 +76,8 @@ def up(
     if autostart is not None:
         options.append("--autostart" if autostart else "--no-autostart")
     wanted = processes(config, overrides or (), server=options if server else None, station=station)
-    from netboard.base.logs import log_to_stderr
-    from netboard.base.process import Stopping, no_terminal_suspension
+    from netboard.base.process.stopping import Stopping, no_terminal_suspension
+    from netboard.base.terminal.logs import log_to_stderr
     from netboard.nodes.operator.launcher import supervise
 
     log_to_stderr("up")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from netboard.base.errors import RecordingError
-from netboard.base.figure_file import refuse_figure, save_figure
+from netboard.base.files.figure import refuse_figure, save_figure
 from netboard.services.options import Model, Overrides, RecordingFile, changes_of, examples
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def whatif(
     Open loop: the hands move as recorded. Each attempt starts from the state recorded at its release.
     """
     from netboard.base.config import parse
-    from netboard.base.terminal import plain_console
+    from netboard.base.terminal.output import plain_console
     from netboard.recording.counterfactual.figure import draw
     from netboard.recording.counterfactual.table import EXPLANATION, as_data, table_of
     from netboard.recording.counterfactual.what_if import save, what_if

@@ -13,7 +13,7 @@ import pytest
 import typer.main
 
 from netboard.base.config import parse
-from netboard.base.process import IO_PRIORITY_STEP, Priority
+from netboard.base.process.realtime import IO_PRIORITY_STEP, Priority
 from netboard.devices.setup.usb import NAMES
 from netboard.network.keys import encrypted
 from netboard.nodes.operator.launcher import STOP_SECONDS

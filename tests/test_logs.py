@@ -9,7 +9,7 @@ from threading import Thread
 
 import pytest
 
-from netboard.base import logs
+from netboard.base.terminal import logs
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="what Linux offers")
 

@@ -17,24 +17,25 @@ from pathlib import Path
 
 import pytest
 
-from netboard.base.process import (
+from netboard.base.process.realtime import (
     IO_PRIORITY_STEP,
     OFF,
     OK,
     PLACES,
-    STOP_SIGNALS,
-    STOP_WITH_PARENT,
     Priority,
-    Stopping,
     cpu_set,
     cpus_for,
-    interrupted_by_stop_signals,
     io_priority,
     leave_reserved_cpus,
-    peak_memory,
     prepare,
-    resident_memory,
     steady_loop,
+)
+from netboard.base.process.resources import peak_memory, resident_memory
+from netboard.base.process.stopping import (
+    STOP_SIGNALS,
+    STOP_WITH_PARENT,
+    Stopping,
+    interrupted_by_stop_signals,
     uninterrupted,
 )
 from netboard.base.tables.rig import Realtime
@@ -124,7 +125,7 @@ def test_closing_terminal_stays_ignored() -> None:
 def test_ctrl_z_does_not_suspend_a_process_that_renders_forces(name: str) -> None:
     script = f"""
 import os, signal
-from netboard.base.process import no_terminal_suspension
+from netboard.base.process.stopping import no_terminal_suspension
 before = signal.getsignal(signal.{name})
 with no_terminal_suspension():
     os.kill(os.getpid(), signal.{name})
@@ -147,7 +148,7 @@ def test_signal_handlers_are_restored_without_a_signal() -> None:
 
 @pytest.mark.slow
 def test_steady_loop_disables_the_garbage_collector(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("netboard.base.process._granted", {})
+    monkeypatch.setattr("netboard.base.process.realtime._granted", {})
     interval = sys.getswitchinterval()
     try:
         steady_loop()
@@ -184,14 +185,14 @@ class Machine:
 
 def on(machine: Machine, monkeypatch: pytest.MonkeyPatch, folder: Path) -> Machine:
     """Redirect all requests to the fake machine."""
-    monkeypatch.setattr("netboard.base.process._granted", {})
-    monkeypatch.setattr("netboard.base.process.os.sched_setscheduler", machine.grant)
-    monkeypatch.setattr("netboard.base.process.os.sched_setaffinity", machine.grant)
-    monkeypatch.setattr("netboard.base.process.os.sched_getaffinity", lambda process: {0, 1, 2, 3})
-    monkeypatch.setattr("netboard.base.process.os.geteuid", lambda: 0)
-    monkeypatch.setattr("netboard.base.process.ctypes.CDLL", lambda name, use_errno: machine)
-    monkeypatch.setattr("netboard.base.process.ctypes.get_errno", lambda: machine.answer)
-    monkeypatch.setattr("netboard.base.process.DMA_LATENCY_FILE", folder / "cpu_dma_latency")
+    monkeypatch.setattr("netboard.base.process.realtime._granted", {})
+    monkeypatch.setattr("netboard.base.process.realtime.os.sched_setscheduler", machine.grant)
+    monkeypatch.setattr("netboard.base.process.realtime.os.sched_setaffinity", machine.grant)
+    monkeypatch.setattr("netboard.base.process.realtime.os.sched_getaffinity", lambda process: {0, 1, 2, 3})
+    monkeypatch.setattr("netboard.base.process.realtime.os.geteuid", lambda: 0)
+    monkeypatch.setattr("netboard.base.process.resources.ctypes.CDLL", lambda name, use_errno: machine)
+    monkeypatch.setattr("netboard.base.process.resources.ctypes.get_errno", lambda: machine.answer)
+    monkeypatch.setattr("netboard.base.process.realtime.DMA_LATENCY_FILE", folder / "cpu_dma_latency")
     return machine
 
 
@@ -214,8 +215,8 @@ def test_all_real_time_settings_are_requested_and_granted(
     assert (tmp_path / "cpu_dma_latency").read_bytes() == (2).to_bytes(4, sys.byteorder)
     assert io_priority(came, Priority.SERVER) == Priority.SERVER + IO_PRIORITY_STEP
     for name in ("gc.collect", "gc.freeze", "gc.disable"):
-        monkeypatch.setattr(f"netboard.base.process.{name}", lambda: None)
-    monkeypatch.setattr("netboard.base.process.sys.setswitchinterval", machine.grant)
+        monkeypatch.setattr(f"netboard.base.process.realtime.{name}", lambda: None)
+    monkeypatch.setattr("netboard.base.process.realtime.sys.setswitchinterval", machine.grant)
     steady_loop()
     assert machine.asked[-1] == fifo
 
@@ -243,7 +244,7 @@ def test_disabled_settings_are_not_requested(monkeypatch: pytest.MonkeyPatch, tm
 
 
 def test_unsupported_platform_is_reported(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
-    monkeypatch.setattr("netboard.base.process.sys.platform", "plan9")
+    monkeypatch.setattr("netboard.base.process.realtime.sys.platform", "plan9")
     with caplog.at_level(logging.INFO):
         came = prepare(Realtime(), Priority.AGENT, "0")
     assert set(came.values()) == {"not offered on plan9"}
@@ -252,8 +253,8 @@ def test_unsupported_platform_is_reported(monkeypatch: pytest.MonkeyPatch, caplo
 @linux
 def test_memory_is_not_locked_under_a_memlock_limit(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     machine = on(Machine(), monkeypatch, tmp_path)
-    monkeypatch.setattr("netboard.base.process.os.geteuid", lambda: 1000)
-    monkeypatch.setattr("netboard.base.process.resource.getrlimit", lambda which: (8_000_000, 8_000_000))
+    monkeypatch.setattr("netboard.base.process.realtime.os.geteuid", lambda: 1000)
+    monkeypatch.setattr("netboard.base.process.realtime.resource.getrlimit", lambda which: (8_000_000, 8_000_000))
     came = prepare(Realtime(scheduling=False), Priority.AGENT, "")
     assert came["memory"] == "the limit is 8 MB, expected none"
     assert machine.asked == []
@@ -266,14 +267,14 @@ def test_memory_is_not_locked_under_a_memlock_limit(monkeypatch: pytest.MonkeyPa
 def test_each_loop_gets_its_own_cpu_if_there_are_enough(
     monkeypatch: pytest.MonkeyPatch, have: set[int], expected: list[str]
 ) -> None:
-    monkeypatch.setattr("netboard.base.process.os.sched_getaffinity", lambda which: have, raising=False)
+    monkeypatch.setattr("netboard.base.process.realtime.os.sched_getaffinity", lambda which: have, raising=False)
     assert [cpus_for(loop, Realtime()) for loop in PLACES] == expected
     named = Realtime(server_cpus="0-1", agent_cpus="")
     assert [cpus_for(loop, named) for loop in PLACES] == ["0-1", "", ""]
 
 
 def test_no_cpu_is_chosen_without_cpu_affinity(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delattr("netboard.base.process.os.sched_getaffinity", raising=False)
+    monkeypatch.delattr("netboard.base.process.realtime.os.sched_getaffinity", raising=False)
     assert [cpus_for(loop, Realtime()) for loop in PLACES] == ["", "", ""]
 
 
@@ -323,7 +324,7 @@ def test_stop_polling_notifies_ready_then_watchdog_then_stopping(
     supervisor: socket.socket, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     now = [100.0]
-    monkeypatch.setattr("netboard.base.process.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("netboard.base.process.stopping.time.monotonic", lambda: now[0])
     with Stopping() as stopping:
         assert notifications(supervisor) == []
         stopping()
@@ -340,7 +341,7 @@ def test_notifications_are_repeated_after_a_full_supervisor_socket(
     supervisor: socket.socket, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     now = [100.0]
-    monkeypatch.setattr("netboard.base.process.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("netboard.base.process.stopping.time.monotonic", lambda: now[0])
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as other, caplog.at_level(logging.INFO):
         other.setblocking(False)
         with contextlib.suppress(BlockingIOError):
@@ -396,7 +397,7 @@ def test_suspended_process_stops_after_its_parent_was_killed(tmp_path: Path) -> 
     """A benchmark suspends its processes for a while, and may be killed meanwhile."""
     child = """
 import sys, time
-from netboard.base.process import Stopping
+from netboard.base.process.stopping import Stopping
 with Stopping() as stopping:
     print("ready", flush=True)
     while not stopping():

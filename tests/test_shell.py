@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from netboard.base.errors import ConfigError
-from netboard.base.shell import shell_command
+from netboard.base.terminal.shell import shell_command
 from netboard.recording.files.locate import recovery_advice
 from netboard.services import loading
 

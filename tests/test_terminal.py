@@ -8,9 +8,9 @@ from hypothesis import given
 from rich.console import Console
 from rich.text import Text
 
-from netboard.base import bars
-from netboard.base.bars import progress_bars, telling
-from netboard.base.terminal import FittedTable, numbers, plain_console
+from netboard.base.terminal import bars
+from netboard.base.terminal.bars import progress_bars, telling
+from netboard.base.terminal.output import FittedTable, numbers, plain_console
 
 NAMES = st.text("abcdefgh-./", min_size=1, max_size=90)
 

@@ -38,7 +38,7 @@ def benchmark(app: typer.Typer, *lines: str) -> Callable[[Callable[..., int | No
 
         @wraps(function)
         def command(**values: Any) -> None:
-            from netboard.base.process import interrupted_by_stop_signals
+            from netboard.base.process.stopping import interrupted_by_stop_signals
             from netboard.benchmarks.harness.running import Options
 
             options = Options(**{name: values.pop(name) for name in names})

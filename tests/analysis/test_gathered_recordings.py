@@ -18,7 +18,7 @@ from netboard.analysis.extraction.settings import Readings, parse
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.extraction.workers import dask, processes
 from netboard.base.errors import ConfigError, NetboardError, RecordingError
-from netboard.base.workers import cores
+from netboard.base.process.workers import cores
 
 pytestmark = pytest.mark.slow
 

@@ -13,7 +13,7 @@ from typer.testing import CliRunner, Result
 
 from netboard.base.config import Config
 from netboard.base.errors import NetboardError
-from netboard.base.process import STOP_SIGNALS
+from netboard.base.process.stopping import STOP_SIGNALS
 from netboard.devices.contract import profile
 from netboard.devices.contract.device import Box, Device, DeviceInfo, Reading
 from netboard.devices.contract.profile import Identity, Placement, Profile

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from netboard.base.config import Config
-from netboard.base.process import STOP_WITH_PARENT
+from netboard.base.process.stopping import STOP_WITH_PARENT
 from netboard.benchmarks.harness.rig import Rig
 from netboard.network.protocol.codec import decode
 from netboard.network.protocol.control import Status

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from netboard.base.finding import Finding
-from netboard.base.process import OFF, OK
+from netboard.base.process.realtime import OFF, OK
 from netboard.base.tables.rig import Network
 from netboard.devices.setup import usb
 from netboard.nodes.doctor import network, system

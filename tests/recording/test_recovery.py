@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from typer.testing import CliRunner
 
 from netboard.base.errors import RecordingError
-from netboard.base.process import STOP_SIGNALS
+from netboard.base.process.stopping import STOP_SIGNALS
 from netboard.base.tables.rig import Recording as Settings
 from netboard.base.tick import TICK
 from netboard.network.protocol.records import BLOCK_BEGAN, EventRecord

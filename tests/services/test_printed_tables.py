@@ -19,7 +19,7 @@ import netboard
 import rehearsed
 from netboard import services
 from netboard.base.finding import Finding
-from netboard.base.terminal import GAP, WIDEST_NAMES, FittedTable
+from netboard.base.terminal.output import GAP, WIDEST_NAMES, FittedTable
 from netboard.benchmarks.harness.results import Part, show
 from netboard.devices.contract.device import Reading
 from netboard.devices.contract.profile import Placement

@@ -13,7 +13,7 @@ from display_parts import VIEW, WORDS
 from PySide6.QtWidgets import QWidget
 
 from netboard.base.config import Config
-from netboard.base.process import NAME
+from netboard.base.process.resources import NAME
 from netboard.devices.contract.device import Reading
 from netboard.windows.monitor import MonitorWindow
 from netboard.windows.operator.lamps import limits_of

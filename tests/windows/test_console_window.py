@@ -8,7 +8,7 @@ import pytest
 from console_server import MINE, RUNNING, STATES, ConsoleServer, attempts, point
 
 from netboard.base.config import Config
-from netboard.base.process import NAME
+from netboard.base.process.resources import NAME
 from netboard.network.protocol.codec import encode
 from netboard.network.protocol.joining import Goodbye
 from netboard.network.transport import sockets

@@ -4,8 +4,8 @@ Errors, the configuration's tables, compiled kernels, the clock, and what a proc
 
 Open `config` first: one TOML text becomes frozen dataclasses (`tables`), read and written by `settings`. `tick`
 declares the columns of a tick, `compiled` how numba kernels are compiled and cached. The pure wings (`physics`, `task`,
-`stage`, `participants`) import these and `errors`, and `terminal` for tables; all other modules here use the machine:
-its clock, processes, files and terminal. This wing contains no physics, trials or network.
+`stage`, `participants`) import these and `errors`, and `terminal` for tables; the rest uses the machine: `clock`,
+`process`, `files` and `terminal`. This wing contains no physics, trials or network.
 
 Parameters
 ----------

@@ -14,7 +14,7 @@ from typing import TypeVar
 
 from netboard.analysis.extraction.workers import dask
 from netboard.base.errors import NetboardError
-from netboard.base.workers import terminate_workers, worker_processes
+from netboard.base.process.workers import terminate_workers, worker_processes
 
 T = TypeVar("T")
 

@@ -17,7 +17,7 @@ from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.store import digests_of
 from netboard.analysis.extraction.workers import WorkerPool
 from netboard.base.errors import NetboardError, RecordingError
-from netboard.base.process import peak_memory
+from netboard.base.process.resources import peak_memory
 from netboard.recording.export.formats import Progress
 from netboard.recording.export.runs import Run, runs_of
 from netboard.recording.files.locate import RECOVERABLE, recovery_command, sha256_of

@@ -28,7 +28,7 @@ from pathlib import Path
 from tempfile import NamedTemporaryFile
 
 from netboard.base.errors import RecordingError
-from netboard.base.process import home_folder
+from netboard.base.process.resources import home_folder
 from netboard.recording.files.locate import sha256_of
 
 LIMIT = 2_000_000_000

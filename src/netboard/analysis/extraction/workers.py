@@ -13,7 +13,7 @@ from typing import Any
 
 from netboard.analysis.extraction.fingerprint import ROOT, fingerprint
 from netboard.base.errors import ConfigError, NetboardError
-from netboard.base.workers import worker_processes
+from netboard.base.process.workers import worker_processes
 from netboard.recording.export.formats import library
 
 WorkerPool = Callable[[Sequence[Path]], AbstractContextManager[Executor]]

@@ -18,9 +18,9 @@ from markupsafe import escape
 
 from netboard.analysis.extraction.store import Store, default_folder, key_of_analysis, restore_analysis, store_analysis
 from netboard.analysis.report.wording import amount, plural, visible
-from netboard.base.bars import telling
 from netboard.base.errors import ConfigError
-from netboard.base.process import peak_memory
+from netboard.base.process.resources import peak_memory
+from netboard.base.terminal.bars import telling
 from netboard.recording.export.formats import Progress, need, new_folder, refuse_existing
 from netboard.recording.files.locate import UNFINISHED, find_recordings, find_unfinished
 
@@ -121,7 +121,7 @@ def _analysed(
 def _pool(chosen: AnalysisOptions) -> "WorkerPool":
     """Choose the workers that extract the measures."""
     from netboard.analysis.extraction.workers import dask, processes
-    from netboard.base.workers import cores
+    from netboard.base.process.workers import cores
 
     if chosen.dask is None:
         return processes(chosen.workers or cores())

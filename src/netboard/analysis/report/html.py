@@ -31,7 +31,7 @@ from netboard.analysis.report.trials import HEIGHT, LEAD, LONGEST, listings, rea
 from netboard.analysis.report.wording import amount, css_text, plural, visible
 from netboard.analysis.topics.figure import Picture, as_bytes
 from netboard.base.errors import NetboardError
-from netboard.base.new_file import new_file
+from netboard.base.files.new import new_file
 from netboard.base.settings import Table, tables, to_toml
 
 NAME = "report.html"

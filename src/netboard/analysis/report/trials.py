@@ -17,7 +17,7 @@ from netboard.analysis.extraction.study import Study
 from netboard.analysis.extraction.tables import ATTEMPT_KEY
 from netboard.analysis.report.wording import amount, plural
 from netboard.analysis.topics.groups import labels_of
-from netboard.base.shell import shell_command
+from netboard.base.terminal.shell import shell_command
 
 LEAD = 0.5
 """Time before the release at which a replay begins [s]."""

@@ -25,7 +25,7 @@ from netboard.analysis.statistics.small_samples import (
     kenward_roger_freedom,
     satterthwaite_freedom,
 )
-from netboard.base.workers import cores
+from netboard.base.process.workers import cores
 from netboard.benchmarks.harness.processes import fresh_processes
 from netboard.benchmarks.harness.results import Folder, Part
 from netboard.benchmarks.harness.running import Tell

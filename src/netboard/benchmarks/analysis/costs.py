@@ -16,7 +16,7 @@ from netboard.analysis.extraction.running import Extraction, extract
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.study import Study, study_of
 from netboard.analysis.extraction.workers import processes
-from netboard.base.process import peak_memory
+from netboard.base.process.resources import peak_memory
 from netboard.recording.export.formats import new_folder
 from netboard.recording.files.reader import Recording
 

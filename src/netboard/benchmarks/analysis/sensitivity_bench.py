@@ -15,7 +15,7 @@ from netboard.analysis.extraction.study import Study, study_of
 from netboard.analysis.measures.performance import window_sizes
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError, RecordingError
-from netboard.base.workers import cores
+from netboard.base.process.workers import cores
 from netboard.benchmarks.analysis import multiverse
 from netboard.benchmarks.analysis import question_tables as tables
 from netboard.benchmarks.analysis.disturbance_tables import all_disturbances_part, disturbances_part

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 from scipy import stats
 
-from netboard.base.workers import cores
+from netboard.base.process.workers import cores
 from netboard.benchmarks.analysis.costs import (
     Stopwatch,
     TablesCost,

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from netboard.base.clock import now_ns
 from netboard.base.errors import ConfigError, NetboardError
-from netboard.base.terminal import FittedTable, plain_console
+from netboard.base.terminal.output import FittedTable, plain_console
 from netboard.benchmarks.faults import attack_cases
 from netboard.benchmarks.faults.cases import DEVICES, LINKS, MACHINES, PARTS, PEERS, PROCESSES, Case
 from netboard.benchmarks.faults.checks import UNDISTURBED_NS, Falls, disturbed, fades_of, largest_step, verdict_of

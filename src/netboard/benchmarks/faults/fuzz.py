@@ -14,7 +14,7 @@ from functools import partial
 from itertools import islice
 
 from netboard.base.errors import WireError
-from netboard.base.process import resident_memory
+from netboard.base.process.resources import resident_memory
 from netboard.benchmarks.faults.fuzz_peers import peer_parts
 from netboard.benchmarks.faults.fuzz_server import MAX_GROWTH, server_parts
 from netboard.benchmarks.faults.malformed_frames import MalformedFrames, valid_frames

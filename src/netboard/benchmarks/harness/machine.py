@@ -8,7 +8,7 @@ from pathlib import Path
 
 from llvmlite.binding import get_host_cpu_features
 
-from netboard.base.workers import cores
+from netboard.base.process.workers import cores
 
 LIBRARIES = ("netboard", "numba", "llvmlite", "numpy", "scipy")
 """Libraries whose version can change a result."""

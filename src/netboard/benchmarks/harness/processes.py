@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from multiprocessing import get_context
 from typing import ParamSpec, TypeVar
 
-from netboard.base.workers import terminate_workers
+from netboard.base.process.workers import terminate_workers
 
 P = ParamSpec("P")
 T = TypeVar("T")

@@ -16,7 +16,7 @@ from rich.console import Console, Group
 from rich.text import Text
 
 from netboard.base.errors import ConfigError
-from netboard.base.terminal import Column, FittedTable
+from netboard.base.terminal.output import Column, FittedTable
 from netboard.benchmarks.harness.machine import describe
 
 Value = str | float | int | bool

@@ -17,7 +17,8 @@ from typing import Self
 
 from netboard.base.config import SIDES, Config, Side, parse, resolve
 from netboard.base.errors import NetboardError
-from netboard.base.process import STOP_WITH_PARENT, resident_memory
+from netboard.base.process.resources import resident_memory
+from netboard.base.process.stopping import STOP_WITH_PARENT
 from netboard.network import keys
 from netboard.network.protocol.control import Status
 from netboard.network.transport import sockets

@@ -10,8 +10,8 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any, Protocol
 
-from netboard.base.bars import progress_bars
-from netboard.base.terminal import plain_console
+from netboard.base.terminal.bars import progress_bars
+from netboard.base.terminal.output import plain_console
 from netboard.benchmarks.harness.machine import describe
 from netboard.benchmarks.harness.results import Folder, Part, Verdict, new_folder, show
 

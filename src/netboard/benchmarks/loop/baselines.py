@@ -15,8 +15,9 @@ from typing import Any
 
 from netboard.base.clock import Pacer, now_ns
 from netboard.base.config import Config, parse
-from netboard.base.logs import log_to_stderr
-from netboard.base.process import NAME, Priority, cpus_for, io_priority, prepare, steady_loop
+from netboard.base.process.realtime import Priority, cpus_for, io_priority, prepare, steady_loop
+from netboard.base.process.resources import NAME
+from netboard.base.terminal.logs import log_to_stderr
 from netboard.base.tick import TICK_SECONDS
 from netboard.benchmarks.harness.workers import serve
 from netboard.network import keys

@@ -23,8 +23,9 @@ from numpy.typing import NDArray
 from netboard.base.clock import CATCH_UP_TICKS, now_ns
 from netboard.base.compiled import kernel, machine_code
 from netboard.base.config import SIDES, Config, Side, parse
-from netboard.base.logs import log_to_stderr
-from netboard.base.process import NAME, Priority, cpus_for, io_priority, prepare, steady_loop
+from netboard.base.process.realtime import Priority, cpus_for, io_priority, prepare, steady_loop
+from netboard.base.process.resources import NAME
+from netboard.base.terminal.logs import log_to_stderr
 from netboard.base.tick import TICK, TICK_NS
 from netboard.benchmarks.harness.workers import serve
 from netboard.benchmarks.loop.timing import skipped_ticks

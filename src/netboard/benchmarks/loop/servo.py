@@ -15,7 +15,7 @@ import numpy as np
 
 from netboard.base.clock import Pacer, now_ns
 from netboard.base.errors import DeviceTimeout, NetboardError
-from netboard.base.process import steady_loop
+from netboard.base.process.realtime import steady_loop
 from netboard.base.tick import TICK_NS
 from netboard.benchmarks.harness.processes import in_fresh_process
 from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from netboard.base.clock import now_ns
 from netboard.base.errors import NetboardError
-from netboard.base.process import resident_memory
+from netboard.base.process.resources import resident_memory
 
 LOOP, TRANSPORT, OTHER = "loop", "I/O", "other"
 KINDS = (LOOP, TRANSPORT, OTHER)

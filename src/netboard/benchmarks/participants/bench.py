@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.config import Config
+from netboard.base.process.workers import cores
 from netboard.base.tables.simulated import Participant
-from netboard.base.workers import cores
 from netboard.benchmarks.harness.results import Folder, Part
 from netboard.benchmarks.harness.running import Tell
 from netboard.benchmarks.participants.paper import EXTRA, STATEMENTS, Sample, Statement

@@ -18,8 +18,8 @@ from urllib.parse import quote
 from pydantic import TypeAdapter
 
 from netboard.base.errors import ConfigError
+from netboard.base.files.text import read_text
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, about, read, write
-from netboard.base.text_file import read_text
 
 REACH = 1.0
 """Upper bound for the distance of any workspace from the device's origin [m]."""

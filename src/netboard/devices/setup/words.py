@@ -8,7 +8,7 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from netboard.base.finding import Finding
-from netboard.base.terminal import FittedTable, numbers
+from netboard.base.terminal.output import FittedTable, numbers
 from netboard.devices.contract.device import DeviceInfo, Reading
 from netboard.devices.contract.profile import Placement
 from netboard.devices.setup.identification import Estimate, Identified

@@ -20,8 +20,9 @@ from netboard.base.clock import Pacer, now_ns
 from netboard.base.compiled import machine_code
 from netboard.base.config import Config, Side
 from netboard.base.errors import ConfigError, DeviceError, DeviceNotFound
-from netboard.base.logs import RateLimitedLog
-from netboard.base.process import NAME, steady_loop
+from netboard.base.process.realtime import steady_loop
+from netboard.base.process.resources import NAME
+from netboard.base.terminal.logs import RateLimitedLog
 from netboard.base.tick import TICK_NS
 from netboard.devices.contract.device import Device, DeviceInfo, Reading
 from netboard.devices.safety.chain import Guard, Safety

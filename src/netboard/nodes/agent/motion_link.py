@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from netboard.base.clock import Pacer, now_ns
 from netboard.base.compiled import kernel, machine_code
 from netboard.base.errors import WireError
-from netboard.base.logs import RateLimitedLog
+from netboard.base.terminal.logs import RateLimitedLog
 from netboard.base.tick import TICK_NS
 from netboard.devices.contract.device import Reading
 from netboard.devices.safety.chain import NEVER_NS

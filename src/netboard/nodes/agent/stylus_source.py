@@ -17,7 +17,7 @@ import numpy as np
 
 from netboard.base.config import SIDES, Config, Side, parse
 from netboard.base.errors import WireError
-from netboard.base.process import beside_loop
+from netboard.base.process.realtime import beside_loop
 from netboard.devices.contract.device import Device
 from netboard.network import keys
 from netboard.network.protocol.codec import decode, encode

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from netboard.base.clock import Pacer, now_ns
 from netboard.base.config import SIDES
 from netboard.base.errors import NetboardError
-from netboard.base.process import PLACES, Priority, cpus_for, io_priority, prepare, steady_loop
+from netboard.base.process.realtime import PLACES, Priority, cpus_for, io_priority, prepare, steady_loop
 from netboard.base.tables.rig import Network, Realtime
 from netboard.base.tick import TICK_SECONDS
 from netboard.network.protocol.fixed import FORCE, STYLUS

@@ -15,8 +15,8 @@ from pathlib import Path
 from netboard.base.config import Config
 from netboard.base.errors import NetboardError
 from netboard.base.finding import Colour, Finding
-from netboard.base.process import OFF, OK, cpus_for
-from netboard.base.workers import usable_cpus
+from netboard.base.process.realtime import OFF, OK, cpus_for
+from netboard.base.process.workers import usable_cpus
 from netboard.devices.setup import listing, usb
 from netboard.nodes.doctor import disk, exchange, network, prediction, system, timing
 

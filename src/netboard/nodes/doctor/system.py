@@ -12,7 +12,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from netboard.base.finding import Colour, Finding, graded, text_of
-from netboard.base.process import OFF, OK, PLACES, cpu_set
+from netboard.base.process.realtime import OFF, OK, PLACES, cpu_set
 from netboard.network.transport import sockets
 
 ROOT = Path("/")

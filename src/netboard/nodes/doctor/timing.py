@@ -1,7 +1,7 @@
 """Measures the wake-up latency of a 1 kHz loop on this machine, with the services' real-time settings and without.
 
 The loop runs in its own process, which asks for everything exactly as the server does
-(`netboard.base.process.prepare`). The doctor's own load does not disturb it, and its settings end with it.
+(`netboard.base.process.realtime.prepare`). The doctor's own load does not disturb it, and its settings end with it.
 """
 
 import json
@@ -17,7 +17,7 @@ import numpy as np
 from netboard.base.clock import now_ns
 from netboard.base.errors import NetboardError
 from netboard.base.finding import Colour, Finding, graded
-from netboard.base.process import Priority, cpus_for, prepare, steady_loop
+from netboard.base.process.realtime import Priority, cpus_for, prepare, steady_loop
 from netboard.base.tables.rig import Realtime
 from netboard.base.tick import TICK_NS
 

@@ -7,9 +7,9 @@ from importlib.metadata import version
 from typing import Protocol
 
 from netboard.base.errors import WireError
-from netboard.base.logs import RateLimitedLog
-from netboard.base.process import NAME
+from netboard.base.process.resources import NAME
 from netboard.base.tables.rig import Network
+from netboard.base.terminal.logs import RateLimitedLog
 from netboard.network import keys
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import HELLO_INTERVAL_NS, Hello, Ping, Pong, Refusal, Welcome

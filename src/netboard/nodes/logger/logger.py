@@ -17,8 +17,8 @@ from pathlib import Path
 from netboard.base.clock import now_ns
 from netboard.base.config import parse
 from netboard.base.errors import NetboardError, WireError
-from netboard.base.shell import shell_command
 from netboard.base.tables.rig import Recording
+from netboard.base.terminal.shell import shell_command
 from netboard.network.protocol.joining import Goodbye, Welcome
 from netboard.network.protocol.messages import Message
 from netboard.network.protocol.records import LogAck, LogBatch, LogEnd, LogRequest

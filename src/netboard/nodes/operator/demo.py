@@ -13,12 +13,12 @@ from pathlib import Path
 
 from rich.progress import MofNCompleteColumn
 
-from netboard.base.bars import progress_bars
 from netboard.base.config import SIDES, Config, played_sides, resolve
 from netboard.base.errors import NetboardError
-from netboard.base.process import Stopping
-from netboard.base.shell import shell_command
-from netboard.base.terminal import plain_console
+from netboard.base.process.stopping import Stopping
+from netboard.base.terminal.bars import progress_bars
+from netboard.base.terminal.output import plain_console
+from netboard.base.terminal.shell import shell_command
 from netboard.network.transport import sockets
 from netboard.network.transport.ports import free_port
 from netboard.nodes.operator.launcher import Launcher

@@ -12,20 +12,13 @@ from typing import Any
 from rich.live import Live
 
 from netboard.base import clock
-from netboard.base.bars import progress_bars
 from netboard.base.config import Config, Side
 from netboard.base.errors import ConfigError, DeviceError, NetboardError
 from netboard.base.finding import Finding
-from netboard.base.process import (
-    Priority,
-    Stopping,
-    cpus_for,
-    interrupted_by_stop_signals,
-    no_terminal_suspension,
-    prepare,
-    steady_loop,
-)
-from netboard.base.terminal import plain_console
+from netboard.base.process.realtime import Priority, cpus_for, prepare, steady_loop
+from netboard.base.process.stopping import Stopping, interrupted_by_stop_signals, no_terminal_suspension
+from netboard.base.terminal.bars import progress_bars
+from netboard.base.terminal.output import plain_console
 from netboard.devices.contract import profile, registry
 from netboard.devices.contract.device import Box, Device, Reading
 from netboard.devices.contract.profile import Identity, Mechanics, Placement, Profile

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 
 from netboard.base.errors import NetboardError
-from netboard.base.process import Stopping
+from netboard.base.process.stopping import Stopping
 from netboard.base.tables.rig import Network
 from netboard.nodes.operator.keyboard import Keyboard
 from netboard.nodes.operator.operator import ANSWER_SECONDS, Operator

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
-from netboard.base.process import STOP_WITH_PARENT, SUPERVISOR
+from netboard.base.process.stopping import STOP_WITH_PARENT, SUPERVISOR
 
 log = logging.getLogger(__name__)
 

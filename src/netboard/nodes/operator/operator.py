@@ -10,7 +10,7 @@ from importlib.metadata import version
 
 from netboard.base.clock import now_ns
 from netboard.base.errors import NetboardError, WireError
-from netboard.base.process import NAME
+from netboard.base.process.resources import NAME
 from netboard.base.tables.rig import Network
 from netboard.network import keys
 from netboard.network.protocol.codec import decode, encode

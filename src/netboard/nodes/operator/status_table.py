@@ -6,7 +6,7 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from netboard.base.plural import plural
-from netboard.base.terminal import FittedTable, numbers
+from netboard.base.terminal.output import FittedTable, numbers
 from netboard.network.protocol.control import Status
 
 

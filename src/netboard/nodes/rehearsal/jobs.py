@@ -12,10 +12,10 @@ from pathlib import Path
 from statistics import fmean
 
 from netboard.base.config import Config, digest
-from netboard.base.process import uninterrupted
+from netboard.base.process.stopping import uninterrupted
+from netboard.base.process.workers import ctrl_c, interrupt_workers, interrupted, worker_processes
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import TICK_SECONDS
-from netboard.base.workers import ctrl_c, interrupt_workers, interrupted, worker_processes
 from netboard.nodes.rehearsal.block import PIECE, Rehearsal
 from netboard.nodes.rehearsal.population import people_of
 from netboard.participants.policy import SIMULATED_PARTICIPANT, identity_of

@@ -9,11 +9,11 @@ from pathlib import Path
 from rich.progress import MofNCompleteColumn
 from rich.text import Text
 
-from netboard.base.bars import progress_bars
 from netboard.base.config import Config
 from netboard.base.errors import NetboardError
 from netboard.base.plural import plural
-from netboard.base.terminal import FittedTable, numbers, plain_console
+from netboard.base.terminal.bars import progress_bars
+from netboard.base.terminal.output import FittedTable, numbers, plain_console
 from netboard.base.tick import TICK_SECONDS
 from netboard.nodes.rehearsal.block import Rehearsal
 from netboard.nodes.rehearsal.jobs import BlockResult, Job, jobs_of, rehearse, rehearse_all

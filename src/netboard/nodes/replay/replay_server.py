@@ -13,10 +13,10 @@ import numpy as np
 
 from netboard.base.clock import now_ns
 from netboard.base.errors import NetboardError
-from netboard.base.logs import log_to_stderr
-from netboard.base.process import Stopping
+from netboard.base.process.stopping import Stopping
 from netboard.base.tables.rig import Network
-from netboard.base.terminal import plain_console
+from netboard.base.terminal.logs import log_to_stderr
+from netboard.base.terminal.output import plain_console
 from netboard.network import keys
 from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION

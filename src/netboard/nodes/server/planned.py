@@ -11,7 +11,7 @@ from typing import Any
 from netboard.base.config import Config, digest, resolve
 from netboard.base.errors import ConfigError
 from netboard.base.tables.experiment import Session
-from netboard.base.terminal import plain_console
+from netboard.base.terminal.output import plain_console
 from netboard.nodes.server.attempts import Attempts
 from netboard.nodes.server.blocks import BlockSequence
 from netboard.recording.recovery.journal_file import Journal, journal_path, other_journals, started_before

@@ -9,7 +9,7 @@ import logging
 from collections.abc import Callable, Sequence
 
 from netboard.base.clock import now_ns
-from netboard.base.process import steady_loop
+from netboard.base.process.realtime import steady_loop
 from netboard.base.tick import TICK_NS
 from netboard.network.transport import sockets
 from netboard.network.transport.authenticator import Authenticator

@@ -6,7 +6,7 @@ from typing import Any
 
 from rich.text import Text
 
-from netboard.base.terminal import FittedTable, numbers
+from netboard.base.terminal.output import FittedTable, numbers
 from netboard.recording.counterfactual.what_if import QUANTITIES, Comparison, WhatIf
 from netboard.recording.format.summary import or_null
 

@@ -11,7 +11,7 @@ from glob import escape
 from pathlib import Path
 
 from netboard.base.errors import RecordingError
-from netboard.base.shell import shell_command
+from netboard.base.terminal.shell import shell_command
 
 RECOVERABLE = "netboard recover makes a recording of it"
 """What to do about an unfinished or damaged recording, where no path may be named."""

@@ -19,7 +19,7 @@ import mcap
 
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError
-from netboard.base.process import home_folder
+from netboard.base.process.resources import home_folder
 from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION
 from netboard.recording.format.channels import FORMAT_VERSION

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from netboard.base.errors import ConfigError, RecordingError
-from netboard.base.new_file import try_writing
+from netboard.base.files.new import try_writing
 
 if sys.platform != "win32":
     import fcntl

@@ -19,7 +19,7 @@ from typing import Any
 from mcap.writer import CompressionType, Writer
 
 from netboard.base.errors import RecordingError, writing
-from netboard.base.new_file import try_writing
+from netboard.base.files.new import try_writing
 from netboard.recording.format.channels import CHANNELS, Stamped
 from netboard.recording.format.disk import allocate, lock, sync_directory
 

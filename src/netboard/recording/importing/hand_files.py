@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.errors import ConfigError
-from netboard.base.new_file import new_file
+from netboard.base.files.new import new_file
 from netboard.physics.hands.sampled import GAP_RATIO, Hands, find_gaps
 from netboard.recording.export.formats import library
 from netboard.recording.importing.tables import ROWS, TableFile

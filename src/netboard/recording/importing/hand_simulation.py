@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from rich.console import RenderableType
 from rich.text import Text
 
-from netboard.base.bars import telling
 from netboard.base.config import ADAPTER, Config, contradictions_of_scene, resolve
 from netboard.base.errors import ConfigError
+from netboard.base.files.text import read_text
 from netboard.base.settings import read
 from netboard.base.tables.scene import Physics
-from netboard.base.terminal import FittedTable
-from netboard.base.text_file import read_text
+from netboard.base.terminal.bars import telling
+from netboard.base.terminal.output import FittedTable
 from netboard.physics.hands.sampled import Hands
 from netboard.physics.simulation import (
     Motion,

@@ -16,8 +16,8 @@ from typing import Any
 
 from netboard.base.config import Config, parse
 from netboard.base.errors import ConfigError
+from netboard.base.files.text import read_text
 from netboard.base.settings import parse_toml, to_toml
-from netboard.base.text_file import read_text
 from netboard.recording.importing.columns import COLUMNS, scales
 from netboard.recording.importing.table_import import ImportOptions
 

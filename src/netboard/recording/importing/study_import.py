@@ -14,7 +14,7 @@ from tempfile import TemporaryDirectory
 from netboard.base.config import Config, resolve
 from netboard.base.errors import ConfigError, NetboardError, RecordingError
 from netboard.base.plural import plural
-from netboard.base.workers import worker_processes
+from netboard.base.process.workers import worker_processes
 from netboard.recording.files.locate import sha256_of
 from netboard.recording.files.offline_writer import recording_name
 from netboard.recording.files.reader import Recording

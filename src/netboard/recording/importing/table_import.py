@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from netboard.base.config import Config, parse
 from netboard.base.errors import ConfigError
+from netboard.base.files.text import read_text
 from netboard.base.plural import plural
-from netboard.base.text_file import read_text
 from netboard.recording.files.locate import sha256_of
 from netboard.recording.files.offline_writer import BlockWriter
 from netboard.recording.importing.columns import COLUMNS, TASK

@@ -8,7 +8,7 @@ from typing import Any
 from rich.text import Text
 
 from netboard.base.plural import plural
-from netboard.base.terminal import Cell, FittedTable, numbers
+from netboard.base.terminal.output import Cell, FittedTable, numbers
 from netboard.base.tick import TICK_SECONDS
 from netboard.recording.integrity.catalogue import Entry, in_order
 from netboard.recording.integrity.severity import RESULTS, Report, Severity

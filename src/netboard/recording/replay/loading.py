@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.bars import progress_bars
-from netboard.base.terminal import plain_console
+from netboard.base.terminal.bars import progress_bars
+from netboard.base.terminal.output import plain_console
 from netboard.base.tick import joined
 from netboard.recording.files.reader import Recording
 from netboard.recording.replay.loaded import LoadedRecording

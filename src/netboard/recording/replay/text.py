@@ -11,7 +11,7 @@ from rich.text import Text
 from netboard.base.config import Config
 from netboard.base.errors import RecordingError
 from netboard.base.plural import plural
-from netboard.base.terminal import FittedTable, numbers
+from netboard.base.terminal.output import FittedTable, numbers
 from netboard.recording.files.offline_writer import TARGET_SIDES
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.summary import Attempt, Spread, Summary, summarise

@@ -11,8 +11,8 @@ from itertools import pairwise
 from pathlib import Path
 
 from netboard.base.errors import RecordingError
-from netboard.base.process import Priority
-from netboard.base.terminal import FittedTable, numbers
+from netboard.base.process.realtime import Priority
+from netboard.base.terminal.output import FittedTable, numbers
 from netboard.recording.timing.trace import MS, Trace
 
 SERVER_PRIORITY = 99 - Priority.SERVER

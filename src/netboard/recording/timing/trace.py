@@ -9,7 +9,7 @@ import numpy as np
 
 from netboard.base.config import SIDES
 from netboard.base.plural import plural
-from netboard.base.terminal import FittedTable, numbers
+from netboard.base.terminal.output import FittedTable, numbers
 from netboard.base.tick import TICK_NS
 from netboard.recording.format.summary import Spread, find_gaps, or_null, spread
 from netboard.recording.timing.causes import CAUSES, Cause

@@ -12,7 +12,7 @@ from netboard.base.config import Config
 from netboard.base.errors import ConfigError
 from netboard.base.plural import plural
 from netboard.base.settings import tables
-from netboard.base.terminal import FittedTable
+from netboard.base.terminal.output import FittedTable
 from netboard.task.plans.balance import Balance, Table, balance_of
 from netboard.task.plans.plan import Plan, PlanBlock, PlanSession, config_of, digest, seated, to_json
 from netboard.task.studies.factors import declared, level_text

@@ -16,7 +16,7 @@ from PySide6.QtCore import QObject, QTimer
 from netboard.base.clock import now_ns
 from netboard.base.config import Config, parse
 from netboard.base.errors import ConfigError, NetboardError
-from netboard.base.process import NAME
+from netboard.base.process.resources import NAME
 from netboard.base.tables.experiment import Session
 from netboard.network.protocol.control import Reply, Status
 from netboard.network.transport import sockets

@@ -22,8 +22,8 @@ from PySide6.QtCore import QObject, QSocketNotifier, QTimer
 from netboard.base.clock import now_ns
 from netboard.base.config import Config, Side, parse
 from netboard.base.errors import ConfigError, WireError
-from netboard.base.logs import RateLimitedLog
-from netboard.base.process import NAME
+from netboard.base.process.resources import NAME
+from netboard.base.terminal.logs import RateLimitedLog
 from netboard.network import keys
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import HELLO_INTERVAL_NS, Goodbye, Hello, Ping, Pong, Refusal, Welcome

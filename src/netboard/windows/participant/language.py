@@ -4,7 +4,7 @@ from importlib import resources
 from pathlib import Path
 
 from netboard.base.errors import ConfigError
-from netboard.base.text_file import read_text
+from netboard.base.files.text import read_text
 from netboard.windows.participant.words import DisplayTexts, parse_words
 
 LANGUAGES = ("en", "de", "fr", "es", "it")

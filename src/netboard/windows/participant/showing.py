@@ -18,7 +18,7 @@ from PySide6.QtCore import QObject, Qt, QTimer
 from netboard.base.clock import now_ns
 from netboard.base.config import Config, Side
 from netboard.base.errors import NetboardError
-from netboard.base.logs import RateLimitedLog
+from netboard.base.terminal.logs import RateLimitedLog
 from netboard.stage.view import View
 from netboard.windows.participant.frames import FrameTally
 from netboard.windows.participant.markers import Markers

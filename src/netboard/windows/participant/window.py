@@ -24,7 +24,7 @@ from PySide6.QtWidgets import QApplication, QVBoxLayout, QWidget
 from netboard.base.clock import now_ns
 from netboard.base.config import Side
 from netboard.base.errors import ConfigError, NetboardError
-from netboard.base.new_file import new_file
+from netboard.base.files.new import new_file
 from netboard.base.tables.rig import Display
 from netboard.windows.participant.widget import BoardView
 

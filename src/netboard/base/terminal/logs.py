@@ -8,7 +8,7 @@ from queue import Full, Queue
 from threading import Event, Thread
 from typing import TextIO
 
-from netboard.base.process import beside_loop
+from netboard.base.process.realtime import beside_loop
 
 STARTED = time.monotonic()
 """Time of the start of this process, or of its first line of netboard [s]."""

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from netboard.base.errors import NetboardError, writing
-from netboard.base.new_file import new_file, try_writing
+from netboard.base.files.new import new_file, try_writing
 
 
 def refuse_figure(figure: Path | None) -> None:

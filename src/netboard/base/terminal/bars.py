@@ -15,7 +15,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from netboard.base.terminal import plain_console
+from netboard.base.terminal.output import plain_console
 
 
 def progress_bars(console: Console, *more: str | ProgressColumn, shown: bool = True) -> Progress:
