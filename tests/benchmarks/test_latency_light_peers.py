@@ -90,7 +90,7 @@ def test_light_agent_follows_the_agent_protocol(config: Config) -> None:
         words = np.zeros(len(fixed.FORCE.markers), np.int64)
         words[:3], words[4] = (5, 222, 0), 310_000
         force = np.zeros(fixed.FORCE.size, np.uint8)
-        fixed.write(force, *fixed.FORCE[:2], words)
+        fixed.write(force, fixed.FORCE, words)
         assert decode(force.tobytes()) == Force(5, 222, 0, 0.0, 310_000)
         motion.send(force.tobytes())
         take_until(agent, counts, "forces")

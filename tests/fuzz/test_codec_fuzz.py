@@ -175,7 +175,7 @@ def test_the_fixed_form_reader_agrees_with_the_codec(form: fixed.Form, kind: typ
     numbers = words.view(np.int64)
     taken = 0
     for frame in islice(MalformedFrames([fixed_frame(form, kind, rng) for _ in range(50)], 5), FRAME_COUNT):
-        if not fixed.read(frame, form.head, form.markers, numbers):
+        if not fixed.read(frame, form, numbers):
             continue
         taken += 1
         assert bits(decode(frame)) == bits(kind(*words[0].item()))
@@ -186,5 +186,5 @@ def fixed_frame(form: fixed.Form, kind: type[Message], rng: random.Random) -> by
     """Return a frame of the fixed form with random numbers."""
     words = np.frombuffer(rng.randbytes(8 * len(form.markers)), np.int64)
     frame = np.zeros(form.size, np.uint8)
-    fixed.write(frame, form.head, form.markers, words)
+    fixed.write(frame, form, words)
     return frame.tobytes()

@@ -22,7 +22,7 @@ def written(message: Message, form: fixed.Form) -> bytes:
     words = np.zeros(len(form.markers), np.int64)
     words.view(np.dtype(fixed.fields_of(type(message))))[0] = astuple(message)  # type: ignore[call-overload]
     frame = np.zeros(form.size, np.uint8)
-    fixed.write(frame, form.head, form.markers, words)
+    fixed.write(frame, form, words)
     return frame.tobytes()
 
 
@@ -42,7 +42,7 @@ def test_fixed_form_and_codec_read_each_frame_alike(kind: type, form: fixed.Form
 def read(frame: bytes, kind: type, form: fixed.Form) -> Message | None:
     """The message in a frame of the fixed form, None if the frame has another form."""
     words = np.zeros(len(form.markers), np.int64)
-    if not fixed.read(frame, form.head, form.markers, words):
+    if not fixed.read(frame, form, words):
         return None
     numbers = words.view(np.dtype(fixed.fields_of(kind)))[0].tolist()  # type: ignore[call-overload]
     return kind(*(hint(n) for n, hint in zip(numbers, get_type_hints(kind).values(), strict=True)))  # type: ignore[no-any-return]

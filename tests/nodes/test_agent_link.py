@@ -101,7 +101,7 @@ def test_point_is_accepted_like_a_force_in_either_encoding(pair: Pair) -> None:
     assert pair.link.loop_ns >= 5_000_000
     words, frame = np.zeros(len(fixed.POINT.markers), np.int64), np.zeros(fixed.POINT.size, np.uint8)
     words.view(np.dtype(fixed.fields_of(Point)))[0] = astuple(replace(point, tick=2))
-    fixed.write(frame, *fixed.POINT[:2], words)
+    fixed.write(frame, fixed.POINT, words)
     assert pair.router.send(pair.agent, frame.tobytes())
     assert pair.link.receive()
     assert pair.link.newest == replace(point, tick=2)

@@ -34,7 +34,7 @@ def fixed_form(message: Force | Heartbeat) -> bytes:
     form = fixed.form_of(type(message))
     words = np.frombuffer(fixed.packer_of(type(message)).pack(*astuple(message)), np.int64)
     frame = np.zeros(form.size, np.uint8)
-    fixed.write(frame, *form[:2], words)
+    fixed.write(frame, form, words)
     return frame.tobytes()
 
 

@@ -259,7 +259,7 @@ def test_encoding_of_a_force_is_stable_and_scaled_by_the_gain(rig: Rig) -> None:
         words, frame = np.zeros(5, np.int64), np.zeros(fixed.FORCE.size, np.uint8)
         commanded = row.view(np.int64)
         samples.write_force(words, commanded, commanded, np.zeros((2, samples.WORDS), np.int64), np.ones(2), 0, 77)
-        fixed.write(frame, *fixed.FORCE[:2], words)
+        fixed.write(frame, fixed.FORCE, words)
         parts = (0x96, 11, 0xD3, 12, 0xD3, 77, 0xD3, 0, 0xCB, force, 0xD3, 0)
         assert frame.tobytes() == struct.pack(">BBBqBqBqBdBq", *parts)
     rig.port.gains[:] = 0.5, 1.0
@@ -311,7 +311,7 @@ def test_sample_is_accepted_in_either_encoding(new_rig: Callable[[], Rig]) -> No
     words, frame = np.zeros(len(fixed.STYLUS.markers), np.int64), np.zeros(fixed.STYLUS.size, np.uint8)
     record = words.view(np.dtype(fixed.fields_of(Stylus)))
     record[0] = astuple(stylus)
-    fixed.write(frame, *fixed.STYLUS[:2], words)
+    fixed.write(frame, fixed.STYLUS, words)
     rows = []
     for form in (frame.tobytes(), encode(stylus)):
         rig = new_rig().registered()

@@ -54,7 +54,7 @@ class TickRunner:
         numbers = (seq, seq * TICK_NS, *(0.0,) * 6, 0, int(Safeguard.ARMED), 0.0, -1, *(0,) * 4)
         words = np.frombuffer(fixed.packer_of(Stylus).pack(*numbers), np.int64)
         frame = np.zeros(fixed.STYLUS.size, np.uint8)
-        fixed.write(frame, *fixed.STYLUS[:2], words)
+        fixed.write(frame, fixed.STYLUS, words)
         for name in NAMES.values():
             self.rig.router.send_from(name, frame.tobytes())
 

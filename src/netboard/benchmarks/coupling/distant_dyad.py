@@ -86,7 +86,7 @@ class Station:
             *(number, now_ns, x, y, z, vx, vy, vz, 0, self.safeguards, self.rendered, -1, 0, 0, now_ns, 0),
         )
         frame = np.zeros(fixed.STYLUS.size, np.uint8)
-        fixed.write(frame, *fixed.STYLUS[:2], self._sample)
+        fixed.write(frame, fixed.STYLUS, self._sample)
         self.sent.append(frame)
         if self._passivity is not None:
             self._passivity.remember(number, z)
@@ -107,9 +107,9 @@ class Station:
         self.safeguards = int(limited.safeguards)
 
     def _receive(self, frame: NDArray[np.uint8]) -> None:
-        if fixed.read(frame, *fixed.FORCE[:2], self._force):
+        if fixed.read(frame, fixed.FORCE, self._force):
             self._newest = Force(*_FORCE.unpack(self._force.data))
-        elif fixed.read(frame, *fixed.POINT[:2], self._point):
+        elif fixed.read(frame, fixed.POINT, self._point):
             self._newest = Point(*_POINT.unpack(self._point.data))
 
     def _wanted(self, now_ns: int) -> float:
@@ -188,7 +188,7 @@ class DistantDyad:
         for sample, station in zip(self._samples, self.stations, strict=True):
             frame = station.arriving()
             if frame is not None:
-                samples.take_frame(sample, frame, *fixed.STYLUS[:2], self._sample, now_ns, now_ns)
+                samples.take_frame(sample, frame, self._sample, now_ns, now_ns)
         samples.fill(self._row, self._samples, self._number, now_ns, 0, TIMEOUT_NS)
         self._row[_COMMAND] = int(Cause.START) if self._number == 0 else int(Cause.NONE)
         self._stage.advance(self._state, self._rows)
@@ -203,5 +203,5 @@ class DistantDyad:
         else:
             samples.write_force(words, self._row, self._row, self._samples, self._gains, place, now_ns)
         frame = np.zeros(self._form.size, np.uint8)
-        fixed.write(frame, self._form.head, self._form.markers, words)
+        fixed.write(frame, self._form, words)
         return frame

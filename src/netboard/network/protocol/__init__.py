@@ -6,8 +6,8 @@ message : type
     The dataclass of a message that has only numbers.
 frame : bytes
     Untrusted input: any bytes from any sender.
-head, markers : ndarray of uint8
-    The first two parts of a `netboard.network.protocol.fixed.Form`.
+form : netboard.network.protocol.fixed.Form
+    The fixed form of a message.
 role : str
     One of `netboard.network.protocol.joining.ROLES`.
 side : str

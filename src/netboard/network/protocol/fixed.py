@@ -71,7 +71,7 @@ STYLUS, FORCE, POINT, HEARTBEAT = map(form_of, (Stylus, Force, Point, Heartbeat)
 
 
 @kernel
-def read(frame: Any, head: Any, markers: Any, words: Any) -> bool:
+def read(frame: Any, form: Form, words: Any) -> bool:
     """Read a frame of a fixed form; return False, and leave the words undefined, if it has another form.
 
     Parameters
@@ -79,14 +79,14 @@ def read(frame: Any, head: Any, markers: Any, words: Any) -> bool:
     words : ndarray of int64, shape (n,)
         Output: the numbers as words.
     """
-    place, size = len(head), len(frame)
+    place, size = len(form.head), len(frame)
     if size < place:
         return False
     for k in range(place):
-        if frame[k] != head[k]:
+        if frame[k] != form.head[k]:
             return False
-    for k in range(len(markers)):
-        width = 1 if markers[k] == _FALSE else WIDE
+    for k in range(len(form.markers)):
+        width = 1 if form.markers[k] == _FALSE else WIDE
         if size < place + width:
             return False
         if width == 1:
@@ -94,7 +94,7 @@ def read(frame: Any, head: Any, markers: Any, words: Any) -> bool:
             if not 0 <= word <= 1:
                 return False
         else:
-            if frame[place] != markers[k]:
+            if frame[place] != form.markers[k]:
                 return False
             word = np.int64(0)
             for byte in range(1, 9):
@@ -105,7 +105,7 @@ def read(frame: Any, head: Any, markers: Any, words: Any) -> bool:
 
 
 @kernel
-def write(frame: Any, head: Any, markers: Any, words: Any) -> None:
+def write(frame: Any, form: Form, words: Any) -> None:
     """Write a frame of a fixed form.
 
     Parameters
@@ -115,16 +115,16 @@ def write(frame: Any, head: Any, markers: Any, words: Any) -> None:
     words : ndarray of int64, shape (n,)
         The numbers as words.
     """
-    place = len(head)
+    place = len(form.head)
     for k in range(place):
-        frame[k] = head[k]
-    for k in range(len(markers)):
+        frame[k] = form.head[k]
+    for k in range(len(form.markers)):
         word = words[k]
-        if markers[k] == _FALSE:
+        if form.markers[k] == _FALSE:
             frame[place] = _FALSE + word
             place += 1
             continue
-        frame[place] = markers[k]
+        frame[place] = form.markers[k]
         for byte in range(8, 0, -1):
             frame[place + byte] = word & 255
             word >>= 8

@@ -41,8 +41,6 @@ NEWER = -4
 _ANSWERS: tuple[Any, ...] = (None, Force, Point, Heartbeat)
 _PACKERS: tuple[Any, ...] = (None, *map(fixed.packer_of, (Force, Point, Heartbeat)))
 _LENGTH = len(fixed.POINT.markers)
-_SEND_FORM, _FORCE_FORM, _POINT_FORM = fixed.STYLUS[:2], fixed.FORCE[:2], fixed.POINT[:2]
-_BEAT_FORM = fixed.HEARTBEAT[:2]
 
 LINK = np.dtype(
     [
@@ -110,15 +108,13 @@ def wait_for_answer(fast: Any, frame: Any, link: Any, until_ns: int) -> int:
         size = fastpath.receive_one(fast, frame)
         now = fastpath.now_ns(fast)
         if size >= 0:
-            # Word 4 of a `Force`, word 8 of a `Point` and word 3 of a `Heartbeat` is its ``lead_ns``: the order of
-            # their fields.
-            if fixed.read(frame[:size], _FORCE_FORM[0], _FORCE_FORM[1], came):
+            if fixed.read(frame[:size], fixed.FORCE, came):
                 if take(link, FORCE, came[4], now):
                     return NEWER
-            elif fixed.read(frame[:size], _POINT_FORM[0], _POINT_FORM[1], came):
+            elif fixed.read(frame[:size], fixed.POINT, came):
                 if take(link, POINT, came[8], now):
                     return NEWER
-            elif fixed.read(frame[:size], _BEAT_FORM[0], _BEAT_FORM[1], came):
+            elif fixed.read(frame[:size], fixed.HEARTBEAT, came):
                 if take(link, BEAT, came[3], now):
                     return NEWER
             else:
@@ -151,14 +147,14 @@ def send_sample(
     state["stamps"][seq % REMEMBERED], state["sent"] = stamp_ns, seq
     if not state["in_session"]:
         return fastpath.NOT_SENT
-    words = np.empty(len(_SEND_FORM[1]), np.int64)
+    words = np.empty(len(fixed.STYLUS.markers), np.int64)
     numbers = words.view(np.float64)
     words[0], words[1] = seq, stamp_ns
     numbers[2], numbers[3], numbers[4], numbers[5], numbers[6], numbers[7] = x, y, z, vx, vy, vz
     words[8], words[9], numbers[10] = buttons, safeguards, rendered
     words[11], words[12] = (state["words"][0], state["words"][1]) if state["kind"] != NONE else (-1, 0)
     words[13], words[14], words[15] = state["heard_ns"], fastpath.now_ns(fast), state["loop_ns"]
-    fixed.write(frame, _SEND_FORM[0], _SEND_FORM[1], words)
+    fixed.write(frame, fixed.STYLUS, words)
     return fastpath.send_one(fast, frame)
 
 

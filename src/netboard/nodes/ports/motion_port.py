@@ -72,7 +72,7 @@ class MotionPort:
         self.fast = fastpath.FastPath(router.socket, router.keyed)
         self._router = router
         self._frame = np.zeros(sockets.MAX_SAMPLE, np.uint8)
-        self._form = (*fixed.STYLUS[:2], np.zeros(samples.SAMPLE_WORDS, np.int64))
+        self._sample = np.zeros(samples.SAMPLE_WORDS, np.int64)
         self._welcome = encode(welcome)
         self._timeout_ns = timeout_ns
         self._bound_ns = bound_ns
@@ -110,7 +110,7 @@ class MotionPort:
         most, most_others = samples.MAX_FRAMES, MAX_OTHER_FRAMES
         while most > 0 and most_others > 0:
             found = samples.drain(
-                self._words, self.fast.record, self._frame, *self._form, due_ns, signalled, most, self._unregistered
+                self._words, self.fast.record, self._frame, self._sample, due_ns, signalled, most, self._unregistered
             )
             if not found & (samples.OTHER | samples.FAILED):
                 break
@@ -152,7 +152,7 @@ class MotionPort:
     ) -> Callable[[], int]:
         """Return a call that runs undisturbed ticks; see `netboard.nodes.server.undisturbed`, also for its result."""
         self._permit()
-        motion = self.fast.record, self._words, self.gains, self._frame, self._form[-1], self._unregistered
+        motion = self.fast.record, self._words, self.gains, self._frame, self._sample, self._unregistered
         sent = self._force, self._force_words, self._beat, self._beat_words
         return partial(ticks, (*motion, *sent), stage, run, delay, self._timeout_ns)
 
@@ -166,11 +166,9 @@ class MotionPort:
         self._permit()
         fast, agents, gains = self.fast.record, self._words, self.gains
         if self._ends is None:
-            form, words = fixed.FORCE[:2], self._force_words
-            sent = samples.send_forces(fast, self._force, row, commanded, agents, gains, *form, words)
+            sent = samples.send_forces(fast, self._force, row, commanded, agents, gains, self._force_words)
         else:
-            form, words = fixed.POINT[:2], self._point_words
-            sent = samples.send_points(fast, self._point, row, agents, gains, self._ends, *form, words)
+            sent = samples.send_points(fast, self._point, row, agents, gains, self._ends, self._point_words)
         if sent == fastpath.FAILED:
             self.fast.raise_failure("motion")
 
@@ -191,8 +189,7 @@ class MotionPort:
             return
         self._permit()
         fast, agents, places = self.fast.record, self._words, sum(1 << SIDES.index(side) for side in sides)
-        form, words = fixed.HEARTBEAT[:2], self._beat_words
-        if samples.send_heartbeats(fast, self._beat, tick, agents, places, *form, words) == fastpath.FAILED:
+        if samples.send_heartbeats(fast, self._beat, tick, agents, places, self._beat_words) == fastpath.FAILED:
             self.fast.raise_failure("motion")
 
     def find_missing(self, now_ns: int, needed: Collection[Side]) -> list[str]:

@@ -150,9 +150,9 @@ def take(agent: Any, sample: Any, now_ns: int, due_ns: int) -> bool:
 
 
 @kernel
-def take_frame(agent: Any, frame: Any, head: Any, markers: Any, sample: Any, now_ns: int, due_ns: int) -> int:
+def take_frame(agent: Any, frame: Any, sample: Any, now_ns: int, due_ns: int) -> int:
     """Take a fixed-form sample; return -1 if the frame is anything else, else whether the sample was taken."""
-    if not fixed.read(frame, head, markers, sample):
+    if not fixed.read(frame, fixed.STYLUS, sample):
         return -1
     return 1 if take(agent, sample, now_ns, due_ns) else 0
 
@@ -179,8 +179,6 @@ def drain(
     agents: Any,
     fast: Any,
     frame: Any,
-    head: Any,
-    markers: Any,
     sample: Any,
     due_ns: int,
     eager: bool,
@@ -211,7 +209,7 @@ def drain(
             from_unregistered += 1
             continue
         size = fast[0]["size"]
-        taken = take_frame(agents[place], frame[:size], head, markers, sample, now_ns, due_ns)
+        taken = take_frame(agents[place], frame[:size], sample, now_ns, due_ns)
         if taken < 0:
             return found + frames * FRAMES + OTHER
         found |= taken << place
@@ -303,9 +301,7 @@ def _has_person(fast: Any, agents: Any, place: int) -> bool:
 
 
 @kernel
-def send_forces(
-    fast: Any, frame: Any, row: Any, commanded: Any, agents: Any, gains: Any, head: Any, markers: Any, words: Any
-) -> int:
+def send_forces(fast: Any, frame: Any, row: Any, commanded: Any, agents: Any, gains: Any, words: Any) -> int:
     """Send each connected side with a person its `Force` of a tick; the side that goes first alternates.
 
     ``commanded``: words of the row with the commanded force (`netboard.stage.stage.Stage.commanded_row`). Returns
@@ -319,16 +315,14 @@ def send_forces(
         if not _has_person(fast, agents, place):
             continue
         write_force(words, row, commanded, agents, gains, place, fastpath.now_ns(fast))
-        fixed.write(frame, head, markers, words)
+        fixed.write(frame, fixed.FORCE, words)
         if fastpath.send_to(fast, place, frame) == fastpath.FAILED:
             return fastpath.FAILED
     return fastpath.SENT
 
 
 @kernel
-def send_points(
-    fast: Any, frame: Any, row: Any, agents: Any, gains: Any, ends: Any, head: Any, markers: Any, words: Any
-) -> int:
+def send_points(fast: Any, frame: Any, row: Any, agents: Any, gains: Any, ends: Any, words: Any) -> int:
     """Send each live side its `Point` of a tick, as `send_forces` sends forces.
 
     A side without a valid sample gets nothing: its agent lets the force fade.
@@ -343,16 +337,14 @@ def send_points(
         if not _has_person(fast, agents, place) or row[_LIVE[place]] == 0:
             continue
         write_point(words, row, agents, gains, place, ends, fastpath.now_ns(fast))
-        fixed.write(frame, head, markers, words)
+        fixed.write(frame, fixed.POINT, words)
         if fastpath.send_to(fast, place, frame) == fastpath.FAILED:
             return fastpath.FAILED
     return fastpath.SENT
 
 
 @kernel
-def send_heartbeats(
-    fast: Any, frame: Any, tick: int, agents: Any, sides: int, head: Any, markers: Any, words: Any
-) -> int:
+def send_heartbeats(fast: Any, frame: Any, tick: int, agents: Any, sides: int, words: Any) -> int:
     """Send some connected sides a `Heartbeat`, which commands no force.
 
     ``sides``: the sum of 1 for the left and 2 for the right side. Returns `netboard.network.transport.fastpath.FAILED`
@@ -363,7 +355,7 @@ def send_heartbeats(
             continue
         words[0], words[1], words[2] = tick, fastpath.now_ns(fast), agents[place, SEQ]
         words[3], words[4] = agents[place, LEAD], agents[place, ARM]
-        fixed.write(frame, head, markers, words)
+        fixed.write(frame, fixed.HEARTBEAT, words)
         if fastpath.send_to(fast, place, frame) == fastpath.FAILED:
             return fastpath.FAILED
     return fastpath.SENT
@@ -388,13 +380,13 @@ def warm() -> None:
     for agent in agents:
         empty(agent)
     unregistered = np.zeros(1, UNREGISTERED)
-    drain(agents, fast, frame, *fixed.STYLUS[:2], sample, TICK_NS, False, MAX_FRAMES, unregistered)
+    drain(agents, fast, frame, sample, TICK_NS, False, MAX_FRAMES, unregistered)
     take(agents[0], sample, TICK_NS, TICK_NS)
     awaited(agents)
     fill(row, agents, 0, TICK_NS, 0, TICK_NS)
     gains = np.ones(2)
-    send_forces(fast, frame, row, row, agents, gains, *fixed.FORCE[:2], np.zeros(len(fixed.FORCE.markers), np.int64))
+    send_forces(fast, frame, row, row, agents, gains, np.zeros(len(fixed.FORCE.markers), np.int64))
     beat, words = np.zeros(fixed.HEARTBEAT.size, np.uint8), np.zeros(len(fixed.HEARTBEAT.markers), np.int64)
-    send_heartbeats(fast, beat, 0, agents, BOTH, *fixed.HEARTBEAT[:2], words)
+    send_heartbeats(fast, beat, 0, agents, BOTH, words)
     point, words = np.zeros(fixed.POINT.size, np.uint8), np.zeros(len(fixed.POINT.markers), np.int64)
-    send_points(fast, point, row, agents, gains, np.zeros((2, 3)), *fixed.POINT[:2], words)
+    send_points(fast, point, row, agents, gains, np.zeros((2, 3)), words)

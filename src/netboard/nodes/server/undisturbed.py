@@ -58,9 +58,6 @@ RUN_WORDS = {name: place for place, name in enumerate(RUN.names or ())}
 
 _BEHIND_NS = CATCH_UP_TICKS * TICK_NS
 _EVENT, _TICK, _TRIAL = (TICK_WORDS[name] for name in ("event", "tick", "trial"))
-_HEAD, _MARKERS = fixed.FORCE[:2]
-_BEAT_HEAD, _BEAT_MARKERS = fixed.HEARTBEAT[:2]
-_SAMPLE_HEAD, _SAMPLE_MARKERS = fixed.STYLUS[:2]
 _UNREAD = samples.OTHER | samples.FAILED
 
 
@@ -72,8 +69,7 @@ def _ticks(state: Any, rows: Any, first: int, count: int, book: Any, tables: Any
 def _take(motion: Any, due_ns: int, eager: bool) -> int:
     """Take the samples that have arrived; see `netboard.nodes.ports.samples.drain`."""
     fast, agents, _, frame, sample, unregistered, _, _, _, _ = motion
-    head, markers, most = _SAMPLE_HEAD, _SAMPLE_MARKERS, samples.MAX_FRAMES
-    return drain(agents, fast, frame, head, markers, sample, due_ns, eager, most, unregistered)
+    return drain(agents, fast, frame, sample, due_ns, eager, samples.MAX_FRAMES, unregistered)
 
 
 @kernel
@@ -87,9 +83,9 @@ def _send(motion: Any, forces: int, row: Any, commanded: Any) -> int:
     """Send the forces of a tick, or the heartbeats that are due; return a result of sending."""
     fast, agents, gains, _, _, _, force, force_words, beat, beat_words = motion
     if forces:
-        return send_forces(fast, force, row, commanded, agents, gains, _HEAD, _MARKERS, force_words)
+        return send_forces(fast, force, row, commanded, agents, gains, force_words)
     if row[_TICK] % HEARTBEAT_TICKS == 0:
-        return send_heartbeats(fast, beat, row[_TICK], agents, BOTH, _BEAT_HEAD, _BEAT_MARKERS, beat_words)
+        return send_heartbeats(fast, beat, row[_TICK], agents, BOTH, beat_words)
     return fastpath.SENT
 
 
