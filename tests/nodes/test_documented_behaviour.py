@@ -32,7 +32,7 @@ def automatic(tmp_path: Path, context: sockets.Context) -> Iterator[SteppedSessi
 
 def sample(state: Any, place: int, z: float, seq: int) -> None:
     """Let a side's agent have sent a sample."""
-    agent = state.ports.motion._words[place].view(samples.AGENT)[0]
+    agent = state.ports.motion._motion.agents[place].view(samples.AGENT)[0]
     now = state.clock.due_ns
     agent["seq"], agent["taken"], agent["z"], agent["fresh"] = seq, 5, z, 1
     agent["arrived_ns"] = agent["server_stamp_ns"] = agent["stamp_ns"] = now
@@ -73,8 +73,8 @@ def test_latency_of_a_device_that_is_not_in_use_pauses_no_trial(
 ) -> None:
     monkeypatch.setattr(stepped_session, "STUDY", STUDY + 'block.left = "still"\n')
     session = SteppedSession(tmp_path, context, 'network.delay_action="disarm"')
-    session.state.ports.motion._words[0][samples.LOOP] = 9_000_000  # as its agent goes on reporting
-    session.state.ports.motion._words[1][samples.LOOP] = 1_000_000
+    session.state.ports.motion._motion.agents[0][samples.LOOP] = 9_000_000  # as its agent goes on reporting
+    session.state.ports.motion._motion.agents[1][samples.LOOP] = 1_000_000
     session.start()
     session.tick(100)
     phase = session.phase

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from netboard.base.compiled import machine_code
 from netboard.base.config import Side
 from netboard.network.protocol import fixed
 from netboard.network.protocol.clock_estimator import ClockEstimator
@@ -36,9 +37,9 @@ class AgentState:
         self.probe: tuple[int, int, int, int] | None = None
         self._words = words
         self._sample = np.zeros(samples.SAMPLE_WORDS, np.int64)
+        self._take = machine_code(samples.take, words, self._sample, 0, 0)
         self._probed_tick = -PROBE_TICKS
         self._rate = Rate()
-        samples.empty(words)
 
     def register(self, peer: bytes, hello: Hello, now_ns: int) -> None:
         """Register an agent, and forget the one before."""
@@ -56,7 +57,7 @@ class AgentState:
     def take(self, stylus: Stylus, now_ns: int, due_ns: int) -> None:
         """Take a sample that did not come in its fixed form."""
         _PACK.pack_into(self._sample.data, 0, *_VALUES(stylus))
-        if samples.take(self._words, self._sample, now_ns, due_ns):
+        if self._take(self._words, self._sample, now_ns, due_ns):
             self.probe_clock()
 
     def probe_clock(self) -> None:

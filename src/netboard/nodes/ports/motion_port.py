@@ -16,24 +16,23 @@ from typing import Any
 
 import numpy as np
 
+from netboard.base.compiled import machine_code
 from netboard.base.config import SIDES, Side
 from netboard.base.errors import WireError
-from netboard.base.tick import HEARTBEAT_TICKS
-from netboard.network.protocol import fixed
+from netboard.base.tick import HEARTBEAT_TICKS, TICK_WORDS
 from netboard.network.protocol.codec import decode, encode, kind_of
 from netboard.network.protocol.control import LinkStatus
 from netboard.network.protocol.joining import HELLO_FIRST, Goodbye, Hello, Welcome
 from netboard.network.protocol.messages import sent_by
 from netboard.network.protocol.motion import Backfill, BackfillRequest, Stylus
 from netboard.network.protocol.records import ClockRecord
-from netboard.network.transport import endpoints, fastpath, sockets
+from netboard.network.transport import endpoints, fastpath
 from netboard.nodes.ports import samples
 from netboard.nodes.ports.agent_state import AgentState
 from netboard.nodes.ports.emergency import AWAITING_ARMING
 from netboard.nodes.ports.peer import Probes, admit
 from netboard.nodes.ports.peer_events import News, PeerEvents
 from netboard.nodes.ports.refusals import TOO_MANY_MESSAGES, Refusals
-from netboard.nodes.ports.unregistered import UNREGISTERED
 
 SILENCE_TIMEOUT_NS = 2_000_000_000
 """Silence after which an agent has left [ns]."""
@@ -62,35 +61,34 @@ class MotionPort:
     def __init__(
         self, router: endpoints.Router, welcome: Welcome, timeout_ns: int, bound_ns: int, ends: Any = None
     ) -> None:
-        self._words = np.zeros((len(SIDES), samples.WORDS), np.int64)
-        pairs = zip(SIDES, self._words, strict=True)
+        self.fast = fastpath.FastPath(router.socket, router.keyed)
+        self._motion = samples.motion_of(self.fast.record)
+        pairs = zip(SIDES, self._motion.agents, strict=True)
         self.agents: dict[Side, AgentState] = {side: AgentState(side, words) for side, words in pairs}
         self.news: News = []
         self.backfills: list[tuple[Side, Backfill]] = []
         self.may_arm = True
         self._people: tuple[Side, ...] = SIDES
-        self.fast = fastpath.FastPath(router.socket, router.keyed)
         self._router = router
-        self._frame = np.zeros(sockets.MAX_SAMPLE, np.uint8)
-        self._sample = np.zeros(samples.SAMPLE_WORDS, np.int64)
         self._welcome = encode(welcome)
         self._timeout_ns = timeout_ns
         self._bound_ns = bound_ns
         self._by_peer: dict[bytes, AgentState] = {}
         self.refusals = Refusals(router, self.news)
         self._peer_events = PeerEvents(self.news)
-        self._unregistered = np.zeros(1, UNREGISTERED)
         self._handled = 0  # of the kept frames of unregistered peers
         self._other_frames_ns = dict.fromkeys(SIDES, 0)
         self._probes = Probes()
-        self._force = np.zeros(fixed.FORCE.size, np.uint8)
-        self._force_words = np.zeros(len(fixed.FORCE.markers), np.int64)
         self._ends = ends
         self.gains = np.ones(len(SIDES))
-        self._beat = np.zeros(fixed.HEARTBEAT.size, np.uint8)
-        self._beat_words = np.zeros(len(fixed.HEARTBEAT.markers), np.int64)
-        self._point = np.zeros(fixed.POINT.size, np.uint8)
-        self._point_words = np.zeros(len(fixed.POINT.markers), np.int64)
+        # Compiled now, so that no sample is delayed.
+        row, no_ends = np.zeros(len(TICK_WORDS), np.int64), np.zeros((len(SIDES), 3))
+        self._drain = machine_code(samples.drain, self._motion, 0, False, 0)
+        self._awaited = machine_code(samples.awaited, self._motion.agents)
+        self._fill = machine_code(samples.fill, row, self._motion.agents, 0, 0, 0, 0)
+        self._send_forces = machine_code(samples.send_forces, self._motion, row, row, self.gains)
+        self._send_points = machine_code(samples.send_points, self._motion, row, self.gains, no_ends)
+        self._send_heartbeats = machine_code(samples.send_heartbeats, self._motion, 0, 0)
 
     @property
     def empty(self) -> bool:
@@ -100,7 +98,7 @@ class MotionPort:
     @property
     def unhandled(self) -> bool:
         """Whether frames of unregistered peers wait to be handled."""
-        return bool(self._unregistered[0]["kept"])
+        return bool(self._motion.unregistered[0]["kept"])
 
     def drain(self, clock: Callable[[], int], due_ns: int, signalled: bool = False) -> bool:
         """Take what has arrived; return whether each side that was punctual at the last tick has sent a new sample.
@@ -109,9 +107,7 @@ class MotionPort:
         """
         most, most_others = samples.MAX_FRAMES, MAX_OTHER_FRAMES
         while most > 0 and most_others > 0:
-            found = samples.drain(
-                self._words, self.fast.record, self._frame, self._sample, due_ns, signalled, most, self._unregistered
-            )
+            found = self._drain(self._motion, due_ns, signalled, most)
             if not found & (samples.OTHER | samples.FAILED):
                 break
             if found & samples.FAILED:
@@ -121,7 +117,7 @@ class MotionPort:
             most_others -= 1
         if not signalled:
             self.probe_clocks()
-        return not samples.awaited(self._words)
+        return not self._awaited(self._motion.agents)
 
     def probe_clocks(self) -> None:
         """Use the newest samples as clock probes."""
@@ -130,7 +126,7 @@ class MotionPort:
 
     def attend(self, now_ns: int, due_ns: int) -> None:
         """Handle a few frames of unregistered peers, and count those that were dropped."""
-        unregistered = self._unregistered[0]
+        unregistered = self._motion.unregistered[0]
         stop = min(int(unregistered["kept"]), self._handled + MAX_UNREGISTERED_AT_ONCE)
         for row in range(self._handled, stop):
             kept = unregistered["frames"][row]
@@ -145,16 +141,14 @@ class MotionPort:
 
     def fill(self, row: Any, number: int, due_ns: int, late_ns: int) -> int:
         """Begin the row of a tick with both sides' samples; see `netboard.nodes.ports.samples.fill`."""
-        return samples.fill(row, self._words, number, due_ns, late_ns, self._timeout_ns)
+        return self._fill(row, self._motion.agents, number, due_ns, late_ns, self._timeout_ns)
 
     def undisturbed_ticks(
         self, ticks: Callable[..., int], stage: tuple[Any, ...], run: Any, delay: int
     ) -> Callable[[], int]:
         """Return a call that runs undisturbed ticks; see `netboard.nodes.server.undisturbed`, also for its result."""
         self._permit()
-        motion = self.fast.record, self._words, self.gains, self._frame, self._sample, self._unregistered
-        sent = self._force, self._force_words, self._beat, self._beat_words
-        return partial(ticks, (*motion, *sent), stage, run, delay, self._timeout_ns)
+        return partial(ticks, self._motion, self.gains, stage, run, delay, self._timeout_ns)
 
     def force(self, row: Any, commanded: Any) -> None:
         """Send each agent its commanded force of a tick, or the board's state from which it computes the force.
@@ -164,32 +158,31 @@ class MotionPort:
         ``commanded``: words of the row with the commanded force (`netboard.stage.stage.Stage.commanded_row`).
         """
         self._permit()
-        fast, agents, gains = self.fast.record, self._words, self.gains
         if self._ends is None:
-            sent = samples.send_forces(fast, self._force, row, commanded, agents, gains, self._force_words)
+            sent = self._send_forces(self._motion, row, commanded, self.gains)
         else:
-            sent = samples.send_points(fast, self._point, row, agents, gains, self._ends, self._point_words)
+            sent = self._send_points(self._motion, row, self.gains, self._ends)
         if sent == fastpath.FAILED:
             self.fast.raise_failure("motion")
 
     def _permit(self) -> None:
         """Note for compiled code whose hand is a person's, and whose device may be armed."""
-        for words, agent in zip(self._words, self.agents.values(), strict=True):
+        for words, agent in zip(self._motion.agents, self.agents.values(), strict=True):
             words[samples.PERSON] = agent.side in self._people
             words[samples.ARM] = self.may_arm and words[samples.PERSON] and agent.clock.bound_ns <= self._bound_ns
 
     @property
     def loops_ns(self) -> list[int]:
         """Newest sample-to-force latency of each hand, 0 if not yet known [ns]."""
-        return [int(words[samples.LOOP]) for words in self._words]
+        return [int(words[samples.LOOP]) for words in self._motion.agents]
 
     def send_heartbeat(self, tick: int, at_once: bool = False, sides: Collection[Side] = SIDES) -> None:
         """Send each agent of these sides a heartbeat, which commands no force: every `HEARTBEAT_TICKS` or at once."""
         if tick % HEARTBEAT_TICKS and not at_once:
             return
         self._permit()
-        fast, agents, places = self.fast.record, self._words, sum(1 << SIDES.index(side) for side in sides)
-        if samples.send_heartbeats(fast, self._beat, tick, agents, places, self._beat_words) == fastpath.FAILED:
+        places = sum(1 << SIDES.index(side) for side in sides)
+        if self._send_heartbeats(self._motion, tick, places) == fastpath.FAILED:
             self.fast.raise_failure("motion")
 
     def find_missing(self, now_ns: int, needed: Collection[Side]) -> list[str]:
@@ -198,12 +191,12 @@ class MotionPort:
         for place, (side, agent) in enumerate(self.agents.items()):
             if side not in needed:
                 continue
-            if not self._words[place, samples.TAKEN] or agent.silent_ns(now_ns) >= self._timeout_ns:
+            if not self._motion.agents[place, samples.TAKEN] or agent.silent_ns(now_ns) >= self._timeout_ns:
                 missing.append(f"the {side} agent")
             elif agent.clock.bound_ns > self._bound_ns:
                 known = f"{agent.clock.bound_ns * 1e-6:.2f} ms" if agent.clock.known else "nothing yet"
                 missing.append(f"the {side} agent's clock to {self._bound_ns * 1e-6:g} ms (known to {known})")
-            elif not self._words[place, samples.SAFEGUARDS] & samples.ARMED_BIT:
+            elif not self._motion.agents[place, samples.SAFEGUARDS] & samples.ARMED_BIT:
                 missing.append(f"the {side} {AWAITING_ARMING}")
         return missing
 
@@ -251,7 +244,7 @@ class MotionPort:
 
     def read_other_frame(self, now_ns: int, due_ns: int) -> None:
         """Handle a registered agent's frame that is not a fixed-form sample, unless it sends too many."""
-        peer, frame = self._router.checked(*self.fast.sender, self._frame[: self.fast.size].tobytes())
+        peer, frame = self._router.checked(*self.fast.sender, self._motion.frame[: self.fast.size].tobytes())
         agent = self._by_peer.get(peer)
         if agent is not None:
             next_ns = max(self._other_frames_ns[agent.side], now_ns) + OTHER_FRAME_INTERVAL_NS

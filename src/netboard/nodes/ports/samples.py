@@ -7,17 +7,17 @@ four times as long as in a benchmark, because it finds cold caches.
 Times in a sample are on the agent's clock, such as its `AGENT_STAMP`; `SERVER_STAMP` is the same in server time.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from netboard.base.compiled import kernel
+from netboard.base.compiled import inlined, kernel
 from netboard.base.config import SIDES
 from netboard.base.tables.scene import Physics
-from netboard.base.tick import KNOWN_NS, TICK_NS, TICK_WORDS
+from netboard.base.tick import KNOWN_NS, TICK_WORDS
 from netboard.network.protocol import fixed
 from netboard.network.protocol.motion import TRIP_CAUSES, Safeguard, Stylus
-from netboard.network.transport import fastpath
+from netboard.network.transport import fastpath, sockets
 from netboard.nodes.ports.unregistered import UNREGISTERED, keep
 from netboard.physics.arithmetic.trig import sincos
 
@@ -116,6 +116,28 @@ BOTH = 3
 """Both sides: the sum of 1 for the left and 2 for the right one."""
 
 
+class Motion(NamedTuple):
+    """The motion channel as compiled code sees it: the socket, both agents, and buffers."""
+
+    fast: Any  # the socket: record of `netboard.network.transport.fastpath.FastPath`
+    agents: Any  # the rows of both sides
+    frame: Any  # bytes of the frame that arrived last
+    sample: Any  # words of the sample that arrived last
+    unregistered: Any  # frames of unregistered peers: record of `UNREGISTERED`
+    sent: Any  # bytes of the frame that is sent
+    words: Any  # its words
+
+
+def motion_of(fast: Any) -> Motion:
+    """Return the motion channel of a socket, without agents."""
+    agents = np.zeros((len(SIDES), WORDS), np.int64)
+    for agent in agents:
+        empty(agent)
+    frame, sample = np.zeros(sockets.MAX_SAMPLE, np.uint8), np.zeros(SAMPLE_WORDS, np.int64)
+    sent, words = np.zeros(fixed.POINT.size, np.uint8), np.zeros(len(fixed.POINT.markers), np.int64)  # the longest
+    return Motion(fast, agents, frame, sample, np.zeros(1, UNREGISTERED), sent, words)
+
+
 @kernel
 def empty(agent: Any) -> None:
     """Reset a row, for another agent or none."""
@@ -175,17 +197,8 @@ def awaited(agents: Any) -> bool:
 
 
 @kernel
-def drain(
-    agents: Any,
-    fast: Any,
-    frame: Any,
-    sample: Any,
-    due_ns: int,
-    eager: bool,
-    most: int,
-    unregistered: Any,
-) -> int:
-    """Take the samples that have arrived.
+def drain(motion: Motion, due_ns: int, eager: bool, most: int) -> int:
+    """Take the samples that have arrived, at most ``most`` frames; if ``eager``, only until a tick can begin.
 
     Each sample gets its own arrival time, because one that arrives during the call must not seem to arrive before it
     was sent. Frames of unregistered peers are kept for later.
@@ -193,9 +206,10 @@ def drain(
     Returns 1 and 2 for a sample taken from the left and right side, `MORE` if there may be more to take, `OTHER` if the
     last frame is a registered agent's but no fixed-form sample, `FAILED`, and `FRAMES` for each frame.
     """
+    fast, agents = motion.fast, motion.agents
     found = frames = from_unregistered = give_up_ns = 0
     while frames < most and (from_unregistered < UNREGISTERED_BATCH or awaited(agents)):
-        place = fastpath.receive(fast, frame)
+        place = fastpath.receive(fast, motion.frame)
         if place == fastpath.NOTHING:
             if fastpath.now_ns(fast) < give_up_ns:
                 continue
@@ -205,11 +219,11 @@ def drain(
         frames += 1
         now_ns = fastpath.now_ns(fast)
         if place < 0:
-            keep(unregistered, fast, frame, now_ns)
+            keep(motion.unregistered, fast, motion.frame, now_ns)
             from_unregistered += 1
             continue
-        size = fast[0]["size"]
-        taken = take_frame(agents[place], frame[:size], sample, now_ns, due_ns)
+        frame = motion.frame[: fast[0]["size"]]
+        taken = take_frame(agents[place], frame, motion.sample, now_ns, due_ns)
         if taken < 0:
             return found + frames * FRAMES + OTHER
         found |= taken << place
@@ -300,14 +314,23 @@ def _has_person(fast: Any, agents: Any, place: int) -> bool:
     return bool(fast[0]["name_sizes"][place] and agents[place, PERSON])
 
 
+@inlined
+def _send(motion: Motion, form: fixed.Form, place: int) -> int:
+    """Send an agent the message in ``motion.words``."""
+    frame = motion.sent[: form.size]
+    fixed.write(frame, form, motion.words)
+    return fastpath.send_to(motion.fast, place, frame)
+
+
 @kernel
-def send_forces(fast: Any, frame: Any, row: Any, commanded: Any, agents: Any, gains: Any, words: Any) -> int:
+def send_forces(motion: Motion, row: Any, commanded: Any, gains: Any) -> int:
     """Send each connected side with a person its `Force` of a tick; the side that goes first alternates.
 
     ``commanded``: words of the row with the commanded force (`netboard.stage.stage.Stage.commanded_row`). Returns
     `netboard.network.transport.fastpath.FAILED` if the socket is unusable; a peer that does not take its force is no
     failure.
     """
+    fast, agents, words = motion.fast, motion.agents, motion.words
     # ZeroMQ's thread takes the core at each send, so the second force leaves later: neither hand is always second.
     first = row[_TICK] & 1
     for turn in range(2):
@@ -315,14 +338,13 @@ def send_forces(fast: Any, frame: Any, row: Any, commanded: Any, agents: Any, ga
         if not _has_person(fast, agents, place):
             continue
         write_force(words, row, commanded, agents, gains, place, fastpath.now_ns(fast))
-        fixed.write(frame, fixed.FORCE, words)
-        if fastpath.send_to(fast, place, frame) == fastpath.FAILED:
+        if _send(motion, fixed.FORCE, place) == fastpath.FAILED:
             return fastpath.FAILED
     return fastpath.SENT
 
 
 @kernel
-def send_points(fast: Any, frame: Any, row: Any, agents: Any, gains: Any, ends: Any, words: Any) -> int:
+def send_points(motion: Motion, row: Any, gains: Any, ends: Any) -> int:
     """Send each live side its `Point` of a tick, as `send_forces` sends forces.
 
     A side without a valid sample gets nothing: its agent lets the force fade.
@@ -331,32 +353,32 @@ def send_points(fast: Any, frame: Any, row: Any, agents: Any, gains: Any, ends: 
     [SI]. Returns `netboard.network.transport.fastpath.FAILED` if the socket is unusable; a peer that does not take its
     point is no failure.
     """
+    fast, agents, words = motion.fast, motion.agents, motion.words
     first = row[_TICK] & 1
     for turn in range(2):
         place = first ^ turn
         if not _has_person(fast, agents, place) or row[_LIVE[place]] == 0:
             continue
         write_point(words, row, agents, gains, place, ends, fastpath.now_ns(fast))
-        fixed.write(frame, fixed.POINT, words)
-        if fastpath.send_to(fast, place, frame) == fastpath.FAILED:
+        if _send(motion, fixed.POINT, place) == fastpath.FAILED:
             return fastpath.FAILED
     return fastpath.SENT
 
 
 @kernel
-def send_heartbeats(fast: Any, frame: Any, tick: int, agents: Any, sides: int, words: Any) -> int:
+def send_heartbeats(motion: Motion, tick: int, sides: int) -> int:
     """Send some connected sides a `Heartbeat`, which commands no force.
 
     ``sides``: the sum of 1 for the left and 2 for the right side. Returns `netboard.network.transport.fastpath.FAILED`
     if the socket is unusable; a peer that does not take its heartbeat is no failure.
     """
+    fast, agents, words = motion.fast, motion.agents, motion.words
     for place in range(2):
         if fast[0]["name_sizes"][place] == 0 or not sides >> place & 1:
             continue
         words[0], words[1], words[2] = tick, fastpath.now_ns(fast), agents[place, SEQ]
         words[3], words[4] = agents[place, LEAD], agents[place, ARM]
-        fixed.write(frame, fixed.HEARTBEAT, words)
-        if fastpath.send_to(fast, place, frame) == fastpath.FAILED:
+        if _send(motion, fixed.HEARTBEAT, place) == fastpath.FAILED:
             return fastpath.FAILED
     return fastpath.SENT
 
@@ -367,26 +389,3 @@ def ends_of(physics: Physics) -> Any:
     for end, side, arm in zip(ends, SIDES, (-physics.l, physics.l), strict=True):
         end[:] = (arm, physics.k_h, physics.c_h) if physics.coupling in (side, "both") else (arm, 0.0, 0.0)
     return ends
-
-
-def warm() -> None:
-    """Compile or load the kernels, so that the first sample is not delayed."""
-    fast, frame = fastpath.FastPath(None).record, np.zeros(fixed.FORCE.size, np.uint8)
-    row, agents, sample = (
-        np.zeros(len(TICK_WORDS), np.int64),
-        np.zeros((2, WORDS), np.int64),
-        np.zeros(SAMPLE_WORDS, np.int64),
-    )
-    for agent in agents:
-        empty(agent)
-    unregistered = np.zeros(1, UNREGISTERED)
-    drain(agents, fast, frame, sample, TICK_NS, False, MAX_FRAMES, unregistered)
-    take(agents[0], sample, TICK_NS, TICK_NS)
-    awaited(agents)
-    fill(row, agents, 0, TICK_NS, 0, TICK_NS)
-    gains = np.ones(2)
-    send_forces(fast, frame, row, row, agents, gains, np.zeros(len(fixed.FORCE.markers), np.int64))
-    beat, words = np.zeros(fixed.HEARTBEAT.size, np.uint8), np.zeros(len(fixed.HEARTBEAT.markers), np.int64)
-    send_heartbeats(fast, beat, 0, agents, BOTH, words)
-    point, words = np.zeros(fixed.POINT.size, np.uint8), np.zeros(len(fixed.POINT.markers), np.int64)
-    send_points(fast, point, row, agents, gains, np.zeros((2, 3)), words)

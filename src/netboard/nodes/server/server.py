@@ -13,7 +13,6 @@ from netboard.base.process.realtime import steady_loop
 from netboard.base.tick import TICK_NS
 from netboard.network.transport import sockets
 from netboard.network.transport.authenticator import Authenticator
-from netboard.nodes.ports import samples
 from netboard.nodes.server.attempts import Attempts
 from netboard.nodes.server.blocks import BlockSequence
 from netboard.nodes.server.session import Session
@@ -36,7 +35,6 @@ class Server:
         *,
         autostart: bool,
     ) -> None:
-        samples.warm()
         Turns(0)  # compiles what waits, before a tick is due
         self.sessions = [
             Session(sequence, attempts, context, authenticator, autostart=autostart)

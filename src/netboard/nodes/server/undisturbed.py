@@ -16,11 +16,9 @@ import numpy as np
 from netboard.base.clock import CATCH_UP_TICKS
 from netboard.base.compiled import composed, kernel, machine_code, waiting
 from netboard.base.tick import HEARTBEAT_TICKS, LATE_NS, TICK, TICK_NS, TICK_WORDS
-from netboard.network.protocol import fixed
 from netboard.network.transport import fastpath
 from netboard.nodes.ports import samples
-from netboard.nodes.ports.samples import BOTH, awaited, drain, fill, send_forces, send_heartbeats
-from netboard.nodes.ports.unregistered import UNREGISTERED
+from netboard.nodes.ports.samples import BOTH, Motion, awaited, drain, fill, send_forces, send_heartbeats
 from netboard.nodes.server.tick_clock import EARLIEST_NS
 from netboard.stage.stage import Stage, commanded_tick
 
@@ -66,40 +64,30 @@ def _ticks(state: Any, rows: Any, first: int, count: int, book: Any, tables: Any
 
 
 @kernel
-def _take(motion: Any, due_ns: int, eager: bool) -> int:
-    """Take the samples that have arrived; see `netboard.nodes.ports.samples.drain`."""
-    fast, agents, _, frame, sample, unregistered, _, _, _, _ = motion
-    return drain(agents, fast, frame, sample, due_ns, eager, samples.MAX_FRAMES, unregistered)
-
-
-@kernel
 def _wake(agents: Any, due_ns: int) -> int:
     """Return when a tick can begin if no other sample arrives [ns]."""
     return due_ns if awaited(agents) else due_ns - EARLIEST_NS
 
 
 @kernel
-def _send(motion: Any, forces: int, row: Any, commanded: Any) -> int:
+def _send(motion: Motion, gains: Any, forces: int, row: Any, commanded: Any) -> int:
     """Send the forces of a tick, or the heartbeats that are due; return a result of sending."""
-    fast, agents, gains, _, _, _, force, force_words, beat, beat_words = motion
     if forces:
-        return send_forces(fast, force, row, commanded, agents, gains, force_words)
-    if row[_TICK] % HEARTBEAT_TICKS == 0:
-        return send_heartbeats(fast, beat, row[_TICK], agents, BOTH, beat_words)
-    return fastpath.SENT
+        return send_forces(motion, row, commanded, gains)
+    return send_heartbeats(motion, row[_TICK], BOTH) if row[_TICK] % HEARTBEAT_TICKS == 0 else fastpath.SENT
 
 
-def _run(motion: Any, stage: Any, runs: Any, delay: int, timeout_ns: int) -> int:
+def _run(motion: Motion, gains: Any, stage: Any, runs: Any, delay: int, timeout_ns: int) -> int:
     """Run ticks while their samples are in order, and send the forces or heartbeats of each.
 
-    ``motion``, ``stage``, ``runs``: as in `run_of`. Returns why it returns.
+    ``stage``, ``runs``: as in `run_of`. Returns why it returns.
     """
-    fast, agents, _, _, _, unregistered, _, _, _, _ = motion
+    fast, agents, unregistered = motion.fast, motion.agents, motion.unregistered
     state, rows, words, book, tables = stage
     run = runs[0]
     while run["number"] < run["until"]:
         due_ns = run["due_ns"]
-        found = _take(motion, due_ns, True)
+        found = drain(motion, due_ns, True, samples.MAX_FRAMES)
         run["wake_ns"] = _wake(agents, due_ns)
         wait_ns = run["wake_ns"] - fastpath.now_ns(fast)
         begins = wait_ns <= 0 and not found & _UNREAD
@@ -113,7 +101,7 @@ def _run(motion: Any, stage: Any, runs: Any, delay: int, timeout_ns: int) -> int
                 return STEPS
             _ticks(state, rows, number, 1, book, tables)
             sent = commanded_tick(number, delay, row[_TRIAL], book[0]["rendering"]["catch"])
-            if _send(motion, run["forces"], row, words[sent % len(words)]) == fastpath.FAILED:
+            if _send(motion, gains, run["forces"], row, words[sent % len(words)]) == fastpath.FAILED:
                 return FAILED
             run["late_ticks"] += late_ns > LATE_NS
             run["number"], run["due_ns"] = number + 1, due_ns + TICK_NS
@@ -121,7 +109,7 @@ def _run(motion: Any, stage: Any, runs: Any, delay: int, timeout_ns: int) -> int
             if row[_EVENT]:
                 run["until"] = number + 1
         if begins or (run["wake_ns"] < due_ns and not found & _UNREAD):  # an unread message must not be overwritten
-            found = _take(motion, run["due_ns"], False)  # the socket signals again once it is empty
+            found = drain(motion, run["due_ns"], False, samples.MAX_FRAMES)  # the socket signals again once it is empty
             run["wake_ns"] = _wake(agents, run["due_ns"])
         if found & _UNREAD:
             return FAILED if found & samples.FAILED else MESSAGE
@@ -148,18 +136,6 @@ def run_of(stage: Stage) -> Callable[..., int]:
     state, rows, words, book and tables, a run (`RUN`), the force delay in ticks, and the age from which a sample no
     longer counts [ns].
     """
-    rows = np.zeros(1, TICK)
-    motion = (
-        fastpath.FastPath(None).record,
-        np.zeros((2, samples.WORDS), np.int64),
-        np.ones(2),
-        np.zeros(1, np.uint8),
-        np.zeros(samples.SAMPLE_WORDS, np.int64),
-        np.zeros(1, UNREGISTERED),
-        np.zeros(fixed.FORCE.size, np.uint8),
-        np.zeros(len(fixed.FORCE.markers), np.int64),
-        np.zeros(fixed.HEARTBEAT.size, np.uint8),
-        np.zeros(len(fixed.HEARTBEAT.markers), np.int64),
-    )
+    rows, motion = np.zeros(1, TICK), samples.motion_of(fastpath.FastPath(None).record)
     scene = stage.initial(), rows, rows.view(np.int64).reshape(1, -1), stage.book, stage.tables
-    return machine_code(_composed(stage.ticks), motion, scene, np.zeros(1, RUN), 0, 0)
+    return machine_code(_composed(stage.ticks), motion, np.ones(2), scene, np.zeros(1, RUN), 0, 0)
