@@ -67,7 +67,7 @@ class SteppedSession:
         """Run ticks; ``found``: what their samples tell."""
         for _ in range(count):
             self.state.rows["command"] = 0  # as the samples of a tick clear its row
-            self.session._tick(self.state.clock.due_ns, 0, found)
+            self.session._tick(0, found)
 
     def ask(self, command: str, argument: str = "") -> None:
         """Let an operator send a command, which the next tick takes."""

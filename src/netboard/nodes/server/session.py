@@ -94,10 +94,9 @@ class Session:
         self._clock = state.clock
         self._stopping = False
         self.sleeps = False  # whether no other session runs in the loop
-        self._undisturbed = False  # whether the next ticks can be run in one call
         self._runs = np.zeros(1, RUN)
         self._run = self._runs.view(np.int64).data
-        self._undisturbed_ticks: Callable[[], int] = lambda: STEPS
+        self._undisturbed_ticks: Callable[[], int] | None = None  # runs the next ticks; None: they need single steps
         self._run_until = 0  # number of the tick before which Python does more than to publish views
         self._control_unread, self._deferred_due_ns, self._answer_ns = False, 0, 0
         self._postponed = self._stagger = 0
@@ -140,36 +139,30 @@ class Session:
 
         Returns whether the session has begun to end or is over.
         """
-        clock, state = self._clock, self._state
-        if self._undisturbed:
-            ended = self._continue_run(control)
-            if ended == WAITS:
-                clock.wake_ns = self._run[_WAKE]
-                return False
-        else:
-            ended = None
-            if self.records.ending:
-                now = now_ns()
-                self.records.continue_ending(now)
-                clock.wake_ns = now + TICK_NS
-                return self.records.over
-            self._control_unread |= control
+        clock, ticks = self._clock, self._undisturbed_ticks
+        if self.records.ending:
+            now = now_ns()
+            self.records.continue_ending(now)
+            clock.wake_ns = now + TICK_NS
+            return self.records.over
+        self._control_unread |= control
+        ended = INTERRUPTED if ticks is None else self._continue_run(ticks, control)
+        if ended == WAITS:
+            clock.wake_ns = self._run[_WAKE]
+            return False
         if ended == DONE:  # the compiled call has read the motion channel until it was empty
             self._motion.probe_clocks()
             complete = self._run[_WAKE] < self._run[_DUE]  # the call waits for the deadline only if a sample is awaited
         else:
             if ended == STEPS:
-                self._tick(clock.due_ns, self._run[_LATE], self._run[_FOUND])
+                self._tick(self._run[_LATE], self._run[_FOUND])
             else:
                 self._tick_if_due(motion)
             complete = self._motion.drain(now_ns, clock.due_ns)
         self._do_deferred_work(now_ns())
-        if state.end_requested and self._end():
-            self._undisturbed = False
+        if self._state.end_requested and self._end():
             return True
-        self._undisturbed = self._can_run_in_one_call
-        if self._undisturbed:
-            self._plan_run()
+        self._undisturbed_ticks = self._plan_run() if self._can_run_in_one_call else None
         self._sleep(complete)
         return False
 
@@ -183,7 +176,7 @@ class Session:
         if idle:
             self._idle_ticks(now)
         elif clock.is_due(now, complete):
-            self._tick(clock.due_ns, now - clock.due_ns)
+            self._tick(now - clock.due_ns)
 
     def _sleep(self, complete: bool) -> None:
         """Set when the session runs next; a run that sleeps itself begins at once."""
@@ -191,7 +184,7 @@ class Session:
         clock.sleep(idle, complete, alone=idle and self._state.alone)
         if self._control_unread or self._motion.unhandled:
             clock.wake_ns = min(clock.wake_ns, self._deferred_due_ns)
-        if self._undisturbed and self.sleeps:
+        if self._undisturbed_ticks is not None and self.sleeps:
             clock.wake_ns = 0
 
     def _do_deferred_work(self, now: int) -> None:
@@ -234,14 +227,14 @@ class Session:
         """Stop the block, and tell the agents that no force is commanded."""
         self._stopping = True
         while self._state.phase != Phase.FINISHED:  # two ticks just after a trial, when no command has an effect
-            self._tick(self._clock.due_ns, max(0, now_ns() - self._clock.due_ns))
+            self._tick(max(0, now_ns() - self._clock.due_ns))
         self._motion.may_arm = False
         self._motion.send_heartbeat(self._state.number, at_once=True)  # else the last force would have to age
 
     # --- ticks -----------------------------------------------------------------------------------------------------
 
-    def _plan_run(self) -> None:
-        """Set how many undisturbed ticks may run before other work is due, and prepare the compiled call."""
+    def _plan_run(self) -> Callable[[], int]:
+        """Set how many undisturbed ticks may run before other work is due, and return the call that runs them."""
         state, run, motion, block = self._state, self._run, self._motion, self._state.block
         number, now = state.number, now_ns()
         # In a trial the run includes the tick that periodic work follows; between trials it ends before that tick, at
@@ -255,21 +248,20 @@ class Session:
         motion.fast.watch(self.files[1])
         scene = (state.stage, state.rows, state.words, block.stage.book, block.stage.tables)
         assert block.run is not None
-        self._undisturbed_ticks = motion.undisturbed_ticks(block.run, scene, self._runs, block.stage.delay)
         self._end_run_before(until)
+        return motion.undisturbed_ticks(block.run, scene, self._runs, block.stage.delay)
 
     def _end_run_before(self, until: int) -> None:
         """Let the run end before a tick; the compiled call ends when views are due."""
         self._run_until = until
         self._run[_UNTIL] = min(until, self._state.ports.views.due(self._run[_NUMBER]))
 
-    def _continue_run(self, control: bool) -> int:
+    def _continue_run(self, undisturbed_ticks: Callable[[], int], control: bool) -> int:
         """Run the next ticks, publish the views on the way, and do what follows them; return why they have ended."""
         state, run, clock = self._state, self._run, self._clock
         if control:
-            self._control_unread = True
             self._end_run_before(min(self._run_until, run[_NUMBER] + 1))
-        while (ended := self._undisturbed_ticks()) == DONE and run[_NUMBER] < self._run_until:
+        while (ended := undisturbed_ticks()) == DONE and run[_NUMBER] < self._run_until:
             if state.words[(run[_NUMBER] - 1) % RING_ROWS, _EVENT]:
                 break
             self._show_views(run[_NUMBER])
@@ -319,18 +311,18 @@ class Session:
         periodic = (state.number + self._stagger) % FEED_TICKS == 0
         return (state.active or not periodic) and self._no_command_due
 
-    def _tick(self, due_ns: int, late_ns: int, found: int = -1) -> None:
-        """Run one tick step by step.
+    def _tick(self, late_ns: int, found: int | None = None) -> None:
+        """Run the tick that is due step by step, this long after its deadline [ns].
 
-        ``found``: what `samples.fill` returned for it; -1 if the samples have not been taken yet.
+        ``found``: what `samples.fill` returned for it; None if its row has not been filled yet.
         """
-        state = self._state
+        state, due_ns = self._state, self._clock.due_ns
         number = state.number
         if not self._stopping:
             self._blocks.change_if_due(number)
         block = state.block
         words = state.words[number % RING_ROWS]
-        if found < 0:
+        if found is None:
             found = self._motion.fill(words, number, due_ns, late_ns)
         if block.robots or block.unrelated is not None:
             found |= block.stand_in(state.rows[number % RING_ROWS], words, number, due_ns, state.stage[0])
