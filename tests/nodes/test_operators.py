@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 
 from netboard.base.errors import ConfigError
 from netboard.base.tables.experiment import Session
-from netboard.network.protocol.control import COMMANDS, REPLAY_COMMANDS, SESSION_COMMANDS
+from netboard.network.protocol.control import COMMANDS, REPLAY_COMMANDS, SESSION_COMMANDS, Command
 from netboard.nodes.ports import emergency
+from netboard.nodes.ports.control_port import CommandRequest
 from netboard.nodes.server import operator_requests
 from netboard.nodes.server import operators as operators_module
 from netboard.nodes.server.operators import BEFORE_OPENING, CAUSES, OPEN_TO_ALL, Operators, Situation, form_of, note_of
@@ -23,31 +24,35 @@ A, B = b"console@1", b"console@2"
 NOW = Situation(Phase.IDLE, (), last=False, plan=True)
 
 
+def by(who: bytes, command: str, *, late: bool = False) -> CommandRequest:
+    return CommandRequest(who, {A: "lab:1", B: "lab:2"}[who], Command(command, "", 1), late)
+
+
 def operators() -> Operators:
     return Operators(opened=True, armed=True)
 
 
 def test_first_operator_to_command_is_the_commander() -> None:
     ops = operators()
-    assert ops.decide("start", A, "lab:1", NOW).cause is Cause.START
-    refused = ops.decide("start", B, "lab:2", NOW)
+    assert ops.decide(by(A, "start"), NOW).cause is Cause.START
+    refused = ops.decide(by(B, "start"), NOW)
     assert (refused.accepted, refused.cause, refused.reason) == (
         False,
         Cause.NONE,
         "lab:1 commands; take over first (take)",
     )
-    assert ops.decide("take", B, "lab:2", NOW).accepted
-    assert ops.decide("start", B, "lab:2", NOW).accepted
-    assert not ops.decide("start", A, "lab:1", NOW).accepted
+    assert ops.decide(by(B, "take"), NOW).accepted
+    assert ops.decide(by(B, "start"), NOW).accepted
+    assert not ops.decide(by(A, "start"), NOW).accepted
 
 
 def test_late_command_is_refused_unless_it_only_stops_forces_or_is_a_note() -> None:
     running = replace(NOW, phase=Phase.RUNNING)
     accepted = {
-        command for command in SESSION_COMMANDS if operators().decide(command, A, "lab:1", running, late=True).accepted
+        command for command in SESSION_COMMANDS if operators().decide(by(A, command, late=True), running).accepted
     }
     assert accepted == {emergency.STOP, "note", "pause", "disarm"}
-    late = operators().decide("resume", A, "lab:1", replace(NOW, phase=Phase.PAUSED), late=True)
+    late = operators().decide(by(A, "resume", late=True), replace(NOW, phase=Phase.PAUSED))
     assert (late.cause, late.reason) == (
         Cause.NONE,
         "resume may be from before the connection was interrupted: give it again",
@@ -57,72 +62,71 @@ def test_late_command_is_refused_unless_it_only_stops_forces_or_is_a_note() -> N
 def test_refused_command_lists_the_commands_possible_now() -> None:
     ops = operators()
     paused = replace(NOW, phase=Phase.PAUSED)
-    assert ops.decide("start", A, "lab:1", paused).reason.startswith("cannot start while paused; possible now: resume")
+    assert ops.decide(by(A, "start"), paused).reason.startswith("cannot start while paused; possible now: resume")
     assert (
-        ops.decide("resume", A, "lab:1", NOW).reason
-        == "cannot resume while idle; possible now: start, stop, repeat, veto"
+        ops.decide(by(A, "resume"), NOW).reason == "cannot resume while idle; possible now: start, stop, repeat, veto"
     )
     for phase in Phase:
         now = replace(NOW, phase=phase)
         for command in CAUSES:
-            decision = operators().decide(command, A, "lab:1", now)
+            decision = operators().decide(by(A, command), now)
             if not decision.accepted:
                 for name in decision.reason.partition("possible now: ")[2].split(", "):
-                    assert name == "nothing" or operators().decide(name, A, "lab:1", now).accepted
+                    assert name == "nothing" or operators().decide(by(A, name), now).accepted
 
 
 @pytest.mark.parametrize("command", ["emergency_stop", "note"])
 def test_every_operator_may_stop_and_add_notes(command: str) -> None:
     ops = operators()
-    ops.decide("take", A, "lab:1", NOW)
-    assert ops.decide(command, B, "lab:2", NOW).accepted
+    ops.decide(by(A, "take"), NOW)
+    assert ops.decide(by(B, command), NOW).accepted
     assert ops.commander == A
 
 
 def test_another_operator_may_command_after_the_commander_leaves() -> None:
     ops = operators()
-    ops.decide("take", A, "lab:1", NOW)
+    ops.decide(by(A, "take"), NOW)
     ops.leave()
-    assert ops.decide("pause", B, "lab:2", replace(NOW, phase=Phase.RUNNING)).cause is Cause.PAUSE
+    assert ops.decide(by(B, "pause"), replace(NOW, phase=Phase.RUNNING)).cause is Cause.PAUSE
 
 
 def test_start_is_refused_until_the_session_form_is_complete() -> None:
     ops = Operators(opened=False, armed=True)
-    decision = ops.decide("start", A, "lab:1", NOW)
+    decision = ops.decide(by(A, "start"), NOW)
     assert (decision.accepted, decision.reason) == (False, "the session is not open: fill in its form first (open)")
-    assert all(ops.decide(name, A, "lab:1", NOW).accepted for name in BEFORE_OPENING)
+    assert all(ops.decide(by(A, name), NOW).accepted for name in BEFORE_OPENING)
     ops.opened = True
-    assert ops.decide("open", A, "lab:1", NOW).reason == "the session is open already"
+    assert ops.decide(by(A, "open"), NOW).reason == "the session is open already"
 
 
 def test_start_is_refused_with_missing_peers_or_disarmed_devices() -> None:
     ops = operators()
     missing = replace(NOW, missing=("the left agent", "the logger"))
-    assert ops.decide("start", A, "lab:1", missing).reason == "cannot start without the left agent, the logger"
-    assert ops.decide("disarm", A, "lab:1", NOW).accepted
-    assert ops.decide("start", A, "lab:1", NOW).reason == "cannot start: the devices are not armed (arm)"
-    assert ops.decide("arm", A, "lab:1", NOW).accepted
-    assert ops.decide("start", A, "lab:1", NOW).cause is Cause.START
+    assert ops.decide(by(A, "start"), missing).reason == "cannot start without the left agent, the logger"
+    assert ops.decide(by(A, "disarm"), NOW).accepted
+    assert ops.decide(by(A, "start"), NOW).reason == "cannot start: the devices are not armed (arm)"
+    assert ops.decide(by(A, "arm"), NOW).accepted
+    assert ops.decide(by(A, "start"), NOW).cause is Cause.START
 
 
 def test_pause_after_trial_takes_effect_at_its_end_and_can_be_cancelled() -> None:
     ops, running = operators(), replace(NOW, phase=Phase.RUNNING)
-    assert ops.decide("pause_after_trial", A, "lab:1", running).reason == "paused after this trial"
+    assert ops.decide(by(A, "pause_after_trial"), running).reason == "paused after this trial"
     assert ops.pending == "pause after this trial"
     assert ops.due(Phase.HOLDING) is Cause.NONE
     assert ops.due(Phase.LEVELLING) is Cause.PAUSE
     assert ops.due(Phase.LEVELLING) is Cause.NONE
-    ops.decide("pause_after_trial", A, "lab:1", running)
-    assert ops.decide("pause_after_trial", A, "lab:1", running).reason == "taken back"
+    ops.decide(by(A, "pause_after_trial"), running)
+    assert ops.decide(by(A, "pause_after_trial"), running).reason == "taken back"
     assert ops.due(Phase.LEVELLING) is Cause.NONE
     levelling = replace(NOW, phase=Phase.LEVELLING)
-    assert ops.decide("pause_after_trial", A, "lab:1", levelling).cause is Cause.PAUSE
+    assert ops.decide(by(A, "pause_after_trial"), levelling).cause is Cause.PAUSE
 
 
 @pytest.mark.parametrize("command", REPLAY_COMMANDS)
 def test_replay_commands_are_refused_in_a_live_session(command: str) -> None:
     ops = operators()
-    decision = ops.decide(command, A, "lab:1", NOW)
+    decision = ops.decide(by(A, command), NOW)
     assert (decision.accepted, decision.cause) == (False, Cause.NONE)
     assert decision.reason == f"cannot {command}: this is a live session, not a replay"
     assert ops.commander == b""
@@ -146,13 +150,13 @@ def test_console_offers_to_everyone_what_the_server_takes_from_everyone() -> Non
 def test_next_and_stop_after_block_require_a_plan() -> None:
     ops = operators()
     for command in ("next", "stop_after_block"):
-        assert not ops.decide(command, A, "lab:1", replace(NOW, plan=False)).accepted
-    assert ops.decide("stop_after_block", A, "lab:1", NOW).accepted
+        assert not ops.decide(by(A, command), replace(NOW, plan=False)).accepted
+    assert ops.decide(by(A, "stop_after_block"), NOW).accepted
     assert ops.end_after
-    assert ops.decide("next", A, "lab:1", replace(NOW, last=True)).reason.endswith("this is the last one")
+    assert ops.decide(by(A, "next"), replace(NOW, last=True)).reason.endswith("this is the last one")
     for phase in (Phase.HOLDING, Phase.SUCCEEDED, Phase.FAILED):
-        assert ops.decide("next", A, "lab:1", replace(NOW, phase=phase)).reason.endswith("pause first")
-    assert ops.decide("next", A, "lab:1", replace(NOW, phase=Phase.FINISHED)).accepted
+        assert ops.decide(by(A, "next"), replace(NOW, phase=phase)).reason.endswith("pause first")
+    assert ops.decide(by(A, "next"), replace(NOW, phase=Phase.FINISHED)).accepted
 
 
 @pytest.mark.slow
@@ -164,7 +168,7 @@ def test_next_and_stop_after_block_require_a_plan() -> None:
 def test_accepted_commands_have_an_edge_in_the_transition_table(commands: list[tuple[str, bytes, Phase]]) -> None:
     ops = operators()
     for command, peer, phase in commands:
-        decision = ops.decide(command, peer, peer.decode(), replace(NOW, phase=phase))
+        decision = ops.decide(by(peer, command), replace(NOW, phase=phase))
         assert not decision.cause or (decision.accepted and decision.cause in TABLE[phase])
         assert decision.accepted or decision.reason
         if command not in OPEN_TO_ALL and decision.accepted:

@@ -13,6 +13,7 @@ from netboard.network.protocol import control
 from netboard.network.protocol.control import REPLAY_OF, Status
 from netboard.network.protocol.joining import HELLO_FIRST
 from netboard.network.protocol.motion import Safeguard
+from netboard.nodes.ports.control_port import CommandRequest
 from netboard.nodes.ports.emergency import AWAITING_ARMING, AWAITING_RELEASE, STOP
 from netboard.nodes.ports.refusals import TOO_MANY_MESSAGES
 from netboard.nodes.server.operators import Operators, Situation
@@ -359,7 +360,10 @@ def test_possible_commands_are_those_that_the_server_accepts(phase: str, missing
         situation = Situation(Phase[phase.upper()], waiting, last=blocks == 1, plan=bool(study))
         for name in possible(replace(status, outcomes=1)) - {"open"}:
             operators = Operators(opened=True, armed=armed)
-            assert operators.decide(name, b"me", "me", situation).accepted, (name, status)
+            assert operators.decide(CommandRequest(b"me", "me", control.Command(name, "", 1)), situation).accepted, (
+                name,
+                status,
+            )
 
 
 def test_observer_may_take_over_and_add_notes() -> None:

@@ -28,9 +28,7 @@ class OperatorRequests:
         self.forget_silent_commander()
         missing = tuple(one for one in state.find_missing() if one != REST)  # an operator need not await its end
         situation = Situation(state.phase, missing, sequence.last, sequence.planned)
-        decision = operators.decide(
-            command.name, request.who, request.name, situation, argument=command.argument, late=request.late
-        )
+        decision = operators.decide(request, situation)
         if decision.accepted:
             decision = self._carry_out(command.name, command.argument, decision)
         control.reply(request, decision.accepted, decision.reason)

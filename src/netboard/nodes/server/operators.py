@@ -14,6 +14,7 @@ from netboard.base.settings import check
 from netboard.base.tables.experiment import Session
 from netboard.network.protocol.control import REPLAY_COMMANDS
 from netboard.nodes.ports import emergency
+from netboard.nodes.ports.control_port import CommandRequest
 from netboard.task.trials.state_machine import BALL_FREE, TABLE, Cause, Phase
 
 CAUSES = {
@@ -86,19 +87,18 @@ class Operators:
         """Forget the commander."""
         self.commander, self.name = b"", ""
 
-    def decide(
-        self, command: str, who: bytes, name: str, now: Situation, *, argument: str = "", late: bool = False
-    ) -> Decision:
-        """Decide on a command. ``late``: it may have been given long ago, before its connection was interrupted."""
+    def decide(self, request: CommandRequest, now: Situation) -> Decision:
+        """Decide on a command."""
+        command = request.command.name
         if command in REPLAY_COMMANDS:
             return Decision(False, f"cannot {command}: this is a live session, not a replay")
-        if late and command not in SAFE_WHEN_LATE:
+        if request.late and command not in SAFE_WHEN_LATE:
             return Decision(False, f"{command} may be from before the connection was interrupted: give it again")
-        if argument and command not in (*SAFE_WHEN_LATE, *WITH_ARGUMENT):
-            return Decision(False, f"{command} has no argument; found {argument!r}")
+        if request.command.argument and command not in (*SAFE_WHEN_LATE, *WITH_ARGUMENT):
+            return Decision(False, f"{command} has no argument; found {request.command.argument!r}")
         if command == "take" or (command not in OPEN_TO_ALL and not self.commander):
-            self.commander, self.name = who, name
-        if command not in OPEN_TO_ALL and who != self.commander:
+            self.commander, self.name = request.who, request.name
+        if command not in OPEN_TO_ALL and request.who != self.commander:
             return Decision(False, f"{self.name} commands; take over first (take)")
         if not self.opened and command not in BEFORE_OPENING:
             return Decision(False, "the session is not open: fill in its form first (open)")
