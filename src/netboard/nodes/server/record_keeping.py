@@ -38,13 +38,13 @@ class RecordKeeping:
         self._started = False  # whether a trial has started: before, nothing is lost if there is no logger
         self._devices: dict[str, str] = {}  # by side
         self._clocks_ns = 0
-        self._backfill_until_ns = self._ended_ns = self._ending_until_ns = 0
+        self._backfill_until_ns = self._ended_ns = 0  # 0: not yet
         self._log_closing = False
 
     @property
     def ending(self) -> bool:
         """Whether the blocks are over and the loggers are taking the remaining records."""
-        return self._ending_until_ns > 0
+        return self._ended_ns > 0
 
     @property
     def over(self) -> bool:
@@ -138,7 +138,6 @@ class RecordKeeping:
         self._record_news(now_ns())
         self._log.end()
         self._ended_ns = now_ns()
-        self._ending_until_ns = self._ended_ns + FINISH_NS
 
     def continue_ending(self, now: int) -> None:
         """Feed the loggers until they have everything or the time is up [ns]."""
@@ -146,7 +145,7 @@ class RecordKeeping:
             return
         self._record_news(now)
         awaited = self._records_expected or self._log.loggers
-        if self._log.done or not awaited or now > self._ending_until_ns:
+        if self._log.done or not awaited or now - self._ended_ns > FINISH_NS:
             self._log_closing = True
             self._log.close()
 
