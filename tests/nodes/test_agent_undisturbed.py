@@ -91,7 +91,7 @@ class Simulated:
         """Run a tick with the answers that have been delivered."""
         self.fast[0]["simulated_ns"] = self.pacer.due_ns + late_ns
         begun, reading, due_ns = NOTHING_BEGUN, None, self.pacer.due_ns
-        if self.run is not None and not self.agent._stopped:
+        if self.run is not None and self.agent._stop_seq is None:
             begun, reading = self.agent._run_undisturbed(self.run, self.pacer)
         if self.pacer.due_ns == due_ns:
             self.pacer.shift(TICK_NS + self.agent._tick(due_ns + TICK_NS, begun, reading))
@@ -291,4 +291,4 @@ def test_device_that_is_not_in_order_is_left_to_the_single_steps(
     monkeypatch.setattr(one.device, "agent", replace(one.device.agent, stop_buttons=stops))
     one.deliver(force_after(one))
     assert one.tick().stage == READ
-    assert one.agent._stopped == bool(stops)
+    assert (one.agent._stop_seq is not None) == bool(stops)

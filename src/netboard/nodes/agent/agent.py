@@ -68,6 +68,7 @@ SEARCH_INTERVAL_NS = 500_000_000
 
 _NOT_READY = int(Safeguard.NOT_READY)
 _STOPPED = int(Safeguard.STOPPED)
+_UNSENT = 2**62  # number of a sample that is not sent yet
 
 
 class StylusSource(Protocol):
@@ -116,8 +117,8 @@ class Agent:
         self._source = source
         self._seq = 0
         self._safeguards = 0
-        self._stopped = False  # whether the server may not know yet of an emergency stop at the device
-        self._stopped_seq: int | None = None  # number of the first sample that tells of it
+        # Of an emergency stop at the device that the server may not know yet: the first sample that tells it of it.
+        self._stop_seq: int | None = None
         self._rendered = 0.0
         self._shift_ns = 0
         self._ring = RenderedRing()
@@ -153,7 +154,7 @@ class Agent:
             pacer.wait()
             begun, reading = NOTHING_BEGUN, None
             # A run does not note which sample first reports an emergency stop; only `_send` does.
-            if run is not None and not self._stopped:
+            if run is not None and self._stop_seq is None:
                 begun, reading = self._run_undisturbed(run, pacer)
             pacer.shift(self._tick(pacer.due_ns + TICK_NS, begun, reading))
         self._device.write(0.0, 0.0, 0.0)
@@ -212,7 +213,7 @@ class Agent:
             lost, self._safety = self._safety, Safety(self._config.safety, info.max_force, info.continuous_force)
             self._safety.keep_mean_of(lost)
             # The new chain is only disarmed, so the server could arm it before it knows of the emergency stop.
-            if self._stopped:
+            if self._stop_seq is not None:
                 self._safety.stop()
             self._link.introduce(introduction(self._side, self._config, info, self._identity))
             return
@@ -295,7 +296,7 @@ class Agent:
         buttons, mine = reading.buttons, self._device.agent
         if buttons & mine.stop_buttons:
             self._safety.stop()
-            self._stopped, self._stopped_seq = True, None
+            self._stop_seq = _UNSENT
             return
         if not reading.ready or buttons & mine.consent_buttons != mine.consent_buttons:
             self._disarm()
@@ -309,9 +310,9 @@ class Agent:
 
     def _disarm(self) -> None:
         """Disarm the device, unless that would clear an emergency stop of which the server may not know."""
-        if self._stopped_seq is not None and self._link.answered_seq >= self._stopped_seq:
-            self._stopped, self._stopped_seq = False, None
-        if not self._stopped:
+        if self._stop_seq is not None and self._link.answered_seq >= self._stop_seq:
+            self._stop_seq = None
+        if self._stop_seq is None:
             self._safety.disarm()
 
     def _render(self, reading: Reading) -> None:
@@ -346,8 +347,8 @@ class Agent:
         if self._passivity is not None:
             self._passivity.remember(self._seq, reading.z)
         # The first sample with the pressed button does not tell of the stop: its safeguards are those before it.
-        if self._stopped and self._stopped_seq is None and self._safeguards & _STOPPED:
-            self._stopped_seq = self._seq
+        if self._stop_seq == _UNSENT and self._safeguards & _STOPPED:
+            self._stop_seq = self._seq
         self._link.send(self._seq, reading, self._safeguards, self._rendered)
         self._ring.add(self._seq, reading.stamp_ns, self._rendered, self._safeguards)
         self._seq += 1
