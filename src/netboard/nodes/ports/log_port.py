@@ -118,7 +118,7 @@ class LogPort:
 
     def links(self, now_ns: int) -> list[LinkStatus]:
         """Return the connections of the loggers and the subscribers."""
-        loggers = [(*logger.peer.link(now_ns)[:-1], logger.lost) for logger in self._loggers.values()]
+        loggers = [logger.peer.link(now_ns, logger.lost) for logger in self._loggers.values()]
         return loggers + self.subscribers.links(now_ns)
 
     def recordings(self, now_ns: int) -> tuple[tuple[str, float, int, int], ...]:

@@ -169,6 +169,6 @@ class Peer:
         if self.clock.add(*probe):
             self.probe = probe
 
-    def link(self, now_ns: int) -> LinkStatus:
-        """Return the state of the connection."""
-        return link_status(self.hello, self.clock, self.age_ns(now_ns), self._rate.of(self._messages, now_ns), 0)
+    def link(self, now_ns: int, lost: int = 0) -> LinkStatus:
+        """Return the state of the connection, with the number of records lost to it [1]."""
+        return link_status(self.hello, self.clock, self.age_ns(now_ns), self._rate.of(self._messages, now_ns), lost)

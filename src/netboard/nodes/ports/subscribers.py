@@ -58,7 +58,7 @@ class Subscribers:
 
     def links(self, now_ns: int) -> list[LinkStatus]:
         """Return the state of their connections."""
-        return [(*listener.peer.link(now_ns)[:-1], listener.lost) for listener in self._listeners.values()]
+        return [listener.peer.link(now_ns, listener.lost) for listener in self._listeners.values()]
 
     def greet(self, name: bytes, hello: Hello, welcome: Welcome, now_ns: int) -> None:
         """Register a subscriber if there is room; one that is already registered goes on where it was."""
