@@ -75,7 +75,7 @@ def test_paused_notice_shows_the_current_reason() -> None:
 
 def test_stage_fault_is_shown_and_waits_for_the_operator() -> None:
     supervisor = Supervisor(autostart=True)
-    supervisor.faulted(STAGE_FAULT)
+    supervisor.paused_by(STAGE_FAULT)
     assert supervisor.notice == f"paused: {STAGE_FAULT}"
     assert wait(supervisor, Phase.PAUSED, 10 * READY_TICKS) is Cause.NONE
     assert supervisor.notice == f"ready to resume (paused: {STAGE_FAULT})"

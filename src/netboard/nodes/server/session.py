@@ -442,8 +442,8 @@ class Session:
         state.supervisor.forget_refusal()
         details = change_of(cause, row, stage) | self._blocks.details.of(int(row["trial"]))
         if cause == Cause.FAULT:
-            if row["command"] != row["event"]:  # nobody commanded it: the stage itself found an impossible state
-                state.supervisor.faulted(STAGE_FAULT)
+            if row["command"] != row["event"]:
+                state.supervisor.paused_by(STAGE_FAULT)
             details["notice"] = state.supervisor.notice
         state.note(cause.name.lower(), details)
         for name, judged in state.attempts.record_decision(cause, row, stage, state.rows, number):

@@ -22,7 +22,7 @@ class Supervisor:
     autostart: bool  # start when everything is ready, and resume after a fault when everything is ready again
     notice: str = ""
     _ready_since: int | None = None
-    _faulted: bool = False
+    _resumes: bool = False  # whether the pause ends by itself when everything is ready again
     _released: bool = False
     _replaced: str = ""
     _cause: str = ""
@@ -44,8 +44,8 @@ class Supervisor:
             self._trouble, self._trouble_since = trouble, tick
         self._seen = (phase, missing, trouble)
         if trouble and Cause.FAULT in TABLE[phase]:
-            self._faulted = True
-            self.faulted(trouble)
+            self._resumes = True
+            self.paused_by(trouble)
             return Cause.FAULT
         ready = self._ready_since is not None and tick - self._ready_since >= READY_TICKS
         if self.autostart and ready and not (self._released or self._replaced):
@@ -60,7 +60,7 @@ class Supervisor:
         self._refused_when = None
         if cause in (Cause.REPEAT, Cause.VETO):
             return
-        self._faulted = False
+        self._resumes = False
         self._released = self._released and cause not in (Cause.START, Cause.RESUME)
         self.notice = self._cause = self._replaced = ""
 
@@ -75,17 +75,17 @@ class Supervisor:
 
     def await_operator(self) -> None:
         """Resume only on an operator's command, whatever caused the pause."""
-        self._faulted = False
+        self._resumes = False
 
     def stop_released(self) -> None:
         """Start and resume only on an operator's command, because an emergency stop was released."""
-        self._faulted, self._released = False, True
+        self._resumes, self._released = False, True
 
     def device_replaced(self, side: str) -> None:
         """Note that a side has another device: resume only on an operator's command, who knows who holds it."""
-        self._faulted, self._replaced = False, f"the {side} device was replaced by another one"
+        self._resumes, self._replaced = False, f"the {side} device was replaced by another one"
 
-    def faulted(self, reason: str) -> None:
+    def paused_by(self, reason: str) -> None:
         """Note why the trial is paused."""
         self._refused_when, self._cause = None, reason
         self.notice = f"paused: {reason}"
@@ -109,7 +109,7 @@ class Supervisor:
         if phase == Phase.IDLE:
             self.command_carried_out(Cause.START)
             return Cause.START
-        if phase == Phase.PAUSED and self._faulted:
+        if phase == Phase.PAUSED and self._resumes:
             self.command_carried_out(Cause.RESUME)
             return Cause.RESUME
         return Cause.NONE
