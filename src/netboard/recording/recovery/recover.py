@@ -9,7 +9,7 @@ import os
 import struct
 import zlib
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from io import BytesIO
@@ -31,7 +31,7 @@ from netboard.recording.files.provenance import CONFIG_NAME, LIBRARY, MetadataNa
 from netboard.recording.format import older
 from netboard.recording.format.batches import Layout, TickStream
 from netboard.recording.format.channels import CHANNELS, FORMAT_VERSION, IDS, Stamped, block_config, unpack
-from netboard.recording.format.chunks import MAGIC, RECORD_HEAD, UNSOUND, messages, unpack_chunk
+from netboard.recording.format.chunks import MAGIC, RECORD_HEAD, UNSOUND, Entry, messages, unpack_chunk
 from netboard.recording.format.disk import lock
 from netboard.recording.format.partfile import PartFile
 from netboard.recording.format.predictions import UNKNOWN, constants_of
@@ -44,8 +44,8 @@ def _stored(name: str) -> bytes:
 
 
 _SIGNATURE = struct.pack("<I", 4) + b"zstd"
-_TO_SIGNATURE = RECORD_HEAD.size + 8 + 8 + 8 + 4  # MCAP: start and end time, size and CRC of a chunk come before
-_COPIED_METADATA = (MetadataName.OPENED, MetadataName.FIRST, MetadataName.END)
+_TO_SIGNATURE = RECORD_HEAD.size + 8 + 8 + 8 + 4
+_COPIED_METADATA = (MetadataName.OPENED, MetadataName.FIRST, MetadataName.END, MetadataName.RECOVERY)
 _RECOVERABLE = ("2", "3", FORMAT_VERSION)
 _CHUNK_BYTES = 2**18
 
@@ -144,7 +144,8 @@ def recover(path: Path, output: Path | None = None) -> RecoveryReport:
         recovery = recovery_metadata(path, len(data), damage, config is not None)
         if earlier := metadata.get(MetadataName.RECOVERY, {}).get("damage"):
             recovery["damage"] = "; ".join(filter(None, (earlier, recovery["damage"])))
-        counts, ticks = _copy(data, chunks, target, metadata, config, recovery, version)
+        metadata[MetadataName.RECOVERY] = recovery
+        counts, ticks = _copy(_messages(data, chunks), target, metadata, config, version)
     return RecoveryReport(
         source=path,
         output=target,
@@ -185,6 +186,12 @@ def _find_chunks(data: mmap.mmap | bytes) -> Iterator[Span]:
             position = stop
         else:
             position = start + 1
+
+
+def _messages(data: mmap.mmap | bytes, chunks: Sequence[Span]) -> Iterator[Entry]:
+    """Iterate over the messages in chunks, in file order."""
+    for chunk in chunks:
+        yield from messages(unpack_chunk(data[chunk.start + RECORD_HEAD.size : chunk.stop]))
 
 
 def _why_unsound(data: mmap.mmap | bytes, chunk: Span) -> str | None:
@@ -245,18 +252,15 @@ def _next_named(data: mmap.mmap | bytes, span: Span) -> int:
 
 def _config_of_event(data: mmap.mmap | bytes, chunks: Sequence[Span]) -> Attachment | None:
     """Return the copy of the configuration in the event with which the server began the block; None without one."""
-    for chunk in chunks:
-        for entry in messages(unpack_chunk(data[chunk.start + RECORD_HEAD.size : chunk.stop])):
-            if _TOPICS.get(entry.channel_id) == "/event" and (text := block_config(EventRecord(**unpack(entry.data)))):
-                return Attachment(entry.log_time_ns, entry.log_time_ns, CONFIG_NAME, "application/toml", text.encode())
+    for entry in _messages(data, chunks):
+        if _TOPICS.get(entry.channel_id) == "/event" and (text := block_config(EventRecord(**unpack(entry.data)))):
+            return Attachment(entry.log_time_ns, entry.log_time_ns, CONFIG_NAME, "application/toml", text.encode())
     return None
 
 
 _EXPECTED = frozenset(
     (Opcode.HEADER, Opcode.CHUNK, Opcode.MESSAGE_INDEX, Opcode.METADATA, Opcode.ATTACHMENT, Opcode.DATA_END)
 )
-
-
 _READERS = {Opcode.HEADER: Header.read, Opcode.METADATA: Metadata.read, Opcode.ATTACHMENT: Attachment.read}
 
 
@@ -298,15 +302,13 @@ def recovery_metadata(path: Path, size: int, damage: Sequence[Damage], has_confi
 
 
 def _copy(
-    data: mmap.mmap | bytes,
-    chunks: Sequence[Span],
+    entries: Iterable[Entry],
     target: Path,
     metadata: dict[str, dict[str, str]],
     config: Attachment | None,
-    recovery: dict[str, str],
     version: str,
 ) -> tuple[Counter[str], list[int]]:
-    """Write the new file chunk by chunk; return message counts by topic, and the ticks."""
+    """Write the new file; return message counts by topic, and the ticks."""
     counts: Counter[str] = Counter()
     numbers: list[int] = []
     out = PartFile(target, LIBRARY, _CHUNK_BYTES, repeatable=True)
@@ -316,23 +318,21 @@ def _copy(
         for name in _COPIED_METADATA:
             if name in metadata:
                 out.add_metadata(name, metadata[name])
-        out.add_metadata(MetadataName.RECOVERY, recovery)
         if config is not None:
             out.add_attachment(CONFIG_NAME, config.media_type, config.data, config.log_time)
-        for chunk in chunks:
-            for entry in messages(unpack_chunk(data[chunk.start + RECORD_HEAD.size : chunk.stop])):
-                log_ns = max(log_ns, entry.log_time_ns)
-                topic = _TOPICS.get(entry.channel_id, "")
-                if topic == _TICKS:
-                    rows = _rows_of(entry.data, version)
-                    for row in rows:
-                        stream.add(row.tobytes(), entry.log_time_ns)
-                    counts[topic] += len(rows)
-                    numbers += rows["tick"].tolist()
-                elif topic in _COPIED:
-                    message = Stamped(topic, entry.sequence, entry.publish_time_ns, entry.data)
-                    out.add(entry.channel_id, message, entry.log_time_ns)
-                    counts[topic] += 1
+        for entry in entries:
+            log_ns = max(log_ns, entry.log_time_ns)
+            topic = _TOPICS.get(entry.channel_id, "")
+            if topic == _TICKS:
+                rows = _rows_of(entry.data, version)
+                for row in rows:
+                    stream.add(row.tobytes(), entry.log_time_ns)
+                counts[topic] += len(rows)
+                numbers += rows["tick"].tolist()
+            elif topic in _COPIED:
+                stamped = Stamped(topic, entry.sequence, entry.publish_time_ns, entry.data)
+                out.add(entry.channel_id, stamped, entry.log_time_ns)
+                counts[topic] += 1
         stream.finish(log_ns)
         out.finish()
     except BaseException:
