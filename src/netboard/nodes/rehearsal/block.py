@@ -24,11 +24,7 @@ from netboard.base.tables.simulated import Participant
 from netboard.base.tick import START_NS, TICK, TICK_NS, TICK_SECONDS, TICK_WORDS
 from netboard.nodes.rehearsal.body import BODY, LEAD_NS, READINGS, advance, apply_force, pack_body, plan, read
 from netboard.nodes.rehearsal.closed_loop import (
-    CURTAIN,
     DECISION_TICKS,
-    MOVES,
-    SHOWN,
-    TIMING,
     SimulatedParticipant,
     decide_in_tick,
     newest_seen,
@@ -102,12 +98,12 @@ def _loop(
         if tick % DECISION_TICKS == 0:
             for which in range(len(hands)):
                 parts = participants[which]
-                age = tick - newest_seen(parts[TIMING], tick)
+                age = tick - newest_seen(parts, tick)
                 if age <= min(tick, DECISION_TICKS):  # otherwise the view is not new
-                    see(parts[CURTAIN], parts[SHOWN], words[place - age], numbers[place - age])
+                    see(parts, words[place - age], numbers[place - age])
                 felt = bodies[hands[which]]["device"]["commanded"]
                 begun = decide_in_tick(parts, words[place], felt)
-                plan(bodies, parts[MOVES], begun)
+                plan(bodies, parts.moves, begun)
         if state[0]["successes"] < len(completions):  # an operator may have trials repeated, beyond the planned ones
             completions[state[0]["successes"]] = state[0]["completion"]
         if state[0]["phase"] == _FINISHED:

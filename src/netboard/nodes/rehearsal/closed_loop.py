@@ -9,7 +9,7 @@ from the given generator.
 from collections.abc import Mapping
 from dataclasses import replace
 from math import ceil, nan
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,8 +29,18 @@ DECISION_TICKS = round(DECISION_INTERVAL / TICK_SECONDS)
 
 _TIME, _PHASE, _TRIAL = (TICK_WORDS[name] for name in ("time_ns", "phase", "trial"))
 
-# Places of the parts of a participant, which the kernels take as one tuple.
-STATE, CONSTANTS, CURTAIN, SHOWN, TIMING, SCALES, CATCH, MOVES = range(8)
+
+class ParticipantParts(NamedTuple):
+    """A participant as the kernels see it."""
+
+    state: Any  # of the controller, as its constants
+    constants: Any
+    curtain: Any
+    shown: Any  # the newest view
+    timing: Any  # ticks between two views, and the first of them [1]
+    scales: Any  # factors of the force, by trial [1]
+    catch: Any  # catch trials
+    moves: NDArray[Any]  # room for new movements
 
 
 class SimulatedParticipant:
@@ -48,12 +58,8 @@ class SimulatedParticipant:
         scales = (block.trial_scales or (block.force_scale,)) if block.force == "full" and len(sides) == 1 else ()
         shown = np.zeros(1, SEEN)
         shown["time"] = nan
-        # Controller's state and constants; curtain, newest glimpse, view timing, scales of the force
-        # by trial, catch trials, and room for new movements.
-        self.parts = (
-            *(initial_state(constants, rng), constants, curtain, shown, timing),
-            *(np.array(scales, np.float64), np.array(block.catch, np.int64), np.zeros(2, MOVE)),
-        )
+        state, catch, moves = initial_state(constants, rng), np.array(block.catch, np.int64), np.zeros(2, MOVE)
+        self.parts = ParticipantParts(state, constants, curtain, shown, timing, np.array(scales, float), catch, moves)
         self._decide = decide_in_tick
 
     def warm(self) -> None:
@@ -62,46 +68,44 @@ class SimulatedParticipant:
 
     def shown(self, tick: int) -> int:
         """Return the newest tick that has been seen when a tick is done; negative before the first view."""
-        return int(newest_seen(self.parts[TIMING], tick))
+        return int(newest_seen(self.parts, tick))
 
     def see(self, words: NDArray[np.int64]) -> None:
         """Take the view of a tick."""
-        see(self.parts[CURTAIN], self.parts[SHOWN], words, words.view(np.float64))
+        see(self.parts, words, words.view(np.float64))
 
     def decide(self, words: NDArray[np.int64], force: float) -> NDArray[Any]:
         """Decide, at a multiple of `DECISION_TICKS`; return the new movements, an array of `MOVE`.
 
         ``force``: vertical force that acts on this participant's hand from now on [N].
         """
-        moves: NDArray[Any] = self.parts[-1]
-        return moves[: self._decide(self.parts, words, force)]
+        return self.parts.moves[: self._decide(self.parts, words, force)]
 
 
 @inlined
-def newest_seen(timing: Any, tick: int) -> int:
+def newest_seen(parts: ParticipantParts, tick: int) -> int:
     """Return the newest tick that has been seen when a tick is done; see `SimulatedParticipant.shown`."""
-    return int(tick - 1 - (tick - 1 - timing[1]) % timing[0])
+    return int(tick - 1 - (tick - 1 - parts.timing[1]) % parts.timing[0])
 
 
 @inlined
-def see(curtain: Any, shown: Any, words: Any, numbers: Any) -> None:
+def see(parts: ParticipantParts, words: Any, numbers: Any) -> None:
     """Take the view of a tick, given as words and as numbers of the same memory."""
-    glimpse(curtain[0], words, numbers, (words[_TIME] + TICK_NS) * 1e-9, shown[0])
+    glimpse(parts.curtain[0], words, numbers, (words[_TIME] + TICK_NS) * 1e-9, parts.shown[0])
 
 
 @inlined
-def decide_in_tick(parts: Any, words: Any, force: float) -> int:
-    """Decide after a tick; return the number of new movements, which are in the last of the parts."""
+def decide_in_tick(parts: ParticipantParts, words: Any, force: float) -> int:
+    """Decide after a tick; return the number of new movements, which are in ``parts.moves``."""
     scale = scale_in(parts, words)
     felt = force / scale if scale != 0.0 else nan
-    state, constants, shown = parts[STATE][0], parts[CONSTANTS][0], parts[SHOWN][0]
-    return decide(state, constants, words[_TIME] * 1e-9, shown, felt, parts[MOVES])
+    return decide(parts.state[0], parts.constants[0], words[_TIME] * 1e-9, parts.shown[0], felt, parts.moves)
 
 
 @inlined
-def scale_in(parts: Any, words: Any) -> float:
+def scale_in(parts: ParticipantParts, words: Any) -> float:
     """Return the factor of the force on the hand; 0 if the force carries no information on the partner [1]."""
-    scales, catch, trial = parts[SCALES], parts[CATCH], words[_TRIAL]
+    scales, catch, trial = parts.scales, parts.catch, words[_TRIAL]
     if len(scales) == 0 or not is_active(words[_PHASE]):
         return 0.0
     for k in range(len(catch)):
