@@ -28,12 +28,12 @@ def lsl(
     from netboard.network.transport import sockets
     from netboard.nodes.logger.log_link import SocketLink
     from netboard.nodes.logger.lsl_outlets import Outlets
-    from netboard.nodes.logger.subscriber import Listener
+    from netboard.nodes.logger.subscriber import Subscriber
 
     log_to_stderr("lsl")
     leave_reserved_cpus(settings.realtime)
     outlets = Outlets(name, settings.network.port)
     with Stopping() as stopping, sockets.open_context() as context:
-        listener = Listener(SocketLink(settings.network, "listener", context), outlets, "Lab Streaming Layer")
-        listener.run(stopping)
-    log.info("%d ticks and %d events sent, %d records lost", outlets.ticks, outlets.events, listener.lost)
+        subscriber = Subscriber(SocketLink(settings.network, "listener", context), outlets, "Lab Streaming Layer")
+        subscriber.run(stopping)
+    log.info("%d ticks and %d events sent, %d records lost", outlets.ticks, outlets.events, subscriber.lost)

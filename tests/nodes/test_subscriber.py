@@ -14,7 +14,7 @@ from netboard.network.protocol.codec import encode
 from netboard.network.protocol.joining import Goodbye, Refusal, Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION
 from netboard.network.protocol.records import ClockRecord, EventRecord, LogBatch, TickRecord
-from netboard.nodes.logger.subscriber import EARLY_WELCOME_NS, Listener
+from netboard.nodes.logger.subscriber import EARLY_WELCOME_NS, Subscriber
 from netboard.nodes.ports.log_port import LogPort
 from netboard.nodes.ports.subscribers import SILENCE_TIMEOUT_NS
 from netboard.recording.recovery.spill import Spill
@@ -106,7 +106,7 @@ class Rig:
         self.clock = FakeClock()
         self.link = PortLink(self.clock)
         self.sink = RecordingSink()
-        self.listener = Listener(self.link, self.sink, "a test", lambda: self.clock() + AHEAD_NS)
+        self.subscriber = Subscriber(self.link, self.sink, "a test", lambda: self.clock() + AHEAD_NS)
 
     def serve(self, session: str, capacity: int = 1000) -> Server:
         self.link.server = Server(self.folder, session, self.clock, capacity)
@@ -114,7 +114,7 @@ class Rig:
 
     def step(self, count: int) -> None:
         for _ in range(count):
-            self.listener.step()
+            self.subscriber.step()
 
 
 @pytest.fixture
@@ -180,7 +180,7 @@ def test_missed_records_are_reported(rig: Rig) -> None:
     server.tick(500)
     rig.step(3)
     assert rig.sink.lost == [(10, 400)]
-    assert rig.listener.lost == 400
+    assert rig.subscriber.lost == 400
     assert rig.sink.ticks == [*range(10), *range(410, 510)]
 
 
@@ -246,7 +246,7 @@ def test_refusal_is_logged_once_and_the_connection_retried(rig: Rig, caplog: pyt
 def test_stopped_listener_sends_goodbye(rig: Rig) -> None:
     server = rig.serve("one")
     rig.step(3)
-    rig.listener.run(lambda: True)
+    rig.subscriber.run(lambda: True)
     server.port.pump(rig.clock())
     assert len(server.port.subscribers) == 0
     assert not [message for message in server.router.received_by(NAME) if isinstance(message, Refusal)]

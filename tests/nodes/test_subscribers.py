@@ -15,7 +15,7 @@ from netboard.network.protocol.control import StatusRequest
 from netboard.network.protocol.joining import Goodbye, Ping, Pong, Refusal, Welcome
 from netboard.network.protocol.messages import Message
 from netboard.network.protocol.records import LogAck, LogBatch, LogEnd, LogRequest, TickRecord
-from netboard.nodes.ports.subscribers import MAX_LISTENERS, MAX_RECORDS, SILENCE_TIMEOUT_NS
+from netboard.nodes.ports.subscribers import MAX_RECORDS, MAX_SUBSCRIBERS, SILENCE_TIMEOUT_NS
 
 E, F = b"listener@1", b"listener@2"
 
@@ -100,7 +100,7 @@ def test_unauthorised_and_surplus_listeners_are_refused(rig: Rig) -> None:
     rig.router.forbidden = "this key is that of a logger"
     assert rig.pump(E, hello("listener")) == [Refusal("this key is that of a logger")]
     rig.router.forbidden = ""
-    for k in range(MAX_LISTENERS):
+    for k in range(MAX_SUBSCRIBERS):
         join_listener(rig, b"listener@%d" % k)
     assert rig.pump(b"listener@x", hello("listener")) == [Refusal("too many listeners")]
     rig.join(L)

@@ -50,7 +50,7 @@ class RecordReceiver(Protocol):
         """Take ticks and events, in order."""
 
 
-class Listener:
+class Subscriber:
     """Subscribes to the log of one server. ``clock``: monotonic time [ns]."""
 
     def __init__(self, link: Link, receiver: RecordReceiver, purpose: str, clock: Callable[[], int] = now_ns) -> None:

@@ -16,7 +16,7 @@ from netboard.network.transport import endpoints
 from netboard.nodes.ports.peer import Peer
 from netboard.nodes.ports.peer_events import PeerEvents
 
-MAX_LISTENERS = 4
+MAX_SUBSCRIBERS = 4
 
 MAX_RECORDS = 128
 MAX_BYTES = 65_536
@@ -26,7 +26,7 @@ SILENCE_TIMEOUT_NS = 2_000_000_000
 """Silence after which a subscriber or a logger is gone [ns]."""
 
 
-class _Listener:
+class _Subscriber:
     """The server's state of a subscriber."""
 
     def __init__(self, peer: Peer) -> None:
@@ -43,42 +43,42 @@ class Subscribers:
         self._router = router
         self._ring = ring
         self._peer_events = peer_events
-        self._listeners: dict[bytes, _Listener] = {}
+        self._subscribers: dict[bytes, _Subscriber] = {}
 
     def __contains__(self, name: object) -> bool:
-        return name in self._listeners
+        return name in self._subscribers
 
     def __len__(self) -> int:
-        return len(self._listeners)
+        return len(self._subscribers)
 
     @property
     def peers(self) -> list[Peer]:
         """The connected subscribers."""
-        return [listener.peer for listener in self._listeners.values()]
+        return [subscriber.peer for subscriber in self._subscribers.values()]
 
     def links(self, now_ns: int) -> list[LinkStatus]:
         """Return the state of their connections."""
-        return [listener.peer.link(now_ns, listener.lost) for listener in self._listeners.values()]
+        return [subscriber.peer.link(now_ns, subscriber.lost) for subscriber in self._subscribers.values()]
 
     def greet(self, name: bytes, hello: Hello, welcome: Welcome, now_ns: int) -> None:
         """Register a subscriber if there is room; one that is already registered goes on where it was."""
-        known = self._listeners.get(name)
-        if known is None and len(self._listeners) >= MAX_LISTENERS:
+        known = self._subscribers.get(name)
+        if known is None and len(self._subscribers) >= MAX_SUBSCRIBERS:
             raise WireError("too many listeners")
         self._router.send_or_queue(name, encode(welcome))
         if known is None or known.peer.hello != hello:
-            self._listeners[name] = _Listener(Peer(hello, now_ns))
+            self._subscribers[name] = _Subscriber(Peer(hello, now_ns))
             self._peer_events.add_with_details(hello, "listener_joined", {"name": hello.name}, now_ns)
 
     def handle(self, name: bytes, message: Message, now_ns: int) -> None:
         """Handle a subscriber's message."""
-        listener = self._listeners[name]
-        listener.peer.note_message(now_ns)
+        subscriber = self._subscribers[name]
+        subscriber.peer.note_message(now_ns)
         match message:
             case LogRequest(first=first):
-                listener.cursor = self._ring.next if first < 0 else self._ring.start(first)
+                subscriber.cursor = self._ring.next if first < 0 else self._ring.start(first)
             case Pong():
-                listener.peer.answered(message, now_ns)
+                subscriber.peer.answered(message, now_ns)
             case Goodbye(reason=reason):
                 self._forget(name, reason, now_ns)
 
@@ -88,33 +88,33 @@ class Subscribers:
         While frames are still `unhandled`, no subscriber counts as silent.
         """
         pinged = False
-        for name, listener in list(self._listeners.items()):
-            if listener.peer.age_ns(now_ns) > SILENCE_TIMEOUT_NS and not unhandled:
+        for name, subscriber in list(self._subscribers.items()):
+            if subscriber.peer.age_ns(now_ns) > SILENCE_TIMEOUT_NS and not unhandled:
                 self._forget(name, "fell silent", now_ns)
                 continue
-            ping = listener.peer.ping(now_ns)
+            ping = subscriber.peer.ping(now_ns)
             pinged |= ping is not None and self._router.send(name, encode(ping))
-            if listener.cursor is not None:
-                listener.cursor = self._feed(name, listener, listener.cursor, ended)
+            if subscriber.cursor is not None:
+                subscriber.cursor = self._feed(name, subscriber, subscriber.cursor, ended)
         return pinged
 
     def dismiss(self) -> None:
         """Say goodbye to all subscribers."""
-        for name in self._listeners:
+        for name in self._subscribers:
             self._router.send(name, encode(Goodbye("the session is over")))
 
-    def _feed(self, name: bytes, listener: _Listener, cursor: int, ended: bool) -> int:
+    def _feed(self, name: bytes, subscriber: _Subscriber, cursor: int, ended: bool) -> int:
         """Send the next batch, and `LogEnd` after the last one; return the number of the record that follows."""
         if cursor < self._ring.next:
             batch = self._ring.batch(cursor, MAX_RECORDS, MAX_BYTES)
             if self._router.send(name, encode(batch)):
-                listener.lost += batch.lost
+                subscriber.lost += batch.lost
                 cursor = batch.first + len(batch.records)
-        elif ended and not listener.end_sent:
-            listener.end_sent = self._router.send(name, encode(LogEnd(self._ring.next - 1)))
+        elif ended and not subscriber.end_sent:
+            subscriber.end_sent = self._router.send(name, encode(LogEnd(self._ring.next - 1)))
         return cursor
 
     def _forget(self, name: bytes, reason: str, now_ns: int) -> None:
-        listener = self._listeners.pop(name)
+        subscriber = self._subscribers.pop(name)
         self._router.drop_queued(name)
-        self._peer_events.add("listener_left", {"name": listener.peer.hello.name, "reason": reason}, now_ns)
+        self._peer_events.add("listener_left", {"name": subscriber.peer.hello.name, "reason": reason}, now_ns)
