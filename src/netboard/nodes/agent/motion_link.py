@@ -41,6 +41,8 @@ NEWER = -4
 _ANSWERS: tuple[Any, ...] = (None, Force, Point, Heartbeat)
 _PACKERS: tuple[Any, ...] = (None, *map(fixed.packer_of, (Force, Point, Heartbeat)))
 _LENGTH = len(fixed.POINT.markers)
+_TICK, _SENT, _SEQ = range(3)  # first words of every answer
+_LEAD = (-1, *([name for name, _ in fixed.fields_of(kind)].index("lead_ns") for kind in _ANSWERS[1:]))  # by its kind
 
 LINK = np.dtype(
     [
@@ -82,14 +84,14 @@ def _is_fresh(link: Any, seq: int) -> bool:
 
 
 @kernel
-def take(link: Any, kind: int, lead_ns: int, now_ns: int) -> bool:
+def take(link: Any, kind: int, now_ns: int) -> bool:
     """Take an answer, whose words are in ``came``; return False if it is not newer than the newest one."""
     state = link[0]
-    if not state["in_session"] or (state["kind"] != NONE and state["came"][0] <= state["words"][0]):
+    if not state["in_session"] or (state["kind"] != NONE and state["came"][_TICK] <= state["words"][_TICK]):
         return False
-    state["kind"], state["lead_ns"], state["heard_ns"] = kind, lead_ns, now_ns
+    state["kind"], state["lead_ns"], state["heard_ns"] = kind, state["came"][_LEAD[kind]], now_ns
     fastpath.copy(state["words"], state["came"], _LENGTH)
-    if _is_fresh(link, state["came"][2]):
+    if _is_fresh(link, state["came"][_SEQ]):
         state["received_ns"] = now_ns
     return True
 
@@ -109,16 +111,15 @@ def wait_for_answer(fast: Any, frame: Any, link: Any, until_ns: int) -> int:
         now = fastpath.now_ns(fast)
         if size >= 0:
             if fixed.read(frame[:size], fixed.FORCE, came):
-                if take(link, FORCE, came[4], now):
-                    return NEWER
+                kind = FORCE
             elif fixed.read(frame[:size], fixed.POINT, came):
-                if take(link, POINT, came[8], now):
-                    return NEWER
+                kind = POINT
             elif fixed.read(frame[:size], fixed.HEARTBEAT, came):
-                if take(link, BEAT, came[3], now):
-                    return NEWER
+                kind = BEAT
             else:
                 return size
+            if take(link, kind, now):
+                return NEWER
         elif size == fastpath.FAILED or now >= until_ns:
             return size
         elif fastpath.sleep(fast, until_ns - now):
@@ -152,7 +153,7 @@ def send_sample(
     words[0], words[1] = seq, stamp_ns
     numbers[2], numbers[3], numbers[4], numbers[5], numbers[6], numbers[7] = x, y, z, vx, vy, vz
     words[8], words[9], numbers[10] = buttons, safeguards, rendered
-    words[11], words[12] = (state["words"][0], state["words"][1]) if state["kind"] != NONE else (-1, 0)
+    words[11], words[12] = (state["words"][_TICK], state["words"][_SENT]) if state["kind"] != NONE else (-1, 0)
     words[13], words[14], words[15] = state["heard_ns"], fastpath.now_ns(fast), state["loop_ns"]
     fixed.write(frame, fixed.STYLUS, words)
     return fastpath.send_one(fast, frame)
@@ -162,8 +163,8 @@ def send_sample(
 def close_loop(link: Any, at_ns: int) -> None:
     """Note that the newest answer was rendered, which closes the loop of the sample it was computed from."""
     state = link[0]
-    seq = state["words"][2]
     # The server may compute several ticks from one sample; only the first answer to it closes its loop.
+    seq = state["words"][_SEQ]
     if state["kind"] in (FORCE, POINT) and seq > state["looped"]:
         state["looped"] = seq
         state["loop_ns"] = at_ns - state["stamps"][seq % REMEMBERED]
@@ -217,7 +218,7 @@ class Link:
     @property
     def answered_seq(self) -> int:
         """Number of the sample that the newest answer answers, -1 for none [1]."""
-        return -1 if self.kind == NONE else int(self.state[0]["words"][2])
+        return -1 if self.kind == NONE else int(self.state[0]["words"][_SEQ])
 
     @property
     def answer_ns(self) -> int:
@@ -243,10 +244,9 @@ class Link:
     def warm(self) -> None:
         """Compile or load the kernels, so that the first tick is not late."""
         nowhere, state = fastpath.FastPath(None).record, empty()
-        sample = (0, 0, *(0.0,) * 6, 0, 0, 0.0)
         wait_for_answer(nowhere, self.frame, state, 0)
-        take(state, BEAT, 0, 0)
-        self._send_sample = machine_code(send_sample, nowhere, self.sample, state, *sample)
+        take(state, BEAT, 0)
+        self._send_sample = machine_code(send_sample, nowhere, self.sample, state, 0, 0, *(0.0,) * 6, 0, 0, 0.0)
         self._close_loop = machine_code(close_loop, state, 0)
 
     def send(self, seq: int, reading: Reading, safeguards: int, rendered: float) -> None:
@@ -332,7 +332,7 @@ class Link:
         """Take an answer that did not come in its fixed form."""
         kind = _ANSWERS.index(type(message))
         _PACKERS[kind].pack_into(self.state[0]["came"].data, 0, *astuple(message))
-        return take(self.state, kind, message.lead_ns, now_ns())
+        return take(self.state, kind, now_ns())
 
     def _enter(self, session: str) -> None:
         """Enter a session; in a new one nothing of the old one counts."""
