@@ -119,7 +119,7 @@ def session_of(config: Config, rows: NDArray[Any], reported_ticks: int = 500, st
         if row["event"]:
             after = rows[number + 1] if number + 1 < len(rows) else _over(row)
             _note(made, number, *event_of(row))
-            attempts.record_decision(Cause(int(row["event"])), row, after, rows, number)
+            attempts.record_decision(rows, number, after)
         if number % 10 == 0:
             attempts.poll(rows, number + 1)
         if number and number % reported_ticks == 0:

@@ -72,7 +72,7 @@ class BlockRun:
         self.stage.advance(self.state, self.rows, self.tick)
         cause = Cause(int(row["event"]))
         if cause:
-            self.decisions += self.attempts.record_decision(cause, row, self.now, self.rows, self.tick)
+            self.decisions += self.attempts.record_decision(self.rows, self.tick, self.now)
         self.tick += 1
         if self.tick % 10 == 0:
             self.attempts.poll(self.rows, self.tick)

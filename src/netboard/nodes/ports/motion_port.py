@@ -100,7 +100,7 @@ class MotionPort:
         """Whether frames of unregistered peers wait to be handled."""
         return bool(self._motion.unregistered[0]["kept"])
 
-    def drain(self, clock: Callable[[], int], due_ns: int, signalled: bool = False) -> bool:
+    def drain(self, clock: Callable[[], int], due_ns: int, *, signalled: bool = False) -> bool:
         """Take what has arrived; return whether each side that was punctual at the last tick has sent a new sample.
 
         ``signalled``: take frames only until then, because a tick can begin, and leave all else for the next call.

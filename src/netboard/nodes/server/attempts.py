@@ -144,17 +144,17 @@ class Attempts:
         if self._referee is not None:
             self._referee.paint(frame.station, frame.tick, frame.painted_ns)
 
-    def record_decision(self, cause: Cause, row: Any, state: Any, rows: Any, number: int) -> list[Event]:
-        """Take a decision of the trial state machine, and return the events to record."""
+    def record_decision(self, rows: Any, number: int, state: Any) -> list[Event]:
+        """Take the decision of the trial state machine at a tick, and return the events to record."""
         self._verdict = None
         self.poll(rows, number + 1)
-        events = []
+        row = rows[number % len(rows)]
+        cause = Cause(int(row["event"]))
         over = cause == Cause.LAST
         if over and int(row["command"]) == Cause.SKIP:  # the operator skipped the last trial
             cause = Cause.SKIP
         ended = cause in OUTCOMES and (int(row["phase"]) in (Phase.LEVELLING, *BALL_FREE) or cause == Cause.SKIP)
-        if ended:
-            events.append(self._end_attempt(cause, row, state, number))
+        events = [self._end_attempt(cause, row, state, number)] if ended else []
         then = int(state["phase"])
         if then == Phase.LEVELLING and (ended or cause in (Cause.START, Cause.NEXT, Cause.RESUME)):
             self._write(AttemptBegan(self._block, int(state["trial"]), int(state["attempt"]), self._run, number))

@@ -169,7 +169,7 @@ class Session:
     def _tick_if_due(self, motion: bool) -> None:
         """Take the samples that have arrived, and run the tick if it is due, or all ticks that are due while idle."""
         clock, idle = self._clock, self._state.idle
-        complete = self._motion.drain(now_ns, clock.due_ns, motion)
+        complete = self._motion.drain(now_ns, clock.due_ns, signalled=motion)
         now = now_ns()
         if moved_ns := clock.skip_backlog(now, idle):
             self._state.note("stood_still", {"milliseconds": f"{moved_ns / TICK_NS:.0f}"})
@@ -446,7 +446,7 @@ class Session:
                 state.supervisor.paused_by(STAGE_FAULT)
             details["notice"] = state.supervisor.notice
         state.note(cause.name.lower(), details)
-        for name, judged in state.attempts.record_decision(cause, row, stage, state.rows, number):
+        for name, judged in state.attempts.record_decision(state.rows, number, stage):
             state.note(name, judged)
         if cause == Cause.START:
             self.records.start()
