@@ -257,23 +257,22 @@ class Stage:
         """
         self.ticks(state, rows, first, count, self.book, self.tables)
 
-    def commanded_row(self, rows: NDArray[Any], number: int) -> Any:
+    def commanded_row(self, words: NDArray[np.int64], number: int) -> Any:
         """Return the row whose forces are commanded at a tick: that of `commanded_tick`, which Python need not compile.
 
         Parameters
         ----------
-        rows : ndarray of TICK, shape (n,)
-            A ring buffer of rows, or of their words, longer than `delay`; rows before the first tick are zeros.
+        words : ndarray of int64, shape (n, m)
+            A ring buffer of rows as words, longer than `delay`; rows before the first tick are zeros [1].
 
         Returns
         -------
-        TICK record, or ndarray of its words
-            The row.
+        ndarray of int64, shape (m,)
+            The row as words [1].
         """
-        row = rows[number % len(rows)]
-        trial, catch = row["trial"] if rows.dtype.names else row[_TRIAL], self.book["rendering"]["catch"][0]
-        listed = 0 < trial < len(catch) and catch[trial] != 0
-        return row if listed else rows[(number - self.delay) % len(rows)]
+        row, catch = words[number % len(words)], self.book["rendering"]["catch"][0]
+        listed = 0 < row[_TRIAL] < len(catch) and catch[row[_TRIAL]] != 0
+        return row if listed else words[(number - self.delay) % len(words)]
 
     def warm(self) -> None:
         """Compile `advance`, or load it from the cache, so that the first tick meets its deadline."""
