@@ -442,7 +442,7 @@ class Session:
         state.supervisor.forget_refusal()
         details = change_of(cause, row, stage) | self._blocks.details.of(int(row["trial"]))
         if cause == Cause.FAULT:
-            if row["command"] != row["event"]:
+            if row["command"] != row["event"]:  # nobody commanded it: the stage itself found an impossible state
                 state.supervisor.paused_by(STAGE_FAULT)
             details["notice"] = state.supervisor.notice
         state.note(cause.name.lower(), details)

@@ -44,7 +44,7 @@ def _stored(name: str) -> bytes:
 
 
 _SIGNATURE = struct.pack("<I", 4) + b"zstd"
-_TO_SIGNATURE = RECORD_HEAD.size + 8 + 8 + 8 + 4
+_TO_SIGNATURE = RECORD_HEAD.size + 8 + 8 + 8 + 4  # MCAP: start and end time, size and CRC of a chunk come before
 _COPIED_METADATA = (MetadataName.OPENED, MetadataName.FIRST, MetadataName.END, MetadataName.RECOVERY)
 _RECOVERABLE = ("2", "3", FORMAT_VERSION)
 _CHUNK_BYTES = 2**18
