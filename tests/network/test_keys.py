@@ -190,6 +190,23 @@ def test_concurrent_change_of_the_list_is_refused(ring: keys.KeyRing, folder: Pa
     assert (folder / "authorized.toml.new").exists()
 
 
+@pytest.mark.skipif(os.name != "posix", reason="no limits")
+def test_full_disk_leaves_no_key_that_is_not_listed(ring: keys.KeyRing, folder: Path, tmp_path: Path) -> None:
+    """A limit of the kernel, below the length of the list and above that of a key, replaces the full disk."""
+    import resource
+
+    before = {path: path.read_bytes() for path in folder.iterdir()}
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (600, limits[1]))
+    try:
+        with pytest.raises(ConfigError, match=r"authorized\.toml: cannot be written: File too large"):
+            keys.add(folder, "agent", "left", tmp_path / "carry")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert {path: path.read_bytes() for path in folder.iterdir()} == before
+    assert list((tmp_path / "carry").iterdir()) == []
+
+
 def test_missing_key_file_is_reported_with_the_command_to_make_it(folder: Path) -> None:
     with pytest.raises(ConfigError, match=r"display\.right\.key: does not exist; .*keys add display right, and"):
         keys.credentials(folder, "display.right")

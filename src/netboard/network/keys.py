@@ -12,7 +12,7 @@ import hashlib
 import ipaddress
 import os
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from itertools import count
@@ -215,16 +215,19 @@ def add(folder: Path, role: Role, side: str, to: Path) -> tuple[Peer, Path]:
     if (role in ROLES_WITH_SIDE) != (side in SIDES):
         raise ConfigError(f"{role}: expected a side, left or right" if not side else f"{role}: has no side")
     server = _read_key(key_path(folder, SERVER), HOW_TO_INIT)
-    with _changed_list(folder) as peers:
-        taken = {peer.name for peer in peers}
-        names = (role_and_side(role, side) + (f"-{number}" if number > 1 else "") for number in count(1))
-        name = next(name for name in names if name not in taken)
-        public, secret = authenticator.new_keys()
-        peer = Peer(name, role, side, public, _now())  # type: ignore[arg-type]
-        to.mkdir(mode=0o700, parents=True, exist_ok=True)
-        path = key_path(to, peer.role_and_side)
-        _write_key(path, _KeyFile(name, peer.created, secret, authenticator.public_of(server.secret)))
-        peers.append(peer)
+    with ExitStack() as undo:
+        with _changed_list(folder) as peers:
+            taken = {peer.name for peer in peers}
+            names = (role_and_side(role, side) + (f"-{number}" if number > 1 else "") for number in count(1))
+            name = next(name for name in names if name not in taken)
+            public, secret = authenticator.new_keys()
+            peer = Peer(name, role, side, public, _now())  # type: ignore[arg-type]
+            to.mkdir(mode=0o700, parents=True, exist_ok=True)
+            path = key_path(to, peer.role_and_side)
+            _write_key(path, _KeyFile(name, peer.created, secret, authenticator.public_of(server.secret)))
+            undo.callback(path.unlink)  # a key that is not listed opens nothing
+            peers.append(peer)
+        undo.pop_all()
     return peer, path
 
 
@@ -290,11 +293,14 @@ def _changed_list(folder: Path) -> Iterator[list[Peer]]:
     try:
         peers = list(read_list(folder))
         yield peers
-        with new.open("w", encoding="utf-8", newline="\n") as file:
-            file.write(_list_text(peers))
-            file.flush()
-            os.fsync(file.fileno())
-        new.replace(folder / LIST)
+        try:
+            with new.open("w", encoding="utf-8", newline="\n") as file:
+                file.write(_list_text(peers))
+                file.flush()
+                os.fsync(file.fileno())
+            new.replace(folder / LIST)
+        except OSError as error:
+            raise ConfigError(f"{folder / LIST}: cannot be written: {error.strerror}") from error
     finally:
         new.unlink(missing_ok=True)
 
