@@ -94,5 +94,9 @@ def test_broken_backend_error_says_why(name: str, why: str) -> None:
 
 
 @pytest.mark.usefixtures("plugin")
-def test_built_in_backends_take_precedence() -> None:
-    assert registry.find("virtual") is VirtualTouch
+def test_two_backends_of_one_name_are_refused() -> None:
+    """A laboratory's own driver must not be replaced by netboard's, or by that of another package."""
+    with pytest.raises(
+        DeviceNotFound, match=r"2 device backends 'virtual': netboard\S+:VirtualTouch and a_lab_plugin:Other"
+    ):
+        registry.find("virtual")

@@ -5,7 +5,7 @@ register backends in the entry-point group ``netboard.devices``. deploy/udev/70-
 because udev cannot import them; a test compares the two.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
@@ -67,15 +67,19 @@ BACKENDS = {
 
 def names() -> tuple[str, ...]:
     """Return the names of all backends, sorted."""
-    return tuple(sorted({*BACKENDS, *_plugins()}))
+    return tuple(sorted({*BACKENDS, *(point.name for point in _plugins())}))
 
 
 def find(name: str) -> type[Device]:
     """Return the class of a backend."""
-    plugins = _plugins()
-    if name not in BACKENDS and name not in plugins:
+    targets = [BACKENDS[name].target] if name in BACKENDS else []
+    targets += [point.value for point in _plugins() if point.name == name]
+    if not targets:
         raise DeviceNotFound(f"this machine has no device backend {name!r}; it has: {', '.join(names())}")
-    target = BACKENDS[name].target if name in BACKENDS else plugins[name].value
+    if len(targets) > 1:
+        found = " and ".join(targets)
+        raise DeviceNotFound(f"this machine has {len(targets)} device backends {name!r}: {found}; expected one")
+    target = targets[0]
     module, _, attribute = target.partition(":")
     try:
         backend = getattr(import_module(module), attribute)
@@ -113,6 +117,6 @@ def check(config: Config) -> None:
         raise ConfigError("\n".join(problems))
 
 
-def _plugins() -> dict[str, EntryPoint]:
-    """Third-party backends by name."""
-    return {point.name: point for point in entry_points(group=GROUP)}
+def _plugins() -> Iterable[EntryPoint]:
+    """Third-party backends."""
+    return entry_points(group=GROUP)
