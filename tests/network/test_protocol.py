@@ -15,8 +15,10 @@ from wire_golden import EXAMPLES, FRAMES, twin
 from wire_strategies import CLASSES
 from wire_tables import PROTOCOL, documented_fields, renewed
 
+from netboard.network.keys import OPENS
 from netboard.network.protocol.codec import decode, encode
-from netboard.network.protocol.messages import PROTOCOL_VERSION
+from netboard.network.protocol.messages import KINDS, PROTOCOL_VERSION
+from netboard.network.transport.channels import CHANNELS
 
 TEXT = PROTOCOL.read_text(encoding="utf-8")
 TABLES = documented_fields(TEXT)
@@ -118,6 +120,18 @@ def test_every_message_class_has_a_golden_frame() -> None:
 
 def test_tables_are_up_to_date() -> None:
     assert renewed(TEXT) == TEXT, "run: python tests/network/wire_tables.py"
+
+
+@pytest.mark.parametrize("channel", ["motion", "log", "control"])
+def test_table_of_channels_lists_what_the_peers_of_each_send_and_receive(channel: str) -> None:
+    row = re.search(rf"^\| {CHANNELS.index(channel)} \| {channel} \| (.+ up); (.+ down) \|$", TEXT, flags=re.MULTILINE)
+    assert row is not None
+    roles = {peer.partition(".")[0] for peer in OPENS[channel]}
+    up = {kind.message.__name__ for kind in KINDS.values() if roles & set(kind.up)}
+    down = {kind.message.__name__ for kind in KINDS.values() if roles & set(kind.down)} - {
+        "View"
+    }  # has its own channels
+    assert [set(re.findall(r"`(\w+)`", words)) for words in row.groups()] == [up, down]
 
 
 def test_text_states_the_current_protocol_version() -> None:
