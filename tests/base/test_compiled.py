@@ -101,13 +101,31 @@ def test_cache_folder_depends_on_every_source_that_a_kernel_may_use() -> None:
     assert len(reached) < len(paths) / 2
 
 
+def printed_folder(**variables: str) -> subprocess.CompletedProcess[str]:
+    environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"} | variables
+    return subprocess.run([sys.executable, "-c", FOLDER], env=environment, capture_output=True, check=False, text=True)
+
+
 def test_systemd_service_keeps_its_kernels_in_its_cache_directory(tmp_path: Path) -> None:
-    environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
-    environment["CACHE_DIRECTORY"] = f"{tmp_path}:/elsewhere"
-    run = subprocess.run([sys.executable, "-c", FOLDER], env=environment, capture_output=True, check=True, text=True)
-    folder = Path(run.stdout.strip())
+    folder = Path(printed_folder(CACHE_DIRECTORY=f"{tmp_path}:/elsewhere").stdout.strip())
     assert folder.parent == tmp_path
     assert folder.name.startswith("kernels-")
+
+
+def test_user_who_may_not_write_there_has_kernels_of_this_version_too(tmp_path: Path) -> None:
+    """Numba's own choice would be one folder for all versions. A file stands for a folder that is read-only."""
+    (tmp_path / "file").touch()
+    folder = Path(printed_folder(CACHE_DIRECTORY=f"{tmp_path}/file", XDG_CACHE_HOME=f"{tmp_path}/cache").stdout.strip())
+    assert folder.parent == tmp_path / "cache" / "netboard"
+    assert folder.name == Path(printed_folder(CACHE_DIRECTORY=f"{tmp_path}/service").stdout.strip()).name
+
+
+def test_user_who_may_write_nowhere_is_told_so(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    run = printed_folder(CACHE_DIRECTORY=f"{tmp_path}/file", XDG_CACHE_HOME=f"{tmp_path}/file")
+    assert re.search(
+        r"ConfigError: compiled code can be kept in none of these.*file, \S+file/netboard; set .*DIR", run.stderr
+    )
 
 
 @inlined

@@ -32,6 +32,8 @@ from numba.core import cgutils, types
 from numba.core.compiler_lock import global_compiler_lock
 from numba.extending import intrinsic, overload
 
+from netboard.base.errors import ConfigError
+
 if sys.platform != "win32":
     import fcntl
 
@@ -80,20 +82,46 @@ def _imports(text: str) -> set[str]:
 
 def _choose_folder() -> None:
     """Set Numba's cache folder for this process and its children, unless the user has set one."""
+    if not os.environ.get("NUMBA_CACHE_DIR"):
+        os.environ["NUMBA_CACHE_DIR"] = str(_folder_of_this_version())
+    # Numba read the environment when it was imported, possibly before this module.
+    numba.config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]  # type: ignore[attr-defined]
+
+
+def _folder_of_this_version() -> Path:
+    """Return the cache folder of this version of the source, in the first place that may be written to.
+
+    Where Numba may not write, it looks for a place itself, and would find there what another version has left.
+    """
     package = Path(__file__).parents[1]
     state = hashlib.sha256()
     for source in sources(package):
         state.update(source.read_bytes())
-    # A systemd service has its own cache (CacheDirectory=), and may not write into the package.
-    given = os.environ.get("CACHE_DIRECTORY", "").partition(":")[0]
-    folder = Path(given or package / "__pycache__") / f"{PREFIX}{state.hexdigest()[:16]}"
-    chosen = os.environ.setdefault("NUMBA_CACHE_DIR", str(folder))
-    if chosen == str(folder) and not folder.exists():
-        for other in folder.parent.glob(f"{PREFIX}*"):
+    # A systemd service has its own cache (CacheDirectory=), and may not write into the package. Nor may other users.
+    of_the_service = os.environ.get("CACHE_DIRECTORY", "").partition(":")[0]
+    of_the_user = f"{os.environ.get('XDG_CACHE_HOME') or '~/.cache'}/netboard"
+    places = (of_the_service or str(package / "__pycache__"), of_the_user)
+    for place in places:
+        with suppress(OSError, RuntimeError):  # RuntimeError: a user without a home
+            folder = Path(place).expanduser() / f"{PREFIX}{state.hexdigest()[:16]}"
+            is_new = not folder.exists()
+            folder.mkdir(parents=True, exist_ok=True)
+            if os.access(folder, os.W_OK):
+                if is_new:
+                    _remove_unused(folder.parent)
+                return folder
+    raise ConfigError(
+        f"compiled code can be kept in none of these folders, which cannot be written to: {', '.join(places)}; "
+        "set the environment variable NUMBA_CACHE_DIR to one that can"
+    )
+
+
+def _remove_unused(place: Path) -> None:
+    """Remove the cache folders of versions that no process has used for a day."""
+    with suppress(OSError):
+        for other in place.glob(f"{PREFIX}*"):
             if time.time() - other.stat().st_mtime > UNUSED_S:
                 shutil.rmtree(other, ignore_errors=True)
-    # Numba read the environment when it was imported, possibly before this module.
-    numba.config.CACHE_DIR = chosen  # type: ignore[attr-defined]
 
 
 _choose_folder()
