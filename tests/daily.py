@@ -1,11 +1,11 @@
 """Selection of the slow tests of a day; the others run within days. NETBOARD_TEST_ALL=1 runs all.
 
-The slow tests of a file run every fourth day. Every day run those in the folder of this file, those of whole sessions
-and their faults, and those of a file that is named on the command line. ``@pytest.mark.daily(3)`` runs three random
-cases of a test; with ``of="NAME"``, three of all tests with this name. Tests with the same ``part="NAME"`` share a
-costly set-up and count as one case. A test with two marks, its own and its module's, runs if both select it. `some`
-selects from the cases that one test runs together. The seed, a date, is printed at the head of a run:
-NETBOARD_TEST_SEED=2026-11-22 runs the same tests and cases again.
+The slow tests of a file run every fourth day. Every day run those of the base and of the stage, whose bits
+recordings depend on, those of whole sessions and their faults, and those of a file that is named on the command line.
+``@pytest.mark.daily(3)`` runs three random cases of a test; with ``of="NAME"``, three of all tests with this name.
+Tests with the same ``part="NAME"`` share a costly set-up and count as one case. A test with two marks, its own and its
+module's, runs if both select it. `some` selects from the cases that one test runs together. The seed, a date, is
+printed at the head of a run: NETBOARD_TEST_SEED=2026-11-22 runs the same tests and cases again.
 """
 
 import os
@@ -37,8 +37,8 @@ def some(name: str, cases: Iterable[str], count: int) -> list[str]:
 TURNS = 4
 """Number of days in which the slow tests of each file run once [1]."""
 
-EVERY_DAY = ("test_processes.py", "test_faults.py")
-"""Files with sessions of all processes, and with what can go wrong in them."""
+EVERY_DAY = (".", "base", "stage", "integration/test_processes.py", "integration/test_faults.py")
+"""Folders and files in this folder whose slow tests run every day; these files have sessions of all processes."""
 
 
 def left_out(items: list[pytest.Item], named: set[str]) -> set[pytest.Item]:
@@ -53,8 +53,8 @@ def _file(item: pytest.Item) -> str:
 
 
 def _has_turn(item: pytest.Item) -> bool:
-    path = item.path
-    if not item.get_closest_marker("slow") or path.parent == Path(__file__).parent or path.name in EVERY_DAY:
+    file = item.path.relative_to(Path(__file__).parent)
+    if not item.get_closest_marker("slow") or {str(file), str(file.parent)} & set(EVERY_DAY):
         return True
     return (DAY + zlib.crc32(_file(item).encode())) % TURNS == 0
 
