@@ -156,10 +156,9 @@ def sentence(found: Sequence[Power], assumptions: Assumptions) -> str:
 def by_test(found: Sequence[Power]) -> dict[tuple[str, str, str, int], list[Power]]:
     """Return the powers of each measure, contrast, test and number of trials, by increasing number of dyads."""
     lines: dict[tuple[str, str, str, int], list[Power]] = {}
-    for one in sorted(found, key=lambda one: one.dyads):
+    for one in found:
         lines.setdefault((one.measure, one.contrast, one.test, one.trials), []).append(one)
-    order = {key: place for place, key in enumerate((one.measure, one.contrast, one.test, one.trials) for one in found)}
-    return dict(sorted(lines.items(), key=lambda item: order[item[0]]))
+    return {key: sorted(own, key=lambda one: one.dyads) for key, own in lines.items()}
 
 
 def flat(one: Power) -> dict[str, Any]:
