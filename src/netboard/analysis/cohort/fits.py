@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 from math import exp, log, nan
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -23,11 +24,17 @@ from netboard.analysis.topics.models import Fit, fits_of, human_test_rows, trial
 from netboard.base.errors import ConfigError
 from netboard.recording.export.formats import Progress
 
-Key = tuple[int, str, str, str]
-"""Number of dyads, measure, effect, and method of inference."""
-
 MODEL = "model"
 """Name of the test with the between-dyad degrees of freedom."""
+
+
+class Key(NamedTuple):
+    """Key of a term: number of dyads, measure, effect, and method of inference."""
+
+    dyads: int
+    measure: str
+    effect: str
+    method: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +65,7 @@ def fitted(folder: Path, sizes: Sequence[int], alpha: float, trials: int, number
     for size in sizes:
         own = attempts[dyad <= size]
         for fit in fits_of(own[own["counts"] == 1], own, factors, 1.0 - alpha):
-            found |= {(size, fit.measure, name, method): term for name, method, term in _terms(fit)}
+            found |= {Key(size, fit.measure, effect, method): term for effect, method, term in _terms(fit)}
     return found
 
 
@@ -93,29 +100,28 @@ def model_powers(
     for number, terms in run_all(task, range(1, studies + 1), workers, dask, files):
         found[number] = terms
         progress(f"models of {len(found)} of {studies} studies", len(found), studies)
-    keys = dict.fromkeys(key for number in sorted(found) for key in found[number])
-    largest = max(sizes)
+    each = [found[number] for number in sorted(found)]
+    keys = dict.fromkeys(key for terms in each for key in terms)
     return [
-        _power(key, [found[number].get(key) for number in sorted(found)], _truth(key, found, largest), alpha, trials)
-        for key in sorted(keys, key=lambda key: key[1:])
+        _power(key, [terms.get(key) for terms in each], _truth(key, each, max(sizes)), alpha, trials)
+        for key in sorted(keys, key=lambda key: (key.measure, key.effect, key.method))
     ]
 
 
-def _truth(key: Key, found: Mapping[int, Mapping[Key, Term]], largest: int) -> float:
+def _truth(key: Key, each: Sequence[Mapping[Key, Term]], largest: int) -> float:
     """Return the geometric mean of an effect over all studies with the largest number of dyads."""
-    _, measure, effect, _ = key
     values = [
         log(term.value)
-        for terms in found.values()
-        for (size, *names), term in terms.items()
-        if size == largest and names[:2] == [measure, effect] and np.isfinite(term.value) and term.value > 0.0
+        for terms in each
+        for own, term in terms.items()
+        if (own.dyads, own.measure, own.effect) == (largest, key.measure, key.effect)
+        if np.isfinite(term.value) and term.value > 0.0
     ]
     return exp(float(np.mean(values))) if values else nan
 
 
 def _power(key: Key, terms: Sequence[Term | None], truth: float, alpha: float, trials: int) -> Power:
     """Count rejections and misses."""
-    dyads, measure, effect, name = key
     known = [term for term in terms if term is not None]
     hits = sum(term.p <= alpha for term in known)
     misses = sum(truth < term.low or truth > term.high for term in known)
@@ -124,10 +130,10 @@ def _power(key: Key, terms: Sequence[Term | None], truth: float, alpha: float, t
         widths = np.log(ends[:, 1]) - np.log(ends[:, 0])
     width, error = mean_width(widths, "ratio")
     return Power(
-        measure=measure,
-        contrast=effect,
-        test=name,
-        dyads=dyads,
+        measure=key.measure,
+        contrast=key.effect,
+        test=key.method,
+        dyads=key.dyads,
         trials=trials,
         studies=len(terms),
         unit="1",
