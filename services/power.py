@@ -65,13 +65,13 @@ def power(
     request = Request(
         load_study(study),
         settings,
-        numbers("--dyads", dyads, 2),
-        numbers("--trials", trials, 0),
-        studies,
-        seed,
-        alpha,
-        tuple(contrasts or ()),
-        models,
+        dyads=numbers("--dyads", dyads, 2),
+        trials=numbers("--trials", trials, 0),
+        studies=studies,
+        seed=seed,
+        alpha=alpha,
+        contrasts=tuple(contrasts or ()),
+        models=models,
     )
     with telling() as tell:
         found = answer(request, output, cohort, workers=workers or cores(), dask=dask, progress=tell)

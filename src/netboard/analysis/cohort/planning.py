@@ -54,28 +54,29 @@ def answer(
     """
     refuse_existing(folder)
     if given is None:
-        design = Design(request.study, request.config, max(request.dyads), request.seed, request.models)
-        how = {"workers": workers, "dask": dask, "progress": progress}
-        cohort = make_cohort(design, request.studies, folder / "cohort", **how)  # type: ignore[arg-type]
-        studies = request.studies
+        design = Design(request.study, request.config, max(request.dyads), request.seed, keep_trials=request.models)
+        cohort = make_cohort(design, request.studies, folder / "cohort", workers=workers, dask=dask, progress=progress)
     else:
-        cohort, studies = suitable(request, given)
+        cohort = suitable(request, given)
+    studies = cohort.finished
     found = [one for trials in request.trials for one in _of_contrasts(request, cohort, studies, trials)]
     if request.models:
         for trials in request.trials:
             found += model_powers(
-                *(cohort, studies, request.dyads, request.alpha, trials), workers=workers, dask=dask, progress=progress
+                cohort, studies, request.dyads, request.alpha, trials, workers=workers, dask=dask, progress=progress
             )
-    config = parse(cohort.manifest["config"], str(cohort.folder))
-    drawn = tuple(distributions(config, cohort.manifest["seed"]))
-    origin = cohort.manifest["study"], cohort.manifest["netboard"], digest(config), cohort.manifest["seed"]
-    assumptions = Assumptions(*origin, studies, cohort.manifest["dyads"], request.alpha, drawn)
+    made = cohort.manifest
+    config = parse(made["config"], str(cohort.folder))
+    drawn = tuple(distributions(config, made["seed"]))
+    assumptions = Assumptions(
+        made["study"], made["netboard"], digest(config), made["seed"], studies, made["dyads"], request.alpha, drawn
+    )
     write(folder, found, assumptions)
     return Answer(parts(found, assumptions), sentence(next(iter(by_test(found).values())), assumptions))
 
 
-def suitable(request: Request, folder: Path) -> tuple[Cohort, int]:
-    """Open a cohort, and return how many of its studies are finished.
+def suitable(request: Request, folder: Path) -> Cohort:
+    """Open a cohort.
 
     - raises ConfigError: if it is of another study, has too few dyads, or no finished study.
     """
@@ -88,7 +89,7 @@ def suitable(request: Request, folder: Path) -> tuple[Cohort, int]:
         raise ConfigError(f"--dyads: found {max(request.dyads)}, expected at most {most}, those of {folder}")
     if not cohort.finished:
         raise ConfigError(f"--cohort {folder}: has no finished study; continue it with netboard cohort --resume")
-    return cohort, cohort.finished
+    return cohort
 
 
 def _of_contrasts(request: Request, cohort: Cohort, studies: int, trials: int) -> list[Power]:
