@@ -3,6 +3,7 @@
 from dataclasses import asdict, replace
 from math import gamma, sqrt
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pandas as pd
@@ -13,7 +14,7 @@ from statsmodels.stats.proportion import proportion_confint
 from typer.testing import CliRunner
 
 from made_study import made_study, random_blocks
-from netboard.analysis.cohort.power import PERMUTATION, T_TEST, Differences, Rate, differences, powers
+from netboard.analysis.cohort.power import PERMUTATION, T_TEST, Differences, Rate, Scale, differences, powers
 from netboard.analysis.cohort.report import Assumptions, draw, flat, sentence, write
 from netboard.analysis.cohort.rows import group_rows
 from netboard.analysis.statistics.contrasts import condition_contrast
@@ -25,9 +26,9 @@ ASSUMED = Assumptions("short", "0.1.0", "a" * 64, 1, 400, 24, 0.05, [("kp", "1/s
 MEAN, SD = 0.3, 0.5
 
 
-def drawn(ratio: bool = False) -> Differences:
+def drawn(scale: Scale = "difference") -> Differences:
     gaps = np.random.default_rng(7).normal(MEAN, SD, (400, 24))
-    return Differences("peaks", "on vs off", "1", ratio, gaps)
+    return Differences("peaks", "on vs off", "1", scale, gaps)
 
 
 @pytest.mark.slow
@@ -48,7 +49,7 @@ def test_power_of_normal_differences_equals_the_closed_form(dyads: int) -> None:
 def test_power_uses_the_tests_of_a_study() -> None:
     gaps = drawn().gaps[:1, :8].copy()
     gaps[0, 2] = np.nan
-    found = {one.test: one for one in powers([Differences("m", "c", "s", False, gaps)], [8])}
+    found = {one.test: one for one in powers([Differences("m", "c", "s", "difference", gaps)], [8])}
     own = condition_contrast(
         [*gaps[0], *np.zeros(8)], [*range(8)] * 2, [True] * 8 + [False] * 8, np.random.default_rng(0), name="c"
     )
@@ -65,13 +66,13 @@ def test_studies_of_equal_differences_reject_nothing_without_the_effect() -> Non
     expected = sum(stats.ttest_1samp(one, 0.0).pvalue <= 0.05 for one in own[::2]) / 40
     signs = 1.0 - 2.0 * (np.arange(256)[:, None] >> np.arange(8) & 1)
     flipped = [np.mean(np.abs(signs @ one) >= abs(one.sum()) * (1 - 1e-12)) for one in own[::2]]
-    found = {one.test: one for one in powers([Differences("falls", "c", "1", False, gaps)], [8])}
+    found = {one.test: one for one in powers([Differences("falls", "c", "1", "difference", gaps)], [8])}
     assert found[T_TEST].false_positives.value == expected < 0.2
     assert found[PERMUTATION].false_positives.value == sum(p <= 0.05 for p in flipped) / 40 < 0.2
 
 
 def test_equal_differences_have_no_t_test_as_in_an_analysis() -> None:
-    found = {one.test: one for one in powers([Differences("m", "c", "s", False, np.full((2, 8), 0.1))], [8])}
+    found = {one.test: one for one in powers([Differences("m", "c", "s", "difference", np.full((2, 8), 0.1))], [8])}
     own = condition_contrast(
         [*[0.1] * 8, *np.zeros(8)], [*range(8)] * 2, [True] * 8 + [False] * 8, np.random.default_rng(0), name="c"
     )
@@ -81,7 +82,7 @@ def test_equal_differences_have_no_t_test_as_in_an_analysis() -> None:
 
 
 def test_interval_width_of_ratios_is_a_ratio() -> None:
-    (plain, _), (ratio, _) = (list(powers([drawn(kind)], [8])) for kind in (False, True))
+    (plain, _), (ratio, _) = (list(powers([drawn(scale)], [8])) for scale in get_args(Scale))
     assert ratio.effect == pytest.approx(np.exp(plain.effect))
     assert ratio.width == pytest.approx(np.exp(plain.width))
     assert (ratio.power, ratio.false_positives) == (plain.power, plain.false_positives)
@@ -170,7 +171,7 @@ def test_figure_says_what_its_marks_bars_and_lines_are() -> None:
 
 def test_sentence_has_no_interval_where_there_is_none() -> None:
     """The width has no mean over one virtual study, and a permutation test has no interval."""
-    one_study = Differences("peaks", "on vs off", "1", False, drawn().gaps[:1, :8])
+    one_study = Differences("peaks", "on vs off", "1", "difference", drawn().gaps[:1, :8])
     alone, _ = powers([one_study], [8])
     _, permutation = powers([drawn()], [8])
     for one in (alone, permutation):

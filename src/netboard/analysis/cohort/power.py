@@ -40,14 +40,14 @@ class Differences:
     """Within-dyad differences of one contrast in all studies.
 
     - `unit`: unit of the effect; 1 for a ratio.
-    - `ratio`: whether the differences are of natural logarithms, so that the effect is a ratio.
+    - `scale`: kind of the effect; the differences are of natural logarithms for a ratio.
     - `gaps` (shape (studies, dyads)): difference of each dyad, NaN without one [unit of the measure, or 1].
     """
 
     measure: str
     contrast: str
     unit: str
-    ratio: bool
+    scale: Scale
     gaps: Array
 
 
@@ -133,8 +133,9 @@ def differences(
         for contrast in contrasts:
             gaps = _gaps(performers, who, contrast).reindex(labels).to_numpy().reshape(studies, len(in_order))
             if np.isfinite(gaps).any():
+                scale: Scale = "ratio" if one.measure.ratio else "difference"
                 unit = "1" if one.measure.ratio else one.measure.unit
-                found.append(Differences(one.measure.name, str(contrast["name"]), unit, one.measure.ratio, gaps))
+                found.append(Differences(one.measure.name, str(contrast["name"]), unit, scale, gaps))
     return found
 
 
@@ -171,8 +172,7 @@ def powers(found: Sequence[Differences], sizes: Sequence[int], alpha: float = 0.
     rng = np.random.default_rng(SEED)
     for one in found:
         mean, deviation = float(np.nanmean(one.gaps)), float(np.nanstd(one.gaps, ddof=1))
-        scale: Scale = "ratio" if one.ratio else "difference"
-        effect = float(np.exp(mean)) if one.ratio else mean
+        effect = float(np.exp(mean)) if one.scale == "ratio" else mean
         for dyads in sizes:
             own = divided(one.gaps, dyads)
             null = np.where(all_equal(own)[:, None], 0.0 * own, own - mean)
@@ -182,7 +182,7 @@ def powers(found: Sequence[Differences], sizes: Sequence[int], alpha: float = 0.
                 PERMUTATION: (permutation_p(own, rng=rng), permutation_p(null, rng=rng)),
             }
             for test, (with_effect, without) in tests.items():
-                width, error = mean_width(high - low, scale)
+                width, error = mean_width(high - low, one.scale)
                 yield Power(
                     measure=one.measure,
                     contrast=one.contrast,
@@ -191,7 +191,7 @@ def powers(found: Sequence[Differences], sizes: Sequence[int], alpha: float = 0.
                     trials=trials,
                     studies=len(own),
                     unit=one.unit,
-                    scale=scale,
+                    scale=one.scale,
                     effect=effect,
                     deviation=deviation,
                     power=Rate.of(int((with_effect <= alpha).sum()), len(own)),
