@@ -221,11 +221,11 @@ def participants_of(blocks: pd.DataFrame) -> list[str]:
     return sorted({*blocks["left_by"], *blocks["right_by"]} - {*STAND_INS, *blocks["dyad"]})
 
 
-def names_of(base: pd.DataFrame, levels_of: Mapping[str, Sequence[str]], roles: Iterable[str] = ()) -> list[str]:
+def names_of(base: pd.DataFrame, levels_of: Mapping[str, Sequence[str]], roles: Iterable[str]) -> list[str]:
     """Return names of conditions: configuration, force, partner, distinguishing levels, and a role other than test."""
     columns = [base[name].tolist() for name in _BASE]
     columns += [[f"{name} {level}" if level else "" for level in levels] for name, levels in levels_of.items()]
-    columns += [["" if role == "test" else role for role in roles]] if roles else []
+    columns.append(["" if role == "test" else role for role in roles])
     return [", ".join(filter(None, row)) for row in zip(*columns, strict=True)]
 
 

@@ -184,7 +184,7 @@ def _block_conditions(blocks: pd.DataFrame, levels: FactorLevels) -> list[str]:
         for one in levels.factors
         if one.in_names and one.scope != "trial"
     }
-    return names_of(blocks, names, [role or "test" for role in blocks["role"]])
+    return names_of(blocks, names, blocks["role"])
 
 
 def _moved(movements: pd.DataFrame, trials: pd.DataFrame, levels: FactorLevels) -> pd.DataFrame:
@@ -251,7 +251,7 @@ def _placed(
     places = dict(zip(blocks["recording"], range(len(blocks)), strict=True))
     at = [places[one] for one in joined["recording"]]
     named = {one.name: levels.at(one, at, joined["trial"]) for one in levels.factors if one.in_names}
-    joined["condition"] = names_of(joined, named, [role or "test" for role in joined["role"]])
+    joined["condition"] = names_of(joined, named, joined["role"])
     out = pd.MultiIndex.from_frame(left_out[ATTEMPT_KEY])
     kept = ~pd.MultiIndex.from_frame(joined[ATTEMPT_KEY]).isin(out)
     joined["counts"] = ((joined["outcome"] == "success") & kept).astype("int64")
