@@ -18,7 +18,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from netboard.analysis.extraction.conditions import StudyFactor, names_of
-from netboard.analysis.extraction.study import Study, pooled
+from netboard.analysis.extraction.study import Study, pooled, series_labels
 from netboard.analysis.extraction.tables import ATTEMPT_KEY
 from netboard.analysis.measures.performance import ENDS, trial_times, window_sizes
 from netboard.analysis.statistics.estimates import ROUNDING, Estimate, t_interval
@@ -378,7 +378,7 @@ def windows_of(study: Study) -> Windows:
     trials = counted(study)
     if not len(trials):
         return Windows(how.ends or ENDS, how.group or ENDS)
-    lengths = trials.groupby(["team", "dyad", "performer", *(["condition"] * (how.numbering == "condition"))]).size()
+    lengths = trials.groupby(["team", *series_labels(study.readings)]).size()
     usual = int(lengths.groupby(level="team").quantile(SHORTER).min())
     ends, group = window_sizes(usual)
     note = f"windows of trials chosen for {usual} trials in a condition; the paper's are {ENDS}"
