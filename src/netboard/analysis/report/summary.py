@@ -277,11 +277,11 @@ def _interval_position(pattern: SentencePattern, row: Mapping[str, Any]) -> str:
 
 def _table(theme: Theme, title: str, rows: Sequence[Mapping[str, Any]]) -> Grid:
     """Return the results of a topic as a table: groups, values with intervals, and numbers of units."""
-    held = {(quantity, one.title): one for one in theme.headings for quantity in one.quantities}
     cells: dict[str, dict[str, Mapping[str, Any]]] = {}
     for row in rows:
-        for heading in (heading for quantity, heading in held if quantity == row["quantity"]):
-            cells.setdefault(row["group"], {}).setdefault(heading, row)
+        for heading in theme.headings:
+            if row["quantity"] in heading.quantities:
+                cells.setdefault(row["group"], {}).setdefault(heading.title, row)
     shown = [one for one in theme.headings if any(one.title in found for found in cells.values())]
     lines = []
     for group in _ends_of_series(list(cells)):
