@@ -69,7 +69,7 @@ def _blocks(study: Study) -> tuple[pd.Series, pd.Series]:
 
 def _recordings(study: Study) -> Grid:
     of_each = dict(list(study.trials.groupby("recording")))
-    out = pd.Series([key[0] for key in reasons(study)], dtype=object).value_counts()
+    out = pd.Series([recording for recording, _, _ in reasons(study)], dtype=object).value_counts()
     rows: list[dict[Column, Cell | float]] = []
     for place, block in enumerate(study.blocks.to_dict("records"), start=1):
         mine = of_each.get(block["recording"], study.trials.iloc[:0])
@@ -120,8 +120,8 @@ def _causes(study: Study) -> Grid:
 def _excluded(study: Study) -> Grid:
     known = anchors(study)
     rows = [
-        (Link(key[0], known[key]) if key in known else key[0], key[1], key[2], "; ".join(why))
-        for key, why in sorted(reasons(study).items())
+        (Link(file, known[file, trial, n]) if (file, trial, n) in known else file, trial, n, "; ".join(why))
+        for (file, trial, n), why in sorted(reasons(study).items())
     ]
     columns = [name("Recording"), number("Trial"), number("Attempt"), name("Why")]
     return grid("All excluded attempts, with all reasons", columns, rows)
@@ -134,10 +134,11 @@ def _unusual(study: Study) -> Grid:
     for column, what, unit in _KINDS:
         top = done[done[column] > (1 if column == "attempt" else 0)].nlargest(UNUSUAL, column)
         for row in top.to_dict("records"):
-            key = row["recording"], int(row["trial"]), int(row["attempt"])
+            recording, trial, attempt = row["recording"], int(row["trial"]), int(row["attempt"])
+            link = Link(recording, known[recording, trial, attempt])
             value = row[column] - 1 if column == "attempt" else row[column]
             text = f"{amount(value)} {unit}".strip()
-            rows.append((what, text, Link(key[0], known[key]), key[1], key[2], "yes" if row["counts"] else "no"))
+            rows.append((what, text, link, trial, attempt, "yes" if row["counts"] else "no"))
     columns = [
         Column("What"),
         number("How much"),

@@ -83,7 +83,7 @@ class Listing:
 def anchors(study: Study) -> dict[Key, str]:
     """Return the anchor of every attempt in the page."""
     place = {recording: number for number, recording in enumerate(study.blocks["recording"], start=1)}
-    return {key: f"r{place[key[0]]}t{key[1]}a{key[2]}" for key in _keys(study.trials)}
+    return {(name, trial, n): f"r{place[name]}t{trial}a{n}" for name, trial, n in _keys(study.trials)}
 
 
 def listings(study: Study, files: Mapping[str, str]) -> tuple[Listing, ...]:
@@ -92,12 +92,13 @@ def listings(study: Study, files: Mapping[str, str]) -> tuple[Listing, ...]:
     last = study.trials.groupby(["recording", "trial"])["attempt"].max().to_dict()
     rows: dict[str, list[Row]] = {}
     for key, row in zip(_keys(study.trials), study.trials.to_dict("records"), strict=True):
-        at = max(row["release"] - LEAD, 0.0)
-        rows.setdefault(key[0], []).append(
+        recording, trial, attempt = key
+        file, at = files[recording], max(row["release"] - LEAD, 0.0)
+        rows.setdefault(recording, []).append(
             Row(
                 known[key],
-                key[1],
-                key[2],
+                trial,
+                attempt,
                 _SIDES.get(row["target"], "unknown"),
                 str(row["outcome"]).replace("_", " "),
                 amount(row["completion"], 2) if row["outcome"] == "success" else "",
@@ -105,8 +106,8 @@ def listings(study: Study, files: Mapping[str, str]) -> tuple[Listing, ...]:
                 flag_words(row["flags"]),
                 "; ".join(why.get(key, ())),
                 paths.get(key, _NOTHING),
-                shell_command("netboard", "replay", files[key[0]], "--at", f"{at:.1f}"),
-                _explain(files[key[0]], key, last[key[:2]]),
+                shell_command("netboard", "replay", file, "--at", f"{at:.1f}"),
+                _explain(file, trial, attempt if attempt != last[recording, trial] else None),
             )
         )
     labels = labels_of(study)
@@ -116,10 +117,10 @@ def listings(study: Study, files: Mapping[str, str]) -> tuple[Listing, ...]:
     )
 
 
-def _explain(file: str, key: Key, last: int) -> str:
-    """Return the command that explains an attempt's measures; by default it takes the last attempt of a trial."""
-    attempt = [] if key[2] == last else ["--attempt", f"{key[2]}"]
-    return shell_command("netboard", "explain", file, "--trial", f"{key[1]}", *attempt)
+def _explain(file: str, trial: int, attempt: int | None) -> str:
+    """Return the command that explains the measures of an attempt; None for the last attempt at the trial."""
+    named = [] if attempt is None else ["--attempt", f"{attempt}"]
+    return shell_command("netboard", "explain", file, "--trial", f"{trial}", *named)
 
 
 def flag_words(words: str) -> str:
