@@ -73,26 +73,26 @@ def questions_of(study: Study) -> tuple[Question, ...]:
     """Return the declared contrasts for a study: between human performers, no robot and no still hand."""
     people = tuple(one for one in conditions(study) if not one.partner)
     forces = {(one.configuration, one.force, one.other_levels): one for one in people}
-    effects = {(one.configuration, one.force, one.other_levels): (one, off) for one, off in with_base(people)}
+    effects = {(felt.configuration, felt.force, felt.other_levels): (felt, off) for felt, off in with_base(people)}
     return (
-        *(Question("forces", f"{one.label} vs off", (one.name,), (off.name,)) for one, off in effects.values()),
+        *(Question("forces", f"{felt.label} vs off", (felt.name,), (off.name,)) for felt, off in effects.values()),
         *(
             Question(
                 "configuration",
-                ", ".join(("dyadic vs bimanual", one.haptics, *one.other_levels)),
-                (one.name,),
+                ", ".join(("dyadic vs bimanual", together.haptics, *together.other_levels)),
+                (together.name,),
                 (alone.name,),
             )
-            for one, alone in _both(forces)
+            for together, alone in _both(forces)
         ),
         *(
             Question(
                 "interaction",
-                ", ".join((f"{two[0].haptics} vs off, dyadic vs bimanual", *two[0].other_levels)),
-                (two[0].name, two[1].name),
-                (one[0].name, one[1].name),
+                ", ".join((f"{felt.haptics} vs off, dyadic vs bimanual", *felt.other_levels)),
+                (felt.name, off.name),
+                (felt_alone.name, off_alone.name),
             )
-            for two, one in _both(effects)
+            for (felt, off), (felt_alone, off_alone) in _both(effects)
         ),
         *(Question("factor", name, (one.name,), (base.name,)) for name, one, base in by_factor(people)),
     )

@@ -6,7 +6,7 @@ as means of dyads with a confidence interval.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -261,7 +261,7 @@ def _draw_course(axes: "Axes", course: Course, team: str) -> None:
     on_areas = course.quantity.column == "completion"
     look = team_look(team)
     colour = BLACK if on_areas else look.colour
-    look = type(look)(colour, look.marker, colour, look.line)
+    look = replace(look, colour=colour, face=colour)
     axes.plot(
         course.curve.order,
         course.curve.mean,
