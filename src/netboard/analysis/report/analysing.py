@@ -76,15 +76,15 @@ def analyse(
         options = (*overrides, f"skip={chosen.skip}", f"paper={chosen.beside_the_paper}", *map(str, unfinished))
         key = key_of_analysis(recordings, text, options) if store else ""
         words = restore_analysis(store, key, part) if store else None
-        before, peak = "all were cached", 0.0
+        before, peak = "; all were cached", 0.0
         if words is None:
             words, kept, peak = _analysed(recordings, unfinished, part, read(), chosen, store, tell)
-            before = f"{amount(kept)} from the cache" if kept else ""
+            before = f"; {amount(kept)} from the cache" if kept else ""
             if store:
                 store_analysis(store, key, part, words)
         name_command(part, ["netboard", *sys.argv[1:]])
     first, *others = words
-    return [first + f"; {before}" * bool(before), *others, _in_total(folder, time.perf_counter() - began, peak)]
+    return [f"{first}{before}", *others, _in_total(folder, time.perf_counter() - began, peak)]
 
 
 def _analysed(
@@ -152,9 +152,8 @@ def _in_total(folder: Path, seconds: float, peak: float) -> str:
     """Return a line with the folder, the duration and the memory."""
     files = [path for path in folder.rglob("*") if path.is_file()]
     size = sum(path.stat().st_size for path in files) / 1e6
-    most = f"at most {peak_memory() / 1e6:.0f} MB in memory" + (
-        f", {peak / 1e6:.0f} MB where it was measured" * bool(peak)
-    )
+    measured = f", {peak / 1e6:.0f} MB where it was measured" if peak else ""
+    most = f"at most {peak_memory() / 1e6:.0f} MB in memory{measured}"
     return f"{folder / 'report.html'} and {len(files) - 1} other files, {size:.1f} MB; {seconds:.1f} s, {most}"
 
 
