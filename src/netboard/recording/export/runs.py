@@ -8,7 +8,7 @@ has it. Runs are numbered in order of time, jointly for both persons, so equal r
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path
 from typing import Literal
@@ -58,41 +58,40 @@ def runs_of(recordings: Sequence[Path]) -> tuple[Run, ...]:
 
     Raises `RecordingError` if a recording is unreadable, empty or repeated, or if two names yield the same label.
     """
-    sessions: dict[tuple[str, str], list[tuple[int, Path, dict[str, str], Config]]] = {}
+    sessions: dict[tuple[str, str], list[Run]] = {}
     for path in recordings:
         with Recording(path) as recording:
             if not recording.counts["/ticks"]:
                 raise RecordingError(f"{path}: contains no ticks; leave it out (netboard analyse: --skip-unreadable)")
             if lost := [name for name in _NEEDED if name not in recording.metadata]:
                 raise RecordingError(f"{path}: lost its {', '.join(lost)} when it was damaged; leave it out")
-            config = recording.config
-            opened = int(recording.metadata["opened_log_ns"])
+            metadata, config = recording.metadata, recording.config
             who = config.session.dyad, config.session.name
-            sessions.setdefault(who, []).append((opened, path, recording.metadata, config))
-    runs = tuple(run for who in sorted(sessions) for run in _numbered(who, sessions[who]))
+            people = tuple(people_in(config, metadata))
+            run = Run(path, metadata, config, _label("".join(who)), number=0, people=people)  # numbered below
+            sessions.setdefault(who, []).append(run)
+    runs = tuple(run for who in sorted(sessions) for run in _numbered(sessions[who]))
     _refuse_repeats(runs)
     return runs
 
 
-def _numbered(who: tuple[str, str], found: list[tuple[int, Path, dict[str, str], Config]]) -> Iterator[Run]:
-    """Yield the runs of a session in order of time.
+def _numbered(session: Sequence[Run]) -> Iterator[Run]:
+    """Yield the runs of a session in order of time, with their numbers.
 
     The wall clock orders only servers that began with the same block, as after a restart: a step of it does not change
     the order of their blocks.
     """
     began: dict[str, tuple[int, int]] = {}
-    for opened, _, metadata, config in found:
-        first = config.block.number, opened
-        began[metadata["session"]] = min(first, began.get(metadata["session"], first))
+    for run in session:
+        server, first = run.metadata["session"], (run.config.block.number, int(run.metadata["opened_log_ns"]))
+        began[server] = min(first, began.get(server, first))
 
-    def place(one: tuple[int, Path, dict[str, str], Config]) -> tuple[tuple[int, int], str, int, int, int, Path]:
-        opened, path, metadata, config = one
-        server = metadata["session"]
-        return began[server], server, config.block.number, int(metadata["part"]), opened, path
+    def place(run: Run) -> tuple[tuple[int, int], str, int, int, int, Path]:
+        server, opened = run.metadata["session"], int(run.metadata["opened_log_ns"])
+        return began[server], server, run.config.block.number, int(run.metadata["part"]), opened, run.path
 
-    in_time = sorted(found, key=place)
-    for number, (_, path, metadata, config) in enumerate(in_time, start=1):
-        yield Run(path, metadata, config, _label("".join(who)), number, tuple(people_in(config, metadata)))
+    for number, run in enumerate(sorted(session, key=place), start=1):
+        yield replace(run, number=number)
 
 
 def people_in(config: Config, metadata: dict[str, str]) -> Iterator[Person]:
