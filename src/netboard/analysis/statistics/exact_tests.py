@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
-from netboard.analysis.statistics.estimates import known, mean
+from netboard.analysis.statistics.estimates import ROUNDING, known, mean
 
 Alternative = Literal["two-sided", "greater", "less"]
 
@@ -118,7 +118,7 @@ def permutation_p(
         signs = rng.choice([-1.0, 1.0], (resamples, n))
     p = np.full(len(differences), np.nan)
     for place, own in enumerate(np.nan_to_num(differences)):  # a difference of 0 is neutral in every arrangement
-        extreme = np.abs(signs @ own) >= abs(own.sum()) * (1.0 - 1e-12)
+        extreme = np.abs(signs @ own) >= abs(own.sum()) * (1.0 - ROUNDING)
         p[place] = extreme.mean() if exact else (extreme.sum() + 1) / (resamples + 1)
     return np.where(np.isfinite(differences).sum(axis=1) < 2, np.nan, p)
 
