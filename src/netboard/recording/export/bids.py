@@ -221,8 +221,8 @@ def _write_people(runs: Sequence[Run], factors: Sequence[ExportedFactor], folder
     _write_table(folder / "docs" / "dyads.tsv", dyads)
     for label in people:
         rows = [
-            _session(row, "B" if row["participant_a"] == f"sub-{label}" else "A", began[row["session_id"][4:]])
-            for row in dyads
+            _session(row, "B" if row["participant_a"] == f"sub-{label}" else "A", began[session])
+            for session, row in zip(sessions, dyads, strict=True)
             if f"sub-{label}" in (row["participant_a"], row["participant_b"])
         ]
         _write_table(folder / f"sub-{label}" / f"sub-{label}_sessions.tsv", rows)
