@@ -43,7 +43,7 @@ def _sentences(study: Study, left_out: int) -> list[str]:
     blocks, trials = study.blocks, study.trials
     planned, done = _blocks(study)
     missing, there = int(blocks["missing"].sum()), int(blocks["ticks"].sum())
-    unknown = int(blocks["unknown_rendered"].sum()) if "unknown_rendered" in blocks else 0
+    unknown = int(blocks["unknown_rendered"].sum())
     unrendered = f"what a device rendered is unknown at {plural(unknown, 'tick')}; " if unknown else ""
     share = f" ({amount(100 * missing / (missing + there))} %)" if missing else ""
     ends = [f"{amount(n)} {str(end).replace('_', ' ')}" for end, n in trials["outcome"].value_counts().items()]
