@@ -111,6 +111,7 @@ def _points(levels: Mapping[str, pd.Series], together: str, alone: str) -> Itera
 def _compare(quantity: Quantity, condition: Condition, points: Iterator[Point]) -> Comparison:
     kept = tuple(points)
     gains = pd.Series({point.dyad: point.relative.gain for point in kept}, dtype=np.float64)
+    # A dyad has two consecutive points, with the same gain.
     better, known = better_dyads([point.relative for point in kept[::2]])
     return Comparison(quantity, condition, kept, gains, estimate(gains), better, known, sign_test(gains.to_numpy()))
 
