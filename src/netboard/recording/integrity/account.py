@@ -123,9 +123,9 @@ def account_of(paths: Sequence[Path]) -> Account:
     ticks = np.concatenate([found.ticks for found in read])
     ticks = ticks[np.unique(ticks["tick"], return_index=True)[1]]
     present, missing = _present(ticks["tick"], _opened(events))
-    lost, unexplained = _explained(missing, [loss.ticks for part in losses for loss in part] + _damaged_ticks(read))
+    lost, unexplained = _split(missing, [loss.ticks for part in losses for loss in part] + _damaged_ticks(read))
     parts = tuple(found.part for found in read)
-    lost_records, unexplained_records = _explained(
+    lost_records, unexplained_records = _split(
         _missing_records(parts, losses), [loss.records for part in losses for loss in part] + _damaged_records(parts)
     )
     return Account(
@@ -170,7 +170,8 @@ def _present(ticks: NDArray[np.int64], opened: int) -> tuple[tuple[NumberRange, 
         return (), []
     gaps = find_gaps(np.concatenate([[opened - 1], ticks]))
     missing = [NumberRange(gap.first, gap.first + gap.count - 1) for gap in gaps]
-    return _explained([NumberRange(opened, int(ticks[-1]))], missing)[1], missing
+    _, present = _split([NumberRange(opened, int(ticks[-1]))], missing)
+    return present, missing
 
 
 def _losses(found: _Read, causes: Sequence[EventRecord]) -> Iterator[_Loss]:
@@ -223,19 +224,19 @@ def _missing_records(parts: Sequence[Part], losses: Sequence[Sequence[_Loss]]) -
     """Return the records that no part holds."""
     held: list[NumberRange] = []
     for part, lost in zip(parts, losses, strict=True):
-        whole = NumberRange(part.first_record, part.next_record - 1)
-        held.extend(_explained([whole], [loss.records for loss in lost])[1])
-    last = max((part.next_record - 1 for part in parts), default=-1)
-    return _explained([NumberRange(0, last)], held)[1]
+        _, kept = _split([NumberRange(part.first_record, part.next_record - 1)], [loss.records for loss in lost])
+        held.extend(kept)
+    _, missing = _split([NumberRange(0, max((part.next_record - 1 for part in parts), default=-1))], held)
+    return missing
 
 
-def _explained(
-    ranges: Iterable[NumberRange], causes: Iterable[NumberRange]
+def _split(
+    ranges: Iterable[NumberRange], by: Iterable[NumberRange]
 ) -> tuple[tuple[NumberRange, ...], tuple[NumberRange, ...]]:
     """Split ranges into the parts that lie in one of other ranges, each with the cause of the first, and the rest."""
     inside: list[NumberRange] = []
     rest = [whole for whole in ranges if whole.first <= whole.last]
-    for known in causes:
+    for known in by:
         uncut, rest = rest, []
         for whole in uncut:
             first, last = max(whole.first, known.first), min(whole.last, known.last)
