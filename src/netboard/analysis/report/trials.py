@@ -96,18 +96,18 @@ def listings(study: Study, files: Mapping[str, str]) -> tuple[Listing, ...]:
         file, at = files[recording], max(row["release"] - LEAD, 0.0)
         rows.setdefault(recording, []).append(
             Row(
-                known[key],
-                trial,
-                attempt,
-                _SIDES.get(row["target"], "unknown"),
-                str(row["outcome"]).replace("_", " "),
-                amount(row["completion"], 2) if row["outcome"] == "success" else "",
-                amount(int(row["peaks"])) if row["outcome"] == "success" and isfinite(row["peaks"]) else "",
-                flag_words(row["flags"]),
-                "; ".join(why.get(key, ())),
-                paths.get(key, _NOTHING),
-                shell_command("netboard", "replay", file, "--at", f"{at:.1f}"),
-                _explain(file, trial, attempt if attempt != last[recording, trial] else None),
+                anchor=known[key],
+                trial=trial,
+                attempt=attempt,
+                target=_SIDES.get(row["target"], "unknown"),
+                outcome=str(row["outcome"]).replace("_", " "),
+                completion=amount(row["completion"], 2) if row["outcome"] == "success" else "",
+                peaks=amount(int(row["peaks"])) if row["outcome"] == "success" and isfinite(row["peaks"]) else "",
+                flags=flag_words(row["flags"]),
+                why="; ".join(why.get(key, ())),
+                path=paths.get(key, _NOTHING),
+                replay=shell_command("netboard", "replay", file, "--at", f"{at:.1f}"),
+                explain=_explain(file, trial, attempt if attempt != last[recording, trial] else None),
             )
         )
     labels = labels_of(study)

@@ -98,22 +98,22 @@ def condition_contrast(
     before, after = pairs[both].T
     gaps = difference(before, after)
     return Contrast(
-        name,
-        len(gaps),
-        unit,
-        tuple(labels[both].tolist()),
-        tuple(before.tolist()),
-        tuple(after.tolist()),
-        tuple(gaps.tolist()),
-        tuple(labels[~both].tolist()),
-        (t_interval(before, level=level, unit=unit), t_interval(after, level=level, unit=unit)),
-        t_interval(gaps, level=level, unit=unit),
-        cluster_mean([[gap] for gap in gaps], rng, level=level, resamples=resamples, unit=unit),
-        paired_t_test(gaps, unit=unit),
-        sign_test(gaps, unit=unit),
-        permutation_test(gaps, rng=rng, resamples=resamples, unit=unit),
-        paired_effect(gaps, level=level, unit=unit),
-        _notes(gaps, unit),
+        name=name,
+        n=len(gaps),
+        unit=unit,
+        labels=tuple(labels[both].tolist()),
+        first=tuple(before.tolist()),
+        second=tuple(after.tolist()),
+        differences=tuple(gaps.tolist()),
+        left_out=tuple(labels[~both].tolist()),
+        means=(t_interval(before, level=level, unit=unit), t_interval(after, level=level, unit=unit)),
+        difference=t_interval(gaps, level=level, unit=unit),
+        bootstrap=cluster_mean([[gap] for gap in gaps], rng, level=level, resamples=resamples, unit=unit),
+        t=paired_t_test(gaps, unit=unit),
+        signs=sign_test(gaps, unit=unit),
+        permutation=permutation_test(gaps, rng=rng, resamples=resamples, unit=unit),
+        effect=paired_effect(gaps, level=level, unit=unit),
+        notes=_notes(gaps, unit),
     )
 
 

@@ -323,12 +323,12 @@ def diagnose(design: Design, residuals: NDArray[np.float64], fitted: NDArray[np.
     n = len(scaled)
     varied = np.ptp(fitted) > 1e-9 * max(1.0, float(np.abs(fitted).max()))
     return Diagnostics(
-        stats.norm.ppf((np.arange(1, n + 1) - 0.375) / (n + 0.25)),
-        np.sort(scaled),
-        float(stats.skew(scaled)),
-        float(stats.kurtosis(scaled)),
-        float(stats.spearmanr(np.abs(scaled), fitted).statistic) if varied else nan,
-        _successive(design, scaled),
+        quantiles=stats.norm.ppf((np.arange(1, n + 1) - 0.375) / (n + 0.25)),
+        residuals=np.sort(scaled),
+        skewness=float(stats.skew(scaled)),
+        kurtosis=float(stats.kurtosis(scaled)),
+        spread=float(stats.spearmanr(np.abs(scaled), fitted).statistic) if varied else nan,
+        successive=_successive(design, scaled),
     )
 
 

@@ -256,19 +256,19 @@ def design_of(
     columns = np.column_stack([requested[name] for name in names]) if names else np.empty((len(trial), 0))
     between = sum(name != INTERCEPT and not _varies(requested[name], dyad) for name in names)
     return Design(
-        y[known],
-        dyad,
-        performer,
-        kept,
-        _combinations(kept, len(trial)),
-        trial,
-        tuple(requested),
-        names,
-        columns,
-        between,
-        single_dyad,
-        int((~known).sum()),
-        tuple(notes),
+        values=y[known],
+        dyads=dyad,
+        performers=performer,
+        factors=kept,
+        conditions=_combinations(kept, len(trial)),
+        order=trial,
+        requested=tuple(requested),
+        names=names,
+        columns=columns,
+        between=between,
+        single_dyad=single_dyad,
+        left_out=int((~known).sum()),
+        notes=tuple(notes),
     )
 
 

@@ -100,13 +100,13 @@ def _of_condition(condition: Condition, rows: pd.DataFrame, kind: str, unit: str
     deviations = signed.groupby([place["dyad"], place["performer"]]).std().rename_axis(["dyad", "performer"])
     spread_of = "dyads" if unit == "movements" else unit
     return ConditionDelay(
-        condition,
-        _delays(place, signed.abs() if kind == "absolute" else signed, condition, unit),
-        _delays(place, own.abs() if kind == "absolute" else own, condition, unit),
-        _delays(place, signed, condition, unit),
-        _of_units(deviations, deviations, condition, spread_of),
-        len(rows),
-        tuple(searched.mean(axis=0)),
+        condition=condition,
+        as_set=_delays(place, signed.abs() if kind == "absolute" else signed, condition, unit),
+        own_peak=_delays(place, own.abs() if kind == "absolute" else own, condition, unit),
+        signed=_delays(place, signed, condition, unit),
+        deviations=_of_units(deviations, deviations, condition, spread_of),
+        movements=len(rows),
+        truncated=tuple(searched.mean(axis=0)),
     )
 
 

@@ -124,13 +124,13 @@ def _learning(study: Study, team: str, rows: pd.DataFrame) -> TeamLearning:
     order = rows["order"].to_numpy()
     classes = [learning_curve(rows[name].to_numpy(np.float64), order).mean for name in CLASSES]
     return TeamLearning(
-        team,
-        tuple(_course(study, rows, quantity) for quantity in QUANTITIES),
-        np.stack(classes, axis=1),
-        rows["dyad"].nunique(),
-        rows["performer"].nunique(),
-        series_of(study, rows).nunique(),
-        len(rows),
+        team=team,
+        courses=tuple(_course(study, rows, quantity) for quantity in QUANTITIES),
+        seconds=np.stack(classes, axis=1),
+        dyads=rows["dyad"].nunique(),
+        performers=rows["performer"].nunique(),
+        series=series_of(study, rows).nunique(),
+        trials=len(rows),
     )
 
 
@@ -150,15 +150,15 @@ def _course(study: Study, rows: pd.DataFrame, quantity: Quantity) -> Course:
     performers = pd.DataFrame({when: of_performers(kept[part], quantity.column) for when, part in parts.items()})
     ends_of_dyads = over_the_same(performers)
     return Course(
-        quantity,
-        learning_curve(values, order),
-        _stages(rows, quantity.column, windows.group),
-        ends,
-        _unit(rows) if how.spread == "people" else "trial",
-        estimate(of_dyads(performers["first"])),
-        estimate(of_dyads(performers["last"])),
-        estimate(ends_of_dyads["last"] - ends_of_dyads["first"]),
-        int(series[~enough].nunique()),
+        quantity=quantity,
+        curve=learning_curve(values, order),
+        stages=_stages(rows, quantity.column, windows.group),
+        ends=ends,
+        of=_unit(rows) if how.spread == "people" else "trial",
+        first=estimate(of_dyads(performers["first"])),
+        last=estimate(of_dyads(performers["last"])),
+        change=estimate(ends_of_dyads["last"] - ends_of_dyads["first"]),
+        short=int(series[~enough].nunique()),
     )
 
 

@@ -137,15 +137,15 @@ def _control(condition: Condition, stiffness: int, friction: float, table: pd.Da
     effect = on - off
     share = bootstrap((passive, effect), ratio_of_sums, np.random.default_rng(SEED))
     return Control(
-        condition,
-        stiffness,
-        friction,
-        tuple(table.index),
-        effect,
-        passive,
-        t_interval(effect),
-        t_interval(passive),
-        share,
+        condition=condition,
+        stiffness=stiffness,
+        friction=friction,
+        dyads=tuple(table.index),
+        effect=effect,
+        passive=passive,
+        mean_effect=t_interval(effect),
+        mean_passive=t_interval(passive),
+        share=share,
     )
 
 

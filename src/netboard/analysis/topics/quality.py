@@ -74,11 +74,11 @@ def quality(study: Study) -> Quality:
     reasons = study.exclusions["why"].value_counts()
     drifts = _drifts(study.counted)
     return Quality(
-        _blocks(study),
-        {str(why): int(number) for why, number in reasons.items()},
-        tuple(drifts.index),
-        tuple(drifts),
-        exponential(t_interval(drifts)),
+        blocks=_blocks(study),
+        reasons={str(why): int(number) for why, number in reasons.items()},
+        dyads=tuple(drifts.index),
+        drifts=tuple(drifts),
+        drift=exponential(t_interval(drifts)),
     )
 
 

@@ -103,15 +103,15 @@ def stamps_from(
     if not any((one.seq >= 0).any() for one in sides.values()):
         raise RecordingError(f"{name}: contains no sample of an agent; a trace needs a live session with devices")
     return Stamps(
-        tick,
-        time_ns,
-        columns["late_ns"] + moved_ns,
-        moved_ns,
-        follows,
-        ACTIVE[np.clip(columns["phase"], 0, len(Phase) - 1)],
-        columns["trial"],
-        sides,
-        events,
+        tick=tick,
+        due_ns=time_ns,
+        late_ns=columns["late_ns"] + moved_ns,
+        moved_ns=moved_ns,
+        follows=follows,
+        in_trial=ACTIVE[np.clip(columns["phase"], 0, len(Phase) - 1)],
+        trial=columns["trial"],
+        sides=sides,
+        events=events,
     )
 
 
@@ -133,14 +133,14 @@ def _side(
     reported_at = np.flatnonzero(closed & (steps == 1))
     rendered_ns[newest[reported_at - 1]] = read_ns[reported_at - 1] + loop_ns[reported_at]
     return SideStamps(
-        seq,
-        fresh,
-        read_ns,
-        (due_ns - lead_ns)[newest],
-        excess_ns,
-        rendered_ns,
-        np.where(closed, loop_ns, 0),
-        _late_reports(reports),
+        seq=seq,
+        fresh=fresh,
+        read_ns=read_ns,
+        arrived_ns=(due_ns - lead_ns)[newest],
+        excess_ns=excess_ns,
+        rendered_ns=rendered_ns,
+        loop_ns=np.where(closed, loop_ns, 0),
+        backfilled=_late_reports(reports),
     )
 
 

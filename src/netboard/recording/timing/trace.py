@@ -67,12 +67,12 @@ def _episode(stamps: Stamps, evidence: Evidence) -> Episode:
     rows = slice(evidence.first, evidence.last + 1)
     playing = stamps.in_trial[rows]
     return Episode(
-        next(cause for cause in CAUSES if cause.holds(evidence)),
-        evidence,
-        int(stamps.tick[evidence.first]),
-        evidence.last - evidence.first + 1,
-        float(stamps.due_ns[evidence.first] - stamps.due_ns[0]) * 1e-9,
-        int(stamps.trial[rows][np.argmax(playing)]) if playing.any() else 0,
+        cause=next(cause for cause in CAUSES if cause.holds(evidence)),
+        evidence=evidence,
+        tick=int(stamps.tick[evidence.first]),
+        ticks=evidence.last - evidence.first + 1,
+        time=float(stamps.due_ns[evidence.first] - stamps.due_ns[0]) * 1e-9,
+        trial=int(stamps.trial[rows][np.argmax(playing)]) if playing.any() else 0,
     )
 
 
