@@ -190,15 +190,15 @@ class _Data:
         found = _quadratic(z, x, y, self.source_of)
         n, square, squares = self.count, found.square, found.squares
         return _Point(
-            ratios,
-            logs + 2.0 * float(np.log(np.abs(np.diag(found.triangle))).sum()) + n * log(square),
-            found.traces - n * squares / square,
-            2.0 * n * found.cross / square - n * np.outer(squares, squares) / square**2 - found.overlap,
-            found.overlap - np.outer(found.traces, found.traces) / n,
-            1.0 / np.sqrt(np.diag(self.source_of.T @ (found.own**2).sum(axis=0) @ self.source_of)),
-            square,
-            found.triangle,
-            found.along,
+            ratios=ratios,
+            value=logs + 2.0 * float(np.log(np.abs(np.diag(found.triangle))).sum()) + n * log(square),
+            gradient=found.traces - n * squares / square,
+            curvature=2.0 * n * found.cross / square - n * np.outer(squares, squares) / square**2 - found.overlap,
+            expected=found.overlap - np.outer(found.traces, found.traces) / n,
+            scale=1.0 / np.sqrt(np.diag(self.source_of.T @ (found.own**2).sum(axis=0) @ self.source_of)),
+            square=square,
+            triangle=found.triangle,
+            along=found.along,
         )
 
     def moments(self, ratios: Array, residual: float) -> Moments:
@@ -216,13 +216,13 @@ class _Data:
         across, root = z.transpose(0, 2, 1) @ x, np.linalg.inv(found.triangle)
         parts = np.einsum("gmk,mi->igmk", across, of)
         return Moments(
-            residual,
-            np.append(ratios > 0.0, True),
-            root @ root.T,
-            np.einsum("igmk,gml->ikl", parts, across),
-            np.einsum("igmk,gmn,jgnl->ijkl", parts, found.own, parts, optimize=True),
-            found.overlap,
-            2.0 * found.cross / residual - found.overlap,
+            residual=residual,
+            active=np.append(ratios > 0.0, True),
+            unscaled=root @ root.T,
+            first=np.einsum("igmk,gml->ikl", parts, across),
+            second=np.einsum("igmk,gmn,jgnl->ijkl", parts, found.own, parts, optimize=True),
+            expected=found.overlap,
+            observed=2.0 * found.cross / residual - found.overlap,
         )
 
     def _weighted(self, spread: Array, stack: Array) -> tuple[Array, Array, Array, float]:
@@ -262,14 +262,14 @@ def _quadratic(z: Array, x: Array, y: Array, of: Array) -> _Quadratic:
     between = np.einsum("gak,gal,aj->jkl", shared, shared, of).reshape(of.shape[1], -1)
     lost = np.einsum("ga,gak,aj->jk", pulls, shared, of)
     return _Quadratic(
-        triangle,
-        along,
-        float((left**2).sum()),
-        own,
-        np.einsum("gaa->a", own - taken) @ of,
-        of.T @ (own * (own - 2.0 * taken)).sum(axis=0) @ of + between @ between.T,
-        (pulls**2).sum(axis=0) @ of,
-        of.T @ (pulls[:, :, None] * own * pulls[:, None, :]).sum(axis=0) @ of - lost @ lost.T,
+        triangle=triangle,
+        along=along,
+        square=float((left**2).sum()),
+        own=own,
+        traces=np.einsum("gaa->a", own - taken) @ of,
+        overlap=of.T @ (own * (own - 2.0 * taken)).sum(axis=0) @ of + between @ between.T,
+        squares=(pulls**2).sum(axis=0) @ of,
+        cross=of.T @ (pulls[:, :, None] * own * pulls[:, None, :]).sum(axis=0) @ of - lost @ lost.T,
     )
 
 

@@ -84,24 +84,24 @@ class Specification:
         fitted = bool(np.isfinite(coefficients).all() and len(coefficients))
         few = self._few(design) if fitted else ()
         return Model(
-            self.name,
-            self.equation.format(fixed=_fixed(design)),
-            fitted,
-            converged and fitted,
-            effects
+            name=self.name,
+            equation=self.equation.format(fixed=_fixed(design)),
+            fitted=fitted,
+            converged=converged and fitted,
+            effects=effects
             or effects_of(design, coefficients, covariance, level=self.level, interval=self.interval, moments=moments),
-            components,
-            cells_of(design, geometric=self.geometric),
-            dispersion,
-            nan,
-            correlation,
-            len(design.values),
-            design.n_performers,
-            design.n_dyads,
-            design.left_out,
-            self.assumptions,
-            unique((*design.notes, *notes, *few)),
-            diagnostics,
+            components=components,
+            cells=cells_of(design, geometric=self.geometric),
+            dispersion=dispersion,
+            alpha=nan,
+            correlation=correlation,
+            trials=len(design.values),
+            performers=design.n_performers,
+            dyads=design.n_dyads,
+            left_out=design.left_out,
+            assumptions=self.assumptions,
+            notes=unique((*design.notes, *notes, *few)),
+            diagnostics=diagnostics,
         )
 
     def _few(self, design: Design) -> tuple[str, ...]:
