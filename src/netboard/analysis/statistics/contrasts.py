@@ -124,9 +124,9 @@ def paired_t_test(differences: ArrayLike, *, unit: str = "dyad") -> Test:
     """
     x = known(differences)
     if len(x) < 2 or constant(x):
-        return Test(nan, nan, nan, len(x), unit, False, "paired t")
+        return Test(nan, nan, nan, len(x), unit, exact=False, method="paired t")
     t = float(x.mean() / stats.sem(x))
-    return Test(t, float(2.0 * stats.t.sf(abs(t), len(x) - 1)), 0.0, len(x), unit, False, "paired t")
+    return Test(t, float(2.0 * stats.t.sf(abs(t), len(x) - 1)), 0.0, len(x), unit, exact=False, method="paired t")
 
 
 def holm(p: ArrayLike) -> NDArray[np.float64]:

@@ -68,10 +68,10 @@ def sign_test(differences: ArrayLike, *, alternative: Alternative = "two-sided",
     x = known(differences)
     x = x[x != 0.0]
     if not len(x):
-        return Test(np.nan, np.nan, np.nan, 0, unit, True, "sign test")
+        return Test(np.nan, np.nan, np.nan, 0, unit, exact=True, method="sign test")
     n, positive = len(x), int((x > 0.0).sum())
     p = float(stats.binomtest(positive, n, alternative=alternative).pvalue)
-    return Test(float(positive), p, _least(2**n, alternative), n, unit, True, "sign test")
+    return Test(float(positive), p, _least(2**n, alternative), n, unit, exact=True, method="sign test")
 
 
 def permutation_test(
@@ -91,9 +91,9 @@ def permutation_test(
     """
     x = known(differences)
     if len(x) < 2:
-        return Test(mean(x), np.nan, np.nan, len(x), unit, True, "sign flips")
+        return Test(mean(x), np.nan, np.nan, len(x), unit, exact=True, method="sign flips")
     p, least, exact = _permuted((x,), np.mean, "samples", 2 ** len(x), alternative, rng, resamples)
-    return Test(mean(x), p, least, len(x), unit, exact, "sign flips")
+    return Test(mean(x), p, least, len(x), unit, exact=exact, method="sign flips")
 
 
 def permutation_p(
@@ -139,10 +139,10 @@ def permutation_test_between(
     x, y = known(first), known(second)
     n = len(x) + len(y)
     if len(x) < 2 or len(y) < 2:
-        return Test(mean(x) - mean(y), np.nan, np.nan, n, unit, True, "divisions")
+        return Test(mean(x) - mean(y), np.nan, np.nan, n, unit, exact=True, method="divisions")
     divisions = comb(n, len(x))
     p, least, exact = _permuted((x, y), _difference_along, "independent", divisions, alternative, rng, resamples)
-    return Test(mean(x) - mean(y), p, least, n, unit, exact, "divisions")
+    return Test(mean(x) - mean(y), p, least, n, unit, exact=exact, method="divisions")
 
 
 def _difference_along(x: NDArray[np.float64], y: NDArray[np.float64], axis: int) -> Any:

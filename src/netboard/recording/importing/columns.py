@@ -27,9 +27,9 @@ class Column:
 COLUMNS: dict[str, Column] = {
     column.name: column
     for column in (
-        Column("time", "number", "s", "time of the row, increasing, from any origin", True),
-        Column("left_z", "number", "m", "height of the left stylus above its end of the level board", True),
-        Column("right_z", "number", "m", "height of the right stylus above its end of the level board", True),
+        Column("time", "number", "s", "time of the row, increasing, from any origin", needed=True),
+        Column("left_z", "number", "m", "height of the left stylus above its end of the level board", needed=True),
+        Column("right_z", "number", "m", "height of the right stylus above its end of the level board", needed=True),
         Column("left_vz", "number", "m/s", "rate of left_z; computed if missing"),
         Column("right_vz", "number", "m/s", "rate of right_z; computed if missing"),
         Column("left_x", "number", "m", "left stylus, out of the screen"),
