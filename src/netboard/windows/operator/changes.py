@@ -81,10 +81,10 @@ class StatusHistory:
         while now - self._past[0][0] > SPAN:
             self._past.popleft()
         before = next(old for at, old in self._past if now - at <= LATELY or old is self._past[-1][1])
-        lost_before = {link[0]: link[8] for link in before.links}
+        lost_before = {role: lost for role, *_, lost in before.links}
         return RecentCounts(
             max(status.late_ticks - before.late_ticks, 0),
-            {link[0]: max(link[8] - lost_before.get(link[0], link[8]), 0) for link in status.links},
+            {role: max(lost - lost_before.get(role, lost), 0) for role, *_, lost in status.links},
             _refused_since(before, status),
             self._minutes(now, status),
         )

@@ -20,7 +20,6 @@ SLOW_RATE = 900.0
 class _Station:
     """State of one side, taken from a status."""
 
-    side: Side
     status: Status
     link: LinkStatus
     age: float
@@ -46,9 +45,8 @@ def station_lamps(status: Status, recent: RecentCounts, side: Side, limits: Limi
         return (Lamp("Device", *(missing if awaited else unneeded)), *unknown, display)
     found = next((row for row in status.stations if row[0] == side), (side, nan, 0, 0.0, 0, 0))
     _, age, bits, rendered, lost_ticks, clipped_ticks = found
-    station = _Station(
-        side, status, link, age, Safeguard(bits), rendered, lost_ticks, clipped_ticks, recent.lost.get(agent, 0)
-    )
+    lost = recent.lost.get(agent, 0)
+    station = _Station(status, link, age, Safeguard(bits), rendered, lost_ticks, clipped_ticks, lost)
     return (*(Lamp(name, *read(station, limits)) for name, read in _LAMPS.items()), display)
 
 
@@ -67,7 +65,7 @@ def _device(station: _Station, limits: Limits) -> LampState:
 
 
 def _link(station: _Station, limits: Limits) -> LampState:
-    age, rate = station.link[3], station.link[7]
+    _, _, _, age, *_, rate, _ = station.link
     tip = f"Last message {milliseconds(age)} ago, {rate:.0f} messages per second."
     if age > limits.sample_age:
         return Level.BAD, "silent", f"{tip} Check the cable, and that the station is switched on."
@@ -114,7 +112,8 @@ def _sample(station: _Station, limits: Limits) -> LampState:
 
 
 def _latency(station: _Station, limits: Limits) -> LampState:
-    late, most = next((loop[1:] for loop in station.status.loops if loop[0] == station.link[0]), (nan, nan))
+    agent = station.link[0]
+    late, most = next((times for role, *times in station.status.loops if role == agent), (nan, nan))
     if isnan(late):
         return Level.OFF, "unknown", "Sample-to-force latency: not measured yet."
     words = milliseconds(late)
@@ -126,8 +125,9 @@ def _latency(station: _Station, limits: Limits) -> LampState:
 
 
 def _drops(station: _Station, limits: Limits) -> LampState:
+    *_, lost_in_all = station.link
     tip = (
-        f"Messages lost in the last {LATELY:g} s: {station.lost}; since the start: {station.link[8]}. "
+        f"Messages lost in the last {LATELY:g} s: {station.lost}; since the start: {lost_in_all}. "
         f"Ticks of this attempt without a fresh sample: {station.lost_ticks}."
     )
     most = max(station.lost, station.lost_ticks)

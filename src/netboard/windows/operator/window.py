@@ -216,12 +216,11 @@ class ConsoleWindow(Window):
     def _repeat(self, command: Command) -> None:
         """Send the command for the selected trial, if it is one of this block, or for the last."""
         marked, status = self.table.marked, self.state.status
-        if marked is not None and status is not None and marked[0] != status.block:
-            self.say(
-                Line(f"{command.label}: trial {marked[1]} belongs to block {marked[0]}, which is over", Tone.WATCH)
-            )
+        block, trial, *_ = marked or (None, "")
+        if marked is not None and status is not None and block != status.block:
+            self.say(Line(f"{command.label}: trial {trial} belongs to block {block}, which is over", Tone.WATCH))
             return
-        self.commanded.emit(command.name, "" if marked is None else str(marked[1]))
+        self.commanded.emit(command.name, str(trial))
 
     def _ask(self, command: Command) -> None:
         """Start to wait for the second press."""

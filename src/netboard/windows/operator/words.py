@@ -194,7 +194,7 @@ ATTEMPT_HEADS = ("Block", "Trial", "Attempt", "Outcome", "Time", "Flags", "Repea
 
 def attempt_tone(attempt: AttemptOutcome) -> Tone:
     """Return the tone of an attempt: flagged, success or other."""
-    outcome, flags = attempt[3], attempt[5]
+    _, _, _, outcome, _, flags, _ = attempt
     if flags:
         return Tone.WATCH
     return Tone.GOOD if outcome == "success" else Tone.PLAIN
