@@ -107,9 +107,10 @@ Part = Shape | Panel | Line | Text
 
 def shapes_of(picture: Picture) -> list[Shape]:
     """List the shapes of a picture, from back to front."""
-    c, guide = picture.colours, picture.guide
+    c, half = picture.colours, picture.guide
+    guide = () if half is None else ((-half, 0.0), (half, 0.0))
     shapes = [
-        Shape(((-guide, 0.0), (guide, 0.0)) if guide is not None else (), 0.0, "", c.guide, 2, False, True),
+        Shape(guide, edge=c.guide, width=2, closed=False, dashed=True),
         Shape(picture.board, fill=c.board, edge=c.edge, width=1.5),
         Shape(picture.target, fill=c.target, edge=c.target, width=1.5),
         Shape(picture.fill, fill=c.fill),
