@@ -139,11 +139,11 @@ def _check_sequence(seen: Walk, rows: NDArray[Any]) -> None:
         changes |= np.diff(joined[name]) != 0
     at = np.flatnonzero(changes)
     kept = np.union1d(at, at + 1) - len(seen.last)
-    if len(seen.last) and len(kept) and kept[0] < 0:
+    if not len(seen.last):
+        seen.turns.append(rows[:1].copy())
+    elif len(kept) and kept[0] < 0:  # the change is between the batches
         seen.turns.append(seen.last)
     seen.turns.append(rows[kept[kept >= 0]])
-    if not len(seen.last):
-        seen.turns.insert(0, rows[:1].copy())
 
 
 _SLIM = ["tick", "time_ns", "event", "phase", "trial", "attempt"]
