@@ -22,9 +22,10 @@ from netboard.recording.export.factors import ExportedFactor, exported_factors
 from netboard.recording.export.formats import Progress
 from netboard.recording.export.runs import Person, Run, devices_of, runs_of
 from netboard.recording.export.signals import FRAME, Signal, signals_of
-from netboard.recording.export.survey import Survey
+from netboard.recording.export.survey import PhaseChange, Survey
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.backfill import unknown_ticks
+from netboard.recording.format.summary import Attempt
 from netboard.task.studies.factors import column_of, design_of, factors_of, role_of, trial_role
 
 TASK = "boardandball"
@@ -110,16 +111,12 @@ def _channel(signal: Signal) -> Row:
 def _events(survey: Survey, run: Run, factors: Sequence[ExportedFactor]) -> list[Row]:
     """Return the rows of ``events.tsv``: levelling phases, attempts, and changes of the trial phase."""
     block_factors = factors_of(run.config)
-    rows = [
-        _event(survey, change.tick, 0, change.name, change.trial, change.attempt, change.target)
-        for change in survey.phase_changes
-    ]
+    rows = [_event(survey, change, change.tick, 0, change.name) for change in survey.phase_changes]
     for one in survey.attempts:
-        who = one.trial, one.attempt, one.target
         if one.began < one.tick:
-            rows.append(_event(survey, one.began, survey.span(one.began, one.tick), "levelling", *who))
+            rows.append(_event(survey, one, one.began, survey.span(one.began, one.tick), "levelling"))
         rows.append(
-            _event(survey, one.tick, survey.span(one.tick, one.stop), "attempt", *who)
+            _event(survey, one, one.tick, survey.span(one.tick, one.stop), "attempt")
             | {
                 "outcome": one.outcome,
                 "completion_time": one.completion,
@@ -134,14 +131,14 @@ def _events(survey: Survey, run: Run, factors: Sequence[ExportedFactor]) -> list
     return sorted(rows, key=lambda row: row["onset"])
 
 
-def _event(survey: Survey, tick: int, duration: float, kind: str, trial: int, attempt: int, target: int) -> Row:
+def _event(survey: Survey, of: Attempt | PhaseChange, tick: int, duration: float, kind: str) -> Row:
     return {
         "onset": survey.seconds(tick),
         "duration": duration,
         "trial_type": kind,
-        "trial": trial,
-        "attempt": attempt,
-        "target": {-1: "left", 1: "right"}.get(target, texts.MISSING),
+        "trial": of.trial,
+        "attempt": of.attempt,
+        "target": {-1: "left", 1: "right"}.get(of.target, texts.MISSING),
         "outcome": texts.MISSING,
         "completion_time": texts.MISSING,
         "catch_trial": texts.MISSING,
