@@ -89,7 +89,7 @@ def _better(quantity: str, panel: str, felt: int, unfelt: int) -> tuple[Reported
     """Return the counts of dyads that are better than the mean of their participants."""
     name = f"{quantity}: dyads better than the mean of the two"
     return tuple(
-        Reported(f"3{panel}", 180, "count", f"{better} of 4 dyads", "dyads", name, group, float(better), nan, 4)
+        Reported(f"3{panel}", 180, "count", f"{better} of 4 dyads", "dyads", name, group, float(better), reported_of=4)
         for group, better in (("haptics on", felt), ("haptics off", unfelt))
     )
 
@@ -132,7 +132,7 @@ REPORTED: tuple[Reported, ...] = (
     Reported("6", 202, "rises", "higher in dyadic", "delay", f"delay, {OVER_ALL}", _BETWEEN),
     *(Reported("6", 202, "rises", "increases with the threshold", "delay", RISE, group) for group in _CONDITIONS),
     Reported("6", 202, "falls", "decreased with haptics", "delay", f"delay, {OVER_ALL}", _EFFECTS[1]),
-    Reported("6", 202, "count", "intervals apart", "delay", APART, _EFFECTS[1], 4.0, nan, 4),
+    Reported("6", 202, "count", "intervals apart", "delay", APART, _EFFECTS[1], 4.0, reported_of=4),
     Reported("6", 202, "unchanged", "little effect", "delay", f"delay, {OVER_ALL}", _EFFECTS[0]),
 )
 """All reported numbers and directions, in the paper's order."""
