@@ -95,14 +95,14 @@ def usual(stamps: Stamps, side: SideStamps) -> TypicalTimes:
     """Return the medians of the times of a side."""
     known = side.rendered_ns != UNKNOWN
     began_ns = stamps.began_ns
-    parts = (
-        (stamps.due_ns - stamps.moved_ns - side.arrived_ns)[side.fresh],
-        (side.arrived_ns - side.read_ns)[side.fresh],
-        (began_ns - side.arrived_ns)[side.fresh],
-        (side.rendered_ns - began_ns)[known],
-        side.loop_ns[side.loop_ns > 0],
-    )
-    return TypicalTimes(*(float(np.median(part)) if part.size else 0.0 for part in parts))
+    times = {
+        "early_ns": (stamps.due_ns - stamps.moved_ns - side.arrived_ns)[side.fresh],
+        "up_ns": (side.arrived_ns - side.read_ns)[side.fresh],
+        "wait_ns": (began_ns - side.arrived_ns)[side.fresh],
+        "back_ns": (side.rendered_ns - began_ns)[known],
+        "loop_ns": side.loop_ns[side.loop_ns > 0],
+    }
+    return TypicalTimes(**{name: float(np.median(each)) if each.size else 0.0 for name, each in times.items()})
 
 
 def episodes(stamps: Stamps, limit_ns: int) -> list[Evidence]:
