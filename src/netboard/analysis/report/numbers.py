@@ -27,12 +27,12 @@ def after(unit: Unit) -> str:
 
 def between(row: Mapping[str, Any]) -> str:
     """Return the limits of a result's interval as text, or plus-minus for a standard deviation; empty for none."""
-    _, low, high = written(row)
     if not isfinite(row["low"]):
         return ""
     if row["interval"] == "SD":
         _, bottom, top = _three(row)
         return f"± {amount((top - bottom) / 2, _places(row))}"
+    _, low, high = written(row)
     return f"{low} to {high}"
 
 
