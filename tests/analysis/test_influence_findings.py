@@ -52,7 +52,7 @@ def test_influence_of_the_leader_exceeds_chance() -> None:
     assert to_right.chance.excess == pytest.approx(np.log(2.0), abs=0.05)
     assert to_right.chance.p == pytest.approx(1 / 24)
     assert abs(to_left.chance.excess) < 0.01
-    assert (to_right.trials, to_right.of) == (12, 12)
+    assert (to_right.trials, to_right.available) == (12, 12)
 
 
 @pytest.mark.slow
@@ -101,7 +101,7 @@ def test_samples_after_completion_and_trials_with_gaps_are_left_out() -> None:
     gappy = replace(
         study, paths=changed_paths(study, lambda paths: paths.assign(p=paths["p"].where(paths["trial"] != 3, np.nan)))
     )
-    assert influence_of(gappy, "left to right").of == 11
+    assert influence_of(gappy, "left to right").available == 11
 
 
 def test_many_trials_are_subsampled_with_a_fixed_seed(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -109,7 +109,7 @@ def test_many_trials_are_subsampled_with_a_fixed_seed(monkeypatch: pytest.Monkey
     monkeypatch.setattr(influence, "MOST", 5 * 4**2)
     monkeypatch.setattr(influence, "LEAST", 2)
     one, again = influence_of(study, "left to right"), influence_of(replace(study), "left to right")
-    assert (one.trials, one.of) == (5, 12)
+    assert (one.trials, one.available) == (5, 12)
     np.testing.assert_array_equal(one.values, again.values)
     monkeypatch.setattr(influence, "MOST", 0)
     assert influence_of(replace(study), "left to right").trials == 2

@@ -52,8 +52,8 @@ Trials = list[NDArray[np.float64]]
 class Influence:
     """Influence of one side on the other in a condition: the Granger strength in each true dyad [nat].
 
-    `chance` compares their mean with that of surrogate dyads, None for a single dyad; `of` is the smallest number of
-    trials of any dyad, from which these were sampled [1].
+    `chance` compares their mean with that of surrogate dyads, None for a single dyad; `available` is the smallest
+    number of trials of any dyad, from which these were sampled [1].
     """
 
     condition: Condition
@@ -62,14 +62,14 @@ class Influence:
     values: NDArray[np.float64]
     chance: SurrogateComparison | None
     trials: int
-    of: int
+    available: int
 
 
 def _results(one: Influence) -> list[Result]:
     """Return strength in true dyads, chance level, excess, and p value."""
     n, chance = len(one.dyads), one.chance
     group = f"{one.condition.label}, {one.direction}"
-    note = f"{one.trials} of {one.of} trials of each dyad; given the ball"
+    note = f"{one.trials} of {one.available} trials of each dyad; given the ball"
     if chance is None:
         few = "one dyad" if n == 1 else "no dyad has both signals"
         numbers = [("Granger strength", mean(one.values), "nat", f"{note}; {few}: no surrogates")]
@@ -99,14 +99,14 @@ def _in_condition(condition: Condition, trials: pd.DataFrame, paths: Mapping[str
     there = _signals(trials, paths)
     if not there:
         return []
-    dyads, of = tuple(there), min(map(len, there.values()))
-    count = min(of, max(LEAST, MOST // len(dyads) ** 2))
+    dyads, available = tuple(there), min(map(len, there.values()))
+    count = min(available, max(LEAST, MOST // len(dyads) ** 2))
     rng = np.random.default_rng(SEED)
-    drawn = np.sort(rng.choice(of, count, replace=False))
+    drawn = np.sort(rng.choice(available, count, replace=False))
     left, right = ([[there[dyad][k][:, [side, 2]] for k in drawn] for dyad in dyads] for side in (0, 1))
     return [
-        _influence(condition, "left to right", dyads, left, right, of, rng),
-        _influence(condition, "right to left", dyads, right, left, of, rng),
+        _influence(condition, "left to right", dyads, left, right, available, rng),
+        _influence(condition, "right to left", dyads, right, left, available, rng),
     ]
 
 
@@ -129,7 +129,7 @@ def _influence(
     dyads: tuple[str, ...],
     sources: Sequence[Trials],
     targets: Sequence[Trials],
-    of: int,
+    available: int,
     rng: np.random.Generator,
 ) -> Influence:
     values = np.array([_strength(source, target) for source, target in zip(sources, targets, strict=True)])
@@ -138,7 +138,7 @@ def _influence(
     if len(known) > 1:
         chance = chance_level([sources[k] for k in known], [targets[k] for k in known], _strength, rng)
     names = tuple(dyads[k] for k in known)
-    return Influence(condition, direction, names, values[known], chance, len(sources[0]), of)
+    return Influence(condition, direction, names, values[known], chance, len(sources[0]), available)
 
 
 def _strength(sources: Sequence[NDArray[np.float64]], targets: Sequence[NDArray[np.float64]]) -> float:
@@ -224,6 +224,6 @@ def _caption(found: list[Influence]) -> str:
         )
     return (
         "Gain in the prediction of one side's velocity from 60 ms of the other side's past, beside its own past and "
-        f"the ball's. Points: dyads, n = {' or '.join(map(str, n))}, {found[0].trials} of {found[0].of} trials "
+        f"the ball's. Points: dyads, n = {' or '.join(map(str, n))}, {found[0].trials} of {found[0].available} trials "
         f"of each; bars: their mean. {chance} Mechanical influence through the board is included."
     )
