@@ -19,7 +19,8 @@ from netboard.task.journal.entries import (
     Resumed,
     Veto,
 )
-from netboard.task.journal.progress import OutcomeRow, Progress, progress_of
+from netboard.task.journal.outcome import AttemptOutcome
+from netboard.task.journal.progress import Progress, progress_of
 from netboard.task.trials.repeats import wants_repeat
 from netboard.task.trials.state_machine import Outcome
 
@@ -124,9 +125,9 @@ def entries_of_run(
     return Server(chance, run, progress_of(HEADER, so_far, plan), rules, plan).entries()
 
 
-def was_skipped_in_a_pause(before: tuple[OutcomeRow, ...], row: OutcomeRow) -> bool:
+def was_skipped_in_a_pause(before: tuple[AttemptOutcome, ...], row: AttemptOutcome) -> bool:
     """Whether a trial was skipped of which no attempt was under way."""
-    return row[3] == "skipped" and (row[2] == 0 or row[:3] in [other[:3] for other in before])
+    return row.outcome == "skipped" and (row.attempt == 0 or row[:3] in [other[:3] for other in before])
 
 
 def check(entries: list[Entry], progress: Progress, plan: tuple[Planned, ...] = PLAN) -> None:

@@ -99,7 +99,7 @@ def test_device_is_not_armed_while_its_clock_bound_is_too_wide(tmp_path: Path) -
             waited = rig.until(lambda s: s.tick > blocked.tick + 3000)
             assert any("the left agent's clock" in lack for lack in waited.waiting_for)
             assert waited.phase == "idle"
-            (bound,) = [link[5] for link in waited.links if link[0] == "agent.left"]
+            (bound,) = [link.clock_bound for link in waited.links if link.peer == "agent.left"]
             assert 0.0025 < bound < 0.05
             relay.impair()
             rig.until(lambda s: s.phase == "running")

@@ -70,7 +70,7 @@ def test_duplicate_and_reconnecting_peers_leave_undamaged_recordings(open_rig: C
     rig.start("second left display", "display", "--station", "left")
     rig.start("second console", "console", "--offscreen")
     both = ["console", "console", "display.left", "display.left", "display.right"]
-    rig.until(lambda status: sorted(link[0] for link in status.links if link[0][:3] in {"con", "dis"}) == both)
+    rig.until(lambda status: sorted(link.peer for link in status.links if link.peer[:3] in {"con", "dis"}) == both)
     advance(rig, 4000)
     rig.stop("right display", signal.SIGTERM)
     rig.start("right display", "display", "--station", "right")

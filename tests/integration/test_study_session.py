@@ -105,7 +105,7 @@ def test_block_requires_a_completed_form_and_armed_devices(tmp_path: Path) -> No
         status = rig.until(
             lambda s: {"the left device to be armed", "the right device to be armed"} <= set(s.waiting_for)
         )
-        assert not any(bits & Safeguard.ARMED for _, _, bits, *_ in status.stations)
+        assert not any(station.safeguards & Safeguard.ARMED for station in status.stations)
         assert operator.do("start").reason == "cannot start: the devices are not armed (arm)"
         assert operator.do("arm").accepted
         rig.until(lambda s: not s.waiting_for)
@@ -120,8 +120,10 @@ def test_operator_commands_control_the_blocks_of_a_session(tmp_path: Path) -> No
     with Rig(tmp_path, QUICK) as rig:
         operator = open_session(rig)
         assert operator.do("start").accepted
-        status = wait_and_resume(rig, lambda s: s.successes >= 1 and bool(s.recordings) and s.recordings[0][2] > 0)
-        assert "block01" in status.recordings[0][0]
+        status = wait_and_resume(
+            rig, lambda s: s.successes >= 1 and bool(s.recordings) and s.recordings[0].written_bytes > 0
+        )
+        assert "block01" in status.recordings[0].file
         assert operator.do("repeat", "1").reason == "trial 1 is repeated at the end of the block"
         assert rig.until(lambda s: s.trials == 61).block == 1
         assert operator.do("veto", "1").accepted

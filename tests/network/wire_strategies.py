@@ -22,8 +22,10 @@ _SCALARS: dict[Any, st.SearchStrategy[Any]] = {
 
 def _of(hint: Any) -> st.SearchStrategy[Any]:
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
-    if origin is None:
+    if hint in _SCALARS:
         return _SCALARS[hint]
+    if origin is None:  # a NamedTuple
+        return st.builds(hint, *map(_of, typing.get_type_hints(hint).values()))
     if origin is types.UnionType:
         return st.none() | _of(arguments[0])
     if origin is dict:

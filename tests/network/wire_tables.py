@@ -25,15 +25,16 @@ _SCALARS = {int: "int", float: "float", str: "str", bytes: "bin", bool: "bool"}
 def wire_type(hint: Any) -> str:
     """Name of a type as PROTOCOL.md defines it."""
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
-    if origin is None:
+    if hint in _SCALARS:
         return _SCALARS[hint]
     if origin is types.UnionType:
         return f"{wire_type(arguments[0])} or nil"
     if origin is dict:
         return f"map of {wire_type(arguments[0])} to {wire_type(arguments[1])}"
-    if arguments[-1] is Ellipsis:
+    if arguments and arguments[-1] is Ellipsis:
         return f"array of {wire_type(arguments[0])}"
-    return "[" + ", ".join(map(wire_type, arguments)) + "]"
+    parts = arguments or typing.get_type_hints(hint).values()  # of a tuple, or of a NamedTuple
+    return "[" + ", ".join(map(wire_type, parts)) + "]"
 
 
 def described(documented: type) -> tuple[str, dict[str, str]]:

@@ -28,6 +28,7 @@ from netboard.task.journal.entries import (
     Resumed,
     read_lines,
 )
+from netboard.task.journal.outcome import AttemptOutcome
 from netboard.task.journal.progress import Progress, progress_of
 from netboard.task.trials.state_machine import TABLE, Cause, Phase
 from session_model import HEADER, PLAN, Planned, check
@@ -204,7 +205,7 @@ def test_flagged_trial_is_repeated_at_the_end_of_the_block(path: Path) -> None:
     block_run.succeed()
     flags = [row[5] for row in attempts.finished]
     block_run.succeed(late_ns=10**6)
-    assert "late_ticks" in attempts.finished[-1][5].split(",")
+    assert "late_ticks" in attempts.finished[-1].flags.split(",")
     assert "late_ticks" not in flags[0]
     extra = int(block_run.now["extra"])
     assert extra == len([row for row in attempts.finished if row[5]])
@@ -239,7 +240,7 @@ def test_operator_may_request_and_veto_repeats(path: Path) -> None:
     block_run.succeed()
     assert block_run.phase == Phase.FINISHED
     assert attempts.finished[-1][1:4:2] == (4, "success")
-    assert attempts.finished[-1][6] == 2
+    assert attempts.finished[-1].repeats == 2
     attempts.close()
 
 
@@ -341,7 +342,7 @@ def require_journal_matches_state(path: Path, block_run: BlockRun) -> None:
     under_way = [*block_run.attempts.finished]
     if block_run.phase in (Phase.LEVELLING, Phase.RUNNING, Phase.HOLDING):
         assert progress.under_way == (journaled[0], now["trial"], now["attempt"])
-        under_way.append((*progress.under_way, "incomplete", float("nan"), "", 0))
+        under_way.append(AttemptOutcome(*progress.under_way, "incomplete", float("nan"), "", 0))
     assert repr(list(progress.outcomes)) == repr(under_way)
 
 

@@ -143,7 +143,7 @@ def test_pings_yield_clock_offsets_of_peers() -> None:
     rig.port.drain(lambda: PING_NS + 40)
     (record,) = rig.port.clock_records(7)
     assert (record.seq, record.peer, record.offset_ns) == (7, "display.left", ahead)
-    links = {link[0]: link for link in rig.port.links(PING_NS + 40)}
+    links = {link.peer: link for link in rig.port.links(PING_NS + 40)}
     assert links["display.left"][4] == 20e-9
     assert links["display.left"][5] < 1e-6
     rig.router.received_by(C)

@@ -82,7 +82,7 @@ def test_records_evicted_before_the_first_logger_are_counted(tmp_path: Path) -> 
     assert ("log_lost", {"first": "0", "count": "15", "cause": "no logger was connected yet"}) in rig.port.news
     rig.pump(L, LogRequest(0))
     assert rig.names().count("log_lost") == 1
-    assert rig.port.links(rig.clock())[0][-1] == 15
+    assert rig.port.links(rig.clock())[0].lost == 15
 
 
 def test_records_are_spilled_if_the_logger_falls_silent_before_it_has_written_any(tmp_path: Path) -> None:
@@ -293,7 +293,7 @@ def test_clock_of_a_logger_is_probed(rig: Rig) -> None:
     (probe,) = rig.port.clock_records(3)
     assert (probe.seq, probe.peer, probe.t3_ns - probe.t0_ns) == (3, "logger", 1_000_000)
     assert abs(probe.offset_ns - 5_000_000_000) <= probe.bound_ns < 1_000_000
-    assert rig.port.links(rig.clock())[0][4] == pytest.approx(0.9e-3)
+    assert rig.port.links(rig.clock())[0].round_trip == pytest.approx(0.9e-3)
 
 
 def test_port_is_read_every_tick_only_while_a_pong_is_expected(rig: Rig) -> None:

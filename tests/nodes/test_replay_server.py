@@ -137,11 +137,11 @@ def test_status_matches_the_recording_and_no_device_is_armed(rig: Rig) -> None:
     assert status.peers == ("console",)
     assert status.notice.startswith("replay of made.mcap: paused at 0:04.")
     assert "x" * 50 in rig.do("seek", "4.2").reason
-    assert [station[0] for station in status.stations] == ["left", "right"]
+    assert [station.side for station in status.stations] == ["left", "right"]
     rig.do("seek", "7")
-    lost = rig.status().stations[0]
-    assert np.isnan(lost[1])
-    assert lost[4] == 1000, "no tick of this attempt had a sample"
+    left = rig.status().stations[0]
+    assert np.isnan(left.age)
+    assert left.lost_ticks == 1000, "no tick of this attempt had a sample"
 
 
 @pytest.mark.slow

@@ -189,7 +189,7 @@ def test_end_stops_the_block_in_every_phase(stepped: SteppedSession, bring: Call
     stepped.session._end()
     assert stepped.phase == Phase.FINISHED
     assert [event.name for event in stepped.events()][-3:] == ["stop", "attempt_ended", "session_ended"]
-    assert stepped.state.attempts.finished[-1][3] == "aborted"
+    assert stepped.state.attempts.finished[-1].outcome == "aborted"
 
 
 AGENT = b"agent.left@1"

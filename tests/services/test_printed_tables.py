@@ -33,6 +33,7 @@ from netboard.devices.setup.words import (
     reading_table,
 )
 from netboard.network.protocol.codec import decode
+from netboard.network.protocol.control import LinkStatus
 from netboard.nodes.operator.status_table import status_tables
 from netboard.nodes.rehearsal import session as rehearsal
 from netboard.nodes.rehearsal.jobs import BlockResult
@@ -115,7 +116,9 @@ def status() -> RenderableType:
     """A server with two displays at one station, and two consoles."""
     golden = decode((DATA / "frames" / "status.bin").read_bytes())
     links = tuple(
-        (peer, f"haptics-laboratory-{number}:47{number}", "0.2.0.dev12", 0.0123, 0.000431, 0.000217, nan, 999.8, 1234)
+        LinkStatus(
+            peer, f"haptics-laboratory-{number}:47{number}", "0.2.0.dev12", 0.0123, 0.000431, 0.000217, nan, 999.8, 1234
+        )
         for number, peer in enumerate(PEERS)
     )
     return status_tables(replace(golden, links=links))  # type: ignore[type-var]

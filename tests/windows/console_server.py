@@ -17,12 +17,14 @@ from fakes import STATUS
 from netboard.base.tables.rig import Network
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.control import (
-    AttemptOutcome,
     Command,
     LinkStatus,
+    LoopStatus,
     Outcomes,
     OutcomesRequest,
+    RecordingStatus,
     Reply,
+    StationStatus,
     Status,
     StatusRequest,
     Trace,
@@ -35,13 +37,14 @@ from netboard.network.protocol.motion import Safeguard
 from netboard.network.transport import channels, sockets
 from netboard.network.transport.ports import free_port
 from netboard.nodes.ports.emergency import AWAITING_RELEASE, RELEASE, STOP
+from netboard.task.journal.outcome import AttemptOutcome
 
 ARMED = int(Safeguard.ARMED)
 MINE = version("netboard")
 
 
 def link(side: str) -> LinkStatus:
-    return (f"agent.{side}", f"lab-{side}:812", MINE, 0.0008, 0.00021, 0.00011, 2.5, 1000.0, 0)
+    return LinkStatus(f"agent.{side}", f"lab-{side}:812", MINE, 0.0008, 0.00021, 0.00011, 2.5, 1000.0, 0)
 
 
 RUNNING = replace(
@@ -55,8 +58,8 @@ RUNNING = replace(
     completions=(3.2, 2.9),
     late_ticks=3,
     peers=("agent.left", "agent.right", "display.left", "display.right", "logger", "console"),
-    links=(link("left"), link("right"), ("logger", "lab0:900", MINE, 0.1, 0.0003, 0.0002, 0.1, 50.0, 0)),
-    loops=(("agent.left", 0.0019, 0.0085), ("agent.right", 0.0021, 0.0085)),
+    links=(link("left"), link("right"), LinkStatus("logger", "lab0:900", MINE, 0.1, 0.0003, 0.0002, 0.1, 50.0, 0)),
+    loops=(LoopStatus("agent.left", 0.0019, 0.0085), LoopStatus("agent.right", 0.0021, 0.0085)),
     name="S03",
     dyad="D03",
     study="paper",
@@ -64,18 +67,18 @@ RUNNING = replace(
     block=3,
     blocks=18,
     condition="bimanual, A, full force",
-    recordings=(("S03-block03.mcap", 0.12, 184_200_000, 38_400_000_000),),
-    stations=(("left", 0.0009, ARMED, 0.31, 0, 0), ("right", 0.0011, ARMED, -0.12, 0, 0)),
+    recordings=(RecordingStatus("S03-block03.mcap", 0.12, 184_200_000, 38_400_000_000),),
+    stations=(StationStatus("left", 0.0009, ARMED, 0.31, 0, 0), StationStatus("right", 0.0011, ARMED, -0.12, 0, 0)),
 )
 """No fault."""
 
 IDLE = replace(
     RUNNING, phase="idle", trial=1, successes=0, failures=0, armed=False, block=1, condition="dyadic, no force",
-    stations=(("left", 0.0009, 0, 0.0, 0, 0), ("right", 0.0011, 0, 0.0, 0, 0)),
+    stations=(StationStatus("left", 0.0009, 0, 0.0, 0, 0), StationStatus("right", 0.0011, 0, 0.0, 0, 0)),
 )  # fmt: skip
 """The session is open and ready for F1 and F2."""
 
-UNARMED_LINK = ("agent.right", "lab-right:77", "0.0.9", 0.004, 0.0012, 0.0006, math.nan, 712.0, 41)
+UNARMED_LINK = LinkStatus("agent.right", "lab-right:77", "0.0.9", 0.004, 0.0012, 0.0006, math.nan, 712.0, 41)
 
 STATES: dict[str, Status] = {
     "unopened": replace(IDLE, opened=False, consent=False, waiting_for=("the session's form",)),
@@ -86,19 +89,19 @@ STATES: dict[str, Status] = {
         peers=("agent.left", "display.left"),
         waiting_for=("agent.right", "the logger"),
         recordings=(),
-        stations=(IDLE.stations[0], ("right", math.nan, 0, 0.0, 0, 0)),
+        stations=(IDLE.stations[0], StationStatus("right", math.nan, 0, 0.0, 0, 0)),
     ),
     "running": RUNNING,
     "holding": replace(RUNNING, phase="holding", pending="pause after this trial"),
     "troubled": replace(
         RUNNING,
         links=(RUNNING.links[0], UNARMED_LINK),
-        loops=(("agent.left", 0.0019, 0.0085), ("agent.right", 0.0061, 0.0085)),
+        loops=(LoopStatus("agent.left", 0.0019, 0.0085), LoopStatus("agent.right", 0.0061, 0.0085)),
         late_ticks=9,
-        recordings=(("S03-block03.mcap", 0.4, 184_200_000, 3_100_000_000),),
+        recordings=(RecordingStatus("S03-block03.mcap", 0.4, 184_200_000, 3_100_000_000),),
         stations=(
-            ("left", 0.0009, ARMED | int(Safeguard.CLAMPED), 3.0, 0, 120),
-            ("right", 0.018, int(Safeguard.STALE), 0.0, 37, 0),
+            StationStatus("left", 0.0009, ARMED | int(Safeguard.CLAMPED), 3.0, 0, 120),
+            StationStatus("right", 0.018, int(Safeguard.STALE), 0.0, 37, 0),
         ),
     ),
     "paused": replace(RUNNING, phase="paused", notice="paused: the right device is lost"),
@@ -109,8 +112,8 @@ STATES: dict[str, Status] = {
         armed=False,
         waiting_for=(AWAITING_RELEASE,),
         stations=(
-            ("left", 0.0009, int(Safeguard.STOPPED), 0.0, 0, 0),
-            ("right", 0.0011, int(Safeguard.STOPPED), 0.0, 0, 0),
+            StationStatus("left", 0.0009, int(Safeguard.STOPPED), 0.0, 0, 0),
+            StationStatus("right", 0.0011, int(Safeguard.STOPPED), 0.0, 0, 0),
         ),
     ),
     "unrecorded": replace(RUNNING, recordings=()),
@@ -130,7 +133,7 @@ def attempts(count: int) -> list[AttemptOutcome]:
         fate = FATES[k % len(FATES)]
         doubts = "late_ticks,lost" if k == 7 else ""
         seconds = 2.5 + math.sin(k) if fate == "success" else math.nan
-        made.append((3, trial, number, fate, seconds, doubts, 5 if k == 9 else 0))
+        made.append(AttemptOutcome(3, trial, number, fate, seconds, doubts, 5 if k == 9 else 0))
         trial, number = (trial + 1, 1) if fate == "success" else (trial, number + 1)
     return made
 
@@ -141,7 +144,7 @@ def point(tick: int) -> TracePoint:
     left, right = 0.02 * math.sin(2.1 * t), 0.018 * math.sin(2.1 * t + 0.7) + 0.004 * math.sin(9 * t)
     ball = 0.15 * math.sin(0.8 * t)
     force = 0.5 + 0.4 * math.sin(2.1 * t + 0.2)
-    return (tick, left, right, (left + right) / 2, (right - left) / 0.5, ball, force, 0.9 - force)
+    return TracePoint(tick, left, right, (left + right) / 2, (right - left) / 0.5, ball, force, 0.9 - force)
 
 
 class ConsoleServer:

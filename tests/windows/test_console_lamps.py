@@ -10,7 +10,7 @@ from console_server import IDLE, MINE, RUNNING, STATES, UNARMED_LINK, attempts
 
 from netboard.base.config import SIDES, Config
 from netboard.network.protocol import control
-from netboard.network.protocol.control import REPLAY_OF, Status
+from netboard.network.protocol.control import REPLAY_OF, LinkStatus, LoopStatus, RecordingStatus, Status
 from netboard.network.protocol.joining import HELLO_FIRST
 from netboard.network.protocol.motion import Safeguard
 from netboard.nodes.ports.control_port import CommandRequest
@@ -35,12 +35,10 @@ def of(lamps, name):
 
 def left(**changes: object):
     """Lamps of the left station, with some fields of its status changed."""
-    names = ("what", "name", "version", "heard", "trip", "bound", "drift", "rate", "lost")
-    link = dict(zip(names, RUNNING.links[0], strict=True))
-    station = dict(zip(("side", "age", "bits", "rendered", "missed", "clamped"), RUNNING.stations[0], strict=True))
-    for name, value in changes.items():
-        (link if name in link else station)[name] = value
-    status = replace(RUNNING, links=(tuple(link.values()),), stations=(tuple(station.values()),))
+    link, station = RUNNING.links[0], RUNNING.stations[0]
+    of_link = {name: changes.pop(name) for name in LinkStatus._fields if name in changes}
+    station = station._replace(age=changes.pop("sample_age", station.age), **changes)
+    status = replace(RUNNING, links=(link._replace(**of_link),), stations=(station,))
     return station_lamps(status, NONE, "left", LIMITS)
 
 
@@ -85,29 +83,29 @@ def test_all_lamps_are_good_without_a_fault() -> None:
 @pytest.mark.parametrize(
     ("name", "level", "text", "changes"),
     [
-        ("Device", Level.BAD, "lost", {"bits": int(Safeguard.DEVICE_LOST)}),
-        ("Device", Level.WATCH, "not ready", {"bits": int(Safeguard.NOT_READY)}),
+        ("Device", Level.BAD, "lost", {"safeguards": int(Safeguard.DEVICE_LOST)}),
+        ("Device", Level.WATCH, "not ready", {"safeguards": int(Safeguard.NOT_READY)}),
         ("Device", Level.WATCH, "v0.0.1", {"version": "0.0.1"}),
-        ("Link", Level.BAD, "silent", {"heard": 0.2}),
+        ("Link", Level.BAD, "silent", {"age": 0.2}),
         ("Link", Level.WATCH, "500 Hz", {"rate": 500.0}),
-        ("Round trip", Level.WATCH, "1.20 ms", {"trip": 0.0012}),
-        ("Round trip", Level.WATCH, "unknown", {"trip": math.nan}),
-        ("Clock", Level.BAD, "unknown", {"bound": math.nan}),
-        ("Clock", Level.BAD, "\u00b10.60 ms", {"bound": 0.0006}),
-        ("Clock", Level.WATCH, "\u00b10.30 ms", {"bound": 0.0003}),
-        ("Sample", Level.BAD, "none", {"age": math.nan}),
-        ("Sample", Level.BAD, "60 ms old", {"age": 0.06}),
-        ("Sample", Level.WATCH, "20 ms old", {"age": 0.02}),
-        ("Drops", Level.WATCH, "1 drop", {"missed": 1}),
-        ("Drops", Level.WATCH, "3 drops", {"missed": 3}),
-        ("Drops", Level.BAD, "500 drops", {"missed": 500}),
-        ("Force", Level.WATCH, "AT LIMIT +0.31 N", {"bits": int(Safeguard.CLAMPED)}),
-        ("Force", Level.WATCH, "SLEW +0.31 N", {"bits": int(Safeguard.SLEWED)}),
-        ("Force", Level.WATCH, "LIMITED +0.31 N", {"clamped": 900}),
-        ("Safety", Level.BAD, "STOPPED", {"bits": int(Safeguard.STOPPED | Safeguard.STALE)}),
-        ("Safety", Level.BAD, "too fast", {"bits": int(Safeguard.TOO_FAST | Safeguard.ARMED)}),
-        ("Safety", Level.WATCH, "arming", {"bits": int(Safeguard.RAMPING | Safeguard.ARMED)}),
-        ("Safety", Level.WATCH, "not armed", {"bits": 0}),
+        ("Round trip", Level.WATCH, "1.20 ms", {"round_trip": 0.0012}),
+        ("Round trip", Level.WATCH, "unknown", {"round_trip": math.nan}),
+        ("Clock", Level.BAD, "unknown", {"clock_bound": math.nan}),
+        ("Clock", Level.BAD, "\u00b10.60 ms", {"clock_bound": 0.0006}),
+        ("Clock", Level.WATCH, "\u00b10.30 ms", {"clock_bound": 0.0003}),
+        ("Sample", Level.BAD, "none", {"sample_age": math.nan}),
+        ("Sample", Level.BAD, "60 ms old", {"sample_age": 0.06}),
+        ("Sample", Level.WATCH, "20 ms old", {"sample_age": 0.02}),
+        ("Drops", Level.WATCH, "1 drop", {"lost_ticks": 1}),
+        ("Drops", Level.WATCH, "3 drops", {"lost_ticks": 3}),
+        ("Drops", Level.BAD, "500 drops", {"lost_ticks": 500}),
+        ("Force", Level.WATCH, "AT LIMIT +0.31 N", {"safeguards": int(Safeguard.CLAMPED)}),
+        ("Force", Level.WATCH, "SLEW +0.31 N", {"safeguards": int(Safeguard.SLEWED)}),
+        ("Force", Level.WATCH, "LIMITED +0.31 N", {"clipped_ticks": 900}),
+        ("Safety", Level.BAD, "STOPPED", {"safeguards": int(Safeguard.STOPPED | Safeguard.STALE)}),
+        ("Safety", Level.BAD, "too fast", {"safeguards": int(Safeguard.TOO_FAST | Safeguard.ARMED)}),
+        ("Safety", Level.WATCH, "arming", {"safeguards": int(Safeguard.RAMPING | Safeguard.ARMED)}),
+        ("Safety", Level.WATCH, "not armed", {"safeguards": 0}),
     ],
 )
 def test_station_lamp_shows_the_level_and_text_of_a_fault(
@@ -118,14 +116,14 @@ def test_station_lamp_shows_the_level_and_text_of_a_fault(
 
 
 def test_tip_of_arming_states_no_duration_because_each_agent_sets_its_own() -> None:
-    lamp = of(left(bits=int(Safeguard.RAMPING | Safeguard.ARMED)), "Safety")
+    lamp = of(left(safeguards=int(Safeguard.RAMPING | Safeguard.ARMED)), "Safety")
     assert "second" not in lamp.tip
     assert not re.search(r"\d", lamp.tip)
 
 
 def test_latency_lamp_compares_the_loop_latency_with_its_stable_limit() -> None:
     for late, level in ((0.002, Level.GOOD), (0.005, Level.WATCH), (0.009, Level.BAD), (math.nan, Level.OFF)):
-        status = replace(RUNNING, loops=(("agent.left", late, 0.0085),))
+        status = replace(RUNNING, loops=(LoopStatus("agent.left", late, 0.0085),))
         assert of(station_lamps(status, NONE, "left", LIMITS), "Latency").level is level
 
 
@@ -141,7 +139,7 @@ def test_drops_and_deadline_misses_count_recent_ones_only() -> None:
     now = replace(RUNNING, links=(RUNNING.links[0], UNARMED_LINK))
     recent = history.add(100.0, now)
     assert recent.lost == {"agent.left": 0, "agent.right": 0}
-    more = replace(now, links=(RUNNING.links[0], (*UNARMED_LINK[:8], 45)), late_ticks=7)
+    more = replace(now, links=(RUNNING.links[0], UNARMED_LINK._replace(lost=45)), late_ticks=7)
     recent = history.add(104.0, more)
     assert (recent.lost["agent.right"], recent.late_ticks) == (4, 4)
     assert "4 drops" in of(station_lamps(more, recent, "right", LIMITS), "Drops").words
@@ -181,7 +179,7 @@ def test_minutes_left_on_the_disk_follow_the_growth_of_the_recording() -> None:
 def test_status_history_estimates_the_minutes_left_from_growth() -> None:
     history = StatusHistory()
     for second in range(11):
-        grown = (("file", 0.1, 1_000_000 * second, 12 * 60 * 10**6),)
+        grown = (RecordingStatus("file", 0.1, 1_000_000 * second, 12 * 60 * 10**6),)
         recent = history.add(float(second), replace(RUNNING, recordings=grown))
     assert recent.minutes == pytest.approx(12.0)
     lamp = of(session_lamps(replace(RUNNING, recordings=grown), 0.0, recent, LIMITS), "Disk")
@@ -190,7 +188,7 @@ def test_status_history_estimates_the_minutes_left_from_growth() -> None:
 
 
 def test_alarm_when_a_trial_runs_without_a_recording() -> None:
-    stalled = (("file", 4.0, 1000, 10**11),)
+    stalled = (RecordingStatus("file", 4.0, 1000, 10**11),)
     for phase in ("levelling", "running", "holding", "succeeded", "failed"):
         for recordings in ((), stalled):
             status = replace(RUNNING, phase=phase, recordings=recordings)
@@ -387,7 +385,7 @@ def test_replay_has_its_own_banner_and_raises_only_the_no_reply_alarm() -> None:
 
 
 def test_logger_without_a_file_yet_is_ready_and_its_disk_lamp_is_off():
-    waiting = replace(IDLE, opened=False, recordings=(("", math.nan, 0, 0),))
+    waiting = replace(IDLE, opened=False, recordings=(RecordingStatus("", math.nan, 0, 0),))
     lamps = session_lamps(waiting, 0.0, NONE, LIMITS)
     assert (of(lamps, "Recording").level, of(lamps, "Recording").words) == (Level.GOOD, "ready")
     assert of(lamps, "Disk").level is Level.OFF

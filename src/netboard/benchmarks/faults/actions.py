@@ -64,7 +64,7 @@ def kill(site: Site, process: str, seconds: float = RESTART_DELAY, quick: float 
         until_forces(site.rig, START_S)
     else:
         name = f":{site.rig.running[process].pid}"
-        site.rig.until(lambda status: any(link[1].endswith(name) for link in status.links))
+        site.rig.until(lambda status: any(link.name.endswith(name) for link in status.links))
 
 
 def kill_logger_until_paused(site: Site) -> Facts:

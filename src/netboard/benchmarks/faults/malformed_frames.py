@@ -96,6 +96,8 @@ def _value(hint: Any, rng: random.Random) -> Any:
         return tuple(_value(arguments[0], rng) for _ in range(rng.randrange(5)))
     if origin is tuple:
         return tuple(_value(argument, rng) for argument in arguments)
+    if hasattr(hint, "_fields"):  # a NamedTuple
+        return hint(*(_value(part, rng) for part in typing.get_type_hints(hint).values()))
     simple: dict[Any, Callable[[], Any]] = {
         int: lambda: rng.choice((0, 1, -1, 200, 70_000, 10**12, -(10**12))),
         float: lambda: rng.choice((0.0, -0.5, 1e-3, 250.0)),

@@ -150,10 +150,12 @@ def _rows_of_integers(item_by_item: Check, width: int, most_items: int, value: A
     return item_by_item(value)
 
 
-def _record(checks: tuple[Check, ...], value: Any) -> Any:
-    if len(_exactly(tuple, value)) != len(checks):
+def _record(make: Check, checks: tuple[Check, ...], value: Any) -> Any:
+    if not isinstance(value, tuple):
+        raise ValueError(f"expected tuple, got {short(value)}")
+    if len(value) != len(checks):
         raise ValueError(f"expected {len(checks)} items, got {len(value)}")
-    return tuple(map(_call, checks, value))
+    return make(map(_call, checks, value))
 
 
 _PLAIN: Mapping[type, Check] = {kind: partial(_exactly, kind) for kind in (str, bytes, bool)}
@@ -164,8 +166,11 @@ _WRITE: Mapping[type, Check] = {**_PLAIN, int: _write_int, float: _write_float}
 def _compile(hint: Any, scalars: Mapping[type, Check], kind: Kind) -> Check:
     """Make the check of one type hint of a kind of message; `scalars` has the checks of its leaves."""
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
-    if origin is None:
+    if hint in scalars:
         return scalars[hint]
+    if origin is None:  # a NamedTuple
+        named = typing.get_type_hints(hint).values()
+        return partial(_record, hint._make, tuple(_compile(part, scalars, kind) for part in named))
     inner = tuple(_compile(part, scalars, kind) for part in arguments if part not in (type(None), Ellipsis))
     if origin is types.UnionType:
         return partial(_optional, *inner)
@@ -177,7 +182,7 @@ def _compile(hint: Any, scalars: Mapping[type, Check], kind: Kind) -> Check:
         if scalars is _READ and parts and set(parts) == {int}:
             return partial(_rows_of_integers, item_by_item, len(parts), kind.most_items)
         return item_by_item
-    return partial(_record, inner)
+    return partial(_record, tuple, inner)
 
 
 # --- one message -------------------------------------------------------------------------------------------------

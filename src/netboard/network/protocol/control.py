@@ -4,7 +4,9 @@ A message is data only; `netboard.network.protocol.messages` holds the rules for
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+from netboard.task.journal.outcome import AttemptOutcome
 
 REPLAY_OF = "replay of "
 """Beginning of the notice of a replay, and of no other."""
@@ -63,10 +65,68 @@ else:
     CommandName = Literal[COMMANDS]
 """Type of a command's name."""
 
-LinkStatus = tuple[str, str, str, float, float, float, float, float, int]
-AttemptOutcome = tuple[int, int, int, str, float, str, int]
-TracePoint = tuple[int, float, float, float, float, float, float, float]
-"""Items of `Status.links`, `Outcomes.attempts` and `Trace.points`."""
+
+class LinkStatus(NamedTuple):
+    """Connection of one peer: an item of `Status.links`."""
+
+    peer: str
+    name: str
+    version: str
+    age: float
+    round_trip: float
+    clock_bound: float
+    drift_ppm: float
+    rate: float
+    lost: int
+
+
+class LoopStatus(NamedTuple):
+    """Latency of one agent: an item of `Status.loops`."""
+
+    peer: str
+    late: float
+    limit: float
+
+
+class RecordingStatus(NamedTuple):
+    """File of one logger: an item of `Status.recordings`."""
+
+    file: str
+    age: float
+    written_bytes: int
+    free_bytes: int
+
+
+class StationStatus(NamedTuple):
+    """Device of one side: an item of `Status.stations`."""
+
+    side: str
+    age: float
+    safeguards: int
+    rendered: float
+    lost_ticks: int
+    clipped_ticks: int
+
+
+class RefusalCount(NamedTuple):
+    """Refusals for one reason: an item of `Status.refused`."""
+
+    channel: str
+    reason: str
+    times: int
+
+
+class TracePoint(NamedTuple):
+    """One tick: an item of `Trace.points`."""
+
+    tick: int
+    left: float
+    right: float
+    board: float
+    tilt: float
+    ball: float
+    left_force: float
+    right_force: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,11 +198,11 @@ class Status:
         Connected peers.
     notice : str
         What the operator should know, or empty.
-    links : tuple of (str, str, str, float, float, float, float, float, int)
+    links : tuple of LinkStatus
         For each connected peer: its role (``agent.left``), host and process, version (64 characters of each); time
         since its last message [s], shortest recent round-trip time [s], bound of its clock's error [s], its drift
         [1e-6] (NaN: unknown), messages a second [Hz], messages lost [1].
-    loops : tuple of (str, float, float)
+    loops : tuple of LoopStatus
         For each connected agent: its role, its recent sample-to-force latency, from reading the stylus to rendering the
         force computed from it (NaN: unknown), and the largest latency with which its device is stable without a hand
         [s, s].
@@ -168,14 +228,14 @@ class Status:
         What will be done after this trial or block, or empty.
     outcomes : int
         Number of attempts in this session that have an outcome, which `OutcomesRequest` can request [1].
-    recordings : tuple of (str, float, int, int)
+    recordings : tuple of RecordingStatus
         For each connected logger: its file, time since it last wrote records to disk [s]; bytes written and bytes free
         [1].
-    stations : tuple of (str, float, int, float, int, int)
+    stations : tuple of StationStatus
         For each side: its name, age of the newest sample (NaN: none) [s], `Safeguard` bits of the last tenth of a
         second, vertical force rendered (NaN: not known) [N], and how many ticks of this attempt had no fresh sample,
         and a force at its limit [1].
-    refused : tuple of (str, str, int)
+    refused : tuple of RefusalCount
         Most frequent refusals since the server started: channel (``handshake``: before a peer was admitted), reason,
         and number [1].
     """
@@ -193,7 +253,7 @@ class Status:
     peers: tuple[str, ...]
     notice: str
     links: tuple[LinkStatus, ...]
-    loops: tuple[tuple[str, float, float], ...]
+    loops: tuple[LoopStatus, ...]
     name: str
     dyad: str
     study: str
@@ -209,9 +269,9 @@ class Status:
     rest: float
     pending: str
     outcomes: int
-    recordings: tuple[tuple[str, float, int, int], ...]
-    stations: tuple[tuple[str, float, int, float, int, int], ...]
-    refused: tuple[tuple[str, str, int], ...]
+    recordings: tuple[RecordingStatus, ...]
+    stations: tuple[StationStatus, ...]
+    refused: tuple[RefusalCount, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -235,7 +295,7 @@ class Outcomes:
     ----------
     first : int
         Number of the first one [1].
-    attempts : tuple of (int, int, int, str, float, str, int)
+    attempts : tuple of AttemptOutcome
         For each: block, trial, attempt [1]; ``success``, ``fell``, ``timed_out``, ``aborted``, ``paused``, ``skipped``,
         or ``incomplete`` where the server ended in it; its completion time (NaN: none) [s]; its quality flags,
         separated by commas, or empty; and the trial that it repeats, 0 for none [1].
@@ -264,7 +324,7 @@ class Trace:
 
     Attributes
     ----------
-    points : tuple of (int, float, float, float, float, float, float, float)
+    points : tuple of TracePoint
         For each: tick [1]; height of the left and the right stylus and of the board's centre [m]; tilt [rad]; ball
         position, NaN without one [m]; vertical force on the left and the right hand, as rendered, NaN where unknown
         [N].

@@ -15,7 +15,6 @@ from netboard.base.tables.rig import Network
 from netboard.network import keys
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.control import (
-    AttemptOutcome,
     Command,
     Outcomes,
     OutcomesRequest,
@@ -38,6 +37,7 @@ from netboard.network.protocol.joining import (
 )
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
 from netboard.network.transport import channels, poller, sockets
+from netboard.task.journal.outcome import AttemptOutcome
 
 ANSWER_SECONDS = 3.0
 """Timeout of the server's reply to a command [s]."""
@@ -89,7 +89,7 @@ class Operator:
             if self.status is not None and len(self.attempts) < self.status.outcomes:
                 self._send(OutcomesRequest(len(self.attempts)))
             if trace:
-                self._send(TraceRequest(self.points[-1][0] if self.points else -1))
+                self._send(TraceRequest(self.points[-1].tick if self.points else -1))
         elif now_ns() - self._hello_ns > HELLO_INTERVAL_NS:
             self._hello_ns = now_ns()
             sockets.send_or_renew(self._socket, self._hello)
@@ -154,7 +154,7 @@ class Operator:
                 case Outcomes(first=first, attempts=attempts) if first == len(self.attempts):
                     self.attempts.extend(attempts)
                 case Trace(points=points):
-                    last = self.points[-1][0] if self.points else -1
+                    last = self.points[-1].tick if self.points else -1
                     self.points.extend(point for point in points if point[0] > last)
                 case Goodbye():
                     self._welcomed, self.over = False, True
@@ -173,7 +173,7 @@ class Operator:
             self.attempts.clear()
             self.points.clear()
         del self.attempts[status.outcomes :]
-        if self.points and self.points[-1][0] >= status.tick:
+        if self.points and self.points[-1].tick >= status.tick:
             self.points.clear()
         self.status = status
         return status

@@ -1,13 +1,13 @@
 """Requests of shell commands to a server: each waits for its answer, or raises an error for the operator."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 
 from netboard.base.errors import NetboardError
 from netboard.base.tables.rig import Network
-from netboard.network.protocol.control import Reply, Status
+from netboard.network.protocol.control import LinkStatus, LoopStatus, Reply, Status
 from netboard.network.transport import sockets
 from netboard.nodes.operator.operator import ANSWER_SECONDS, Operator
 from netboard.nodes.ports.emergency import STOP
@@ -110,10 +110,11 @@ def _required(reply: Reply) -> Reply:
 
 def plain(status: Status) -> dict[str, object]:
     """Return the status for JSON: links as objects, unknown values as null."""
-    names = ("peer", "name", "version", "age", "round_trip", "clock_bound", "drift_ppm", "rate", "lost")
-    links = [{name: or_null(value) for name, value in zip(names, link, strict=True)} for link in status.links]
-    loops = [{"peer": peer, "late": or_null(late), "limit": limit} for peer, late, limit in status.loops]
-    return {**asdict(status), "links": links, "loops": loops}
+
+    def objects(items: Iterable[LinkStatus | LoopStatus]) -> list[dict[str, object]]:
+        return [{name: or_null(value) for name, value in item._asdict().items()} for item in items]
+
+    return {**asdict(status), "links": objects(status.links), "loops": objects(status.loops)}
 
 
 def state_text(status: Status) -> str:

@@ -39,17 +39,17 @@ def _lines(status: Status) -> list[Text]:
 def _links(status: Status) -> FittedTable:
     measured = numbers("heard", "round trip", "clock known to", "drift", "messages", "lost")
     table = FittedTable("peer", "host:process", "version", *measured, title="Peers")
-    for what, name, version, age, round_trip, bound, drift, rate, lost in status.links:
+    for link in status.links:
         table.add_row(
-            what,
-            name,
-            version,
-            f"{_milliseconds(age)} ago",
-            _milliseconds(round_trip),
-            _milliseconds(bound),
-            "-" if isnan(drift) else f"{drift:+.1f} ppm",
-            f"{rate:.0f} Hz",
-            str(lost),
+            link.peer,
+            link.name,
+            link.version,
+            f"{_milliseconds(link.age)} ago",
+            _milliseconds(link.round_trip),
+            _milliseconds(link.clock_bound),
+            "-" if isnan(link.drift_ppm) else f"{link.drift_ppm:+.1f} ppm",
+            f"{link.rate:.0f} Hz",
+            str(link.lost),
         )
     return table
 

@@ -13,7 +13,7 @@ from math import nan
 from netboard.base.clock import now_ns
 from netboard.base.errors import WireError
 from netboard.network.protocol.codec import decode, encode, kind_of
-from netboard.network.protocol.control import LinkStatus
+from netboard.network.protocol.control import LinkStatus, RecordingStatus
 from netboard.network.protocol.joining import HELLO_FIRST, Goodbye, Hello, Ping, Pong, Welcome
 from netboard.network.protocol.messages import Message, sent_by
 from netboard.network.protocol.records import ClockRecord, LogAck, LogEnd, LogRequest
@@ -121,10 +121,12 @@ class LogPort:
         loggers = [logger.peer.link(now_ns, logger.lost) for logger in self._loggers.values()]
         return loggers + self.subscribers.links(now_ns)
 
-    def recordings(self, now_ns: int) -> tuple[tuple[str, float, int, int], ...]:
-        """Return what each logger writes, as in `Status.recordings`."""
+    def recordings(self, now_ns: int) -> tuple[RecordingStatus, ...]:
+        """Return what each logger writes."""
         reports = [logger.last_report for logger in self._loggers.values()]
-        return tuple((file, (now_ns - at) * 1e-9 if at else nan, size, free) for file, at, size, free in reports)
+        return tuple(
+            RecordingStatus(file, (now_ns - at) * 1e-9 if at else nan, size, free) for file, at, size, free in reports
+        )
 
     def renew(self, welcome: Welcome) -> None:
         """Begin a block with the next record, and welcome the loggers that have been sent all records."""

@@ -68,8 +68,8 @@ class Rate:
 
 
 def link_status(hello: Hello, clock: ClockEstimator, age_ns: int, rate: float, lost: int) -> LinkStatus:
-    """Make an item of `Status.links`."""
-    return (
+    """Return the status of a connection."""
+    return LinkStatus(
         role_and_side(hello.role, hello.side),
         hello.name[:MAX_CHARACTERS],
         hello.version[:MAX_CHARACTERS],

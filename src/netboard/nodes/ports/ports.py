@@ -6,6 +6,7 @@ Each port handles its own channel; the session handles what the ports bring.
 from typing import Any
 
 from netboard.base.config import Config, Side
+from netboard.network.protocol.control import RefusalCount
 from netboard.network.protocol.joining import Welcome
 from netboard.network.transport import channels, sockets
 from netboard.network.transport.authenticator import Authenticator
@@ -67,12 +68,12 @@ class Ports:
         """The refusals of each channel."""
         return self.motion.refusals, self.control.refusals, self.log.refusals
 
-    def refused(self, authenticator: Authenticator | None) -> tuple[tuple[str, str, int], ...]:
-        """Return the most frequent refusals, of handshakes and on the channels, as in `Status.refused`."""
+    def refused(self, authenticator: Authenticator | None) -> tuple[RefusalCount, ...]:
+        """Return the most frequent refusals, of handshakes and on the channels."""
         totals = [("handshake", authenticator.totals)] if authenticator is not None else []
         totals += [(refusals.channel, refusals.totals) for refusals in self.refusals]
-        found = [(channel, reason, times) for channel, of in totals for reason, times in of.items()]
-        return tuple(sorted(found, key=lambda item: -item[2])[:MAX_REFUSED])
+        found = [RefusalCount(channel, reason, times) for channel, of in totals for reason, times in of.items()]
+        return tuple(sorted(found, key=lambda refusals: -refusals.times)[:MAX_REFUSED])
 
     def goodbye(self, reason: str) -> None:
         """Tell agents and operators that the session is over."""

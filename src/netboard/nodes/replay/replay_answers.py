@@ -13,7 +13,7 @@ from netboard.base.clock import now_ns
 from netboard.base.config import SIDES, Side
 from netboard.base.tables.experiment import MAX_TRIALS
 from netboard.base.tick import LATE_NS
-from netboard.network.protocol.control import REPLAY_OF, Outcomes, Status, Trace
+from netboard.network.protocol.control import REPLAY_OF, Outcomes, StationStatus, Status, Trace
 from netboard.network.protocol.motion import Safeguard
 from netboard.nodes.ports.control_port import ControlPort
 from netboard.nodes.server.answers import SAFEGUARD_TICKS, TRACE_EVERY, plan_of, trace_of
@@ -65,7 +65,7 @@ class ReplayAnswers:
             trials=config.block.trials + int(row["extra"]),
             successes=int(row["successes"]),
             failures=int(row["failures"]),
-            completions=tuple(outcome[4] for outcome in outcomes if outcome[3] == "success")[-MAX_TRIALS:],
+            completions=tuple(one.completion for one in outcomes if one.outcome == "success")[-MAX_TRIALS:],
             late_ticks=int(self._late[index]),
             waiting_for=(),
             peers=self._control.peers,
@@ -84,16 +84,17 @@ class ReplayAnswers:
             refused=(),
         )
 
-    def _station(self, side: Side, index: int) -> tuple[str, float, int, float, int, int]:
-        """Return the state of a station as an item of `Status.stations`."""
+    def _station(self, side: Side, index: int) -> StationStatus:
+        """Return the state of a station."""
         ticks = self._state.recording.ticks
         row = ticks[index]
         age = (int(row["time_ns"]) - int(row[f"{side}_stamp_ns"])) * 1e-9 if row[f"{side}_live"] else nan
-        bits = ticks[f"{side}_safeguards"][max(index + 1 - SAFEGUARD_TICKS, 0) : index + 1]
+        newest = ticks[f"{side}_safeguards"][max(index + 1 - SAFEGUARD_TICKS, 0) : index + 1]
+        bits = int(np.bitwise_or.reduce(newest))
         attempt = ticks[self._begun(index) : index + 1]
         lost = int(np.count_nonzero(attempt[f"{side}_live"] == 0))
         limited = int(np.count_nonzero(attempt[f"{side}_safeguards"] & _LIMITED))
-        return side, age, int(np.bitwise_or.reduce(bits)), float(row[f"{side}_rendered"]), lost, limited
+        return StationStatus(side, age, bits, float(row[f"{side}_rendered"]), lost, limited)
 
     def _begun(self, index: int) -> int:
         """Return the index of the row with which the current attempt began; that of the next row without an attempt."""

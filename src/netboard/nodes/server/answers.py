@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.tables.experiment import MAX_TRIALS
-from netboard.network.protocol.control import Outcomes, Status, Trace
+from netboard.network.protocol.control import LoopStatus, Outcomes, StationStatus, Status, Trace, TracePoint
 from netboard.nodes.server.state import SessionState
 from netboard.stage.curtain import PHASE_NAMES
 
@@ -71,23 +71,24 @@ class SessionAnswers:
             refused=ports.refused(session.authenticator),
         )
 
-    def _loops(self) -> tuple[tuple[str, float, float], ...]:
-        """Return the side, current sample-to-force latency and its limit [s] of each connected agent."""
+    def _loops(self) -> tuple[LoopStatus, ...]:
+        """Return the current sample-to-force latency and its limit [s] of each connected agent."""
         latency, agents_of = self._state.block.latency, self._state.ports.motion.agents
         late = dict(zip(SIDES, latency.latencies, strict=True))
         limit = latency.limit_ns * 1e-9
-        return tuple((f"agent.{side}", late[side], limit) for side in SIDES if agents_of[side].hello is not None)
+        present = (side for side in SIDES if agents_of[side].hello is not None)
+        return tuple(LoopStatus(f"agent.{side}", late[side], limit) for side in present)
 
-    def _station(self, side: Side, now: int) -> tuple[str, float, int, float, int, int]:
-        """Return the state of a station as an item of `Status.stations`."""
+    def _station(self, side: Side, now: int) -> StationStatus:
+        """Return the state of a station."""
         session = self._state
         agent = session.ports.motion.agents[side]
         if agent.hello is None:
-            return side, nan, 0, 0.0, *session.attempts.counts(side)
+            return StationStatus(side, nan, 0, 0.0, *session.attempts.counts(side))
         newest = np.arange(max(session.number - SAFEGUARD_TICKS, 0), session.number) % len(session.rows)
         bits = int(np.bitwise_or.reduce(session.rows[f"{side}_safeguards"][newest], initial=0))
         rendered = float(session.rows[f"{side}_rendered"][(session.number - 1) % len(session.rows)])
-        return side, agent.silent_ns(now) * 1e-9, bits, rendered, *session.attempts.counts(side)
+        return StationStatus(side, agent.silent_ns(now) * 1e-9, bits, rendered, *session.attempts.counts(side))
 
     def outcomes(self, first: int) -> Outcomes:
         """Return the outcomes of the attempts, starting with attempt number `first`."""
@@ -116,4 +117,4 @@ def plan_of(config: Config) -> dict[str, Any]:
 def trace_of(rows: NDArray[Any], numbers: Iterable[int], *, ball: bool) -> Trace:
     """Return a trace of these ticks; without a ball its position is NaN."""
     values = (rows[name].tolist() if ball or name != "p" else [nan] * len(rows) for name in _TRACED)
-    return Trace(tuple(zip(numbers, *values, strict=True)))
+    return Trace(tuple(map(TracePoint._make, zip(numbers, *values, strict=True))))

@@ -30,7 +30,8 @@ from netboard.task.journal.entries import (
     Resumed,
     Veto,
 )
-from netboard.task.journal.progress import OutcomeRow, Progress
+from netboard.task.journal.outcome import AttemptOutcome
+from netboard.task.journal.progress import Progress
 from netboard.task.trials.quality import Referee, Verdict
 from netboard.task.trials.repeats import Repeats, wants_repeat
 from netboard.task.trials.state_machine import BALL_FREE, OUTCOMES, TABLE, Cause, Phase
@@ -60,7 +61,7 @@ class Attempts:
         journal: Journal | None = None,
         progress: Progress | None = None,
     ) -> None:
-        self.finished: list[OutcomeRow] = list(progress.outcomes) if progress else []
+        self.finished: list[AttemptOutcome] = list(progress.outcomes) if progress else []
         self.completions: list[float] = []  # completion times of the block so far [s]
         self.wanted = 0  # repeats that have not been passed on to the trial state machine yet
         self._begin_journal, self._journal, self._progress = begin_journal, journal, progress
@@ -189,7 +190,7 @@ class Attempts:
             )
         )
         row_time = float("nan") if completion is None else completion
-        self.finished.append((self._block, trial, attempt, outcome, row_time, flag_text, repeats))
+        self.finished.append(AttemptOutcome(self._block, trial, attempt, outcome, row_time, flag_text, repeats))
         if again:
             self._repeats = self._repeats.ask(trial)
             self.wanted += 1

@@ -19,7 +19,7 @@ from netboard.recording.format.summary import Attempt, find_attempts, find_gaps,
 from netboard.recording.replay.marks import Mark, gap_in_words, marks, seconds
 from netboard.stage.curtain import PHASE_NAMES, make_curtain, view_of
 from netboard.stage.view import View
-from netboard.task.journal.progress import OutcomeRow
+from netboard.task.journal.outcome import AttemptOutcome
 from netboard.task.trials.state_machine import Cause, Phase
 
 MAX_CHARACTERS = 80
@@ -94,7 +94,7 @@ class LoadedRecording:
         row, best, rest = self.ticks[index], self.best(index), self.rest(index)
         return view_of(self.curtain, row, station, best, sent_ns, seq, rest)
 
-    def outcomes(self, index: int) -> list[OutcomeRow]:
+    def outcomes(self, index: int) -> list[AttemptOutcome]:
         """Return the outcomes of the attempts so far, in order."""
         tick = int(self.ticks["tick"][index])
         return [row for at, row in self._outcomes if at <= tick]
@@ -134,22 +134,23 @@ def _rest_until_ns(events: Sequence[EventRecord], config: Config) -> int:
     return 0 if began is None or not config.block.rest else began.time_ns + int(config.block.rest * 1e9)
 
 
-def _outcomes(events: Sequence[EventRecord], attempts: Sequence[Attempt], block: int) -> list[tuple[int, OutcomeRow]]:
+def _outcomes(
+    events: Sequence[EventRecord], attempts: Sequence[Attempt], block: int
+) -> list[tuple[int, AttemptOutcome]]:
     """Return the outcomes of attempts with the ticks at which they became known.
 
     Without the server's events, as in a rehearsal, they come from the ticks and have no flags.
     """
     held = {event.tick: event.details.get("completion") for event in events if event.name == "held"}
-    found: list[tuple[int, OutcomeRow]] = []
+    found: list[tuple[int, AttemptOutcome]] = []
     for event in events:
         if event.name == "attempt_ended":
             numbers = block, int(event.details["trial"]), int(event.details["attempt"])
             completion, repeats = float(held.get(event.tick) or nan), int(event.details.get("repeats", 0))
-            found.append(
-                (event.tick, (*numbers, event.details["outcome"], completion, event.details["flags"], repeats))
-            )
+            outcome, flags = event.details["outcome"], event.details["flags"]
+            found.append((event.tick, AttemptOutcome(*numbers, outcome, completion, flags, repeats)))
     return found or [
-        (one.stop - 1, (block, one.trial, one.attempt, one.outcome, one.completion, "", 0))
+        (one.stop - 1, AttemptOutcome(block, one.trial, one.attempt, one.outcome, one.completion, "", 0))
         for one in attempts
         if one.outcome != "unfinished"
     ]

@@ -24,10 +24,8 @@ from netboard.task.journal.entries import (
     Resumed,
     Veto,
 )
+from netboard.task.journal.outcome import AttemptOutcome
 from netboard.task.trials.repeats import Repeats
-
-OutcomeRow: TypeAlias = tuple[int, int, int, str, float, str, int]
-"""One attempt, as in `netboard.network.protocol.control.Outcomes`."""
 
 Place: TypeAlias = tuple[int, int, int]
 """Numbers of block, trial and attempt."""
@@ -72,7 +70,7 @@ class Progress:
         Completion times of the successful trials of this block [s].
     block_ticks : int
         Duration of this block so far, in ticks [1].
-    outcomes : tuple of OutcomeRow
+    outcomes : tuple of AttemptOutcome
         Every attempt of the session, in order.
     incomplete : tuple of Place
         Attempts that began and never ended.
@@ -94,7 +92,7 @@ class Progress:
     repeats: Repeats
     completions: tuple[float, ...]
     block_ticks: int
-    outcomes: tuple[OutcomeRow, ...]
+    outcomes: tuple[AttemptOutcome, ...]
     incomplete: tuple[Place, ...]
     under_way: Place | None
     runs: tuple[str, ...]
@@ -140,7 +138,7 @@ class _Reader:
 
     def __init__(self, plan_blocks: Sequence[PlannedBlock]) -> None:
         self.blocks = {block.number: _BlockSoFar(Repeats(block.trials)) for block in plan_blocks}
-        self.outcomes: list[OutcomeRow] = []
+        self.outcomes: list[AttemptOutcome] = []
         self.incomplete: list[Place] = []
         self.under_way: Place | None = None
         self.runs: list[str] = []
@@ -179,7 +177,7 @@ class _Reader:
         """Mark an attempt under way as incomplete: it will not end any more."""
         if self.under_way is not None:
             self.incomplete.append(self.under_way)
-            self.outcomes.append((*self.under_way, INCOMPLETE, float("nan"), "", 0))
+            self.outcomes.append(AttemptOutcome(*self.under_way, INCOMPLETE, float("nan"), "", 0))
             self.under_way = None
 
     def _begin(self, number: int) -> None:
@@ -223,7 +221,8 @@ class _Reader:
             self.interrupt()
             so_far = self._number(entry)
         completion = float("nan") if entry.completion is None else entry.completion
-        self.outcomes.append((*place, entry.outcome, completion, ",".join(entry.flags), entry.repeats))
+        flags = ",".join(entry.flags)
+        self.outcomes.append(AttemptOutcome(*place, entry.outcome, completion, flags, entry.repeats))
         so_far.ticks = entry.block_ticks
         so_far.failures += entry.outcome in ("fell", "timed_out")
         so_far.skipped += entry.outcome == "skipped"

@@ -6,7 +6,7 @@ from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelInd
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView
 
-from netboard.network.protocol.control import AttemptOutcome
+from netboard.task.journal.outcome import AttemptOutcome
 from netboard.windows.operator.lamp_widget import PANEL, PLAIN, TONES
 from netboard.windows.operator.words import ATTEMPT_HEADS, attempt_cells, attempt_tone
 

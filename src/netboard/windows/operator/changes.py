@@ -81,10 +81,10 @@ class StatusHistory:
         while now - self._past[0][0] > SPAN:
             self._past.popleft()
         before = next(old for at, old in self._past if now - at <= LATELY or old is self._past[-1][1])
-        lost_before = {role: lost for role, *_, lost in before.links}
+        lost_before = {link.peer: link.lost for link in before.links}
         return RecentCounts(
             max(status.late_ticks - before.late_ticks, 0),
-            {role: max(lost - lost_before.get(role, lost), 0) for role, *_, lost in status.links},
+            {link.peer: max(link.lost - lost_before.get(link.peer, link.lost), 0) for link in status.links},
             _refused_since(before, status),
             self._minutes(now, status),
         )
@@ -93,5 +93,6 @@ class StatusHistory:
         """Time until the disk with the least free space is full [min]."""
         if not status.recordings:
             return nan
-        written = [(at, sum(size for _, _, size, _ in old.recordings)) for at, old in [*self._past, (now, status)]]
-        return minutes_left(written, min(free for _, _, _, free in status.recordings))
+        past = [*self._past, (now, status)]
+        written = [(at, sum(recording.written_bytes for recording in old.recordings)) for at, old in past]
+        return minutes_left(written, min(recording.free_bytes for recording in status.recordings))

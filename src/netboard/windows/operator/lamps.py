@@ -10,7 +10,7 @@ from enum import IntEnum
 from math import isfinite
 
 from netboard.base.config import Config
-from netboard.network.protocol.control import REPLAY_OF, Status
+from netboard.network.protocol.control import REPLAY_OF, RecordingStatus, Status
 from netboard.nodes.ports.emergency import AWAITING_RELEASE
 from netboard.windows.operator.changes import LATELY, RecentCounts
 
@@ -108,7 +108,7 @@ SESSION_LAMPS = ("Server", "Recording", "Disk", "Deadline misses", "Forces", "Se
 
 def recorded(status: Status) -> bool:
     """Return whether a logger is writing to disk."""
-    return any(age <= STALLED for _, age, _, _ in status.recordings)
+    return any(recording.age <= STALLED for recording in status.recordings)
 
 
 def replayed(status: Status) -> bool:
@@ -156,24 +156,24 @@ def _recording(status: Status) -> LampState:
     if not begun:
         level = Level.WATCH if status.opened else Level.GOOD
         return level, "ready", "A logger is connected. It starts a file when the session is opened."
-    file, age, written, _ = min(begun, key=lambda recording: recording[1])
+    file, age, written, _ = min(begun, key=lambda recording: recording.age)
     tip = f"{file}, {size(written)}, last written to disk {age:.1f} s ago."
     if age > STALLED:
         return Level.BAD, f"STALLED {age:.0f} s", f"{tip} Check the logger and its disk."
-    all_fresh = all(age <= STALLED for _, age, _, _ in status.recordings)
+    all_fresh = all(recording.age <= STALLED for recording in status.recordings)
     return Level.GOOD if age <= SLOW and all_fresh else Level.WATCH, f"\u25cf {size(written)}", tip
 
 
-def _begun(status: Status) -> list[tuple[str, float, int, int]]:
+def _begun(status: Status) -> list[RecordingStatus]:
     """List the recordings of loggers that have begun a file."""
-    return [recording for recording in status.recordings if recording[0]]
+    return [recording for recording in status.recordings if recording.file]
 
 
 def _disk(status: Status, minutes: float) -> LampState:
     begun = _begun(status)
     if not begun:
         return Level.OFF, "", "Known once a logger has started a file."
-    free = min(free for _, _, _, free in begun)
+    free = min(recording.free_bytes for recording in begun)
     words = size(free) if not isfinite(minutes) else f"{duration(minutes)}, {size(free)}"
     tip = "Free space on the logger's disk, and how long it lasts at the present rate."
     if minutes < MINUTES_BAD or free < BYTES_BAD:

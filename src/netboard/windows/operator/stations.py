@@ -6,7 +6,7 @@ from math import isnan, nan
 
 from netboard.base.config import Side
 from netboard.base.plural import plural
-from netboard.network.protocol.control import LinkStatus, Status
+from netboard.network.protocol.control import LinkStatus, StationStatus, Status
 from netboard.network.protocol.motion import TRIP_CAUSES, Safeguard
 from netboard.nodes.ports.emergency import AWAITING_RELEASE
 from netboard.windows.operator.changes import LATELY, RecentCounts
@@ -22,18 +22,15 @@ class _Station:
 
     status: Status
     link: LinkStatus
-    age: float
+    device: StationStatus
     bits: Safeguard
-    rendered: float
-    lost_ticks: int
-    clipped_ticks: int
     lost: int
 
 
 def station_lamps(status: Status, recent: RecentCounts, side: Side, limits: Limits) -> tuple[Lamp, ...]:
     """Return the lamps of one station, always the same ones in the same order."""
     agent = f"agent.{side}"
-    link = next((link for link in status.links if link[0] == agent), None)
+    link = next((link for link in status.links if link.peer == agent), None)
     display = Lamp("Display", *_display(status, side))
     if link is None:
         awaited = any(side in lacking for lacking in status.waiting_for)
@@ -43,15 +40,14 @@ def station_lamps(status: Status, recent: RecentCounts, side: Side, limits: Limi
             Lamp(name, Level.OFF, "", "Known once the agent is connected.") for name in _LAMPS if name != "Device"
         ]
         return (Lamp("Device", *(missing if awaited else unneeded)), *unknown, display)
-    found = next((row for row in status.stations if row[0] == side), (side, nan, 0, 0.0, 0, 0))
-    _, age, bits, rendered, lost_ticks, clipped_ticks = found
-    lost = recent.lost.get(agent, 0)
-    station = _Station(status, link, age, Safeguard(bits), rendered, lost_ticks, clipped_ticks, lost)
+    nothing = StationStatus(side, nan, 0, 0.0, 0, 0)
+    device = next((device for device in status.stations if device.side == side), nothing)
+    station = _Station(status, link, device, Safeguard(device.safeguards), recent.lost.get(agent, 0))
     return (*(Lamp(name, *read(station, limits)) for name, read in _LAMPS.items()), display)
 
 
 def _device(station: _Station, limits: Limits) -> LampState:
-    _, name, version, *_ = station.link
+    name, version = station.link.name, station.link.version
     if Safeguard.DEVICE_LOST in station.bits:
         tip = "The device does not answer. Check its cable and power; the agent reconnects by itself."
         return Level.BAD, "lost", tip
@@ -65,7 +61,7 @@ def _device(station: _Station, limits: Limits) -> LampState:
 
 
 def _link(station: _Station, limits: Limits) -> LampState:
-    _, _, _, age, *_, rate, _ = station.link
+    age, rate = station.link.age, station.link.rate
     tip = f"Last message {milliseconds(age)} ago, {rate:.0f} messages per second."
     if age > limits.sample_age:
         return Level.BAD, "silent", f"{tip} Check the cable, and that the station is switched on."
@@ -75,7 +71,7 @@ def _link(station: _Station, limits: Limits) -> LampState:
 
 
 def _round_trip(station: _Station, limits: Limits) -> LampState:
-    trip = station.link[4]
+    trip = station.link.round_trip
     tip = f"Shortest recent round-trip time: {milliseconds(trip)}."
     if isnan(trip):
         return Level.WATCH, "unknown", "Not measured yet; wait a few seconds."
@@ -90,7 +86,7 @@ def _round_trip(station: _Station, limits: Limits) -> LampState:
 
 
 def _clock(station: _Station, limits: Limits) -> LampState:
-    bound = station.link[5]
+    bound = station.link.clock_bound
     if not bound <= limits.clock_bound:  # NaN included
         known = f"its clock offset is known to {milliseconds(limits.clock_bound)}"
         tip = f"Not armed until {known}: wait a few seconds, or check the network."
@@ -101,19 +97,19 @@ def _clock(station: _Station, limits: Limits) -> LampState:
 
 
 def _sample(station: _Station, limits: Limits) -> LampState:
-    if isnan(station.age):
+    if isnan(station.device.age):
         return Level.BAD, "none", "No sample of the stylus so far: check the device."
-    words, most = f"{milliseconds(station.age)} old", milliseconds(limits.sample_age)
+    words, most = f"{milliseconds(station.device.age)} old", milliseconds(limits.sample_age)
     tip = f"The newest sample of the stylus is {words}; a trial pauses at {most}."
-    if station.age > limits.sample_age:
+    if station.device.age > limits.sample_age:
         return Level.BAD, words, f"{tip} Check network and device."
-    level = Level.WATCH if station.age > limits.sample_age / 5 else Level.GOOD
+    level = Level.WATCH if station.device.age > limits.sample_age / 5 else Level.GOOD
     return level, words, tip
 
 
 def _latency(station: _Station, limits: Limits) -> LampState:
-    agent = station.link[0]
-    late, most = next((times for role, *times in station.status.loops if role == agent), (nan, nan))
+    loops = (loop for loop in station.status.loops if loop.peer == station.link.peer)
+    _, late, most = next(loops, ("", nan, nan))
     if isnan(late):
         return Level.OFF, "unknown", "Sample-to-force latency: not measured yet."
     words = milliseconds(late)
@@ -125,26 +121,25 @@ def _latency(station: _Station, limits: Limits) -> LampState:
 
 
 def _drops(station: _Station, limits: Limits) -> LampState:
-    *_, lost_in_all = station.link
     tip = (
-        f"Messages lost in the last {LATELY:g} s: {station.lost}; since the start: {lost_in_all}. "
-        f"Ticks of this attempt without a fresh sample: {station.lost_ticks}."
+        f"Messages lost in the last {LATELY:g} s: {station.lost}; since the start: {station.link.lost}. "
+        f"Ticks of this attempt without a fresh sample: {station.device.lost_ticks}."
     )
-    most = max(station.lost, station.lost_ticks)
+    most = max(station.lost, station.device.lost_ticks)
     if most > limits.lost_ticks:
         return Level.BAD, plural(most, "drop"), f"{tip} This attempt will be flagged: check the network."
     return Level.WATCH if most else Level.GOOD, plural(most, "drop") if most else "none", tip
 
 
 def _force(station: _Station, limits: Limits) -> LampState:
-    known = not isnan(station.rendered)
-    words = f"{station.rendered:+.2f} N" if known else "unknown"
-    tip = f"Vertical force on the hand. Ticks of this attempt at the force limit: {station.clipped_ticks}."
+    known = not isnan(station.device.rendered)
+    words = f"{station.device.rendered:+.2f} N" if known else "unknown"
+    tip = f"Vertical force on the hand. Ticks of this attempt at the force limit: {station.device.clipped_ticks}."
     if Safeguard.CLAMPED in station.bits:
         return Level.WATCH, f"AT LIMIT {words}", f"{tip} The commanded force is above the limit."
     if Safeguard.SLEWED in station.bits:
         return Level.WATCH, f"SLEW {words}", f"{tip} The commanded force changes too fast."
-    if station.clipped_ticks > limits.clipped_ticks:
+    if station.device.clipped_ticks > limits.clipped_ticks:
         return Level.WATCH, f"LIMITED {words}", f"{tip} This attempt will be flagged."
     return Level.GOOD if known else Level.WATCH, words, tip
 

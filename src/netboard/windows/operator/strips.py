@@ -28,9 +28,6 @@ GAP_TICKS = 50
 AXIS_WIDTH = 52
 """Fixed width of the vertical axes, so that the time axes of all charts align [pixels]."""
 
-TICK, LEFT, RIGHT, BOARD, TILT, BALL, LEFT_FORCE, RIGHT_FORCE = range(8)
-"""Index of each field of a point."""
-
 LEFT_COLOUR, RIGHT_COLOUR, BOARD_COLOUR, BALL_COLOUR = "#56b4e9", "#cc79a7", PLAIN.board, PLAIN.ball
 
 
@@ -39,7 +36,7 @@ class StripCharts(QWidget):
 
     def __init__(self, config: Config) -> None:
         super().__init__()
-        self._ring = np.full((8, KEPT), np.nan)
+        self._ring = np.full((len(TracePoint._fields), KEPT), np.nan)
         self._count = 0
         self._newest = -1
         rows = QVBoxLayout(self)
@@ -47,36 +44,36 @@ class StripCharts(QWidget):
         rows.setSpacing(2)
         reach, force = config.task.stylus_range * 1e3, config.safety.max_force
         half, target = config.geometry.board_length * 500, config.geometry.target_distance * 1e3
-        heights = (("left", LEFT, LEFT_COLOUR), ("right", RIGHT, RIGHT_COLOUR), ("board", BOARD, BOARD_COLOUR))
-        forces = (("left", LEFT_FORCE, LEFT_COLOUR), ("right", RIGHT_FORCE, RIGHT_COLOUR))
+        heights = (("left", "left", LEFT_COLOUR), ("right", "right", RIGHT_COLOUR), ("board", "board", BOARD_COLOUR))
+        forces = (("left", "left_force", LEFT_COLOUR), ("right", "right_force", RIGHT_COLOUR))
         self._lines = [
             *self._strip(rows, "height [mm]", reach * 1.05, (), heights, 1e3),
             *self._strip(rows, "force [N]", force * 1.1, (-force, force), forces, 1.0),
-            *self._strip(rows, "ball [mm]", half, (-target, target), (("ball", BALL, BALL_COLOUR),), 1e3),
+            *self._strip(rows, "ball [mm]", half, (-target, target), (("ball", "ball", BALL_COLOUR),), 1e3),
         ]
 
     def take(self, points: Sequence[TracePoint], *, restart: bool = False) -> None:
         """Append the new points; clear the buffer first if `restart`, or if a replay goes back in time."""
-        if restart or (points and points[-1][TICK] < self._newest):
+        if restart or (points and points[-1].tick < self._newest):
             self._ring[:] = np.nan
             self._count, self._newest = 0, -1
-        new = list(takewhile(lambda point: point[TICK] > self._newest, reversed(points)))
+        new = list(takewhile(lambda point: point.tick > self._newest, reversed(points)))
         for point in reversed(new):
-            if self._newest >= 0 and point[TICK] - self._newest > GAP_TICKS:
-                self._put((self._newest + 1, *[np.nan] * 7))
+            if self._newest >= 0 and point.tick - self._newest > GAP_TICKS:
+                self._put(TracePoint(self._newest + 1, *[np.nan] * 7))
             self._put(point)
-            self._newest = int(point[TICK])
+            self._newest = point.tick
 
     def redraw(self) -> None:
         """Draw all points; the newest is at zero seconds."""
         size = min(self._count, KEPT)
         order = np.arange(self._count - size, self._count) % KEPT
-        points = self._ring[:, order]
-        times = (points[TICK] - self._newest) * TICK_SECONDS
-        for line, row, scale in self._lines:
-            line.setData(times, points[row] * scale)
+        points = dict(zip(TracePoint._fields, self._ring[:, order], strict=True))
+        times = (points["tick"] - self._newest) * TICK_SECONDS
+        for line, field, scale in self._lines:
+            line.setData(times, points[field] * scale)
 
-    def _put(self, point: Sequence[float]) -> None:
+    def _put(self, point: TracePoint) -> None:
         self._ring[:, self._count % KEPT] = point
         self._count += 1
 
@@ -86,9 +83,9 @@ class StripCharts(QWidget):
         name: str,
         most: float,
         marks: tuple[float, ...],
-        lines: tuple[tuple[str, int, str], ...],
+        lines: tuple[tuple[str, str, str], ...],
         scale: float,
-    ) -> list[tuple[pg.PlotDataItem, int, float]]:
+    ) -> list[tuple[pg.PlotDataItem, str, float]]:
         """Make one chart; return its lines, each with its field and scale."""
         plot = pg.PlotWidget(self, background=PLAIN.background)
         plot.setLabel("left", name)
@@ -108,5 +105,6 @@ class StripCharts(QWidget):
             plot.addLegend(offset=(8, 2), colCount=len(lines))
         rows.addWidget(plot, 1)
         return [
-            (plot.plot(name=word, pen=pg.mkPen(colour), connect="finite"), row, scale) for word, row, colour in lines
+            (plot.plot(name=name, pen=pg.mkPen(colour), connect="finite"), field, scale)
+            for name, field, colour in lines
         ]

@@ -16,9 +16,10 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QSplitter, QStackedWidget, QV
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES, Config
 from netboard.base.tables.experiment import Session
-from netboard.network.protocol.control import AttemptOutcome, Status, TracePoint
+from netboard.network.protocol.control import Status, TracePoint
 from netboard.nodes.ports.emergency import STOP
 from netboard.nodes.server.operators import SAFE_WHEN_LATE
+from netboard.task.journal.outcome import AttemptOutcome
 from netboard.windows.operator import words
 from netboard.windows.operator.attempts import AttemptTable
 from netboard.windows.operator.changes import RecentCounts
@@ -146,7 +147,7 @@ class ConsoleWindow(Window):
             self.show_form(False)
         self.table.take(self.state.attempts)
         points = self.state.points
-        self.note.tick = max(status.tick, points[-1][0] if points else 0)
+        self.note.tick = max(status.tick, points[-1].tick if points else 0)
         self._shown += 1
         self.strips.take(points, restart=other)
         if self.strips.isVisible() and self._shown % STRIP_TURNS == 0:
@@ -216,11 +217,11 @@ class ConsoleWindow(Window):
     def _repeat(self, command: Command) -> None:
         """Send the command for the selected trial, if it is one of this block, or for the last."""
         marked, status = self.table.marked, self.state.status
-        block, trial, *_ = marked or (None, "")
-        if marked is not None and status is not None and block != status.block:
-            self.say(Line(f"{command.label}: trial {trial} belongs to block {block}, which is over", Tone.WATCH))
+        if marked is not None and status is not None and marked.block != status.block:
+            over = f"{command.label}: trial {marked.trial} belongs to block {marked.block}, which is over"
+            self.say(Line(over, Tone.WATCH))
             return
-        self.commanded.emit(command.name, str(trial))
+        self.commanded.emit(command.name, "" if marked is None else str(marked.trial))
 
     def _ask(self, command: Command) -> None:
         """Start to wait for the second press."""

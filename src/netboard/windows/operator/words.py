@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from enum import Enum
 from math import isnan
 
-from netboard.network.protocol.control import AttemptOutcome, Status
+from netboard.network.protocol.control import Status
 from netboard.nodes.ports.emergency import AWAITING_ARMING, AWAITING_RELEASE
+from netboard.task.journal.outcome import AttemptOutcome
 from netboard.windows.operator.lamps import ACTIVE, OVER, SILENT, Lamp, Level, replayed
 
 PHASES = {
@@ -176,15 +177,14 @@ def commander(status: Status | None, console: str) -> Line:
 
 def attempt_cells(attempt: AttemptOutcome) -> tuple[str, ...]:
     """Return the cells of an attempt's row, one per column of `ATTEMPT_HEADS`."""
-    number, trial, count, outcome, seconds, flags, repeats = attempt
     return (
-        str(number),
-        str(trial),
-        str(count),
-        OUTCOMES.get(outcome, outcome),
-        "" if isnan(seconds) else f"{seconds:.2f} s",
-        flags.replace("_", " ").replace(",", ", "),
-        f"trial {repeats}" if repeats else "",
+        str(attempt.block),
+        str(attempt.trial),
+        str(attempt.attempt),
+        OUTCOMES.get(attempt.outcome, attempt.outcome),
+        "" if isnan(attempt.completion) else f"{attempt.completion:.2f} s",
+        attempt.flags.replace("_", " ").replace(",", ", "),
+        f"trial {attempt.repeats}" if attempt.repeats else "",
     )
 
 
@@ -194,10 +194,9 @@ ATTEMPT_HEADS = ("Block", "Trial", "Attempt", "Outcome", "Time", "Flags", "Repea
 
 def attempt_tone(attempt: AttemptOutcome) -> Tone:
     """Return the tone of an attempt: flagged, success or other."""
-    _, _, _, outcome, _, flags, _ = attempt
-    if flags:
+    if attempt.flags:
         return Tone.WATCH
-    return Tone.GOOD if outcome == "success" else Tone.PLAIN
+    return Tone.GOOD if attempt.outcome == "success" else Tone.PLAIN
 
 
 def clock(seconds: float) -> str:
