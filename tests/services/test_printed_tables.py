@@ -204,7 +204,7 @@ def _makes(node: ast.AST) -> bool:
 
 
 @pytest.mark.parametrize(
-    ("module", "name"), [("terminal.py", "rich.table"), ("bars.py", "BarColumn"), ("terminal.py", " Console(")]
+    ("module", "name"), [("output.py", "rich.table"), ("bars.py", "BarColumn"), ("output.py", " Console(")]
 )
 def test_tables_progress_bars_and_terminals_are_made_in_one_module_each(module: str, name: str) -> None:
     for root in (Path(netboard.__file__).parent, Path(services.__file__).parent):
