@@ -111,7 +111,7 @@ def test_participant_without_pauses_between_movements_has_no_more_than_a_hand_ca
     config = replace(with_block(trials=1, configuration=configuration), participant=restless)
     rehearsal, most = Rehearsal(config, {"A": restless, "B": restless}), 0
     for _, rows in zip(range(60), rehearsal.pieces(100), strict=False):
-        most = max(most, *rehearsal._bodies["hand"]["moves"])
+        most = max(most, *rehearsal._devices.bodies["hand"]["moves"])
         assert np.isfinite(rows["left_sent_z"]).all()
     assert most == CAPACITY
 
@@ -120,7 +120,7 @@ def test_participant_moves_by_sight_alone_if_stylus_and_board_are_not_coupled() 
     config = replace(with_block(trials=1), physics=replace(Config().physics, k_h=0.0))
     rehearsal = Rehearsal(config, DEFAULT_PEOPLE)
     for _, rows in zip(range(30), rehearsal.pieces(100), strict=False):
-        assert np.isfinite(rehearsal._bodies["submovements"]).all()
+        assert np.isfinite(rehearsal._devices.bodies["submovements"]).all()
         assert np.isfinite(rows["left_sent_z"]).all()
 
 

@@ -12,7 +12,7 @@ Rule 2: the rows are those of a recording: inputs, state and outputs, and the di
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,51 +58,68 @@ def _ticks(state: Any, rows: Any, first: int, count: int, book: Any, tables: Any
     raise NotImplementedError
 
 
+class Piece(NamedTuple):
+    """Some ticks of a block: those before them, and room for the new ones."""
+
+    rows: Any  # the last `KEPT` ticks, and room
+    words: NDArray[np.int64]  # the same memory as words
+    numbers: NDArray[np.float64]  # and as numbers
+    commands: NDArray[np.int64]  # of the new ticks
+
+
+class Devices(NamedTuple):
+    """Both devices with their hands."""
+
+    bodies: Any
+    readings: Any
+    force_queue: NDArray[np.float64]
+
+
+class Participants(NamedTuple):
+    """Who decides in a block."""
+
+    parts: Any  # of each participant
+    hands: NDArray[np.int64]  # for each, the hand whose force it feels: 0 left, 1 right
+
+
 def _loop(
     state: Any,
-    rows: Any,
-    words: NDArray[np.int64],
-    numbers: NDArray[np.float64],
+    piece: Piece,
     number: int,
-    commands: NDArray[np.int64],
     book: Any,
     tables: Any,
-    bodies: Any,
-    readings: Any,
-    force_queue: NDArray[np.float64],
-    participants: Any,
-    hands: NDArray[np.int64],
+    devices: Devices,
+    participants: Participants,
     completions: NDArray[np.float64],
 ) -> int:
     """Run ticks with both hands and all participants, to the end of the block at most.
 
-    ``rows``: the last `KEPT` ticks and room for the next ones, also as ``words`` and ``numbers`` of the same memory;
-    ``number``: number of the first new tick; ``commands``: those of the new ticks; ``hands``: for each participant, the
-    hand whose force it feels, 0 left, 1 right; ``completions``: completion time of the last trial, by the number of
+    ``number``: number of the first new tick; ``completions``: completion time of the last trial, by the number of
     successful ones [s]. Returns how many ticks were run.
     """
+    state, book, tables, completions = borrowed(state), borrowed(book), borrowed(tables), borrowed(completions)
+    rows, words, numbers, commands = borrowed(piece)
+    bodies, readings, force_queue = borrowed(devices)
+    everyone, hands = borrowed(participants)
     count = len(rows) - KEPT
-    state, rows, words, numbers = borrowed(state), borrowed(rows), borrowed(words), borrowed(numbers)
-    book, tables, bodies, force_queue = borrowed(book), borrowed(tables), borrowed(bodies), borrowed(force_queue)
-    readings, completions = borrowed(readings), borrowed(completions)
-    participants, hands, commands = borrowed(participants), borrowed(hands), borrowed(commands)
     for k in range(count):
         place, tick = KEPT + k, number + k
-        words[place, _TICK], words[place, _TIME], words[place, _LATE] = tick, START_NS + tick * TICK_NS, -LEAD_NS
-        words[place, _COMMAND] = commands[k]
-        advance(bodies, 0, 2, words, numbers, place)
-        read(bodies, 0, 2, readings[0], words, numbers, place)
+        row, values = words[place], numbers[place]
+        row[_TICK], row[_TIME], row[_LATE] = tick, START_NS + tick * TICK_NS, -LEAD_NS
+        row[_COMMAND] = commands[k]
+        advance(bodies, 0, 2, row, values)
+        read(bodies, 0, 2, readings[0], row, values)
         _ticks(state, rows, place, 1, book, tables)
         for side in range(2):
-            apply_force(bodies, side, force_queue, book[0]["rendering"]["catch"], words, numbers, place)
+            apply_force(bodies, side, force_queue, book[0]["rendering"]["catch"], row, values)
         if tick % DECISION_TICKS == 0:
             for which in range(len(hands)):
-                parts = participants[which]
+                parts = everyone[which]
                 age = tick - newest_seen(parts, tick)
                 if age <= min(tick, DECISION_TICKS):  # otherwise the view is not new
                     see(parts, words[place - age], numbers[place - age])
                 felt = bodies[hands[which]]["device"]["commanded"]
-                begun = decide_in_tick(parts, words[place], felt)
+                begun = decide_in_tick(parts, row, felt)
                 plan(bodies, parts.moves, begun)
         if state[0]["successes"] < len(completions):  # an operator may have trials repeated, beyond the planned ones
             completions[state[0]["successes"]] = state[0]["completion"]
@@ -146,11 +163,11 @@ class Rehearsal:
         block = config.block
         moving = {side: person_at(config, side, people) for side in SIDES}
         seed = (block.seed, block.number)
-        self._bodies = np.zeros(len(SIDES), BODY)
+        bodies = np.zeros(len(SIDES), BODY)
         for place, side in enumerate(SIDES):
-            pack_body(config, side, moving[side], np.random.default_rng((*seed, 1 + place)), self._bodies)
-        self._readings = np.zeros(1, READINGS)
-        self._force_queue = np.zeros((len(SIDES), block.force_delay_ms + 1))
+            pack_body(config, side, moving[side], np.random.default_rng((*seed, 1 + place)), bodies)
+        force_queue = np.zeros((len(SIDES), block.force_delay_ms + 1))
+        self._devices = Devices(bodies, np.zeros(1, READINGS), force_queue)
         participants = [
             SimulatedParticipant(
                 config, who, station, sides, np.random.default_rng((*seed, 3 + SIDES.index(sides[0])))
@@ -158,9 +175,10 @@ class Rehearsal:
             for station, sides in seats_of(config)
             if (who := moving[sides[0]]) is not None
         ]
-        self._hands = np.array([SIDES.index(sides[0]) for _, sides in seats_of(config)], np.int64)
+        hands = np.array([SIDES.index(sides[0]) for _, sides in seats_of(config)], np.int64)
         nobody = SimulatedParticipant(config, config.participant, "left", ("left",), np.random.default_rng(0)).parts
-        self._participants = tuple(participants) or (nobody,)  # a kernel cannot take an empty tuple
+        parts = tuple(participants) or (nobody,)  # a kernel cannot take an empty tuple
+        self._participants = Participants(parts, hands)
         self._last_tick = START_TICK + round(block.trials * MAX_MEAN_TRIAL / TICK_SECONDS)
         self._completions = np.zeros(1 + block.trials)
         self._ticks = 0
@@ -180,12 +198,12 @@ class Rehearsal:
         """Run the block. Yields at most `size` ticks at a time, valid until the next are asked for."""
         rows = np.zeros(KEPT + size, TICK)
         words, numbers = rows.view(np.int64).reshape(len(rows), -1), rows.view(np.float64).reshape(len(rows), -1)
-        commands = np.zeros(size, np.int64)
+        piece = Piece(rows, words, numbers, np.zeros(size, np.int64))
         over = False
         while not over:
             words[:KEPT] = words[-KEPT:]  # as words, because NumPy copies a record field by field
-            self._command(commands)
-            count = self._run(rows, words, numbers, commands)
+            self._command(piece.commands)
+            count = self._run(piece)
             self._ticks += count
             over = int(self._state["phase"][0]) == _FINISHED
             self._given_up = int(words[KEPT + count - 1, _EVENT]) == _STOP
@@ -198,20 +216,11 @@ class Rehearsal:
             commands[START_TICK - self._ticks] = Cause.START
         commands[max(self._last_tick - self._ticks, 0) :] = Cause.STOP  # the tick between two trials does not take it
 
-    def _run(
-        self,
-        rows: NDArray[Any],
-        words: NDArray[np.int64],
-        numbers: NDArray[np.float64],
-        commands: NDArray[np.int64],
-    ) -> int:
+    def _run(self, piece: Piece) -> int:
         """Run the next ticks; return their number."""
         stage = self._stage
-        arguments = (
-            *(self._state, rows, words, numbers, self._ticks, commands, stage.book, stage.tables),
-            *(self._bodies, self._readings, self._force_queue, self._participants, self._hands),
-            self._completions,
-        )
+        of_stage = self._state, piece, self._ticks, stage.book, stage.tables
+        arguments = *of_stage, self._devices, self._participants, self._completions
         if self._code is None:
             self._code = machine_code(_loop_around(stage.ticks), *arguments)
         return self._code(*arguments)

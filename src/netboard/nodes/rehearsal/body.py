@@ -123,45 +123,45 @@ def _integrate(bodies: Any, first: int, stop: int, steps: int) -> None:
 
 
 @inlined
-def advance(bodies: Any, first: int, stop: int, words: Any, numbers: Any, place: int) -> None:
+def advance(bodies: Any, first: int, stop: int, words: Any, numbers: Any) -> None:
     """Integrate from the last reading to that of this tick, and write rendered forces and safeguards into its row.
 
     Each phase is done for all hands before the next one, so that the processor can overlap their computations.
 
     ``bodies``: BODY records of the left and the right hand, of which those from ``first`` to before ``stop`` advance.
-    ``words``, ``numbers``: the rows as words and as numbers, in the same memory. ``place``: row of this tick, of which
-    ``tick`` and ``time_ns`` are set.
+    ``words``, ``numbers``: the row of this tick, as words and as numbers of the same memory; ``tick`` and ``time_ns``
+    are set.
     """
-    stamp_ns = words[place, _TIME] - LEAD_NS
+    stamp_ns = words[_TIME] - LEAD_NS
     when = (stamp_ns - TICK_NS) * 1e-9 + 0.5 * UPDATE_STEPS * STEP
     for side in range(first, stop):
         body = bodies[side]
-        words[place, _LIVE[side]], words[place, _SEQ[side]] = 1, words[place, _TICK]
-        words[place, _STAMP[side]], words[place, _LEAD[side]] = stamp_ns, LEAD_NS
+        words[_LIVE[side]], words[_SEQ[side]] = 1, words[_TICK]
+        words[_STAMP[side]], words[_LEAD[side]] = stamp_ns, LEAD_NS
         update_muscles(body["hand"], body["arm"], body["submovements"], when, body["device"]["fz"])
     _integrate(bodies, first, stop, _BEFORE)
     for side in range(first, stop):
-        _render(bodies[side]["device"], side, words, numbers, place)
+        _render(bodies[side]["device"], side, words, numbers)
     _integrate(bodies, first, stop, STEPS - _BEFORE)
 
 
 @inlined
-def _render(d: Any, side: int, words: Any, numbers: Any, place: int) -> None:
+def _render(d: Any, side: int, words: Any, numbers: Any) -> None:
     """Let the commanded force act, with that of the fixture, and write what a device has rendered."""
-    words[place, _GUARDS[side]] = _ARMED
-    numbers[place, _RENDERED[side]] = 0.0
+    words[_GUARDS[side]] = _ARMED
+    numbers[_RENDERED[side]] = 0.0
     if d["simulated"] == 0:
         return
     fx, fy = fixture_force(d["k"], d["c"], d["x"], d["vx"]), fixture_force(d["k"], d["c"], d["y"], d["vy"])
     fx, fy, fz = within(d["limit"], fx, fy, d["commanded"])
     d["fx"], d["fy"], d["fz"] = fx, fy, fz
-    numbers[place, _RENDERED[side]], words[place, _LOOP[side]] = fz, LEAD_NS
+    numbers[_RENDERED[side]], words[_LOOP[side]] = fz, LEAD_NS
     if fz != d["commanded"]:
-        words[place, _GUARDS[side]] = _ARMED | _CLAMPED
+        words[_GUARDS[side]] = _ARMED | _CLAMPED
 
 
 @inlined
-def read(bodies: Any, first: int, stop: int, readings: Any, words: Any, numbers: Any, place: int) -> None:
+def read(bodies: Any, first: int, stop: int, readings: Any, words: Any, numbers: Any) -> None:
     """Put positions and velocities, as read by the encoders, into a tick's row.
 
     ``first``, ``stop``: the hands that are read, as in `advance`. ``readings``: a record of `READINGS`.
@@ -170,7 +170,7 @@ def read(bodies: Any, first: int, stop: int, readings: Any, words: Any, numbers:
     places = gathered((left[0], left[1], left[2], 0.0, right[0], right[1], right[2]), _BOTH)
     if step > 0.0:
         places = nearest(places / step) * step
-    stamp_ns = words[place, _TIME] - LEAD_NS
+    stamp_ns = words[_TIME] - LEAD_NS
     readings["count"], v = _windowed(
         readings["stamps"], readings["places"], readings["count"], SLACK * step, stamp_ns, places
     )
@@ -178,12 +178,12 @@ def read(bodies: Any, first: int, stop: int, readings: Any, words: Any, numbers:
         d, x = bodies[side]["device"], AXES * side
         if d["simulated"]:
             d["x"], d["y"], d["vx"], d["vy"] = lane(places, x), lane(places, x + 1), lane(v, x), lane(v, x + 1)
-            numbers[place, _X[side]], numbers[place, _Y[side]] = d["x"], d["y"]
-            numbers[place, _Z[side]], numbers[place, _VZ[side]] = lane(places, x + 2), lane(v, x + 2)
+            numbers[_X[side]], numbers[_Y[side]] = d["x"], d["y"]
+            numbers[_Z[side]], numbers[_VZ[side]] = lane(places, x + 2), lane(v, x + 2)
 
 
 @inlined
-def apply_force(bodies: Any, side: int, force_queue: Any, catch: Any, words: Any, numbers: Any, place: int) -> float:
+def apply_force(bodies: Any, side: int, force_queue: Any, catch: Any, words: Any, numbers: Any) -> float:
     """Give a body the force of a tick; if the block has a force delay, an earlier tick's.
 
     ``force_queue``: forces of the last n ticks on both hands, for a delay of n - 1 ticks [N]. ``catch``: that of
@@ -192,10 +192,10 @@ def apply_force(bodies: Any, side: int, force_queue: Any, catch: Any, words: Any
     """
     d = bodies[side]["device"]
     received, size = d["received"], force_queue.shape[1]
-    force_queue[side, _slot(received, size)] = numbers[place, _FORCE[side]]
+    force_queue[side, _slot(received, size)] = numbers[_FORCE[side]]
     d["received"] = received + 1
-    sent = commanded_tick(received, size - 1, words[place, _TRIAL], catch)
-    d["commanded"] = force_queue[side, _slot(sent, size)] if is_active(words[place, _PHASE]) else 0.0
+    sent = commanded_tick(received, size - 1, words[_TRIAL], catch)
+    d["commanded"] = force_queue[side, _slot(sent, size)] if is_active(words[_PHASE]) else 0.0
     return float(d["commanded"])
 
 
@@ -263,16 +263,15 @@ class Body:
 
     def fill(self, words: NDArray[np.int64]) -> None:
         """Advance by a millisecond, and put the stylus into a tick's row."""
-        row = words.reshape(1, -1)
-        numbers = row.view(np.float64)
+        numbers = words.view(np.float64)
         sides = self._place, self._place + 1
-        advance(self.bodies, *sides, row, numbers, 0)
-        read(self.bodies, *sides, self._readings, row, numbers, 0)
+        advance(self.bodies, *sides, words, numbers)
+        read(self.bodies, *sides, self._readings, words, numbers)
 
     def apply_force(self, words: NDArray[np.int64]) -> float:
         """Take the force of a tick; return the vertical force that acts next [N]."""
-        row = words.reshape(1, -1)
-        return apply_force(self.bodies, self._place, self._force_queue, self._catch, row, row.view(np.float64), 0)
+        numbers = words.view(np.float64)
+        return apply_force(self.bodies, self._place, self._force_queue, self._catch, words, numbers)
 
 
 def refuse_flaws(config: Config) -> None:
