@@ -248,19 +248,19 @@ def test_rendering_enables_only_the_parts_that_a_block_needs() -> None:
 
 
 def test_only_listed_trials_are_catch_trials() -> None:
-    numbers = pack_rendering(parse(f"[block]\ncatch = [2, 7, {TRIAL_ENTRIES - 1}]"))[0]
+    packed = pack_rendering(parse(f"[block]\ncatch = [2, 7, {TRIAL_ENTRIES - 1}]"))[0]
     catches = rendering_for("full", catch=(2,))
-    found = [trial for trial in range(-5, TRIAL_ENTRIES + 5) if is_catch(trial, numbers, catches)]
+    found = [trial for trial in range(-5, TRIAL_ENTRIES + 5) if is_catch(trial, packed, catches)]
     assert found == [2, 7, TRIAL_ENTRIES - 1]
-    assert not is_catch(2, numbers, rendering_for("full"))
+    assert not is_catch(2, packed, rendering_for("full"))
 
 
 def test_trial_scales_repeat_cyclically() -> None:
     block = replace(Config().block, trial_scales=(0.5, 1.5, 0.0))
-    numbers, shape = pack_rendering(replace(Config(), block=block))[0], rendering_of(block)
+    packed, shape = pack_rendering(replace(Config(), block=block))[0], rendering_of(block)
     assert shape.scaled
-    assert [float(scale_in(trial, numbers, shape)) for trial in range(1, 7)] == [0.5, 1.5, 0.0, 0.5, 1.5, 0.0]
-    assert float(scale_in(0, numbers, shape)) == block.force_scale
+    assert [float(scale_in(trial, packed, shape)) for trial in range(1, 7)] == [0.5, 1.5, 0.0, 0.5, 1.5, 0.0]
+    assert float(scale_in(0, packed, shape)) == block.force_scale
 
 
 def test_trial_scales_apply_even_if_the_block_scale_is_zero() -> None:
@@ -270,6 +270,6 @@ def test_trial_scales_apply_even_if_the_block_scale_is_zero() -> None:
 
 def test_gains_of_a_condition_that_does_not_ask_for_them_are_not_a_number() -> None:
     """A condition that uses gains without ``quasi_static`` must not render a force that lacks them."""
-    numbers = pack_rendering(parse('[block]\nforce = "full"'))[0]
+    packed = pack_rendering(parse('[block]\nforce = "full"'))[0]
     for gains in ("left_fixed", "right_fixed", "left_free", "right_free"):
-        assert np.isnan(numbers[gains].tolist()).all()
+        assert np.isnan(packed[gains].tolist()).all()

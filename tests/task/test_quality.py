@@ -141,9 +141,9 @@ def test_share_above_its_limit_is_flagged(side: str, field: str, value: float, w
 def test_sample_repeated_from_before_the_release_counts_as_lost() -> None:
     rows = attempt()
     rows["left_stamp_ns"] = 10**9 + rows["tick"] // 2 * 10**6
-    acc = empty_tally()
-    tally(acc, rows, 0, rows.size, 0.075, CLAMPED)
-    assert acc["lost"].tolist() == [[LENGTH // 2, 0]]
+    counts = empty_tally()
+    tally(counts, rows, 0, rows.size, 0.075, CLAMPED)
+    assert counts["lost"].tolist() == [LENGTH // 2, 0]
 
 
 @pytest.mark.parametrize("tilt_deg", [1.51, -1.51])
@@ -202,7 +202,7 @@ def test_robot_is_never_stuck_and_a_fixed_hand_never_loses_samples() -> None:
 
 
 def test_completion_outside_its_limits_is_flagged() -> None:
-    t = empty_tally()[0]
+    t = empty_tally()
     for completion, words in ((0.29, ("too_short",)), (0.3, ()), (60.0, ()), (60.1, ("too_long",)), (NAN, ())):
         assert judge(t, completion, 0.0, Quality(), Block()) == words
 
@@ -248,7 +248,7 @@ def test_ring_buffer_is_read_across_its_end() -> None:
             found += referee.watch(ring, number - 9, 10)
     assert found == verdicts(rows)
     assert found[0].flags == ("lost_samples",)
-    assert referee.counted["lost"].tolist() == [40, 0]
+    assert referee.counts["lost"].tolist() == [40, 0]
 
 
 @st.composite
@@ -284,12 +284,12 @@ def test_verdicts_are_independent_of_chunk_sizes(rows: np.ndarray, chunks: list[
     assert whole.tobytes() == chunked.tobytes()
 
 
-def _take(acc: np.ndarray, rows: np.ndarray, chunks: list[int]) -> None:
+def _take(counts: np.void, rows: np.ndarray, chunks: list[int]) -> None:
     first = 0
     for count in chunks:
         stop = min(first + count, rows.size)
         while first < stop:
-            first += tally(acc, rows, first, stop - first, 0.075, CLAMPED)
+            first += tally(counts, rows, first, stop - first, 0.075, CLAMPED)
 
 
 @given(st.integers(0, 2**32))

@@ -53,24 +53,24 @@ _RUNNING, _HOLDING = int(Phase.RUNNING), int(Phase.HOLDING)
 
 @inlined
 def _force(
-    s: Any, board: State, row: Any, hands: State, parts: Parts, felt: Rendering, numbers: Any, scene: Any
+    s: Any, board: State, row: Any, hands: State, parts: Parts, felt: Rendering, packed: Any, scene: Any
 ) -> None:
     """Write the forces of the couplings and the commanded forces."""
     on_left, on_right = coupling(board, hands[0], hands[4], parts, scene)
     row["left_coupling"], row["right_coupling"] = on_left, on_right
     row["left_force"], row["right_force"] = 0.0, 0.0
-    if not (felt.left or felt.right) or not is_active(s["phase"]) or is_catch(s["trial"], numbers, felt):
+    if not (felt.left or felt.right) or not is_active(s["phase"]) or is_catch(s["trial"], packed, felt):
         return
     rolls = s["phase"] == _RUNNING or s["phase"] == _HOLDING
-    scale = scale_in(s["trial"], numbers, felt)
+    scale = scale_in(s["trial"], packed, felt)
     left_z, left_vz = row["left_used_z"], row["left_used_vz"]
     right_z, right_vz = row["right_used_z"], row["right_used_vz"]
     if felt.left and row["left_live"] != 0:
-        gains = numbers["left_free"] if rolls else numbers["left_fixed"]
+        gains = packed["left_free"] if rolls else packed["left_fixed"]
         hand = ForceInputs(on_left, left_z, right_z, left_vz, right_vz, s["p"], row["left_other"], gains)
         row["left_force"] = force_on_hand(hand, scale, felt)
     if felt.right and row["right_live"] != 0:
-        gains = numbers["right_free"] if rolls else numbers["right_fixed"]
+        gains = packed["right_free"] if rolls else packed["right_fixed"]
         hand = ForceInputs(on_right, right_z, left_z, right_vz, left_vz, s["p"], row["right_other"], gains)
         row["right_force"] = force_on_hand(hand, scale, felt)
 
@@ -114,7 +114,7 @@ def _make_ticks(
 
     @inlined
     def ticks(state: Any, rows: Any, first: int, count: int, book: Any, tables: Any) -> None:
-        s, scene, rules, numbers = state[0], book[0]["scene"], book[0]["rules"], book[0]["rendering"]
+        s, scene, rules, packed = state[0], book[0]["scene"], book[0]["rules"], book[0]["rendering"]
         limit = book[0]["settings"]["stylus_range"]
         tables = borrowed(tables)
         place = first % len(rows)
@@ -128,7 +128,7 @@ def _make_ticks(
             hands = drives(row, HOLD, scene)
             # Read once, so that the sine and cosine of this tilt are computed once for the force and the first step.
             z, vz, theta, omega = s["z"], s["vz"], s["theta"], s["omega"]
-            _force(s, (z, vz, theta, omega), row, hands, FIXED, FELT, numbers, scene)
+            _force(s, (z, vz, theta, omega), row, hands, FIXED, FELT, packed, scene)
             cause = decide(s, row["command"], rules)
             rolls = s["phase"] == _RUNNING or s["phase"] == _HOLDING
             x: State = (z, vz, theta, omega, s["p"], s["vp"] if rolls else 0.0)

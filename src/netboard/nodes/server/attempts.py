@@ -207,8 +207,8 @@ class Attempts:
         """Count the current attempt's ticks without a fresh sample of a side, and those with its force clamped."""
         if self._referee is None:
             return 0, 0
-        counted, place = self._referee.counted, SIDES.index(side)
-        return int(counted["lost"][place]), int(counted["clipped"][place])
+        counts, place = self._referee.counts, SIDES.index(side)
+        return int(counts["lost"][place]), int(counts["clipped"][place])
 
     def ask(self, command: str, argument: str, present: int, phase: Phase) -> int:
         """Order the repeat of a trial, or cancel it ("veto"); return the trial's number."""

@@ -18,6 +18,6 @@ trial : int
     Number of the trial in the block [1].
 rendering : Rendering
     Structure of the rendering; a compile-time constant.
-numbers : RENDERING record
+packed : RENDERING record
     Parameters of the commanded forces.
 """

@@ -127,17 +127,17 @@ def is_listed(trial: int, catch: Any) -> bool:
 
 
 @inlined
-def is_catch(trial: int, numbers: Any, rendering: Rendering) -> bool:
+def is_catch(trial: int, packed: Any, rendering: Rendering) -> bool:
     """Return whether a trial is a catch trial, without force."""
-    return rendering.catches and is_listed(trial, numbers["catch"])
+    return rendering.catches and is_listed(trial, packed["catch"])
 
 
 @inlined
-def scale_in(trial: int, numbers: Any, rendering: Rendering) -> float:
+def scale_in(trial: int, packed: Any, rendering: Rendering) -> float:
     """Return the factor of the commanded force in a trial [1]."""
     if rendering.varies and 0 < trial < TRIAL_ENTRIES:
-        return float(numbers["scales"][trial])
-    return float(numbers["scale"])
+        return float(packed["scales"][trial])
+    return float(packed["scale"])
 
 
 def rendering_of(block: Block) -> Rendering:
@@ -167,17 +167,17 @@ def pack_rendering(config: Config) -> NDArray[Any]:
     ConfigError
         If the block needs gains, but the springs do not determine height and tilt of the board.
     """
-    numbers = np.zeros(1, RENDERING)
-    numbers["scale"] = config.block.force_scale
-    numbers["catch"][0, list(config.block.catch)] = 1
+    packed = np.zeros(1, RENDERING)
+    packed["scale"] = config.block.force_scale
+    packed["catch"][0, list(config.block.catch)] = 1
     if scales := config.block.trial_scales:
-        numbers["scales"][0, 1:] = np.resize(scales, TRIAL_ENTRIES - 1)
+        packed["scales"][0, 1:] = np.resize(scales, TRIAL_ENTRIES - 1)
     number = number_of(config.block.force, FORCES, "[block] force")
     scene, known = pack_scene(config.physics)[0], CONDITIONS[FORCES[number]].quasi_static
     for name, free in (("fixed", False), ("free", True)):
         left, right = gains_of(parts_of(config.physics, free), scene) if known else (np.nan, np.nan)
-        numbers[f"left_{name}"], numbers[f"right_{name}"] = left, right
-    return numbers
+        packed[f"left_{name}"], packed[f"right_{name}"] = left, right
+    return packed
 
 
 def gains_of(parts: Parts, scene: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:

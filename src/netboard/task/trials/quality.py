@@ -76,55 +76,55 @@ _RUNNING, _HOLDING = int(Phase.RUNNING), int(Phase.HOLDING)
 _CAUSES = len(Cause)
 
 
-def empty_tally() -> NDArray[Any]:
+def empty_tally() -> Any:
     """Return an empty tally.
 
     Returns
     -------
-    ndarray of TALLY, shape (1,)
-        The record before the first tick.
+    TALLY record
+        The counts before the first tick.
     """
-    acc = np.zeros(1, TALLY)
-    acc["sent_z"] = acc["start_tilt"] = np.nan
-    return acc
+    counts = np.zeros(1, TALLY)[0]
+    counts["sent_z"] = counts["start_tilt"] = np.nan
+    return counts
 
 
 @inlined
-def _begin(t: Any, row: Any) -> None:
+def _begin(counts: Any, row: Any) -> None:
     """Reset the counts for a new attempt."""
-    t["under_way"], t["ended"], t["cause"] = 1, 0, 0
-    t["trial"], t["attempt"], t["release"] = row["trial"], row["attempt"], row["tick"]
-    t["ticks"], t["late"], t["since_release"] = 0, 0, row["run_ticks"]
-    t["start_tilt"] = row["theta"] if row["run_ticks"] == 0 else np.nan
+    counts["under_way"], counts["ended"], counts["cause"] = 1, 0, 0
+    counts["trial"], counts["attempt"], counts["release"] = row["trial"], row["attempt"], row["tick"]
+    counts["ticks"], counts["late"], counts["since_release"] = 0, 0, row["run_ticks"]
+    counts["start_tilt"] = row["theta"] if row["run_ticks"] == 0 else np.nan
     for side in range(2):
-        t["lost"][side], t["clipped"][side], t["saturated"][side] = 0, 0, 0
-        t["stuck"][side], t["still"][side] = 0, 0
+        counts["lost"][side], counts["clipped"][side], counts["saturated"][side] = 0, 0, 0
+        counts["stuck"][side], counts["still"][side] = 0, 0
 
 
 @inlined
 def _count(
-    t: Any, side: int, live: int, stamp_ns: int, sent_z: float, edge: bool, clamped: bool, counting: bool
+    counts: Any, side: int, live: int, stamp_ns: int, sent_z: float, edge: bool, clamped: bool, counting: bool
 ) -> None:
     """Count a tick of one side, and keep what the next tick is compared with."""
     if counting:
-        t["lost"][side] += live == 0 or stamp_ns == t["stamp_ns"][side]
-        t["saturated"][side] += edge
-        t["clipped"][side] += clamped
+        counts["lost"][side] += live == 0 or stamp_ns == counts["stamp_ns"][side]
+        counts["saturated"][side] += edge
+        counts["clipped"][side] += clamped
     if live != 0:
-        t["still"][side] = t["still"][side] + 1 if sent_z == t["sent_z"][side] else 0
-        t["sent_z"][side] = sent_z
+        counts["still"][side] = counts["still"][side] + 1 if sent_z == counts["sent_z"][side] else 0
+        counts["sent_z"][side] = sent_z
         if counting:
-            t["stuck"][side] = max(t["stuck"][side], t["still"][side])
-    t["stamp_ns"][side] = stamp_ns
+            counts["stuck"][side] = max(counts["stuck"][side], counts["still"][side])
+    counts["stamp_ns"][side] = stamp_ns
 
 
 @kernel
-def tally(acc: Any, rows: Any, first: int, count: int, stylus_range: float, clamped: int) -> int:
+def tally(counts: Any, rows: Any, first: int, count: int, stylus_range: float, clamped: int) -> int:
     """Count ticks, up to the end of an attempt.
 
     Parameters
     ----------
-    acc : ndarray of TALLY, shape (1,)
+    counts : TALLY record
         Counts so far; changed in place. ``ended`` is 1 if the last counted tick has ended the attempt.
     rows : ndarray of TICK, shape (n,)
         Ring buffer of rows with their outputs; the fields of `FIELDS_NEEDED` are enough.
@@ -140,9 +140,8 @@ def tally(acc: Any, rows: Any, first: int, count: int, stylus_range: float, clam
     Returns
     -------
     int
-        Number of ticks counted: all, or those up to the first that ended an attempt [1].
+        Number of ticks counts: all, or those up to the first that ended an attempt [1].
     """
-    t = acc[0]
     place = first % len(rows)
     for taken in range(count):
         row = rows[place]
@@ -150,25 +149,22 @@ def tally(acc: Any, rows: Any, first: int, count: int, stylus_range: float, clam
         phase, event = row["phase"], row["event"]
         free = phase in (_RUNNING, _HOLDING)
         if free:
-            same = t["under_way"] != 0 and row["trial"] == t["trial"] and row["attempt"] == t["attempt"]
+            same = counts["under_way"] != 0 and row["trial"] == counts["trial"] and row["attempt"] == counts["attempt"]
             if not same or (phase == _RUNNING and row["run_ticks"] == 0):
-                _begin(t, row)
-            t["ticks"] += 1
-            t["late"] += row["late_ns"] > LATE_NS
-            t["last"], t["mark_ticks"] = row["tick"], row["mark_ticks"]
-        left_edge, right_edge = abs(row["left_used_z"]) >= stylus_range, abs(row["right_used_z"]) >= stylus_range
-        left_clamped, right_clamped = (
-            (row["left_safeguards"] & clamped) != 0,
-            (row["right_safeguards"] & clamped) != 0,
-        )
-        _count(t, 0, row["left_live"], row["left_stamp_ns"], row["left_sent_z"], left_edge, left_clamped, free)
-        _count(t, 1, row["right_live"], row["right_stamp_ns"], row["right_sent_z"], right_edge, right_clamped, free)
+                _begin(counts, row)
+            counts["ticks"] += 1
+            counts["late"] += row["late_ns"] > LATE_NS
+            counts["last"], counts["mark_ticks"] = row["tick"], row["mark_ticks"]
+        edge, limited = abs(row["left_used_z"]) >= stylus_range, (row["left_safeguards"] & clamped) != 0
+        _count(counts, 0, row["left_live"], row["left_stamp_ns"], row["left_sent_z"], edge, limited, free)
+        edge, limited = abs(row["right_used_z"]) >= stylus_range, (row["right_safeguards"] & clamped) != 0
+        _count(counts, 1, row["right_live"], row["right_stamp_ns"], row["right_sent_z"], edge, limited, free)
         if not free:
-            t["under_way"] = 0
+            counts["under_way"] = 0
             continue
         then = SUCCESSOR[phase, event] if 0 <= event < _CAUSES else phase
         if then not in (_RUNNING, _HOLDING):
-            t["under_way"], t["ended"], t["cause"] = 0, 1, event
+            counts["under_way"], counts["ended"], counts["cause"] = 0, 1, event
             return taken + 1
     return count
 
@@ -207,7 +203,7 @@ def longest_gap(frames: Sequence[tuple[int, int]], release: int, end: int) -> fl
     return max(ticks * TICK_SECONDS, painted_ns * 1e-9)
 
 
-def judge(t: Any, completion: float, frame_gap: float, rules: Quality, block: Block) -> tuple[str, ...]:
+def judge(counts: Any, completion: float, frame_gap: float, rules: Quality, block: Block) -> tuple[str, ...]:
     """Apply the rules to an attempt.
 
     A side that is held still has no samples and no force, so it is skipped. Only the stylus of a person can be stuck.
@@ -215,7 +211,7 @@ def judge(t: Any, completion: float, frame_gap: float, rules: Quality, block: Bl
 
     Parameters
     ----------
-    t : TALLY record
+    counts : TALLY record
         Counts of the ended attempt.
     completion : float
         Completion time; NaN without a success [s].
@@ -233,19 +229,19 @@ def judge(t: Any, completion: float, frame_gap: float, rules: Quality, block: Bl
     """
     movers = (block.left, block.right)
     moved = [side for side, mover in enumerate(movers) if mover != "still"]
-    stuck = [t["stuck"][side] * TICK_SECONDS > rules.stuck and movers[side] == "person" for side in range(2)]
+    stuck = [counts["stuck"][side] * TICK_SECONDS > rules.stuck and movers[side] == "person" for side in range(2)]
 
     def share(name: str) -> float:
-        return max(int(t[name][side]) for side in moved) / max(int(t["ticks"]), 1)
+        return max(int(counts[name][side]) for side in moved) / max(int(counts["ticks"]), 1)
 
-    whole = int(t["since_release"]) + int(t["last"]) + 1 - int(t["release"])
+    whole = int(counts["since_release"]) + int(counts["last"]) + 1 - int(counts["release"])
     found = {
-        "late_ticks": t["late"] > rules.late_ticks,
+        "late_ticks": counts["late"] > rules.late_ticks,
         "lost_samples": share("lost") > rules.lost_share,
-        "missing_ticks": whole - int(t["ticks"]) > rules.missing_ticks,
+        "missing_ticks": whole - int(counts["ticks"]) > rules.missing_ticks,
         "clipped": share("clipped") > rules.clipped_share,
         "saturated": share("saturated") > rules.saturated_share,
-        "start_tilt": abs(t["start_tilt"]) > np.radians(rules.start_tilt_deg),
+        "start_tilt": abs(counts["start_tilt"]) > np.radians(rules.start_tilt_deg),
         "stuck_left": stuck[0],
         "stuck_right": stuck[1],
         "too_short": completion < rules.shortest,
@@ -297,7 +293,7 @@ class Referee:
 
     Attributes
     ----------
-    counted : TALLY record
+    counts : TALLY record
         Counts of the newest attempt.
     """
 
@@ -307,10 +303,9 @@ class Referee:
         movers = {"left": block.left, "right": block.right}
         self._rules, self._block = config.quality, block
         self._range, self._clamped = config.task.stylus_range, int(clamped)
-        self._acc = empty_tally()
         self._stations = [side for side in watched if config.physics.balls and movers[side] == "person"]
         self._frames: dict[str, list[tuple[int, int]]] = {}
-        self.counted = self._acc[0]
+        self.counts = empty_tally()
 
     def warm(self) -> None:
         """Compile the kernels of `watch`, or load them from the cache."""
@@ -330,7 +325,7 @@ class Referee:
         """
         if station in self._stations:
             frames = self._frames.setdefault(station, [])
-            if self.counted["under_way"]:
+            if self.counts["under_way"]:
                 frames.append((tick, painted_ns))
 
     def watch(self, rows: NDArray[Any], first: int, count: int) -> list[Verdict]:
@@ -353,19 +348,19 @@ class Referee:
         verdicts = []
         stop = first + count
         while first < stop:
-            first += tally(self._acc, rows, first, stop - first, self._range, self._clamped)
-            if self.counted["ended"]:
+            first += tally(self.counts, rows, first, stop - first, self._range, self._clamped)
+            if self.counts["ended"]:
                 verdicts.append(self._verdict())
-                self.counted["ended"] = 0
+                self.counts["ended"] = 0
         return verdicts
 
     def _verdict(self) -> Verdict:
         """Judge the attempt that has just ended, and discard the frames up to its end."""
-        t = self.counted
-        release, end, cause = int(t["release"]), int(t["last"]), Cause(int(t["cause"]))
-        completion = float(t["mark_ticks"]) * TICK_SECONDS if cause == Cause.HELD else float("nan")
+        counts = self.counts
+        release, end, cause = int(counts["release"]), int(counts["last"]), Cause(int(counts["cause"]))
+        completion = float(counts["mark_ticks"]) * TICK_SECONDS if cause == Cause.HELD else float("nan")
         gap = max((longest_gap(frames, release, end) for frames in self._frames.values()), default=0.0)
         for frames in self._frames.values():
             frames[:] = [frame for frame in frames if frame[0] > end]
-        flags = judge(t, completion, gap, self._rules, self._block)
-        return Verdict(int(t["trial"]), int(t["attempt"]), release, end, cause, completion, flags)
+        flags = judge(counts, completion, gap, self._rules, self._block)
+        return Verdict(int(counts["trial"]), int(counts["attempt"]), release, end, cause, completion, flags)
