@@ -101,7 +101,7 @@ def printable_line(words: str) -> str:
     return "".join(letter if letter.isprintable() else "?" for letter in words)
 
 
-def change_of(cause: Cause, row: Any, state: Any) -> dict[str, str]:
+def change_of(row: Any, state: Any) -> dict[str, str]:
     """Return a decision of the trial state machine as event details."""
     details = {
         "from": PHASE_NAMES[int(row["phase"])],
@@ -110,6 +110,6 @@ def change_of(cause: Cause, row: Any, state: Any) -> dict[str, str]:
         "attempt": str(row["attempt"]),
         "target": "left" if row["target"] < 0 else "right",
     }
-    if cause == Cause.HELD:
+    if row["event"] == Cause.HELD:
         details["completion"] = repr(float(state["completion"]))
     return details

@@ -440,7 +440,7 @@ class Session:
         row, stage = state.rows[number % RING_ROWS], state.stage[0]
         cause = Cause(int(row["event"]))
         state.supervisor.forget_refusal()
-        details = change_of(cause, row, stage) | self._blocks.details.of(int(row["trial"]))
+        details = change_of(row, stage) | self._blocks.details.of(int(row["trial"]))
         if cause == Cause.FAULT:
             if row["command"] != row["event"]:  # nobody commanded it: the stage itself found an impossible state
                 state.supervisor.paused_by(STAGE_FAULT)
