@@ -62,6 +62,18 @@ def fields_of(message: type[Message]) -> list[tuple[str, str]]:
     return [(name, _TYPES[hint]) for name, hint in get_type_hints(message).items()]
 
 
+def places_of(message: type[Message], *names: str) -> tuple[int, ...]:
+    """Return which words of a message are these fields, as integers that numba folds into kernels as constants [1].
+
+    Parameters
+    ----------
+    names : str
+        Names of the fields.
+    """
+    every = [name for name, _ in fields_of(message)]
+    return tuple(map(every.index, names))
+
+
 def packer_of(message: type[Message]) -> struct.Struct:
     """Return a `struct.Struct` that packs and unpacks the words of a message."""
     return struct.Struct("<" + "".join("d" if kind == "<f8" else "q" for _, kind in fields_of(message)))

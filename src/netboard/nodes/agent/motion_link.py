@@ -21,7 +21,7 @@ from netboard.devices.safety.chain import NEVER_NS
 from netboard.network.protocol import fixed
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import HELLO_FIRST, HELLO_INTERVAL_NS, Goodbye, Hello, Refusal, Welcome
-from netboard.network.protocol.motion import Backfill, BackfillRequest, Force, Heartbeat, Point
+from netboard.network.protocol.motion import Backfill, BackfillRequest, Force, Heartbeat, Point, Stylus
 from netboard.network.transport import fastpath, sockets
 
 log = logging.getLogger(__name__)
@@ -41,8 +41,10 @@ NEWER = -4
 _ANSWERS: tuple[Any, ...] = (None, Force, Point, Heartbeat)
 _PACKERS: tuple[Any, ...] = (None, *map(fixed.packer_of, (Force, Point, Heartbeat)))
 _LENGTH = len(fixed.POINT.markers)
-_TICK, _SENT, _SEQ = range(3)  # first words of every answer
-_LEAD = (-1, *([name for name, _ in fixed.fields_of(kind)].index("lead_ns") for kind in _ANSWERS[1:]))  # by its kind
+_TICK, _SENT, _SEQ = fixed.places_of(Force, "tick", "sent_ns", "stylus_seq")  # the first words of every answer
+_LEAD = (-1, *(fixed.places_of(kind, "lead_ns")[0] for kind in _ANSWERS[1:]))  # by its kind
+(COMMANDED,), (MAY_ARM,) = fixed.places_of(Force, "force"), fixed.places_of(Heartbeat, "arm")
+_SAMPLE = np.dtype(fixed.fields_of(Stylus))
 
 LINK = np.dtype(
     [
@@ -148,14 +150,16 @@ def send_sample(
     state["stamps"][seq % REMEMBERED], state["sent"] = stamp_ns, seq
     if not state["in_session"]:
         return fastpath.NOT_SENT
-    words = np.empty(len(fixed.STYLUS.markers), np.int64)
-    numbers = words.view(np.float64)
-    words[0], words[1] = seq, stamp_ns
-    numbers[2], numbers[3], numbers[4], numbers[5], numbers[6], numbers[7] = x, y, z, vx, vy, vz
-    words[8], words[9], numbers[10] = buttons, safeguards, rendered
-    words[11], words[12] = (state["words"][_TICK], state["words"][_SENT]) if state["kind"] != NONE else (-1, 0)
-    words[13], words[14], words[15] = state["heard_ns"], fastpath.now_ns(fast), state["loop_ns"]
-    fixed.write(frame, fixed.STYLUS, words)
+    samples = np.empty(1, _SAMPLE)
+    sample, is_answered = samples[0], state["kind"] != NONE
+    sample["seq"], sample["stamp_ns"] = seq, stamp_ns
+    sample["x"], sample["y"], sample["z"], sample["vx"], sample["vy"], sample["vz"] = x, y, z, vx, vy, vz
+    sample["buttons"], sample["safeguards"], sample["rendered"] = buttons, safeguards, rendered
+    sample["force_tick"] = state["words"][_TICK] if is_answered else -1
+    sample["force_sent_ns"] = state["words"][_SENT] if is_answered else 0
+    sample["force_received_ns"], sample["loop_ns"] = state["heard_ns"], state["loop_ns"]
+    sample["sent_ns"] = fastpath.now_ns(fast)
+    fixed.write(frame, fixed.STYLUS, samples.view(np.int64))
     return fastpath.send_one(fast, frame)
 
 
@@ -208,7 +212,7 @@ class Link:
     @property
     def may_arm(self) -> bool:
         """Whether the newest answer is a heartbeat that allows the device to be armed."""
-        return self.kind == BEAT and bool(self.state[0]["words"][4])
+        return self.kind == BEAT and bool(self.state[0]["words"][MAY_ARM])
 
     @property
     def lead_ns(self) -> int:

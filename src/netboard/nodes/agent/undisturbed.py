@@ -21,7 +21,18 @@ from netboard.devices.safety.chain import Guard, Safety, limit
 from netboard.devices.safety.fixture import fixture_force
 from netboard.network.protocol.joining import HELLO_INTERVAL_NS
 from netboard.network.transport import fastpath
-from netboard.nodes.agent.motion_link import BEAT, FORCE, NEWER, POINT, Link, close_loop, send_sample, wait_for_answer
+from netboard.nodes.agent.motion_link import (
+    BEAT,
+    COMMANDED,
+    FORCE,
+    MAY_ARM,
+    NEWER,
+    POINT,
+    Link,
+    close_loop,
+    send_sample,
+    wait_for_answer,
+)
 from netboard.nodes.agent.rendered_buffer import RenderedRing, remember
 
 Kernel: TypeAlias = Callable[..., Any]
@@ -110,8 +121,7 @@ def _limited_force(
 ) -> tuple[int, float, float, float, int]:
     """Pass the newest commanded force through the safety chain; see `await_limited_force`."""
     state = link[0]
-    # Word 3 of a `Force` is its force, and word 4 of a `Heartbeat` (below) whether to arm: the order of their fields.
-    fz = state["words"].view(np.float64)[3] if state["kind"] == FORCE else 0.0
+    fz = state["words"].view(np.float64)[COMMANDED] if state["kind"] == FORCE else 0.0
     fx, fy = fixture_force(k, c, x, vx), fixture_force(k, c, y, vy)
     safeguards = limit(chain, now_ns, fx, fy, fz, state["received_ns"], vx, vy, vz)
     ready = chain[0]
@@ -162,7 +172,7 @@ def _live(parts: Any, now_ns: int) -> None:
 @kernel
 def _may_begin(state: Any, guard: int, now_ns: int, due_ns: int) -> bool:
     """Return whether the next tick may run without Python, as far as is known before the reading."""
-    allowed_to_arm = state["kind"] == BEAT and state["words"][4] != 0
+    allowed_to_arm = state["kind"] == BEAT and state["words"][MAY_ARM] != 0
     return bool(
         now_ns - due_ns <= _BEHIND_NS
         and state["in_session"]

@@ -16,7 +16,7 @@ from netboard.base.config import SIDES
 from netboard.base.tables.scene import Physics
 from netboard.base.tick import KNOWN_NS, TICK_WORDS
 from netboard.network.protocol import fixed
-from netboard.network.protocol.motion import TRIP_CAUSES, Safeguard, Stylus
+from netboard.network.protocol.motion import TRIP_CAUSES, Force, Heartbeat, Point, Safeguard, Stylus
 from netboard.network.transport import fastpath, sockets
 from netboard.nodes.ports.unregistered import UNREGISTERED, keep
 from netboard.physics.arithmetic.trig import sincos
@@ -64,6 +64,13 @@ LOOP = _WORD["loop_ns"]
 ARMED_BIT = int(Safeguard.ARMED)
 _STOPPED_BIT = int(Safeguard.STOPPED)
 _TRIP_BITS = sum(map(int, TRIP_CAUSES))
+
+# Words of the messages to agents: the first ones of each, then those of each kind.
+_TO_TICK, _TO_SENT, _TO_SEQ = fixed.places_of(Force, "tick", "sent_ns", "stylus_seq")
+_COMMANDED, _FORCE_LEAD = fixed.places_of(Force, "force", "lead_ns")
+_END_STAMP, _END_Z, _END_VZ = fixed.places_of(Point, "stamp_ns", "z", "vz")
+_STIFFNESS, _DAMPING, _POINT_LEAD = fixed.places_of(Point, "k", "c", "lead_ns")
+_BEAT_LEAD, _MAY_ARM = fixed.places_of(Heartbeat, "lead_ns", "arm")
 
 _COPIED = {
     "seq": "seq",
@@ -286,9 +293,9 @@ def write_force(words: Any, row: Any, commanded: Any, agents: Any, gains: Any, p
 
     ``commanded``: words of the row with the commanded force (`netboard.stage.stage.Stage.commanded_row`).
     """
-    words[0], words[1], words[2] = row[_TICK], now_ns, agents[place, SEQ]
-    words.view(np.float64)[3] = commanded.view(np.float64)[_ROW_FORCE[place]] * gains[place]
-    words[4] = agents[place, LEAD]
+    words[_TO_TICK], words[_TO_SENT], words[_TO_SEQ] = row[_TICK], now_ns, agents[place, SEQ]
+    words.view(np.float64)[_COMMANDED] = commanded.view(np.float64)[_ROW_FORCE[place]] * gains[place]
+    words[_FORCE_LEAD] = agents[place, LEAD]
 
 
 @kernel
@@ -300,12 +307,12 @@ def write_point(words: Any, row: Any, agents: Any, gains: Any, place: int, ends:
     """
     values, numbers = row.view(np.float64), words.view(np.float64)
     s, c = sincos(values[_THETA])
-    words[0], words[1], words[2] = row[_TICK], now_ns, agents[place, SEQ]
-    words[3] = row[_TIME] + agents[place, OFFSET] if agents[place, CLOCK_KNOWN] else 0
-    numbers[4] = values[_BOARD_Z] + ends[place, 0] * s
-    numbers[5] = values[_BOARD_VZ] + ends[place, 0] * values[_OMEGA] * c
-    numbers[6], numbers[7] = ends[place, 1] * gains[place], ends[place, 2] * gains[place]
-    words[8] = agents[place, LEAD]
+    words[_TO_TICK], words[_TO_SENT], words[_TO_SEQ] = row[_TICK], now_ns, agents[place, SEQ]
+    words[_END_STAMP] = row[_TIME] + agents[place, OFFSET] if agents[place, CLOCK_KNOWN] else 0
+    numbers[_END_Z] = values[_BOARD_Z] + ends[place, 0] * s
+    numbers[_END_VZ] = values[_BOARD_VZ] + ends[place, 0] * values[_OMEGA] * c
+    numbers[_STIFFNESS], numbers[_DAMPING] = ends[place, 1] * gains[place], ends[place, 2] * gains[place]
+    words[_POINT_LEAD] = agents[place, LEAD]
 
 
 @kernel
@@ -376,8 +383,8 @@ def send_heartbeats(motion: Motion, tick: int, sides: int) -> int:
     for place in range(2):
         if fast[0]["name_sizes"][place] == 0 or not sides >> place & 1:
             continue
-        words[0], words[1], words[2] = tick, fastpath.now_ns(fast), agents[place, SEQ]
-        words[3], words[4] = agents[place, LEAD], agents[place, ARM]
+        words[_TO_TICK], words[_TO_SENT], words[_TO_SEQ] = tick, fastpath.now_ns(fast), agents[place, SEQ]
+        words[_BEAT_LEAD], words[_MAY_ARM] = agents[place, LEAD], agents[place, ARM]
         if _send(motion, fixed.HEARTBEAT, place) == fastpath.FAILED:
             return fastpath.FAILED
     return fastpath.SENT
