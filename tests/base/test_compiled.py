@@ -128,6 +128,20 @@ def test_user_who_may_write_nowhere_is_told_so(tmp_path: Path) -> None:
     )
 
 
+def test_folder_that_the_user_has_set_has_kernels_of_this_version_too(tmp_path: Path) -> None:
+    folder = Path(printed_folder(NUMBA_CACHE_DIR=str(tmp_path)).stdout.strip())
+    assert folder.parent == tmp_path
+    assert folder.name == Path(printed_folder(CACHE_DIRECTORY=f"{tmp_path}/service").stdout.strip()).name
+    assert printed_folder(NUMBA_CACHE_DIR=str(folder)).stdout.strip() == str(folder)  # as a child process gets it
+
+
+def test_folder_that_the_user_has_set_and_may_not_write_to_is_refused(tmp_path: Path) -> None:
+    """Numba would look for another one by itself, and find there what another version has left."""
+    (tmp_path / "file").touch()
+    run = printed_folder(NUMBA_CACHE_DIR=f"{tmp_path}/file")
+    assert re.search(r"ConfigError: compiled code can be kept in none of these.*: \S+/file; set .*DIR", run.stderr)
+
+
 @inlined
 def sum_of_product(a: float, b: float, c: float) -> float:
     return a * b + c

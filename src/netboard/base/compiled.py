@@ -81,9 +81,8 @@ def _imports(text: str) -> set[str]:
 
 
 def _choose_folder() -> None:
-    """Set Numba's cache folder for this process and its children, unless the user has set one."""
-    if not os.environ.get("NUMBA_CACHE_DIR"):
-        os.environ["NUMBA_CACHE_DIR"] = str(_folder_of_this_version())
+    """Set Numba's cache folder for this process and its children."""
+    os.environ["NUMBA_CACHE_DIR"] = str(_folder_of_this_version())
     # Numba read the environment when it was imported, possibly before this module.
     numba.config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]  # type: ignore[attr-defined]
 
@@ -97,13 +96,11 @@ def _folder_of_this_version() -> Path:
     state = hashlib.sha256()
     for source in sources(package):
         state.update(source.read_bytes())
-    # A systemd service has its own cache (CacheDirectory=), and may not write into the package. Nor may other users.
-    of_the_service = os.environ.get("CACHE_DIRECTORY", "").partition(":")[0]
-    of_the_user = f"{os.environ.get('XDG_CACHE_HOME') or '~/.cache'}/netboard"
-    places = (of_the_service or str(package / "__pycache__"), of_the_user)
-    for place in places:
+    name = f"{PREFIX}{state.hexdigest()[:16]}"
+    for place in (places := _places(package)):
         with suppress(OSError, RuntimeError):  # RuntimeError: a user without a home
-            folder = Path(place).expanduser() / f"{PREFIX}{state.hexdigest()[:16]}"
+            folder = Path(place).expanduser()
+            folder = folder if folder.name == name else folder / name  # a parent process has named it already
             is_new = not folder.exists()
             folder.mkdir(parents=True, exist_ok=True)
             if os.access(folder, os.W_OK):
@@ -114,6 +111,16 @@ def _folder_of_this_version() -> Path:
         f"compiled code can be kept in none of these folders, which cannot be written to: {', '.join(places)}; "
         "set the environment variable NUMBA_CACHE_DIR to one that can"
     )
+
+
+def _places(package: Path) -> tuple[str, ...]:
+    """Return the folders that may have the cache: the one that the user has set, or the usual ones in their order."""
+    if of_choice := os.environ.get("NUMBA_CACHE_DIR"):
+        return (of_choice,)
+    # A systemd service has its own cache (CacheDirectory=), and may not write into the package. Nor may other users.
+    of_the_service = os.environ.get("CACHE_DIRECTORY", "").partition(":")[0]
+    of_the_user = f"{os.environ.get('XDG_CACHE_HOME') or '~/.cache'}/netboard"
+    return of_the_service or str(package / "__pycache__"), of_the_user
 
 
 def _remove_unused(place: Path) -> None:
