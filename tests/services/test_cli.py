@@ -471,14 +471,24 @@ def test_missing_library_is_reported_with_its_install_command(
 
 @pytest.mark.parametrize(
     ("command", "where"),
-    [("keys init --set network.keys=FILE/keys", "FILE/keys"), ("keys add console --to FILE", "FILE")],
+    [
+        ("keys init --set network.keys=FILE/keys", "FILE/keys"),
+        ("keys add console --to FILE", "FILE"),
+        (f"replay {GOLDEN} --screenshot FILE/new.png", "FILE/new.png"),
+        ("bench forces -o FILE/new", "FILE/new"),
+        ("import hands.csv --simulate -o FILE/new", "FILE/new"),
+        ("import --manifest study.toml -o FILE/new", "FILE/new"),
+    ],
 )
 def test_folder_that_cannot_be_made_is_one_line(command: str, where: str) -> None:
+    """A file stands for a folder that is read-only."""
     assert runner.invoke(app, ["keys", "init"]).exit_code == 0
     Path("FILE").touch()
+    Path("hands.csv").write_text("time,left_z,right_z\n" + "".join(f"{k / 100},0,0\n" for k in range(9)))
+    Path("study.toml").write_text('simulate = true\n[[recording]]\nfile = "hands.csv"\n')
     result = runner.invoke(app, command.split())
     assert result.exit_code == 1
-    assert re.fullmatch(f"netboard: {where}: (Not a directory|File exists)\n", result.stderr)
+    assert f"netboard: {where}: cannot be written: " in result.stderr
     assert "name" not in Path("keys/authorized.toml").read_text().split()
 
 

@@ -22,7 +22,7 @@ from typing import Annotated, Literal, TypeAlias, TypeVar
 from pydantic import AwareDatetime, Field, TypeAdapter, ValidationError
 
 from netboard.base.config import SIDES
-from netboard.base.errors import ConfigError
+from netboard.base.errors import ConfigError, writing
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, parse_toml, to_toml
 from netboard.base.tables.rig import Network
 from netboard.network.protocol.joining import ROLES_WITH_SIDE, Role, role_and_side
@@ -201,7 +201,7 @@ class KeyRing:
 
 def init(folder: Path) -> Path:
     """Make a server's key and an empty list of peers."""
-    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    _make_folder(folder)
     _refuse_open(folder)
     path = key_path(folder, SERVER)
     _write_key(path, _KeyFile(SERVER, _now(), authenticator.new_keys()[1]))
@@ -222,7 +222,7 @@ def add(folder: Path, role: Role, side: str, to: Path) -> tuple[Peer, Path]:
             name = next(name for name in names if name not in taken)
             public, secret = authenticator.new_keys()
             peer = Peer(name, role, side, public, _now())  # type: ignore[arg-type]
-            to.mkdir(mode=0o700, parents=True, exist_ok=True)
+            _make_folder(to)
             path = key_path(to, peer.role_and_side)
             _write_key(path, _KeyFile(name, peer.created, secret, authenticator.public_of(server.secret)))
             undo.callback(path.unlink)  # a key that is not listed opens nothing
@@ -293,14 +293,12 @@ def _changed_list(folder: Path) -> Iterator[list[Peer]]:
     try:
         peers = list(read_list(folder))
         yield peers
-        try:
+        with writing(folder / LIST, ConfigError):
             with new.open("w", encoding="utf-8", newline="\n") as file:
                 file.write(_list_text(peers))
                 file.flush()
                 os.fsync(file.fileno())
             new.replace(folder / LIST)
-        except OSError as error:
-            raise ConfigError(f"{folder / LIST}: cannot be written: {error.strerror}") from error
     finally:
         new.unlink(missing_ok=True)
 
@@ -312,6 +310,12 @@ def _list_text(peers: Iterable[Peer]) -> str:
         + (f"revoked = {peer.revoked.isoformat()}\n" if peer.revoked else "")
         for peer in peers
     )
+
+
+def _make_folder(folder: Path) -> None:
+    """Make a folder that only its owner can read, if it is missing."""
+    with writing(folder):
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
 
 
 def _write_key(path: Path, file: _KeyFile) -> None:

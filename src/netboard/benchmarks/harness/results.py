@@ -15,7 +15,7 @@ from typing import Any
 from rich.console import Console, Group
 from rich.text import Text
 
-from netboard.base.errors import ConfigError
+from netboard.base.errors import ConfigError, writing
 from netboard.base.terminal.output import Column, FittedTable
 from netboard.benchmarks.harness.machine import describe
 
@@ -80,10 +80,10 @@ class Folder:
     """
 
     def __init__(self, path: Path, *, force: bool = False) -> None:
-        try:
-            path.mkdir(parents=True, exist_ok=force)
-        except FileExistsError as error:
-            raise ConfigError(f"{path}: already exists; --force writes into it") from error
+        if path.exists() and not force:
+            raise ConfigError(f"{path}: already exists; --force writes into it")
+        with writing(path):
+            path.mkdir(parents=True, exist_ok=True)
         self.path = path
 
     def write(self, parts: Sequence[Part], about: Mapping[str, Any]) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from netboard.base.config import Config, resolve
-from netboard.base.errors import ConfigError, NetboardError, RecordingError
+from netboard.base.errors import ConfigError, NetboardError, RecordingError, writing
 from netboard.base.plural import plural
 from netboard.base.process.workers import worker_processes
 from netboard.recording.files.locate import sha256_of
@@ -113,7 +113,8 @@ def run(
     plan: Plan, folder: Path, workers: int, tell: Tell, work: Work | None = None
 ) -> tuple[list[Imported], list[str]]:
     """Run the jobs of a plan. The imported tables come in the order of the manifest."""
-    folder.mkdir(parents=True, exist_ok=True)
+    with writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
     done: dict[int, Imported] = {}
     failed: dict[int, str] = {}
     with (

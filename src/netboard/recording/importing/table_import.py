@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.config import Config, parse
-from netboard.base.errors import ConfigError
+from netboard.base.errors import ConfigError, writing
 from netboard.base.files.text import read_text
 from netboard.base.plural import plural
 from netboard.recording.files.locate import sha256_of
@@ -149,7 +149,8 @@ def _save(
     first = next(pieces, None)
     if first is None:
         raise ConfigError(f"{origin['imported_from']}: has no rows")
-    folder.mkdir(parents=True, exist_ok=True)
+    with writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
     writer = BlockWriter(folder, config, origin["imported_sha256"], utc_ns, origin, int(first["time_ns"][0]))
     done = 0
     try:

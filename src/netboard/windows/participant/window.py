@@ -142,8 +142,8 @@ def require_new(picture: Path | None) -> None:
 def screenshot(widget: QWidget, picture: Path) -> None:
     """Write the content of a widget to a PNG file."""
     require_new(picture)
-    picture.parent.mkdir(parents=True, exist_ok=True)
     with new_file(picture) as part:
+        picture.parent.mkdir(parents=True, exist_ok=True)
         if not widget.grab().save(str(part), "PNG"):
             raise NetboardError(f"{picture}: cannot be written")
 
