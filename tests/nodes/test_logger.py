@@ -503,6 +503,22 @@ def test_uncreatable_folder_ends_the_logger(tmp_path: Path, caplog: pytest.LogCa
     assert "cannot be made" in caplog.text
 
 
+def test_folder_that_cannot_be_written_to_is_reported_before_there_is_a_server(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """It is needed only when the session begins; a disk may be mounted until then."""
+    (tmp_path / "file").touch()
+    rig = Rig(tmp_path / "file" / "folder", 10)
+    rig.link.server = None
+    logger = rig.logger()
+    assert logger.run(rig.stop_after(0.1)) == 0
+    assert f'"{rig.settings.directory}", expected a folder that can be written' in caplog.text
+    (tmp_path / "file").unlink()
+    rig.link.server = rig.server
+    assert logger.run(never) == 0
+    assert ticks_of(*logger.finished) == list(range(10))
+
+
 @pytest.fixture
 def free_space(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Free disk space [bytes], set by the test."""

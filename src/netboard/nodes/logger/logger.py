@@ -16,7 +16,7 @@ from pathlib import Path
 
 from netboard.base.clock import now_ns
 from netboard.base.config import parse
-from netboard.base.errors import NetboardError, WireError
+from netboard.base.errors import ConfigError, NetboardError, WireError
 from netboard.base.tables.rig import Recording
 from netboard.base.terminal.shell import shell_command
 from netboard.network.protocol.joining import Goodbye, Welcome
@@ -26,7 +26,7 @@ from netboard.nodes.logger.log_link import Connection, Link
 from netboard.recording.files.provenance import next_recording, provenance
 from netboard.recording.files.writer import RecordingWriter
 from netboard.recording.format.channels import block_config, record_of
-from netboard.recording.format.disk import Space, require_space
+from netboard.recording.format.disk import Space, require_space, require_writable
 
 log = logging.getLogger(__name__)
 
@@ -89,6 +89,10 @@ class Logger:
 
         Returns the exit code: 0, or 1 if the recording could not be continued.
         """
+        try:
+            require_writable(Path(self._settings.directory), "[recording] directory")
+        except ConfigError as error:  # it may become writable before the session begins
+            log.warning("%s", error)
         log.info("waiting for the server")
         try:
             while not (stopping() or (self._once and self._ended)):
