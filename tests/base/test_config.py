@@ -209,9 +209,17 @@ def test_list_of_cpus_is_accepted(cpus: str) -> None:
     [
         ("[agents.left]\nstop_buttons = 3\nconsent_buttons = 2", "stop_buttons, consent_buttons: found 2 in both"),
         ('[realtime]\nagent_cpus = "0,3-1"', 'agent_cpus: found "3-1", expected "1-3"'),
+        (
+            "[display]\nlink_timeout_ms = 20",
+            "link_timeout_ms: found 20, expected at least 100, because views can be 50 ms",
+        ),
+        (
+            "[network]\nview_rate_hz = 2",
+            "link_timeout_ms: found 500, expected at least 1000, because views can be 500 ms",
+        ),
     ],
 )
-def test_settings_that_cancel_each_other_are_refused_outside_of_old_recordings(text: str, problem: str) -> None:
+def test_settings_that_defeat_each_other_are_refused_outside_of_old_recordings(text: str, problem: str) -> None:
     with pytest.raises(ConfigError, match=re.escape(problem)):
         require_effective(parse(text), "test")
 

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from netboard.base.config import SIDES, Config, Side, parse
+from netboard.base.tables.rig import VIEW_REPEAT_MS
 from netboard.base.tick import TICK
 from netboard.network.protocol.codec import decode
 from netboard.network.transport import sockets
 from netboard.network.transport.ports import free_port
-from netboard.nodes.ports.view_port import SAME_VIEW_TICKS, ViewPort
+from netboard.nodes.ports.view_port import ViewPort
 from netboard.stage.curtain import Curtain, make_curtain
 from netboard.stage.view import View
 from netboard.task.trials.state_machine import Phase
@@ -103,7 +104,7 @@ def test_no_view_is_sent_without_a_subscriber(rig: Rig) -> None:
 
 def test_unchanged_view_is_sent_at_the_keep_alive_rate(rig: Rig) -> None:
     rig.run(1000, moving=False)
-    assert set(np.diff(rig.sent_ticks("left"))) == {SAME_VIEW_TICKS}
+    assert set(np.diff(rig.sent_ticks("left"))) == {VIEW_REPEAT_MS}
     rig.rows["trial"] = 2
     rig.run(10, moving=False)
     assert rig.stations["left"].sent[-1].trial == 2
@@ -119,7 +120,7 @@ def hands_move(rig: Rig, side: Side, ticks: int) -> None:
 def test_times_of_views_do_not_reveal_whether_the_partner_moves(rig: Rig) -> None:
     """Before a block and in a pause, the board may rest while a hand moves."""
     hands_move(rig, "right", 1000)
-    assert set(np.diff(rig.sent_ticks("left"))) == {SAME_VIEW_TICKS}
+    assert set(np.diff(rig.sent_ticks("left"))) == {VIEW_REPEAT_MS}
     assert set(np.diff(rig.sent_ticks("right"))) == {10}
 
 
@@ -128,7 +129,7 @@ def test_times_of_views_reveal_nothing_to_a_station_without_a_task(rig: Rig) -> 
     rig.run(500)
     rig.rows["failures"], rig.rows["attempt"], rig.rows["phase"] = 1, 2, Phase.FAILED
     rig.run(500)
-    assert set(np.diff(rig.sent_ticks("right"))) == {SAME_VIEW_TICKS}
+    assert set(np.diff(rig.sent_ticks("right"))) == {VIEW_REPEAT_MS}
     assert set(np.diff(rig.sent_ticks("left"))) == {10}
 
 

@@ -19,7 +19,17 @@ from netboard.base.errors import ConfigError
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, MAX_LABEL, read, write, write_template
 from netboard.base.tables.experiment import MAX_TRIALS, Block, Design, Quality, Session, Task
 from netboard.base.tables.forces import CONDITIONS, FORCES
-from netboard.base.tables.rig import MOUSE, Agents, Display, Fixture, Network, Realtime, Recording, Safety
+from netboard.base.tables.rig import (
+    MOUSE,
+    VIEW_REPEAT_MS,
+    Agents,
+    Display,
+    Fixture,
+    Network,
+    Realtime,
+    Recording,
+    Safety,
+)
 from netboard.base.tables.scene import FRICTION, Geometry, Physics, friction_rate
 from netboard.base.tables.simulated import Participant, VirtualDevice
 from netboard.base.tick import HEARTBEAT_TICKS, TICK_SECONDS
@@ -110,7 +120,7 @@ def require_short_names(session: Session, source: str) -> None:
 
 
 def require_effective(config: Config, source: str) -> None:
-    """Refuse settings that cancel each other; `parse` also reads old recordings, which may have them.
+    """Refuse settings that defeat each other; `parse` also reads old recordings, which may have them.
 
     Parameters
     ----------
@@ -127,7 +137,7 @@ def require_effective(config: Config, source: str) -> None:
 
 
 def _without_effect(config: Config) -> Iterator[str]:
-    """Yield a sentence for each setting that has no effect."""
+    """Yield a sentence for each setting that has no effect, or makes another one useless."""
     for side, agent in zip(SIDES, (config.agents.left, config.agents.right), strict=True):
         if both := agent.stop_buttons & agent.consent_buttons:
             yield (
@@ -138,6 +148,12 @@ def _without_effect(config: Config) -> Iterator[str]:
         for first, last in re.findall("([0-9]+)-([0-9]+)", cpus):
             if int(first) > int(last):
                 yield f'[realtime] {key}: found "{first}-{last}", expected "{last}-{first}"'
+    interval_ms = max(VIEW_REPEAT_MS, 1000 / config.network.view_rate_hz)
+    if (timeout_ms := config.display.link_timeout_ms) < 2 * interval_ms:  # one late view is no lost link
+        yield (
+            f"[display] link_timeout_ms: found {timeout_ms:g}, expected at least {2 * interval_ms:g}, because "
+            f"views can be {interval_ms:g} ms apart"
+        )
 
 
 def resolve(config: Config) -> str:

@@ -10,6 +10,9 @@ from pydantic import StrictBool
 
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, Form, about
 
+VIEW_REPEAT_MS = 50
+"""Time after which the server sends an unchanged view again, so that a display knows that the link is alive [ms]."""
+
 MOUSE = "mouse"
 """Device backend of a side that a person plays in the display's window."""
 
@@ -167,7 +170,13 @@ class Display:
         str, about("where trial events are marked as they are painted: none, lsl, or a serial port such as /dev/ttyS0")
     ] = "none"
     link_timeout_ms: Annotated[
-        float, about("the window blanks after this time without a view", "ms", gt=0, le=60_000)
+        float,
+        about(
+            f"the window blanks after this time without a view; an unchanged one comes every {VIEW_REPEAT_MS} ms",
+            "ms",
+            gt=0,
+            le=60_000,
+        ),
     ] = 500.0
 
 

@@ -8,14 +8,11 @@ import numpy as np
 from netboard.base.clock import now_ns
 from netboard.base.compiled import machine_code
 from netboard.base.config import SIDES, Side
-from netboard.base.tables.rig import Network
+from netboard.base.tables.rig import VIEW_REPEAT_MS, Network
 from netboard.network.protocol.view_frame import CONTENT, MAX_SIZE, write_view
 from netboard.network.transport import channels, sockets
 from netboard.network.transport.authenticator import Authenticator
 from netboard.stage.curtain import CURTAIN, Curtain
-
-SAME_VIEW_TICKS = 50
-"""Ticks after which an unchanged view is sent again, so that a display knows that the link is alive [1]."""
 
 ASK_MS = 100
 """Interval at which a publisher is asked whether anybody has subscribed: the answer takes as long as a view [ms]."""
@@ -33,7 +30,7 @@ class ViewPort:
         self._every = ceil(1000 / network.view_rate_hz)
         self._due_ms = 0
         self._asked_ms, self._subscribed = -ASK_MS, list[Side]()
-        self._shown_ms = dict.fromkeys(SIDES, -SAME_VIEW_TICKS)
+        self._shown_ms = dict.fromkeys(SIDES, -VIEW_REPEAT_MS)
         self._content = {side: NOTHING_SHOWN.copy() for side in SIDES}
         self._seq = dict.fromkeys(SIDES, 0)
         self._frame = np.zeros(MAX_SIZE, np.uint8)
@@ -52,7 +49,7 @@ class ViewPort:
 
     def renew(self) -> None:
         """Forget the last views, because a new block changes everything."""
-        self._shown_ms = dict.fromkeys(SIDES, -SAME_VIEW_TICKS)
+        self._shown_ms = dict.fromkeys(SIDES, -VIEW_REPEAT_MS)
 
     def show(self, now_ms: int, curtain: Curtain, words: Any, best: float | None, rest: float | None) -> None:
         """Publish the stations' views if they are due; each if somebody subscribes to it, and it has changed.
@@ -77,7 +74,7 @@ class ViewPort:
         self, side: Side, now_ms: int, curtain: Any, words: Any, best: float, sent_ns: int, rest: float
     ) -> None:
         """Publish a station's view if it has changed, or has not been sent for long."""
-        at_any_rate, seq = now_ms - self._shown_ms[side] >= SAME_VIEW_TICKS, self._seq[side]
+        at_any_rate, seq = now_ms - self._shown_ms[side] >= VIEW_REPEAT_MS, self._seq[side]
         size = self._write_view(self._frame, curtain, words, self._content[side], at_any_rate, best, sent_ns, seq, rest)
         if size:
             self._views[side].send(self._frame[:size].tobytes())
