@@ -58,7 +58,12 @@ FORMATS = {
             "pandas, polars, R's arrow, DuckDB, MATLAB's `parquetread`; long studies",
             "parquet",
         ),
-        Format("csv", "tabular:write_csv", "text: UTF-8, commas; seven times as large as Parquet", "everything else"),
+        Format(
+            "csv",
+            "tabular:write_csv",
+            "text: UTF-8, commas; seven to nine times as large as Parquet",
+            "everything else",
+        ),
         Format(
             "mat",
             "matlab:write",
