@@ -87,6 +87,12 @@ class Rig:
                 sockets.send(socket, encode(message))
         raise AssertionError("no answer")
 
+    def arrived(self, socket: sockets.Socket) -> Message:
+        """Wait for a message that was sent."""
+        while (frame := sockets.receive(socket)) is None:
+            assert poller.wait_readable(socket, 30.0)
+        return decode(frame)
+
     def view(self, side: Side) -> View:
         """A view sent after this call."""
         now = now_ns()
@@ -202,6 +208,6 @@ def test_display_receives_the_recorded_configuration_and_goodbye(rig: Rig) -> No
     assert rig.status().peers == ("console", "display.left")
     sockets.send(rig.display, encode(Hello("display", "left", PROTOCOL_VERSION, "lab:1", "1", {})))
     rig.leave()
-    while not isinstance(decode(sockets.receive(rig.display) or b""), Goodbye):
+    while not isinstance(rig.arrived(rig.display), Goodbye):
         pass  # a welcome for each Hello sent until the first one came
     assert sockets.receive(rig.display) is None, "it is welcomed again, and shows that the connection is lost"
