@@ -42,7 +42,10 @@ HOUSEKEEPING_ROUNDS = 20
 """Rounds between two checks of peers and authentication [1]."""
 
 CLOSING_SECONDS = 0.2
-"""Time before the channels close, so that peers can read the last messages [s]."""
+"""Time before the channels close, for peers to read the last messages [s].
+
+With `zmq.IMMEDIATE`, libzmq drops what a peer has not read when its connection ends.
+"""
 
 MAX_CHARACTERS = 1000
 """Longest answer: it may quote the question, and must fit into its frame [1]."""

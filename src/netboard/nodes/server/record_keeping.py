@@ -22,7 +22,10 @@ BACKFILL_NS = 5_000_000_000
 """Longest wait at the end for what agents rendered during an interruption; two minutes of it take 4 s [ns]."""
 
 CLOSING_NS = 200_000_000
-"""Time before the control channel closes, so that its peers can read the last messages [ns]."""
+"""Time before the control channel closes, for its peers to read the last messages [ns].
+
+With `zmq.IMMEDIATE`, libzmq drops what a peer has not read when its connection ends.
+"""
 
 FINISH_NS = 10_000_000_000
 """Longest wait for the loggers to bring the last records to disk [ns]."""
