@@ -73,8 +73,7 @@ class Attempts:
         self._referee: Referee | None = None
         self._seen = 0  # next tick for the quality rules
         self._verdict: Verdict | None = None  # of the attempt that ends at the present tick
-        self._cut_short: Literal["stopped", "given_up"] = "stopped"  # how the block ends if not with its last trial
-        self._stopped = False
+        self._end: Literal["finished", "stopped", "given_up"] | None = None  # of the block, once it is known
 
     @property
     def opened(self) -> bool:
@@ -120,8 +119,7 @@ class Attempts:
         self.completions = list(so_far.completions) if so_far else []
         self._referee = Referee(config, int(Safeguard.CLAMPED))
         self._referee.warm()
-        self._seen, self._verdict, self.wanted = tick, None, 0
-        self._cut_short, self._stopped = "stopped", False
+        self._seen, self._verdict, self._end, self.wanted = tick, None, None, 0
         start = (so_far.trial, so_far.attempt) if so_far else (1, 1)
         self._write(BlockBegan(self._block, *start, self._run, tick))
 
@@ -160,8 +158,8 @@ class Attempts:
         if then == Phase.LEVELLING and (ended or cause in (Cause.START, Cause.NEXT, Cause.RESUME)):
             self._write(AttemptBegan(self._block, int(state["trial"]), int(state["attempt"]), self._run, number))
         if then == Phase.FINISHED:
-            self._stopped = not over and self._cut_short == "stopped"
-            self._write(BlockEnded(self._block, "finished" if over else self._cut_short))
+            self._end = "finished" if over else self._end or "stopped"
+            self._write(BlockEnded(self._block, self._end))
         return events
 
     def _end_attempt(self, cause: Cause, row: Any, state: Any, number: int) -> Event:
@@ -232,9 +230,9 @@ class Attempts:
 
     def give_up(self) -> None:
         """Note that the rest of the block is skipped."""
-        self._cut_short = "given_up"
-        if self._stopped:
+        if self._end == "stopped":
             self._write(BlockEnded(self._block, "given_up"))
+        self._end = "given_up"
 
     def take_wanted(self, phase: Phase) -> Cause:
         """Return `Cause.REPEAT` if a quality rule wants a repeat and the phase allows it, else `Cause.NONE`."""
