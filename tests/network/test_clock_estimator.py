@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from wire_clocks import MS, SECOND, PeerClock, Route, motion, pings, scattered
 
-from netboard.network.protocol.clock_estimator import NEVER_NS, ClockEstimator
+from netboard.network.protocol.clock_estimator import UNKNOWN_NS, ClockEstimator
 
 ROUNDING_NS = 2  # stamps are whole nanoseconds
 SAME_HOST = Route(40_000, 40_000, 20_000, 0.01)
@@ -20,7 +20,7 @@ routes = st.builds(Route, st.integers(1000, 20 * MS), st.integers(1000, 20 * MS)
 def test_estimate_is_unknown_before_the_first_probe() -> None:
     clock = ClockEstimator()
     assert not clock.known
-    assert (clock.offset_ns, clock.bound_ns, clock.round_trip_ns) == (0, NEVER_NS, NEVER_NS)
+    assert (clock.offset_ns, clock.bound_ns, clock.round_trip_ns) == (0, UNKNOWN_NS, UNKNOWN_NS)
     assert math.isnan(clock.drift_ppm)
     assert clock.drift_bound_ppm == math.inf
 

@@ -16,6 +16,9 @@ TICK_NS = 1_000_000
 TICK_SECONDS = 1e-3
 """Length of a tick [s]."""
 
+NEVER_NS = -(2**62)
+"""Time of what has never happened; it is longer ago than any timeout [ns]."""
+
 START_NS = 1_000_000_000
 """Time of the first tick of a block that is not live [ns]."""
 

@@ -29,6 +29,7 @@ import numpy as np
 
 from netboard.base.compiled import inlined, kernel
 from netboard.base.tables.rig import Safety as Limits
+from netboard.base.tick import NEVER_NS
 from netboard.network.protocol.motion import Safeguard
 
 MAX_STEP_NS = 2_000_000
@@ -39,9 +40,6 @@ MEAN_TIME = 10.0
 
 MARGIN = 0.1
 """The clamp decreases while the mean is within this fraction of its limit [1]."""
-
-NEVER_NS = -(2**62)
-"""Time of what has never happened: a step, or the reception of a force [ns]."""
 
 Vector = tuple[float, float, float]
 

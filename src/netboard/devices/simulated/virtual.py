@@ -27,7 +27,7 @@ from pydantic import StrictBool
 from netboard.base.compiled import inlined, kernel, machine_code
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
-from netboard.base.tick import TICK_NS
+from netboard.base.tick import NEVER_NS, TICK_NS
 from netboard.devices.contract.device import Box, CompiledAccess, Device, DeviceInfo, Reading
 from netboard.devices.contract.velocity import Velocimeter, windowed_velocity
 from netboard.participants.device_models import resolved
@@ -83,9 +83,6 @@ def within(limit: float, fx: float, fy: float, fz: float) -> tuple[float, float,
     share = limit / size
     return fx * share, fy * share, fz * share
 
-
-NEVER_NS = -(2**62)
-"""Time up to which a hand has been simulated before the first reading [ns]."""
 
 DEVICE = np.dtype(
     [

@@ -8,7 +8,7 @@ import math
 from collections import deque
 from typing import NamedTuple
 
-NEVER_NS = 2**63 - 1
+UNKNOWN_NS = 2**63 - 1
 """Age of a peer that never sent a frame, and error bound of a clock that was never probed [ns]."""
 
 MAX_OFFSET_NS = 2**61
@@ -42,7 +42,7 @@ class _Estimate(NamedTuple):
     bound_ns: int
 
 
-_NO_SPAN = _Span(NEVER_NS, NEVER_NS, -NEVER_NS, NEVER_NS)
+_NO_SPAN = _Span(UNKNOWN_NS, UNKNOWN_NS, -UNKNOWN_NS, UNKNOWN_NS)
 
 
 class ClockEstimator:
@@ -73,9 +73,9 @@ class ClockEstimator:
     offset_ns : int
         Estimated peer clock minus server clock; 0 before the first probe [ns].
     bound_ns : int
-        Largest possible error of the offset at the newest probe; `NEVER_NS` before the first [ns].
+        Largest possible error of the offset at the newest probe; `UNKNOWN_NS` before the first [ns].
     round_trip_ns : int
-        Shortest round trip of the probes in the window; `NEVER_NS` before the first [ns].
+        Shortest round trip of the probes in the window; `UNKNOWN_NS` before the first [ns].
     drift_ppm : float
         Rate of the peer's clock minus that of the server's; NaN until it is known to 10e-6 [1e-6].
     drift_bound_ppm : float
@@ -88,7 +88,7 @@ class ClockEstimator:
 
     def __init__(self, window_ns: int = 2_000_000_000) -> None:
         self.offset_ns = 0
-        self.bound_ns = self.round_trip_ns = NEVER_NS
+        self.bound_ns = self.round_trip_ns = UNKNOWN_NS
         self.accepted = self.rejected = self.restarts = 0
         self._window_ns = window_ns
         self._spans: deque[_Span] = deque()
@@ -151,7 +151,7 @@ class ClockEstimator:
         """Forget all probes."""
         self._spans.clear()
         self._estimates.clear()
-        self._span_end_ns = self._next_estimate_ns = -NEVER_NS
+        self._span_end_ns = self._next_estimate_ns = -UNKNOWN_NS
         self._begin_span(_NO_SPAN)
         self.drift_ppm, self.drift_bound_ppm = math.nan, math.inf
 

@@ -15,9 +15,8 @@ from netboard.base.clock import Pacer, now_ns
 from netboard.base.compiled import kernel, machine_code
 from netboard.base.errors import WireError
 from netboard.base.terminal.logs import RateLimitedLog
-from netboard.base.tick import TICK_NS
+from netboard.base.tick import NEVER_NS, TICK_NS
 from netboard.devices.contract.device import Reading
-from netboard.devices.safety.chain import NEVER_NS
 from netboard.network.protocol import fixed
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import HELLO_FIRST, HELLO_INTERVAL_NS, Goodbye, Hello, Refusal, Welcome

@@ -10,7 +10,7 @@ from typing import Protocol
 
 from netboard.base.errors import WireError
 from netboard.network.protocol import admission
-from netboard.network.protocol.clock_estimator import NEVER_NS, ClockEstimator
+from netboard.network.protocol.clock_estimator import UNKNOWN_NS, ClockEstimator
 from netboard.network.protocol.control import LinkStatus
 from netboard.network.protocol.joining import Hello, Ping, Pong, role_and_side
 from netboard.network.protocol.records import ClockRecord, connection_name
@@ -47,7 +47,7 @@ def admit(hello: Hello, router: Router, roles: Collection[str]) -> None:
 
 def _seconds(span_ns: int) -> float:
     """Convert a duration to seconds; NaN if it is not known."""
-    return nan if span_ns == NEVER_NS else span_ns * 1e-9
+    return nan if span_ns == UNKNOWN_NS else span_ns * 1e-9
 
 
 class Rate:

@@ -24,6 +24,7 @@ from netboard.base.config import Config, Side, parse
 from netboard.base.errors import ConfigError, WireError
 from netboard.base.process.resources import NAME
 from netboard.base.terminal.logs import RateLimitedLog
+from netboard.base.tick import NEVER_NS
 from netboard.network import keys
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import HELLO_INTERVAL_NS, Goodbye, Hello, Ping, Pong, Refusal, Welcome
@@ -81,7 +82,7 @@ class DisplayClient(QObject):
         self._over = False
         self._trouble = ""
         self._problems = RateLimitedLog(log)
-        self._view_ns = self._hello_ns = self._report_ns = -(2**62)
+        self._view_ns = self._hello_ns = self._report_ns = NEVER_NS
         self._link_timeout_ns = round(config.display.link_timeout_ms * 1e6)
         self._address = keys.reach(config.network, f"display.{station}")
         self._views = sockets.view_subscriber(context, self._address.reach(channels.VIEW[station]))

@@ -37,7 +37,6 @@ DEFAULT_REFRESH_HZ = 60.0
 SOON = 0.15
 """A frame due within this share of a refresh period is painted at once [1]."""
 
-
 PAINTINGS = 8
 """Number of frames over which the painting time is averaged [1]."""
 
@@ -70,9 +69,7 @@ class Showing(QObject):
         self._problems = RateLimitedLog(log)
         self._events: TrialEvents | None = None
         self._motion: Motion | None = None
-        self._received_ns = 0
-        self._planned_ns = self._due_ns = -(2**62)
-        self._shown_ns = self._painting_ns = 0
+        self._received_ns = self._planned_ns = self._due_ns = self._shown_ns = self._painting_ns = 0
         self._new_events: list[str] = []
         self._to_mark: list[str] = []
         self._refresh_ns = round(1e9 / DEFAULT_REFRESH_HZ)
