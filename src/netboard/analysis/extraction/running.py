@@ -19,7 +19,7 @@ from netboard.analysis.extraction.workers import WorkerPool
 from netboard.base.errors import NetboardError, RecordingError
 from netboard.base.process.resources import peak_memory
 from netboard.recording.export.formats import Progress
-from netboard.recording.export.runs import Run, runs_of
+from netboard.recording.export.runs import Run, numbered, runs_of, unnumbered_run
 from netboard.recording.files.locate import RECOVERABLE, recovery_command, sha256_of
 
 if TYPE_CHECKING:
@@ -121,16 +121,17 @@ class _Collector:
 
 def _readable(recordings: Sequence[Path]) -> tuple[tuple[Run, ...], list[LeftOut]]:
     """Return the runs of the recordings that can be opened, and the others with reasons."""
-    sound: list[Path] = []
+    sound: list[Run] = []
     left_out: list[LeftOut] = []
     for path in recordings:
         try:
-            runs_of([path])
+            run = unnumbered_run(path)
+            numbered([run])  # its own names may collide
             sha256_of(path)  # reads every byte of it: a disk may fail at any
-            sound.append(path)
+            sound.append(run)
         except NetboardError as error:
             left_out.append(_left_out(path, error))
-    return runs_of(sound), left_out
+    return numbered(sound), left_out
 
 
 def _left_out(path: Path, error: Exception) -> LeftOut:

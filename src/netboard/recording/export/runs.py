@@ -58,24 +58,32 @@ def runs_of(recordings: Sequence[Path]) -> tuple[Run, ...]:
 
     Raises `RecordingError` if a recording is unreadable, empty or repeated, or if two names yield the same label.
     """
+    return numbered([unnumbered_run(path) for path in recordings])
+
+
+def unnumbered_run(path: Path) -> Run:
+    """Return the run of a recording, numbered 0; raises `RecordingError` if the recording is unreadable or empty."""
+    with Recording(path) as recording:
+        if not recording.counts["/ticks"]:
+            raise RecordingError(f"{path}: contains no ticks; leave it out (netboard analyse: --skip-unreadable)")
+        if lost := [name for name in _NEEDED if name not in recording.metadata]:
+            raise RecordingError(f"{path}: lost its {', '.join(lost)} when it was damaged; leave it out")
+        metadata, config = recording.metadata, recording.config
+        session = _label(config.session.dyad + config.session.name)
+        return Run(path, metadata, config, session, number=0, people=tuple(people_in(config, metadata)))
+
+
+def numbered(runs: Sequence[Run]) -> tuple[Run, ...]:
+    """Number the runs; raises `RecordingError` if one is repeated, or if two names yield the same label."""
     sessions: dict[tuple[str, str], list[Run]] = {}
-    for path in recordings:
-        with Recording(path) as recording:
-            if not recording.counts["/ticks"]:
-                raise RecordingError(f"{path}: contains no ticks; leave it out (netboard analyse: --skip-unreadable)")
-            if lost := [name for name in _NEEDED if name not in recording.metadata]:
-                raise RecordingError(f"{path}: lost its {', '.join(lost)} when it was damaged; leave it out")
-            metadata, config = recording.metadata, recording.config
-            who = config.session.dyad, config.session.name
-            people = tuple(people_in(config, metadata))
-            run = Run(path, metadata, config, _label("".join(who)), number=0, people=people)  # numbered below
-            sessions.setdefault(who, []).append(run)
-    runs = tuple(run for who in sorted(sessions) for run in _numbered(sessions[who]))
-    _refuse_repeats(runs)
-    return runs
+    for run in runs:
+        sessions.setdefault((run.config.session.dyad, run.config.session.name), []).append(run)
+    found = tuple(run for who in sorted(sessions) for run in _numbered_session(sessions[who]))
+    _refuse_repeats(found)
+    return found
 
 
-def _numbered(session: Sequence[Run]) -> Iterator[Run]:
+def _numbered_session(session: Sequence[Run]) -> Iterator[Run]:
     """Yield the runs of a session in order of time, with their numbers.
 
     The wall clock orders only servers that began with the same block, as after a restart: a step of it does not change
