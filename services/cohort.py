@@ -47,6 +47,7 @@ def cohort(
 
     from netboard.analysis.cohort.folder import make_cohort
     from netboard.analysis.cohort.virtual import Design
+    from netboard.analysis.cohort.workers import Runner
     from netboard.base.process.stopping import interrupted_by_stop_signals
     from netboard.base.process.workers import cores
     from netboard.base.terminal.bars import telling
@@ -55,16 +56,8 @@ def cohort(
     design = Design(load_study(study), settings, dyads, seed, keep_trials=trials is not None)
     began = time.perf_counter()
     with interrupted_by_stop_signals(), telling() as tell:
-        made = make_cohort(
-            design,
-            studies,
-            output,
-            workers=workers or cores(),
-            dask=dask,
-            resume=resume,
-            ending=trials or "parquet",
-            progress=tell,
-        )
+        runner = Runner(tell, workers or cores(), dask)
+        made = make_cohort(design, studies, output, runner, resume=resume, ending=trials or "parquet")
     seconds = time.perf_counter() - began
     console = plain_console(soft_wrap=True)
     size = f"{plural(studies, 'virtual study', 'virtual studies')} of {plural(dyads, 'dyad')}"

@@ -14,6 +14,7 @@ from netboard.analysis.cohort.planning import Request, answer
 from netboard.analysis.cohort.power import performer_means
 from netboard.analysis.cohort.rows import KEPT
 from netboard.analysis.cohort.virtual import LAST_SEED, Design, jobs_of_dyad
+from netboard.analysis.cohort.workers import Runner
 from netboard.analysis.extraction.recordings import measure
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.study import Study as Tables
@@ -45,10 +46,13 @@ def check_progress(what: str, done: int, total: int) -> None:
     assert 0 <= done <= total
 
 
+RUNNER = Runner(check_progress)
+
+
 @pytest.fixture(scope="module")
 def cohort(tmp_path_factory: pytest.TempPathFactory) -> Cohort:
     folder = tmp_path_factory.mktemp("cohort") / "whole"
-    return make_cohort(DESIGN, 3, folder, workers=1, progress=check_progress)
+    return make_cohort(DESIGN, 3, folder, RUNNER)
 
 
 @pytest.fixture(scope="module")
@@ -93,7 +97,7 @@ def test_tables_are_equal_with_two_processes_and_after_an_interruption(cohort: C
     damaged = folder / "studies" / "study-000003.tables"
     damaged.write_bytes(damaged.read_bytes()[:-1])
     (folder / "studies" / "killed.part").write_bytes(b"")
-    again = make_cohort(DESIGN, 3, folder, workers=2, resume=True, progress=check_progress)
+    again = make_cohort(DESIGN, 3, folder, Runner(check_progress, 2), resume=True)
     assert table_files(again) == table_files(cohort)
     assert len(list((folder / "studies").iterdir())) == 3
 
@@ -120,14 +124,14 @@ def test_every_study_has_its_own_seed_and_results(cohort: Cohort) -> None:
 )
 def test_resuming_a_cohort_with_other_settings_is_refused(cohort: Cohort, design: Design, words: str) -> None:
     with pytest.raises(ConfigError, match=words):
-        make_cohort(design, 3, cohort.folder, workers=1, resume=True, progress=check_progress)
+        make_cohort(design, 3, cohort.folder, RUNNER, resume=True)
 
 
 def test_existing_folder_is_not_overwritten_and_missing_one_not_resumed(cohort: Cohort, tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="already exists; continue it with --resume"):
-        make_cohort(DESIGN, 3, cohort.folder, workers=1, progress=check_progress)
+        make_cohort(DESIGN, 3, cohort.folder, RUNNER)
     with pytest.raises(ConfigError, match=r"has no cohort.json"):
-        make_cohort(DESIGN, 3, tmp_path / "none", workers=1, resume=True, progress=check_progress)
+        make_cohort(DESIGN, 3, tmp_path / "none", RUNNER, resume=True)
 
 
 def invalid_designs() -> Iterator[tuple[Design, int, str]]:
@@ -143,7 +147,7 @@ def test_invalid_designs_are_refused_before_any_file_is_written(
     tmp_path: Path, design: Design, studies: int, words: str
 ) -> None:
     with pytest.raises(ConfigError, match=words):
-        make_cohort(design, studies, tmp_path / "new", workers=1, progress=check_progress)
+        make_cohort(design, studies, tmp_path / "new", RUNNER)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -167,7 +171,7 @@ def test_power_of_a_cohort_without_trials_is_refused(tmp_path: Path) -> None:
     """With so short a time limit nobody succeeds or falls."""
     study = parse_study(PLAN.replace("block.trials = 2", "block.trials = 2\ntask.time_limit = 0.5"), "short")
     design = replace(DESIGN, study=study)
-    whole = make_cohort(design, 1, tmp_path / "cohort", workers=1, progress=check_progress)
+    whole = make_cohort(design, 1, tmp_path / "cohort", RUNNER)
     request = Request(study, design.config, (2,), (0,), 1, design.seed, 0.05)
     with pytest.raises(ConfigError, match="no dyad of this study has both conditions of a contrast"):
-        answer(request, tmp_path / "power", whole.folder, workers=1, dask=None, progress=check_progress)
+        answer(request, tmp_path / "power", whole.folder, RUNNER)

@@ -10,10 +10,12 @@ from threading import Event
 
 import pytest
 
-from netboard.analysis.cohort.workers import run_all
+from netboard.analysis.cohort.workers import Runner
 from netboard.base.errors import NetboardError
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="POSIX signals")]
+
+TWO_PROCESSES = Runner(lambda what, done, total: None, 2)
 
 
 def square_or_die(folder: Path, times: int, number: int) -> int:
@@ -27,18 +29,18 @@ def square_or_die(folder: Path, times: int, number: int) -> int:
 
 
 def test_task_is_retried_after_its_process_is_killed(tmp_path: Path) -> None:
-    assert dict(run_all(partial(square_or_die, tmp_path, 1), range(1, 5), 2)) == {1: 1, 2: 4, 3: 9, 4: 16}
+    assert dict(TWO_PROCESSES.run_all(partial(square_or_die, tmp_path, 1), range(1, 5))) == {1: 1, 2: 4, 3: 9, 4: 16}
 
 
 def test_task_whose_process_dies_twice_is_an_error(tmp_path: Path) -> None:
     done = []
     with pytest.raises(NetboardError, match=r"virtual study 2: its process ended 2 times .* --resume"):
-        done.extend(run_all(partial(square_or_die, tmp_path, 9), range(1, 3), 2))
+        done.extend(TWO_PROCESSES.run_all(partial(square_or_die, tmp_path, 9), range(1, 3)))
     assert len(list(tmp_path.iterdir())) == 2
 
 
 def test_empty_task_list_yields_no_results() -> None:
-    assert list(run_all(square_or_die, (), 2)) == []  # type: ignore[arg-type]
+    assert list(TWO_PROCESSES.run_all(square_or_die, ())) == []  # type: ignore[arg-type]
 
 
 def one_or_wait(number: int) -> int:
@@ -50,7 +52,7 @@ def one_or_wait(number: int) -> int:
 
 def test_interruption_ends_the_processes_at_once() -> None:
     before = set(active_children())
-    results = run_all(one_or_wait, range(1, 3), 2)
+    results = TWO_PROCESSES.run_all(one_or_wait, range(1, 3))
     assert next(results) == (1, 1)
     workers = set(active_children()) - before
     with pytest.raises(KeyboardInterrupt):

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from extractions import assert_same, extracted, study_from
-from netboard.analysis.cohort.workers import run_all
+from netboard.analysis.cohort.workers import Runner
 from netboard.analysis.extraction import workers
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.workers import dask
@@ -38,7 +38,8 @@ def test_cluster_computes_the_same_tables(address: str, recordings: tuple[Path, 
 
 @on_cluster
 def test_virtual_studies_run_on_the_cluster(address: str) -> None:
-    assert dict(run_all(hex, range(100), 1, address)) == {number: hex(number) for number in range(100)}
+    runner = Runner(lambda what, done, total: None, address=address)
+    assert dict(runner.run_all(hex, range(100))) == {number: hex(number) for number in range(100)}
 
 
 @on_cluster

@@ -17,12 +17,11 @@ import pandas as pd
 
 from netboard.analysis.cohort.folder import MANIFEST, Cohort
 from netboard.analysis.cohort.power import Power, Rate, mean_width
-from netboard.analysis.cohort.workers import run_all
+from netboard.analysis.cohort.workers import Runner
 from netboard.analysis.extraction.conditions import factor_read
 from netboard.analysis.statistics.factors import INTERCEPT, PRACTICE
 from netboard.analysis.topics.models import Fit, fits_of, human_test_rows, trial_numbers
 from netboard.base.errors import ConfigError
-from netboard.recording.export.formats import Progress
 
 MODEL = "model"
 """Name of the test with the between-dyad degrees of freedom."""
@@ -81,15 +80,7 @@ def _terms(fit: Fit) -> Iterator[tuple[str, str, Term]]:
 
 
 def model_powers(
-    cohort: Cohort,
-    studies: int,
-    sizes: Sequence[int],
-    alpha: float,
-    trials: int,
-    *,
-    workers: int,
-    dask: str | None,
-    progress: Progress,
+    cohort: Cohort, studies: int, sizes: Sequence[int], alpha: float, trials: int, runner: Runner
 ) -> list[Power]:
     """Fit all models to all studies, and return the power of each effect."""
     if not cohort.manifest["keep_trials"]:
@@ -97,9 +88,9 @@ def model_powers(
     task = partial(fitted, cohort.folder.absolute(), tuple(sizes), alpha, trials)
     found: dict[int, dict[Key, Term]] = {}
     files = [cohort.folder.absolute() / MANIFEST]
-    for number, terms in run_all(task, range(1, studies + 1), workers, dask, files):
+    for number, terms in runner.run_all(task, range(1, studies + 1), files):
         found[number] = terms
-        progress(f"models of {len(found)} of {studies} studies", len(found), studies)
+        runner.progress(f"models of {len(found)} of {studies} studies", len(found), studies)
     each = [found[number] for number in sorted(found)]
     keys = dict.fromkeys(key for terms in each for key in terms)
     return [

@@ -20,13 +20,13 @@ import pandas as pd
 
 from netboard.analysis.cohort.rows import STUDIES
 from netboard.analysis.cohort.virtual import Design, StudyTables, check, compile_kernels, jobs_of_dyad, simulate, unpack
-from netboard.analysis.cohort.workers import CODE, run_all
+from netboard.analysis.cohort.workers import CODE, Runner
 from netboard.analysis.extraction.fingerprint import fingerprint
 from netboard.analysis.extraction.store import Store
 from netboard.analysis.extraction.tables import Kind, columns_of
 from netboard.base.config import resolve
 from netboard.base.errors import ConfigError, RecordingError, writing
-from netboard.recording.export.formats import Progress, new_folder
+from netboard.recording.export.formats import new_folder
 from netboard.recording.export.tabular import open_csv, open_parquet, write_dictionary
 from netboard.task.studies.study import resolve_study
 
@@ -190,18 +190,15 @@ def make_cohort(
     design: Design,
     studies: int,
     folder: Path,
+    runner: Runner,
     *,
-    workers: int,
-    dask: str | None = None,
     resume: bool = False,
     ending: Ending = "parquet",
-    progress: Progress,
 ) -> Cohort:
     """Simulate the studies of a cohort that are not finished, and join their tables.
 
     - `studies`: number of virtual studies; a cohort that is continued may get more of them [1].
     - `ending`: format of the table of trials, if it is kept.
-    - `progress`: callback with the number of finished studies and the total.
     """
     check(design, studies)
     cohort = Cohort(folder) if resume else Cohort.create(folder, design)
@@ -210,12 +207,12 @@ def make_cohort(
     missing = [number for number in range(1, studies + 1) if not cohort.has(number)]
     done = studies - len(missing)
     if missing:
-        progress("compiling (only once)", done, studies)
+        runner.progress("compiling (only once)", done, studies)
         compile_kernels(jobs_of_dyad(design.config, design.study, design.seed_of(1), 1))
-    progress(f"{done} of {studies} studies", done, studies)
-    for number, content in run_all(partial(simulate, design), missing, workers, dask):
+    runner.progress(f"{done} of {studies} studies", done, studies)
+    for number, content in runner.run_all(partial(simulate, design), missing):
         cohort.put(number, content)
         done += 1
-        progress(f"{done} of {studies} studies", done, studies)
+        runner.progress(f"{done} of {studies} studies", done, studies)
     cohort.write_tables(studies, ending)
     return cohort

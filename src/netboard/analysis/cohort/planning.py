@@ -11,9 +11,10 @@ from netboard.analysis.cohort.power import Differences, Power, differences, powe
 from netboard.analysis.cohort.report import Assumptions, by_test, distributions, parts, sentence, write
 from netboard.analysis.cohort.rows import SIZE
 from netboard.analysis.cohort.virtual import Design
+from netboard.analysis.cohort.workers import Runner
 from netboard.base.config import Config, digest, parse
 from netboard.base.errors import ConfigError
-from netboard.recording.export.formats import Progress, refuse_existing
+from netboard.recording.export.formats import refuse_existing
 from netboard.task.studies.study import Study, resolve_study
 
 
@@ -45,9 +46,7 @@ class Answer:
     sentence: str
 
 
-def answer(
-    request: Request, folder: Path, given: Path | None, *, workers: int, dask: str | None, progress: Progress
-) -> Answer:
+def answer(request: Request, folder: Path, given: Path | None, runner: Runner) -> Answer:
     """Compute the powers, and write them to a new folder.
 
     - `given`: folder of a cohort of the study; None simulates one, in ``cohort`` of the new folder.
@@ -55,16 +54,14 @@ def answer(
     refuse_existing(folder)
     if given is None:
         design = Design(request.study, request.config, max(request.dyads), request.seed, keep_trials=request.models)
-        cohort = make_cohort(design, request.studies, folder / "cohort", workers=workers, dask=dask, progress=progress)
+        cohort = make_cohort(design, request.studies, folder / "cohort", runner)
     else:
         cohort = suitable(request, given)
     studies = cohort.finished
     found = [one for trials in request.trials for one in _of_contrasts(request, cohort, studies, trials)]
     if request.models:
         for trials in request.trials:
-            found += model_powers(
-                cohort, studies, request.dyads, request.alpha, trials, workers=workers, dask=dask, progress=progress
-            )
+            found += model_powers(cohort, studies, request.dyads, request.alpha, trials, runner)
     made = cohort.manifest
     config = parse(made["config"], str(cohort.folder))
     drawn = tuple(distributions(config, made["seed"]))

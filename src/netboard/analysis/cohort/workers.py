@@ -9,12 +9,14 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
 from netboard.analysis.extraction.workers import dask
 from netboard.base.errors import NetboardError
 from netboard.base.process.workers import terminate_workers, worker_processes
+from netboard.recording.export.formats import Progress
 
 T = TypeVar("T")
 
@@ -30,33 +32,41 @@ AHEAD = 64
 """Tasks that a cluster has at a time [1]."""
 
 
-def run_all(
-    task: Task[T], numbers: Sequence[int], workers: int, address: str | None = None, files: Sequence[Path] = ()
-) -> Iterator[tuple[int, T]]:
-    """Yield each number and its result as it is finished.
+@dataclass(frozen=True, slots=True)
+class Runner:
+    """Where the tasks of a cohort run, and the callback that reports their progress.
 
-    - `task`: function that can be pickled.
     - `workers`: processes of this machine; 1: this one [1].
     - `address`: address of a Dask scheduler, used instead of processes.
-    - `files`: files that all workers of a cluster must see.
     """
-    if not numbers:
-        return
-    with ExitStack() as stack:
 
-        def process() -> Executor:
-            pool = worker_processes(1)
-            stack.callback(terminate_workers, pool)
-            return pool
+    progress: Progress
+    workers: int = 1
+    address: str | None = None
 
-        if address is not None:
-            cluster = stack.enter_context(dask(address, root=CODE)(files))
-            yield from _run(task, numbers, AHEAD, lambda: cluster)
-        elif workers > 1:
-            yield from _run(task, numbers, workers, process)
-        else:
-            for number in numbers:
-                yield number, task(number)
+    def run_all(self, task: Task[T], numbers: Sequence[int], files: Sequence[Path] = ()) -> Iterator[tuple[int, T]]:
+        """Yield each number and its result as it is finished.
+
+        - `task`: function that can be pickled.
+        - `files`: files that all workers of a cluster must see.
+        """
+        if not numbers:
+            return
+        with ExitStack() as stack:
+
+            def process() -> Executor:
+                pool = worker_processes(1)
+                stack.callback(terminate_workers, pool)
+                return pool
+
+            if self.address is not None:
+                cluster = stack.enter_context(dask(self.address, root=CODE)(files))
+                yield from _run(task, numbers, AHEAD, lambda: cluster)
+            elif self.workers > 1:
+                yield from _run(task, numbers, self.workers, process)
+            else:
+                for number in numbers:
+                    yield number, task(number)
 
 
 def _run(
