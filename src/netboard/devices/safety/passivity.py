@@ -26,7 +26,10 @@ from math import isfinite
 from netboard.base.tick import TICK_SECONDS
 
 STORED = 2e-3
-"""Largest deficit before forces are withheld, and largest stored energy [J]."""
+"""Largest deficit before forces are withheld, and largest stored energy [J].
+
+It is that of the default virtual coupling at 4.5 mm, and 11 encoder steps of a Touch at its maximum force.
+"""
 
 MAX_DAMPING = 5.0
 """Maximum damping; a device of 45 g with a velocity estimate 4 ms late remains stable with it [N s/m]."""

@@ -29,7 +29,7 @@ REMEMBERED = 256
 """Samples whose stamps are remembered; an answer to an older one is never fresh, whatever the timeout [1]."""
 
 GOODBYE_ATTEMPTS = 50
-"""Attempts to send the goodbye after a lost device, one each millisecond [1]."""
+"""Attempts to send the goodbye after a lost device, one each millisecond: by then the server misses samples [1]."""
 
 NONE, FORCE, POINT, BEAT = range(4)
 """Kinds of the newest answer."""

@@ -56,7 +56,10 @@ HOUSEKEEPING_TICKS = 2 * FEED_TICKS
 """Ticks between two rounds of the other periodic work [1]."""
 
 DEADLINE_MARGIN_NS, MAX_POSTPONED = 400_000, 4
-"""Work that can wait is not begun so shortly before a deadline [ns], at most this many times in a row [1]."""
+"""Work that can wait is not begun so shortly before a deadline [ns], at most this many times in a row [1].
+
+The longest piece, a report of 256 frames, takes 0.34 ms (decision 24). A loop that is always late must do it, too.
+"""
 
 ANSWER_NS = 4_000_000
 """Interval between answers to operators, one answer at a time; an answer takes a fifth of a tick [ns]."""
