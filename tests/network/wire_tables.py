@@ -37,8 +37,8 @@ def wire_type(hint: Any) -> str:
     return "[" + ", ".join(map(wire_type, parts)) + "]"
 
 
-def described(documented: type) -> tuple[str, dict[str, str]]:
-    """Summary of a docstring, and the meaning of each attribute."""
+def described(documented: type, expected: list[str]) -> tuple[str, dict[str, str]]:
+    """Summary of a docstring, and the meaning of each attribute, which must have the expected names."""
     text, _, attributes = inspect.getdoc(documented).partition("Attributes\n----------\n")  # type: ignore[union-attr]
     meanings: dict[str, str] = {}
     names: list[str] = []
@@ -47,6 +47,8 @@ def described(documented: type) -> tuple[str, dict[str, str]]:
             names = line.partition(" : ")[0].split(", ")
         elif line:
             meanings.update({name: f"{meanings.get(name, '')} {line.strip()}".strip() for name in names})
+    missing = [name for name in expected if name not in meanings]
+    assert not missing, f"the docstring of {documented.__name__} does not describe {', '.join(missing)}"
     return " ".join(text.split()), meanings
 
 
@@ -66,7 +68,8 @@ def _listed(roles: tuple[str, ...]) -> str:
 
 def section(number: int, kind: Kind) -> str:
     """Section of one message."""
-    text, meanings = described(kind.message)
+    names = [field.name for field in dataclasses.fields(kind.message)]
+    text, meanings = described(kind.message, names)
     hints = typing.get_type_hints(kind.message)
     limits = f"at most {kind.most_bytes} bytes"
     if kind.most_items:
@@ -82,7 +85,6 @@ def section(number: int, kind: Kind) -> str:
         f"{_markdown(text)}{sent} ({limits[0].upper()}{limits[1:]}.)",
         "",
     ]
-    names = [field.name for field in dataclasses.fields(kind.message)]
     if names:
         lines += ["| # | field | type | meaning |", "| ---: | --- | --- | --- |"]
     for place, name in enumerate(names, start=1):
@@ -94,7 +96,7 @@ def section(number: int, kind: Kind) -> str:
 
 def safeguards() -> str:
     """The bits of `Stylus.safeguards`."""
-    text, meanings = described(Safeguard)
+    text, meanings = described(Safeguard, list(Safeguard.__members__))
     lines = [
         "### Bits of `safeguards`",
         "",
@@ -103,9 +105,9 @@ def safeguards() -> str:
         "| bit | value | name | meaning |",
         "| ---: | ---: | --- | --- |",
     ]
-    for flag in Safeguard:
+    for name, flag in Safeguard.__members__.items():
         bit = flag.value.bit_length() - 1
-        lines.append(f"| {bit} | {flag.value} | `{flag.name}` | {_markdown(meanings[str(flag.name)])} |")
+        lines.append(f"| {bit} | {flag.value} | `{name}` | {_markdown(meanings[name])} |")
     return "\n".join(lines) + "\n"
 
 
