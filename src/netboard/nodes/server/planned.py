@@ -1,6 +1,5 @@
 """A session that follows a plan: its blocks and its journal, from the beginning or resumed."""
 
-import hashlib
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
@@ -21,7 +20,7 @@ from netboard.task.journal.same_session import changed_plan, changes, require_sa
 from netboard.task.plans import plan as plans
 from netboard.task.plans.balance import require_balance
 from netboard.task.plans.plan import Plan, PlanSession, config_of, plan_of, seated, shortened
-from netboard.task.studies.study import Study, resolve_study
+from netboard.task.studies.study import Study, digest_of_study
 
 console = plain_console()
 
@@ -94,8 +93,8 @@ class Planned:
         return Header(
             format=FORMAT,
             study=self.study.name,
-            study_digest=hashlib.sha256(resolve_study(self.study).encode()).hexdigest(),
-            plan_digest=self._digest(),
+            study_digest=digest_of_study(self.study),
+            plan_digest=plans.digest(self.plan, self.wanted.blocks, self.wanted.trials),
             seed=self.wanted.seed,
             dyad=session.dyad,
             name=session.name,
@@ -107,13 +106,6 @@ class Planned:
             config_digest=digest(config),
             config=resolve(config),
         )
-
-    def _digest(self) -> str:
-        """Return the digest of the part of the plan that is run."""
-        whole, wanted = plans.digest(self.plan), self.wanted
-        if wanted.blocks is None and wanted.trials is None:
-            return whole
-        return hashlib.sha256(f"{whole} {wanted.blocks} {wanted.trials}".encode()).hexdigest()
 
     def begin(self) -> tuple[BlockSequence, Attempts]:
         """Begin the session."""

@@ -6,10 +6,10 @@ differences do not indicate damage: a killed server did not write its last lines
 file cannot be judged again; and frames that a display reported too late did not count live.
 """
 
-import hashlib
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import fields, replace
+from itertools import product
 from pathlib import Path
 
 from netboard.base.config import Config
@@ -33,7 +33,7 @@ from netboard.task.journal.entries import (
 )
 from netboard.task.plans.plan import Plan, config_of, digest, plan_of
 from netboard.task.studies import library
-from netboard.task.studies.study import parse_study, resolve_study
+from netboard.task.studies.study import digest_of_study, parse_study
 from netboard.task.trials.quality import Verdict
 
 _COMPARED = ("success", "fell", "timed_out")
@@ -81,18 +81,13 @@ def plan_in(header: Header, config: Config) -> Plan | None:
     if header.study not in library.NAMES or number is None:
         return None
     study = parse_study(library.text_of(header.study), header.study)
-    if hashlib.sha256(resolve_study(study).encode()).hexdigest() != header.study_digest:
+    if digest_of_study(study) != header.study_digest:
         return None
     hands = (config.session.hand_a, config.session.hand_b)
     plan = plan_of(study, header.seed, int(number[0]), hands)
-    return plan if header.plan_digest in {digest(plan), *_shortened(plan, config)} else None
-
-
-def _shortened(plan: Plan, config: Config) -> Iterator[str]:
-    """Yield the digests of the shortened plans that a pilot run of this block may have used."""
-    for blocks in (None, config.block.blocks):
-        for trials in (None, config.block.trials):
-            yield hashlib.sha256(f"{digest(plan)} {blocks} {trials}".encode()).hexdigest()
+    # A pilot run may have shortened the plan to the blocks and trials of this block.
+    shortened = product((None, config.block.blocks), (None, config.block.trials))
+    return plan if header.plan_digest in {digest(plan, *to) for to in shortened} else None
 
 
 def _compare_plan(config: Config, planned: Config) -> Iterator[Finding]:

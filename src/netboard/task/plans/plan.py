@@ -137,9 +137,12 @@ def to_json(plan: Plan) -> str:
     return json.dumps(whole, sort_keys=True, separators=(",", ":"))
 
 
-def digest(plan: Plan) -> str:
-    """Return the SHA-256 of a plan, in hexadecimal; equal plans have equal digests."""
-    return hashlib.sha256(to_json(plan).encode()).hexdigest()
+def digest(plan: Plan, blocks: int | None = None, trials: int | None = None) -> str:
+    """Return the SHA-256 of a plan, also `shortened`, in hexadecimal; equal plans have equal digests."""
+    whole = hashlib.sha256(to_json(plan).encode()).hexdigest()
+    if blocks is None and trials is None:
+        return whole
+    return hashlib.sha256(f"{whole} {blocks} {trials}".encode()).hexdigest()
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ This module has no dyads: `netboard.task.plans.plan` makes the blocks of a dyad 
 """
 
 import difflib
+import hashlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields
 from itertools import combinations
@@ -288,6 +289,11 @@ def _keys(changes: Changes) -> set[str]:
 
 
 # --- writing -----------------------------------------------------------------------------------------------------
+
+
+def digest_of_study(study: Study) -> str:
+    """Return the SHA-256 of a study in full, in hexadecimal."""
+    return hashlib.sha256(resolve_study(study).encode()).hexdigest()
 
 
 def resolve_study(study: Study) -> str:
