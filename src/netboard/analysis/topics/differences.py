@@ -13,6 +13,7 @@ from netboard.analysis.topics.contrasts import Comparison, Question, comparisons
 from netboard.analysis.topics.figure import NO_EFFECT, Drawn, Look, draw_dyads, draw_mean, handles, pictured, span
 from netboard.analysis.topics.measures import COLUMNS, grid
 from netboard.analysis.topics.units import read_in
+from netboard.base.plural import noun
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -70,5 +71,5 @@ def _caption(found: Sequence[Comparison]) -> str:
     n = [one.contrast.n for one in found]
     return (
         "Differences between conditions (ratios for completion times): within each dyad (small points), and the mean "
-        f"over dyads with its 95 % t confidence interval (large); n = {span(n)} dyad{'s' * (max(n) != 1)}."
+        f"over dyads with its 95 % t confidence interval (large); n = {span(n)} {noun(max(n), 'dyad')}."
     )

@@ -13,6 +13,7 @@ from functools import lru_cache
 from typing import Any
 
 from netboard.base.errors import ConfigError
+from netboard.base.plural import plural
 from netboard.base.tables.scene import Physics, friction_rate
 from netboard.physics.scene.parameters import Parts, pack_scene, parts_of
 from netboard.physics.stability.step_matrix import (
@@ -127,19 +128,15 @@ def _automatic(physics: Physics, stiff: float) -> tuple[str, int, str]:
     substeps = physics.substeps or max(math.ceil(stiff - STIFFNESS_TOLERANCE), 1)
     if stiff - STIFFNESS_TOLERANCE > (substeps if physics.substeps > 0 else MAX_RK4_STIFFNESS):
         return "etdrk4", max(physics.substeps, 1), f"{lasts}, too many for rk4."
-    reason = f"{lasts}: rk4 in {_counted(substeps)} is stable and errs less than the sampling of the hands."
+    reason = f"{lasts}: rk4 in {plural(substeps, 'step')} is stable and errs less than the sampling of the hands."
     return "rk4", substeps, reason
 
 
 def _named(physics: Physics, h: float) -> tuple[str, int, str]:
     """Return the configured method with the configured or required number of steps, and the reason."""
     substeps = physics.substeps or _enough(physics, h) or MAX_SUBSTEPS
-    return physics.method, substeps, f"Named in the configuration: {physics.method} in {_counted(substeps)} is stable."
-
-
-def _counted(substeps: int) -> str:
-    """Return a number of steps in words."""
-    return "1 step" if substeps == 1 else f"{substeps} steps"
+    reason = f"Named in the configuration: {physics.method} in {plural(substeps, 'step')} is stable."
+    return physics.method, substeps, reason
 
 
 def _enough(physics: Physics, h: float) -> int:
@@ -183,7 +180,7 @@ def _refusal(physics: Physics, h: float, choice: Choice) -> str:
     named = ", ".join(f"physics.{key} = {getattr(physics, key):g}" for key in _stiffening(physics))
     return (
         f"{named}: too stiff for a board of M = {physics.M:g} kg, I = {physics.I:g} kg m2 in ticks of {h * 1e3:g} ms, "
-        f"{_counted(choice.substeps)} of {choice.method} each: "
+        f"{plural(choice.substeps, 'step')} of {choice.method} each: "
         f"every tick would multiply its motion by {growth} (spectral radius; at most 1 is stable); "
         f"accepted: {', or '.join(_offers(physics, h))}"
     )

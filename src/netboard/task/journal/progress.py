@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Protocol, TypeAlias
 
 from netboard.base.errors import RecordingError
+from netboard.base.plural import plural
 from netboard.task.journal.entries import (
     AttemptBegan,
     AttemptEnded,
@@ -293,9 +294,9 @@ def resume_words(progress: Progress) -> str:
     if progress.skipped:
         counts.append(f"{progress.skipped} skipped")
     if progress.failures:
-        counts.append(_counted(progress.failures, "failed attempt"))
+        counts.append(plural(progress.failures, "failed attempt"))
     if progress.extra:
-        counts.append(f"{_counted(progress.extra, 'trial')} added")
+        counts.append(f"{plural(progress.extra, 'trial')} added")
     trials = progress.repeats.trials + progress.extra
     words = f"resumes at {where}, trial {progress.trial} of {trials} ({', '.join(counts)})"
     if progress.attempt > 1:
@@ -303,7 +304,3 @@ def resume_words(progress: Progress) -> str:
     if progress.under_way is not None:
         words += "; the unfinished attempt is kept as incomplete"
     return words
-
-
-def _counted(count: int, word: str) -> str:
-    return f"{count} {word}{'s' if count != 1 else ''}"
