@@ -13,7 +13,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from netboard.base.config import Config
-from netboard.base.errors import NetboardError
+from netboard.base.errors import NetboardError, writing
+from netboard.base.files.new import new_file
 from netboard.base.finding import Colour, Finding
 from netboard.base.process.realtime import OFF, OK, cpus_for
 from netboard.base.process.workers import usable_cpus
@@ -68,13 +69,10 @@ class Report:
 
     def save(self, path: Path) -> None:
         """Write the report to a file, in place of an older one."""
-        fresh = path.with_name(f"{path.name}.new")
-        try:
+        with writing(path, NetboardError):
             path.parent.mkdir(parents=True, exist_ok=True)
-            fresh.write_text(self.text() + "\n", encoding="utf-8")
-            fresh.replace(path)
-        except OSError as error:
-            raise NetboardError(f"{path}: cannot be written: {error.strerror}") from error
+        with new_file(path) as part:
+            part.write_text(self.text() + "\n", encoding="utf-8")
 
 
 def steps(config: Config, effort: Effort) -> dict[str, Step]:
