@@ -174,7 +174,7 @@ def test_session_resumes_at_the_first_trial_not_done() -> None:
     assert now.under_way == (1, 23, 2)
     assert now.incomplete == ((1, 23, 2),)
     assert now.outcomes[-1][:4] == (1, 23, 2, "incomplete")
-    assert now.best == 1.5
+    assert min(now.completions) == 1.5
     assert resume_words(now) == (
         "resumes at block 1 of 1, trial 23 of 60 (22 done, 3 failed attempts), attempt 3; "
         "the unfinished attempt is kept as incomplete"

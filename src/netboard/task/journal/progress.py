@@ -108,11 +108,6 @@ class Progress:
         """Number of trials added to the block [1]."""
         return self.repeats.extra
 
-    @property
-    def best(self) -> float | None:
-        """Best completion time of the block; None without a success [s]."""
-        return min(self.completions, default=None)
-
 
 @dataclass
 class _BlockSoFar:
