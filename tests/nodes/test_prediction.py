@@ -9,7 +9,6 @@ from scipy.stats import poisson
 from netboard.base.errors import NetboardError
 from netboard.base.finding import Finding
 from netboard.base.tables.rig import Realtime
-from netboard.nodes.agent import undisturbed
 from netboard.nodes.doctor import exchange, prediction
 from netboard.nodes.doctor.exchange import ExchangeTimes
 
@@ -41,10 +40,6 @@ def test_missed_sample_closes_no_loop_and_delays_the_other_side() -> None:
     assert loops.size == 2 * 1000 - 1
     deadline = 0.5 * (0.150 + 0.200) + 0.300
     assert loops.max() == pytest.approx(deadline + 0.050 - 0.050 + 0.080 + WORK_MS)
-
-
-def test_predicted_lead_equals_the_lead_of_the_agents() -> None:
-    assert prediction.LEAD_NS == undisturbed.LEAD_NS
 
 
 @pytest.mark.parametrize("missed", [0, 3, 61])

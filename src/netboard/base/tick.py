@@ -25,6 +25,9 @@ START_NS = 1_000_000_000
 LATE_NS = TICK_NS // 2
 """A tick that starts later than this after its deadline is a deadline miss: half a tick [ns]."""
 
+LEAD_NS = 300_000
+"""Target of the agents for the arrival of a sample before its tick's deadline; absorbs most jitter [ns]."""
+
 HEARTBEAT_TICKS = 4
 """Ticks between two heartbeats of the server while no forces are sent, so that no force becomes stale [1]."""
 

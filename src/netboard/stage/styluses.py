@@ -22,6 +22,9 @@ from netboard.physics.hands.extrapolation import (
 MIN_SAMPLE_INTERVAL = 0.25e-3
 """Samples closer than this give no acceleration: their difference in velocity is noise [s]."""
 
+MAX_STYLUS_HEIGHT = 1.0
+"""A stylus further from its origin is impossible, as after a mistake in a unit [m]."""
+
 MAX_STYLUS_SPEED = 10.0
 """A faster sample is implausible and ignored [m/s]."""
 

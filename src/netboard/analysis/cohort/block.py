@@ -19,7 +19,7 @@ from netboard.analysis.extraction.devices import always, simulated_mechanics
 from netboard.analysis.extraction.recordings import ATTEMPT, BLOCKS, Measured, attempt_row, block_row, place_of
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.tables import columns_of
-from netboard.analysis.extraction.trials import Block
+from netboard.analysis.extraction.trials import PLACES, Block
 from netboard.network.protocol.motion import Safeguard
 from netboard.nodes.rehearsal.block import Rehearsal
 from netboard.nodes.rehearsal.jobs import Job
@@ -30,9 +30,6 @@ from netboard.task.trials.quality import Referee
 
 READINGS = Readings()
 """Settings of the measures: those of the paper."""
-
-COLUMNS = ("theta", "p", "left_used_z", "right_used_z")
-"""Columns of the ticks that the measures need; a rehearsal lacks no tick, so their numbers follow from the first."""
 
 TRIALS = (*ATTEMPT, *(field for group in PAPER for field in group.fields))
 """Columns of the attempts of a virtual study: the measures of the paper."""
@@ -56,7 +53,7 @@ class Rehearsed:
 def rehearse(job: Job) -> Rehearsed:
     """Rehearse a block."""
     rehearsal, referee = Rehearsal(job.config, job.people), Referee(job.config, Safeguard.CLAMPED)
-    parts: dict[str, list[NDArray[np.float64]]] = {name: [] for name in COLUMNS}
+    parts: dict[str, list[NDArray[np.float64]]] = {name: [] for name in PLACES}
     flags: dict[tuple[int, int], tuple[str, ...]] = {}
 
     def portions() -> Iterator[NDArray[Any]]:
@@ -70,7 +67,7 @@ def rehearse(job: Job) -> Rehearsed:
     attempts = attempts_along(portions())
     summary = rehearsal.summary()
     columns: dict[str, NDArray[Any]] = {name: np.concatenate(own) for name, own in parts.items()}
-    columns["tick"] = np.arange(summary.ticks)
+    columns["tick"] = np.arange(summary.ticks)  # a rehearsal lacks no tick
     block = Block(job.config, READINGS, columns, attempts, always(simulated_mechanics(job.config)))
     return Rehearsed(block, flags, summary.ticks, summary.given_up)
 

@@ -39,7 +39,9 @@ RATE = 1 / TICK_SECONDS
 UNRELEASED = "unreleased"
 """Mark of an attempt whose release is not in the recording, so that its times are not known."""
 
-_PLACES = ("theta", "p", "left_used_z", "right_used_z")
+PLACES = ("theta", "p", "left_used_z", "right_used_z")
+"""Columns of the ticks that all measures need."""
+
 _FORCES = ("left_coupling", "right_coupling")
 _RATES = ("left_used_vz", "right_used_vz")
 _COUNTS = ("tick", "run_ticks")
@@ -48,7 +50,7 @@ _FILTERED = ("_seen", "placed", "fast", "slow", "whole", "forces", "_segments")
 
 def columns_for(readings: Readings) -> tuple[str, ...]:
     """Return the tick columns that a `Block` needs."""
-    return (*_COUNTS, *_PLACES, *_FORCES, *(_RATES if readings.filters.velocity == "device" else ()))
+    return (*_COUNTS, *PLACES, *_FORCES, *(_RATES if readings.filters.velocity == "device" else ()))
 
 
 class Block:
@@ -148,7 +150,7 @@ class Block:
     def filtered(self, part: slice) -> Motion:
         """Filter a part of the recording."""
         how = self.readings.filters
-        theta, p, left, right = (self.raw(name)[part] for name in _PLACES)
+        theta, p, left, right = (self.raw(name)[part] for name in PLACES)
         rates = [self.raw(name)[part] for name in _RATES] if how.velocity == "device" else (None, None)
         placed = self.placed[(self.placed > part.start) & (self.placed < part.stop)] - part.start
         return motion(

@@ -28,6 +28,7 @@ from netboard.base.errors import ConfigError, DeviceNotFound
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
 from netboard.devices.contract.device import Device, DeviceInfo, Reading
 from netboard.recording.files.reader import Recording
+from netboard.stage.styluses import MAX_STYLUS_HEIGHT
 
 NEEDED = ("time", "x", "y", "z")
 RATES = ("vx", "vy", "vz")
@@ -36,9 +37,6 @@ UNITS = {"time": "s", "x": "m", "y": "m", "z": "m", "vx": "m/s", "vy": "m/s", "v
 
 MAX_CURVE = 0.5
 """Longest time between two samples that a cubic joins: over a pause it would swing far beyond both [s]."""
-
-REACH = 1.0
-"""Largest plausible coordinate of a stylus [m]."""
 
 Vector = tuple[float, float, float]
 
@@ -270,9 +268,10 @@ def _number(where: str, name: str, word: str) -> float:
     if not isfinite(value):
         found = f'"{word}"' if word.strip() else "nothing"
         raise ConfigError(f"{where}, column {name}: found {found}, expected a finite number [{UNITS[name]}]")
-    if UNITS[name] == "m" and abs(value) > REACH:
+    if UNITS[name] == "m" and abs(value) > MAX_STYLUS_HEIGHT:
         raise ConfigError(
-            f"{where}, column {name}: found {value:g}, expected at most {REACH:g} m in each direction: are these mm?"
+            f"{where}, column {name}: found {value:g}, expected at most {MAX_STYLUS_HEIGHT:g} m in each direction: "
+            "are these mm?"
         )
     if name == "buttons" and not (value >= 0.0 and value.is_integer() and value < 2**31):
         raise ConfigError(

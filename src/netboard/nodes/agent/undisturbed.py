@@ -15,7 +15,7 @@ import numpy as np
 
 from netboard.base.clock import CATCH_UP_TICKS
 from netboard.base.compiled import composed, inlined, kernel, machine_code, waiting
-from netboard.base.tick import TICK_NS
+from netboard.base.tick import LEAD_NS, TICK_NS
 from netboard.devices.contract.device import CompiledAccess
 from netboard.devices.safety.chain import Guard, Safety, limit
 from netboard.devices.safety.fixture import fixture_force
@@ -39,9 +39,6 @@ Kernel: TypeAlias = Callable[..., Any]
 
 Fields: TypeAlias = tuple[int, float, float, float, float, float, float, int, bool]
 """Fields of a reading (`netboard.devices.contract.device.Reading`)."""
-
-LEAD_NS = 300_000
-"""Target for the arrival of a sample before its tick's deadline; absorbs most jitter [ns]."""
 
 SHIFT_SHARE = 0.02
 """Share of the phase error that is corrected with each message [1]."""

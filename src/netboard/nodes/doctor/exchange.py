@@ -27,18 +27,16 @@ from netboard.network.protocol.fixed import FORCE, STYLUS
 from netboard.network.transport import channels, sockets
 from netboard.network.transport.ports import free_port
 from netboard.nodes.doctor.network import LOOPBACK
+from netboard.nodes.doctor.timing import PROGRESS_INTERVAL_S, WARM_UP_TICKS
 
 ANSWER = struct.Struct(f"<qq{FORCE.size - 16}x")
 """Answer of the server: when it received the frame, and when it sends this one [ns]."""
 
-WARM_UP_TICKS = 200
 LEAD_NS = 50_000_000
 """Time between the start signal and the first exchange [ns]."""
 
 TIMEOUT_MS = 5_000
 """Time without a frame after which a process gives up [ms]."""
-
-PROGRESS_INTERVAL_S = 0.1
 
 
 @dataclass(frozen=True)

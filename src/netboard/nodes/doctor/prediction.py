@@ -15,13 +15,11 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from netboard.base.finding import Finding, graded
+from netboard.base.tick import LEAD_NS
 from netboard.nodes.doctor.exchange import ExchangeTimes
 
 LOOP = "predicted loop"
 """Name of the finding."""
-
-LEAD_NS = 300_000
-"""How long before a deadline agents let their samples arrive: `netboard.nodes.agent.undisturbed.LEAD_NS` [ns]."""
 
 WORK_US, WORK_EXCHANGE_US = -5.0, 64.0
 """Work of a loop beside its exchange, and the server's CPU time for an exchange, on the machine of latency.md [us].

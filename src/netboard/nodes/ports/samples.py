@@ -20,6 +20,7 @@ from netboard.network.protocol.motion import TRIP_CAUSES, Force, Heartbeat, Poin
 from netboard.network.transport import fastpath, sockets
 from netboard.nodes.ports.unregistered import UNREGISTERED, keep
 from netboard.physics.arithmetic.trig import sincos
+from netboard.stage.styluses import MAX_STYLUS_HEIGHT
 
 MAX_STAMP_NS = 2**60
 """Stamps beyond this (36 years) are invalid; arithmetic with them could overflow 64 bits [ns]."""
@@ -94,9 +95,6 @@ _RENDERED = np.array([TICK_WORDS[f"{side}_rendered"] for side in SIDES])
 _ROW_FORCE = np.array([TICK_WORDS[f"{side}_force"] for side in SIDES])
 _TICK, _TIME, _LATE = TICK_WORDS["tick"], TICK_WORDS["time_ns"], TICK_WORDS["late_ns"]
 _BOARD_Z, _BOARD_VZ, _THETA, _OMEGA = (TICK_WORDS[name] for name in ("z", "vz", "theta", "omega"))
-
-MAX_HEIGHT = 1.0
-"""A stylus further from its origin is impossible, as after a mistake in a unit: its sample is not live [m]."""
 
 MAX_FRAMES = 64
 """Frames taken at once, so that no sender can hold up a tick [1]."""
@@ -258,7 +256,7 @@ def fill(row: Any, agents: Any, number: int, due_ns: int, late_ns: int, timeout_
         agent = agents[place]
         for k in range(len(_COPIED_FROM)):
             row[_COPIED_TO[place, k]] = agent[_COPIED_FROM[k]]
-        possible = abs(values[place, _Z]) <= MAX_HEIGHT and np.isfinite(values[place, _VZ])
+        possible = abs(values[place, _Z]) <= MAX_STYLUS_HEIGHT and np.isfinite(values[place, _VZ])
         # A sample that was held up on the way arrives now with an old stamp; one from the future has a wrong clock.
         in_time = due_ns - agent[ARRIVED] < timeout_ns and abs(due_ns - agent[SERVER_STAMP]) < timeout_ns
         if agent[TAKEN] > 0 and possible and in_time:

@@ -16,6 +16,7 @@ from netboard.base.errors import NetboardError
 from netboard.network.protocol.control import Outcomes
 from netboard.network.protocol.motion import Safeguard
 from netboard.network.protocol.records import FrameRecord
+from netboard.nodes.ports.emergency import Event
 from netboard.recording.recovery.journal_file import Journal
 from netboard.task.journal.entries import (
     AttemptBegan,
@@ -44,8 +45,6 @@ MAX_EARLY_NOTES = 100
 
 _NUMBER = re.compile("[0-9]{1,9}")
 """Number of a trial as an operator writes it; int() would refuse other digits, and very long numbers."""
-
-Event = tuple[str, dict[str, str]]
 
 
 class Attempts:

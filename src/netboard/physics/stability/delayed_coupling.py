@@ -18,13 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from netboard.base.tables.declared import Extrapolation
 from netboard.base.tables.scene import Physics
 from netboard.base.tick import TICK_SECONDS
 from netboard.physics.hands.extrapolation import ACCELERATION_HORIZON, VELOCITY_HORIZON
 
 Matrix = NDArray[np.float64]
 At = Literal["server", "both"]
-Hold = Literal["zoh", "cv", "ca"]
 
 ROUNDING = 1e-7
 """Tolerance of the spectral radius. A free body has a double eigenvalue 1, which rounding moves by the square root of
@@ -118,7 +118,7 @@ class Loop:
     up: int = 0
     down: int = 0
     at: At = "server"
-    hold: Hold = "zoh"
+    hold: Extrapolation = "zoh"
     window: int = 0
     reach: float = 0.0
     gain: float = 1.0
@@ -258,7 +258,7 @@ def _make_step(loop: Loop) -> tuple[int, Callable[[Matrix], Matrix]]:
     return length, step
 
 
-def _used(samples: Matrix, age: float, hold: Hold) -> Matrix:
+def _used(samples: Matrix, age: float, hold: Extrapolation) -> Matrix:
     """Return position, velocity and acceleration of a stylus at the tick, from its last two samples."""
     z, vz = samples[0], samples[1]
     if hold == "zoh":

@@ -27,7 +27,7 @@ from netboard.recording.files.provenance import CONFIG_NAME, MetadataName, confi
 from netboard.recording.format import older
 from netboard.recording.format.backfill import Backfilled
 from netboard.recording.format.batches import ATTEMPTS_NAME, PLACES, PLACES_NAME, Layout, attempt_of
-from netboard.recording.format.channels import CHANNELS, FORMAT_VERSION, IDS, unpack
+from netboard.recording.format.channels import FORMAT_VERSION, IDS, TICKS, unpack
 from netboard.recording.format.chunks import payloads
 from netboard.recording.format.partfile import PROFILE
 from netboard.recording.format.summary import Attempt, Gap, find_attempts, find_gaps
@@ -38,7 +38,6 @@ _ROW_BY_ROW = ("1", "2")
 READABLE = (*_ROW_BY_ROW, "3", FORMAT_VERSION)
 """Format versions that this module reads."""
 
-_TICKS = CHANNELS[0].topic
 _PORTION = 60_000
 _WORDS = np.dtype("<i8")
 
@@ -157,8 +156,8 @@ class Recording:
     def counts(self) -> dict[str, int]:
         """Number of ticks, and number of messages of the other streams, by topic [1]."""
         messages = self._file.counts
-        others = {topic: messages.get(topic, 0) for topic in IDS if topic != _TICKS}
-        return {_TICKS: int(self._places["count"].sum()), **others}
+        others = {topic: messages.get(topic, 0) for topic in IDS if topic != TICKS}
+        return {TICKS: int(self._places["count"].sum()), **others}
 
     @property
     def tick_range(self) -> range:
@@ -264,7 +263,7 @@ class Recording:
             with self._file.sound():
                 return np.frombuffer(listed, PLACES)
         found = []
-        for offset in self._file.chunks_with(_TICKS if self._in_batches else older.TOPIC):
+        for offset in self._file.chunks_with(TICKS if self._in_batches else older.TOPIC):
             numbers = self._decode([offset], ("tick",))["tick"]
             if len(numbers):
                 found.append((offset, numbers[0], numbers[-1], len(numbers)))
@@ -340,13 +339,13 @@ class Recording:
     @cached_property
     def _layout(self) -> Layout:
         with self._file.sound():
-            return Layout(self._file.schemas.get(_TICKS, b""))
+            return Layout(self._file.schemas.get(TICKS, b""))
 
     def _decode(self, offsets: Sequence[int], names: Sequence[str]) -> dict[str, NDArray[Any]]:
         with self._file.sound():
             if self._in_batches:
                 return self._layout.decode(
-                    [message for offset in offsets for message in self._payloads(offset, _TICKS)], names
+                    [message for offset in offsets for message in self._payloads(offset, TICKS)], names
                 )
             messages = [message for offset in offsets for message in self._payloads(offset, older.TOPIC)]
             rows = older.ticks_of(messages, self._version)
@@ -388,7 +387,7 @@ class Recording:
         numbers["/backfill"] = [backfill.seq for backfill in self.backfills()]
         for frame in self.frames():
             numbers.setdefault(f"/frame {frame.station}", []).append(frame.seq)
-        found = {_TICKS: find_gaps(self.columns("tick")["tick"])}
+        found = {TICKS: find_gaps(self.columns("tick")["tick"])}
         found |= {stream: find_gaps(np.array(seqs, np.int64)) for stream, seqs in numbers.items()}
         return {stream: gaps for stream, gaps in found.items() if gaps}
 

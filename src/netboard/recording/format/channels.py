@@ -320,6 +320,9 @@ CHANNELS = (
 )
 """Channels of a recording, in the order of their ids."""
 
+TICKS = CHANNELS[0].topic
+"""Topic of the ticks."""
+
 IDS = {channel.topic: number for number, channel in enumerate(CHANNELS, start=1)}
 """MCAP channel (and schema) id of each topic."""
 

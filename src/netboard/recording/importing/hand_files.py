@@ -22,15 +22,13 @@ from netboard.base.files.new import new_file
 from netboard.physics.hands.sampled import GAP_RATIO, Hands, find_gaps
 from netboard.recording.export.formats import library
 from netboard.recording.importing.tables import ROWS, TableFile
+from netboard.stage.styluses import MAX_STYLUS_HEIGHT
 
 HAND_COLUMNS = ("t", "z_left", "v_left", "z_right", "v_right")
 """Time of the sample [s], height [m] and velocity [m/s] of each stylus."""
 
 UNITS = {"t": "s", "z_left": "m", "v_left": "m/s", "z_right": "m", "v_right": "m/s"}
 KINDS = (".csv", ".parquet")
-
-MAX_HEIGHT = 1.0
-"""Largest plausible height of a stylus, up or down [m]."""
 
 MAX_SPEED = 50.0
 """Largest plausible velocity of a hand [m/s]."""
@@ -123,7 +121,7 @@ def _check(table: NDArray[np.float64], path: Path) -> None:
         raise ConfigError(
             f"{path}: found samples {usual:.6g} s apart (column t), expected at most {MAX_INTERVAL:g} s: is t in ms?"
         )
-    for column, limit in ((1, MAX_HEIGHT), (3, MAX_HEIGHT), (2, MAX_SPEED), (4, MAX_SPEED)):
+    for column, limit in ((1, MAX_STYLUS_HEIGHT), (3, MAX_STYLUS_HEIGHT), (2, MAX_SPEED), (4, MAX_SPEED)):
         far = np.flatnonzero(np.abs(table[:, column]) > limit)
         if len(far):
             row, name = int(far[0]), HAND_COLUMNS[column]

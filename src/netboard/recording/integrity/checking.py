@@ -20,11 +20,12 @@ from netboard.base.errors import ConfigError, NetboardError, RecordingError
 from netboard.base.plural import plural
 from netboard.network.protocol.records import BLOCK_BEGAN
 from netboard.recording.files.reader import Recording
+from netboard.recording.format.channels import TICKS
 from netboard.recording.integrity.account import parts_of
 from netboard.recording.integrity.clock_check import check_clocks
 from netboard.recording.integrity.journal_check import check_journal, check_plan
 from netboard.recording.integrity.severity import Finding, Report, Severity
-from netboard.recording.integrity.stream_check import TICKS, check_end, check_numbers, check_rendered, check_time
+from netboard.recording.integrity.stream_check import check_end, check_numbers, check_rendered, check_time
 from netboard.recording.integrity.trial_check import check_measured, check_trials
 from netboard.recording.integrity.verification import why_not_computable
 from netboard.recording.integrity.walk import Evidence, walk

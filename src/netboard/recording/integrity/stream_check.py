@@ -14,15 +14,12 @@ from netboard.base.tick import TICK_NS
 from netboard.network.protocol.records import EventRecord, FrameRecord
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.backfill import unknown_ticks
-from netboard.recording.format.channels import CHANNELS
+from netboard.recording.format.channels import TICKS
 from netboard.recording.format.summary import find_gaps
 from netboard.recording.integrity.account import LOG_TOPICS, NumberRange, cause_of_loss
 from netboard.recording.integrity.severity import Finding, Severity, numbers_in_words
 from netboard.recording.integrity.walk import ACTIVE, Evidence
 from netboard.task.trials.state_machine import Phase
-
-TICKS = CHANNELS[0].topic
-"""Topic of the ticks."""
 
 _MAX_BATCH_NS = 5_000_000_000  # the largest recording.flush_ms
 

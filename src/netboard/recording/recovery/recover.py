@@ -30,7 +30,7 @@ from netboard.recording.files.locate import EMPTY, recovered_path, require_file
 from netboard.recording.files.provenance import CONFIG_NAME, LIBRARY, MetadataName, config_sha256, damaged_numbers
 from netboard.recording.format import older
 from netboard.recording.format.batches import Layout, TickStream
-from netboard.recording.format.channels import CHANNELS, FORMAT_VERSION, IDS, Stamped, block_config, unpack
+from netboard.recording.format.channels import CHANNELS, FORMAT_VERSION, IDS, TICKS, Stamped, block_config, unpack
 from netboard.recording.format.chunks import MAGIC, RECORD_HEAD, UNSOUND, Entry, messages, unpack_chunk
 from netboard.recording.format.disk import lock
 from netboard.recording.format.partfile import PartFile
@@ -56,8 +56,7 @@ _NAMED = (
 """Records outside chunks with which reading continues after damage: opcode, name as stored, its place in the record."""
 
 _TOPICS = {number: topic for topic, number in IDS.items()}
-_TICKS = CHANNELS[0].topic
-_COPIED = frozenset(IDS) - {_TICKS, "/plot"}  # `TickStream` writes both anew
+_COPIED = frozenset(IDS) - {TICKS, "/plot"}  # `TickStream` writes both anew
 _LAYOUT, _LAYOUT_3 = Layout(CHANNELS[0].schema()), Layout(older.schema_3())
 
 
@@ -323,7 +322,7 @@ def _copy(
         for entry in entries:
             log_ns = max(log_ns, entry.log_time_ns)
             topic = _TOPICS.get(entry.channel_id, "")
-            if topic == _TICKS:
+            if topic == TICKS:
                 rows = _rows_of(entry.data, version)
                 for row in rows:
                     stream.add(row.tobytes(), entry.log_time_ns)
