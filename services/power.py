@@ -59,6 +59,7 @@ def power(
     settings = load(config, overrides)
     from netboard.analysis.cohort.planning import Request, answer
     from netboard.analysis.cohort.workers import Runner
+    from netboard.base.process.stopping import interrupted_by_stop_signals
     from netboard.base.process.workers import cores
     from netboard.base.terminal.bars import telling
     from netboard.base.terminal.output import plain_console
@@ -74,7 +75,7 @@ def power(
         contrasts=tuple(contrasts or ()),
         models=models,
     )
-    with telling() as tell:
+    with interrupted_by_stop_signals(), telling() as tell:
         found = answer(request, output, cohort, Runner(tell, workers or cores(), dask))
     console = plain_console(soft_wrap=True)
     for part in found.parts[:2]:  # the others are in power.json
