@@ -50,13 +50,11 @@ from netboard.participants.hand import CAPACITY
 from netboard.participants.partner import GOAL, goal_gains
 from netboard.participants.senses import (
     DECISION_INTERVAL,
-    LEVELLING,
     NOISE_TIME,
     PERCEPT,
     SEEN,
     SENSES,
     Glimpse,
-    is_free,
     ou_factors,
     perceive,
     store,
@@ -65,6 +63,9 @@ from netboard.participants.senses import (
 from netboard.participants.submovement import Submovement
 from netboard.physics.arithmetic.random_numbers import STREAM, coin, normal, pack_stream
 from netboard.physics.arithmetic.simd import gathered, lane
+from netboard.task.trials.state_machine import Phase, is_free
+
+_LEVELLING = int(Phase.LEVELLING)
 
 HAPTIC_ERROR_TIME = 0.5
 """Correlation time of the error of a height inferred from force [s]."""
@@ -225,7 +226,7 @@ def decide(state: Any, k: Any, now: float, glimpse: Any, felt: float, moves: NDA
         follow_partner(state, k, now)
     if now < state["ready"] or not _has_room(state):
         return 0
-    if seen["phase"] == LEVELLING:
+    if seen["phase"] == _LEVELLING:
         return _level(state, k, now, moves)
     if is_free(seen["phase"]):
         return _steer(state, k, now, moves)

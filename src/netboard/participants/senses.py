@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from netboard.base.compiled import inlined, kernel
 from netboard.stage.curtain import NO_PHASE
-from netboard.task.trials.state_machine import Phase
+from netboard.task.trials.state_machine import Phase, is_free
 
 DECISION_INTERVAL = 0.010
 """Interval between two decisions of a participant, who then looks and feels [s]."""
@@ -30,9 +30,6 @@ MEMORY = 2.2
 
 ROOM = 256
 """Glimpses and forces that are kept at most; a participant takes one each `DECISION_INTERVAL` [1]."""
-
-LEVELLING, _RUNNING, _HOLDING = int(Phase.LEVELLING), int(Phase.RUNNING), int(Phase.HOLDING)
-"""Phases of a trial in which a participant acts."""
 
 _PHASES = {phase.name.lower(): int(phase) for phase in Phase}
 
@@ -109,12 +106,6 @@ def write_glimpse(glimpse: Glimpse | None, place: NDArray[Any]) -> None:
     p, left, right = (nan if value is None else value for value in shown)
     phase = _PHASES.get(glimpse.phase, NO_PHASE)
     place[0] = (glimpse.time, phase, glimpse.z, glimpse.theta, p, glimpse.target, left, right)
-
-
-@inlined
-def is_free(phase: float) -> bool:
-    """Return whether the ball is free in a phase."""
-    return _RUNNING <= phase <= _HOLDING
 
 
 @inlined

@@ -41,14 +41,13 @@ from netboard.physics.scene.rendering import (
 from netboard.physics.stability.method_choice import Choice, choose
 from netboard.stage.styluses import KNOWN_EXTRAPOLATIONS, drives, sense_left, sense_right
 from netboard.stage.trial_steps import decide, take_transition
-from netboard.task.trials.state_machine import RULES, Cause, Phase, first_target, is_active, pack_rules
+from netboard.task.trials.state_machine import RULES, Cause, Phase, first_target, is_active, is_free, pack_rules
 
 MAX_TILT = 1.5
 """A larger tilt of the board is a fault: styluses within their range cannot cause it [rad]."""
 
 # Plain integers, which numba folds into the kernels below as constants.
 _NONE, _FAULT = int(Cause.NONE), int(Cause.FAULT)
-_RUNNING, _HOLDING = int(Phase.RUNNING), int(Phase.HOLDING)
 
 
 @inlined
@@ -61,7 +60,7 @@ def _force(
     row["left_force"], row["right_force"] = 0.0, 0.0
     if not (felt.left or felt.right) or not is_active(s["phase"]) or is_catch(s["trial"], packed, felt):
         return
-    rolls = s["phase"] == _RUNNING or s["phase"] == _HOLDING
+    rolls = is_free(s["phase"])
     scale = scale_in(s["trial"], packed, felt)
     left_z, left_vz = row["left_used_z"], row["left_used_vz"]
     right_z, right_vz = row["right_used_z"], row["right_used_vz"]
@@ -130,7 +129,7 @@ def _make_ticks(
             z, vz, theta, omega = s["z"], s["vz"], s["theta"], s["omega"]
             _force(s, (z, vz, theta, omega), row, hands, FIXED, FELT, packed, scene)
             cause = decide(s, row["command"], rules)
-            rolls = s["phase"] == _RUNNING or s["phase"] == _HOLDING
+            rolls = is_free(s["phase"])
             x: State = (z, vz, theta, omega, s["p"], s["vp"] if rolls else 0.0)
             for step in range(SUBSTEPS):
                 if step > 0:

@@ -20,7 +20,7 @@ from netboard.base.compiled import inlined, kernel
 from netboard.base.config import SIDES, Config
 from netboard.base.tables.experiment import Block, Quality
 from netboard.base.tick import LATE_NS, TICK, TICK_NS, TICK_SECONDS
-from netboard.task.trials.state_machine import OUTCOMES, SUCCESSOR, Cause, Phase
+from netboard.task.trials.state_machine import OUTCOMES, SUCCESSOR, Cause, Phase, is_free
 
 REPORT_TICKS = 700
 """Longest delay with which the server learns of a painted frame, in ticks: displays report twice a second [1]. So the
@@ -72,7 +72,7 @@ FIELDS_NEEDED = (
 )
 """Fields of a tick that the rules read."""
 
-_RUNNING, _HOLDING = int(Phase.RUNNING), int(Phase.HOLDING)
+_RUNNING = int(Phase.RUNNING)
 _CAUSES = len(Cause)
 
 
@@ -147,7 +147,7 @@ def tally(counts: Any, rows: Any, first: int, count: int, stylus_range: float, c
         row = rows[place]
         place = place + 1 if place + 1 < len(rows) else 0
         phase, event = row["phase"], row["event"]
-        free = phase in (_RUNNING, _HOLDING)
+        free = is_free(phase)
         if free:
             same = counts["under_way"] != 0 and row["trial"] == counts["trial"] and row["attempt"] == counts["attempt"]
             if not same or (phase == _RUNNING and row["run_ticks"] == 0):
@@ -163,7 +163,7 @@ def tally(counts: Any, rows: Any, first: int, count: int, stylus_range: float, c
             counts["under_way"] = 0
             continue
         then = SUCCESSOR[phase, event] if 0 <= event < _CAUSES else phase
-        if then not in (_RUNNING, _HOLDING):
+        if not is_free(then):
             counts["under_way"], counts["ended"], counts["cause"] = 0, 1, event
             return taken + 1
     return count

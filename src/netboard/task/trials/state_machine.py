@@ -16,7 +16,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import kernel
+from netboard.base.compiled import inlined, kernel
 from netboard.base.config import Config
 from netboard.base.tables.experiment import Block, Task
 from netboard.base.tables.scene import Geometry
@@ -254,6 +254,12 @@ def is_active(phase: int) -> bool:
     return _LEVELLING <= phase <= _FAILED
 
 
+@inlined
+def is_free(phase: float) -> bool:
+    """Return whether the ball is free in a phase, as `BALL_FREE` says."""
+    return _RUNNING <= phase <= _HOLDING
+
+
 @kernel
 def is_level(z: float, theta: float, omega: float, rules: Any) -> bool:
     """Return whether the board counts as level.
@@ -330,7 +336,7 @@ def sense(
     """
     if phase == _LEVELLING:
         return _LEVEL if counted >= rules["level_ticks"] else _NONE
-    if phase in (_RUNNING, _HOLDING):
+    if is_free(phase):
         if abs(p) > rules["fall_distance"]:
             return _FELL
         inside = abs(p - centre) <= rules["half_width"]
