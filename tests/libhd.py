@@ -124,7 +124,7 @@ class Fake:
 
 def configured(config: Config, side: Side = "left", **options: str | float) -> Config:
     """Return a configuration in which one side has an OpenHaptics device."""
-    agent = config.agents.left if side == "left" else config.agents.right
+    agent = config.agents.of(side)
     agent = replace(agent, device="openhaptics", options={**agent.options, **options})
     return replace(config, agents=replace(config.agents, **{side: agent}))
 

@@ -168,8 +168,7 @@ def template() -> str:
 
 def played_sides(config: Config) -> tuple[Side, ...]:
     """Return the sides whose device is the mouse: a person plays them in the display's window."""
-    agents = {"left": config.agents.left, "right": config.agents.right}
-    return tuple(side for side in SIDES if agents[side].device == MOUSE)
+    return tuple(side for side in SIDES if config.agents.of(side).device == MOUSE)
 
 
 def digest(config: Config) -> str:

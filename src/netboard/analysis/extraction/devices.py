@@ -54,7 +54,7 @@ def mechanics_of(config: Config, recording: Recording) -> dict[Side, Held]:
 def _reported_mechanics(config: Config, side: Side, details: Mapping[str, str]) -> Mechanics | None:
     """Return the mechanics that an agent reported for its device."""
     model = _model_of(details.get("model", ""))
-    if details.get("device", getattr(config.agents, side).device) == "virtual":
+    if details.get("device", config.agents.of(side).device) == "virtual":
         return simulated_mechanics(config)
     names = ("profile_mass", "profile_damping", "profile_friction")
     own = [_number(details.get(name, "")) for name in names]

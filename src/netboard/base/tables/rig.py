@@ -150,6 +150,16 @@ class Agents:
     left: Agent = field(default_factory=Agent)
     right: Agent = field(default_factory=Agent)
 
+    def of(self, side: Literal["left", "right"]) -> Agent:
+        """Return the agent of a side.
+
+        Parameters
+        ----------
+        side : {"left", "right"}
+            End of the board that the agent's device moves.
+        """
+        return self.left if side == "left" else self.right
+
 
 @dataclass(frozen=True, slots=True)
 class Display:

@@ -118,7 +118,7 @@ class Device(ABC):
 
     def __init__(self, side: Side, config: Config) -> None:
         self.side = side
-        self.agent = config.agents.left if side == "left" else config.agents.right
+        self.agent = config.agents.of(side)
         # Measured properties of the device; None before `open`, and for a device without a profile.
         self.profile: Profile | None = None
         self._profiles = Path(config.agents.profiles)

@@ -96,8 +96,7 @@ def find(name: str) -> type[Device]:
 
 def make(side: Side, config: Config) -> Device:
     """Create the device of one side, not yet open."""
-    agent = config.agents.left if side == "left" else config.agents.right
-    return find(agent.device)(side, config)
+    return find(config.agents.of(side).device)(side, config)
 
 
 def check(config: Config) -> None:

@@ -85,7 +85,7 @@ def configured(config: Config, missing: Colour, root: Path = usb.ROOT) -> list[F
 
 
 def _of_side(side: Side, config: Config, found: Listing, missing: Colour) -> Finding:
-    agent = config.agents.left if side == "left" else config.agents.right
+    agent = config.agents.of(side)
     title, name, serial = f"{side} device", agent.device, str(agent.options.get("serial", ""))
     try:
         registry.make(side, config)

@@ -357,7 +357,7 @@ class Agent:
 
 def introduction(side: Side, config: Config, info: DeviceInfo, policy: Mapping[str, str]) -> Hello:
     """Return the agent's `Hello`, with what the recording says of its device, and of the policy that moves it."""
-    agent = config.agents.left if side == "left" else config.agents.right
+    agent = config.agents.of(side)
     details = {
         **info.details,
         "device": agent.device,

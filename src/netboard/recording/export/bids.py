@@ -167,7 +167,7 @@ def _scan(
         "force_delay_ms": block.force_delay_ms,
         "catch_trials": " ".join(map(str, block.catch)),
         "other_hand": _other_hand(run, person),
-        "device": "+".join(getattr(run.config.agents, side).device for side in person.sides),
+        "device": "+".join(run.config.agents.of(side).device for side in person.sides),
         "simulated": person.simulated,
         "pilot": run.config.session.pilot,
         "ended": recording.end.get("ended", "recovered"),

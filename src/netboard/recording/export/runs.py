@@ -124,7 +124,7 @@ def _is_simulated(config: Config, metadata: dict[str, str], sides: Sequence[Side
     """Return True if a simulated participant moved these sides."""
     if "imported" in metadata:
         return metadata["imported"] == "simulated"
-    virtual = all(getattr(config.agents, side).device == "virtual" for side in sides)
+    virtual = all(config.agents.of(side).device == "virtual" for side in sides)
     return virtual or metadata.get("rehearsed") == "true"
 
 
@@ -190,7 +190,7 @@ def devices_of(config: Config, recording: Recording) -> tuple[HandDevice, ...]:
         replaced = [tick for tick, _ in said[1:]]
         for (_, details), until in zip(said, (*replaced, inf), strict=True):
             if until > start:
-                backend = details.get("device", getattr(config.agents, side).device)
+                backend = details.get("device", config.agents.of(side).device)
                 maker, model, serial = MAKERS.get(backend, ""), details.get("model", ""), details.get("serial", "")
                 found[HandDevice(side, backend, maker, model, serial)] = None
     return tuple(found)

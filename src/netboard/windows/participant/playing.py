@@ -130,8 +130,7 @@ class Playing(QObject):
 
     def __init__(self, station: Side, config: Config, context: sockets.Context, window: BoardWindow) -> None:
         super().__init__(window)
-        agent = config.agents.left if station == "left" else config.agents.right
-        options = settings.check(Options, dict(agent.options), ("agents", station, "options"))
+        options = settings.check(Options, dict(config.agents.of(station).options), ("agents", station, "options"))
         where = channels.addresses(config.network)
         self._station = station
         self._words = load_words(config.display.language)
