@@ -96,6 +96,16 @@ class Action(IntEnum):
     PASS = 11  # as `ADVANCE`, but no attempt begins yet: the next one is the first
 
 
+_UNDER_WAY: dict[Cause, tuple[Phase, Action]] = {
+    Cause.PAUSE: (Phase.PAUSED, Action.HALT),
+    Cause.FAULT: (Phase.PAUSED, Action.HALT),
+    Cause.ABORT: (Phase.LEVELLING, Action.RETRY),
+    Cause.SKIP: (Phase.LEVELLING, Action.ADVANCE),
+    Cause.LAST: (Phase.FINISHED, Action.HALT),
+    Cause.STOP: (Phase.FINISHED, Action.HALT),
+}
+"""Edges that interrupt or end an attempt, from the levelling on."""
+
 TABLE: dict[Phase, dict[Cause, tuple[Phase, Action]]] = {
     Phase.IDLE: {
         Cause.START: (Phase.LEVELLING, Action.PREPARE),
@@ -103,34 +113,19 @@ TABLE: dict[Phase, dict[Cause, tuple[Phase, Action]]] = {
     },
     Phase.LEVELLING: {
         Cause.LEVEL: (Phase.RUNNING, Action.RELEASE),
-        Cause.PAUSE: (Phase.PAUSED, Action.HALT),
-        Cause.FAULT: (Phase.PAUSED, Action.HALT),
-        Cause.ABORT: (Phase.LEVELLING, Action.RETRY),
-        Cause.SKIP: (Phase.LEVELLING, Action.ADVANCE),
-        Cause.LAST: (Phase.FINISHED, Action.HALT),
-        Cause.STOP: (Phase.FINISHED, Action.HALT),
+        **_UNDER_WAY,
     },
     Phase.RUNNING: {
         Cause.ENTERED: (Phase.HOLDING, Action.MARK),
         Cause.FELL: (Phase.FAILED, Action.FAIL),
         Cause.TIMED_OUT: (Phase.FAILED, Action.FAIL),
-        Cause.PAUSE: (Phase.PAUSED, Action.HALT),
-        Cause.FAULT: (Phase.PAUSED, Action.HALT),
-        Cause.ABORT: (Phase.LEVELLING, Action.RETRY),
-        Cause.SKIP: (Phase.LEVELLING, Action.ADVANCE),
-        Cause.LAST: (Phase.FINISHED, Action.HALT),
-        Cause.STOP: (Phase.FINISHED, Action.HALT),
+        **_UNDER_WAY,
     },
     Phase.HOLDING: {
         Cause.LEFT: (Phase.RUNNING, Action.NONE),
         Cause.HELD: (Phase.SUCCEEDED, Action.SUCCEED),
         Cause.FELL: (Phase.FAILED, Action.FAIL),
-        Cause.PAUSE: (Phase.PAUSED, Action.HALT),
-        Cause.FAULT: (Phase.PAUSED, Action.HALT),
-        Cause.ABORT: (Phase.LEVELLING, Action.RETRY),
-        Cause.SKIP: (Phase.LEVELLING, Action.ADVANCE),
-        Cause.LAST: (Phase.FINISHED, Action.HALT),
-        Cause.STOP: (Phase.FINISHED, Action.HALT),
+        **_UNDER_WAY,
     },
     Phase.SUCCEEDED: {
         Cause.NEXT: (Phase.LEVELLING, Action.ADVANCE),
