@@ -20,6 +20,7 @@ from netboard.analysis.measures.performance import ENDS
 from netboard.analysis.topics.groups import CLASSES, counted, excluded
 from netboard.analysis.topics.measures import MEASURES, Measure, rows_of
 from netboard.analysis.topics.models import trial_numbers
+from netboard.analysis.topics.performers import SHARES
 from netboard.recording.format.channels import Field
 
 SIZE = ENDS
@@ -56,10 +57,7 @@ GROUPS = (
     number("log_completion", "mean natural logarithm of the completion time in s", "1"),
     number("peaks", "mean number of velocity peaks (NP) of the ball", "1"),
     number("peaks_sd", "standard deviation of the number of velocity peaks (NP)", "1"),
-    *(
-        number(name, f"mean share of {name} movement" if name != "still" else "mean share without movement", "1")
-        for name in CLASSES
-    ),
+    *SHARES,
     count("brakings", "trials with a first braking movement"),
     number("braking_distance", "mean distance to the target at the first braking movement", "m"),
     number(

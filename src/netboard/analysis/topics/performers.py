@@ -22,6 +22,12 @@ _MEANS = {
     "braking_velocity": ("mean velocity towards the target at the first braking movement", "m/s"),
 }
 
+SHARES = tuple(
+    number(name, f"mean share of {name} movement" if name != "still" else "mean share without movement", "1")
+    for name in CLASSES
+)
+"""Columns of the mean share of each movement class."""
+
 _OF_TRIALS = {field.name: field for field in PLACE_IN_STUDY}
 
 PEOPLE = (
@@ -37,10 +43,7 @@ PEOPLE = (
     number("log_completion", "mean natural logarithm of the completion time in s", "1"),
     number("completion_median", "median completion time", "s"),
     number("completion_sd", "standard deviation of the completion times", "s"),
-    *(
-        number(name, f"mean share of {name} movement" if name != "still" else "mean share without movement", "1")
-        for name in CLASSES
-    ),
+    *SHARES,
     number(
         "delay_20", "mean absolute delay at 20 % of the peak chosen in the settings, over cooperative movements", "s"
     ),
