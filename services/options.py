@@ -23,6 +23,7 @@ HandSide = Annotated[Side, typer.Option(help="Side of the board that the device 
 Agreed = Annotated[bool, typer.Option("--yes", help="Do not ask; everybody at the device has agreed.")]
 ReplaceProfile = Annotated[bool, typer.Option("--replace", help="Keep no backup (.bak) of the previous profile.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one line of JSON.")]
+JsonObject = Annotated[bool, typer.Option("--json", help="Print one JSON object, in SI units.")]
 Screenshot = Annotated[Path | None, typer.Option(metavar="FILE", help="Save the first frame as a PNG file, then stop.")]
 ScreenshotDelay = Annotated[
     float | None,

@@ -8,7 +8,7 @@ import typer
 
 from netboard.base.errors import RecordingError
 from netboard.base.files.figure import refuse_figure, save_figure
-from netboard.services.options import RecordingFile, examples
+from netboard.services.options import JsonObject, RecordingFile, examples
 
 app = typer.Typer()
 
@@ -38,7 +38,7 @@ def trace(
         Path | None,
         typer.Option(metavar="FILE", help="Text of the kernel's sched_switch events, to name what ran instead."),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object, in SI units.")] = False,
+    as_json: JsonObject = False,
 ) -> None:
     """Find the ticks that stuttered, the cause of each, and what to do about it."""
     from netboard.base.terminal.output import plain_console

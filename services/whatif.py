@@ -8,7 +8,7 @@ import typer
 
 from netboard.base.errors import RecordingError
 from netboard.base.files.figure import refuse_figure, save_figure
-from netboard.services.options import Model, Overrides, RecordingFile, changes_of, examples
+from netboard.services.options import JsonObject, Model, Overrides, RecordingFile, changes_of, examples
 
 if TYPE_CHECKING:
     from netboard.recording.counterfactual.what_if import Comparison, WhatIf
@@ -40,7 +40,7 @@ def whatif(
             help="Trial in the figure; default: the longest whose outcome changed, else that whose ball differs most.",
         ),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object, in SI units.")] = False,
+    as_json: JsonObject = False,
 ) -> None:
     """Counterfactual replay: the recorded hands with another board, model or force condition.
 
