@@ -23,6 +23,7 @@ from pydantic import AwareDatetime, Field, TypeAdapter, ValidationError
 
 from netboard.base.config import SIDES
 from netboard.base.errors import ConfigError, writing
+from netboard.base.files.new import write_synced
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, parse_toml, to_toml
 from netboard.base.tables.rig import Network
 from netboard.network.protocol.joining import ROLES_WITH_SIDE, Role, role_and_side
@@ -294,10 +295,7 @@ def _changed_list(folder: Path) -> Iterator[list[Peer]]:
         peers = list(read_list(folder))
         yield peers
         with writing(folder / LIST, ConfigError):
-            with new.open("w", encoding="utf-8", newline="\n") as file:
-                file.write(_list_text(peers))
-                file.flush()
-                os.fsync(file.fileno())
+            write_synced(new, _list_text(peers))
             new.replace(folder / LIST)
     finally:
         new.unlink(missing_ok=True)

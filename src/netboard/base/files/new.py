@@ -15,6 +15,14 @@ def try_writing(folder: Path) -> None:
         pass
 
 
+def write_synced(path: Path, text: str) -> None:
+    """Write a text to disk, so that a power cut after a later renaming leaves no empty file."""
+    with path.open("w", encoding="utf-8", newline="\n") as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
+
+
 @contextmanager
 def new_file(path: Path) -> Iterator[Path]:
     """Yield the temporary path; at the end the file gets its name, in place of an existing one. No error leaves a part.

@@ -7,7 +7,6 @@ calibrate`` write it, and it is read whenever the device is opened. A device wit
 Files are replaced atomically: the new text goes to a temporary name first. The previous file is kept as ``.bak``.
 """
 
-import os
 import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -18,6 +17,7 @@ from urllib.parse import quote
 from pydantic import TypeAdapter
 
 from netboard.base.errors import ConfigError
+from netboard.base.files.new import write_synced
 from netboard.base.files.text import read_text
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, about, read, write
 
@@ -147,10 +147,7 @@ def save(folder: Path, profile: Profile, *, replace: bool = False) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         fresh = path.with_name(f"{path.name}.new")
-        with fresh.open("w", encoding="utf-8", newline="\n") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())  # otherwise a power cut after the renaming could leave an empty file
+        write_synced(fresh, text)
         if path.exists() and not replace:
             shutil.copy2(path, path.with_name(f"{path.name}.bak"))
         fresh.replace(path)
