@@ -54,6 +54,4 @@ def init(file: Annotated[Path, typer.Argument(metavar="FILE", help="The file to 
 
     with new_file(file) as part:
         part.write_text(template(), encoding="utf-8", newline="\n")
-        if file.exists():
-            raise ConfigError(f"{file}: already exists and was not changed; name another file")
     typer.echo(f"{file}: created; after editing, check it with: {shell_command('netboard', 'config', 'check', file)}")

@@ -59,8 +59,6 @@ def draw(path: Path, trial: int, attempt: int | None, readings: "Readings", outp
     assert picture.figure is not None
     with new_file(output) as part:
         part.write_bytes(as_bytes(picture.figure, kind))
-        if output.exists():
-            raise RecordingError(f"{output}: already exists; name another --output")
     return f"{output}: {picture.title} of {path.name}"
 
 

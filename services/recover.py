@@ -8,6 +8,7 @@ import typer
 
 from netboard.base.errors import ConfigError, NetboardError
 from netboard.base.plural import plural
+from netboard.services.guard import OK, expected
 from netboard.services.options import examples
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ def recover(
     files = each_once(_files(recordings))
     if output is not None and len(files) != 1:
         raise ConfigError(f"--output: names one file, but found {len(files)} files to recover; leave it out")
-    refused = 0
+    code = OK
     with interrupted_by_stop_signals(), progress_bars(plain_console(stderr=True), shown=len(files) > 1) as progress:
         for file in progress.track(files, description="recovering"):
             try:
@@ -50,9 +51,10 @@ def recover(
                 for report in recover_any(file, output):
                     _print_report(report)
             except NetboardError as error:
-                refused += 1
-                typer.secho(f"netboard: {error}", err=True, fg=typer.colors.RED)
-    raise typer.Exit(1 if refused else 0)
+                words, wrong = expected(error)
+                code = max(code, wrong)
+                typer.secho(f"netboard: {words}", err=True, fg=typer.colors.RED)
+    raise typer.Exit(code)
 
 
 def _files(paths: Sequence[Path]) -> Iterator[Path]:

@@ -21,7 +21,7 @@ from netboard.analysis.extraction.study import Study as Tables
 from netboard.analysis.extraction.study import study_of
 from netboard.analysis.topics.measures import levels
 from netboard.base.config import Config
-from netboard.base.errors import ConfigError, RecordingError
+from netboard.base.errors import ConfigError
 from netboard.nodes.rehearsal.jobs import rehearse_all
 from netboard.recording.export.runs import runs_of
 from netboard.task.studies.study import parse_study
@@ -128,7 +128,7 @@ def test_resuming_a_cohort_with_other_settings_is_refused(cohort: Cohort, design
 
 
 def test_existing_folder_is_not_overwritten_and_missing_one_not_resumed(cohort: Cohort, tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match="already exists; continue it with --resume"):
+    with pytest.raises(ConfigError, match="already exists; name another output, or continue it with --resume"):
         make_cohort(DESIGN, 3, cohort.folder, RUNNER)
     with pytest.raises(ConfigError, match=r"has no cohort.json"):
         make_cohort(DESIGN, 3, tmp_path / "none", RUNNER, resume=True)

@@ -19,7 +19,7 @@ from netboard.analysis.cohort.report import Assumptions, draw, flat, sentence, w
 from netboard.analysis.cohort.rows import group_rows
 from netboard.analysis.statistics.contrasts import condition_contrast
 from netboard.analysis.topics.contrasts import comparisons, questions_of
-from netboard.base.errors import ConfigError, RecordingError
+from netboard.base.errors import ConfigError
 from netboard.services.cli import app
 
 ASSUMED = Assumptions("short", "0.1.0", "a" * 64, 1, 400, 24, 0.05, [("kp", "1/s2", 2.0, 1.5, 2.5)])
@@ -150,7 +150,7 @@ def test_results_state_their_assumptions(tmp_path: Path) -> None:
     table = pd.read_csv(tmp_path / "power.csv")
     assert table["power"].tolist() == [flat(one)["power"] for one in found]
     assert (tmp_path / "power.png").read_bytes().startswith(b"\x89PNG")
-    with pytest.raises(RecordingError, match=r"power.csv: already exists"):
+    with pytest.raises(ConfigError, match=r"power.csv: already exists"):
         write(tmp_path, found, ASSUMED)
 
 

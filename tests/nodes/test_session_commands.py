@@ -102,7 +102,7 @@ def test_refused_form_leaves_no_consent_behind(tmp_path: Path, context: sockets.
     (tmp_path / "D01_S01.journal.jsonl").touch()
     accepted, reason = stepped.do("open", '{"participant_a": "P07", "consent": true}')
     assert not accepted
-    assert "exists already" in reason
+    assert "already exists" in reason
     assert stepped.do("open", '{"name": "S02"}') == (
         False,
         "without the consent of both participants, only a pilot run is possible",

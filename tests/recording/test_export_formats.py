@@ -181,7 +181,7 @@ def test_progress_is_that_of_all_recordings(two: list[Path], tmp_path: Path, nam
 
 def test_export_never_overwrites_its_output_folder(two: list[Path], tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
-    with pytest.raises(RecordingError, match="out: already exists"):
+    with pytest.raises(ConfigError, match="out: already exists"):
         export(two, "csv", tmp_path / "out", quiet)
 
 
@@ -189,7 +189,7 @@ def test_output_folder_created_during_the_export_is_left_alone(two: list[Path], 
     def appear(what: str, done: int, total: int) -> None:
         (tmp_path / "out").mkdir(exist_ok=True)
 
-    with pytest.raises(RecordingError, match="out: already exists"):
+    with pytest.raises(ConfigError, match="out: already exists"):
         export(two, "csv", tmp_path / "out", appear)
     assert [path.name for path in tmp_path.rglob("*")] == ["out"]
 

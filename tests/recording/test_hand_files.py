@@ -262,7 +262,7 @@ def test_output_paths_follow_from_the_inputs_and_the_pattern(inputs: list[Path],
         ([A, OTHER_A], "out", "out/a.csv: would be the result of hands/a.csv and of a.csv; rename one"),
         ([A], "hands", "hands/a.csv: is an input; name another --output"),
         ([A], "./hands/../hands/a.csv", "hands/../hands/a.csv: is an input; name another --output"),
-        ([A], "a.csv", "a.csv: already exists; --force overwrites it"),
+        ([A], "a.csv", "a.csv: already exists; name another output, or overwrite it with --force"),
     ],
 )
 @pytest.mark.usefixtures("folder")

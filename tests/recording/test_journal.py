@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from netboard.base.config import Config
-from netboard.base.errors import RecordingError
+from netboard.base.errors import ConfigError, RecordingError
 from netboard.base.tables.experiment import Session
 from netboard.recording.recovery import journal_file as module
 from netboard.recording.recovery.journal_file import Journal, journal_path
@@ -74,7 +74,7 @@ def test_existing_journal_is_never_overwritten(journal: Journal, path: Path) -> 
     journal.append(ENTRIES[0])
     journal.close()
     before = path.read_bytes()
-    with pytest.raises(RecordingError, match=r"D03_S01\.journal\.jsonl: exists already.*netboard server --resume"):
+    with pytest.raises(ConfigError, match=r"D03_S01\.journal\.jsonl: already exists.*netboard server --resume"):
         Journal.create(path, HEADER)
     assert path.read_bytes() == before
 

@@ -19,7 +19,7 @@ from mcap.stream_reader import breakup_chunk
 from numpy.typing import NDArray
 from typer.testing import CliRunner
 
-from netboard.base.errors import RecordingError
+from netboard.base.errors import ConfigError, RecordingError
 from netboard.base.process.stopping import STOP_SIGNALS
 from netboard.base.tables.rig import Recording as Settings
 from netboard.base.tick import TICK
@@ -278,7 +278,7 @@ def test_recovery_never_overwrites_a_file(tmp_path: Path, whole: Path) -> None:
     assert recover(source).output.name == "a.recovered.mcap"
     before = (tmp_path / "a.recovered.mcap").read_bytes()
     for output in (None, source):
-        with pytest.raises(RecordingError, match="exists already"):
+        with pytest.raises(ConfigError, match="already exists"):
             recover(source, output)
     assert (tmp_path / "a.recovered.mcap").read_bytes() == before
     assert source.read_bytes() == whole.read_bytes()
@@ -337,7 +337,7 @@ def test_file_that_appears_during_the_recovery_is_not_overwritten(
         finish(out)
 
     monkeypatch.setattr(PartFile, "finish", finish_later)
-    with pytest.raises(RecordingError, match=r"out\.mcap: exists already$"):
+    with pytest.raises(ConfigError, match=r"out\.mcap: already exists; name another output$"):
         recover(whole, target)
     assert [(path.name, path.read_bytes()) for path in tmp_path.iterdir()] == [("out.mcap", b"theirs")]
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from netboard.base.errors import RecordingError
+from netboard.base.errors import ConfigError, RecordingError
 from netboard.base.tick import TICK
 from netboard.network.protocol.codec import encode
 from netboard.network.protocol.joining import Welcome
@@ -78,7 +78,7 @@ def test_given_output_name_is_used_for_the_first_block(three: Path, tmp_path: Pa
 
 def test_existing_output_stops_the_recovery_before_any_file_is_left(three: Path, tmp_path: Path) -> None:
     (tmp_path / "S07_block03.recovered.mcap").write_bytes(b"mine")
-    with pytest.raises(RecordingError, match=r"S07_block03\.recovered\.mcap: exists already"):
+    with pytest.raises(ConfigError, match=r"S07_block03\.recovered\.mcap: already exists"):
         recover_any(three)
     assert sorted(file.name for file in tmp_path.iterdir()) == ["S07.spill", "S07_block03.recovered.mcap"]
     assert (tmp_path / "S07_block03.recovered.mcap").read_bytes() == b"mine"
@@ -96,7 +96,7 @@ def test_file_that_appears_under_the_output_name_is_not_deleted(
         finish(writer, now_ns, ended)
 
     monkeypatch.setattr(RecordingWriter, "finish", finish_later)
-    with pytest.raises(RecordingError, match="exists already"):
+    with pytest.raises(ConfigError, match="already exists"):
         recover_any(three)
     assert {path.name for path in tmp_path.iterdir()} == {three.name, theirs.name}
     assert theirs.read_bytes() == b"theirs"

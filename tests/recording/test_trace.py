@@ -202,13 +202,13 @@ def test_trace_command_names_the_cause_and_the_remedy(tmp_path: Path) -> None:
         assert words in result.output
     assert Path("a.png").read_bytes().startswith(b"\x89PNG")
     again = runner.invoke(app, ["trace", "S01.mcap", "--figure", "a.png"])
-    assert (again.exit_code, "exists already" in again.stderr) == (1, True)
+    assert (again.exit_code, "already exists" in again.stderr) == (2, True)
 
 
 def test_figure_without_its_folder_is_refused_at_once(tmp_path: Path) -> None:
     recorded(tmp_path / "S01.mcap", CASES["network"][0])
     result = runner.invoke(app, ["trace", "S01.mcap", "--figure", "missing/a.png"])
-    assert (result.exit_code, result.stdout) == (1, "")
+    assert (result.exit_code, result.stdout) == (2, "")
     assert "there is no folder missing" in result.stderr
 
 

@@ -176,7 +176,7 @@ def test_compare_paper_adds_a_table_with_the_values_of_the_paper(study: Path, de
 
 def test_analyse_never_overwrites_and_leaves_no_partial_output(study: Path) -> None:
     Path("out").mkdir()
-    assert "out: already exists; choose another --output" in refused(analyse(study, "-o", "out"))
+    assert "out: already exists; name another output" in refused(analyse(study, "-o", "out"))
     (broken := Path("broken")).mkdir()
     (broken / "S01.mcap").write_text("nothing")
     assert "S01.mcap: not an MCAP file" in refused(analyse(study, broken, "-o", "new", "--workers", "1"))

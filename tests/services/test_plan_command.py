@@ -131,7 +131,7 @@ def test_server_start_reports_an_existing_journal_of_the_session(capsys: pytest.
     planned.path.write_text("begun before")
     planned.begin()
     printed = capsys.readouterr().out
-    assert f"{planned.path}: exists already" in printed
+    assert f"{planned.path}: already exists" in printed
     assert "--resume" in printed
 
 

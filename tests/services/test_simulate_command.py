@@ -242,7 +242,7 @@ def test_existing_result_is_overwritten_only_with_force() -> None:
     Path("out.csv").write_text("mine", encoding="ascii")
     result = simulate("-i", "a.csv", "-o", "out.csv")
     assert result.exit_code == 2
-    assert "netboard: out.csv: already exists; --force overwrites it" in result.output
+    assert "netboard: out.csv: already exists; name another output, or overwrite it with --force" in result.output
     assert Path("out.csv").read_text(encoding="ascii") == "mine"
     assert simulate("-i", "a.csv", "-o", "out.csv", "--force").exit_code == 0
     assert list(read("out.csv")) == COLUMNS

@@ -26,6 +26,7 @@ from netboard.analysis.extraction.store import Store
 from netboard.analysis.extraction.tables import Kind, columns_of
 from netboard.base.config import resolve
 from netboard.base.errors import ConfigError, RecordingError, writing
+from netboard.base.files.new import refuse_existing
 from netboard.recording.export.formats import new_folder
 from netboard.recording.export.tabular import open_csv, open_parquet, write_dictionary
 from netboard.task.studies.study import resolve_study
@@ -87,8 +88,7 @@ class Cohort:
     @classmethod
     def create(cls, folder: Path, design: Design) -> "Cohort":
         """Make a new folder."""
-        if folder.exists():
-            raise RecordingError(f"{folder}: already exists; continue it with --resume, or choose another --output")
+        refuse_existing(folder, ", or continue it with --resume")
         with new_folder(folder) as part:
             text = json.dumps(manifest_of(design), indent=1, ensure_ascii=False) + "\n"
             (part / MANIFEST).write_text(text, encoding="utf-8")

@@ -14,7 +14,7 @@ from netboard.analysis.cohort.virtual import Design
 from netboard.analysis.cohort.workers import Runner
 from netboard.base.config import Config, digest, parse
 from netboard.base.errors import ConfigError
-from netboard.recording.export.formats import refuse_existing
+from netboard.base.files.new import refuse_existing
 from netboard.task.studies.study import Study, resolve_study
 
 

@@ -29,7 +29,8 @@ from netboard.analysis.topics.figure import (
     new_figure,
 )
 from netboard.base.config import Config
-from netboard.base.errors import RecordingError
+from netboard.base.errors import writing
+from netboard.base.files.new import refuse_existing
 from netboard.base.plural import plural
 from netboard.base.settings import tables
 from netboard.base.tables.simulated import Participant
@@ -204,7 +205,8 @@ def parts(found: Sequence[Power], assumptions: Assumptions) -> list[dict[str, An
 
 def write(folder: Path, found: Sequence[Power], assumptions: Assumptions) -> None:
     """Write power.csv, power.json, power.png, power.svg and methods.txt."""
-    try:
+    refuse_existing(folder / "power.csv")
+    with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
         with (folder / "power.csv").open("x", encoding="utf-8", newline="") as file:
             writer = csv.writer(file, lineterminator="\n")
@@ -224,10 +226,6 @@ def write(folder: Path, found: Sequence[Power], assumptions: Assumptions) -> Non
         for kind in ("png", "svg"):
             with (folder / f"power.{kind}").open("xb") as image:
                 image.write(as_bytes(figure, kind))
-    except FileExistsError as error:
-        raise RecordingError(f"{error.filename}: already exists; choose another --output") from None
-    except OSError as error:
-        raise RecordingError(f"{folder}: cannot be written: {error.strerror or error}") from error
 
 
 def _plain(row: Mapping[str, Any]) -> dict[str, Any]:

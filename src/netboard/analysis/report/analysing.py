@@ -19,9 +19,10 @@ from markupsafe import escape
 from netboard.analysis.extraction.store import Store, default_folder, key_of_analysis, restore_analysis, store_analysis
 from netboard.analysis.report.wording import amount, plural, visible
 from netboard.base.errors import ConfigError
+from netboard.base.files.new import refuse_existing
 from netboard.base.process.resources import peak_memory
 from netboard.base.terminal.bars import telling
-from netboard.recording.export.formats import Progress, need, new_folder, refuse_existing
+from netboard.recording.export.formats import Progress, need, new_folder
 from netboard.recording.files.locate import UNFINISHED, find_recordings, find_unfinished
 
 if TYPE_CHECKING:

@@ -30,7 +30,6 @@ from netboard.analysis.report.summary import few, summary
 from netboard.analysis.report.trials import HEIGHT, LEAD, LONGEST, listings, reach
 from netboard.analysis.report.wording import amount, css_text, plural, visible
 from netboard.analysis.topics.figure import Picture, as_bytes
-from netboard.base.errors import NetboardError
 from netboard.base.files.new import new_file
 from netboard.base.settings import Table, tables, to_toml
 
@@ -94,8 +93,6 @@ def write_report(
     with new_file(path) as part:
         path.parent.mkdir(parents=True, exist_ok=True)
         part.write_text(page, encoding="utf-8", newline="\n")
-        if path.exists():
-            raise NetboardError(f"{path}: already exists; expected a folder without a report")
     return path
 
 

@@ -5,8 +5,8 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from netboard.base.errors import NetboardError, writing
-from netboard.base.files.new import new_file, try_writing
+from netboard.base.errors import ConfigError, NetboardError, writing
+from netboard.base.files.new import new_file, refuse_existing, try_writing
 
 
 def refuse_figure(figure: Path | None) -> None:
@@ -14,13 +14,12 @@ def refuse_figure(figure: Path | None) -> None:
     if figure is None:
         return
     if find_spec("matplotlib") is None:
-        raise NetboardError("--figure: needs matplotlib, which is not installed: pip install 'netboard[analysis]'")
-    if figure.exists():
-        raise NetboardError(f"{figure}: exists already; give the figure another name")
+        raise ConfigError("--figure: needs matplotlib, which is not installed: pip install 'netboard[analysis]'")
+    refuse_existing(figure)
     if figure.suffix.lower() not in (".png", ".svg", ".pdf"):
-        raise NetboardError(f"{figure}: expected a name that ends in .png, .svg or .pdf")
+        raise ConfigError(f"{figure}: expected a name that ends in .png, .svg or .pdf")
     if not figure.parent.is_dir():
-        raise NetboardError(f"{figure}: cannot be written: there is no folder {figure.parent}")
+        raise ConfigError(f"{figure}: cannot be written: there is no folder {figure.parent}")
     with writing(figure, NetboardError):
         try_writing(figure.parent)
 
@@ -31,4 +30,3 @@ def save_figure(figure: Any, path: Path, dpi: int) -> None:
     figure.savefig(data, format=path.suffix[1:].lower(), dpi=dpi)
     with new_file(path) as part:
         part.write_bytes(data.getvalue())
-        refuse_figure(path)

@@ -1,4 +1,4 @@
-"""A file that is complete or absent: written under a temporary name, and then renamed; and a check of its folder."""
+"""A new file, complete or absent: written under a temporary name, then renamed; and checks of its name and folder."""
 
 import os
 from collections.abc import Iterator
@@ -6,7 +6,13 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryFile
 
-from netboard.base.errors import NetboardError, writing
+from netboard.base.errors import ConfigError, NetboardError, writing
+
+
+def refuse_existing(path: Path, or_else: str = "") -> None:
+    """Refuse an output that exists already; ``or_else``: what the command can do besides taking another name."""
+    if path.exists():
+        raise ConfigError(f"{path}: already exists; name another output{or_else}")
 
 
 def try_writing(folder: Path) -> None:
@@ -24,15 +30,19 @@ def write_synced(path: Path, text: str) -> None:
 
 
 @contextmanager
-def new_file(path: Path) -> Iterator[Path]:
-    """Yield the temporary path; at the end the file gets its name, in place of an existing one. No error leaves a part.
+def new_file(path: Path, *, force: bool = False) -> Iterator[Path]:
+    """Yield the temporary path; at the end the file gets its name. No error leaves a part.
 
-    A caller that keeps existing files refuses them as the last step.
+    An existing file is refused, or with ``force`` replaced.
     """
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     with writing(path, NetboardError):
         try:
+            if not force:
+                refuse_existing(path)
             yield part
+            if not force:  # it may have appeared meanwhile
+                refuse_existing(path)
             part.replace(path)
         finally:
             with suppress(OSError):

@@ -15,7 +15,8 @@ from typing import Any
 from rich.console import Console, Group
 from rich.text import Text
 
-from netboard.base.errors import ConfigError, writing
+from netboard.base.errors import writing
+from netboard.base.files.new import refuse_existing
 from netboard.base.terminal.output import Column, FittedTable
 from netboard.benchmarks.harness.machine import describe
 
@@ -80,8 +81,8 @@ class Folder:
     """
 
     def __init__(self, path: Path, *, force: bool = False) -> None:
-        if path.exists() and not force:
-            raise ConfigError(f"{path}: already exists; --force writes into it")
+        if not force:
+            refuse_existing(path, ", or write into it with --force")
         with writing(path):
             path.mkdir(parents=True, exist_ok=True)
         self.path = path

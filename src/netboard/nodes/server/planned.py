@@ -113,7 +113,7 @@ class Planned:
             if self.config.session.ready:
                 raise started_before(self.path)
             console.print(
-                f"{self.path}: exists already: this session was started before. Check --dyad and --session; resume it "
+                f"{self.path}: already exists: this session was started before. Check --dyad and --session; resume it "
                 "with --resume, or enter another name in the form of the new session; otherwise it cannot be opened",
                 soft_wrap=True,
             )

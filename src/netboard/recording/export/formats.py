@@ -17,7 +17,8 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any, TypeVar
 
-from netboard.base.errors import ConfigError, RecordingError, writing
+from netboard.base.errors import ConfigError, writing
+from netboard.base.files.new import refuse_existing
 from netboard.recording.format.disk import lock
 
 Progress = Callable[[str, int, int], None]
@@ -82,8 +83,8 @@ FORMATS = {
 def export(recordings: Sequence[Path], name: str, folder: Path, progress: Progress) -> None:
     """Export recordings to a new folder.
 
-    Raises `RecordingError` if the folder exists or cannot be written, or a recording cannot be read. Nothing is left
-    behind then.
+    Raises `ConfigError` if the folder exists, and `RecordingError` if it cannot be written or a recording cannot be
+    read. Nothing is left behind then.
     """
     if name not in FORMATS:
         raise ConfigError(f"--to {name}: expected one of {', '.join(FORMATS)}")
@@ -137,12 +138,6 @@ def _locked(folder: Path) -> Iterator[None]:
         yield
     finally:
         os.close(handle)
-
-
-def refuse_existing(folder: Path) -> None:
-    """Raise an error if the path exists."""
-    if folder.exists():
-        raise RecordingError(f"{folder}: already exists; choose another --output")
 
 
 def library(name: str, extra: str) -> Any:

@@ -18,8 +18,8 @@ from typing import Any
 
 from mcap.writer import CompressionType, Writer
 
-from netboard.base.errors import RecordingError, writing
-from netboard.base.files.new import try_writing
+from netboard.base.errors import ConfigError, RecordingError, writing
+from netboard.base.files.new import refuse_existing, try_writing
 from netboard.recording.format.channels import CHANNELS, Stamped
 from netboard.recording.format.disk import allocate, lock, sync_directory
 
@@ -48,12 +48,9 @@ def publish(part: Path, path: Path) -> None:
     try:
         # Not renamed: on POSIX a hard link cannot replace an existing file, but a rename does.
         os.link(part, path)
-    except FileExistsError:
-        raise RecordingError(f"{path}: exists already") from None
     except OSError:
         # The file system has no hard links. Renaming is atomic too, but on POSIX it silently replaces: check first.
-        if path.exists():
-            raise RecordingError(f"{path}: exists already") from None
+        refuse_existing(path)
         part.rename(path)
     else:
         part.unlink()
@@ -63,12 +60,11 @@ def publish(part: Path, path: Path) -> None:
 def require_new(path: Path) -> None:
     """Refuse a path at which no recording can be begun; for a command, before a long computation."""
     if path.suffix != ".mcap":
-        raise RecordingError(f"{path}: the name of a recording ends in .mcap")
+        raise ConfigError(f"{path}: the name of a recording ends in .mcap")
     with writing(path):
-        if path.exists():
-            raise RecordingError(f"{path}: exists already, and a recording is never overwritten")
+        refuse_existing(path)
         if not path.parent.is_dir():
-            raise RecordingError(f"{path}: cannot be written: there is no folder {path.parent}")
+            raise ConfigError(f"{path}: cannot be written: there is no folder {path.parent}")
         try_writing(path.parent)
 
 
@@ -92,10 +88,7 @@ class PartFile:
         self._whole = 0
         self._reserved: float = 0
         with writing(self._named):
-            if self.part.exists():
-                raise RecordingError(
-                    f"{self.part}: an unfinished recording of this name exists; see `netboard recover`"
-                )
+            refuse_existing(self.part, ", or recover it first: netboard recover")
             self._file = self.part.open("x+b")
         self._lock()
         # Only this class closes chunks: the library's own limit would let a chunk grow beyond its size.
@@ -219,7 +212,7 @@ class PartFile:
         with writing(self._named):
             try:
                 publish(self.part, self.path)
-            except RecordingError as error:
+            except ConfigError as error:
                 if self._repeatable:
                     raise
                 raise RecordingError(f"{error}; the finished recording stays in {self.part.name}") from None

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.errors import ConfigError
-from netboard.base.files.new import new_file
+from netboard.base.files.new import new_file, refuse_existing
 from netboard.physics.hands.sampled import GAP_RATIO, Hands, find_gaps
 from netboard.recording.export.formats import library
 from netboard.recording.importing.tables import ROWS, TableFile
@@ -215,15 +215,11 @@ def plan_outputs(inputs: Sequence[Path], output: str, force: bool = False) -> di
             raise ConfigError(f"{result}: would be the result of {taken[result]} and of {path}; rename one")
         if result.exists() and any(other.exists() and result.samefile(other) for other in inputs):
             raise ConfigError(f"{result}: is an input; name another --output")
-        _refuse_existing(result, force)
+        if not force:
+            refuse_existing(result, ", or overwrite it with --force")
         plan[path] = result
         taken[result] = path
     return plan
-
-
-def _refuse_existing(path: Path, force: bool) -> None:
-    if path.exists() and not force:
-        raise ConfigError(f"{path}: already exists; --force overwrites it")
 
 
 # --- writing -----------------------------------------------------------------------------------------------------
@@ -238,10 +234,9 @@ def write_table(
     replace an existing file.
     """
     write = _write_parquet if path.suffix.lower() == ".parquet" else _write_csv
-    with new_file(path) as part:
+    with new_file(path, force=force) as part:
         path.parent.mkdir(parents=True, exist_ok=True)
         write(part, columns, about)
-        _refuse_existing(path, force)
 
 
 def _write_csv(path: Path, columns: Mapping[str, NDArray[np.float64]], about: Mapping[str, str]) -> None:

@@ -17,7 +17,7 @@ from threading import Event, Thread
 from typing import Self
 
 from netboard.base.config import Config
-from netboard.base.errors import RecordingError
+from netboard.base.errors import ConfigError, RecordingError
 from netboard.recording.format.disk import lock, sync_directory
 from netboard.task.journal.entries import Entry, Header, line_of, read_lines
 
@@ -40,10 +40,10 @@ def journal_path(directory: Path, config: Config) -> Path:
     return directory / f"{config.session.dyad}_{config.session.name}{ENDING}"
 
 
-def started_before(path: Path) -> RecordingError:
+def started_before(path: Path) -> ConfigError:
     """Return the error for a session that has a journal already."""
-    return RecordingError(
-        f"{path}: exists already: this session was started before. Continue it with netboard server --resume, or give "
+    return ConfigError(
+        f"{path}: already exists: this session was started before. Continue it with netboard server --resume, or give "
         "the new session another name ([session] name, dyad)"
     )
 

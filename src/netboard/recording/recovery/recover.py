@@ -112,8 +112,8 @@ def require_finished(path: Path) -> None:
 def recover(path: Path, output: Path | None = None) -> RecoveryReport:
     """Write a complete recording with all valid data of an unfinished or damaged one.
 
-    Raises `RecordingError` if the source is not MCAP or has another format version, or the output exists or cannot be
-    written.
+    Raises `ConfigError` if the output exists, and `RecordingError` if the source is not MCAP or has another format
+    version, or the output cannot be written.
     """
     target = output or recovered_path(path)
     with mapped(path) as data:

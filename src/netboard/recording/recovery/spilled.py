@@ -37,8 +37,9 @@ from netboard.recording.recovery.spill import MAGIC, OPENED, read_spill
 def recover_any(path: Path, output: Path | None = None) -> tuple[RecoveryReport, ...]:
     """Recover an unfinished or damaged recording (`recover`), or a spill: one recording per block in it.
 
-    ``output``: output file; by default `recovered_path`. For a spill it is the first block's. Raises `RecordingError`
-    if nothing can be recovered, or an output exists or cannot be written; no output is left behind then.
+    ``output``: output file; by default `recovered_path`. For a spill it is the first block's. Raises `ConfigError`
+    if an output exists, and `RecordingError` if nothing can be recovered or an output cannot be written; no output is
+    left behind then.
     """
     with mapped(path) as data:
         if data[: len(MAGIC)] != MAGIC:

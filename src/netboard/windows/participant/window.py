@@ -24,7 +24,7 @@ from PySide6.QtWidgets import QApplication, QVBoxLayout, QWidget
 from netboard.base.clock import now_ns
 from netboard.base.config import Side
 from netboard.base.errors import ConfigError, NetboardError
-from netboard.base.files.new import new_file
+from netboard.base.files.new import new_file, refuse_existing
 from netboard.base.tables.rig import Display
 from netboard.windows.participant.widget import BoardView
 
@@ -135,13 +135,12 @@ def run(window: Window, stopping: Callable[[], bool], poll: Callable[[], object]
 
 def require_new(picture: Path | None) -> None:
     """Refuse to take a screenshot into an existing file."""
-    if picture is not None and picture.exists():
-        raise NetboardError(f"{picture}: exists already; a screenshot does not overwrite a file")
+    if picture is not None:
+        refuse_existing(picture)
 
 
 def screenshot(widget: QWidget, picture: Path) -> None:
     """Write the content of a widget to a PNG file."""
-    require_new(picture)
     with new_file(picture) as part:
         picture.parent.mkdir(parents=True, exist_ok=True)
         if not widget.grab().save(str(part), "PNG"):
