@@ -136,7 +136,7 @@ def test_screenshot_never_overwrites_a_file(app, board, tmp_path):
     screenshot(view, path)
     assert QImage(str(path)).width() == 840
     before = path.read_bytes()
-    with pytest.raises(NetboardError, match="does not overwrite"):
+    with pytest.raises(NetboardError, match="already exists"):
         screenshot(view, path)
     assert path.read_bytes() == before
 

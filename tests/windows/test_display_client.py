@@ -6,7 +6,7 @@ import pytest
 from display_parts import SmallServer, local_config, until
 
 from netboard.base.config import Config, resolve
-from netboard.base.errors import NetboardError
+from netboard.base.errors import ConfigError, NetboardError
 from netboard.base.tables.experiment import Block
 from netboard.base.tables.rig import Display
 from netboard.base.tables.scene import Geometry
@@ -277,8 +277,24 @@ def test_screenshot_of_the_first_picture_ends_the_display(app, tmp_path):
     picture = tmp_path / "left.png"
     run_display(free_port(), picture)
     assert picture.stat().st_size > 1000
-    with pytest.raises(NetboardError, match="does not overwrite"):
+    with pytest.raises(NetboardError, match="already exists"):
         run_display(free_port(), picture)
+
+
+def test_screenshot_without_a_server_is_given_up(app, tmp_path, monkeypatch):
+    from netboard.windows.participant import client, window
+
+    monkeypatch.setattr(window, "SCREENSHOT_WAIT_NS", 0)
+    config = local_config(free_port())
+    with pytest.raises(NetboardError, match=rf"no data came from the server at 127\.0\.0\.1:{config.network.port}"):
+        client.run(config, "left", lambda: False, tmp_path / "left.png")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_screenshot_that_cannot_be_saved_is_refused_at_once(app, tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(ConfigError, match=r'--screenshot: found ".*file", expected a folder that can be written'):
+        run_display(free_port(), tmp_path / "file" / "left.png")
 
 
 def test_delayed_screenshot_is_taken_at_the_latest_when_the_display_stops(app, tmp_path):

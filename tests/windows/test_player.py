@@ -185,5 +185,5 @@ def test_player_runs_until_stopped_or_until_its_screenshot(app, tmp_path):
     picture = tmp_path / "replay.png"
     run(recordings, "left", lambda: False, picture=picture, at=0.7)
     assert picture.stat().st_size > 1000
-    with pytest.raises(NetboardError, match="does not overwrite"):
+    with pytest.raises(NetboardError, match="already exists"):
         run(recordings, "left", lambda: False, picture=picture)

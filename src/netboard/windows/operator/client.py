@@ -184,7 +184,7 @@ def run(config: Config, stopping: Callable[[], bool], picture: Path | None = Non
     window.show()
     with sockets.open_context() as context:
         client = ConsoleClient(config, context, window)
-        screenshot_timer = windows.ScreenshotTimer(window, picture, after, lambda: client.status is not None)
+        screenshot_timer = windows.ScreenshotTimer(window, picture, after, lambda: client.status, config.network)
         windows.run(window, stopping, screenshot_timer.poll)
         screenshot_timer.take()
         client.leave()

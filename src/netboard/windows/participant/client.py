@@ -273,10 +273,9 @@ def run(
     with sockets.open_context() as context:
         player = None if play is None else play(station, config, context, window)
         client = DisplayClient(station, config, context, window, player)
-        screenshot_timer = windows.ScreenshotTimer(window, picture, after, lambda: client.tally.painted)
+        screenshot_timer = windows.ScreenshotTimer(window, picture, after, lambda: client.tally.painted, config.network)
         windows.run(window, stopping, screenshot_timer.poll)
-        if client.tally.painted:
-            screenshot_timer.take()
+        screenshot_timer.take()
         client.close()
     window.close()
     log.info("%d frames painted, %d dropped", client.tally.painted, client.tally.dropped)

@@ -4,6 +4,7 @@ import logging
 import os
 import sys
 from collections.abc import Callable
+from math import inf
 from pathlib import Path
 from typing import cast
 
@@ -25,7 +26,8 @@ from netboard.base.clock import now_ns
 from netboard.base.config import Side
 from netboard.base.errors import ConfigError, NetboardError
 from netboard.base.files.new import new_file, refuse_existing
-from netboard.base.tables.rig import Display
+from netboard.base.tables.rig import Display, Network
+from netboard.recording.format.disk import require_writable
 from netboard.windows.participant.widget import BoardView
 
 log = logging.getLogger(__name__)
@@ -134,9 +136,10 @@ def run(window: Window, stopping: Callable[[], bool], poll: Callable[[], object]
 
 
 def require_new(picture: Path | None) -> None:
-    """Refuse to take a screenshot into an existing file."""
+    """Refuse a screenshot that exists already, or that cannot be saved."""
     if picture is not None:
         refuse_existing(picture)
+        require_writable(picture.parent, "--screenshot")
 
 
 def screenshot(widget: QWidget, picture: Path) -> None:
@@ -147,22 +150,34 @@ def screenshot(widget: QWidget, picture: Path) -> None:
             raise NetboardError(f"{picture}: cannot be written")
 
 
-class ScreenshotTimer:
-    """Take one screenshot of a window, a delay after `ready` [s]; without a delay, take it then and end the loop."""
+SCREENSHOT_WAIT_NS = 60_000_000_000
+"""Time without data from the server after which a screenshot is given up [ns]."""
 
-    def __init__(self, window: Window, picture: Path | None, after: float | None, ready: Callable[[], object]) -> None:
-        require_new(picture)
+
+class ScreenshotTimer:
+    """Take one screenshot of a window, a delay after `ready` [s]; without a delay, take it then and end the loop.
+
+    Without a delay, the loop also ends if `server` sends nothing for too long.
+    """
+
+    def __init__(
+        self, window: Window, picture: Path | None, after: float | None, ready: Callable[[], object], server: Network
+    ) -> None:
         self._window, self._picture, self._after, self._ready = window, picture, after, ready
-        self._ready_ns: int | None = None
+        self._server = f"the server at {server.host}:{server.port}"
+        self._due_ns = inf if after is not None else now_ns() + SCREENSHOT_WAIT_NS
+        self._is_ready = False
         self._error: NetboardError | None = None
+        if picture is not None:
+            log.info("the screenshot waits for data from %s", self._server)
 
     def poll(self) -> None:
         """Take the screenshot if it is due."""
         if self._picture is None:
             return
-        if self._ready_ns is None and self._ready():
-            self._ready_ns = now_ns()
-        if self._ready_ns is not None and now_ns() - self._ready_ns >= (self._after or 0.0) * 1e9:
+        if not self._is_ready and self._ready():
+            self._is_ready, self._due_ns = True, now_ns() + (self._after or 0.0) * 1e9
+        if now_ns() >= self._due_ns:
             self.take()
             if self._after is None:
                 application().exit()
@@ -172,6 +187,8 @@ class ScreenshotTimer:
         picture, self._picture = self._picture, None
         if picture is not None:
             try:
+                if not self._ready():
+                    raise NetboardError(f"{picture}: no screenshot was taken: no data came from {self._server}")
                 screenshot(self._window, picture)
             except NetboardError as error:  # raised later: Qt has called this
                 self._error = error
