@@ -8,8 +8,9 @@ Data sets are allocated first and then filled in batches, so memory does not gro
 have a rate; if ticks are missing, every row has a time stamp.
 """
 
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Sequence
+from contextlib import ExitStack
+from io import FileIO
 from pathlib import Path
 from typing import Any
 
@@ -59,11 +60,11 @@ _EVENTS = "Changes of the phase of a trial, at the tick that caused them. " + ";
 
 def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
     """Write recordings as NWB files."""
-    pynwb = library("pynwb", "nwb")
+    pynwb, h5py = library("pynwb", "nwb"), library("h5py", "nwb")
     runs = runs_of(recordings)
     factors = exported_factors([run.config for run in runs])
     for run in runs:
-        with _disk(), Recording(run.path) as recording, ExitStack() as stack:
+        with Recording(run.path) as recording, ExitStack() as stack:
             survey = Survey(recording)
             filled: Filled = []
             for person in run.people:
@@ -71,18 +72,33 @@ def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
                 path = folder / f"sub-{person.label}" / f"{stem}.nwb"
                 path.parent.mkdir(exist_ok=True)
                 layout = Layout(pynwb, run, recording, survey, person, factors)
-                stack.enter_context(pynwb.NWBHDF5IO(path, "w")).write(layout.file)
+                file = stack.enter_context(h5py.File(stack.enter_context(_File(path, "w+b")), "w"))
+                stack.enter_context(pynwb.NWBHDF5IO(file=file, mode="w")).write(layout.file)
                 filled += layout.filled
             _fill(recording, survey, filled, progress)
 
 
-@contextmanager
-def _disk() -> Iterator[None]:
-    """Convert what HDF5 raises, besides an `OSError`, for a file that it cannot complete."""
-    try:
-        yield
-    except RuntimeError as error:
-        raise OSError("HDF5 could not complete the file; is the disk full?") from error
+class _File(FileIO):
+    """A file that raises an error of the disk only when it is closed: HDF5 crashes after a failed write."""
+
+    error: OSError | None = None
+
+    def write(self, data: Any) -> int:
+        """Write everything, or after an error nothing."""
+        view = memoryview(data).cast("B")
+        rest = view
+        try:
+            while rest and self.error is None:
+                rest = rest[super().write(rest) :]
+        except OSError as error:
+            self.error = error
+        return len(view)
+
+    def close(self) -> None:
+        """Close the file; raise the error of the disk."""
+        super().close()
+        if self.error is not None:
+            raise self.error
 
 
 def _fill(recording: Recording, survey: Survey, filled: Filled, progress: Progress) -> None:
