@@ -1,6 +1,7 @@
 """Exported files are read by other libraries, to the bit, and are complete or absent."""
 
 import csv
+import errno
 import json
 import os
 import shutil
@@ -18,7 +19,8 @@ from scipy.io import loadmat
 from typer.testing import CliRunner
 
 from netboard.base.config import Config
-from netboard.base.errors import ConfigError, RecordingError
+from netboard.base.errors import ConfigError, NetboardError, RecordingError
+from netboard.base.files.new import new_file
 from netboard.base.tables.experiment import Design
 from netboard.base.tick import TICK
 from netboard.recording.export import matlab
@@ -183,6 +185,15 @@ def test_export_never_overwrites_its_output_folder(two: list[Path], tmp_path: Pa
     (tmp_path / "out").mkdir()
     with pytest.raises(ConfigError, match="out: already exists"):
         export(two, "csv", tmp_path / "out", quiet)
+
+
+def test_full_disk_names_the_folder_that_was_asked_for(tmp_path: Path) -> None:
+    with (
+        pytest.raises(NetboardError, match=r"^\S+/out: cannot be written: No space left on device$"),
+        new_folder(tmp_path / "out") as part,
+        new_file(part / "report.html"),
+    ):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def test_output_folder_created_during_the_export_is_left_alone(two: list[Path], tmp_path: Path) -> None:

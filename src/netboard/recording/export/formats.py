@@ -17,7 +17,7 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any, TypeVar
 
-from netboard.base.errors import ConfigError, writing
+from netboard.base.errors import ConfigError, NetboardError, writing
 from netboard.base.files.new import refuse_existing
 from netboard.recording.format.disk import lock
 
@@ -125,6 +125,10 @@ def new_folder(folder: Path) -> Iterator[Path]:
             yield part
             refuse_existing(folder)
             part.rename(folder)
+        except NetboardError as error:
+            if isinstance(error.__cause__, OSError) and str(part) in str(error):
+                raise error.__cause__ from None  # name the folder that was asked for, not the temporary one
+            raise
         finally:
             shutil.rmtree(part, ignore_errors=True)
 
