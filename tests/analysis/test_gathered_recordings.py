@@ -2,8 +2,9 @@
 
 import pickle
 import shutil
+import time
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Executor
+from concurrent.futures import BrokenExecutor, Executor
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -33,6 +34,21 @@ def no_workers(recordings: Sequence[Path]) -> Iterator[Executor]:
 @pytest.fixture(scope="module")
 def alone(recordings: tuple[Path, ...]) -> Study:
     return study_from(extracted(recordings, Readings()))
+
+
+def test_interruption_ends_the_processes_at_once(recordings: tuple[Path, ...]) -> None:
+    asked = []
+
+    def interrupted() -> None:
+        with processes(2)(recordings) as pool:
+            asked.append(pool.submit(time.sleep, 30.0))
+            while not asked[0].running():
+                time.sleep(0.001)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert isinstance(asked[0].exception(), BrokenExecutor)
 
 
 def test_tables_do_not_depend_on_file_order_or_processes(recordings: tuple[Path, ...], alone: Study) -> None:

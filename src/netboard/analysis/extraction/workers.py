@@ -5,7 +5,7 @@ ends too early gives an error in one line.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import BrokenExecutor, CancelledError, Executor, ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
 from importlib.metadata import version
 from pathlib import Path
@@ -13,7 +13,7 @@ from typing import Any
 
 from netboard.analysis.extraction.fingerprint import ROOT, fingerprint
 from netboard.base.errors import ConfigError, NetboardError
-from netboard.base.process.workers import worker_processes
+from netboard.base.process.workers import terminate_workers, worker_processes
 from netboard.recording.export.formats import library
 
 WorkerPool = Callable[[Sequence[Path]], AbstractContextManager[Executor]]
@@ -36,6 +36,10 @@ def processes(workers: int) -> WorkerPool:
             raise NetboardError(
                 f"a worker process ended, perhaps because memory ran out; try fewer than --workers {count}"
             ) from error
+        except BaseException:  # nobody takes their results any more
+            if isinstance(pool, ProcessPoolExecutor):
+                terminate_workers(pool)
+            raise
         finally:
             pool.shutdown(cancel_futures=True)
 
