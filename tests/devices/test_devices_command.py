@@ -144,6 +144,11 @@ def test_commands_that_move_the_device_require_consent(words: str) -> None:
     assert "confirm with --yes" in result.output
 
 
+def test_slew_limit_that_is_too_small_is_refused_before_consent_is_asked() -> None:
+    result = devices("identify", "--side", "left", "--set", "safety.max_slew=1")
+    assert (result.exit_code, "max_slew: found 1, expected at least" in result.output) == (2, True)
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
 @pytest.mark.parametrize("number", STOP_SIGNALS)
 def test_stop_signal_while_the_motors_push_ends_with_zero_force(

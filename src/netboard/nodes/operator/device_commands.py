@@ -112,14 +112,15 @@ def identify(
 ) -> int:
     """Identify a device's mechanics, and write them to its profile unless a hand held it."""
     chirp = chirp or excitation.Chirp()
+    limits = excitation.limits_of(chirp, config.safety)
     what = "held loosely" if held else "with no hand on it, in the middle of its workspace"
     ask_consent(
-        f"the stylus, {what}, up and down for {chirp.seconds:g} s with at most {chirp.max_force:g} N", yes, input
+        f"the stylus, {what}, up and down for {chirp.seconds:g} s with at most {limits.max_force:g} N", yes, input
     )
     with opened(config, side, loop_clock is None) as device, _bar(as_json) as progress:
         info, known, ticks = device.info, device.profile, loop_clock or RealTime()
         watch(device, ticks, WARM_UP)
-        track = excitation.run(device, ticks, chirp, config.safety, progress("moving"))
+        track = excitation.run(device, ticks, chirp, limits, progress("moving"))
     found = excitation.identified(track, held)
     if as_json:
         _print_json(words.plain_identified(info, found))
