@@ -1,9 +1,11 @@
 """``netboard control``: an operator's commands from a shell."""
 
 import json as jsonlib
-from typing import Annotated, Literal
+import re
+from typing import Annotated, Any, Literal
 
 import typer
+from typer.core import TyperCommand
 
 from netboard.base.errors import NetboardError
 from netboard.network.protocol.control import COMMAND_HELP, CommandName
@@ -13,7 +15,17 @@ from netboard.services.options import ConfigFile, Json, Overrides, examples
 app = typer.Typer()
 
 
+class _NegativeNumbers(TyperCommand):
+    """A command that takes a negative number as an argument, not as an option."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Pass on what is no option if there is such a number."""
+        ctx.ignore_unknown_options = any(re.fullmatch(r"-[\d.]+", one) for one in args)
+        return super().parse_args(ctx, args)
+
+
 @app.command(
+    cls=_NegativeNumbers,
     epilog=examples(
         "netboard control start",
         "netboard control pause_after_trial -c rig.toml --json",

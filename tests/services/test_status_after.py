@@ -1,6 +1,7 @@
 """The server may end with an accepted command; otherwise its silence is an error."""
 
 import pytest
+from typer.testing import CliRunner
 
 from fakes import STATUS
 from netboard.base.errors import NetboardError
@@ -8,6 +9,7 @@ from netboard.base.tables.rig import Network
 from netboard.network.protocol.control import Reply, Status
 from netboard.nodes.operator import shell
 from netboard.nodes.operator.operator import Operator
+from netboard.services.cli import app
 
 
 class Asked(Operator):
@@ -33,3 +35,10 @@ def test_server_that_ended_with_an_accepted_command_is_no_error(monkeypatch: pyt
 
 def test_status_after_a_command_is_that_of_the_server() -> None:
     assert shell.status_after(Asked(STATUS), Network(), Reply(1, True, "")) is STATUS
+
+
+@pytest.mark.parametrize(("words", "code"), [("seek -2 --json", 1), ("step -10", 1), ("seek --jsn", 2)])
+def test_negative_number_is_an_argument_of_a_command(words: str, code: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shell, "ANSWER_SECONDS", 0.0)
+    result = CliRunner().invoke(app, ["control", *words.split(), "--set", "network.port=21009"])
+    assert (result.exit_code, "no server answers" in result.output) == (code, code == 1)
