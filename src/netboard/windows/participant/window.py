@@ -24,10 +24,9 @@ from PySide6.QtWidgets import QApplication, QVBoxLayout, QWidget
 
 from netboard.base.clock import now_ns
 from netboard.base.config import Side
-from netboard.base.errors import ConfigError, NetboardError
-from netboard.base.files.new import new_file, refuse_existing
+from netboard.base.errors import ConfigError, NetboardError, writing
+from netboard.base.files.new import new_file, refuse_existing, try_writing
 from netboard.base.tables.rig import Display, Network
-from netboard.recording.format.disk import require_writable
 from netboard.windows.participant.widget import BoardView
 
 log = logging.getLogger(__name__)
@@ -139,7 +138,9 @@ def require_new(picture: Path | None) -> None:
     """Refuse a screenshot that exists already, or that cannot be saved."""
     if picture is not None:
         refuse_existing(picture)
-        require_writable(picture.parent, "--screenshot")
+        with writing(picture, NetboardError):
+            picture.parent.mkdir(parents=True, exist_ok=True)
+            try_writing(picture.parent)
 
 
 def screenshot(widget: QWidget, picture: Path) -> None:
