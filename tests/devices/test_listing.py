@@ -114,6 +114,7 @@ def test_unusable_backend_is_listed_with_its_reason(tmp_path: Path, backends: di
     ("backend", "serial", "colour", "found"),
     [
         (TwoListed, "42", "green", "Touch (vendor's name), serial 42"),
+        (TwoListed, "", "yellow", "Touch (vendor's name), serial 42, "),
         (TwoListed, "44", "yellow", "no openhaptics device with serial number 44 is connected"),
         (LibraryMissing, "42", "yellow", "libHD.so is not there"),
     ],

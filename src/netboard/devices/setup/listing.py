@@ -101,6 +101,9 @@ def _of_side(side: Side, config: Config, found: Listing, missing: Colour) -> Fin
     here = [each for each in found.devices if each.usb in ids or name in each.seen_by]
     here = [each for each in here if not serial or each.serial in ("", serial)]
     words = ", ".join(f"{each.model}, serial {each.serial or '?'}" for each in here)
+    if len(here) > 1 and not (serial or agent.options.get("name")):
+        advice = f"write its serial number in [agents.{side}.options] serial"
+        return Finding(title, "yellow", f"{words}: which of them is used is chance", advice)
     wanted = f"no {name} device" + (f" with serial number {serial}" if serial else "") + " is connected"
     return graded(title, bool(here), words or wanted, "connect it, switch it on, and stop its agent", else_=missing)
 
