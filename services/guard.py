@@ -29,6 +29,15 @@ OK, FAULT, WRONG = 0, 1, 2
 class Guarded(TyperGroup):
     """A group of commands that turns expected errors into one line and an exit code."""
 
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the options; ``--help`` prints at once."""
+        try:
+            return super().parse_args(ctx, args)
+        except OSError as error:
+            words, code = expected(error)
+            typer.secho(f"netboard: {words}", err=True, fg=typer.colors.RED)
+            raise typer.Exit(code) from error
+
     def invoke(self, ctx: Any) -> Any:
         """Run the subcommand."""
         try:

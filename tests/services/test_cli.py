@@ -169,9 +169,10 @@ def test_full_disk_leaves_no_empty_file(words: str) -> None:
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
-def test_output_to_a_full_disk_is_one_line() -> None:
+@pytest.mark.parametrize("words", ["config show", "--help", "config --help"])
+def test_output_to_a_full_disk_is_one_line(words: str) -> None:
     with Path("/dev/full").open("w", encoding="utf-8") as full:
-        command = [sys.executable, "-m", "netboard.services.cli", "config", "show"]
+        command = [sys.executable, "-m", "netboard.services.cli", *words.split()]
         done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
     assert (done.returncode, done.stderr) == (1, "netboard: the output cannot be written: the disk is full\n")
 
