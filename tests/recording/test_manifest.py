@@ -141,6 +141,15 @@ def test_all_problems_of_a_manifest_are_reported_at_once(study: Path) -> None:
     assert ("b9.csv" in problems[0], "[block] force" in problems[1], "block 1 is listed" in problems[2]) == (True,) * 3
 
 
+def test_table_of_hands_only_is_refused_before_any_import_unless_the_task_is_simulated(study: Path) -> None:
+    write_table(Path("D01/b2.csv"), names="t,Height1,Height2,other")
+    printed = command("--manifest", "study.toml", "-o", "out", code=2)
+    assert "nothing was imported, 1 problem to fix:\nstudy.toml, line 13 (D01/b2.csv): D01/b2.csv: contains" in printed
+    assert not Path("out").exists()
+    study.write_text("simulate = true\n" + study.read_text())
+    assert len(examine(study, Path("out"), quiet).jobs) == len(BLOCKS)
+
+
 @pytest.mark.slow
 def test_table_that_fails_late_does_not_stop_the_other_imports(study: Path) -> None:
     write_table(Path("D01/b2.csv"), 20_010)

@@ -20,7 +20,13 @@ from netboard.recording.files.offline_writer import recording_name
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.partfile import publish
 from netboard.recording.importing.manifest import ListedTable, Manifest
-from netboard.recording.importing.table_import import Imported, ImportOptions, configuration_beside, import_table
+from netboard.recording.importing.table_import import (
+    Imported,
+    ImportOptions,
+    configuration_beside,
+    import_table,
+    require_task,
+)
 from netboard.recording.importing.tables import is_tick_table, probe
 from netboard.recording.integrity.catalogue import entry_of
 from netboard.recording.integrity.severity import RESULTS, Severity
@@ -90,7 +96,8 @@ def _job(one: ListedTable, folder: Path) -> Job:
     has_ticks = is_tick_table(one.path) and not one.options.names
     config = (configuration_beside(one.path) if has_ticks else None) or one.config
     if not has_ticks:
-        probe(one.path, one.options.names, one.options.units, one.options.rate)
+        columns = probe(one.path, one.options.names, one.options.units, one.options.rate)
+        require_task(one.path, columns, one.options)
     return Job(one.where, one.path, config, one.options, folder / recording_name(config, sha256_of(one.path)))
 
 

@@ -2,7 +2,7 @@
 
 import json
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -94,11 +94,7 @@ def import_table(
         origin = {"imported": "ticks", **origin}
         return _save(read_ticks(path), folder, beside or config, origin, utc_ns, progress, warned)
     samples = read_samples(path, options.names, options.units, options.rate)
-    if not options.simulate and not set(TASK) & samples.columns.keys():
-        raise ConfigError(
-            f"{path}: contains hands only, and no column of the task ({', '.join(TASK)}): --simulate computes the "
-            "board, the ball and the trials from them"
-        )
+    require_task(path, samples.columns, options)
     try:
         ticks, columns, notes = _at_ticks(samples, options)
         rows = simulated(ticks, columns, config) if options.simulate else measured(ticks, columns)
@@ -111,6 +107,15 @@ def import_table(
     }
     pieces = (rows[first : first + PIECE] for first in range(0, rows.size, PIECE))
     return _save(pieces, folder, config, origin, utc_ns, progress, tuple(notes), rows.size)
+
+
+def require_task(path: Path, columns: Collection[str], options: ImportOptions) -> None:
+    """Refuse a table of hands only, unless the task is to be simulated."""
+    if not options.simulate and not set(TASK).intersection(columns):
+        raise ConfigError(
+            f"{path}: contains hands only, and no column of the task ({', '.join(TASK)}): --simulate, or simulate = "
+            "true in a manifest, computes the board, the ball and the trials from them"
+        )
 
 
 def _at_ticks(samples: Samples, options: ImportOptions) -> tuple[NDArray[np.int64], dict[str, NDArray[Any]], list[str]]:

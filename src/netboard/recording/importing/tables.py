@@ -5,7 +5,7 @@ by commas, semicolons or tabs; numbers have a decimal point. An empty cell is a 
 """
 
 import csv
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -196,10 +196,11 @@ def read_samples(
     return Samples(time, columns, tuple(name for name in table.names if name not in taken))
 
 
-def probe(path: Path, names: Sequence[str], units: Sequence[str], rate: float | None) -> None:
-    """Validate the first rows of a table; raise the same errors as reading all of it."""
+def probe(path: Path, names: Sequence[str], units: Sequence[str], rate: float | None) -> Collection[str]:
+    """Validate the first rows of a table and return its columns; raise the same errors as reading all of it."""
     first = next(_portions(TableFile(path), names, units, rate), {})
     _require_rate(path, first.get("time", np.empty(0)), rate)
+    return first.keys()
 
 
 def _portions(
