@@ -18,6 +18,7 @@ from netboard.base.tables.simulated import Participant
 from netboard.base.tick import TICK
 from netboard.nodes.rehearsal.block import Rehearsal
 from netboard.recording.export.formats import export
+from netboard.recording.export.runs import people_in
 from netboard.recording.files.offline_writer import BlockWriter
 from netboard.recording.files.reader import Recording
 from netboard.recording.importing import tables
@@ -73,6 +74,8 @@ def test_exported_ticks_import_bit_exactly(rehearsed: Path, tmp_path: Path, kind
         stage = [event for event in recording.events() if event.tick >= 0]
         assert [event for event in back.events() if event.tick >= 0][1:] == stage[1:]  # the first says what it is
         assert (back.metadata["imported"], back.metadata["imported_from"]) == ("ticks", table.name)
+        assert back.metadata["rehearsed"] == "true"
+        assert all(person.simulated for person in people_in(back.config, back.metadata))
         assert back.metadata["imported_sha256"] == hashlib.sha256(table.read_bytes()).hexdigest()
         account = account_of(parts_of(back.path))
     assert not account.unexplained
@@ -249,6 +252,17 @@ def test_invalid_import_option_is_refused(tmp_path: Path, wishes: dict[str, Any]
     table = write_csv(tmp_path / "task.csv", task_table())
     with pytest.raises(ConfigError, match=message):
         import_table(table, tmp_path, CONFIG, ImportOptions(**wishes), UTC_NS, quiet)
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
+def test_imported_measurements_remain_measurements_when_exported_and_imported_again(tmp_path: Path, kind: str) -> None:
+    if kind == "parquet":
+        pytest.importorskip("pyarrow")
+    with imported(write_csv(tmp_path / "task.csv", task_table()), tmp_path / "first") as first:
+        export([first.path], kind, tmp_path / "out", lambda *progress: None)
+    with imported(tmp_path / "out" / "ticks" / f"{first.path.stem}.{kind}", tmp_path / "again") as again:
+        assert again.metadata["imported"] == "measured"
+    assert check(again.path).severity is check(first.path).severity is not Severity.DAMAGE
 
 
 @pytest.mark.slow

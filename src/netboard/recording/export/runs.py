@@ -122,7 +122,7 @@ def people_in(config: Config, metadata: dict[str, str]) -> Iterator[Person]:
 
 def _is_simulated(config: Config, metadata: dict[str, str], sides: Sequence[Side]) -> bool:
     """Return True if a simulated participant moved these sides."""
-    if "imported" in metadata:
+    if metadata.get("imported") in ("measured", "simulated"):
         return metadata["imported"] == "simulated"
     virtual = all(config.agents.of(side).device == "virtual" for side in sides)
     return virtual or metadata.get("rehearsed") == "true"

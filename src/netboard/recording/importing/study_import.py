@@ -110,7 +110,7 @@ def _is_done(job: Job) -> bool:
         raise RecordingError(f"{job.path}: exists but is damaged ({found.why}); move it away to import it again")
     with Recording(job.path) as recording:
         metadata, text = recording.metadata, recording.config_text
-    same = metadata.get("imported") == "ticks" or job.options.metadata.items() <= metadata.items()
+    same = "imported_names" not in metadata or job.options.metadata.items() <= metadata.items()
     if not same or text != resolve(job.config):
         raise RecordingError(f"{job.path}: exists, and was imported with other settings; move it away")
     return True

@@ -20,10 +20,13 @@ from netboard.recording.files.offline_writer import BlockWriter
 from netboard.recording.importing.columns import COLUMNS, TASK
 from netboard.recording.importing.resampling import Interpolation, resampled, segments
 from netboard.recording.importing.rows import measured, simulated
-from netboard.recording.importing.tables import Samples, is_tick_table, read_samples, read_ticks
+from netboard.recording.importing.tables import Samples, TableFile, is_tick_table, read_samples, read_ticks
 
 PIECE = 10_000
 """Ticks per progress report [1]."""
+
+ORIGIN = ("rehearsed", "what_if", "source")
+"""Metadata that an imported table of ticks takes over from the exported recording."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +78,18 @@ def configuration_beside(path: Path) -> Config | None:
     return parse(read_text(found), str(found)) if found.is_file() else None
 
 
+def origin_beside(path: Path) -> dict[str, str]:
+    """Read what an export states of the origin of a table of ticks: simulated, or measured by another program."""
+    recordings = path.resolve().parent.parent / f"recordings{path.suffix}"
+    if not recordings.is_file():
+        return {}
+    portions = TableFile(recordings).portions(("recording", "metadata"))
+    rows = [row for some in portions for row in zip(some.words("recording"), some.words("metadata"), strict=True)]
+    metadata = json.loads(dict(rows).get(path.stem, "{}"))
+    measured_elsewhere = {"imported": "measured"} if metadata.get("imported") == "measured" else {}
+    return measured_elsewhere | {key: metadata[key] for key in ORIGIN if key in metadata}
+
+
 def import_table(
     path: Path,
     folder: Path,
@@ -91,7 +106,7 @@ def import_table(
     if is_tick_table(path) and not options.names:
         beside = configuration_beside(path)
         warned = () if beside else (f"no configurations/{path.stem}.toml beside its folder: it is given --config's",)
-        origin = {"imported": "ticks", **origin}
+        origin = {"imported": "ticks", **origin_beside(path), **origin}
         return _save(read_ticks(path), folder, beside or config, origin, utc_ns, progress, warned)
     samples = read_samples(path, options.names, options.units, options.rate)
     require_task(path, samples.columns, options)
