@@ -302,6 +302,7 @@ def test_import_command_summarises_the_import(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["info", str(path)])
     assert result.exit_code == 0, result.output
     assert "unknown" in result.output  # the target
+    assert "imported from task.csv, measured" in result.output
     with Recording(path) as found:
         assert found.config_text == resolve(replace(Config(), session=replace(Config().session, dyad="D77")))
         assert set(TICK.names) == set(found.ticks().dtype.names)

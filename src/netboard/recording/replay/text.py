@@ -1,7 +1,7 @@
 """Text and tables of a recording for the terminal."""
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import isnan
 from pathlib import Path
 
@@ -123,6 +123,7 @@ def provenance_table(recording: Recording) -> FittedTable:
         "file": f"{recording.path} ({recording.path.stat().st_size / 1e6:.1f} MB)",
         "session": f"{known['name']}, dyad {known['dyad']}, run {known['session']}",
         "pilot": known["pilot"],
+        **({"origin": origin} if (origin := _origin(known)) else {}),
         "recorded": known["opened_utc"],
         "block": f"{block.configuration}, haptics {'on' if block.haptics else 'off'}, {plural(block.trials, 'trial')}",
         "role": role_of(config) + (f", kind {design.kind}" if design.kind else ""),
@@ -133,6 +134,16 @@ def provenance_table(recording: Recording) -> FittedTable:
         "configuration": known["config_sha256"],
     }
     return FittedTable("", "", rows=rows.items(), title="Recording", header=False)
+
+
+def _origin(metadata: Mapping[str, str]) -> str:
+    """Return how a recording was made; empty for one of a live session."""
+    words = {
+        "rehearsed": "a rehearsal with simulated participants",
+        "what_if": "a counterfactual of {source}: {what_if}",
+        "imported": "imported from {imported_from}, {imported}",
+    }
+    return "; ".join(text.format_map(metadata) for key, text in words.items() if key in metadata)
 
 
 def _level(factor: BlockFactor, trials: int) -> str:
