@@ -69,8 +69,12 @@ def dask(address: str, patience: float = TIMEOUT, root: str = ROOT) -> WorkerPoo
 def _client(distributed: Any, address: str, patience: float) -> Iterator[Any]:
     """Connect to a scheduler with workers."""
     try:
+        library("distributed.comm.addressing", "dask").get_address_host_port(address, strict=False)
+    except ValueError as error:  # a client of it would wait for 20 s at its end, and then print a traceback
+        raise ConfigError(f"--dask {address}: {error}; expected an address such as tcp://10.0.0.5:8786") from None
+    try:
         client = distributed.Client(address, timeout=patience, set_as_default=False)
-    except (OSError, ValueError) as error:
+    except OSError as error:
         raise ConfigError(f"--dask {address}: no scheduler answers there within {patience:g} s ({error})") from error
     with client:
         try:
