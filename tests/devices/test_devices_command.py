@@ -168,8 +168,12 @@ def test_stop_signal_while_the_motors_push_ends_with_zero_force(
 
     monkeypatch.setattr("netboard.devices.contract.registry.make", make)
     common = {"seconds": 2.0, "force": 0.3, "yes": True, "as_json": True, "loop_clock": SimulatedTime()}
-    with pytest.raises(KeyboardInterrupt):
-        commands.examine(Config(), "left", **common)
+    before = signal.signal(number, signal.SIG_DFL)  # with nohup, SIGHUP would be ignored
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            commands.examine(Config(), "left", **common)
+    finally:
+        signal.signal(number, before)
     assert max(force[2] for force in made[0].forces) > 0.2
     assert made[0].forces[-1] == (0.0, 0.0, 0.0)
 

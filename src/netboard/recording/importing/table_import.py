@@ -28,6 +28,9 @@ PIECE = 10_000
 ORIGIN = ("rehearsed", "what_if", "source")
 """Metadata that an imported table of ticks takes over from the exported recording."""
 
+GIVEN = "--config's, whose devices decide whether its participants count as simulated"
+"""Which configuration a table of ticks gets that has none beside it."""
+
 
 @dataclass(frozen=True, slots=True)
 class ImportOptions:
@@ -105,7 +108,7 @@ def import_table(
     origin = {"imported_from": path.name, "imported_sha256": sha256_of(path)}
     if is_tick_table(path) and not options.names:
         beside = configuration_beside(path)
-        warned = () if beside else (f"no configurations/{path.stem}.toml beside its folder: it is given --config's",)
+        warned = () if beside else (f"no configurations/{path.stem}.toml beside its folder: it is given {GIVEN}",)
         origin = {"imported": "ticks", **origin_beside(path), **origin}
         return _save(read_ticks(path), folder, beside or config, origin, utc_ns, progress, warned)
     samples = read_samples(path, options.names, options.units, options.rate)
