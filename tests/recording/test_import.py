@@ -282,7 +282,7 @@ def test_error_at_the_end_of_a_table_leaves_no_recording(
 def test_import_never_overwrites_a_recording(tmp_path: Path) -> None:
     table = write_csv(tmp_path / "task.csv", task_table())
     imported(table, tmp_path).close()
-    with pytest.raises(RecordingError, match="exists"):
+    with pytest.raises(ConfigError, match="already exists"):
         imported(table, tmp_path)
 
 

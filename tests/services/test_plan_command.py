@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from netboard.base.config import Config, parse
-from netboard.base.errors import RecordingError
+from netboard.base.errors import ConfigError
 from netboard.nodes.server.planned import Planned, StudySession
 from netboard.services.cli import app
 from netboard.services.loading import load_study
@@ -140,5 +140,5 @@ def test_server_of_a_session_that_was_started_before_does_not_begin() -> None:
     planned = Planned(parse("[session]\npilot = true"), load_study("pilot"), StudySession("pilot", 1))
     planned.path.parent.mkdir()
     planned.path.touch()
-    with pytest.raises(RecordingError, match="this session was started before"):
+    with pytest.raises(ConfigError, match="this session was started before"):
         planned.begin()

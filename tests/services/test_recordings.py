@@ -93,7 +93,7 @@ def test_recover_writes_a_complete_file_and_reports_losses(writer: RecordingWrit
 def test_recover_never_overwrites_a_file(writer: RecordingWriter) -> None:
     writer.abandon()
     Path("whole.mcap").write_bytes(b"mine")
-    assert runner.invoke(app, ["recover", "S01.mcap.part", "-o", "whole.mcap"]).exit_code == 1
+    assert runner.invoke(app, ["recover", "S01.mcap.part", "-o", "whole.mcap"]).exit_code == 2
     assert Path("whole.mcap").read_bytes() == b"mine"
 
 
