@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from netboard.base.config import Config
-from netboard.base.errors import RecordingError
+from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant
 from netboard.nodes.rehearsal.block import Rehearsal
 from netboard.recording.files.offline_writer import BlockWriter
@@ -50,5 +50,5 @@ def test_rehearsed_block_is_a_complete_recording(tmp_path: Path) -> None:
 def test_existing_recording_is_not_overwritten(tmp_path: Path) -> None:
     keeper = BlockWriter(tmp_path, config(), SESSION, UTC_NS)
     keeper.finish()
-    with pytest.raises(RecordingError, match="block04"):
+    with pytest.raises(ConfigError, match="block04"):
         BlockWriter(tmp_path, config(), SESSION, UTC_NS)

@@ -71,7 +71,7 @@ class Report:
         """Write the report to a file, in place of an older one."""
         with writing(path, NetboardError):
             path.parent.mkdir(parents=True, exist_ok=True)
-        with new_file(path) as part:
+        with new_file(path, force=True) as part:
             part.write_text(self.text() + "\n", encoding="utf-8")
 
 
