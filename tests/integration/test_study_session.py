@@ -166,7 +166,7 @@ def test_session_started_before_is_not_restarted(tmp_path: Path) -> None:
         assert rig.wait("server") in (0, 1)
         before = journal(rig).read_bytes()
         rig.start("server", "server", *STUDY)
-        assert rig.wait("server") == 1
+        assert rig.wait("server") == 2
         assert "was started before. Continue it with netboard server --resume" in rig.output_of("server")
         assert journal(rig).read_bytes() == before
 
