@@ -1,7 +1,7 @@
 """The exceptions of netboard.
 
     NetboardError                what a caller may want to catch
-    ├── ConfigError              the configuration is wrong: file, table, key and what was expected
+    ├── ConfigError              what was asked for is wrong: a setting, an option, or an output that exists
     ├── DeviceError              a haptic device failed
     │   ├── DeviceNotFound       it is not there, or its driver is not
     │   ├── DeviceLost           it was there and is gone
@@ -22,7 +22,7 @@ class NetboardError(Exception):
 
 
 class ConfigError(NetboardError):
-    """The configuration is invalid; the message names file, table, key and the expected value."""
+    """A setting, an option or the name of an output is wrong; the message says which, and what was expected."""
 
 
 class DeviceError(NetboardError):
