@@ -24,9 +24,9 @@ LOOP = "predicted loop"
 WORK_US, WORK_EXCHANGE_US = -5.0, 64.0
 """Work of a loop beside its exchange, and the server's CPU time for an exchange, on the machine of latency.md [us].
 
-By `docs/data/loop.json`: the median loop of 153 without the echo of 157 and the wait for the other sample of 1, so
-with the contention of a session's processes, and less than 0, because the probe exchanges in Python what a session
-exchanges in compiled code; and 12.8 % of a core for 2000 exchanges a second.
+By one run of `netboard bench loop`: the median loop of 153 without the echo of 157 and the wait for the other sample of
+1, so with the contention of a session's processes, and less than 0, because the probe exchanges in Python what a
+session exchanges in compiled code; and 12.8 % of a core for 2000 exchanges a second.
 """
 
 MANY = 100_000
