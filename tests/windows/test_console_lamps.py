@@ -342,6 +342,8 @@ def test_possible_commands_depend_on_the_state() -> None:
     assert "resume" not in possible(RUNNING)
     running = {"pause", "pause_after_trial", "abort", "skip", "stop_after_block", "disarm", "note"}
     assert running <= possible(RUNNING)
+    for phase in ("idle", "paused", "finished"):
+        assert "stop_after_block" in possible(replace(RUNNING, phase=phase))
     assert {"resume", "skip"} <= possible(replace(RUNNING, phase="paused"))
     assert "emergency_release" in possible(STATES["stopped"])
     assert "resume" not in possible(STATES["stopped"])

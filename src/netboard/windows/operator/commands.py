@@ -88,7 +88,7 @@ def _next(status: Status) -> str:
 
 
 def _stop_after_block(status: Status) -> str:
-    return _in(*ACTIVE, "paused")(status) if status.study else "there is no plan, only this block"
+    return _opened(status) if status.study else "there is no plan, only this block"
 
 
 def _judged(status: Status) -> str:
