@@ -129,7 +129,7 @@ class PlayerWindow(windows.BoardWindow):
         positions = self.pairing.at(self.playback.position)
         views = [pane.show(position) for pane, position in zip(self.panes, positions, strict=True)]
         for caption, pane, position in zip(self._captions, self.panes, positions, strict=False):
-            caption.setText(f"{pane.recording.name}   {clock(position)}   {pane.recording.where(position)}")
+            caption.setText(f"{pane.recording.name}\n{clock(position)}   {pane.recording.where(position)}")
         self.bar.point_at(self.playback.position)
         self.bar.show_loop(self.playback.loop)
         self.line.setText(self._in_words(positions[0], views[0]))
