@@ -71,20 +71,6 @@ def test_interrupt_while_a_worker_starts_is_no_traceback(tmp_path: Path) -> None
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("is_new", [True, False])
-def test_interrupted_rehearsal_leaves_no_new_folder(
-    is_new: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def interrupt(*given: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(rehearsal, "in_turn", interrupt)
-    folder = tmp_path / "new" if is_new else tmp_path
-    with pytest.raises(KeyboardInterrupt):
-        rehearsal.rehearse_blocks(blocks()[:1], 1, 1, folder=folder)
-    assert folder.exists() != is_new
-
-
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C reaches a process group on POSIX only")
 @pytest.mark.parametrize("workers", ["1", "2"])

@@ -2,8 +2,7 @@
 
 import json
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -11,7 +10,7 @@ from rich.progress import MofNCompleteColumn
 from rich.text import Text
 
 from netboard.base.config import Config
-from netboard.base.errors import writing
+from netboard.base.errors import NetboardError
 from netboard.base.plural import plural
 from netboard.base.terminal.bars import progress_bars
 from netboard.base.terminal.output import FittedTable, numbers, plain_console
@@ -33,36 +32,24 @@ def rehearse_blocks(
     as_json: bool = False,
 ) -> int:
     """Rehearse blocks, one after the other or several at once."""
+    if folder is not None:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise NetboardError(f"{folder}: cannot be created: {error.strerror}") from error
     jobs = jobs_of(blocks, seed, dyad, folder, fast)
-    with _folder(folder):
-        with console.status("compiling (only once)"):
-            for job in jobs:
-                next(Rehearsal(job.config, job.people).pieces(1))
-        began = time.perf_counter()
-        results = in_parallel(jobs, workers) if workers > 1 else in_turn(jobs)
-        took = time.perf_counter() - began
+    with console.status("compiling (only once)"):
+        for job in jobs:
+            next(Rehearsal(job.config, job.people).pieces(1))
+    began = time.perf_counter()
+    results = in_parallel(jobs, workers) if workers > 1 else in_turn(jobs)
+    took = time.perf_counter() - began
     if as_json:
         console.file.write(json.dumps(as_data(results, took)) + "\n")
     else:
         console.print(table_of(results))
         console.print(in_total(results, took))
     return 1 if any(result.given_up for result in results) else 0
-
-
-@contextmanager
-def _folder(folder: Path | None) -> Iterator[None]:
-    """Make a folder if it is missing; a new one that is empty after an error is removed."""
-    if folder is None or folder.is_dir():
-        yield
-        return
-    with writing(folder):
-        folder.mkdir(parents=True)
-    try:
-        yield
-    except BaseException:
-        with suppress(OSError):  # it has recordings
-            folder.rmdir()
-        raise
 
 
 def in_turn(jobs: Sequence[Job]) -> list[BlockResult]:
