@@ -14,14 +14,21 @@ from netboard.services.options import ConfigFile, Json, Overrides, examples
 
 app = typer.Typer()
 
+NEGATIVE = re.compile(r"-[\d.]+(e[+-]?\d+)?")
+"""A negative number."""
+
 
 class _NegativeNumbers(TyperCommand):
     """A command that takes a negative number as an argument, not as an option."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Pass on what is no option if there is such a number."""
-        ctx.ignore_unknown_options = any(re.fullmatch(r"-[\d.]+", one) for one in args)
-        return super().parse_args(ctx, args)
+        """Pass negative numbers on, and refuse all else that is no option."""
+        ctx.ignore_unknown_options = "--" not in args and any(NEGATIVE.fullmatch(one) for one in args)
+        rest = super().parse_args(ctx, args)
+        for one in ctx.params["arguments"] or () if ctx.ignore_unknown_options else ():
+            if one.startswith("-") and not NEGATIVE.fullmatch(one):
+                ctx.fail(f"No such option: {one}")
+        return rest
 
 
 @app.command(

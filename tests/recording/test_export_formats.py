@@ -20,7 +20,7 @@ from typer.testing import CliRunner
 
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError, NetboardError, RecordingError
-from netboard.base.files.new import new_file
+from netboard.base.files.new import new_file, refuse_existing
 from netboard.base.tables.experiment import Design
 from netboard.base.tick import TICK
 from netboard.recording.export import matlab
@@ -185,6 +185,13 @@ def test_export_never_overwrites_its_output_folder(two: list[Path], tmp_path: Pa
     (tmp_path / "out").mkdir()
     with pytest.raises(ConfigError, match="out: already exists"):
         export(two, "csv", tmp_path / "out", quiet)
+
+
+def test_link_to_nowhere_is_not_replaced(tmp_path: Path) -> None:
+    link = tmp_path / "d.mcap"
+    link.symlink_to(tmp_path / "not fetched")
+    with pytest.raises(ConfigError, match="already exists"):
+        refuse_existing(link)
 
 
 def test_full_disk_names_the_folder_that_was_asked_for(tmp_path: Path) -> None:

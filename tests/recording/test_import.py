@@ -265,6 +265,17 @@ def test_imported_measurements_remain_measurements_when_exported_and_imported_ag
     assert check(again.path).severity is check(first.path).severity is not Severity.DAMAGE
 
 
+def test_list_of_recordings_beside_a_table_of_ticks_need_not_be_of_an_export(rehearsed: Path, tmp_path: Path) -> None:
+    export([rehearsed], "csv", tmp_path / "out", lambda *progress: None)
+    table, listed = tmp_path / "out" / "ticks" / f"{rehearsed.stem}.csv", tmp_path / "out" / "recordings.csv"
+    listed.write_text("file,notes\nS01,tired\n", encoding="utf-8")
+    imported(table, tmp_path / "own").close()
+    for metadata in ("hello", "", "[1]", '"{""what_if"":1}"'):
+        listed.write_text(f"recording,metadata\n{rehearsed.stem},{metadata}\n", encoding="utf-8")
+        with pytest.raises(ConfigError, match=rf"csv: column metadata of recording {rehearsed.stem}: expected"):
+            imported(table, tmp_path / "damaged")
+
+
 @pytest.mark.slow
 def test_error_at_the_end_of_a_table_leaves_no_recording(
     rehearsed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -37,7 +37,10 @@ def test_status_after_a_command_is_that_of_the_server() -> None:
     assert shell.status_after(Asked(STATUS), Network(), Reply(1, True, "")) is STATUS
 
 
-@pytest.mark.parametrize(("words", "code"), [("seek -2 --json", 1), ("step -10", 1), ("seek --jsn", 2)])
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [("seek -2 --json", 1), ("step -10", 1), ("seek -1e-1", 1), ("seek -2 --jsn", 2)],
+)
 def test_negative_number_is_an_argument_of_a_command(words: str, code: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shell, "ANSWER_SECONDS", 0.0)
     result = CliRunner().invoke(app, ["control", *words.split(), "--set", "network.port=21009"])

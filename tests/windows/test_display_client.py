@@ -287,7 +287,7 @@ def test_screenshot_without_a_server_is_given_up(app, tmp_path, monkeypatch):
     monkeypatch.setattr(window, "SCREENSHOT_WAIT_NS", 0)
     config = local_config(free_port())
     with pytest.raises(NetboardError, match=rf"no data came from the server at 127\.0\.0\.1:{config.network.port}"):
-        client.run(config, "left", lambda: False, tmp_path / "left.png")
+        client.run(config, "left", lambda: False, tmp_path / "new" / "left.png")
     assert list(tmp_path.iterdir()) == []
 
 

@@ -11,7 +11,7 @@ from netboard.base.errors import ConfigError, NetboardError, writing
 
 def refuse_existing(path: Path, or_else: str = "") -> None:
     """Refuse an output that exists already; ``or_else``: what the command can do besides taking another name."""
-    if path.exists():
+    if os.path.lexists(path):  # or a link whose target is missing, such as data that git-annex has not fetched
         raise ConfigError(f"{path}: already exists; name another output{or_else}")
 
 

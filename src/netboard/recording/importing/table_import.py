@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import TypeAdapter, ValidationError
 
 from netboard.base.config import Config, parse
 from netboard.base.errors import ConfigError, writing
@@ -27,6 +28,7 @@ PIECE = 10_000
 
 ORIGIN = ("rehearsed", "what_if", "source")
 """Metadata that an imported table of ticks takes over from the exported recording."""
+METADATA = TypeAdapter(dict[str, str])
 
 GIVEN = "--config's, whose devices decide whether its participants count as simulated"
 """Which configuration a table of ticks gets that has none beside it."""
@@ -86,11 +88,18 @@ def origin_beside(path: Path) -> dict[str, str]:
     recordings = path.resolve().parent.parent / f"recordings{path.suffix}"
     if not recordings.is_file():
         return {}
-    portions = TableFile(recordings).portions(("recording", "metadata"))
+    table = TableFile(recordings)
+    if not {"recording", "metadata"} <= set(table.names):  # a list of the laboratory's own
+        return {}
+    portions = table.portions(("recording", "metadata"))
     rows = [row for some in portions for row in zip(some.words("recording"), some.words("metadata"), strict=True)]
-    metadata = json.loads(dict(rows).get(path.stem, "{}"))
-    measured_elsewhere = {"imported": "measured"} if metadata.get("imported") == "measured" else {}
-    return measured_elsewhere | {key: metadata[key] for key in ORIGIN if key in metadata}
+    try:
+        metadata = METADATA.validate_json(dict(rows).get(path.stem, "{}"))
+    except ValidationError:
+        expected = "expected a JSON object of texts, as netboard export writes it"
+        raise ConfigError(f"{recordings}: column metadata of recording {path.stem}: {expected}") from None
+    kind = {"imported": metadata["imported"]} if metadata.get("imported") in ("measured", "simulated") else {}
+    return kind | {key: metadata[key] for key in ORIGIN if key in metadata}
 
 
 def import_table(

@@ -139,8 +139,7 @@ def require_new(picture: Path | None) -> None:
     if picture is not None:
         refuse_existing(picture)
         with writing(picture, NetboardError):
-            picture.parent.mkdir(parents=True, exist_ok=True)
-            try_writing(picture.parent)
+            try_writing(next(parent for parent in picture.absolute().parents if parent.exists()))
 
 
 def screenshot(widget: QWidget, picture: Path) -> None:
