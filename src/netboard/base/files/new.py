@@ -11,7 +11,8 @@ from netboard.base.errors import ConfigError, NetboardError, writing
 
 def refuse_existing(path: Path, or_else: str = "") -> None:
     """Refuse an output that exists already; ``or_else``: what the command can do besides taking another name."""
-    if os.path.lexists(path):  # or a link whose target is missing, such as data that git-annex has not fetched
+    with suppress(FileNotFoundError, NotADirectoryError):
+        path.lstat()  # not `exists`: a link to data that git-annex has not fetched is to be kept, too
         raise ConfigError(f"{path}: already exists; name another output{or_else}")
 
 
