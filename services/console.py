@@ -1,7 +1,5 @@
 """``netboard console``: the operator's console."""
 
-import os
-
 import typer
 
 from netboard.services.loading import load
@@ -22,14 +20,14 @@ def console(
 ) -> None:
     """Open the operator's console: open, run, watch and stop a session."""
     settings = load(config, overrides)
+    from netboard.base.process.display_server import choose_screen
     from netboard.base.process.realtime import leave_reserved_cpus
     from netboard.base.process.stopping import Stopping
     from netboard.base.terminal.logs import log_to_stderr
 
     log_to_stderr("console")
     leave_reserved_cpus(settings.realtime)
-    if offscreen:
-        os.environ["QT_QPA_PLATFORM"] = "offscreen"
+    choose_screen(offscreen)
     from netboard.windows.operator import client
 
     with Stopping() as stopping:

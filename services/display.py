@@ -1,6 +1,5 @@
 """``netboard display``: a participant's display, and information on the screens."""
 
-import os
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -46,13 +45,17 @@ def display(
 ) -> None:
     """Run a participant's display: board, ball, target and the participant's own stylus."""
     settings = load(config, overrides)
+    if station is None and not (list_screens or calibrate):
+        raise ConfigError("--station: not given, expected left or right")
+    from netboard.base.process.display_server import choose_screen
+
+    choose_screen(offscreen)
     if list_screens:
         print_screens()
         return
     if calibrate:
         raise typer.Exit(measure_pixels(settings))
-    if station is None:
-        raise ConfigError("--station: not given, expected left or right")
+    assert station is not None
     from netboard.base.config import played_sides
     from netboard.base.process.realtime import leave_reserved_cpus
     from netboard.base.process.stopping import Stopping
@@ -60,8 +63,6 @@ def display(
 
     log_to_stderr(f"display {station}")
     leave_reserved_cpus(settings.realtime)
-    if offscreen:
-        os.environ["QT_QPA_PLATFORM"] = "offscreen"
     from netboard.windows.participant import client
 
     play: client.Play | None = None

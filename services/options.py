@@ -31,7 +31,10 @@ ScreenshotDelay = Annotated[
         min=0, metavar="SECONDS", help="Take the screenshot this long after the first data, and keep the window open."
     ),
 ]
-Offscreen = Annotated[bool, typer.Option("--offscreen", help="Render without a screen.")]
+Offscreen = Annotated[
+    bool,
+    typer.Option("--offscreen", help="Draw windows off screen, where nobody sees them."),
+]
 Insecure = Annotated[
     bool, typer.Option("--insecure", help='Permit network.curve = "off" at an address that other machines can reach.')
 ]

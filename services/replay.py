@@ -7,7 +7,7 @@ import typer
 
 from netboard.base.errors import ConfigError
 from netboard.services.loading import load
-from netboard.services.options import ConfigFile, Insecure, Overrides, Screenshot, Side, examples
+from netboard.services.options import ConfigFile, Insecure, Offscreen, Overrides, Screenshot, Side, examples
 
 app = typer.Typer()
 
@@ -42,6 +42,7 @@ def replay(
         typer.Option(help="Align two recordings at the start of the block, or at the start of each trial."),
     ] = "time",
     screenshot: Screenshot = None,
+    offscreen: Offscreen = False,
     at: Annotated[
         float | None, typer.Option(min=0.0, metavar="S", help="Start position in seconds from the recording's start.")
     ] = None,
@@ -58,8 +59,9 @@ def replay(
     chosen = [name for name, wanted in ways.items() if wanted]
     if len(chosen) > 1:
         raise ConfigError(f"{' and '.join(chosen)}: expected one of them")
-    if chosen and screenshot is not None:
-        raise ConfigError(f"--screenshot: found with {chosen[0]}, which opens no window; expected one of them")
+    for name, given in (("--screenshot", screenshot is not None), ("--offscreen", offscreen)):
+        if chosen and given:
+            raise ConfigError(f"{name}: found with {chosen[0]}, which opens no window; expected one of them")
     if len(recordings) > (1 if chosen else 2):
         raise ConfigError(f"replay: found {len(recordings)} recordings, expected one, or two to show side by side")
     path = recordings[0]
@@ -91,7 +93,10 @@ def replay(
 
         serve_recording(path, load(config, overrides).network, speed, at, insecure=insecure)
     else:
+        from netboard.base.process.display_server import choose_screen
         from netboard.recording.replay.loading import load_with_progress
+
+        choose_screen(offscreen)
         from netboard.windows.replay.player import run
 
         loaded = [load_with_progress(path) for path in recordings]

@@ -19,6 +19,7 @@ from netboard.services.options import (
     Blocks,
     Dyad,
     Insecure,
+    Offscreen,
     Overrides,
     Resume,
     SessionNumber,
@@ -49,6 +50,7 @@ def up(
         Literal["left", "right", "both"] | None, typer.Option(help="Run the agent and the display of this station.")
     ] = None,
     server: Annotated[bool, typer.Option("--server", help="Run the server and the logger.")] = False,
+    offscreen: Offscreen = False,
     overrides: Overrides = None,
     autostart: Autostart = None,
     insecure: Insecure = False,
@@ -75,7 +77,9 @@ def up(
     options += ["--resume", "--yes"] * resume + ["--insecure"] * insecure
     if autostart is not None:
         options.append("--autostart" if autostart else "--no-autostart")
-    wanted = processes(config, overrides or (), server=options if server else None, station=station)
+    wanted = processes(
+        config, overrides or (), server=options if server else None, station=station, offscreen=offscreen
+    )
     from netboard.base.process.stopping import Stopping, no_terminal_suspension
     from netboard.base.terminal.logs import log_to_stderr
     from netboard.nodes.operator.launcher import supervise
@@ -92,10 +96,11 @@ def processes(
     *,
     server: Sequence[str] | None,
     station: Literal["left", "right", "both"] | None,
+    offscreen: bool = False,
 ) -> dict[str, list[str]]:
     """Return the commands to run, by the names of their processes, in the order of their start.
 
-    ``server``: the server's own options; None to run no server.
+    ``server``: the server's own options; None to run no server. ``offscreen``: whether displays are drawn off screen.
     """
     if server is None and station is None:
         raise ConfigError("up: expected --server, --station left|right|both, or both options")
@@ -109,7 +114,7 @@ def processes(
     for side in sides:
         wanted[f"{side} agent"] = ["agent", "--side", side, *common]
     for side in sides:
-        wanted[f"{side} display"] = ["display", "--station", side, *common]
+        wanted[f"{side} display"] = ["display", "--station", side, *["--offscreen"] * offscreen, *common]
     return wanted
 
 

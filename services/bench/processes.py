@@ -6,7 +6,7 @@ import typer
 
 from netboard.services.bench.options import benchmark
 from netboard.services.loading import load
-from netboard.services.options import ConfigFile, Overrides
+from netboard.services.options import ConfigFile, Offscreen, Overrides
 
 if TYPE_CHECKING:
     from netboard.benchmarks.harness.running import Options
@@ -109,9 +109,13 @@ def display(
     seconds: Annotated[
         float | None, typer.Option(min=1, metavar="S", help="Seconds per measurement; default: 30.")
     ] = None,
+    offscreen: Offscreen = False,
 ) -> None:
     """Latency of a display, from sending a view to painting it: late views, dropped frames, cost."""
     settings = load(config, overrides)
+    from netboard.base.process.display_server import choose_screen
+
+    choose_screen(offscreen)
     from netboard.benchmarks.loop.display import main
 
     main(settings, seconds, options)

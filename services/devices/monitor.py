@@ -8,7 +8,7 @@ import typer
 
 from netboard.base.errors import ConfigError
 from netboard.services.loading import load
-from netboard.services.options import ConfigFile, HandSide, Overrides, examples
+from netboard.services.options import ConfigFile, HandSide, Offscreen, Overrides, examples
 
 app = typer.Typer()
 
@@ -28,16 +28,21 @@ def monitor(
     screenshot: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Save the window as a PNG file at the end.")
     ] = None,
+    offscreen: Offscreen = False,
 ) -> None:
     """Show position, velocity and buttons of a device live, in scene coordinates, without force."""
-    if text and screenshot:
-        raise ConfigError("devices monitor: found --text and --screenshot, expected one of them")
+    for name, given in (("--screenshot", screenshot is not None), ("--offscreen", offscreen)):
+        if text and given:
+            raise ConfigError(f"devices monitor: found --text and {name}, expected one of them")
     settings = load(config, overrides)
     from netboard.nodes.operator import device_commands as commands
 
     if text:
         commands.monitor(settings, side, seconds, commands.print_readings)
     else:
+        from netboard.base.process.display_server import choose_screen
+
+        choose_screen(offscreen)
         from netboard.windows.monitor import run
 
         commands.monitor(settings, side, seconds, partial(run, picture=screenshot))

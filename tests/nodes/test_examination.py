@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError, NetboardError
 from netboard.base.finding import Finding
+from netboard.base.process import display_server
 from netboard.base.tables.rig import Network, Recording
 from netboard.network import keys
 from netboard.network.protocol.joining import Welcome
@@ -133,18 +134,30 @@ def test_key_readable_by_other_users_is_red() -> None:
 
 
 @pytest.mark.parametrize(
-    ("opening", "colour", "found"),
+    ("variables", "colour", "found", "advice"),
     [
-        ("print('xcb')", "green", "windows open on xcb"),
-        ("print('offscreen')", "green", "draw off screen"),
-        ("raise SystemExit('no libEGL.so.1')", "yellow", "no display can run here: no libEGL.so.1"),
-        ("import os; os.abort()", "yellow", "no display can run here"),
+        ({}, "yellow", "there is no screen", "a display or a console cannot run here"),
+        ({"QT_QPA_PLATFORM": "offscreen"}, "yellow", "drawn off screen, where nobody sees them", "unset"),
+        ({"DISPLAY": ":4711"}, "yellow", "DISPLAY=:4711 cannot be opened", "screen"),
     ],
 )
-def test_qt_is_checked_in_a_separate_process(opening: str, colour: str, found: str) -> None:
-    finding = system.qt(opening)
-    assert finding.colour == colour
-    assert found in finding.found
+def test_machine_without_a_screen_is_not_green(
+    variables: dict[str, str], colour: str, found: str, advice: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in (display_server.PLATFORM, *display_server.SCREENS):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    qt, screen = system.windows(lambda: "")
+    assert (qt.colour, screen.colour) == ("green", colour)
+    assert found in screen.found
+    assert advice in screen.advice
+
+
+def test_qt_that_cannot_be_loaded_says_nothing_of_a_screen() -> None:
+    (finding,) = system.windows(lambda: "no libEGL.so.1")
+    assert finding.colour == "yellow"
+    assert "cannot be loaded: no libEGL.so.1" in finding.found
 
 
 # --- the report --------------------------------------------------------------------------------------------------

@@ -350,6 +350,29 @@ def test_playing_without_a_screen_is_refused(monkeypatch: pytest.MonkeyPatch) ->
     assert result.stderr.count("\n") == 1
 
 
+@pytest.mark.parametrize(
+    "command",
+    [
+        "display --station left",
+        "display --list-screens",
+        "display --calibrate",
+        "console",
+        f"replay {GOLDEN}",
+        "devices monitor --side left",
+        "bench display --quick",
+    ],
+)
+def test_windows_without_a_screen_are_refused(command: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(sys, "platform", "linux")
+    result = runner.invoke(app, command.split())
+    assert result.exit_code == 1
+    assert "there is no screen" in result.stderr
+    assert "--offscreen" in result.stderr
+    assert result.stderr.count("\n") == 1
+
+
 @pytest.mark.parametrize("command", ["info", "recover", "replay --verify"])
 def test_missing_recording_prints_one_line_and_exits_with_1(command: str) -> None:
     result = runner.invoke(app, [*command.split(), "none.mcap"])
@@ -507,7 +530,7 @@ def test_qt_without_a_library_of_the_system_is_one_line(tmp_path: Path) -> None:
     (broken / "__init__.py").touch()
     (broken / f"QtCore{EXTENSION_SUFFIXES[-1]}").write_text("cannot be loaded")
     places = os.pathsep.join((str(tmp_path), *sys.path))
-    command = [sys.executable, "-m", "netboard.services.cli", "console"]
+    command = [sys.executable, "-m", "netboard.services.cli", "console", "--offscreen"]
     ran = subprocess.run(
         command, env=os.environ | {"PYTHONPATH": places}, capture_output=True, text=True, timeout=60, check=False
     )

@@ -161,7 +161,7 @@ def lateness(shown: Shown) -> tuple[float, float]:
 def main(config: Config, seconds: float | None, options: Options) -> None:
     """Run the study.
 
-    - `config`: settings of the window, which is drawn offscreen without a screen.
+    - `config`: settings of the window.
     - `seconds`: duration of each measurement; None for the default [s].
     """
     seconds = seconds or (QUICK_SECONDS if options.quick else SECONDS)

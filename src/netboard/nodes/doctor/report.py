@@ -100,7 +100,7 @@ def steps(config: Config, effort: Effort) -> dict[str, Step]:
             disk.space(config.recording),
             disk.speed(config.recording, effort.chunks, progress),
         ],
-        "windows": lambda progress: [system.qt()],
+        "windows": lambda progress: list(system.windows()),
         "devices": lambda progress: [usb.devices(), *listing.configured(config, missing)],
     }
 

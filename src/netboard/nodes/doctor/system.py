@@ -5,13 +5,13 @@ system does not have that setting.
 """
 
 import platform
-import subprocess
 import sys
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Iterator
 from importlib.metadata import version
 from pathlib import Path
 
 from netboard.base.finding import Colour, Finding, graded, text_of
+from netboard.base.process.display_server import PLATFORM, asked_offscreen, no_screen, why_no_qt
 from netboard.base.process.realtime import OFF, OK, PLACES, cpu_set
 from netboard.network.transport import sockets
 
@@ -27,11 +27,6 @@ LIMITS = "install deploy/limits.d/netboard.conf, join the group netboard, log in
 
 MIN_RUNTIME = 0.8
 """Smallest share of a core that real-time loops should be allowed [1]."""
-
-QT_SECONDS = 60.0
-"""Timeout for loading Qt, which takes seconds on a slow disk and hangs on a broken screen [s]."""
-
-OPEN_A_WINDOW = "from netboard.windows.participant.window import application; print(application().platformName())"
 
 
 def throttle(root: Path = ROOT) -> Finding:
@@ -163,19 +158,22 @@ def versions() -> Finding:
     return Finding("software", "green", ", ".join([python, *libraries, sockets.library()]))
 
 
-def qt(opening: str = OPEN_A_WINDOW) -> Finding:
-    """Check whether displays can run here, in a separate process, because Qt aborts the process if they cannot."""
-    name = "Qt"
-    try:
-        tried = subprocess.run(
-            [sys.executable, "-c", opening], capture_output=True, text=True, check=False, timeout=QT_SECONDS
-        )
-    except subprocess.TimeoutExpired:
-        return Finding(name, "yellow", f"no answer within {QT_SECONDS:.0f} s", "check the display server")
-    if tried.returncode:
-        why = (tried.stderr.strip().splitlines() or [f"exit code {tried.returncode}"])[-1]
-        return Finding(name, "yellow", f"no display can run here: {why}", "at a station: deploy/setup.sh run")
-    found = tried.stdout.strip().splitlines()[-1]
-    if found == "offscreen":
-        return Finding(name, "green", "loads; no screen here, so displays draw off screen")
-    return Finding(name, "green", f"loads; windows open on {found}")
+def windows(why_not: Callable[[], str] = why_no_qt) -> Iterator[Finding]:
+    """Check whether windows can run here, and whether somebody sees them."""
+    why = why_not()
+    advice = "displays and console need it: deploy/setup.sh run"
+    yield graded("Qt", not why, f"cannot be loaded: {why}" if why else "loads", advice)
+    if not why:
+        yield _screen()
+
+
+def _screen() -> Finding:
+    """Check whether somebody sees the windows of this machine."""
+    name = "screen"
+    if asked := asked_offscreen():
+        found = f"{asked}: windows are drawn off screen, where nobody sees them"
+        return Finding(name, "yellow", found, f"at a station or with a console: unset {PLATFORM}")
+    if found_none := no_screen():
+        advice = f"a display or a console cannot run here: {found_none.advice}"
+        return Finding(name, "yellow", found_none.why, advice)
+    return Finding(name, "green", "windows open on it")

@@ -1,8 +1,5 @@
 """A demonstration: a whole session on this machine, with simulated participants or players, in real processes."""
 
-import os
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Sequence
@@ -15,6 +12,7 @@ from rich.progress import MofNCompleteColumn
 
 from netboard.base.config import SIDES, Config, played_sides, resolve
 from netboard.base.errors import NetboardError
+from netboard.base.process.display_server import asked_offscreen, no_screen, why_no_qt
 from netboard.base.process.stopping import Stopping
 from netboard.base.terminal.bars import progress_bars
 from netboard.base.terminal.output import plain_console
@@ -39,9 +37,6 @@ END_SECONDS = 20.0
 WELCOME_TIMEOUT_S = 10.0
 """Time that a player who leaves waits for the server's first answer [s]."""
 
-SCREENS = ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")
-"""Environment variables that name a screen, or what Qt should use instead."""
-
 CLOSING_SECONDS = 3.0
 """Time for which players see that the block is over [s]."""
 
@@ -62,20 +57,16 @@ def run(config: Config, *, displays: bool = True, study: Sequence[str] = ()) -> 
     Return 1 if a process failed, the block was not finished, or the recording is not verified. A player may leave
     before the end; that is no failure.
     """
-    if played_sides(config) and (trouble := why_no_windows(screen=True)):
-        raise NetboardError(f"playing needs a window, but {trouble}; without players: netboard demo")
+    options = display_options(config) if displays else None
     began = time.monotonic()
     directory = Path(config.recording.directory).resolve()
     with Stopping() as stopping:
         with console.status("compiling (only once)"):
             make_stage(config).warm()
-        if displays and (trouble := why_no_windows()):
-            console.print(f"running without displays, because Qt cannot be loaded: {trouble}", style="yellow")
-            displays = False
         try:
             directory.mkdir(parents=True, exist_ok=True)
             logs = Path(tempfile.mkdtemp(prefix=f"demo_{datetime.now(UTC):%Y%m%dT%H%M%SZ}_", dir=directory))
-            session, ended = play(on_this_machine(config, directory), logs, displays, stopping, study)
+            session, ended = play(on_this_machine(config, directory), logs, options, stopping, study)
         except OSError as error:
             raise NetboardError(f"{directory}: cannot be written to: {error.strerror}") from error
     if ended:
@@ -89,6 +80,22 @@ def run(config: Config, *, displays: bool = True, study: Sequence[str] = ()) -> 
     return 1
 
 
+def display_options(config: Config) -> tuple[str, ...] | None:
+    """Return the options with which displays can run here, and say so if nobody sees them; None if none can run."""
+    no_qt, asked = why_no_qt(), asked_offscreen()
+    unseen = None if no_qt or asked else no_screen()
+    if played_sides(config) and (no_qt or unseen):
+        why = f"{unseen.why}; {unseen.advice}" if unseen else f"Qt cannot be loaded: {no_qt}"
+        raise NetboardError(f"playing needs a window, but {why}; without players: netboard demo")
+    if no_qt:
+        console.print(f"running without displays, because Qt cannot be loaded: {no_qt}", style="yellow")
+        return None
+    if why := asked or (unseen and unseen.why):
+        said = f"the displays are drawn off screen, where nobody sees them: {why}"
+        console.print(said, style="yellow", soft_wrap=True)
+    return ("--offscreen",) if unseen else ()
+
+
 def on_this_machine(config: Config, directory: Path) -> Config:
     """Restrict a configuration to this machine alone, with free ports."""
     return replace(
@@ -98,33 +105,26 @@ def on_this_machine(config: Config, directory: Path) -> Config:
     )
 
 
-def why_no_windows(*, screen: bool = False) -> str:
-    """Return why Qt cannot be loaded on this machine, or cannot open a window if `screen` is set; empty if it can."""
-    if screen and sys.platform == "linux" and not any(map(os.environ.get, SCREENS)):
-        return f"there is no screen (none of {', '.join(SCREENS)} is set)"
-    script = "import PySide6.QtWidgets as qt" + ("; qt.QApplication([])" if screen else "")
-    tried = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
-    lines = tried.stderr.strip().splitlines() or [f"Qt ended with exit code {tried.returncode}"]
-    aborted = tried.returncode < 0  # Qt's reason comes first, Python's last
-    return (lines[0] if aborted else lines[-1]) if tried.returncode else ""
-
-
-def play(config: Config, logs: Path, displays: bool, stopping: Stopping, study: Sequence[str] = ()) -> tuple[str, bool]:
+def play(
+    config: Config, logs: Path, displays: tuple[str, ...] | None, stopping: Stopping, study: Sequence[str] = ()
+) -> tuple[str, bool]:
     """Start everything, supervise it and end it in order.
 
-    Return the session's id, empty if the server never answered, and whether it ended without a failure.
+    ``displays``: own options of the displays; None for no displays. Return the session's id, empty if the server never
+    answered, and whether it ended without a failure.
     """
     file = logs / "demo.toml"
     file.write_text(resolve(config), encoding="utf-8")
     played = played_sides(config)
-    shown = (played or SIDES) if displays else ()  # a player must not look behind the curtain
+    shown = () if displays is None else played or SIDES  # a player must not look behind the curtain
     with Launcher(logs, {"PYTHONUNBUFFERED": "1"}) as launcher, sockets.open_context() as context:
         launcher.start("logger", "logger", "--once", "-c", str(file))
         launcher.start("server", "server", "-c", str(file), *study)
         for side in SIDES:
             launcher.start(f"{side} agent", "agent", "--side", side, "-c", str(file))
             if side in shown:
-                options = ("--screenshot", str(logs / f"display-{side}.png"), "--after", str(SCREENSHOT_DELAY_S))
+                picture = str(logs / f"display-{side}.png")
+                options = (*(displays or ()), "--screenshot", picture, "--after", str(SCREENSHOT_DELAY_S))
                 launcher.start(f"{side} display", "display", "--station", side, "-c", str(file), *options)
         operator = Operator(config.network, context)
         end = watch(operator, launcher, stopping, bool(played))

@@ -26,6 +26,7 @@ from netboard.base.clock import now_ns
 from netboard.base.config import Side
 from netboard.base.errors import ConfigError, NetboardError, writing
 from netboard.base.files.new import new_file, refuse_existing, try_writing
+from netboard.base.process.display_server import asked_offscreen, require_screen
 from netboard.base.tables.rig import Display, Network
 from netboard.windows.participant.widget import BoardView
 
@@ -53,16 +54,17 @@ def _log_qt_message(kind: QtMsgType, _where: QMessageLogContext, words: str) -> 
 
 
 def application() -> QApplication:
-    """Return the Qt application of this process, created on first use; without a display it renders offscreen."""
+    """Return the Qt application of this process, created on first use; raise an error if there is no screen for it."""
     existing = QApplication.instance()
     if existing is not None:
         return cast("QApplication", existing)
+    require_screen()
     qInstallMessageHandler(_log_qt_message)
-    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
     app = QApplication(sys.argv[:1])
     app.setApplicationName("netboard")
     app.setStyle("Fusion")
+    if asked := asked_offscreen():
+        log.warning("drawing off screen, where nobody sees it: %s", asked)
     return app
 
 
