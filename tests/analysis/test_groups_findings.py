@@ -45,7 +45,7 @@ def test_dyad_value_is_the_unweighted_mean_of_its_performers() -> None:
 
 
 def test_interval_counts_only_dyads_with_a_value() -> None:
-    found = estimate(pd.Series([1.0, 3.0, np.nan]))
+    found = estimate(pd.Series([1.0, 3.0, np.nan]), "real")
     assert (found.value, found.n, found.unit) == (2.0, 2, "dyad")
     assert found.high - found.value == pytest.approx(12.706, abs=1e-3)  # t of one degree of freedom; the SEM is 1
 
@@ -60,7 +60,7 @@ def test_interval_counts_only_dyads_with_a_value() -> None:
     ],
 )
 def test_result_notes_why_its_interval_says_nothing(values: list[float], interval: str, note: str) -> None:
-    found = estimated("topic", "quantity", "group", estimate(pd.Series(values, dtype=float)), "s")
+    found = estimated("topic", "quantity", "group", estimate(pd.Series(values, dtype=float), "real"), "s")
     assert (found.n, found.interval, found.note) == (len(values), interval, note)
 
 
@@ -70,9 +70,9 @@ def test_differences_use_only_dyads_with_both_conditions() -> None:
         + [Block("D01", "D01A", "bimanual", "none", times(1))]
     )
     values = {
-        "bimanual, none": pd.Series({("D01", "D01A"): 1.0, ("D02", "D02A"): 2.0}),
-        "dyadic, none": pd.Series({("D01", "D01"): 4.0}),
-        "dyadic, full": pd.Series({("D01", "D01"): 3.0, ("D02", "D02"): 9.0}),
+        "bimanual, haptics off": pd.Series({("D01", "D01A"): 1.0, ("D02", "D02A"): 2.0}),
+        "dyadic, haptics off": pd.Series({("D01", "D01"): 4.0}),
+        "dyadic, haptics on": pd.Series({("D01", "D01"): 3.0, ("D02", "D02"): 9.0}),
     }
     found = {group: differences.to_dict() for group, differences in comparisons(conditions(study), values)}
     assert found == {"dyadic, haptics on vs off": {"D01": -1.0}, "dyadic vs bimanual": {"D01": 3.0}}
@@ -90,15 +90,18 @@ def test_differences_use_the_same_performers_in_both_conditions() -> None:
     slow, quick = {("D01", "D01B"): 9.0, ("D02", "D02B"): 9.0}, {("D01", "D01A"): 3.0, ("D02", "D02A"): 3.0}
     felt = {key: value for key, value in slow.items() if key[0] == "D02"}
     values = {
-        "bimanual, none": pd.Series(quick | slow),
-        "bimanual, full": pd.Series(quick | felt),
-        "dyadic, none": pd.Series({("D01", "D01"): 5.0, ("D02", "D02"): 5.0}),
+        "bimanual, haptics off": pd.Series(quick | slow),
+        "bimanual, haptics on": pd.Series(quick | felt),
+        "dyadic, haptics off": pd.Series({("D01", "D01"): 5.0, ("D02", "D02"): 5.0}),
     }
     every = conditions(made_study(FORCES_ALONE))
     found = {group: differences.to_dict() for group, differences in comparisons(every, values)}
     assert found["bimanual, haptics on vs off"] == {"D01": 0.0, "D02": 0.0}
     assert found["dyadic vs bimanual"] == {"D01": -1.0, "D02": -1.0}
-    exchanged = {"bimanual, none": values["bimanual, full"], "bimanual, full": values["bimanual, none"]}
+    exchanged = {
+        "bimanual, haptics off": values["bimanual, haptics on"],
+        "bimanual, haptics on": values["bimanual, haptics off"],
+    }
     found = {group: differences.to_dict() for group, differences in comparisons(every, values | exchanged)}
     assert found["dyadic vs bimanual"] == {"D02": -1.0}  # D01 is one of two people only
 

@@ -44,7 +44,7 @@ def influence_of(study: Study, direction: str) -> Influence:
 def test_influence_of_the_leader_exceeds_chance() -> None:
     study = study_with_a_leader(1.0)
     to_right, to_left = influence_of(study, "left to right"), influence_of(study, "right to left")
-    assert to_right.condition.name == "dyadic, full"
+    assert to_right.condition.name == "dyadic, haptics on"
     assert to_right.dyads == ("D01", "D02", "D03", "D04")
     assert to_right.values == pytest.approx(np.full(4, np.log(2.0)), abs=0.1)
     assert to_right.chance is not None

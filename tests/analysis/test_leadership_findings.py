@@ -23,11 +23,13 @@ def test_signed_delays_and_leadership_index_equal_hand_computed_values() -> None
     trials = [{"lag": 0.1, "completion": 3.0}, {"lag": np.nan, "completion": 3.0}]
     block = Block("D01", "D01", "dyadic", "full", trials, moves(0.1, 0.3, 0.2, -0.2))
     found = leaders(made_study([block]))
-    assert lead_of(found, "signed delay at 20 %", "dyadic, full").values == pytest.approx([0.2])
-    assert lead_of(found, "signed delay at 20 % of each side's own peak", "dyadic, full").values == pytest.approx([0.1])
-    assert lead_of(found, "leadership index", "dyadic, full").values == pytest.approx([0.5])
-    assert lead_of(found, "signed lag", "dyadic, full").values == pytest.approx([0.1])
-    assert lead_of(found, "signed lag", "dyadic, full").rows == 1
+    assert lead_of(found, "signed delay at 20 %", "dyadic, haptics on").values == pytest.approx([0.2])
+    assert lead_of(found, "signed delay at 20 % of each side's own peak", "dyadic, haptics on").values == pytest.approx(
+        [0.1]
+    )
+    assert lead_of(found, "leadership index", "dyadic, haptics on").values == pytest.approx([0.5])
+    assert lead_of(found, "signed lag", "dyadic, haptics on").values == pytest.approx([0.1])
+    assert lead_of(found, "signed lag", "dyadic, haptics on").rows == 1
 
 
 def test_bimanual_index_is_the_mean_of_both_participants() -> None:
@@ -37,7 +39,7 @@ def test_bimanual_index_is_the_mean_of_both_participants() -> None:
             Block("D01", "D01B", "bimanual", "none", times(3.0), moves(-0.1)),
         ]
     )
-    assert lead_of(leaders(study), "leadership index", "bimanual, none").values == pytest.approx([0.0])
+    assert lead_of(leaders(study), "leadership index", "bimanual, haptics off").values == pytest.approx([0.0])
 
 
 def test_mirrored_study_has_the_opposite_sign() -> None:

@@ -37,14 +37,14 @@ def test_dyad_level_is_the_unweighted_mean_of_its_performers() -> None:
         ]
     )
     found = overview(study)
-    assert level_of(found, "velocity peaks", "bimanual, none").values == pytest.approx([2.5])
-    assert level_of(found, "completion time", "bimanual, none").values == pytest.approx([4.0])
-    assert level_of(found, "velocity peaks", "bimanual, none").rows == 6
+    assert level_of(found, "velocity peaks", "bimanual, haptics off").values == pytest.approx([2.5])
+    assert level_of(found, "completion time", "bimanual, haptics off").values == pytest.approx([4.0])
+    assert level_of(found, "velocity peaks", "bimanual, haptics off").rows == 6
 
 
 def test_mean_over_dyads_has_a_t_interval_on_the_log_scale_for_times() -> None:
     study = made_study([Block(f"D0{k}", f"D0{k}", "dyadic", "none", times(2.0**k)) for k in (1, 2, 3)])
-    one = level_of(overview(study), "completion time", "dyadic, none")
+    one = level_of(overview(study), "completion time", "dyadic, haptics off")
     half = 4.302652729911275 / np.sqrt(3.0) * np.log(2.0)
     assert one.mean.value == pytest.approx(4.0)
     assert (one.mean.low, one.mean.high) == pytest.approx((4.0 * np.exp(-half), 4.0 * np.exp(half)))
@@ -60,7 +60,7 @@ def test_falls_of_excluded_attempts_do_not_count() -> None:
     ]
     study = made_study([Block("D01", "D01", "dyadic", "full", attempts)])
     assert len(study.exclusions) == 1
-    assert level_of(overview(study), "falls per attempt", "dyadic, full").values == pytest.approx([1 / 3])
+    assert level_of(overview(study), "falls per attempt", "dyadic, haptics on").values == pytest.approx([1 / 3])
 
 
 @pytest.mark.parametrize(("reading", "share"), [("trials", 0.5), ("time", 0.18)])
@@ -72,8 +72,8 @@ def test_shares_are_weighted_by_trials_or_time_as_configured(reading: str, share
         {"cooperative": 0.0, "single": 0.0, **nothing},
     ]
     found = overview(made_study([Block("D01", "D01", "dyadic", "full", trials)], f"summaries.shares={reading}"))
-    assert level_of(found, "cooperative share", "dyadic, full").values == pytest.approx([share])
-    assert level_of(found, "single share", "dyadic, full").values == pytest.approx([1.0 - share])
+    assert level_of(found, "cooperative share", "dyadic, haptics on").values == pytest.approx([share])
+    assert level_of(found, "single share", "dyadic, haptics on").values == pytest.approx([1.0 - share])
 
 
 def test_reaction_time_is_of_the_first_hand_unless_a_hand_anticipated() -> None:
@@ -84,12 +84,12 @@ def test_reaction_time_is_of_the_first_hand_unless_a_hand_anticipated() -> None:
         {"left_reaction": 0.05, "right_reaction": 0.3, "left_anticipated": 1},
     ]
     study = made_study([Block("D01", "D01", "dyadic", "full", trials)])
-    assert level_of(overview(study), "reaction time", "dyadic, full").values == pytest.approx([0.4])
+    assert level_of(overview(study), "reaction time", "dyadic, haptics on").values == pytest.approx([0.4])
 
 
 def test_largest_overshoot_is_measured_and_not_compared() -> None:
     study = made_study([Block("D01", "D01", "dyadic", "full", [{"overshoot": 0.01}, {"overshoot": 0.03}])])
-    one = level_of(overview(study), "largest overshoot", "dyadic, full")
+    one = level_of(overview(study), "largest overshoot", "dyadic, haptics on")
     assert one.values == pytest.approx([0.02])
     assert (one.measure.unit, one.measure.compared) == ("m", False)
 
@@ -103,7 +103,7 @@ def test_delays_use_only_cooperative_movements_of_counted_trials() -> None:
     ]
     trials = [*times(3.0), {"outcome": "fell"}]
     study = made_study([Block("D01", "D01", "dyadic", "full", trials, moves)])
-    assert level_of(overview(study), "|delay at 20 %|", "dyadic, full").values == pytest.approx([0.2])
+    assert level_of(overview(study), "|delay at 20 %|", "dyadic, haptics on").values == pytest.approx([0.2])
 
 
 def test_column_that_a_function_does_not_measure_is_named() -> None:

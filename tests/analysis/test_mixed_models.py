@@ -733,11 +733,11 @@ def test_numeric_and_categorical_factor_effects_are_recovered() -> None:
     grams = every["numeric"]["factors"][2].values
     times = times_of(labels, Truth(residual=0.02), 31) * np.exp(0.002 * grams)
     line, each = (log_time_model(times, **every[kind]) for kind in ("numeric", "categorical"))
-    assert line.effect("mass").estimate.value == pytest.approx(0.002, rel=0.05)
+    assert line.effect("mass per g").estimate.value == pytest.approx(0.002, rel=0.05)
     assert each.effect("mass: middle vs light").estimate.value == pytest.approx(0.2, rel=0.05)
     assert each.effect("mass: heavy vs light").estimate.value == pytest.approx(0.6, rel=0.05)
-    ends = line.effect("haptics, mass 100.0").estimate.value, line.effect("haptics, mass 400.0").estimate.value
-    slope = line.effect("haptics x mass").estimate.value
+    ends = line.effect("haptics, mass 100 g").estimate.value, line.effect("haptics, mass 400 g").estimate.value
+    slope = line.effect("haptics x mass per g").estimate.value
     assert ends[1] - ends[0] == pytest.approx(300.0 * slope, abs=1e-9)
     assert {"mass by dyad", "mass by performer"} <= set(variances(line))
 

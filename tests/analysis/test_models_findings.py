@@ -13,7 +13,7 @@ from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.study import Study, study_of
 from netboard.analysis.statistics.factors import paper_factors
 from netboard.analysis.statistics.models import log_time_model
-from netboard.analysis.topics.models import Fits, fits
+from netboard.analysis.topics.models import Fits, fits, picture
 from netboard.analysis.topics.result import table_of
 from netboard.base.tables.experiment import Design
 
@@ -136,6 +136,44 @@ def test_falls_absent_from_one_condition_have_a_finite_odds_ratio() -> None:
     assert "none failed in one condition (haptics on, configuration dyadic)" in row["note"]
 
 
+def falls_of(number: int) -> Study:
+    """Six dyads with some falls, in the first dyads' bimanual trials with haptics on."""
+    blocks, left = list(modern_blocks(dyads=6, trials=8)), number
+    for place, one in enumerate(blocks):
+        if left and (one.configuration, one.force) == ("bimanual", "full"):
+            blocks[place], left = replace(one, trials=[{"outcome": "fell"}, *one.trials]), left - 1
+    return modern_study(blocks)
+
+
+def test_one_fall_is_too_few_for_the_effects_of_a_model() -> None:
+    study = falls_of(1)
+    model = fits(study).fits[2].model
+    assert not model.fitted
+    (why,) = [note for note in model.notes if note.startswith("not estimated")]
+    assert why == (
+        f"not estimated: 1 of {model.trials} attempts failed, too few for 5 effects, of which each needs at least one"
+    )
+    shown = picture(study)
+    assert shown.figure is not None
+    words = [text.get_text().strip() for text in shown.figure.axes[0].texts]
+    assert words == ["falls per attempt: cannot be estimated"] * 5
+    assert "No model of falls per attempt" in shown.caption
+    assert "1 of" in shown.caption
+
+
+def test_interval_of_few_falls_ends_with_an_arrow_at_the_end_of_the_axis() -> None:
+    study = falls_of(6)
+    model = fits(study).fits[2].model
+    assert "Firth" in model.name
+    assert any(one.ratio.low < 0.01 or one.ratio.high > 100.0 for one in model.effects if one.name != "intercept")
+    shown = picture(study)
+    assert shown.figure is not None
+    low, high = shown.figure.axes[0].get_xlim()
+    assert 1e-3 < low < high < 1e3
+    assert {line.get_marker() for line in shown.figure.axes[0].lines} & {"<", ">"}
+    assert "arrow: the interval goes beyond" in shown.caption
+
+
 def test_attempt_has_the_number_of_its_trial() -> None:
     fell = {"outcome": "fell"}
     blocks = modern_blocks(dyads=6, trials=8)
@@ -155,7 +193,7 @@ def test_robots_are_left_out_and_each_force_is_a_level() -> None:
     found = fits(modern_study([*blocks, robot]))
     assert found.notes == ("2 trials with a robot or a still hand are left out",)
     names = {effect.name for effect in found.fits[0].model.effects}
-    assert {"force: full vs none", "force: partner_only vs none"} <= names
+    assert {"haptics: haptics on vs haptics off", "haptics: partner's force vs haptics off"} <= names
     assert found.fits[0].model.trials == 3 * 3 * 3 * 4
 
 

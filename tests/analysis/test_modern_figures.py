@@ -293,8 +293,8 @@ def test_passive_figure_shows_effect_and_passive_partner(study: Study, drawn: di
     found = controls(study).parts
     for k, dyad in enumerate(found[0].dyads):
         expected = [found[0].effect[k], *(one.passive[k] for one in found)]
-        np.testing.assert_allclose(points(axes, f"dyadic, full, {dyad}")[:, 1], 100 * np.array(expected))
-    assert points(axes, "dyadic, full, 0")[0, 1] == pytest.approx(100 * found[0].mean_effect.value)
+        np.testing.assert_allclose(points(axes, f"dyadic, haptics on, {dyad}")[:, 1], 100 * np.array(expected))
+    assert points(axes, "dyadic, haptics on, 0")[0, 1] == pytest.approx(100 * found[0].mean_effect.value)
     shown_shares = [f"{one.stiffness} N/m: {100 * one.share.value:.0f} %" for one in found if one.has_effect]
     assert all(part in picture.caption for part in shown_shares or ["cannot be estimated"])
     assert ("95 % bootstrap intervals" in picture.caption) == bool(shown_shares)

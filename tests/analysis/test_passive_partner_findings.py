@@ -60,7 +60,7 @@ def test_unknown_device_gives_only_the_frictionless_result() -> None:
 
     study = modern_study(modern_blocks(change=unknown))
     assert not any(one.with_device for one in controls(study).parts)
-    assert "because its friction is unknown" in picture(study).caption
+    assert "The friction of the device is unknown." in picture(study).caption
 
 
 def test_device_without_friction_is_reported_as_a_device() -> None:

@@ -135,6 +135,16 @@ def test_tables_have_captions_and_headings(whole: Element) -> None:
         assert len(widths) == 1
 
 
+def test_a_missing_figure_is_a_sentence_and_has_no_number_and_no_caption(tmp_path: Path) -> None:
+    missing = Picture("dyads", "Dyads and partners", "No participant performed alone.", None)
+    page = written(tmp_path, small_study(), [picture("learning"), missing, picture("delay")])
+    figures = section(page, "figures")
+    assert [one.text.partition(" What")[0] for one in figures.all("figcaption")] == ["Figure 1.", "Figure 2."]
+    assert [one["id"] for one in figures.all("figure")] == ["figure-learning", "figure-delay"]
+    (sentence,) = [one.text for one in figures.all("p") if one.attributes.get("class") == "absent"]
+    assert sentence == "Dyads and partners: no figure. No participant performed alone."
+
+
 def test_every_figure_has_a_title_a_caption_and_a_description(whole: Element) -> None:
     figures = whole.all("figure")
     assert [one["id"] for one in figures] == ["figure-learning", "figure-dyads"]
@@ -180,8 +190,10 @@ def test_summary_states_intervals_n_and_limits_of_few_dyads(whole: Element) -> N
 
 def test_page_lists_block_orders_and_participants(whole: Element) -> None:
     plan = section(whole, "design").all("table")[0]
-    assert [cell.text for cell in plan.all("td")] == ["A full", "B full", "A none", "B none", "both full"]
-    assert "every dyad had 4 bimanual blocks" in section(whole, "design").text
+    assert [cell.text for cell in plan.all("td")] == [
+        *("A haptics on", "B haptics on", "A haptics off", "B haptics off", "both haptics on")
+    ]
+    assert "Every dyad performed 4 bimanual blocks before its first dyadic block" in section(whole, "design").text
     people = [
         [cell.text for cell in row.children if isinstance(cell, Element)]
         for row in section(whole, "participants").all("tr")[1:]

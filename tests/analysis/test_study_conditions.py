@@ -81,7 +81,7 @@ def test_force_is_not_compared_between_dyads() -> None:
 def test_undeclared_gains_of_trials_are_conditions() -> None:
     study = study_with([with_gains(), with_gains(0.5, 1.0)])
     gains = dict.fromkeys(study.trials["condition"])
-    assert list(gains) == ["dyadic, full, block.force_scale 1", "dyadic, full, block.force_scale 0.5"]
+    assert list(gains) == ["dyadic, haptics on, block.force_scale 1", "dyadic, haptics on, block.force_scale 0.5"]
     assert list(study.trials["factor_block_force_scale_value"]) == [1.0] * TRIALS + [0.5, 1.0] * (TRIALS // 2)
     assert {one.name for one in conditions(study)} == {*gains}
 
@@ -101,7 +101,7 @@ def test_trial_factors_of_different_periods_have_all_combinations() -> None:
 
 
 def test_plain_blocks_share_a_condition() -> None:
-    assert [one.name for one in conditions(study_with([Config(), Config()]))] == ["dyadic, full"]
+    assert [one.name for one in conditions(study_with([Config(), Config()]))] == ["dyadic, haptics on"]
     assert len(conditions(made_study([Block("D01", "D01", "dyadic", "full", times(1.0))]))) == 1
 
 

@@ -158,7 +158,9 @@ def test_figures_state_the_factors_pooled_over(study: Study) -> None:
 def test_models_have_numeric_factors_as_terms_with_units(study: Study) -> None:
     (times, *_) = fits(study).fits
     names = {effect.name for effect in times.model.effects}
-    assert {"mass [0.01 kg]", "gain [0.1]", "age [10 y]", "force: partner_only vs full"} <= names
+    assert {"mass per 0.01 kg", "gain per 0.1", "age per 10 y", "haptics: partner's force vs haptics on"} <= names
+    assert {"gain per 0.1, mass 0.02 kg", "gain per 0.1, mass 0.05 kg"} <= names
+    assert not any("[" in name for name in names)
 
 
 def test_each_level_is_compared_with_the_first_within_conditions(study: Study) -> None:
@@ -169,7 +171,7 @@ def test_each_level_is_compared_with_the_first_within_conditions(study: Study) -
 
 def test_report_lists_the_factors(study: Study) -> None:
     rows = {row[0]: row for row in design(study).factors.rows}
-    assert rows["mass [kg]"][1:] == ("between blocks", "numeric", "light (0.02 kg), heavy (0.05 kg)")
+    assert rows["mass [kg]"][1:] == ("between blocks", "numeric", "light (0.02 kg), heavy (0.05 kg)", "yes")
     assert rows["gain [1]"][1] == "within blocks"
     assert rows["age [y]"][1] == "between dyads"
 
@@ -187,8 +189,8 @@ def test_practice_is_excluded_by_role_and_listed(study: Study) -> None:
 def test_practice_trials_form_a_separate_condition_if_included(recordings: tuple[Path, ...]) -> None:
     readings = parse("", overrides=["exclusions.roles=[]"])
     found = study_of([measure(run, readings) for run in runs_of(recordings)], readings)
-    assert "dyadic, full, practice" in {condition.name for condition in conditions(found)}
-    assert set(found.counted.loc[found.counted["role"] == "practice", "condition"]) == {"dyadic, full, practice"}
+    assert "dyadic, haptics on, practice" in {condition.name for condition in conditions(found)}
+    assert set(found.counted.loc[found.counted["role"] == "practice", "condition"]) == {"dyadic, haptics on, practice"}
 
 
 # --- exports -----------------------------------------------------------------------------------------------------

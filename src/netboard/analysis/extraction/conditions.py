@@ -19,6 +19,7 @@ from netboard.analysis.extraction.tables import words
 from netboard.base.config import Config
 from netboard.base.settings import tables
 from netboard.base.tables.experiment import Mover
+from netboard.base.tables.forces import CONDITIONS
 from netboard.recording.export.factors import fields_of
 from netboard.recording.format.channels import Field
 from netboard.task.studies.factors import (
@@ -222,8 +223,11 @@ def participants_of(blocks: pd.DataFrame) -> list[str]:
 
 
 def names_of(base: pd.DataFrame, levels_of: Mapping[str, Sequence[str]], roles: Iterable[str]) -> list[str]:
-    """Return names of conditions: configuration, force, partner, distinguishing levels, and a role other than test."""
+    """Return names of conditions: configuration, haptics, partner, distinguishing levels, a role other than test."""
     columns = [base[name].tolist() for name in _BASE]
+    columns[_BASE.index("force")] = [
+        CONDITIONS[force].label if force in CONDITIONS else force for force in base["force"]
+    ]
     columns += [[f"{name} {level}" if level else "" for level in levels] for name, levels in levels_of.items()]
     columns.append(["" if role == "test" else role for role in roles])
     return [", ".join(filter(None, row)) for row in zip(*columns, strict=True)]

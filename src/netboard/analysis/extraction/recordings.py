@@ -20,7 +20,7 @@ from netboard.analysis.extraction.tables import PLACE, Columns, Group, columns_o
 from netboard.analysis.extraction.trials import RATE, Block, Take, columns_for
 from netboard.base.config import SIDES, Side
 from netboard.base.errors import RecordingError
-from netboard.base.tables.forces import FORCE_WORDS
+from netboard.base.tables.forces import CONDITIONS
 from netboard.base.tick import TICK
 from netboard.recording.export.runs import Run
 from netboard.recording.files.reader import Recording
@@ -29,6 +29,11 @@ from netboard.recording.format.channels import DTYPES
 from netboard.recording.integrity.quality_check import judged_along
 from netboard.task.studies.factors import design_of, role_of, trial_role
 from netboard.task.trials.quality import FIELDS_NEEDED, Verdict
+
+HAPTICS = "haptic condition, as [block] force of the configuration: " + ", ".join(
+    f"{name} is {condition.label}" for name, condition in CONDITIONS.items()
+)
+"""Meaning of the column ``force``: keys of the configuration, and their names in conditions, results and figures."""
 
 BLOCKS = (
     words("recording", "name of the recording"),
@@ -43,8 +48,8 @@ BLOCKS = (
     words("kind", "kind of block, as in the study; empty: none"),
     words("role", "purpose of its trials: practice, familiarisation, baseline or test"),
     words("configuration", "dyadic: two people with one hand each; bimanual: one with both"),
-    words("force", f"haptic feedback: {FORCE_WORDS}"),
-    count("haptics", "1: with haptic feedback"),
+    words("force", HAPTICS),
+    count("haptics", "1: with haptic feedback; 0: haptics off"),
     words("performer", "performer: pseudonym of the participant, or of the dyad if both performed"),
     words("left_by", "pseudonym of the person who moved the left stylus; else still or robot"),
     words("right_by", "pseudonym of the person who moved the right stylus; else still or robot"),

@@ -20,7 +20,7 @@ from netboard.analysis.extraction.conditions import (
     value_columns,
 )
 from netboard.analysis.extraction.exclusions import BLOCK_RUN, excluded
-from netboard.analysis.extraction.recordings import BLOCKS, FIELDS, Measured
+from netboard.analysis.extraction.recordings import BLOCKS, FIELDS, HAPTICS, Measured
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.tables import ATTEMPT_KEY, Columns, count, words
 from netboard.analysis.extraction.trials import RATE
@@ -33,12 +33,13 @@ PLACE_IN_STUDY = (
     _OF_BLOCKS["dyad"],
     _OF_BLOCKS["performer"],
     words("configuration", "dyadic or bimanual"),
-    words("force", "haptic feedback: the force condition"),
+    words("force", HAPTICS),
     _OF_BLOCKS["haptics"],
     words("partner", "robot partner or still partner; empty if the partner is a participant or there is none"),
     _OF_BLOCKS["kind"],
     words(
-        "condition", "configuration, force, partner, levels that these do not determine, and the role if it is not test"
+        "condition",
+        "configuration, haptics, partner, levels that these do not determine, and the role if it is not test",
     ),
     _OF_BLOCKS["block"],
     count("counts", "1: a successful trial that is not excluded"),

@@ -10,19 +10,19 @@ from netboard.analysis.extraction.conditions import STAND_INS, StudyFactor
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.report.grids import Cell, Column, Grid, grid, name, number
 from netboard.analysis.report.wording import amount, plural
-from netboard.analysis.topics.groups import FORCE_LABELS, labels_of
+from netboard.analysis.topics.groups import CONFIGURATIONS, FORCE_LABELS, haptics_of, labels_of
 from netboard.base.config import SIDES
 from netboard.task.studies.factors import level_text
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """A block in the order of a dyad, with the levels of other factors, and the role if it is not test."""
+    """A block of a dyad: haptic condition and whether forces are felt, other levels, and the role if it is not test."""
 
     who: str
     configuration: str
-    force: str
-    haptics: bool
+    haptics: str
+    felt: bool
     levels: tuple[str, ...]
 
 
@@ -44,38 +44,47 @@ def design(study: Study) -> Design:
     numbers = tuple(sorted({int(block) for block in blocks["block"]}))
     found = {(row["dyad"], row["block"]): _step(row, study.factors) for row in blocks.to_dict("records")}
     steps = tuple((dyad, tuple(found.get((dyad, block)) for block in numbers)) for dyad in study.dyads)
-    sentences = (*_sentences(blocks), *_studies(study.blocks))
-    return Design(steps, numbers, sentences, _factors(study), _conditions(study, blocks), _beginnings(blocks))
+    sentences = (*_sentences(study.analysed.drop_duplicates(["dyad", "block"])), *_studies(study.blocks))
+    return Design(steps, numbers, sentences, _factors(study), _conditions(study, blocks), _beginnings(study))
 
 
 def _step(row: Mapping[Any, Any], factors: Sequence[StudyFactor]) -> Step:
     who = "both" if row["configuration"] == "dyadic" else str(row["performer"]).removeprefix(str(row["dyad"]))
-    levels = [f"{one.name} {row[one.column]}" for one in factors if one.in_names and row[one.column]]
+    levels = [one.text(row[one.column]) for one in factors if one.in_names and row[one.column]]
     if row["role"] not in ("", "test"):
         levels.append(row["role"])
-    return Step(who, row["configuration"], row["force"], bool(row["haptics"]), tuple(levels))
+    return Step(who, row["configuration"], haptics_of(row["force"]), bool(row["haptics"]), tuple(levels))
 
 
 def _factors(study: Study) -> Grid:
+    """Return the factors that vary over the analysed blocks; one that is the haptic condition is not listed again."""
     where = {"dyad": "between dyads", "block": "between blocks", "trial": "within blocks"}
-    forces = [force for force in FORCE_LABELS if force in set(study.analysed["force"])]
+    analysed = study.analysed
+    teams = [one for one in CONFIGURATIONS if one in set(analysed["configuration"])]
+    forces = [haptics_of(force) for force in FORCE_LABELS if force in set(analysed["force"])]
     rows: list[tuple[str, ...]] = [
-        ("configuration", "between blocks", "categorical", ", ".join(sorted(study.analysed["configuration"].unique()))),
-        ("force", "between blocks", "categorical", ", ".join(FORCE_LABELS.get(force, force) for force in forces)),
+        ("configuration", "between blocks", "categorical", ", ".join(teams), "yes"),
+        ("haptics", "between blocks", "categorical", ", ".join(forces), "yes"),
     ]
     for one in study.factors:
-        if one.of.levels:
-            levels = ", ".join(level_text(one.of, level) for level in one.of.levels)
-            determined = "" if one.in_names else "; determined by the others"
-            rows.append((one.label, where[one.scope], f"{one.of.type}{determined}", levels))
-    columns = [name("Factor"), Column("It varies"), Column("Type"), Column("Levels")]
-    return grid(
-        "Factors of the plan. A factor that the others determine is not part of the names of conditions.", columns, rows
-    )
+        of_blocks = [study.levels.sequences[one.name][place] for place in analysed.index]
+        there = {level for sequence in of_blocks for level in sequence}
+        if len(there) > 1 and not _is_haptics(of_blocks, analysed["force"]):
+            levels = ", ".join(level_text(one.of, level) for level in one.of.levels if level in there)
+            named = "yes" if one.in_names else "no: its level follows from the other factors"
+            rows.append((one.label, where[one.scope], one.of.type, levels, named))
+    titles = ("It varies", "Type", "Levels", "Part of the names of conditions")
+    return grid("Factors of the blocks that are analysed.", [name("Factor"), *map(Column, titles)], rows)
+
+
+def _is_haptics(of_blocks: Sequence[tuple[str, ...]], forces: pd.Series) -> bool:
+    """Return whether a factor is the haptic condition: each of its levels has one force, and each force one level."""
+    pairs = set(zip(of_blocks, forces, strict=True))
+    return len(pairs) == len({levels for levels, _ in pairs}) == len({force for _, force in pairs})
 
 
 def _sentences(blocks: pd.DataFrame) -> list[str]:
-    """Return sentences on the order of conditions."""
+    """Return sentences on the order of conditions in the blocks that are analysed."""
     both = blocks[blocks["configuration"] == "dyadic"]
     alone = blocks[blocks["configuration"] == "bimanual"]
     if both.empty or alone.empty:
@@ -89,8 +98,8 @@ def _sentences(blocks: pd.DataFrame) -> list[str]:
     least, most = min(before), max(before)
     had = plural(least, "bimanual block") if least == most else f"{least} to {most} bimanual blocks"
     return [
-        f"Before its first block together, every dyad had {had}. So a comparison of dyads with their own participants "
-        "is confounded with practice."
+        f"Every dyad performed {had} before its first dyadic block (blocks for practice do not count). A difference "
+        "between dyads and their own participants therefore includes the effect of practice."
     ]
 
 
@@ -134,12 +143,33 @@ def _conditions(study: Study, blocks: pd.DataFrame) -> Grid:
     return grid(caption, columns, rows)
 
 
-def _beginnings(blocks: pd.DataFrame) -> Grid:
-    first = blocks.sort_values("block", kind="stable").drop_duplicates(["dyad", "performer", "configuration"])
-    counts = pd.crosstab(first["configuration"], first["force"])
-    columns = [Column("Configuration"), *(number(f"Began with {FORCE_LABELS.get(force, force)}") for force in counts)]
-    rows: list[list[Cell | float]] = [[str(row[0]), *map(int, row[1:])] for row in counts.itertuples(name=None)]
-    return grid("Counterbalancing: how many performers began a configuration with which force.", columns, rows)
+def _beginnings(study: Study) -> Grid:
+    """Return with which haptic condition performers began each configuration: in the plan, and in what is analysed."""
+    counted = study.counted[study.counted["role"] != "catch"]
+    forces = [force for force in FORCE_LABELS if force in set(study.analysed["force"])]
+    planned, done = (_first_forces(rows) for rows in (study.analysed, counted))
+    rows: list[list[Cell | float]] = []
+    for team in planned.index:
+        ways = (("planned", planned), ("trials that count", done))
+        rows += [[team, what, *(int(table.get(force, {}).get(team, 0)) for force in forces)] for what, table in ways]
+    columns = [
+        Column("Configuration"),
+        Column("First block"),
+        *(number(f"Began with {haptics_of(force)}") for force in forces),
+    ]
+    return grid(
+        "Counterbalancing: number of performers who began a configuration with each haptic condition. Planned: their "
+        "first block of the plan that is analysed; blocks for practice, familiarisation and baseline do not count. "
+        "Trials that count: their first block with such a trial.",
+        columns,
+        rows,
+    )
+
+
+def _first_forces(rows: pd.DataFrame) -> pd.DataFrame:
+    """Count the performers of each configuration (rows) by the force of their first block (columns)."""
+    first = rows.sort_values("block", kind="stable").drop_duplicates(["dyad", "performer", "configuration"])
+    return pd.crosstab(first["configuration"], first["force"])
 
 
 def participants(study: Study, handedness: Mapping[str, str]) -> Grid:

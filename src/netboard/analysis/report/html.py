@@ -9,9 +9,10 @@ figures with the same marks do not share them.
 
 import base64
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
+from itertools import count
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -66,7 +67,7 @@ def write_report(
     unknown = sorted(set(study.blocks["recording"]) - set(known))
     if unknown:
         raise ValueError(f"provenance: no recording {unknown[0]!r}; expected every recording of the study")
-    drawings = [drawing(picture) for picture in pictures]
+    drawings = drawings_of(pictures)
     titles = {one.name: one.title for one in drawings}
     top = head(study, provenance)
     page = _template().render(
@@ -78,7 +79,7 @@ def write_report(
         design=design(study),
         participants=participants(study, provenance.get("handedness", {})),
         data_quality=data_quality(study, provenance.get("left_out", ())),
-        drawn=set(titles),
+        drawn={one.name for one in drawings if one.number},
         drawings=[(one, Markup(one.svg)) for one in drawings],
         results=topics(results, titles),
         comparison=None if comparison is None else comparison_grid(comparison),
@@ -211,16 +212,23 @@ _DROPPED = {f"{{{_SVG}}}metadata", f"{{{_SVG}}}style", f"{{{_SVG}}}title"}
 
 @dataclass(frozen=True, slots=True)
 class Drawing:
-    """A figure prepared for the page."""
+    """A figure prepared for the page; without a figure the number is 0, and the caption is the reason."""
 
     name: str
     title: str
     caption: str
+    number: int = 0
     svg: str = ""
     png: str = ""
 
 
-def drawing(picture: Picture) -> Drawing:
+def drawings_of(pictures: Iterable[Picture]) -> list[Drawing]:
+    """Prepare figures for the page, numbered from 1; what could not be drawn has no number."""
+    number = count(1)
+    return [drawing(one, 0 if one.figure is None else next(number)) for one in pictures]
+
+
+def drawing(picture: Picture, number: int) -> Drawing:
     """Prepare a figure for the page."""
     words = picture.name, visible(picture.title), visible(picture.caption)
     if picture.figure is None:
@@ -228,8 +236,8 @@ def drawing(picture: Picture) -> Drawing:
     file = as_bytes(picture.figure, "svg")
     if len(file) > MAX_SVG:
         data = base64.b64encode(as_bytes(picture.figure, "png")).decode("ascii")
-        return Drawing(*words, png=f"data:image/png;base64,{data}")
-    return Drawing(*words, svg=_inline(file, *words))
+        return Drawing(*words, number, png=f"data:image/png;base64,{data}")
+    return Drawing(*words, number, svg=_inline(file, *words))
 
 
 def _inline(file: bytes, name: str, title: str, caption: str) -> str:

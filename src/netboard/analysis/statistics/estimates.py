@@ -2,15 +2,16 @@
 
 Trials of one dyad are not independent, nor are its partners: a study has as many independent values as dyads. Every
 result therefore carries the number and the kind of its units. With few units bootstrap confidence intervals are too
-short (docs/explanation/analysis-modern.md has the numbers), so t intervals are the default elsewhere. Tests are in
+short (docs/explanation/analysis-modern.md has the numbers), so t intervals are the default elsewhere. The interval of a
+mean stays in the range of its quantity, which is declared (`Range`). Tests are in
 `netboard.analysis.statistics.exact_tests`, effect sizes in `netboard.analysis.statistics.effect_sizes`.
 
 All random numbers come from the generator that the caller passes.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from math import sqrt
+from dataclasses import dataclass, replace
+from math import atanh, exp, inf, sqrt, tanh
 from typing import Literal
 
 import numpy as np
@@ -20,6 +21,9 @@ from scipy.special import stdtrit
 
 Bootstrap = Literal["percentile", "basic", "BCa"]
 Weighting = Literal["units", "samples"]
+
+Range = Literal["real", "positive", "share", "balance"]
+"""Range of a quantity: any real number; 0 or more; from 0 to 1; from -1 to 1."""
 
 ROUNDING = 1e-12
 """Relative difference up to which values are equal but for rounding [1]."""
@@ -61,6 +65,89 @@ def t_interval(values: ArrayLike, *, level: float = 0.95, unit: str = "dyad") ->
         return Estimate(mean(x), np.nan, np.nan, level, len(x), unit, "t")
     half = float(stdtrit(len(x) - 1, 0.5 + level / 2.0) * (x.std(ddof=1) / sqrt(len(x))))
     return Estimate(mean(x), mean(x) - half, mean(x) + half, level, len(x), unit, "t")
+
+
+def mean_interval(
+    values: ArrayLike, within: Range, *, level: float = 0.95, unit: str = "dyad", events: float = inf
+) -> Estimate:
+    """Estimate a mean with a confidence interval that stays in the range of the quantity.
+
+    The estimate is the mean m of the units; s is its standard error, t the quantile with n - 1 degrees of freedom.
+
+    - real: ``m +- t s``.
+    - positive: on the log scale by the delta method, ``m exp(+- t s / m)``.
+    - balance: on the scale of Fisher's z by the delta method, ``tanh(atanh(m) +- t s / (1 - m^2))``.
+    - share: Wilson's interval with t instead of z and the effective sample size ``m (1 - m) / s^2``, in which the units
+      are clusters (Korn and Graubard, Surv. Methodol. 24:193, 1998).
+
+    There is no interval for fewer than two units. If the mean is at the end of its range, all units are: the interval
+    is a point, except for a share of events.
+
+    Parameters
+    ----------
+    within : Range
+        Range of the quantity.
+    events : float
+        Number of events or non-events of which a share is made, which limits its effective sample size; infinite for a
+        share of time [1].
+    """
+    x = known(values)
+    plain = t_interval(x, level=level, unit=unit)
+    ends = plain.low, plain.high
+    if len(x) > 1 and within != "real":
+        m = _inside(plain.value, within)
+        t = float(stdtrit(len(x) - 1, 0.5 + level / 2.0))
+        ends = _ends(m, (plain.high - plain.low) / (2.0 * t), t, within, events)
+    return replace(plain, low=ends[0], high=ends[1], method=METHODS[within])
+
+
+METHODS: dict[Range, str] = {
+    "real": "t",
+    "positive": "t, log scale",
+    "balance": "t, Fisher's z",
+    "share": "Wilson",
+}
+"""Method of the confidence interval of a mean, by the range of the quantity."""
+
+
+def _inside(m: float, within: Range) -> float:
+    """Return a mean, exactly at the end of its range if only rounding separates them."""
+    low, high = {"real": (-inf, inf), "positive": (0.0, inf), "share": (0.0, 1.0), "balance": (-1.0, 1.0)}[within]
+    inside = min(max(m, low), high)
+    if abs(m - inside) > ROUNDING:
+        raise ValueError(f"values: a mean from {low:g} to {high:g} is expected, found {m}")
+    return inside
+
+
+def _ends(m: float, error: float, t: float, within: Range, events: float) -> tuple[float, float]:
+    """Return the limits of the interval of a mean with a standard error."""
+    if within == "share":
+        return wilson_interval(m, min(m * (1.0 - m) / error**2 if error > 0.0 else inf, events), t)
+    if m == 0.0 if within == "positive" else abs(m) == 1.0:
+        return m, m
+    if within == "positive":
+        factor = exp(min(t * error / m, 700.0))
+        return m / factor, m * factor
+    z, reach = atanh(m), t * error / (1.0 - m * m)
+    return tanh(z - reach), tanh(z + reach)
+
+
+def wilson_interval(share: float, size: float, quantile: float) -> tuple[float, float]:
+    """Return the limits of Wilson's interval (J. Am. Stat. Assoc. 22:209, 1927) of a share [1].
+
+    Parameters
+    ----------
+    share : float
+        Estimated share, from 0 to 1 [1].
+    size : float
+        Sample size, effective if the sample is clustered; infinite: the interval is a point [1].
+    quantile : float
+        Quantile of the normal or the t distribution [1].
+    """
+    square = quantile**2 / size
+    middle = (share + square / 2.0) / (1.0 + square)
+    half = sqrt(square * share * (1.0 - share) + square**2 / 4.0) / (1.0 + square)
+    return max(middle - half, 0.0), min(middle + half, 1.0)
 
 
 def cluster_mean(

@@ -7,7 +7,7 @@ left out, with a note. Performers are distinguished only within their dyad: "A" 
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from math import exp
 
@@ -35,9 +35,11 @@ class Factor:
     levels : tuple
         All levels; the first is the reference. If empty, the levels that occur, sorted.
     numeric : bool
-        Whether its effect is linear: one column, per unit. Otherwise each level has its own effect.
+        Whether its effect is linear: one column, per step. Otherwise each level has its own effect.
     unit : str
         Unit of a numeric factor.
+    step : float
+        Change of a numeric factor whose effect its column has [its own].
     """
 
     name: str
@@ -45,6 +47,23 @@ class Factor:
     levels: tuple[object, ...] = ()
     numeric: bool = False
     unit: str = "1"
+    step: float = 1.0
+
+    @property
+    def term(self) -> str:
+        """Name of the column of a numeric factor, such as ``width per 0.01 m``."""
+        size = " ".join(word for word in (f"{self.step:g}", self.unit) if word != "1")
+        return f"{self.name} per {size}" if size else self.name
+
+    def text(self, level: object) -> str:
+        """Return a level as text, such as ``0.03 m`` or ``dyadic``.
+
+        Parameters
+        ----------
+        level : object
+            One of the levels; for a numeric factor, any value.
+        """
+        return f"{level:g} {self.unit}".removesuffix(" 1") if self.numeric else str(level)
 
     def of(self, kept: NDArray[np.generic]) -> "Factor":
         """Return the factor for some of the trials; its levels remain those of all trials.
@@ -54,7 +73,7 @@ class Factor:
         kept : ndarray
             Mask or indices of these trials [1].
         """
-        return Factor(self.name, self.values[kept], self.levels, self.numeric, self.unit)
+        return replace(self, values=self.values[kept])
 
     @property
     def present(self) -> tuple[object, ...]:
@@ -64,18 +83,18 @@ class Factor:
     def coded(self) -> "dict[str, Array]":
         """Return the columns of the main effect by name, each centred over the levels that occur."""
         if self.numeric:
-            return {self.name: self.at(self.values.astype(float))}
+            return {self.term: self.at(self.values.astype(float))}
         return {name: (self.values == level) - share for name, level, share in self._differences()}
 
     def at(self, level: object) -> Array:
-        """Return the codes of values of a numeric factor: deviations from the mean of all levels [its own].
+        """Return the codes of values of a numeric factor: deviations from the mean of all levels, in steps [1].
 
         Parameters
         ----------
         level : float or ndarray of float64
             Values of the factor [its own].
         """
-        return np.asarray(level, dtype=float) - float(np.mean(np.asarray(self.levels, dtype=float)))
+        return (np.asarray(level, dtype=float) - float(np.mean(np.asarray(self.levels, dtype=float)))) / self.step
 
     def code_of(self, level: object) -> dict[str, float]:
         """Return the code of a level in each column [1].
@@ -86,7 +105,7 @@ class Factor:
             One of the levels; for a numeric factor, any value.
         """
         if self.numeric:
-            return {self.name: float(self.at(level))}
+            return {self.term: float(self.at(level))}
         return {name: float(level == own) - share for name, own, share in self._differences()}
 
     def _differences(self) -> Iterator[tuple[str, object, float]]:
@@ -103,7 +122,7 @@ class Factor:
     def deviations(self) -> Array:
         """Return the columns of the random slope; its variance is that of a difference of two levels, or of a slope."""
         if self.numeric:
-            return self.coded()[self.name][:, None]
+            return self.coded()[self.term][:, None]
         levels = self.present
         each = np.column_stack([(self.values == level) - 1.0 / len(levels) for level in levels])
         return each[:, 1:] if len(levels) == 2 else each / np.sqrt(2.0)
@@ -115,7 +134,7 @@ class Cell:
 
     Attributes
     ----------
-    levels : tuple of (str, object)
+    levels : tuple of (str, str)
         Name and level of each factor.
     trials, dyads : int
         Numbers of trials and dyads [1].
@@ -123,7 +142,7 @@ class Cell:
         Mean response over all trials; geometric mean for times [its own].
     """
 
-    levels: tuple[tuple[str, object], ...]
+    levels: tuple[tuple[str, str], ...]
     trials: int
     dyads: int
     mean: float
@@ -285,7 +304,7 @@ def _checked(factor: Factor) -> Factor:
     if unknown := set(values.tolist()) - set(levels):
         one_of = ", ".join(map(str, levels))
         raise ValueError(f"{factor.name}: one of {one_of} is expected, found {', '.join(sorted(map(str, unknown)))}")
-    return Factor(factor.name, values, levels, factor.numeric, factor.unit)
+    return replace(factor, values=values, levels=levels)
 
 
 def _requested(factors: Sequence[Factor], practice: Array) -> dict[str, Array]:
@@ -322,7 +341,7 @@ def simple_effects(design: Design) -> dict[str, dict[str, float]]:
         ends = (min(other.present), max(other.present)) if other.numeric and other.present else other.levels  # type: ignore[type-var]
         for column in one.coded():
             for level in dict.fromkeys(ends):
-                word = str(level)
+                word = other.text(level)
                 short = not other.numeric and taken.count(word) == 1 and not word[:1].isdigit()
                 shares = {interaction(column, name): code for name, code in other.code_of(level).items()}
                 found[f"{column}, {word if short else f'{other.name} {word}'}"] = {column: 1.0} | shares
@@ -383,7 +402,7 @@ def cells_of(design: Design, factors: Sequence[Factor] | None = None, *, geometr
     for number in np.unique(numbers):
         own = np.flatnonzero(numbers == number)
         mean = float(design.values[own].mean())
-        levels = tuple((one.name, one.values[own[0]].item()) for one in listed)
+        levels = tuple((one.name, one.text(one.values[own[0]].item())) for one in listed)
         dyads = len(np.unique(design.dyads[own]))
         cells.append(Cell(levels, len(own), dyads, exp(mean) if geometric else mean))
     return tuple(cells)

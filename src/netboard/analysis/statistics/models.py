@@ -26,7 +26,7 @@ from netboard.analysis.statistics.marginal import (
     penalised_model,
 )
 from netboard.analysis.statistics.random_effects import Slopes, mixed_model, residual_deviation
-from netboard.analysis.statistics.specification import Specification, too_few_trials
+from netboard.analysis.statistics.specification import Specification, too_few_events, too_few_trials
 
 Family = Literal["poisson", "negative_binomial"]
 
@@ -119,7 +119,7 @@ def count_model(
     design = design_of(values, dyads, performers, factors, order)
     assumptions = tuple(sentence.format(what="mean count") for sentence in _MARGINAL)
     fit = Specification("Poisson GEE", COUNTS, assumptions, level, interval)
-    if why := too_few_trials(design):
+    if why := too_few_trials(design) or too_few_events(design, float(design.values.sum()), "counted events"):
         return fit.unfitted(design, why)
     if why := extreme_condition(design, "nothing was counted", 0.0):
         return penalised_model(fit, design, "poisson", why)
@@ -141,7 +141,8 @@ def share_model(
 ) -> Model:
     """Fit a marginal logistic model of whether attempts failed (GEE, exchangeable within dyads; see `count_model`).
 
-    If all or no attempts failed in a condition: by Firth's penalised likelihood.
+    If all or no attempts failed in a condition: by Firth's penalised likelihood. With fewer failures than effects there
+    is no fit.
 
     Parameters
     ----------
@@ -155,7 +156,11 @@ def share_model(
     design = design_of(values, dyads, performers, factors, order)
     assumptions = tuple(sentence.format(what="odds") for sentence in _MARGINAL)
     fit = Specification("logistic GEE", SHARES, assumptions, level, interval)
-    if why := too_few_trials(design):
+    events, attempts = float(design.values.sum()), len(design.values)
+    few = too_few_events(design, events, f"of {attempts} attempts failed") or too_few_events(
+        design, attempts - events, f"of {attempts} attempts did not fail"
+    )
+    if why := too_few_trials(design) or few:
         return fit.unfitted(design, why)
     if why := extreme_condition(design, "none failed", 0.0) or extreme_condition(design, "all failed", 1.0):
         return penalised_model(fit, design, "binomial", why)

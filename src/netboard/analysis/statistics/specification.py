@@ -144,6 +144,22 @@ def too_few_trials(design: Design) -> str:
     return "" if n > k and k else f"not fitted: {n} trials are too few for {k} effects"
 
 
+def too_few_events(design: Design, events: float, what: str) -> str:
+    """Return why a design has too few events for its effects, at least one for each; empty if it has enough, or none.
+
+    Parameters
+    ----------
+    events : float
+        Number of events [1].
+    what : str
+        What an event is, such as ``attempts failed``.
+    """
+    k = len(design.names)
+    if not 0.0 < events < k:
+        return ""
+    return f"not estimated: {events:.0f} {what}, too few for {k} effects, of which each needs at least one"
+
+
 def with_notes(run: Callable[[], Any]) -> tuple[Any, tuple[str, ...]]:
     """Run a fit and turn warnings and singular matrices into notes; the fit is None without a result.
 

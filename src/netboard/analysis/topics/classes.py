@@ -36,6 +36,7 @@ from netboard.analysis.topics.groups import (
     counted,
     estimate,
     estimated,
+    interval_text,
     of_dyads,
 )
 from netboard.analysis.topics.measures import places
@@ -75,7 +76,7 @@ def _shares(condition: Condition, rows: pd.DataFrame, of: Average) -> Shares:
     }
     performers = _table(each)
     dyads = of_dyads(performers)
-    return Shares(condition, performers, dyads, tuple(estimate(dyads[name]) for name in CLASSES))
+    return Shares(condition, performers, dyads, tuple(estimate(dyads[name], "share") for name in CLASSES))
 
 
 def _table(each: dict[tuple[str, str], NDArray[np.float64]]) -> pd.DataFrame:
@@ -96,7 +97,9 @@ def _results(found: tuple[Shares, ...]) -> Iterator[Result]:
     for name in CLASSES:
         values = {one.condition.name: one.performers[name] for one in found}
         for group, differences in comparisons(every, values):
-            yield estimated(TOPIC, f"share of {_words(name)}", group, estimate(differences), "1", "a difference")
+            yield estimated(
+                TOPIC, f"share of {_words(name)}", group, estimate(differences, "balance"), "1", "a difference"
+            )
 
 
 def _words(name: str) -> str:
@@ -120,7 +123,7 @@ _BESIDE = 0.25
 def picture(study: Study) -> Drawn:
     """Draw the shares of the movement classes.
 
-    Bars show means over dyads; the other panels show dyads and means with 95 % t intervals.
+    Bars show means over dyads; the other panels show dyads and means with confidence intervals.
     """
     found = [one for one in classes(study).parts if len(one.dyads)]
     if not found:
@@ -211,6 +214,7 @@ def _caption(study: Study, found: list[Shares]) -> str:
     return (
         f"Shares of the time {window} in which the sides move in opposite directions (cooperative), in the same one "
         f"(competitive), one moves (single) or none (still); {weight} of a performer has equal weight. A: means over "
-        "dyads. B to E: dyads (small points, joined), and means over dyads with 95 % t confidence intervals (large). "
+        "dyads. B to E: dyads (small points, joined), and means over dyads with "
+        f"{interval_text(mean for one in found for mean in one.means)} (large). "
         f"{due_count(known)}"
     )

@@ -17,7 +17,7 @@ from scipy import stats
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.statistics.contrasts import Contrast, condition_contrast, holm
 from netboard.analysis.statistics.effect_sizes import paired_effect
-from netboard.analysis.statistics.estimates import Estimate
+from netboard.analysis.statistics.estimates import Estimate, mean_interval
 from netboard.analysis.statistics.exact_tests import SYMMETRIC
 from netboard.analysis.topics.figure import (
     BLACK,
@@ -192,6 +192,8 @@ def _compare(measure: Measure, question: Question, table: pd.DataFrame, rng: np.
     difference, drawn = contrast.difference, contrast.bootstrap
     if measure.ratio:
         difference, drawn = exponential(difference), exponential(drawn)
+    elif question.kind != "interaction":
+        difference = mean_interval(contrast.differences, measure.of_difference)
     hedges = paired_effect(contrast.differences, correction="hedges")
     return Comparison(measure, question, contrast, difference, drawn, hedges, np.nan)
 

@@ -19,7 +19,7 @@ import pandas as pd
 
 from netboard.analysis.extraction.details import THRESHOLDS
 from netboard.analysis.extraction.study import Study
-from netboard.analysis.statistics.estimates import Estimate
+from netboard.analysis.statistics.estimates import Estimate, Range
 from netboard.analysis.topics.figure import (
     Drawn,
     Look,
@@ -35,7 +35,16 @@ from netboard.analysis.topics.figure import (
     pictured,
     titled,
 )
-from netboard.analysis.topics.groups import Condition, comparisons, conditions, estimate, estimated, of_dyads, with_base
+from netboard.analysis.topics.groups import (
+    Condition,
+    comparisons,
+    conditions,
+    estimate,
+    estimated,
+    interval_text,
+    of_dyads,
+    with_base,
+)
 from netboard.analysis.topics.measures import rows_of
 from netboard.analysis.topics.result import Result, TopicResults, plain
 
@@ -62,6 +71,7 @@ class Delays:
     performers: pd.DataFrame
     dyads: pd.DataFrame
     means: tuple[Estimate, ...]
+    within: Range
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,10 +111,10 @@ def _of_condition(condition: Condition, rows: pd.DataFrame, kind: str, unit: str
     spread_of = "dyads" if unit == "movements" else unit
     return ConditionDelay(
         condition=condition,
-        as_set=_delays(place, signed.abs() if kind == "absolute" else signed, condition, unit),
-        own_peak=_delays(place, own.abs() if kind == "absolute" else own, condition, unit),
-        signed=_delays(place, signed, condition, unit),
-        deviations=_of_units(deviations, deviations, condition, spread_of),
+        as_set=_as_set(place, signed, condition, kind, unit),
+        own_peak=_as_set(place, own, condition, kind, unit),
+        signed=_delays(place, signed, condition, unit, "real"),
+        deviations=_of_units(deviations, deviations, condition, spread_of, "positive"),
         movements=len(rows),
         truncated=tuple(searched.mean(axis=0)),
     )
@@ -115,12 +125,19 @@ def _columns(rows: pd.DataFrame, prefix: str) -> pd.DataFrame:
     return rows[[f"{prefix}_{q}" for q in THRESHOLDS]].set_axis(list(THRESHOLDS), axis=1)
 
 
-def _delays(place: pd.DataFrame, values: pd.DataFrame, condition: Condition, unit: str) -> Delays:
+def _as_set(place: pd.DataFrame, signed: pd.DataFrame, condition: Condition, kind: str, unit: str) -> Delays:
+    """Return absolute or signed delays, as set."""
+    if kind == "absolute":
+        return _delays(place, signed.abs(), condition, unit, "positive")
+    return _delays(place, signed, condition, unit, "real")
+
+
+def _delays(place: pd.DataFrame, values: pd.DataFrame, condition: Condition, unit: str, within: Range) -> Delays:
     performers = values.groupby([place["dyad"], place["performer"]]).mean()
-    return _of_units(values, performers, condition, unit)
+    return _of_units(values, performers, condition, unit, within)
 
 
-def _of_units(single: pd.DataFrame, performers: pd.DataFrame, condition: Condition, unit: str) -> Delays:
+def _of_units(single: pd.DataFrame, performers: pd.DataFrame, condition: Condition, unit: str, within: Range) -> Delays:
     """Average over the set units."""
     dyads = of_dyads(performers)
     person = "participant" if condition.configuration == "bimanual" else "dyad"
@@ -129,7 +146,7 @@ def _of_units(single: pd.DataFrame, performers: pd.DataFrame, condition: Conditi
         "people": (performers, person),
         "movements": (single, "movement"),
     }[unit]
-    return Delays(units, performers, dyads, tuple(estimate(units[q], of) for q in THRESHOLDS))
+    return Delays(units, performers, dyads, tuple(estimate(units[q], within, of) for q in THRESHOLDS), within)
 
 
 def _results(found: tuple[ConditionDelay, ...], kind: str) -> Iterator[Result]:
@@ -138,12 +155,12 @@ def _results(found: tuple[ConditionDelay, ...], kind: str) -> Iterator[Result]:
     overall = {one.condition.name: one.as_set.dyads.mean(axis=1, skipna=False) for one in found}
     for team in dict.fromkeys(one.condition.team for one in found):
         own = [overall[one.condition.name] for one in found if one.condition.team == team]
-        mean = estimate(pd.concat(own, axis=1).mean(axis=1, skipna=False))
+        mean = estimate(pd.concat(own, axis=1).mean(axis=1, skipna=False), found[0].as_set.within)
         yield estimated(TOPIC, f"delay, {OVER_ALL}", team, mean, "s", f"{kind}; over its conditions")
     every = tuple(one.condition for one in found)
     performers = {one.condition.name: one.as_set.performers.mean(axis=1, skipna=False) for one in found}
     for group, differences in comparisons(every, performers):
-        yield estimated(TOPIC, f"delay, {OVER_ALL}", group, estimate(differences), "s", f"{kind}; a difference")
+        yield estimated(TOPIC, f"delay, {OVER_ALL}", group, estimate(differences, "real"), "s", f"{kind}; a difference")
     by_name = {one.condition.name: one for one in found}
     for felt, base in with_base(every):
         yield _apart(f"{felt.label} vs off", by_name[felt.name], by_name[base.name])
@@ -164,8 +181,9 @@ def _of_one(found: ConditionDelay, kind: str) -> Iterator[Result]:
         name = f"share of searches cut off at {q} %"
         yield plain(TOPIC, name, label, share, "1", found.movements, "movement")
     dyads = found.as_set.dyads
-    yield estimated(TOPIC, f"delay, {OVER_ALL}", label, estimate(dyads.mean(axis=1, skipna=False)), "s", kind)
-    rise = estimate(dyads[THRESHOLDS[-1]] - dyads[THRESHOLDS[0]])
+    mean = estimate(dyads.mean(axis=1, skipna=False), found.as_set.within)
+    yield estimated(TOPIC, f"delay, {OVER_ALL}", label, mean, "s", kind)
+    rise = estimate(dyads[THRESHOLDS[-1]] - dyads[THRESHOLDS[0]], "real")
     yield estimated(TOPIC, RISE, label, rise, "s", f"{kind}; a difference")
 
 
@@ -288,10 +306,11 @@ def _caption(study: Study, shown: list[ConditionDelay]) -> str:
         if unit == "movements"
         else ""
     )
+    intervals = interval_text(mean for one in shown for own in (one.as_set, one.signed) for mean in own.means)
     few = of["dyads" if unit == "movements" else unit]
     return (
         "Delay between the times at which the two sides reach a portion of a peak velocity in cooperative movements: "
-        f"{listed([str(q) for q in THRESHOLDS])} % (darker: higher). Large points: means with 95 % t confidence "
-        f"intervals over {of[unit]}; small points: {few}. B: without the bias of a common threshold for both sides; C: "
-        f"pale bars are mean ± SD within performers.{warning} {each}"
+        f"{listed([str(q) for q in THRESHOLDS])} % (darker: higher). Large points: means with "
+        f"{intervals} over {of[unit]}; small points: {few}. B: without the bias of a common threshold for both sides. "
+        f"C: pale bars are mean ± SD within performers.{warning} {each}"
     )

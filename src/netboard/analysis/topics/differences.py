@@ -11,6 +11,7 @@ import numpy as np
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.topics.contrasts import Comparison, Question, comparisons, looks_of
 from netboard.analysis.topics.figure import NO_EFFECT, Drawn, Look, draw_dyads, draw_mean, handles, pictured, span
+from netboard.analysis.topics.groups import interval_text
 from netboard.analysis.topics.measures import COLUMNS, grid
 from netboard.analysis.topics.units import read_in
 from netboard.base.plural import noun
@@ -69,7 +70,8 @@ def _panel(axes: "Axes", found: Sequence[Comparison], questions: Sequence[Questi
 
 def _caption(found: Sequence[Comparison]) -> str:
     n = [one.contrast.n for one in found]
+    intervals = interval_text(one.difference for one in found)
     return (
         "Differences between conditions (ratios for completion times): within each dyad (small points), and the mean "
-        f"over dyads with its 95 % t confidence interval (large); n = {span(n)} {noun(max(n), 'dyad')}."
+        f"over dyads with {intervals} (large); n = {span(n)} {noun(max(n), 'dyad')}."
     )

@@ -40,7 +40,16 @@ from netboard.analysis.topics.figure import (
     pictured,
     titled,
 )
-from netboard.analysis.topics.groups import QUANTITIES, Condition, Quantity, conditions, counted, estimate, estimated
+from netboard.analysis.topics.groups import (
+    QUANTITIES,
+    Condition,
+    Quantity,
+    conditions,
+    counted,
+    estimate,
+    estimated,
+    interval_text,
+)
 from netboard.analysis.topics.result import Result, TopicResults, plain
 from netboard.base.plural import plural
 from netboard.base.tables.forces import FORCES
@@ -113,12 +122,14 @@ def _compare(quantity: Quantity, condition: Condition, points: Iterator[Point]) 
     gains = pd.Series({point.dyad: point.relative.gain for point in kept}, dtype=np.float64)
     # A dyad has two consecutive points, with the same gain.
     better, known = better_dyads([point.relative for point in kept[::2]])
-    return Comparison(quantity, condition, kept, gains, estimate(gains), better, known, sign_test(gains.to_numpy()))
+    return Comparison(
+        quantity, condition, kept, gains, estimate(gains, "real"), better, known, sign_test(gains.to_numpy())
+    )
 
 
 def _results(found: Comparison) -> Iterator[Result]:
     quantity, group = found.quantity, found.condition.haptics_label
-    note = "" if found.known else "no dyad has trials that count in both configurations with this force"
+    note = "" if found.known else "no dyad has trials that count in both configurations in this haptic condition"
     yield estimated(TOPIC, f"{quantity.name}: mean of the two minus dyad", group, found.gain, quantity.unit, note)
     if found.known:
         tested = f"p = {found.test.p:.3g}; {plural(found.test.n, 'dyad')} can give no p below {found.test.least_p:.3g}"
@@ -140,7 +151,10 @@ def picture(study: Study) -> Drawn:
     """
     found = [one for one in dyads(study).parts if one.known]
     if not found:
-        return "No dyad has performed together with a force with which both of its participants have performed alone."
+        return (
+            "A dyad is compared with its two participants alone, in the same haptic condition. No dyad has trials that "
+            "count in one haptic condition both from the dyad and from each of its participants alone."
+        )
     columns = [quantity.column for quantity in QUANTITIES]
     rows = [columns, [f"gain {column}" for column in columns]]
     forces = len({one.condition.force for one in found})
@@ -221,9 +235,10 @@ def _caption(found: list[Comparison]) -> str:
     known = [(f"{one.condition.haptics_label}, {one.quantity.name}", one.known, "dyad") for one in found]
     least = [one.test.least_p for one in found if np.isfinite(one.test.least_p)]
     power = f" The smallest possible p of a sign test with this number of dyads is {min(least):.3g}." if least else ""
+    intervals = interval_text(one.gain for one in found)
     return (
         "A, B: one point for each participant, with the two of a dyad joined. To the right: better than the partner, "
-        "both alone with the same force; upwards: the dyad takes longer than the participant alone. C, D: gains of the "
-        "dyads (small points), and their means with 95 % t confidence intervals (large). "
+        "both alone in the same haptic condition; upwards: the dyad takes longer than the participant alone. "
+        f"C, D: gains of the dyads (small points), and their means with {intervals} (large). "
         f"{due_count(known)}{power}"
     )

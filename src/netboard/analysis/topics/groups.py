@@ -11,7 +11,7 @@ windows of half the plan would leave out every performer of whom one trial is ex
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import isclose, lcm
+from math import isclose, isfinite, lcm
 
 import numpy as np
 import pandas as pd
@@ -21,7 +21,7 @@ from netboard.analysis.extraction.conditions import StudyFactor, names_of
 from netboard.analysis.extraction.study import Study, pooled, series_labels
 from netboard.analysis.extraction.tables import ATTEMPT_KEY
 from netboard.analysis.measures.performance import ENDS, trial_times, window_sizes
-from netboard.analysis.statistics.estimates import ROUNDING, Estimate, t_interval
+from netboard.analysis.statistics.estimates import ROUNDING, Estimate, Range, mean_interval
 from netboard.analysis.topics.result import Result, cached
 from netboard.base.tables.forces import CONDITIONS
 from netboard.task.studies.factors import level_text
@@ -39,9 +39,14 @@ CLASSES = ("cooperative", "competitive", "single", "still")
 """Movement classes, in the order of `netboard.analysis.measures.movements`."""
 
 
+def haptics_of(force: str) -> str:
+    """Return the name of a haptic condition, such as ``haptics on``; an unknown force as it is."""
+    return FORCE_LABELS.get(force, force)
+
+
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """Performance measure of a trial; less is better."""
+    """Performance measure of a trial, 0 or more; less is better."""
 
     column: str
     name: str
@@ -80,7 +85,7 @@ class Condition:
     @property
     def haptics(self) -> str:
         """Name of the haptic condition."""
-        return FORCE_LABELS.get(self.force, self.force)
+        return haptics_of(self.force)
 
     @property
     def haptics_label(self) -> str:
@@ -323,9 +328,18 @@ def by_factor(every: tuple[Condition, ...]) -> Iterator[tuple[str, Condition, Co
             yield f"{one.haptics} vs {base.haptics}, {one.team}", one, base
 
 
-def estimate(values: pd.Series, of: str = "dyad") -> Estimate:
-    """Estimate the mean of the units, with Student's t interval."""
-    return t_interval(values.to_numpy(dtype=np.float64), unit=of)
+def estimate(values: pd.Series, within: Range, of: str = "dyad") -> Estimate:
+    """Estimate the mean of the units, with a confidence interval that stays in the range of the quantity."""
+    return mean_interval(values.to_numpy(dtype=np.float64), within, unit=of)
+
+
+def interval_text(estimates: Iterable[Estimate]) -> str:
+    """Return the level and the methods of intervals, such as ``95 % confidence intervals (t, log scale)``."""
+    known = [one for one in estimates if isfinite(one.low)]
+    levels = dict.fromkeys(f"{100 * one.level:.0f} %" for one in known)
+    methods = dict.fromkeys(one.method for one in known)
+    text = " ".join(filter(None, (" or ".join(levels), "confidence intervals")))
+    return f"{text} ({'; '.join(methods)})" if methods else text
 
 
 def estimated(topic: str, quantity: str, group: str, found: Estimate, unit: str, note: str = "") -> Result:

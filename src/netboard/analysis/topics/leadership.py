@@ -16,7 +16,7 @@ from netboard.analysis.extraction.conditions import STAND_INS
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.measures.lags import leadership
 from netboard.analysis.topics.figure import NO_EFFECT, Drawn, due_count, new_mosaic, pictured, titled
-from netboard.analysis.topics.groups import estimated
+from netboard.analysis.topics.groups import estimated, interval_text
 from netboard.analysis.topics.measures import Levels, Measure, draw_levels, legend, levels_of, places
 from netboard.analysis.topics.result import Result, TopicResults, plain
 from netboard.analysis.topics.units import MS
@@ -32,10 +32,12 @@ def _index(delays: pd.Series) -> float:
 
 
 QUESTIONS = (
-    Measure("signed delay at 20 %", "s", "coordination", "movement", itemgetter("delay_20"), compared=False),
-    Measure("signed delay at 20 % of each side's own peak", "s", "coordination", "movement", _OWN, compared=False),
-    Measure("signed lag", "s", "coordination", "trial", itemgetter("lag"), compared=False),
-    Measure("leadership index", "1", "coordination", "movement", _OWN, level=_index, compared=False),
+    Measure("signed delay at 20 %", "s", "coordination", "movement", "real", itemgetter("delay_20"), compared=False),
+    Measure(
+        "signed delay at 20 % of each side's own peak", "s", "coordination", "movement", "real", _OWN, compared=False
+    ),
+    Measure("signed lag", "s", "coordination", "trial", "real", itemgetter("lag"), compared=False),
+    Measure("leadership index", "1", "coordination", "movement", "balance", _OWN, level=_index, compared=False),
 )
 """Leadership measures. The index uses delays at own peaks, so moving farther does not look like moving earlier."""
 
@@ -97,10 +99,11 @@ def _caption(study: Study, found: Sequence[Levels]) -> str:
     own = [one for one in found if one.measure == QUESTIONS[1]]
     known = due_count([(one.condition.label, one.mean.n, "dyad") for one in own], [one.rows for one in own], "movement")
     seats = ", ".join(changed_seats(study))
+    intervals = interval_text(one.mean for one in found)
     changed = f" In {seats} partners changed seats: there a side is not one participant." if seats else ""
     return (
         "Time of the left side minus that of the right side, in cooperative movements (A, B) and by cross-correlation "
         "(C); D: number of movements with the right side first minus those with the left side first, over their sum. "
-        "Large points: means over dyads with 95 % t confidence intervals; small points: dyads, joined. Sides are the "
+        f"Large points: means over dyads with {intervals}; small points: dyads, joined. Sides are the "
         f"hands of one participant in bimanual conditions, and participants in dyadic ones.{changed} {known}"
     )

@@ -47,6 +47,7 @@ from netboard.analysis.topics.groups import (
     counted,
     estimate,
     estimated,
+    interval_text,
     of_dyads,
     of_performers,
     over_the_same,
@@ -155,9 +156,9 @@ def _course(study: Study, rows: pd.DataFrame, quantity: Quantity) -> Course:
         stages=_stages(rows, quantity.column, windows.group),
         ends=ends,
         of=_unit(rows) if how.spread == "people" else "trial",
-        first=estimate(of_dyads(performers["first"])),
-        last=estimate(of_dyads(performers["last"])),
-        change=estimate(ends_of_dyads["last"] - ends_of_dyads["first"]),
+        first=estimate(of_dyads(performers["first"]), "positive"),
+        last=estimate(of_dyads(performers["last"]), "positive"),
+        change=estimate(ends_of_dyads["last"] - ends_of_dyads["first"], "real"),
         short=int(series[~enough].nunique()),
     )
 
@@ -175,7 +176,9 @@ def _stages(rows: pd.DataFrame, column: str, size: int) -> Stages:
     dyads = means.groupby(level=["dyad", "group"]).mean().unstack("group")
     groups = dyads.columns.to_numpy(np.int64)
     last = np.minimum((groups + 1) * size, order.max())
-    return Stages(groups * size + 1, last, dyads, tuple(estimate(dyads[number]) for number in dyads.columns))
+    return Stages(
+        groups * size + 1, last, dyads, tuple(estimate(dyads[number], "positive") for number in dyads.columns)
+    )
 
 
 def _results(study: Study, found: TeamLearning) -> Iterator[Result]:
@@ -329,13 +332,14 @@ def _caption(study: Study, teams: tuple[TeamLearning, ...]) -> str:
     people = "; ".join(
         f"{one.team}: n = {plural(one.dyads, 'dyad')} ({_performers(one)}{one.trials} trials)" for one in teams
     )
+    intervals = interval_text(mean for one in teams for course in one.courses for mean in course.stages.means)
     areas = "they add up to the completion time"
     if study.readings.movements.window == "whole":
         areas = "with the hold, so they exceed the completion time"
     return (
         "Completion time and number of velocity peaks of the ball over the trials, all force conditions pooled. Lines: "
         f"means of all trials with the same number; areas: time of each class of movement ({areas}). Small points: "
-        f"dyads, in groups of {windows.group} trials; large points: means over dyads with 95 % t confidence intervals. "
+        f"dyads, in groups of {windows.group} trials; large points: means over dyads with {intervals}. "
         f"Numbers: mean ± SD (of {of}) of the first and the last {windows.ends} trials. "
         f"{sentence(people)}"
         f"{f' {sentence(windows.note)}' if windows.note else ''}"

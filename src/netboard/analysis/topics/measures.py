@@ -2,11 +2,13 @@
 
 A dyad's level is the mean of its performers' levels, and a performer's level the mean of its own trials, movements or
 attempts. A dyad has two performers in bimanual conditions and one in dyadic ones. Every dyad therefore has equal
-weight, whatever its number of trials, and is the unit of all confidence intervals.
+weight, whatever its number of trials, and is the unit of all confidence intervals. Each measure declares the range of
+its values, from which the method of its intervals follows.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from math import inf, isfinite
 from operator import itemgetter
 from textwrap import fill
 from typing import TYPE_CHECKING, Literal
@@ -17,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from netboard.analysis.extraction.attempts import MODERN, PAPER
 from netboard.analysis.extraction.study import Study
-from netboard.analysis.statistics.estimates import Estimate, t_interval
+from netboard.analysis.statistics.estimates import Estimate, Range, mean_interval, t_interval
 from netboard.analysis.topics.figure import (
     Drawn,
     draw_joined,
@@ -54,6 +56,8 @@ class Measure:
     ----------
     of : {"trial", "movement", "attempt"}
         Unit of a value: trials that count, cooperative movements in them, or attempts that succeeded or fell.
+    within : {"real", "positive", "share", "balance"}
+        Range of its values, in which all its confidence intervals stay (`mean_interval`).
     values : callable
         Function of these rows; returns the value of each, NaN for none [its unit].
     weights : callable or None
@@ -70,12 +74,18 @@ class Measure:
     unit: str
     family: Family
     of: Of
+    within: Range
     values: Callable[[pd.DataFrame], ArrayLike]
     ratio: bool = False
     weights: Callable[[pd.DataFrame], ArrayLike] | None = None
     level: Callable[[pd.Series], float] | None = None
     compared: bool = True
     note: str = ""
+
+    @property
+    def of_difference(self) -> Range:
+        """Range of the difference of two values: from -1 to 1 for shares, any number for others."""
+        return "balance" if self.within == "share" else "real"
 
 
 def _share(name: str) -> Callable[[pd.DataFrame], ArrayLike]:
@@ -106,7 +116,14 @@ def _both(name: str) -> Callable[[pd.DataFrame], ArrayLike]:
 
 
 def _of_trials(
-    name: str, source: str, family: Family, *, compared: bool = True, ratio: bool = False, note: str = ""
+    name: str,
+    source: str,
+    family: Family,
+    within: Range,
+    *,
+    compared: bool = True,
+    ratio: bool = False,
+    note: str = "",
 ) -> Measure:
     """Return the measure of a column of the table of trials, in its unit."""
     if source not in _UNITS:
@@ -114,7 +131,8 @@ def _of_trials(
             f'measure "{name}" in analysis/topics/measures.py: the table of trials has no column "{source}"; expected '
             "one of a Group in analysis/extraction/attempts.py"
         )
-    return Measure(name, _UNITS[source], family, "trial", itemgetter(source), compared=compared, ratio=ratio, note=note)
+    unit, values = _UNITS[source], itemgetter(source)
+    return Measure(name, unit, family, "trial", within, values, compared=compared, ratio=ratio, note=note)
 
 
 def _magnitude(name: str) -> Callable[[pd.DataFrame], ArrayLike]:
@@ -122,48 +140,57 @@ def _magnitude(name: str) -> Callable[[pd.DataFrame], ArrayLike]:
 
 
 MEASURES = (
-    _of_trials("completion time", "completion", "performance", ratio=True, note="geometric mean"),
-    _of_trials("velocity peaks", "peaks", "performance", note="NP, of the ball's speed"),
-    _of_trials("SPARC", "sparc", "performance"),
-    _of_trials("LDLJ", "ldlj", "performance"),
+    _of_trials("completion time", "completion", "performance", "positive", ratio=True, note="geometric mean"),
+    _of_trials("velocity peaks", "peaks", "performance", "positive", note="NP, of the ball's speed"),
+    _of_trials("SPARC", "sparc", "performance", "real"),
+    _of_trials("LDLJ", "ldlj", "performance", "real"),
     Measure(
         "reaction time",
         "s",
         "performance",
         "trial",
+        "positive",
         _reaction,
         note="of the hand that moves first (with two people earlier by chance); none in trials with anticipation",
     ),
-    _of_trials("time in target", "in_target", "performance", note="before the hold"),
-    _of_trials("overshoots", "overshoots", "performance"),
-    _of_trials("largest overshoot", "overshoot", "performance", compared=False),
-    Measure("falls per attempt", "1", "performance", "attempt", lambda rows: rows["outcome"] == "fell"),
-    *(Measure(f"{name} share", "1", "coordination", "trial", _share(name)) for name in CLASSES),
+    _of_trials("time in target", "in_target", "performance", "positive", note="before the hold"),
+    _of_trials("overshoots", "overshoots", "performance", "positive"),
+    _of_trials("largest overshoot", "overshoot", "performance", "positive", compared=False),
+    Measure("falls per attempt", "1", "performance", "attempt", "share", lambda rows: rows["outcome"] == "fell"),
+    *(Measure(f"{name} share", "1", "coordination", "trial", "share", _share(name)) for name in CLASSES),
     Measure(
-        "|delay at 20 %|", "s", "coordination", "movement", _magnitude("delay_20"), note="of cooperative movements"
+        "|delay at 20 %|",
+        "s",
+        "coordination",
+        "movement",
+        "positive",
+        _magnitude("delay_20"),
+        note="of cooperative movements",
     ),
-    Measure("|lag|", "s", "coordination", "trial", _magnitude("lag"), note="by cross-correlation"),
-    _of_trials("correlation of the hands", "correlation", "coordination", compared=False),
-    Measure("effort", "N2 s", "forces", "trial", _both("effort")),
+    Measure("|lag|", "s", "coordination", "trial", "positive", _magnitude("lag"), note="by cross-correlation"),
+    _of_trials("correlation of the hands", "correlation", "coordination", "balance", compared=False),
+    Measure("effort", "N2 s", "forces", "trial", "positive", _both("effort")),
     _of_trials(
         "interaction force",
         "interaction",
         "forces",
+        "positive",
         note="mean magnitude of the forces that cancel in the tilt: on a light board half the spring force",
     ),
-    Measure("exchanged energy", "J", "forces", "trial", lambda rows: rows["to_left"] + rows["to_right"]),
+    Measure("exchanged energy", "J", "forces", "trial", "positive", lambda rows: rows["to_left"] + rows["to_right"]),
     *(
-        Measure(f"work {kind}", "J", "forces", "trial", _both(kind), compared=False, note=note)
+        Measure(f"work {kind}", "J", "forces", "trial", "positive", _both(kind), compared=False, note=note)
         for kind, note in (("given", "of both hands on the coupling"), ("received", "by both hands from the coupling"))
     ),
     *(
-        _of_trials(f"power, {side}", f"{side}_power", "forces", compared=False, note=note)
+        _of_trials(f"power, {side}", f"{side}_power", "forces", "real", compared=False, note=note)
         for side, note in ((side, f"mean, of the {side} hand on the coupling") for side in SIDES)
     ),
     _of_trials(
         "force share, right",
         "force_share",
         "forces",
+        "share",
         compared=False,
         note="of the right hand, without static support: on a light board always one half",
     ),
@@ -238,11 +265,16 @@ def levels_of(study: Study, measures: Iterable[Measure]) -> tuple[Levels, ...]:
             own = table[table["condition"] == condition.name]
             if not len(own):
                 continue
-            estimate, values = t_interval(own["level"]), own["level"].to_numpy()
-            if measure.ratio:
-                estimate, values = exponential(estimate), np.exp(values)
-            found.append(Levels(measure, condition, tuple(own["dyad"]), values, int(own["rows"].sum()), estimate))
+            values, rows = own["level"].to_numpy(), int(own["rows"].sum())
+            mean = exponential(t_interval(values)) if measure.ratio else _mean(measure, values, rows)
+            values = np.exp(values) if measure.ratio else values
+            found.append(Levels(measure, condition, tuple(own["dyad"]), values, rows, mean))
     return tuple(found)
+
+
+def _mean(measure: Measure, values: NDArray[np.float64], rows: int) -> Estimate:
+    """Return the mean over dyads; a share of attempts has no more information than the attempts."""
+    return mean_interval(values, measure.within, events=rows if measure.of == "attempt" else inf)
 
 
 @cached
@@ -258,9 +290,9 @@ def _results(one: Levels) -> Iterator[Result]:
 
 
 def exponential(estimate: Estimate) -> Estimate:
-    """Transform an estimate back from its logarithm."""
+    """Transform an estimate back from its logarithm; the method of its interval says so."""
     value, low, high = (float(np.exp(x)) for x in (estimate.value, estimate.low, estimate.high))
-    return replace(estimate, value=value, low=low, high=high)
+    return replace(estimate, value=value, low=low, high=high, method=f"{estimate.method}, log scale")
 
 
 Where = Literal["outside upper center", "outside lower center"]
@@ -353,9 +385,18 @@ def _caption(found: Sequence[Levels], shown: Sequence[Condition]) -> str:
     fewer = [one for one in found if one.mean.n < max(other.mean.n for other in found)]
     less = f" Fewer dyads have: {', '.join(dict.fromkeys(one.measure.name for one in fewer))}." if fewer else ""
     return (
-        "All measures in each condition. Large points: means over dyads with 95 % t confidence intervals; small "
-        "points: dyads, joined. Completion times: geometric means; SPARC and LDLJ: closer to zero is smoother; "
-        "reaction times: of the first hand, which is earlier by chance with two participants. On a light board, "
-        "mechanics alone makes the share of forces one half, and the interaction force half the spring force. "
-        f"{due_count(known)}{less}"
+        "All measures in each condition. Large points: means over dyads with 95 % confidence intervals, whose method "
+        f"follows from the range of the measure ({_methods(found)}); small points: dyads, joined. Completion times: "
+        "geometric means; SPARC and LDLJ: closer to zero is smoother; reaction times: of the first hand, which is "
+        "earlier by chance with two participants. On a light board, mechanics alone makes the share of forces one "
+        f"half, and the interaction force half the spring force. {due_count(known)}{less}"
     )
+
+
+def _methods(found: Sequence[Levels]) -> str:
+    """Return each method of a confidence interval with the measures that have it."""
+    named: dict[str, dict[str, None]] = {}
+    for one in found:
+        if isfinite(one.mean.low):
+            named.setdefault(one.mean.method, {})[one.measure.name] = None
+    return "; ".join(f"{method}: {', '.join(names)}" for method, names in named.items()) or "none from one dyad"

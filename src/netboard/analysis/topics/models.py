@@ -16,6 +16,7 @@ import pandas as pd
 from netboard.analysis.extraction.conditions import StudyFactor
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.statistics.effects import Effect, Inference, Model
+from netboard.analysis.statistics.estimates import Estimate
 from netboard.analysis.statistics.factors import INTERCEPT, PRACTICE, Factor, paper_factors
 from netboard.analysis.statistics.models import count_model, log_time_model, share_model
 from netboard.analysis.topics.figure import (
@@ -32,7 +33,7 @@ from netboard.analysis.topics.figure import (
     sentence,
     titled,
 )
-from netboard.analysis.topics.groups import FORCE_LABELS
+from netboard.analysis.topics.groups import FORCE_LABELS, haptics_of, interval_text
 from netboard.analysis.topics.measures import rows_of
 from netboard.analysis.topics.result import Result, cached, plain
 from netboard.base.plural import plural
@@ -154,15 +155,15 @@ _COLUMNS = ("dyads", "performers", "order")
 
 
 def factors_of(rows: pd.DataFrame, others: Sequence[StudyFactor] = ()) -> tuple[Factor, ...]:
-    """Return the fixed factors of the models: haptics or force, configuration, and the study's own.
+    """Return the fixed factors of the models: haptics, configuration, and the study's own.
 
-    Those that force, configuration and partner determine are left out. A factor of the study with a name that the model
-    has already is called "factor NAME".
+    Those that haptics, configuration and partner determine are left out. A factor of the study with a name that the
+    model has already is called "factor NAME".
     """
     found = list(paper_factors(rows["haptics"] == 1, rows["configuration"] == "dyadic"))
     felt = [force for force in FORCE_LABELS if force in set(rows["force"])]
     if len([force for force in felt if force != "none"]) > 1:
-        found[0] = _named("force", rows["force"], felt)
+        found[0] = _named("haptics", rows["force"].map(haptics_of), [haptics_of(force) for force in felt])
     own = [_own(rows, one) for one in others if one.in_names]
     if own:  # with only the paper's factors, notes state what the study lacks
         found = [one for one in found if len(set(one.values)) > 1]
@@ -177,14 +178,13 @@ def _named(name: str, values: pd.Series, levels: Sequence[str]) -> Factor:
 
 
 def _own(rows: pd.DataFrame, factor: StudyFactor) -> Factor:
-    """Return a factor of the study; a numeric one in decimal steps of its unit that suit its range."""
+    """Return a factor of the study; a numeric one has effects per decimal step of its unit that suits its range."""
     if len(set(factor.of.values)) < 2 or (rows[factor.column] == "").any():
         levels = tuple(one for one in ("", *factor.of.levels) if one in set(rows[factor.column]))
         return _named(factor.name, rows[factor.column], levels)
     step = 10.0 ** floor(log10(max(factor.of.values) - min(factor.of.values)))
-    unit = factor.of.unit if step == 1.0 else f"{step:g} {factor.of.unit}".removesuffix(" 1")
-    values = np.round(rows[f"{factor.column}_value"].to_numpy(float) / step, 9)
-    return Factor(f"{factor.name} [{unit}]", values, numeric=True, unit=unit)
+    values = rows[f"{factor.column}_value"].to_numpy(float)
+    return Factor(factor.name, values, numeric=True, unit=factor.of.unit, step=step)
 
 
 def trial_numbers(attempts: pd.DataFrame) -> pd.Series:
@@ -215,8 +215,8 @@ def picture(study: Study) -> Drawn:
     figure, axes = new_mosaic(
         3.4, [["terms", "residuals"]] if checked else [["terms"]], width_ratios=[1.5, 1][: 1 + bool(checked)]
     )
-    _terms(axes["terms"], shown)
-    titled(axes["terms"], "A", "factors")
+    _terms(axes["terms"], found.fits)
+    titled(axes["terms"], "A", "ratios of the models' terms")
     if checked:
         _residuals(axes["residuals"], checked[0])
         titled(axes["residuals"], "B", f"residuals, {checked[0].measure}")
@@ -228,18 +228,49 @@ def effects_shown(fit: Fit) -> list[Effect]:
     return [one for one in fit.model.effects if one.name not in (INTERCEPT, PRACTICE) and np.isfinite(one.ratio.value)]
 
 
-def _terms(axes: "Axes", shown: Sequence[Fit]) -> None:
-    """Draw the ratios of all models, a row for each term."""
+MOST = 100.0
+"""Largest ratio on the axis, and the inverse of the smallest one [1]."""
+
+
+def _terms(axes: "Axes", found: Sequence[Fit]) -> None:
+    """Draw the ratios of all models, a row for each term; a model without a ratio says so there."""
+    names = list(dict.fromkeys(effect.name for fit in found for effect in effects_shown(fit)))
+    axes.axvline(1.0, **NO_EFFECT)
+    for fit, offset in zip(found, beside(len(found), 0.5), strict=True):
+        look, effects = LOOKS[fit.measure], {one.name: one for one in effects_shown(fit)}
+        for place, name in enumerate(names):
+            if name in effects:
+                _ratio(axes, place + offset, effects[name].ratio, look, f"{fit.measure}: {name}")
+            else:
+                axes.text(
+                    1.0,
+                    place + offset,
+                    f" {fit.measure}: cannot be estimated",
+                    va="center",
+                    fontsize=6.5,
+                    color="#555555",
+                )
+        axes.plot([], [], linestyle="none", marker=look.marker, color=look.colour, label=f"{fit.measure}, {fit.ratio}")
+    _ratio_axis(axes)
+    axes.set_yticks(range(len(names)), names, fontsize=7)
+    axes.set_ylim(len(names) - 0.5, -0.5)
+    axes.set_xlabel("ratio [1]")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.4, -0.14), ncols=1, fontsize=7)
+
+
+def _ratio(axes: "Axes", at: float, ratio: Estimate, look: Look, label: str) -> None:
+    """Draw a ratio and its interval; an arrow where they go beyond the axis."""
+    value, low, high = np.clip([ratio.value, ratio.low, ratio.high], 1.0 / MOST, MOST)
+    draw_mean(axes, at, replace(ratio, value=value, low=low, high=high), look, label, across=True)
+    for beyond, limit, marker in ((ratio.low < 1.0 / MOST, 1.0 / MOST, "<"), (ratio.high > MOST, MOST, ">")):
+        if beyond:
+            axes.plot([limit], [at], marker=marker, color=look.colour, markersize=5, label=f"_{label}, beyond")
+
+
+def _ratio_axis(axes: "Axes") -> None:
+    """Make the axis logarithmic, with ticks that suit its range."""
     from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
-    names = list(dict.fromkeys(effect.name for fit in shown for effect in effects_shown(fit)))
-    axes.axvline(1.0, **NO_EFFECT)
-    for fit, offset in zip(shown, beside(len(shown), 0.4), strict=True):
-        look = LOOKS[fit.measure]
-        for effect in effects_shown(fit):
-            label = f"{fit.measure}: {effect.name}"
-            draw_mean(axes, names.index(effect.name) + offset, effect.ratio, look, label, across=True)
-        axes.plot([], [], linestyle="none", marker=look.marker, color=look.colour, label=f"{fit.measure}, {fit.ratio}")
     axes.set_xscale("log")
     low, high = axes.get_xlim()
     if high < 3 * low:
@@ -249,10 +280,6 @@ def _terms(axes: "Axes", shown: Sequence[Fit]) -> None:
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
     axes.xaxis.set_minor_locator(NullLocator())
     axes.tick_params(axis="x", labelsize=7)
-    axes.set_yticks(range(len(names)), names, fontsize=7)
-    axes.set_ylim(len(names) - 0.5, -0.5)
-    axes.set_xlabel("ratio [1]")
-    axes.legend(loc="upper center", bbox_to_anchor=(0.4, -0.14), ncols=1, fontsize=7)
 
 
 def _residuals(axes: "Axes", fit: Fit) -> None:
@@ -284,8 +311,23 @@ def _caption(found: Fits, shown: Sequence[Fit]) -> str:
         f" No model of {one.measure}: {'; '.join(one.model.notes)}." for one in found.fits if not one.model.fitted
     )
     left = f" {'; '.join(found.notes)}." if found.notes else ""
+    checked = " B: residuals of the first model in order of size." if shown[0].model.diagnostics is not None else ""
     return (
-        "A: ratios by which a factor multiplies the response (for falls: the odds), averaged over the other factor, "
-        "and of haptics in each configuration; bars: 95 % confidence intervals with (dyads - 1) degrees of freedom. B: "
-        f"residuals in order of size. {sentence(fitted)}{failed}{left}"
+        "A: the ratio by which a term multiplies the response; for falls it multiplies the odds. A factor alone, such "
+        "as haptics (on vs off) or configuration (dyadic vs bimanual), is averaged over the levels of all other "
+        "factors. A factor and a level, such as haptics, dyadic: the effect of the factor at that level. A product "
+        f"(x): the ratio of two such effects. Bars: {_intervals(shown)}{_beyond(shown)}.{checked} "
+        f"{sentence(fitted)}{failed}{left}"
     )
+
+
+def _intervals(shown: Sequence[Fit]) -> str:
+    return interval_text(effect.ratio for fit in shown for effect in effects_shown(fit))
+
+
+def _beyond(shown: Sequence[Fit]) -> str:
+    """Return what an arrow means, if there is one."""
+    ends = [end for fit in shown for one in effects_shown(fit) for end in (one.ratio.low, one.ratio.high)]
+    if not any(end < 1.0 / MOST or end > MOST for end in ends):
+        return ""
+    return f"; arrow: the interval goes beyond {1.0 / MOST:g} or {MOST:g}"

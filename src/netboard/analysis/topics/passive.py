@@ -17,18 +17,19 @@ from numpy.typing import NDArray
 
 from netboard.analysis.extraction.attempts import STIFFNESSES
 from netboard.analysis.extraction.study import Study
-from netboard.analysis.statistics.estimates import Estimate, bootstrap, ratio_of_sums, t_interval
+from netboard.analysis.statistics.estimates import Estimate, bootstrap, mean_interval, ratio_of_sums
 from netboard.analysis.topics.figure import (
     NO_EFFECT,
     Drawn,
     beside,
     draw_dyads,
     draw_mean,
+    listed,
     look_of,
     new_mosaic,
     pictured,
 )
-from netboard.analysis.topics.groups import Condition, conditions, estimated, with_base
+from netboard.analysis.topics.groups import Condition, conditions, estimated, interval_text, with_base
 from netboard.analysis.topics.measures import levels, measures_of, rows_of
 from netboard.analysis.topics.result import Result, TopicResults
 from netboard.analysis.topics.units import PERCENT, POINTS
@@ -143,8 +144,8 @@ def _control(condition: Condition, stiffness: int, friction: float, table: pd.Da
         dyads=tuple(table.index),
         effect=effect,
         passive=passive,
-        mean_effect=t_interval(effect),
-        mean_passive=t_interval(passive),
+        mean_effect=mean_interval(effect, "balance"),
+        mean_passive=mean_interval(passive, "share"),
         share=share,
     )
 
@@ -197,21 +198,25 @@ def picture(study: Study) -> Drawn:
 
 def _caption(found: tuple[Control, ...]) -> str:
     shares = "; ".join(_share(one) for one in found if one.has_effect)
-    mechanical = f"Mechanical part of the effect, with 95 % bootstrap intervals: {shares}." if shares else _NONE
+    mechanical = f"Mechanical part of the effect, with 95 % confidence intervals (bootstrap, BCa): {shares}."
+    means = [mean for one in found for mean in (one.mean_effect, one.mean_passive)]
     return (
-        "Share of cooperative movement in dyadic trials. Left: haptics on minus haptics off. Right: the share with "
-        "either side's recorded movement and a passive hand, which is pushed and never acts, instead of the partner: "
-        f"without friction (an upper bound), and {_device(found)}. Large "
-        "points: means over dyads with 95 % t confidence intervals; small points: dyads, joined; "
-        f"n = {plural(len(found[0].dyads), 'dyad')}. {mechanical}"
+        "Share of cooperative movement in dyadic trials. Left: with haptics on minus with haptics off, as recorded. "
+        "Right: the share with a simulated passive partner in place of either participant, while the other hand moves "
+        "as recorded. The board moves the passive hand, which makes no movement of its own. "
+        f"{_device(found)} Large points: means over dyads with {interval_text(means)}; small points: dyads, joined; "
+        f"n = {plural(len(found[0].dyads), 'dyad')}. {mechanical if shares else _NONE}"
     )
 
 
 def _device(found: tuple[Control, ...]) -> str:
+    """Return sentences on the arms of the passive hand."""
     frictions = [one.friction for one in found if one.with_device]
+    arms = listed([f"{k}" for k in STIFFNESSES])
+    alone = f"Its arm has a stiffness of {arms} N/m; without friction, the share is an upper bound."
     if not frictions:
-        return "not with the device, because its friction is unknown"
-    return f"with the device that it held, friction {np.mean(frictions):.2f} N"
+        return f"{alone} The friction of the device is unknown."
+    return f"{alone} With the device, it also has the device's friction of {np.mean(frictions):.2f} N."
 
 
 def _share(one: Control) -> str:

@@ -30,7 +30,7 @@ from netboard.analysis.topics.figure import (
     titled,
     trial_ticks,
 )
-from netboard.analysis.topics.groups import counted, estimate, estimated, teams, windows_of
+from netboard.analysis.topics.groups import counted, estimate, estimated, interval_text, teams, windows_of
 from netboard.analysis.topics.learning import series_of
 from netboard.analysis.topics.result import Result, TopicResults, plain
 from netboard.analysis.topics.units import read_in
@@ -130,7 +130,13 @@ def _spread(spreads: pd.DataFrame, name: str, unit: str) -> Spread:
     whole = series.iloc[:, [0, -1]].dropna().groupby(level=["dyad", "performer"]).mean()
     ends = whole.groupby(level="dyad").mean()
     change = ends.iloc[:, 1] - ends.iloc[:, 0] if series.shape[1] > 1 else pd.Series(dtype=np.float64)
-    return Spread(name, unit, dyads, tuple(estimate(dyads[group]) for group in dyads.columns), estimate(change))
+    return Spread(
+        name,
+        unit,
+        dyads,
+        tuple(estimate(dyads[group], "positive") for group in dyads.columns),
+        estimate(change, "real"),
+    )
 
 
 def _results(found: TeamStrategy, windows: str) -> Iterator[Result]:
@@ -287,9 +293,10 @@ def _caption(study: Study, teams: tuple[TeamStrategy, ...]) -> str:
         f"{team.team}: n = {plural(len(team.spreads[0].dyads), 'dyad')}, {span(count)} trials an ellipse"
         for team, count in zip(teams, counts, strict=True)
     )
+    intervals = interval_text(mean for team in teams for one in team.spreads for mean in one.means)
     return (
         f"Ball at the onset of the first braking movement, in groups of {windows.group} trials of a condition. Above: "
         f"mean and ellipse of all trials of a group; axes: principal components, {extent}. Below: variances within "
-        "performers, averaged for each dyad (thin), and means over dyads with bands of 95 % t confidence intervals "
+        f"performers, averaged for each dyad (thin), and means over dyads with bands of {intervals} "
         f"(thick). {sentence(each)}{f' {sentence(windows.group_note)}' if windows.group_note else ''}"
     )

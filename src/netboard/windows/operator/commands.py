@@ -103,7 +103,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("arm", "Arm", "F1", "Allow the devices to render forces.", _arm),
     Command("start", "Start", "F2", "Start the block.", _start),
     Command("open", "Session form", "F3", "Enter the participants, and open the session.", _open),
-    Command("note", "Note", "F4", "Write a note; it is stamped with the time of its first letter.", _always),
+    Command("note", "Note", "F4", "Write a note; it is stamped with the time at which you began to type.", _always),
     Command("pause", "Pause now", "F5", "Interrupt the trial at once; it starts again.", _in(*ACTIVE)),
     Command("pause_after_trial", "Pause after trial", "F6", "Finish this trial, then pause.", _in(*ACTIVE)),
     Command("resume", "Resume", "F7", "Continue after a pause.", _resume),

@@ -121,7 +121,7 @@ class NoteField(QWidget):
         self.text.setMaxLength(MAX_NOTE)
         self.text.setContextMenuPolicy(Qt.ContextMenuPolicy.NoContextMenu)  # a menu would take the stop's key
         self.text.setFocusPolicy(Qt.FocusPolicy.ClickFocus)
-        self.text.setPlaceholderText("Note: press F4, write, press Enter. Its time is that of the first letter.")
+        self.text.setPlaceholderText("Note: press F4, type, press Enter. It is stamped when you begin to type.")
         self.text.setStyleSheet(
             f"QLineEdit {{ background: {PANEL}; color: {PLAIN.headline}; border: 2px solid {PLAIN.guide};"
             f" border-radius: 5px; padding: 5px; font-size: 16px; }}"
