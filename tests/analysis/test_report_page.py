@@ -290,14 +290,6 @@ def test_single_recording_without_figures_has_a_page(tmp_path: Path) -> None:
     assert not section(page, "results").all("table")
 
 
-def test_missing_figure_states_the_reason(tmp_path: Path) -> None:
-    none = Picture("delay", "Delay", "No picture: there are no movements.", None)
-    page = written(tmp_path, study_of([block("only")], Readings()), [none])
-    (figure,) = page.all("figure")
-    assert not figure.all("svg")
-    assert "No picture: there are no movements." in figure.text
-
-
 @pytest.mark.slow
 def test_large_figure_is_a_png_with_alternative_text(tmp_path: Path) -> None:
     page = written(tmp_path, study_of([block("only")], Readings()), [picture(points=8000)])
