@@ -7,6 +7,9 @@ stderr; ``--debug`` shows the traceback.
 import errno
 import logging
 import re
+import select
+import sys
+from collections.abc import Callable
 from typing import Any
 
 import typer
@@ -41,7 +44,7 @@ class Guarded(TyperGroup):
     def invoke(self, ctx: Any) -> Any:
         """Run the subcommand."""
         try:
-            return super().invoke(ctx)
+            return _unhidden(super().invoke, ctx)
         except (NetboardError, OSError, ImportError) as error:
             words, code = expected(error)
             if ctx.params["debug"] or not words:
@@ -55,6 +58,32 @@ class Guarded(TyperGroup):
             handler.flush()  # the error is the last line
         typer.secho(f"netboard: {words}", err=True, fg=typer.colors.RED)
         raise typer.Exit(code)
+
+
+def _unhidden(run: Callable[[Any], Any], ctx: Any) -> Any:
+    """Run a command; give an error that Typer would hide another class, which shows its traceback.
+
+    Typer prints "Aborted." for an EOFError, as of a truncated file, and nothing for a broken pipe, as of a process that
+    has ended: it assumes that the user has closed the input or the output.
+    """
+    try:
+        return run(ctx)
+    except EOFError as error:
+        raise RuntimeError(f"a file or a connection ended too early: {error!r}") from error
+    except BrokenPipeError as error:
+        if reader_has_left():
+            raise
+        raise RuntimeError(f"a process or peer has closed its connection: {error!r}") from error
+
+
+def reader_has_left() -> bool:
+    """Tell whether the program that reads this one's output, such as ``head``, has ended."""
+    if sys.platform == "win32":  # it has no poll
+        return True
+    poll = select.poll()
+    for descriptor in (1, 2):
+        poll.register(descriptor, 0)
+    return any(event & (select.POLLERR | select.POLLHUP) for _, event in poll.poll(0))
 
 
 def expected(error: NetboardError | OSError | ImportError) -> tuple[str, int]:

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 import netboard
-from netboard.base.compiled import STRICT, borrowed, fast, inlined, kernel, machine_code, sources
+from netboard.base.compiled import STRICT, borrowed, fast, inlined, kernel, machine_code
+from netboard.base.kernel_cache import sources
 
 SCRIPT = """
 import numpy as np
@@ -26,7 +27,7 @@ print(repr(float(run("euler", (0.0,) * 6, np.zeros((3, 8)), grid, parts, scene)[
 """
 
 
-FOLDER = "from netboard.base import compiled; print(compiled.folder())"
+FOLDER = "from netboard.base import kernel_cache; print(kernel_cache.folder())"
 
 
 @pytest.mark.slow

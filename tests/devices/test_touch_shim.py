@@ -1,6 +1,7 @@
 """The servo in C: compilation on demand, and its errors."""
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,34 @@ def test_shim_is_compiled_once(tmp_path: Path) -> None:
     assert shim.build(tmp_path / "kept") == first
     assert first.stat().st_mtime_ns == before
     assert [at.name for at in first.parent.iterdir()] == [first.name]
+
+
+@pytest.mark.parametrize(
+    "damage", [lambda kept: b"", lambda kept: bytes(len(kept)), lambda kept: kept[: len(kept) // 2]]
+)
+def test_damaged_shim_is_compiled_again(
+    tmp_path: Path, damage: Callable[[bytes], bytes], caplog: pytest.LogCaptureFixture
+) -> None:
+    """As a power cut leaves it. The linker would refuse an empty library, and a process would crash in a half one."""
+    kept = shim.build(tmp_path)
+    sound = kept.read_bytes()
+    kept.write_bytes(damage(sound))
+    assert shim.build(tmp_path) == kept
+    assert kept.read_bytes() == sound
+    assert [f"{kept}: " in line and "compiled again" in line for line in caplog.messages] == [True]
+    assert shim.servo_library(kept).servo_size() > 0
+
+
+def test_library_that_does_not_load_is_reported(tmp_path: Path) -> None:
+    (tmp_path / "shim.so").write_bytes(b"not a library")
+    with pytest.raises(DeviceNotFound, match=r'does not load: .*shim\.so.*servo = "python"'):
+        shim.servo_library(tmp_path / "shim.so")
+
+
+def test_compiler_that_writes_nothing_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CC", f"{sys.executable} -c pass")
+    with pytest.raises(DeviceNotFound, match="cannot be compiled by"):
+        shim.build(tmp_path)
 
 
 def test_missing_compiler_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from netboard.base.files.sealed import write_sealed
 from netboard.base.finding import Finding
 from netboard.base.process.realtime import OFF, OK
 from netboard.base.tables.rig import Network
@@ -155,6 +156,35 @@ def test_scheduling_and_memory_findings_follow_the_granted_settings(
     assert "deploy/limits.d/netboard.conf" in refused.advice
     monkeypatch.setattr(sys, "platform", "darwin")
     assert check("not offered on darwin").colour == "yellow"
+
+
+def test_cache_of_kernels_is_green_if_every_file_is_sound_and_more_can_be_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    write_sealed(tmp_path / "a.nbc", bytes(2_000_000))
+    assert system.kernels() == Finding("compiled kernels", "green", f"1 in {tmp_path}, 2.0 MB")
+    (tmp_path / "b.nbc").touch()
+    damaged = system.kernels()
+    assert (damaged.colour, damaged.found) == ("yellow", f"1 of 2 in {tmp_path} are damaged: b.nbc is empty")
+    assert f"delete {tmp_path}" in damaged.advice
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such limit there")
+def test_cache_of_kernels_on_a_full_disk_is_yellow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A limit of the operating system replaces the full disk."""
+    import resource
+
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
+    try:
+        found = system.kernels()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert found.colour == "yellow"
+    assert found.found.endswith("no more can be kept: File too large")
+    assert "NUMBA_CACHE_DIR" in found.advice
 
 
 def test_missing_cpus_are_yellow() -> None:

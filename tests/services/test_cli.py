@@ -1,5 +1,6 @@
 """The command line: accepted arguments, output, errors and lazy imports."""
 
+import errno
 import inspect
 import os
 import re
@@ -166,6 +167,42 @@ def test_full_disk_leaves_no_empty_file(words: str) -> None:
     assert result.exit_code in (1, 2)
     assert re.search("^netboard: [^\n]*: cannot be written", result.stderr)
     assert [path for path in Path().rglob("*") if path.name != "keys"] == []
+
+
+@pytest.mark.parametrize(
+    ("error", "told"),
+    [
+        (EOFError("marshal data too short"), "EOFError('marshal data too short')"),
+        (BrokenPipeError(errno.EPIPE, "Broken pipe"), "BrokenPipeError(32, 'Broken pipe')"),
+        (ValueError("wrong"), "ValueError: wrong"),
+    ],
+)
+@pytest.mark.parametrize("debug", [(), ("--debug",)])
+def test_unexpected_error_is_never_hidden(error: Exception, told: str, debug: tuple[str, ...]) -> None:
+    """Typer itself would print "Aborted." for the first, and nothing for the second."""
+    script = f"""
+from netboard.services import cli, configuration
+def fail(*_):
+    raise {error!r}
+configuration.load = fail
+cli.main()
+"""
+    command = [sys.executable, "-c", script, *debug, "config", "show"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert told in done.stderr
+    assert "Traceback" in done.stderr
+    assert "Aborted" not in done.stderr
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a pipe cannot be asked there")
+def test_reader_that_has_enough_ends_the_command_silently() -> None:
+    command = [sys.executable, "-u", "-m", "netboard.services.cli", "config", "show"]
+    shown = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    assert shown.stdout is not None
+    shown.stdout.close()
+    _, told = shown.communicate()
+    assert (shown.returncode, told) == (1, b"")
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")

@@ -4,27 +4,14 @@ Strict means IEEE arithmetic as written: no contraction, no reordering, so that 
 every machine and with the compiler switched off. That holds for kernels of + - * /, square roots and the functions of
 `netboard.physics.arithmetic`; `exp` and `log1p`, which simulated participants use, come from the machine's C library.
 
-Numba recompiles a cached kernel when its own file has changed, but not when a kernel that it calls has changed in
-another file; it would silently run the old code. Therefore each version of the source that kernels depend on has its
-own cache folder: that of the modules that import this one, and of all that these import. A kernel is made of the text
-of such modules, of constants that they import, and of constants in its closure, which are in its name. Folders of
-other versions are removed after a day, because a running process may still use one.
-
-Processes that start together need the same kernels. One compiles a kernel, and the others wait and load it.
+`netboard.base.kernel_cache` keeps compiled kernels, in a folder for each version of the source.
 """
 
 import hashlib
 import inspect
-import os
-import re
-import shutil
-import sys
-import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
-from pathlib import Path
+from collections.abc import Callable, Mapping
 from types import CellType, FunctionType
-from typing import IO, Any, ParamSpec, TypeVar, cast
+from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
 import numpy as np
@@ -32,112 +19,11 @@ from numba.core import cgutils, types
 from numba.core.compiler_lock import global_compiler_lock
 from numba.extending import intrinsic, overload
 
-from netboard.base.errors import ConfigError
-
-if sys.platform != "win32":
-    import fcntl
+from netboard.base.kernel_cache import KernelCache, locked
 
 P = ParamSpec("P")
 R = TypeVar("R")
 A = TypeVar("A")
-
-PREFIX = "kernels-"
-
-UNUSED_S = 24 * 3600.0
-"""Age at which an unchanged cache folder of another source version is removed [s]."""
-
-PATIENCE_S = 60.0
-"""Time after which a process compiles a kernel itself that another one has not finished: it may be suspended [s]."""
-
-
-_IMPORT = re.compile(r"^[ \t]*(?:from|import)[ \t]+(netboard[\w.]*)(?:[ \t]+import[ \t]+(\([^)]*\)|.*))?", re.MULTILINE)
-
-
-def sources(package: Path) -> list[Path]:
-    """Return the files, in the folder of a copy of the package, on which the machine code of its kernels may depend."""
-    paths = {_module(path, package): path for path in package.rglob("*.py")}
-    texts = {name: path.read_text(encoding="utf-8") for name, path in paths.items()}
-    left = [name for name, text in texts.items() if "compiled" in text and "netboard.base.compiled" in _imports(text)]
-    found: set[str] = set()
-    while left:
-        if (name := left.pop()) not in found:
-            found.add(name)
-            left += texts.keys() & _imports(texts[name])
-    return sorted(paths[name] for name in found)
-
-
-def _module(path: Path, package: Path) -> str:
-    return ".".join(path.relative_to(package.parent).with_suffix("").parts).removesuffix(".__init__")
-
-
-def _imports(text: str) -> set[str]:
-    """Return the modules that a text may import from the package; what follows a from may be a module or a name."""
-    found = set()
-    for module, names in _IMPORT.findall(text):
-        parts = module.split(".")
-        found |= {".".join(parts[:count]) for count in range(1, len(parts) + 1)}
-        found |= {f"{module}.{name}" for name in re.findall(r"\w+", names)}
-    return found
-
-
-def _choose_folder() -> None:
-    """Set Numba's cache folder for this process and its children."""
-    os.environ["NUMBA_CACHE_DIR"] = str(_folder_of_this_version())
-    # Numba read the environment when it was imported, possibly before this module.
-    numba.config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]  # type: ignore[attr-defined]
-
-
-def _folder_of_this_version() -> Path:
-    """Return the cache folder of this version of the source, in the first place that may be written to.
-
-    Where Numba may not write, it looks for a place itself, and would find there what another version has left.
-    """
-    package = Path(__file__).parents[1]
-    state = hashlib.sha256()
-    for source in sources(package):
-        state.update(source.read_bytes())
-    name = f"{PREFIX}{state.hexdigest()[:16]}"
-    for place in (places := _places(package)):
-        with suppress(OSError, RuntimeError):  # RuntimeError: a user without a home
-            folder = Path(place).expanduser()
-            folder = folder if folder.name == name else folder / name  # a parent process has named it already
-            is_new = not folder.exists()
-            folder.mkdir(parents=True, exist_ok=True)
-            if os.access(folder, os.W_OK):
-                if is_new:
-                    _remove_unused(folder.parent)
-                return folder
-    raise ConfigError(
-        f"compiled code can be kept in none of these folders, which cannot be written to: {', '.join(places)}; "
-        "set the environment variable NUMBA_CACHE_DIR to one that can"
-    )
-
-
-def _places(package: Path) -> tuple[str, ...]:
-    """Return the folders that may have the cache: the one that the user has set, or the usual ones in their order."""
-    if of_choice := os.environ.get("NUMBA_CACHE_DIR"):
-        return (of_choice,)
-    # A systemd service has its own cache (CacheDirectory=), and may not write into the package. Nor may other users.
-    of_the_service = os.environ.get("CACHE_DIRECTORY", "").partition(":")[0]
-    of_the_user = f"{os.environ.get('XDG_CACHE_HOME') or '~/.cache'}/netboard"
-    return of_the_service or str(package / "__pycache__"), of_the_user
-
-
-def _remove_unused(place: Path) -> None:
-    """Remove the cache folders of versions that no process has used for a day."""
-    with suppress(OSError):
-        for other in place.glob(f"{PREFIX}*"):
-            if time.time() - other.stat().st_mtime > UNUSED_S:
-                shutil.rmtree(other, ignore_errors=True)
-
-
-_choose_folder()
-
-
-def folder() -> Path:
-    """Return the cache folder of compiled code."""
-    return Path(os.environ["NUMBA_CACHE_DIR"])
-
 
 STRICT: dict[str, Any] = {"error_model": "numpy", "fastmath": False, "forceinline": False, "no_cfunc_wrapper": True}
 """IEEE arithmetic as written; it never raises: x / 0 is infinite. No entry for C code, which none has: it is an eighth
@@ -178,58 +64,27 @@ def waiting(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def _compiled(function: Callable[P, R], **options: Any) -> Callable[P, R]:
-    dispatcher = numba.njit(cache=True, **options)(_named_by_closure(function))
-    compiled: Callable[P, R] = _once_for_all_processes(_once_for_all_integers(dispatcher))
+    dispatcher = numba.njit(**options)(_named_by_closure(function))
+    compiled: Callable[P, R] = _cached(_once_for_all_integers(dispatcher))
     return compiled
 
 
-def _once_for_all_processes(compiled: Any) -> Any:
+def _cached(compiled: Any) -> Any:
     """Let one process compile a kernel while others wait, which then find it in the cache."""
     if not hasattr(compiled, "overloads"):  # the compiler is switched off
         return compiled
+    compiled._cache = KernelCache(compiled.py_func)
     compile_now, name = compiled.compile, f"{compiled.py_func.__module__}.{compiled.py_func.__qualname__}"
 
     def compile_once(signature: Any) -> Any:
         if signature in compiled.overloads:
             return compile_now(signature)
         # Take Numba's lock first, so that no thread that holds it can wait for this thread's file lock.
-        with global_compiler_lock, _locked(name):
-            with suppress(OSError):  # compiled, but a full disk cannot cache it
-                return compile_now(signature)
+        with global_compiler_lock, locked(name):
             return compile_now(signature)
 
     compiled.compile = compile_once
     return compiled
-
-
-@contextmanager
-def _locked(name: str) -> Iterator[None]:
-    """Hold the lock of a kernel among processes that share a cache, for `PATIENCE_S` at most waiting for it."""
-    place = folder() / "locks" / hashlib.sha256(name.encode()).hexdigest()[:16]
-    try:
-        place.parent.mkdir(parents=True, exist_ok=True)
-        file = place.open("w")
-    except OSError:  # a cache that cannot be written to is shared with nobody
-        yield
-        return
-    with file:  # closing it unlocks it
-        until = time.monotonic() + PATIENCE_S
-        while not _try_lock(file) and time.monotonic() < until:
-            time.sleep(0.02)
-        yield
-
-
-def _try_lock(file: IO[str]) -> bool:
-    """Lock a file if no other process has; where files cannot be locked, each process compiles for itself."""
-    if sys.platform == "win32":
-        return True
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    except OSError:
-        return True
-    return True
 
 
 def _once_for_all_integers(compiled: Any) -> Any:

@@ -1,7 +1,7 @@
 """Cache on disk: a folder of entries, bounded in size, safe for any number of processes; and whole analyses in it.
 
-An entry is one file: a SHA-256 followed by the content that it covers. It is written under a temporary name and
-renamed; a damaged entry is ignored. Above the size limit the least recently used entries are evicted, except those in
+An entry is one sealed file (`netboard.base.files.sealed`), written under a temporary name and renamed; a damaged entry
+is ignored. Above the size limit the least recently used entries are evicted, except those in
 use: a larger study would otherwise evict what it reads next.
 
 An analysis is kept with every file of its output folder, keyed by all inputs: the bytes and names of its recordings,
@@ -28,6 +28,7 @@ from pathlib import Path
 from tempfile import NamedTemporaryFile
 
 from netboard.base.errors import RecordingError
+from netboard.base.files.sealed import Damaged, sealed, unsealed
 from netboard.base.process.resources import home_folder
 from netboard.recording.files.locate import sha256_of
 
@@ -41,8 +42,6 @@ ENDINGS = (TABLES, ANALYSIS, FILE)
 
 ABANDONED = 86_400.0
 """Age after which an unfinished entry is abandoned [s]."""
-
-_DIGEST_BYTES = 32
 
 
 def default_folder() -> Path:
@@ -76,8 +75,9 @@ class Store:
             return None
         except OSError as error:
             raise self._refused(error) from error
-        content = memoryview(whole)[_DIGEST_BYTES:]
-        if hashlib.sha256(content).digest() != whole[:_DIGEST_BYTES]:
+        try:
+            content = unsealed(whole)
+        except Damaged:
             return None
         self._used.add(path)
         return content
@@ -88,8 +88,7 @@ class Store:
         try:
             with NamedTemporaryFile(dir=self._folder, suffix=".part", delete=False) as file:
                 part = Path(file.name)
-                file.write(hashlib.sha256(content).digest())
-                file.write(content)
+                file.write(sealed(content))
             self._used.add(part.replace(self._folder / name))
         except OSError as error:
             raise self._refused(error) from error

@@ -1,11 +1,13 @@
 """Servo callback in C, compiled on first use with the system's compiler and cached beside the compiled kernels.
 
 The source is ``servo_shim.c``; a computer without a compiler uses `netboard.devices.touch.servo.PythonServo`. The
-cached file is named by source and computer, so a new source is compiled again.
+cached file is named by source and computer, so a new source is compiled again; and it is sealed, so a damaged file is,
+too.
 """
 
 import ctypes
 import hashlib
+import logging
 import os
 import platform
 import shlex
@@ -21,10 +23,13 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base import compiled
+from netboard.base import kernel_cache
 from netboard.base.errors import DeviceNotFound
+from netboard.base.files.sealed import Damaged, unsealed, write_sealed
 from netboard.devices.touch.api import CALLBACK, ErrorInfo, Library
 from netboard.devices.touch.servo import Entry, Raw, TickResult, Vector
+
+log = logging.getLogger(__name__)
 
 SOURCE = Path(__file__).with_name("servo_shim.c")
 
@@ -80,7 +85,17 @@ def shim() -> ctypes.PyDLL:
     """Return the shim, compiled or from the cache."""
     if sys.platform == "win32":
         raise DeviceNotFound('the servo callback in C is for Linux and the like; set the option servo = "python"')
-    library = ctypes.PyDLL(str(build(compiled.folder())))
+    return servo_library(build(kernel_cache.folder()))
+
+
+def servo_library(path: Path) -> ctypes.PyDLL:
+    """Load the shim into this process."""
+    try:
+        library = ctypes.PyDLL(str(path))
+    except OSError as error:  # such as a folder whose files may not be executed
+        raise DeviceNotFound(
+            f'the servo callback in C does not load: {error}; set the option servo = "python"'
+        ) from error
     library.servo_size.restype = c_size_t
     library.servo_prepare.argtypes = (c_void_p, POINTER(Calls), c_uint32, c_int64)
     library.servo_prepare.restype = None
@@ -98,14 +113,14 @@ def build(folder: Path) -> Path:
     command = [*_compiler(), *FLAGS]
     state = hashlib.sha256(SOURCE.read_bytes() + " ".join((*command, platform.machine())).encode())
     kept = folder / f"servo_shim-{state.hexdigest()[:16]}.so"
-    if kept.exists():
+    if _is_sound(kept):
         return kept
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=folder) as scratch:
             fresh = Path(scratch) / kept.name
-            _compile([*command, "-o", str(fresh), str(SOURCE)])
-            fresh.replace(kept)  # atomic, even if another process compiles it now
+            _compile(command, fresh)
+            write_sealed(kept, fresh.read_bytes())
     except OSError as error:
         raise DeviceNotFound(
             f"the servo callback in C cannot be kept in {folder}: {error}; {NO_COMPILER_HINT}"
@@ -113,10 +128,23 @@ def build(folder: Path) -> Path:
     return kept
 
 
-def _compile(command: list[str]) -> None:
+def _is_sound(kept: Path) -> bool:
+    """Tell whether the shim is there as it was compiled; the linker would load, or crash on, a damaged one."""
+    try:
+        unsealed(kept.read_bytes())
+    except FileNotFoundError:
+        return False
+    except (Damaged, OSError) as error:
+        log.warning("%s: %s; it is compiled again", kept, error)
+        return False
+    return True
+
+
+def _compile(command: list[str], library: Path) -> None:
     """Run the compiler."""
+    command = [*command, "-o", str(library), str(SOURCE)]
     done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
-    if done.returncode:
+    if done.returncode or not library.is_file():
         why = (done.stderr.strip().splitlines() or ["it does not say why"])[0]
         raise DeviceNotFound(f"the servo callback in C cannot be compiled by {command[0]}: {why}; {NO_COMPILER_HINT}")
 

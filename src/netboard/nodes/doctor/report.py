@@ -79,7 +79,7 @@ def steps(config: Config, effort: Effort) -> dict[str, Step]:
     """Return the examination's steps in order; each reports its progress, up to 1."""
     missing: Colour = "red" if network.is_alone(config.network) else "yellow"  # a device may be at another machine
     return {
-        "software": lambda progress: [system.versions()],
+        "software": lambda progress: [system.versions(), system.kernels()],
         "timer": lambda progress: list(_timers(config, effort, progress)),
         "operating system": lambda progress: [
             system.throttle(),

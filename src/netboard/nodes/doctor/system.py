@@ -9,7 +9,9 @@ import sys
 from collections.abc import Callable, Collection, Iterator
 from importlib.metadata import version
 from pathlib import Path
+from tempfile import TemporaryFile
 
+from netboard.base import kernel_cache
 from netboard.base.finding import Colour, Finding, graded, text_of
 from netboard.base.process.display_server import PLATFORM, asked_offscreen, no_screen, why_no_qt
 from netboard.base.process.realtime import OFF, OK, PLACES, cpu_set
@@ -27,6 +29,9 @@ LIMITS = "install deploy/limits.d/netboard.conf, join the group netboard, log in
 
 MIN_RUNTIME = 0.8
 """Smallest share of a core that real-time loops should be allowed [1]."""
+
+CACHE_BYTES = 10_000_000
+"""Size of the compiled kernels of a session [1]."""
 
 
 def throttle(root: Path = ROOT) -> Finding:
@@ -156,6 +161,24 @@ def versions() -> Finding:
     python = f"{platform.python_implementation()} {platform.python_version()}"
     libraries = [f"{name} {version(name)}" for name in ("netboard", "numba", "numpy", "pyzmq")]
     return Finding("software", "green", ", ".join([python, *libraries, sockets.library()]))
+
+
+def kernels() -> Finding:
+    """Check whether the cache of compiled kernels is sound, and whether it can take more."""
+    name, folder = "compiled kernels", kernel_cache.folder()
+    count, size, damaged = kernel_cache.examine()
+    found = f"{count} in {folder}, {size / 1e6:.1f} MB"
+    if damaged:
+        found = f"{len(damaged)} of {count} in {folder} are damaged: {damaged[0]}"
+        advice = f"they are compiled again when used, which takes minutes; delete {folder}, and check the disk"
+        return Finding(name, "yellow", found, f"{advice}: netboard session rehearse pilot fills it again")
+    try:
+        with TemporaryFile(dir=folder) as file:
+            file.write(bytes(CACHE_BYTES))
+    except OSError as error:
+        advice = "each process compiles what is missing, which takes minutes: make room, or set NUMBA_CACHE_DIR"
+        return Finding(name, "yellow", f"{found}; no more can be kept: {error.strerror}", advice)
+    return Finding(name, "green", found)
 
 
 def windows(why_not: Callable[[], str] = why_no_qt) -> Iterator[Finding]:

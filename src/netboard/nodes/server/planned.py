@@ -178,6 +178,9 @@ def confirm(yes: bool) -> Callable[[str], bool]:
             return True
         if not sys.stdin.isatty():
             raise ConfigError("--resume: needs a confirmation; add --yes, or run it in a terminal")
-        return input("Resume there? [y/N] ").strip().casefold() in YES
+        try:
+            return input("Resume there? [y/N] ").strip().casefold() in YES
+        except EOFError:  # Ctrl-D
+            return False
 
     return ask
