@@ -221,8 +221,8 @@ class Bus(usb.backend.IBackend):
             bNumConfigurations=1,
             address=4 + self.falcons.index(dev),
             bus=1,
-            port_number=1,
-            port_numbers=(1,),
+            port_number=1 + self.falcons.index(dev),
+            port_numbers=(1 + self.falcons.index(dev),),
             speed=2,
         )
 

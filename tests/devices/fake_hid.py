@@ -5,7 +5,10 @@ from typing import Any
 
 
 class FakeSpaceMouse:
-    """A SpaceMouse; ``path``: its name for hidapi, ``separate_rotation``: rotations have a separate report."""
+    """A SpaceMouse; ``path``: its name for hidapi, ``separate_rotation``: rotations have a separate report.
+
+    ``usages``: hidapi knows them.
+    """
 
     def __init__(
         self,
@@ -14,10 +17,11 @@ class FakeSpaceMouse:
         serial: str = "CAP1",
         path: bytes = b"1-2:1.0",
         separate_rotation: bool = True,
+        usages: bool = True,
     ) -> None:
         self.ids = (vendor, product)
         self.serial, self.path = serial, path
-        self.separate_rotation = separate_rotation
+        self.separate_rotation, self.usages = separate_rotation, usages
         self.plugged = self.permitted = True
         self.lamp = False
         self.opened = 0
@@ -46,8 +50,8 @@ class FakeSpaceMouse:
             "release_number": 0x0100,
             "manufacturer_string": "3Dconnexion",
             "product_string": "SpaceMouse",
-            "usage_page": 1,
-            "usage": 8,
+            "usage_page": int(self.usages),
+            "usage": 8 * self.usages,
             "interface_number": 0,
             "bus_type": 1,
         }

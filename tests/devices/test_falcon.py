@@ -322,10 +322,32 @@ def test_close_releases_the_interface_and_reattaches_the_kernel_driver(falcon: F
 # --- finding the device ------------------------------------------------------------------------------------------
 
 
-def test_first_falcon_is_opened_by_default(plug: Callable[..., Bus]) -> None:
-    plug(Falcon("A"), Falcon("B"))
+def test_only_falcon_is_opened_by_default(plug: Callable[..., Bus]) -> None:
+    plug(Falcon("A"))
     with backend.Falcon("left", configured()) as device:
         assert device.info.serial == "A"
+
+
+@pytest.mark.parametrize(
+    ("serials", "options", "given"),
+    [(("A", "B"), {}, "Falcon are"), (("A", "A"), {"serial": "A"}, "Falcon with serial 'A' are"), (("", ""), {}, "Fa")],
+)
+def test_none_of_several_falcons_is_opened_by_chance(
+    plug: Callable[..., Bus], serials: tuple[str, ...], options: dict[str, str], given: str
+) -> None:
+    falcons = tuple(Falcon(serial) for serial in serials)
+    plug(*falcons)
+    with pytest.raises(DeviceNotFound, match=rf"^2 devices {given}.*'1-1'; .*'1-2'; set one of .*serial, path"):
+        backend.Falcon("left", configured(**options)).open()
+    assert not any(falcon.claimed for falcon in falcons)
+
+
+@pytest.mark.parametrize("path", ["1-1", "1-2"])
+def test_falcons_with_equal_serial_numbers_are_selected_by_usb_port(plug: Callable[..., Bus], path: str) -> None:
+    falcons = Falcon("A"), Falcon("A")
+    plug(*falcons)
+    with backend.Falcon("left", configured(serial="A", path=path)):
+        assert [falcon.claimed for falcon in falcons] == [path == "1-1", path == "1-2"]
 
 
 def test_falcon_is_selected_by_serial_number(plug: Callable[..., Bus]) -> None:
@@ -340,7 +362,7 @@ def test_falcon_is_selected_by_serial_number(plug: Callable[..., Bus]) -> None:
 
 def test_unknown_serial_number_error_lists_connected_ones(plug: Callable[..., Bus]) -> None:
     plug(Falcon("B"), Falcon("A"))
-    with pytest.raises(DeviceNotFound, match=r"serial number 'C' is plugged in; there are: A, B$"):
+    with pytest.raises(DeviceNotFound, match=r"no Falcon with serial 'C'; there are: serial 'B', .*'A', path '1-2'$"):
         backend.Falcon("left", configured(serial="C")).open()
 
 
@@ -373,7 +395,7 @@ def test_missing_permission_error_points_to_the_udev_rules(plug: Callable[..., B
         DeviceNotFound, match=r"no permission to open the Falcon: install deploy/udev/70-netboard.rules"
     ):
         backend.Falcon("left", configured()).open()
-    with pytest.raises(DeviceNotFound, match=r"there are: one whose number cannot be read; install deploy/udev"):
+    with pytest.raises(DeviceNotFound, match=r"there are: serial '', path '1-1'; a serial .*: install deploy/udev"):
         backend.Falcon("left", configured(serial="FALCON1")).open()
 
 
@@ -508,7 +530,7 @@ def test_partial_usb_write_raises_device_timeout(falcon: Falcon, plug: Callable[
 
 
 def test_unplugged_chip_can_be_closed(falcon: Falcon) -> None:
-    chip = ftdi.Chip(ftdi.find((0x0403, 0xCB48), "", "Falcon"), "Falcon")
+    chip = ftdi.Chip(ftdi.find((0x0403, 0xCB48), "Falcon", "", ""), "Falcon")
     falcon.unplug()
     chip.close()
     assert not falcon.claimed

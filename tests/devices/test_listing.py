@@ -113,9 +113,9 @@ def test_unusable_backend_is_listed_with_its_reason(tmp_path: Path, backends: di
 @pytest.mark.parametrize(
     ("backend", "serial", "colour", "found"),
     [
-        (TwoListed, "42", "green", "Touch (vendor's name), serial 42"),
-        (TwoListed, "", "yellow", "Touch (vendor's name), serial 42, "),
-        (TwoListed, "44", "yellow", "no openhaptics device with serial number 44 is connected"),
+        (TwoListed, "42", "yellow", "Touch (vendor's name), serial 42, at 1-1: both sides would use it"),
+        (TwoListed, "", "red", "2 devices fit: Touch (vendor's name), serial 42"),
+        (TwoListed, "44", "yellow", "no openhaptics device with serial '44' is connected"),
         (LibraryMissing, "42", "yellow", "libHD.so is not there"),
     ],
 )
@@ -135,6 +135,97 @@ def test_configured_device_and_its_library_must_be_here(
     assert (left.name, right.name) == ("left device", "right device")
     assert left.colour == right.colour == colour
     assert left.found.startswith(found)
+
+
+def plugged(tmp_path: Path, ids: str, serials: tuple[str, ...]) -> Path:
+    """A machine with devices of one kind at the ports 1-1, 1-2, ..."""
+    vendor, _, product = ids.partition(":")
+    for k, serial in enumerate(serials, 1):
+        folder = tmp_path / f"sys/bus/usb/devices/1-{k}"
+        folder.mkdir(parents=True)
+        for name, text in {"idVendor": vendor, "idProduct": product, "serial": serial, "uevent": ""}.items():
+            (folder / name).write_text(f"{text}\n")
+    return tmp_path
+
+
+SAME, CHANCE, CLEAR = "both sides would use it", "which of them is used is chance", "at 1-"
+PORTS = ({"path": "1-1"}, {"path": "1-2"})
+NUMBERS = ({"serial": "A"}, {"serial": "B"})
+
+
+@pytest.mark.parametrize(("backend", "ids"), [("spacemouse", "256f:c635"), ("falcon", "0403:cb48")])
+@pytest.mark.parametrize(
+    ("serials", "options", "colours", "words"),
+    [
+        (("", ""), PORTS, ("green", "green"), CLEAR),
+        (("A", "A"), PORTS, ("green", "green"), CLEAR),
+        (("A", "B"), NUMBERS, ("green", "green"), CLEAR),
+        (("A", "A"), ({"serial": "A"}, {"serial": "A"}), ("red", "red"), CHANCE),
+        (("A", "A"), ({}, {}), ("red", "red"), CHANCE),
+        (("", ""), ({}, {}), ("red", "red"), CHANCE),
+        (("A", "B"), ({}, {}), ("red", "red"), CHANCE),
+        (("A", "B"), ({"serial": "A"}, {}), ("green", "red"), "1-1"),
+        (("A", "B"), ({"serial": "A"}, {"serial": "A"}), ("red", "red"), SAME),
+        (("A", "B"), ({"serial": "A"}, {"path": "1-1"}), ("red", "red"), SAME),
+        (("A",), ({}, {}), ("red", "red"), SAME),
+        (("A", "B"), ({"serial": "A", "path": "1-2"}, {"serial": "B"}), ("red", "green"), ""),
+    ],
+)
+def test_side_is_green_only_if_one_device_fits_it_and_not_the_other(
+    tmp_path: Path,
+    backends: dict,
+    monkeypatch: pytest.MonkeyPatch,
+    backend: str,
+    ids: str,
+    serials: tuple[str, ...],
+    options: tuple[dict, dict],
+    colours: tuple[str, str],
+    words: str,
+) -> None:
+    backends[backend] = Puppet
+    monkeypatch.setattr(registry, "make", lambda side, config: None)
+    left, right = (Agent(backend, options=given) for given in options)
+    config = Config(agents=Agents(left=left, right=right))
+    found = listing.configured(config, "red", plugged(tmp_path, ids, serials))
+    assert tuple(one.colour for one in found) == colours
+    assert all(words in one.found for one in found)
+    assert all(("[agents.<side>.options]" in one.advice) == (one.colour == "red") for one in found if words)
+
+
+@pytest.mark.parametrize(
+    ("serials", "options", "colour"),
+    [(("A",), {}, "green"), (("A",), {"serial": "A"}, "yellow"), (("A", "B"), {}, "red"), ((), {}, "yellow")],
+)
+def test_other_side_may_be_at_another_machine(
+    tmp_path: Path,
+    backends: dict,
+    monkeypatch: pytest.MonkeyPatch,
+    serials: tuple[str, ...],
+    options: dict,
+    colour: str,
+) -> None:
+    """One device without options is each station's own; one serial number for both sides is doubtful."""
+    backends["spacemouse"] = Puppet
+    monkeypatch.setattr(registry, "make", lambda side, config: None)
+    (tmp_path / "sys/bus/usb/devices").mkdir(parents=True)
+    agent = Agent("spacemouse", options=options)
+    config = Config(agents=Agents(left=agent, right=agent))
+    found = listing.configured(config, "yellow", plugged(tmp_path, "256f:c635", serials))
+    assert [one.colour for one in found] == [colour, colour]
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "colour"), [("Left Device", "Right Device", "green"), ("Left Device", "Left Device", "red")]
+)
+def test_names_of_the_vendors_tool_select_devices(
+    tmp_path: Path, backends: dict, monkeypatch: pytest.MonkeyPatch, left: str, right: str, colour: str
+) -> None:
+    backends["openhaptics"] = TwoListed
+    monkeypatch.setattr(registry, "make", lambda side, config: None)
+    (tmp_path / "sys/bus/usb/devices").mkdir(parents=True)
+    sides = [Agent("openhaptics", options={"name": name}) for name in (left, right)]
+    found = listing.configured(Config(agents=Agents(left=sides[0], right=sides[1])), "red", tmp_path)
+    assert [one.colour for one in found] == [colour, colour]
 
 
 # --- without /sys --------------------------------------------------------------------------------------------------

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from netboard.base.config import Config
-from netboard.base.errors import DeviceNotFound
+from netboard.base.errors import ConfigError, DeviceNotFound
 from netboard.base.tables.rig import Agent, Agents
 from netboard.devices.contract import registry
 from netboard.devices.contract.device import Device
@@ -100,3 +100,26 @@ def test_two_backends_of_one_name_are_refused() -> None:
         DeviceNotFound, match=r"2 device backends 'virtual': netboard\S+:VirtualTouch and a_lab_plugin:Other"
     ):
         registry.find("virtual")
+
+
+@pytest.mark.parametrize("key", ["stop_buttons", "consent_buttons"])
+@pytest.mark.parametrize(("name", "count"), [("falcon", 4), ("openhaptics", 4), ("spacemouse", 32)])
+def test_buttons_that_a_device_does_not_have_are_refused(name: str, count: int, key: str) -> None:
+    def config(mask: int) -> Config:
+        return Config(agents=Agents(left=Agent(name, **{key: mask})))
+
+    registry.check(config(2**count - 1))
+    with pytest.raises(ConfigError, match=rf"left\] {key}: found {2**count}, .* {2**count - 1}, because a {name} has"):
+        registry.check(config(2**count))
+
+
+def test_stand_in_takes_the_buttons_of_the_device_that_it_replaces() -> None:
+    """So that a rig's file is rehearsed as it is."""
+    registry.check(
+        Config(agents=Agents(left=Agent("virtual", stop_buttons=2**22), right=Agent("mouse", stop_buttons=2)))
+    )
+
+
+def test_every_device_that_shows_itself_on_the_usb_declares_its_buttons_and_how_it_is_selected() -> None:
+    for backend in registry.BACKENDS.values():
+        assert bool(backend.usb) == bool(backend.selectors) == (backend.buttons is not None)

@@ -226,8 +226,32 @@ def test_device_is_selected_by_serial_number_or_path(plug: Plug) -> None:
     with mouse(serial="B") as device:
         assert device.info.serial == "B"
         assert (first.opened, second.opened) == (0, 1)
-    with mouse(path="1-1:1.0") as device:
-        assert device.info.serial == "A"
+    for path in ("1-1:1.0", "1-1"):
+        with mouse(path=path) as device:
+            assert device.info.serial == "A"
+
+
+@pytest.mark.parametrize(
+    ("serials", "options"), [(("A", "B"), {}), (("A", "A"), {"serial": "A"}), (("", ""), {}), (("", ""), {"path": ""})]
+)
+def test_none_of_several_devices_is_opened_by_chance(
+    plug: Plug, serials: tuple[str, str], options: dict[str, str]
+) -> None:
+    caps = [FakeSpaceMouse(serial=serial, path=b"1-%d:1.0" % k) for k, serial in enumerate(serials, 1)]
+    plug(*caps)
+    with pytest.raises(
+        DeviceNotFound, match=r"^2 devices SpaceMouse .*'1-1:1\.0'; .*'1-2:1\.0'; set one of .*serial, path"
+    ):
+        mouse(**options).open()
+    assert [cap.opened for cap in caps] == [0, 0]
+
+
+def test_device_with_several_interfaces_is_one_device(plug: Plug) -> None:
+    """As hidapi lists it without usages."""
+    interfaces = [FakeSpaceMouse(path=b"1-2:1.%d" % number, usages=False) for number in range(2)]
+    plug(*interfaces)
+    with mouse():
+        assert [cap.opened for cap in interfaces] == [1, 0]
 
 
 def test_device_without_serial_number_is_identified_by_its_path(plug: Plug) -> None:

@@ -22,6 +22,7 @@ from netboard.base.errors import DeviceLost, DeviceNotFound
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
 from netboard.devices.contract.device import Box, Device, DeviceInfo, Found, Reading
 from netboard.devices.contract.registry import BACKENDS
+from netboard.devices.contract.selection import only
 
 SPACEMOUSE = BACKENDS["spacemouse"].usb
 """USB ids and names of the models."""
@@ -66,7 +67,7 @@ class Options:
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
     serial: Annotated[str, about("serial number of the device; empty: any")] = ""
-    path: Annotated[str, about("hidapi path of the device, if two of one kind are connected; empty: any")] = ""
+    path: Annotated[str, about("USB port (such as 1-2) or hidapi path, if serial numbers are equal; empty: any")] = ""
     mode: Annotated[Literal["rate", "position"], about("rate control (a push sets the velocity) or position")] = "rate"
     speed: Annotated[float, about("speed at full travel, in rate mode", "m/s", gt=0, le=1)] = 0.15
     reach: Annotated[float, about("displacement at full travel, in position mode", "m", gt=0, le=0.5)] = 0.05
@@ -130,21 +131,21 @@ class SpaceMouse(Device):
         )
 
     def _find(self, connected: list[dict[str, Any]]) -> dict[str, Any]:
-        """Select a device; one with several interfaces appears several times in the list."""
+        """Select a device."""
         mice = [one for one in connected if (one["vendor_id"], one["product_id"]) in SPACEMOUSE]
         caps = [one for one in mice if (one["usage_page"], one["usage"]) == MULTI_AXIS]
-        mice = caps or [one for one in mice if one["usage_page"] == 0]
-        wanted = self._options
-        for one in mice:
-            if wanted.serial in ("", one["serial_number"]) and wanted.path in ("", _path_of(one)):
-                return one
-        names = "; ".join(map(_described, mice))
-        if names:
-            which = " and ".join(f"{key} {word!r}" for key in ("serial", "path") if (word := getattr(wanted, key)))
-            raise DeviceNotFound(f"there is no SpaceMouse with {which}; there are: {names}")
-        raise DeviceNotFound(
-            "no SpaceMouse is plugged in, or access to it is not permitted: see docs/how-to/spacemouse.md"
-        )
+        mice = caps or _first_interfaces([one for one in mice if one["usage_page"] == 0])
+        if not mice:
+            raise DeviceNotFound(
+                "no SpaceMouse is plugged in, or access to it is not permitted: see docs/how-to/spacemouse.md"
+            )
+        serial, path = self._options.serial, self._options.path
+        fitting = [
+            one
+            for one in mice
+            if serial in ("", one["serial_number"]) and path in ("", _path_of(one), _port_of(_path_of(one)))
+        ]
+        return only(fitting, mice, "SpaceMouse", {"serial": serial, "path": path}, _described)
 
     def _read(self, now_ns: int) -> Reading:
         for _ in range(MAX_REPORTS):
@@ -228,6 +229,16 @@ def _described(found: dict[str, Any]) -> str:
     """Describe a device for an operator who has to select one."""
     name = SPACEMOUSE[found["vendor_id"], found["product_id"]]
     return f"{name}, serial {found['serial_number']!r}, path {_path_of(found)!r}"
+
+
+def _first_interfaces(found: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return each device once; without usages, one with several interfaces appears several times in the list."""
+    return list({_port_of(_path_of(one)): one for one in reversed(found)}.values())[::-1]
+
+
+def _port_of(path: str) -> str:
+    """Return the part of a path that all interfaces of a device share, such as 1-2 of 1-2:1.0."""
+    return path.rpartition(":")[0] or path
 
 
 def _path_of(found: dict[str, Any]) -> str:

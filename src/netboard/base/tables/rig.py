@@ -115,6 +115,10 @@ class Fixture:
     damping: Annotated[float, about("damping of x and y", "N s/m", ge=0, le=20)] = 4.0
 
 
+MOST_BUTTONS = 2**32 - 1
+"""Mask of 32 buttons, the most that a device reports; the registry of devices has the limit of each backend [1]."""
+
+
 @dataclass(frozen=True, slots=True)
 class Agent:
     """One device and the agent that owns it."""
@@ -125,10 +129,10 @@ class Agent:
     ] = "virtual"
     zero: Annotated[float, about("height of the device's own origin that is the scene's z = 0", "m", ge=-1, le=1)] = 0.0
     stop_buttons: Annotated[
-        int, about("sum of the bits of buttons that are an emergency stop", "1", ge=0, le=65535)
+        int, about("sum of the bits of buttons that are an emergency stop", "1", ge=0, le=MOST_BUTTONS)
     ] = 0
     consent_buttons: Annotated[
-        int, about("sum of the bits of buttons that must be held down for a force; 0: none", "1", ge=0, le=65535)
+        int, about("sum of the bits of buttons that must be held down for a force; 0: none", "1", ge=0, le=MOST_BUTTONS)
     ] = 0
     velocity: Annotated[
         Literal["device", "adaptive", "chai3d", "difference", "alpha_beta", "kalman"],

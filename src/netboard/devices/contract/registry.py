@@ -24,14 +24,22 @@ Ids = tuple[int, int]
 
 @dataclass(frozen=True)
 class Backend:
-    """A built-in backend: its module and class, and the names of its USB devices."""
+    """A built-in backend."""
 
-    target: str
-    usb: Mapping[Ids, str] = field(default_factory=dict)
+    target: str  # module and class
+    usb: Mapping[Ids, str] = field(default_factory=dict)  # names of its USB devices
+    selectors: tuple[str, ...] = ()  # options that select one of several devices
+    lists_serials: bool = False  # whether its own library lists the devices, with serial numbers that the USB may lack
+    buttons: int | None = None  # of the model with most; None for a stand-in, which takes the masks of the real device
 
 
 BACKENDS = {
-    "falcon": Backend("netboard.devices.falcon.device:Falcon", {(0x0403, 0xCB48): "Falcon"}),  # id of its FTDI chip
+    "falcon": Backend(
+        "netboard.devices.falcon.device:Falcon",
+        {(0x0403, 0xCB48): "Falcon"},  # id of its FTDI chip
+        selectors=("serial", "path"),
+        buttons=4,
+    ),
     "mouse": Backend("netboard.devices.mouse:MouseStylus"),
     "openhaptics": Backend(
         "netboard.devices.touch.device:OpenHaptics",
@@ -40,6 +48,9 @@ BACKENDS = {
             (0x2988, 0x0304): "Touch (HID)",
             (0x0301, 0x2988): "Touch 3D Stylus",
         },
+        selectors=("serial", "name"),
+        lists_serials=True,
+        buttons=4,
     ),
     "playback": Backend("netboard.devices.simulated.playback:Playback"),
     "spacemouse": Backend(
@@ -59,6 +70,8 @@ BACKENDS = {
             (0x256F, 0xC641): "SpaceMouse USB",
             (0x256F, 0xC652): "SpaceMouse (Universal Receiver)",
         },
+        selectors=("serial", "path"),
+        buttons=32,
     ),
     "virtual": Backend("netboard.devices.simulated.virtual:VirtualTouch"),
 }
@@ -95,8 +108,20 @@ def find(name: str) -> type[Device]:
 
 
 def make(side: Side, config: Config) -> Device:
-    """Create the device of one side, not yet open."""
-    return find(config.agents.of(side).device)(side, config)
+    """Create the device of one side, not yet open; refuse buttons that it does not have, and wrong options."""
+    agent = config.agents.of(side)
+    made = find(agent.device)(side, config)
+    for key in ("stop_buttons", "consent_buttons"):
+        _check_buttons(f"[agents.{side}] {key}", getattr(agent, key), agent.device)
+    return made
+
+
+def _check_buttons(key: str, mask: int, name: str) -> None:
+    """Refuse a mask of buttons that no device of a backend has: such a stop button could never be pressed."""
+    count = BACKENDS[name].buttons if name in BACKENDS else None
+    if count is not None and mask >> count:
+        expected = f"expected a whole number >= 0 and <= {2**count - 1}"
+        raise ConfigError(f"{key}: found {mask}, {expected}, because a {name} has at most {count} buttons")
 
 
 def check(config: Config) -> None:

@@ -55,7 +55,8 @@ class Options:
     """Options of the Falcon."""
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
-    serial: Annotated[str, about("USB serial number of the device; empty: the first one that is plugged in")] = ""
+    serial: Annotated[str, about("USB serial number of the device; empty: any")] = ""
+    path: Annotated[str, about("USB port of the device, such as 1-2, if serial numbers are equal; empty: any")] = ""
     firmware: Annotated[
         str, about("file with Novint's firmware, loaded if the device has none; never part of netboard")
     ] = ""
@@ -78,7 +79,7 @@ class Falcon(Device):
         return ()
 
     def _open(self) -> DeviceInfo:
-        found = ftdi.find(FALCON, self._options.serial, NAME)
+        found = ftdi.find(FALCON, NAME, self._options.serial, self._options.path)
         serial = ftdi.serial_of(found) or f"USB {found.bus}-{found.address}"
         chip = ftdi.Chip(found, NAME)
         with contextlib.ExitStack() as undo:

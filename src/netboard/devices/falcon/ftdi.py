@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from netboard.base.errors import DeviceLost, DeviceNotFound, DeviceTimeout
+from netboard.devices.contract.selection import only
 
 PACKET = 64
 """Size of a packet; the first two bytes of a received packet are the line state [B]."""
@@ -62,22 +63,35 @@ def plugged_in(ids: tuple[int, int]) -> list[Any]:
         raise DeviceNotFound(f"pyusb cannot list the USB devices: {error}") from error
 
 
-def find(ids: tuple[int, int], serial: str, what: str) -> Any:
-    """Find a device on the bus."""
-    usb, connected = _pyusb(), plugged_in(ids)
+def find(ids: tuple[int, int], what: str, serial: str, path: str) -> Any:
+    """Find the only device on the bus with this serial number and at this port; empty: any."""
+    connected = plugged_in(ids)
     if not connected:
         raise DeviceNotFound(f"no {what} ({ids[0]:04x}:{ids[1]:04x}) is plugged into USB")
-    if not serial:
-        return connected[0]
-    named = {serial_of(device): device for device in connected}
-    chosen = named.pop(serial, None)
-    for device in named.values():
-        usb.util.dispose_resources(device)
-    if chosen is None:
-        names = ", ".join(sorted(name or "one whose number cannot be read" for name in named))
-        hint = f"; {RULES}" if "" in named else ""
-        raise DeviceNotFound(f"no {what} with the serial number {serial!r} is plugged in; there are: {names}{hint}")
-    return chosen
+    fitting, others = [], []
+    for device in connected:
+        fits = path in ("", port_of(device)) and (not serial or serial_of(device) == serial)
+        (fitting if fits else others).append(device)
+    try:
+        return only(fitting, connected, what, {"serial": serial, "path": path}, _described)
+    except DeviceNotFound as error:
+        others += fitting
+        if not serial or all(map(serial_of, connected)):
+            raise
+        raise DeviceNotFound(f"{error}; a serial number that cannot be read may lack permission: {RULES}") from error
+    finally:
+        for device in others:
+            _pyusb().util.dispose_resources(device)
+
+
+def _described(device: Any) -> str:
+    """Describe a device for an operator who has to select one."""
+    return f"serial {serial_of(device)!r}, path {port_of(device)!r}"
+
+
+def port_of(device: Any) -> str:
+    """Return the USB port of a device, as Linux names it: its bus, and the ports from there."""
+    return f"{device.bus}-{'.'.join(map(str, device.port_numbers or ()))}"
 
 
 def serial_of(device: Any) -> str:

@@ -1,9 +1,15 @@
-"""Device listing: USB devices and devices shown by the backends' libraries, joined by serial number.
+"""Device listing, and the doctor's check of the configured devices.
+
+The list has USB devices and devices shown by the backends' libraries, joined by serial number.
 
 On Linux the USB is read from /sys, which opens no device and needs no permissions; elsewhere pyusb and hidapi are
 asked. A device that may not be opened is listed with the udev rule that permits it.
+
+In the check, a side is green only if one connected device fits its options, and the other side has another. Chance is
+never green: if several fit, an agent opens none (`netboard.devices.contract.selection`), or a vendor's library chooses.
 """
 
+import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,11 +17,16 @@ from typing import NamedTuple
 
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import ConfigError, DeviceError, DeviceNotFound
-from netboard.base.finding import Colour, Finding, graded
+from netboard.base.finding import Colour, Finding
 from netboard.devices.contract import registry
 from netboard.devices.contract.device import Found
+from netboard.devices.contract.registry import Backend
+from netboard.devices.contract.selection import in_words
 from netboard.devices.setup import usb
 from netboard.devices.setup.usb import ADVICE, NAMES, Plugged
+
+PORT = re.compile(r"\d+-[\d.]+")
+"""A USB port, as Linux names it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +40,12 @@ class ListedDevice:
     place: str
     seen_by: tuple[str, ...]
     shut: tuple[str, ...] = ()
+    nodes: tuple[str, ...] = ()  # files in /dev that drive it, on Linux
+
+    @property
+    def words(self) -> str:
+        """The device in a message."""
+        return f"{self.model}, serial {self.serial or '?'}" + (f", at {self.place}" if self.place else "")
 
     @property
     def advice(self) -> str:
@@ -78,40 +95,13 @@ def listing(config: Config, root: Path = usb.ROOT) -> Listing:
     return Listing(tuple(devices), tuple(backends), tuple(remarks))
 
 
-def configured(config: Config, missing: Colour, root: Path = usb.ROOT) -> list[Finding]:
-    """Check that the device of each side can be used; ``missing``: colour of one that is not here."""
-    found = listing(config, root)
-    return [_of_side(side, config, found, missing) for side in SIDES]
-
-
-def _of_side(side: Side, config: Config, found: Listing, missing: Colour) -> Finding:
-    agent = config.agents.of(side)
-    title, name, serial = f"{side} device", agent.device, str(agent.options.get("serial", ""))
-    try:
-        registry.make(side, config)
-        trouble = dict(found.backends)[name]
-    except (ConfigError, DeviceNotFound) as error:
-        trouble = str(error)
-    if trouble:
-        return Finding(title, missing, trouble, f"needed at the machine of the {side} device")
-    backend = registry.BACKENDS.get(name)
-    if backend is None or not backend.usb:
-        return Finding(title, "green", name)
-    ids = [f"{vendor:04x}:{product:04x}" for vendor, product in backend.usb]
-    here = [each for each in found.devices if each.usb in ids or name in each.seen_by]
-    here = [each for each in here if not serial or each.serial in ("", serial)]
-    words = ", ".join(f"{each.model}, serial {each.serial or '?'}" for each in here)
-    if len(here) > 1 and not (serial or agent.options.get("name")):
-        advice = f"write its serial number in [agents.{side}.options] serial"
-        return Finding(title, "yellow", f"{words}: which of them is used is chance", advice)
-    wanted = f"no {name} device" + (f" with serial number {serial}" if serial else "") + " is connected"
-    return graded(title, bool(here), words or wanted, "connect it, switch it on, and stop its agent", else_=missing)
-
-
 def _listed(found: Plugged, source: str) -> ListedDevice:
     """Return a connected USB device as an entry of the list."""
     usb = f"{found.vendor}:{found.product}"
-    return ListedDevice(NAMES[found.vendor, found.product], found.serial, usb, found.place, (source,), found.shut)
+    nodes = tuple(map(str, found.nodes))
+    return ListedDevice(
+        NAMES[found.vendor, found.product], found.serial, usb, found.place, (source,), found.shut, nodes
+    )
 
 
 def joined(devices: list[ListedDevice], backend: str, found: Iterable[Found]) -> list[ListedDevice]:
@@ -155,3 +145,104 @@ def _ask_backend(name: str, config: Config) -> tuple[str, tuple[Found, ...]]:
         return "", registry.find(name).present(config)
     except DeviceError as error:
         return str(error), ()
+
+
+class Choice(NamedTuple):
+    """The connected devices that fit the options of one side; ``options``: those that select a device."""
+
+    backend: str
+    options: dict[str, str]
+    fitting: tuple[ListedDevice, ...]
+    trouble: str = ""
+
+    @property
+    def words(self) -> str:
+        """The devices in a message."""
+        return "; ".join(each.words for each in self.fitting)
+
+    @property
+    def named(self) -> bool:
+        """Whether the vendor's set-up tool has given the device a name, which no list shows."""
+        return bool(self.options.get("name")) and "serial" not in self.options
+
+
+def configured(config: Config, missing: Colour, root: Path = usb.ROOT) -> list[Finding]:
+    """Check that the device of each side can be used; ``missing``: colour of one that is not here.
+
+    It is red if all processes run on this machine.
+    """
+    found = listing(config, root)
+    left, right = (_choice(side, config, found) for side in SIDES)
+    return [_judged("left", left, right, missing), _judged("right", right, left, missing)]
+
+
+def _choice(side: Side, config: Config, found: Listing) -> Choice:
+    """Return which connected devices a side may mean."""
+    agent = config.agents.of(side)
+    name, backend = agent.device, registry.BACKENDS.get(agent.device)
+    keys = backend.selectors if backend else ()
+    options = {key: str(agent.options[key]) for key in keys if agent.options.get(key)}
+    try:
+        registry.make(side, config)
+        trouble = dict(found.backends)[name]
+    except (ConfigError, DeviceNotFound) as error:
+        trouble = str(error)
+    here = _of_backend(name, backend, found.devices) if backend else []
+    library_only = backend is not None and backend.lists_serials
+    return Choice(name, options, tuple(each for each in here if _fits(each, options, library_only)), trouble)
+
+
+def _of_backend(name: str, backend: Backend, devices: tuple[ListedDevice, ...]) -> list[ListedDevice]:
+    """Return the connected devices of a backend; if its own library lists them, each appears there once."""
+    shown = [each for each in devices if name in each.seen_by]
+    if shown and backend.lists_serials:
+        return shown
+    ids = [f"{vendor:04x}:{product:04x}" for vendor, product in backend.usb]
+    return [each for each in devices if each.usb in ids or name in each.seen_by]
+
+
+def _fits(each: ListedDevice, options: dict[str, str], library_only: bool) -> bool:
+    """Tell whether a connected device may be the one that the options select.
+
+    ``library_only``: the serial number that counts is that of the backend's library, which the USB may not show.
+    """
+    serial, path = options.get("serial", ""), options.get("path", "")
+    unknown = not each.serial and (library_only or "/sys" not in each.seen_by)
+    return (not serial or each.serial == serial or unknown) and (not path or _is_at(each, path))
+
+
+def _is_at(each: ListedDevice, path: str) -> bool:
+    """Tell whether a device may be at a USB port or path; True if this system does not show where it is."""
+    port = path.partition(":")[0]
+    if PORT.fullmatch(port) and "/sys" in each.seen_by:
+        return each.place == port
+    return path in each.nodes if path.startswith("/dev/") else True
+
+
+def _judged(side: Side, mine: Choice, other: Choice, missing: Colour) -> Finding:
+    """Judge the device of a side; ``other``: the choice of the other side."""
+    title, backend = f"{side} device", registry.BACKENDS.get(mine.backend)
+    if mine.trouble:
+        return Finding(title, missing, mine.trouble, f"needed at the machine of the {side} device")
+    if backend is None or not backend.usb:
+        return Finding(title, "green", mine.backend)
+    given = in_words(mine.options)
+    if not mine.fitting:
+        wanted = f"no {mine.backend} device {f'with {given} ' if given else ''}is connected"
+        return Finding(title, missing, wanted, "connect it, switch it on, and stop its agent")
+    select = f"write the {' or '.join(backend.selectors)} of each device in [agents.<side>.options]"
+    if len(mine.fitting) > 1 and not mine.named:
+        chance = f"{len(mine.fitting)} devices fit{f' {given}' if given else ''}: {mine.words}"
+        return Finding(title, "red", f"{chance}: which of them is used is chance", select)
+    if _is_shared(mine, other) and (missing == "red" or mine.options):
+        return Finding(title, missing, f"{mine.words}: both sides would use it", f"each needs one: {select}")
+    return Finding(title, "green", mine.words)
+
+
+def _is_shared(mine: Choice, other: Choice) -> bool:
+    """Tell whether both sides mean the same device."""
+    if mine.backend != other.backend:
+        return False
+    if mine.named and other.named and mine.options == other.options:
+        return True
+    return len(mine.fitting) == 1 and mine.fitting == other.fitting
