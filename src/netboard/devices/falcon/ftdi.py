@@ -68,7 +68,8 @@ def find(ids: tuple[int, int], what: str, serial: str, path: str) -> Any:
     connected = plugged_in(ids)
     if not connected:
         raise DeviceNotFound(f"no {what} ({ids[0]:04x}:{ids[1]:04x}) is plugged into USB")
-    fitting, others = [], []
+    fitting: list[Any] = []
+    others: list[Any] = []
     for device in connected:
         fits = path in ("", port_of(device)) and (not serial or serial_of(device) == serial)
         (fitting if fits else others).append(device)
