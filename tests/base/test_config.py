@@ -207,6 +207,11 @@ def test_list_of_cpus_is_accepted(cpus: str) -> None:
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
+        (
+            '[network]\nhost = "fe80::1"',
+            '[network] host: found "fe80::1", a link-local address, expected its network interface, too',
+        ),
+        ('[network]\nbind = "[FE80::1]"', '[network] bind: found "[FE80::1]", a link-local address, expected'),
         ("[agents.left]\nstop_buttons = 3\nconsent_buttons = 2", "stop_buttons, consent_buttons: found 2 in both"),
         ('[realtime]\nagent_cpus = "0,3-1"', 'agent_cpus: found "3-1", expected "1-3"'),
         (

@@ -144,6 +144,12 @@ def _without_effect(config: Config) -> Iterator[str]:
                 f"[agents.{side}] stop_buttons, consent_buttons: found {both} in both, expected different buttons, "
                 "because no force can be rendered while a stop button is pressed"
             )
+    for key, address in (("host", config.network.host), ("bind", config.network.bind)):
+        if re.match("\\[?fe[89ab][0-9a-f]:[^%]*$", address, re.IGNORECASE):
+            yield (
+                f'[network] {key}: found "{address}", a link-local address, expected its network interface, too, such '
+                f'as "{address.strip("[]")}%eth0"'
+            )
     for key, cpus in (("server_cpus", config.realtime.server_cpus), ("agent_cpus", config.realtime.agent_cpus)):
         for first, last in re.findall("([0-9]+)-([0-9]+)", cpus):
             if int(first) > int(last):

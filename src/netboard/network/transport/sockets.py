@@ -17,6 +17,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
 from weakref import WeakKeyDictionary
@@ -29,6 +30,7 @@ from netboard.network.transport import authenticator
 from netboard.network.transport.authenticator import Authenticator, Credentials, readable
 from netboard.network.transport.channels import CHANNELS, CONTROL, LOG, VIEW_LEFT, VIEW_RIGHT, Endpoint
 from netboard.network.transport.endpoints import GOODBYE_LINGER_MS, Publisher, Router
+from netboard.network.transport.names import Name, addresses_of, is_loopback, is_numeric, known, unresolved
 from netboard.network.transport.ports import reserved, try_to_bind
 
 log = logging.getLogger(__name__)
@@ -76,6 +78,19 @@ RENEW_S, MAX_RENEW_S = 2.0, 16.0
 A server that is slow to answer must not get new handshakes before it has answered.
 """
 _renewed: WeakKeyDictionary[Socket, tuple[float, float]] = WeakKeyDictionary()
+
+
+@dataclass(slots=True)
+class Target:
+    """The server of a socket that connects by name, and the address of it that is in use."""
+
+    name: Name
+    port: str
+    address: str = ""  # empty while the name is not resolved
+    turn: int = 0  # which of the name's addresses is tried next
+
+
+_targets: WeakKeyDictionary[Socket, Target] = WeakKeyDictionary()
 
 
 # --- contexts ----------------------------------------------------------------------------------------------------
@@ -201,15 +216,54 @@ def _bind(context: Context, socket: Socket, endpoint: Endpoint) -> Socket:
     if isinstance(endpoint.security, Authenticator):
         endpoint.security.guard(context, socket, CHANNELS[endpoint.channel])
     try:
-        _refuse_taken(endpoint.address)
-        socket.setsockopt(zmq.IPV6, _is_ipv6(endpoint))
-        socket.bind(endpoint.address)
+        address = _local_address(endpoint.address)
+        _refuse_taken(address)
+        socket.setsockopt(zmq.IPV6, _is_ipv6(address))
+        socket.bind(address)
     except ZMQError as error:
         socket.close()
-        raise NetboardError(
-            f"cannot listen on {endpoint.address}: {error.strerror}; is another server running?"
-        ) from error
+        in_use = error.errno == errno.EADDRINUSE
+        advice = "is another server running?" if in_use else "check [network] bind; is that network up?"
+        raise NetboardError(f"cannot listen on {endpoint.address}: {error.strerror}; {advice}") from error
+    except NetboardError:
+        socket.close()
+        raise
     return socket
+
+
+def _local_address(address: str) -> str:
+    """Return the address to bind, with a name of this machine resolved: libzmq would not."""
+    host, port = _host_and_port(address)
+    if not host or host == "*" or is_numeric(host) or _is_interface(host):
+        return address
+    try:
+        found = addresses_of(host)[0]
+    except OSError as error:
+        raise NetboardError(unresolved(host, error, "bind")) from error
+    if is_loopback(found) and host != "localhost":
+        raise NetboardError(
+            f"cannot listen on {host!r}: it is {found} here, which no other machine can reach; "
+            "write the address of this machine's network card in [network] bind"
+        )
+    return _url(found, port)
+
+
+def _is_interface(name: str) -> bool:
+    """Tell whether a name is that of a network interface, whose address libzmq finds."""
+    try:
+        return bool(net.if_nametoindex(name))
+    except OSError:
+        return False
+
+
+def _host_and_port(address: str) -> tuple[str, str]:
+    """Return the machine and the port of a TCP address, or two empty texts."""
+    host, _, port = address.removeprefix("tcp://").rpartition(":")
+    return (host.strip("[]"), port) if address.startswith("tcp://") else ("", "")
+
+
+def _url(host: str, port: str) -> str:
+    return f"tcp://[{host}]:{port}" if ":" in host else f"tcp://{host}:{port}"
 
 
 @contextmanager
@@ -235,9 +289,9 @@ def free_address(endpoint: Endpoint) -> Iterator[None]:
         yield
 
 
-def _is_ipv6(endpoint: Endpoint) -> bool:
-    """Return whether an address is of IPv6. For names libzmq would prefer IPv6, where the server may not listen."""
-    return endpoint.address.startswith("tcp://[")
+def _is_ipv6(address: str) -> bool:
+    """Return whether an address is of IPv6."""
+    return address.startswith("tcp://[")
 
 
 def _refuse_taken(address: str) -> None:
@@ -253,18 +307,37 @@ def _refuse_taken(address: str) -> None:
 
 
 def _connect(socket: Socket, endpoint: Endpoint) -> Socket:
-    """Connect, or raise an error that says why not; a missing server is no error."""
+    """Connect, or raise an error that says why not; a missing server, or one without an address yet, is no error."""
     if isinstance(endpoint.security, Credentials):
         socket.setsockopt(zmq.CURVE_SERVERKEY, endpoint.security.server.encode())
         socket.setsockopt(zmq.CURVE_PUBLICKEY, endpoint.security.public.encode())
         socket.setsockopt(zmq.CURVE_SECRETKEY, endpoint.security.secret.encode())
+    host, port = _host_and_port(endpoint.address)
     try:
-        socket.setsockopt(zmq.IPV6, _is_ipv6(endpoint))
-        socket.connect(endpoint.address)
+        if host and not is_numeric(host):
+            _targets[socket] = target = Target(known(host), port)
+            target.name.wait()
+            _connect_next(socket, target)
+        else:
+            socket.setsockopt(zmq.IPV6, _is_ipv6(endpoint.address))
+            socket.connect(endpoint.address)
     except ZMQError as error:
         socket.close()
         raise NetboardError(f"cannot connect to {endpoint.address}: {error.strerror}") from error
     return socket
+
+
+def _connect_next(socket: Socket, target: Target) -> None:
+    """Connect to the next address of a name, instead of the one before; to none while the name is not resolved."""
+    if target.address:
+        socket.disconnect(target.address)
+        target.address = ""
+    if addresses := target.name.addresses:
+        address = _url(addresses[target.turn % len(addresses)], target.port)
+        target.turn += 1
+        socket.setsockopt(zmq.IPV6, _is_ipv6(address))
+        socket.connect(address)
+        target.address = address
 
 
 def _router(context: Context, endpoint: Endpoint, hwm: int, largest: int, linger_ms: int = 0) -> Router:
@@ -392,8 +465,16 @@ def send_or_renew(socket: Socket, frame: bytes) -> bool:
 
 
 def renew(socket: Socket) -> None:
-    """Reconnect, unless that was done recently: libzmq itself does not retry after a failed handshake."""
-    now = time.monotonic()
+    """Reconnect, unless that was done recently: libzmq itself does not retry after a failed handshake.
+
+    A name is looked up again, and its next address is tried.
+    """
+    now, target = time.monotonic(), _targets.get(socket)
+    if target is not None:
+        target.name.ask_again()
+        if not target.address:
+            _connect_next(socket, target)
+            return
     since, wait = _renewed.get(socket, (now, RENEW_S))
     if now - since > 2 * MAX_RENEW_S:  # the connection has worked since then
         since, wait = now, RENEW_S
@@ -401,6 +482,9 @@ def renew(socket: Socket) -> None:
     if now - since < wait:
         return
     _renewed[socket] = now, min(2 * wait, MAX_RENEW_S)
+    if target is not None:
+        _connect_next(socket, target)
+        return
     endpoint = socket.getsockopt_string(zmq.LAST_ENDPOINT)
     socket.disconnect(endpoint)
     socket.connect(endpoint)

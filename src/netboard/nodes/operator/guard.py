@@ -10,6 +10,7 @@ from collections.abc import Callable
 from netboard.base.errors import NetboardError
 from netboard.base.process.stopping import Stopping
 from netboard.base.tables.rig import Network
+from netboard.network.transport import names
 from netboard.nodes.operator.keyboard import Keyboard
 from netboard.nodes.operator.operator import ANSWER_SECONDS, Operator
 from netboard.nodes.operator.shell import POLL_INTERVAL_S, emergency_stop
@@ -49,7 +50,8 @@ def key_pressed(
             if operator.poll(trace=False) is not None:
                 state, answered = READY, time.monotonic()
             elif time.monotonic() - answered > ANSWER_SECONDS:
-                state = silent
+                why = names.trouble(network.host)
+                state = f"{silent}: {why}" if why else silent
         except NetboardError as error:
             state, answered = str(error), time.monotonic()
         if state != shown:

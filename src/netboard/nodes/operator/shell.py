@@ -8,7 +8,7 @@ from dataclasses import asdict
 from netboard.base.errors import NetboardError
 from netboard.base.tables.rig import Network
 from netboard.network.protocol.control import LinkStatus, LoopStatus, Reply, Status
-from netboard.network.transport import sockets
+from netboard.network.transport import names, sockets
 from netboard.nodes.operator.operator import ANSWER_SECONDS, Operator
 from netboard.nodes.ports.emergency import STOP
 from netboard.recording.format.summary import or_null
@@ -36,8 +36,9 @@ def status_of(operator: Operator, network: Network) -> Status:
         if answer is not None:
             return answer
     raise NetboardError(
-        f"no server answers at {network.host}:{network.port} within {ANSWER_SECONDS:.0f} s; check that it is running "
-        "and uses this address"
+        names.trouble(network.host)
+        or f"no server answers at {network.host}:{network.port} within {ANSWER_SECONDS:.0f} s; "
+        "check that it is running and uses this address"
     )
 
 
@@ -98,6 +99,8 @@ def emergency_stop(operator: Operator, network: Network) -> None:
         for reply in filter(None, map(operator.reply, sent)):
             _required(reply)
             return
+    if why := names.trouble(network.host):
+        trouble += f" ({why})"
     raise NetboardError(f"{STOP}: {trouble}: LET GO OF THE STYLUSES")
 
 

@@ -17,6 +17,7 @@ from netboard.base.clock import now_ns
 from netboard.base.config import SIDES, Config
 from netboard.base.tables.experiment import Session
 from netboard.network.protocol.control import Status, TracePoint
+from netboard.network.transport import names
 from netboard.nodes.ports.emergency import STOP
 from netboard.nodes.server.operators import SAFE_WHEN_LATE
 from netboard.task.journal.outcome import AttemptOutcome
@@ -93,7 +94,7 @@ class ConsoleWindow(Window):
         self.state = State()
         self._limits, self._console = limits, console
         self._configured = config.session
-        self._where = f"{config.network.host}:{config.network.port}"
+        self._server = config.network
         self._shown = 0
         self._session = ""
         self._to_confirm: Command | None = None
@@ -155,7 +156,8 @@ class ConsoleWindow(Window):
 
     def _show_alarm(self, urgent: str, worst: Line) -> None:
         """Write the alarm across the window; without one, the next step or the worst lamp."""
-        line = words.advice(self.state.status, self._where, self.state.recent.refused)
+        where = names.trouble(self._server.host) or f"{self._server.host}:{self._server.port}"
+        line = words.advice(self.state.status, where, self.state.recent.refused)
         if not line.words:
             line = worst
         letters = 19 if len(line.words) < TWO_LINES else 15

@@ -120,7 +120,7 @@ def banner(status: Status | None) -> Line:
 def advice(status: Status | None, where: str, refused: Sequence[str] = ()) -> Line:
     """Return what the operator should know or do next; `refused`: why the server refuses peers now."""
     if status is None:
-        return Line(f"Looking for the server at {where}", Tone.WATCH)
+        return Line(f"Looking for the server: {where}", Tone.WATCH)
     if status.phase == OVER:
         return Line("The server has ended the session. The next one appears here as soon as a server runs.")
     if replayed(status):

@@ -29,7 +29,7 @@ from netboard.network import keys
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import HELLO_INTERVAL_NS, Goodbye, Hello, Ping, Pong, Refusal, Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
-from netboard.network.transport import channels, sockets
+from netboard.network.transport import channels, names, sockets
 from netboard.stage.view import View
 from netboard.windows.participant import window as windows
 from netboard.windows.participant.language import load_words
@@ -247,7 +247,8 @@ class DisplayClient(QObject):
         words = self._words
         if self._over:
             return blank(self.config, words, words.over)
-        server = words.server.format(host=self._address.host, port=self._address.port)
+        named = words.server.format(host=self._address.host, port=self._address.port)
+        server = names.trouble(self._address.host) or named
         if self._seen:
             return blank(self.config, words, words.lost, self._trouble or server, lost=True)
         return blank(self.config, words, words.waiting, self._trouble or server)

@@ -28,6 +28,7 @@ from netboard.base.errors import ConfigError, NetboardError, writing
 from netboard.base.files.new import new_file, refuse_existing, try_writing
 from netboard.base.process.display_server import asked_offscreen, require_screen
 from netboard.base.tables.rig import Display, Network
+from netboard.network.transport import names
 from netboard.windows.participant.widget import BoardView
 
 log = logging.getLogger(__name__)
@@ -166,7 +167,7 @@ class ScreenshotTimer:
         self, window: Window, picture: Path | None, after: float | None, ready: Callable[[], object], server: Network
     ) -> None:
         self._window, self._picture, self._after, self._ready = window, picture, after, ready
-        self._server = f"the server at {server.host}:{server.port}"
+        self._host, self._server = server.host, f"the server at {server.host}:{server.port}"
         self._due_ns = inf if after is not None else now_ns() + SCREENSHOT_WAIT_NS
         self._is_ready = False
         self._error: NetboardError | None = None
@@ -190,7 +191,8 @@ class ScreenshotTimer:
         if picture is not None:
             try:
                 if not self._ready():
-                    raise NetboardError(f"{picture}: no screenshot was taken: no data came from {self._server}")
+                    why = names.trouble(self._host) or f"no data came from {self._server}"
+                    raise NetboardError(f"{picture}: no screenshot was taken: {why}")
                 screenshot(self._window, picture)
             except NetboardError as error:  # raised later: Qt has called this
                 self._error = error
