@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ import pytest
 from dyads import UTC_NS, dyad, make_session, solo
 from exported import START_NS, make_rows, same_bits, without_payloads, write
 
+from netboard.base.config import Config
 from netboard.base.errors import RecordingError
 from netboard.base.tick import TICK
 from netboard.recording.export import bids
@@ -53,6 +55,16 @@ def motion(folder: Path, subject: str, run: int) -> dict[str, list[str]]:
         columns = zip(*csv.reader(file, delimiter="\t", quoting=csv.QUOTE_NONE), strict=True)
         names = [row["name"] for row in table(found.with_name(found.name.replace("_motion.", "_channels.")))]
         return dict(zip(names, map(list, columns), strict=True))
+
+
+def test_texts_of_tables_are_no_formulas(tmp_path: Path) -> None:
+    label = "=1 +\t1"
+    config = replace(Config(), block=replace(Config().block, label=label))
+    folder = export([write(tmp_path / "S01.mcap", make_rows(1), config)], tmp_path / "out")
+    (scans,) = folder.glob("sub-D01A/ses-*/*_scans.tsv")
+    assert [row["label"] for row in table(scans)] == ["'=1 + 1"]
+    (events,) = folder.glob("sub-D01A/ses-*/motion/*_events.tsv")
+    assert all(float(row["onset"]) >= 0 for row in table(events))
 
 
 def test_recording_without_any_event_has_no_empty_events_file(tmp_path: Path) -> None:

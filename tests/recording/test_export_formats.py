@@ -20,6 +20,7 @@ from typer.testing import CliRunner
 
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError, NetboardError, RecordingError
+from netboard.base.files.cells import RUNS, text_of_cell
 from netboard.base.files.new import new_file, refuse_existing
 from netboard.base.tables.experiment import Design
 from netboard.base.tick import TICK
@@ -70,6 +71,28 @@ def test_csv_round_trip_is_bit_exact(two: list[Path], tmp_path: Path) -> None:
         events = list(csv.DictReader(file))
     assert json.loads(events[2]["details"]) == {"text": ODD}
     assert int(events[2]["time_ns"]) == START_NS - 1_000_000
+
+
+def test_csv_has_no_formula_and_gives_its_texts_back(tmp_path: Path) -> None:
+    label = '=HYPERLINK("http://example.org", "open")'
+    config = replace(Config(), block=replace(Config().block, label=label))
+    recording = write(tmp_path / "=1+1.mcap", make_rows(1), config)
+    export([recording], "csv", tmp_path / "out", quiet)
+    for table in (table for table in TABLES if table is not TICKS):
+        with (tmp_path / "out" / f"{table.name}.csv").open(encoding="utf-8", newline="") as file:
+            read = list(csv.DictReader(file))
+        texts = [field.name for field in table.fields if field.kind == "string"]
+        assert not [row for row in read if any(row[name].startswith(RUNS) for name in texts)], table.name
+        assert {text_of_cell(row["recording"]) for row in read} <= {"=1+1"}
+    with (tmp_path / "out" / "trials.csv").open(encoding="utf-8", newline="") as file:
+        trials = list(csv.DictReader(file))
+    assert {text_of_cell(row["block_label"]) for row in trials} == {label}
+    assert {row["target"] for row in trials} <= {"-1", "0", "1"}
+    found = import_table(
+        tmp_path / "out" / "ticks" / "=1+1.csv", tmp_path / "again", Config(), ImportOptions(), UTC_NS, quiet
+    )
+    with Recording(found.path) as back:
+        assert back.config.block.label == label
 
 
 def test_mat_round_trip_is_bit_exact(two: list[Path], tmp_path: Path) -> None:

@@ -1,6 +1,5 @@
 """Power of a study as tables, a figure and sentences, with its assumptions."""
 
-import csv
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -30,6 +29,7 @@ from netboard.analysis.topics.figure import (
 )
 from netboard.base.config import Config
 from netboard.base.errors import writing
+from netboard.base.files.cells import CsvWriter
 from netboard.base.files.new import refuse_existing
 from netboard.base.plural import plural
 from netboard.base.settings import tables
@@ -209,9 +209,9 @@ def write(folder: Path, found: Sequence[Power], assumptions: Assumptions) -> Non
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
         with (folder / "power.csv").open("x", encoding="utf-8", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(name for name, _ in COLUMNS)
-            writer.writerows(flat(one).values() for one in found)
+            writer = CsvWriter(file)
+            writer.row(name for name, _ in COLUMNS)
+            writer.rows(flat(one).values() for one in found)
         whole = {
             "assumptions": dict(assumptions.rows()),
             "columns": dict(COLUMNS),

@@ -3,7 +3,6 @@
 A `Verdict` is a claim and whether the measured numbers support it. The module that measures the numbers checks it.
 """
 
-import csv
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -16,6 +15,7 @@ from rich.console import Console, Group
 from rich.text import Text
 
 from netboard.base.errors import writing
+from netboard.base.files.cells import CsvWriter
 from netboard.base.files.new import refuse_existing
 from netboard.base.terminal.output import Column, FittedTable
 from netboard.benchmarks.harness.machine import describe
@@ -94,7 +94,7 @@ class Folder:
         """
         for part in parts:
             with (self.path / f"{part.name}.csv").open("w", encoding="utf-8", newline="") as file:
-                csv.writer(file).writerows([part.columns, *part.rows])
+                CsvWriter(file).rows([part.columns, *part.rows])
         results = {"machine": asdict(describe()), **about, "parts": [part.plain() for part in parts]}
         text = json.dumps(results, indent=1, allow_nan=False)
         (self.path / "results.json").write_text(text + "\n", encoding="utf-8")

@@ -17,6 +17,7 @@ from typing import Any, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
+from netboard.base.files.cells import tsv_lines, tsv_number_lines
 from netboard.recording.export import bids_texts as texts
 from netboard.recording.export.factors import ExportedFactor, exported_factors
 from netboard.recording.export.formats import Progress
@@ -84,7 +85,7 @@ def _lines(rows: NDArray[Any], signals: Sequence[Signal], origin_ns: int) -> Ite
     times = (divmod(time_ns, 1_000_000_000) for time_ns in (rows["time_ns"] - origin_ns).tolist())
     latency = (f"{seconds}.{rest:09d}" for seconds, rest in times)
     columns = (_cells(rows[signal.field]) for signal in signals)
-    return ("\t".join(cells) + "\n" for cells in zip(latency, *columns, strict=True))
+    return tsv_number_lines((latency, *columns))
 
 
 def _cells(values: NDArray[Any]) -> Iterable[str]:
@@ -309,8 +310,7 @@ def _write_table(path: Path, rows: Iterable[Row]) -> None:
     """Write a table of at least one row with a header line."""
     lines = list(rows)
     with path.open("x", encoding="utf-8", newline="") as file:
-        for cells in [list(lines[0]), *(map(_cell, row.values()) for row in lines)]:
-            file.write("\t".join(cells) + "\n")
+        file.writelines(tsv_lines([lines[0].keys(), *(row.values() for row in lines)], _cell))
 
 
 def _cell(value: Any) -> str:

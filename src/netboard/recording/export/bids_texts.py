@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from typing import Any
 
+from netboard.base.files.cells import IN_WORDS
 from netboard.base.tables.forces import FORCE_WORDS
 from netboard.recording.export.factors import ExportedFactor
 from netboard.recording.export.signals import FRAME, FRAME_TEXT, Signal
@@ -69,7 +70,7 @@ agent had joined, and where the agent was disconnected and did not report it lat
 sidecar counts the rows of the second kind. Positions: {FRAME_TEXT}.
 
 Where ticks are missing, rows are missing (see `latency`). Numbers have the fewest digits that read back as the same
-float64. `sourcedata` has the configuration of each recording: every size, mass, stiffness and rule.
+float64. {IN_WORDS} `sourcedata` has the configuration of each recording: every size, mass, stiffness and rule.
 
 ## To be filled in
 

@@ -2,19 +2,20 @@
 
 The data dictionary lies beside them, and the configuration of each recording in ``configurations``.
 
-CSV files are UTF-8 with commas, a header line and line feeds; texts are quoted where necessary. Numbers have the fewest
+CSV files are UTF-8 with commas, a header line and line feeds; texts are quoted where necessary, and marked where a
+spreadsheet would run them (`netboard.base.files.cells`). Numbers have the fewest
 digits that read back as the same float64, so values survive bit for bit. The exception is the payload of a NaN, which
 is written as ``nan``. Parquet files have typed, compressed columns with texts as dictionaries, and unit and meaning of
 each column in its metadata. Their values are bit-exact, NaN payloads included.
 """
 
-import csv
 import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, Protocol
 
+from netboard.base.files.cells import IN_WORDS, CsvWriter
 from netboard.recording.export.formats import Progress, library, reporting
 from netboard.recording.export.tables import MISSING, TICKS, OpenRecording, Rows, Table, small_tables
 from netboard.recording.files.reader import Recording
@@ -55,16 +56,14 @@ def write_dictionary(folder: Path, tables: Sequence[Described], places: str) -> 
         }
         for table in tables
     }
-    whole = {"files": places, "missing": MISSING, "tables": described}
+    whole = {"files": places, "missing": MISSING, "texts": f"In CSV files: {IN_WORDS}", "tables": described}
     text = json.dumps(whole, indent=1, ensure_ascii=False) + "\n"
     (folder / "dictionary.json").write_text(text, encoding="utf-8")
     with (folder / "dictionary.csv").open("x", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(("table", "column", "type", "unit", "description"))
+        writer = CsvWriter(file)
+        writer.row(("table", "column", "type", "unit", "description"))
         for table in tables:
-            writer.writerows(
-                (table.name, field.name, _TYPES[field.kind], field.unit, field.text) for field in table.fields
-            )
+            writer.rows((table.name, field.name, _TYPES[field.kind], field.unit, field.text) for field in table.fields)
 
 
 Sheet = Callable[[Rows], None]
@@ -118,12 +117,13 @@ def write_csv(recordings: Sequence[Path], folder: Path, progress: Progress) -> N
 def open_csv(path: Path, table: Described) -> Iterator[Sheet]:
     """Open a CSV file and write its header line."""
     with path.open("x", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(field.name for field in table.fields)
+        writer = CsvWriter(file)
+        writer.row(field.name for field in table.fields)
+        texts = [field.kind == "string" for field in table.fields]
 
         def put(rows: Rows) -> None:
             # Convert to Python numbers: csv writes those with repr, which reads back bit for bit.
-            writer.writerows(zip(*(column.tolist() for column in rows.values()), strict=True))
+            writer.columns([column.tolist() for column in rows.values()], texts)
 
         yield put
 

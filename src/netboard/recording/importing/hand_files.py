@@ -6,7 +6,6 @@ under a temporary name and then renamed, so they are never partial. Existing fil
 requested. Numbers are written so that they read back bit for bit.
 """
 
-import csv
 import difflib
 import json
 import warnings
@@ -18,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.errors import ConfigError
+from netboard.base.files.cells import CsvWriter
 from netboard.base.files.new import new_file, refuse_existing
 from netboard.physics.hands.sampled import GAP_RATIO, Hands, find_gaps
 from netboard.recording.export.formats import library
@@ -243,10 +243,10 @@ def _write_csv(path: Path, columns: Mapping[str, NDArray[np.float64]], about: Ma
     """Write a CSV file in batches of rows; csv writes floats with the fewest digits that read back as the same."""
     table = np.stack(list(columns.values()), axis=1)
     with path.open("w", encoding="ascii", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(columns)
+        writer = CsvWriter(file)
+        writer.row(columns)
         for first in range(0, len(table), ROWS):
-            writer.writerows(table[first : first + ROWS].tolist())
+            writer.rows(table[first : first + ROWS].tolist())
 
 
 def _write_parquet(path: Path, columns: Mapping[str, NDArray[np.float64]], about: Mapping[str, str]) -> None:

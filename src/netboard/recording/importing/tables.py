@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.errors import ConfigError, RecordingError
+from netboard.base.files.cells import QUOTE, text_of_cell
 from netboard.base.tick import TICK
 from netboard.recording.export.formats import library
 from netboard.recording.importing.columns import COLUMNS, mapped, scales
@@ -58,7 +59,10 @@ class Portion:
 
     def words(self, name: str) -> list[str]:
         """Return a column of strings."""
-        return ["" if cell is None else str(cell).strip() for cell in self.cells[name]]
+        cells = ("" if cell is None else str(cell) for cell in self.cells[name])
+        return [
+            text_of_cell(cell) if self.what == "line" and cell.startswith(QUOTE) else cell.strip() for cell in cells
+        ]
 
     def at(self, place: int) -> str:
         """Format the location of a row."""
@@ -122,7 +126,7 @@ class TableFile:
         with self.path.open(encoding="utf-8-sig", newline="") as file:
             head = file.readline()
         self.separator = max(",;\t", key=head.count)
-        names = [name.strip() for name in next(csv.reader([head], delimiter=self.separator), [])]
+        names = [text_of_cell(name.strip()) for name in next(csv.reader([head], delimiter=self.separator), [])]
         if not any(names):
             raise ConfigError(f"{self.path}: line 1: found nothing, expected the names of columns")
         return names
