@@ -20,7 +20,7 @@ from netboard.network.protocol.records import TickRecord
 from netboard.recording.files.container import Container
 from netboard.recording.files.reader import Recording
 from netboard.recording.files.writer import RecordingWriter
-from netboard.recording.format.batches import PLACES, PLACES_NAME, Layout, attempt_of, attempt_values, pack
+from netboard.recording.format.batches import PLACES, PLACES_NAME, Layout, attempt_values, attempts_of, pack
 from netboard.recording.format.channels import CHANNELS, PLOTTED_EVERY
 from netboard.recording.format.predictions import CONSTANTS, UNKNOWN, constants_of
 from netboard.recording.format.summary import find_attempts
@@ -200,7 +200,7 @@ def test_server_stall_puts_no_log_time_into_the_future(tmp_path: Path, rows: np.
 def test_attempt_survives_a_json_round_trip(rows: np.ndarray) -> None:
     attempts = find_attempts(rows)
     assert attempts
-    again = [attempt_of(json.loads(json.dumps(attempt_values(attempt), allow_nan=False))) for attempt in attempts]
+    again = attempts_of(json.dumps([attempt_values(attempt) for attempt in attempts], allow_nan=False).encode())
     assert repr(tuple(again)) == repr(attempts)
 
 

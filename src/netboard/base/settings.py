@@ -235,6 +235,20 @@ def parse_toml(text: str, source: str) -> dict[str, Any]:
         raise ConfigError(f"{source}: lists or tables are nested too deeply") from None
 
 
+def parse_json(text: str | bytes) -> Any:
+    """Parse a JSON text.
+
+    Raises
+    ------
+    ValueError
+        If it is not JSON, or its lists and objects are nested too deeply.
+    """
+    try:
+        return json.loads(text)
+    except RecursionError:
+        raise ValueError("lists or objects are nested too deeply") from None
+
+
 def read(adapter: TypeAdapter[T], cls: type[T], text: str, source: str, overrides: Sequence[str] = ()) -> T:
     """Check a TOML text and turn it into a dataclass of settings.
 

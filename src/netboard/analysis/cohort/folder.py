@@ -27,6 +27,7 @@ from netboard.analysis.extraction.tables import Kind, columns_of
 from netboard.base.config import resolve
 from netboard.base.errors import ConfigError, RecordingError, writing
 from netboard.base.files.new import refuse_existing
+from netboard.base.settings import parse_json
 from netboard.recording.export.formats import new_folder
 from netboard.recording.export.tabular import open_csv, open_parquet, write_dictionary
 from netboard.task.studies.study import resolve_study
@@ -78,11 +79,13 @@ class Cohort:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         try:
-            self.manifest: dict[str, Any] = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+            self.manifest: dict[str, Any] = parse_json((folder / MANIFEST).read_text(encoding="utf-8"))
         except FileNotFoundError:
             raise ConfigError(f"{folder}: has no {MANIFEST}, expected the folder of a netboard cohort") from None
         except (OSError, ValueError) as error:
             raise RecordingError(f"{folder / MANIFEST}: cannot be read: {error}") from error
+        if not isinstance(self.manifest, dict):
+            raise RecordingError(f"{folder / MANIFEST}: expected a JSON object")
         self._store = Store(folder / STUDIES_IN, advice="choose another --output")
 
     @classmethod

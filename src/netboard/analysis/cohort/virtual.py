@@ -20,6 +20,7 @@ from netboard.analysis.extraction.tables import Columns, written
 from netboard.analysis.topics.contrasts import questions_of
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError
+from netboard.base.settings import parse_json
 from netboard.base.tick import TICK_SECONDS
 from netboard.nodes.rehearsal.block import Rehearsal
 from netboard.nodes.rehearsal.jobs import Job, jobs_of
@@ -152,7 +153,7 @@ def _packed(whole: Mapping[str, Any], tables: Mapping[str, Columns], fields: Any
 def unpack(content: bytes | memoryview) -> StudyTables:
     """Read packed tables."""
     line, _, rest = bytes(content).partition(b"\n")
-    head, streams = json.loads(line), Streams("zstd")
+    head, streams = parse_json(line), Streams("zstd")
     fields = {name: tuple(Field(*one) for one in own) for name, own in head["fields"].items()}
     source = streams.source(memoryview(rest))
     tables = {name: streams.read(source, own) for name, own in fields.items()}

@@ -30,6 +30,7 @@ from tempfile import NamedTemporaryFile
 from netboard.base.errors import RecordingError
 from netboard.base.files.sealed import Damaged, sealed, unsealed
 from netboard.base.process.resources import home_folder
+from netboard.base.settings import parse_json
 from netboard.recording.files.locate import sha256_of
 
 LIMIT = 2_000_000_000
@@ -186,7 +187,7 @@ def restore_analysis(store: Store, key: str, folder: Path) -> tuple[str, ...] | 
     listed = store.get(f"{key}{ANALYSIS}")
     if listed is None:
         return None
-    entry = json.loads(bytes(listed))
+    entry = parse_json(bytes(listed))
     contents = {name: store.get(file) for name, file in entry["files"].items()}
     whole = {name: content for name, content in contents.items() if content is not None}
     if len(whole) < len(contents):

@@ -27,6 +27,7 @@ from netboard.base.errors import WireError
 from netboard.network.protocol.messages import CHOICES, KINDS, Kind, Message
 
 Check = Callable[[Any], Any]
+M = typing.TypeVar("M", bound=Message)
 
 
 def encode(message: Message) -> bytes:
@@ -82,6 +83,36 @@ def decode(frame: bytes) -> Message:
         return plan.message(*map(_call, plan.readers, parts[1:]))
     except ValueError as error:
         raise WireError(f"{plan.name}: {_blame(plan, parts[1:])}") from error
+
+
+def message_of(kind: type[M], values: Mapping[str, Any]) -> M:
+    """Make a message from its fields by name, as a recording stores them.
+
+    Parameters
+    ----------
+    kind : type
+        Class of the message.
+    values : mapping of str
+        The fields, all of them and no other.
+
+    Returns
+    -------
+    Message
+        The message, with fields of exactly the declared types.
+
+    Raises
+    ------
+    WireError
+        If a field is missing, unknown or of another type.
+    """
+    plan = _PLANS_BY_CLASS[kind]
+    if values.keys() != set(plan.names):
+        raise WireError(f"{plan.name}: found the fields {short(sorted(map(str, values)))}, expected {list(plan.names)}")
+    fields_in_order = tuple(values[name] for name in plan.names)
+    try:
+        return kind(*map(_call, plan.readers, fields_in_order))
+    except ValueError as error:
+        raise WireError(f"{plan.name}: {_blame(plan, fields_in_order)}") from error
 
 
 # --- one field ---------------------------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass
 
 from netboard.base.config import require_short_names
 from netboard.base.errors import ConfigError
-from netboard.base.settings import check
+from netboard.base.settings import check, parse_json
 from netboard.base.tables.experiment import Session
 from netboard.network.protocol.control import REPLAY_COMMANDS
 from netboard.nodes.ports import emergency
@@ -196,9 +196,9 @@ def note_of(text: str, tick: int) -> tuple[str, int]:
 
 def _object(text: str, what: str) -> dict[str, object]:
     try:
-        found = json.loads(text or "{}")
+        found = parse_json(text or "{}")
         json.dumps(found, ensure_ascii=False).encode()  # half of a surrogate pair cannot be recorded
-    except (ValueError, RecursionError) as error:  # deeply nested brackets exhaust the recursion limit
+    except ValueError as error:
         raise ConfigError(f"{what} is not JSON: {error}") from None
     if not isinstance(found, dict):
         raise ConfigError(f"{what}: expected a JSON object")

@@ -17,6 +17,7 @@ from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import RecordingError
 from netboard.recording.files.copies import find_copies
 from netboard.recording.files.reader import Recording
+from netboard.recording.format.claims import whole_number
 from netboard.recording.format.summary import agents_of
 from netboard.task.plans.plan import OTHER_SIDE
 
@@ -96,7 +97,7 @@ def _numbered_session(session: Sequence[Run]) -> Iterator[Run]:
 
     def place(run: Run) -> tuple[tuple[int, int], str, int, int, int, Path]:
         server, opened = run.metadata["session"], int(run.metadata["opened_log_ns"])
-        return began[server], server, run.config.block.number, int(run.metadata["part"]), opened, run.path
+        return began[server], server, run.config.block.number, whole_number(run.metadata["part"]) or 0, opened, run.path
 
     for number, run in enumerate(sorted(session, key=place), start=1):
         yield replace(run, number=number)

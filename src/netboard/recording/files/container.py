@@ -17,14 +17,38 @@ from threading import Lock
 
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import AttachmentIndex, Channel, ChunkIndex, Header, Metadata, MetadataIndex, Schema, Statistics
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    ChunkIndex,
+    Header,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+)
 
 from netboard.base.errors import RecordingError
 from netboard.recording.files.locate import EMPTY, recovery_advice, require_file
 from netboard.recording.format.chunks import MAGIC, RECORD_HEAD, UNSOUND, unpack_chunk
+from netboard.recording.format.claims import (
+    MAX_CHUNK_BYTES,
+    MAX_RECORD_BYTES,
+    MAX_STAMP_NS,
+    MetadataRecord,
+    require_chunk,
+)
 
 _FOOTER = struct.Struct("<BQQQI")
 _DATA_END = struct.Struct("<BQI")
+_MAX_BYTES = {
+    Opcode.HEADER: MAX_RECORD_BYTES,
+    Opcode.METADATA: MAX_RECORD_BYTES,
+    Opcode.ATTACHMENT: MAX_RECORD_BYTES,
+    Opcode.CHUNK: MAX_CHUNK_BYTES + MAX_RECORD_BYTES,  # data that do not compress are a little larger then
+}
+"""Largest size of the records that the index names, by kind [bytes]."""
 
 
 class Container:
@@ -52,10 +76,11 @@ class Container:
             self._index: dict[int, list[bytes]] = {}
             for opcode, body in _walk(self._read(start, stop - start)):
                 self._index.setdefault(opcode, []).append(body)
-            self.profile = Header.read(_stream(self._record(len(MAGIC)))).profile
-            found = [MetadataIndex.read(_stream(body)) for body in self._index.get(Opcode.METADATA_INDEX, ())]
-            named = [Metadata.read(_stream(self._record(at.offset))) for at in found]
-        self.metadata = {record.name: dict(record.metadata) for record in named}
+            self.profile = Header.read(_stream(self._record(len(MAGIC), Opcode.HEADER))).profile
+            listed = [MetadataIndex.read(_stream(body)) for body in self._index.get(Opcode.METADATA_INDEX, ())]
+            places = dict.fromkeys(at.offset for at in listed)
+            named = [Metadata.read(_stream(self._record(at, Opcode.METADATA))) for at in places]
+        self.metadata = {record.name: MetadataRecord(record.name, record.metadata) for record in named}
 
     def _check_ends(self) -> None:
         """Raise an error for a file that is not a recording, or not a finished one."""
@@ -84,34 +109,45 @@ class Container:
             self._file.seek(offset)
             return self._file.read(length)
 
-    def _record(self, offset: int) -> bytes:
-        _, length = RECORD_HEAD.unpack(self._read(offset, RECORD_HEAD.size))
+    def _record(self, offset: int, opcode: int) -> bytes:
+        """Return the content of the record of a kind at an offset that the index names."""
+        found, length = RECORD_HEAD.unpack(self._read(offset, RECORD_HEAD.size))
+        if found != opcode:
+            raise RecordingError(f"its index names a record at {offset} that is not there")
         if length > os.fstat(self._file.fileno()).st_size:  # reading it would fill the memory first
             raise RecordingError("a record is longer than the file")
+        if length > _MAX_BYTES[opcode]:
+            raise RecordingError(f"a record of {length} bytes at {offset}, expected at most {_MAX_BYTES[opcode]}")
         return self._read(offset + RECORD_HEAD.size, length)
 
     @cached_property
     def channels(self) -> dict[str, int]:
         """Channel id by topic. Other MCAP tools may renumber the channels [1]."""
-        return {channel.topic: channel.id for channel in self._channel_records}
+        found = {channel.topic: channel.id for channel in self._channel_records}
+        if len(set(found.values())) != len(self._channel_records):
+            raise RecordingError(f"{self.path}: its index lists two channels of one topic or number")
+        return found
 
     @cached_property
     def schemas(self) -> dict[str, bytes]:
         """Schema by topic."""
-        found = [Schema.read(_stream(body)) for body in self._index.get(Opcode.SCHEMA, ())]
+        with self.sound():
+            found = [Schema.read(_stream(body)) for body in self._index.get(Opcode.SCHEMA, ())]
         data = {schema.id: schema.data for schema in found}
         return {channel.topic: data.get(channel.schema_id, b"") for channel in self._channel_records}
 
     @cached_property
     def _channel_records(self) -> list[Channel]:
-        return [Channel.read(_stream(body)) for body in self._index.get(Opcode.CHANNEL, ())]
+        with self.sound():
+            return [Channel.read(_stream(body)) for body in self._index.get(Opcode.CHANNEL, ())]
 
     @cached_property
     def counts(self) -> dict[str, int]:
         """Number of messages by topic [1]."""
         by_channel: dict[int, int] = {}
-        for body in self._index.get(Opcode.STATISTICS, ()):
-            by_channel = Statistics.read(_stream(body)).channel_message_counts
+        with self.sound():
+            for body in self._index.get(Opcode.STATISTICS, ()):
+                by_channel = Statistics.read(_stream(body)).channel_message_counts
         return {topic: by_channel.get(number, 0) for topic, number in self.channels.items()}
 
     def attachment(self, name: str) -> bytes | None:
@@ -120,34 +156,46 @@ class Container:
             for index in self._index.get(Opcode.ATTACHMENT_INDEX, ()):
                 at = AttachmentIndex.read(_stream(index))
                 if at.name == name:
-                    body = self._record(at.offset)
+                    body = self._record(at.offset, Opcode.ATTACHMENT)
                     (crc,) = struct.unpack("<I", body[-4:])
                     if crc and zlib.crc32(body[:-4]) != crc:
                         raise RecordingError(f"the checksum of its {name} is wrong")
-                    return body[-4 - at.data_size : -4]
+                    stored = Attachment.read(_stream(body))
+                    if stored.name != name or len(stored.data) != at.data_size:
+                        raise RecordingError(f"its index contradicts its {name}")
+                    return bytes(stored.data)
         return None
 
     def chunk(self, offset: int) -> bytes:
         """Read the chunk at a file offset, verify its checksum and return its records."""
         with self.sound():
-            return unpack_chunk(self._record(offset))
+            return unpack_chunk(self._record(offset, Opcode.CHUNK))
 
     def chunks_with(self, topic: str) -> list[int]:
         """Return the offsets of the chunks with messages on a topic, in file order."""
         number = self.channels.get(topic)
-        if self.counts.get(topic, 1) == 0:
+        if number is None or self.counts.get(topic, 1) == 0:
             return []  # parsing the index of an hour takes 0.1 s
         return [
             index.chunk_start_offset
-            for index in self._chunk_indexes
+            for index in self.chunk_indexes
             if not index.message_index_offsets or number in index.message_index_offsets
         ]
 
     @cached_property
-    def _chunk_indexes(self) -> list[ChunkIndex]:
+    def chunk_indexes(self) -> list[ChunkIndex]:
+        """The entries of the index for the chunks, in file order; no two chunks share a byte."""
         with self.sound():
             found = [ChunkIndex.read(_stream(body)) for body in self._index.get(Opcode.CHUNK_INDEX, ())]
-        return sorted(found, key=lambda chunk: chunk.chunk_start_offset)
+            found.sort(key=lambda chunk: chunk.chunk_start_offset)
+            starts = [chunk.chunk_start_offset for chunk in found] + [os.fstat(self._file.fileno()).st_size]
+            for chunk, following in zip(found, starts[1:], strict=True):
+                if chunk.chunk_start_offset + chunk.chunk_length > following:
+                    raise RecordingError("its index lists chunks that overlap")
+                require_chunk(chunk.uncompressed_size, min(chunk.compressed_size, chunk.chunk_length))
+                if max(chunk.message_start_time, chunk.message_end_time) > MAX_STAMP_NS:
+                    raise RecordingError("its index has a time stamp beyond the year 2262")
+        return found
 
     def require_index(self) -> None:
         """Raise an error if the index lacks the entries that locate messages; the file would seem to have none."""
@@ -176,6 +224,8 @@ class Container:
             raise RecordingError("the checksum of its index is wrong")
         if not start:
             raise RecordingError("it has no index")
+        if start > footer:
+            raise RecordingError("its index begins after its end")
         return int(start), footer
 
     def _crc(self, start: int, stop: int) -> int:

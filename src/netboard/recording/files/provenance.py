@@ -5,7 +5,6 @@ under its platform, without its host name.
 """
 
 import hashlib
-import json
 import os
 import platform
 import re
@@ -18,11 +17,13 @@ from pathlib import Path
 import mcap
 
 from netboard.base.config import Config
-from netboard.base.errors import ConfigError
+from netboard.base.errors import ConfigError, RecordingError
 from netboard.base.process.resources import home_folder
+from netboard.base.settings import parse_json
 from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION
 from netboard.recording.format.channels import FORMAT_VERSION
+from netboard.recording.format.claims import MAX_STAMP_NS, whole_number
 
 CONFIG_NAME = "netboard.toml"
 """Name of the attachment that holds the resolved configuration."""
@@ -38,7 +39,7 @@ class MetadataName(StrEnum):
 
 
 _NUMBERS: dict[str, tuple[str, ...]] = {
-    MetadataName.OPENED: ("opened_log_ns", "opened_monotonic_ns", "welcome_server_ns"),
+    MetadataName.OPENED: ("opened_log_ns", "opened_monotonic_ns", "welcome_server_ns", "block", "blocks"),
     MetadataName.FIRST: ("record",),
     MetadataName.END: ("log_ns", "records", "lost", "next_record"),
 }
@@ -57,7 +58,8 @@ def config_sha256(text: bytes) -> str:
 
 def damaged_numbers(name: str, values: Mapping[str, str]) -> list[str]:
     """Return the keys in a metadata record whose value should be a whole number and is not."""
-    return [key for key in _NUMBERS.get(name, ()) if not values.get(key, "0").isdecimal()]
+    found = {key: whole_number(values.get(key, "0")) for key in _NUMBERS.get(name, ())}
+    return [key for key, number in found.items() if number is None or number < 0]
 
 
 def provenance(welcome: Welcome, config: Config, part: int, utc_ns: int, monotonic_ns: int) -> dict[str, str]:
@@ -76,7 +78,7 @@ def provenance(welcome: Welcome, config: Config, part: int, utc_ns: int, monoton
         "block": str(config.block.number),
         "blocks": str(config.block.blocks),
         "config_sha256": config_sha256(welcome.config.encode()),
-        "opened_utc": datetime.fromtimestamp(utc_ns // 1_000_000_000, UTC).isoformat(),
+        "opened_utc": utc_of(utc_ns).isoformat(),
         "opened_log_ns": str(utc_ns),
         "opened_monotonic_ns": str(monotonic_ns),
         "welcome_server_ns": str(welcome.server_ns),
@@ -89,6 +91,16 @@ def provenance(welcome: Welcome, config: Config, part: int, utc_ns: int, monoton
     }
 
 
+def utc_of(utc_ns: int) -> datetime:
+    """Return the second of a wall-clock time; refuse one that no recording can have [ns]."""
+    if not 0 <= utc_ns <= MAX_STAMP_NS:
+        raise RecordingError(
+            f"the time is {utc_ns / 1e9:.6g} s after 1970, expected a time from 1970 to 2262; set the clock of this "
+            "computer"
+        )
+    return datetime.fromtimestamp(utc_ns // 1_000_000_000, UTC)
+
+
 def doctor_report_path() -> Path:
     """Return the path where `netboard doctor` stores its latest report, one per user and computer."""
     state = os.environ.get("XDG_STATE_HOME")
@@ -99,8 +111,8 @@ def _doctor_report(utc_ns: int) -> dict[str, str]:
     """Return the latest doctor report on this computer, as a one-line summary and in full."""
     try:
         text = doctor_report_path().read_text(encoding="utf-8")
-        report = json.loads(text)
-        age = datetime.fromtimestamp(utc_ns // 1_000_000_000, UTC) - datetime.fromisoformat(report["utc"])
+        report = parse_json(text)
+        age = utc_of(utc_ns) - datetime.fromisoformat(report["utc"])
         return {"doctor": f"{report['summary']}; {age.total_seconds() / 3600:.1f} h before", "doctor_report": text}
     except (FileNotFoundError, ConfigError):
         return {"doctor": "not asked", "doctor_report": ""}
@@ -122,6 +134,6 @@ def next_recording(directory: Path, config: Config, session: str, utc_ns: int) -
     )
     found = (pattern.fullmatch(file.name) for file in directory.iterdir())
     part = 1 + max((int(match[1] or 1) for match in found if match), default=0)
-    stamp = datetime.fromtimestamp(utc_ns // 1_000_000_000, UTC).strftime("%Y%m%dT%H%M%SZ")
+    stamp = utc_of(utc_ns).strftime("%Y%m%dT%H%M%SZ")
     suffix = f"_part{part}" if part > 1 else ""
     return directory / f"{stem}_{stamp}_{short}{block}{suffix}.mcap", part

@@ -7,7 +7,6 @@ A file that is unfinished, damaged or of an unknown format version raises a `Rec
 what to do. The checksum of a chunk is verified when the chunk is read.
 """
 
-import json
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
@@ -26,9 +25,10 @@ from netboard.recording.files.locate import recovery_advice
 from netboard.recording.files.provenance import CONFIG_NAME, MetadataName, config_sha256, damaged_numbers
 from netboard.recording.format import older
 from netboard.recording.format.backfill import Backfilled
-from netboard.recording.format.batches import ATTEMPTS_NAME, PLACES, PLACES_NAME, Layout, attempt_of
-from netboard.recording.format.channels import FORMAT_VERSION, IDS, TICKS, unpack
+from netboard.recording.format.batches import ATTEMPTS_NAME, PLACES, PLACES_NAME, WORD, Layout, attempts_of
+from netboard.recording.format.channels import FORMAT_VERSION, IDS, TICKS, read_record
 from netboard.recording.format.chunks import payloads
+from netboard.recording.format.claims import MAX_WHOLE, shown
 from netboard.recording.format.partfile import PROFILE
 from netboard.recording.format.summary import Attempt, Gap, find_attempts, find_gaps
 
@@ -95,19 +95,20 @@ class Recording:
         for name, values in records.items():
             for key in damaged_numbers(name, values):
                 raise RecordingError(
-                    f"{self.path}: is damaged (metadata {name}, {key}: found {values[key]!r}, expected a whole "
+                    f"{self.path}: is damaged (metadata {name}, {key}: found '{shown(values[key])}', expected a whole "
                     f"number); {recovery_advice(self.path)}"
                 )
-        self.metadata = records[MetadataName.OPENED]
-        self.end = records.get(MetadataName.END, {})
-        self.recovery = records.get(MetadataName.RECOVERY, {})
+        self.metadata: dict[str, str] = records[MetadataName.OPENED]
+        self.end: dict[str, str] = records.get(MetadataName.END, {})
+        self.recovery: dict[str, str] = records.get(MetadataName.RECOVERY, {})
         first = records.get(MetadataName.FIRST, {}).get("record")
         self.first_record = None if first is None else int(first)
         self._version = self.metadata.get("format", "")
         if self._version not in READABLE:
             raise RecordingError(
-                f"{self.path}: has format version {self._version}, this netboard reads versions "
-                f"{', '.join(READABLE)}; read it with netboard {self.metadata.get('netboard', 'of its own version')}"
+                f"{self.path}: has format version {shown(self._version)}, this netboard reads versions "
+                f"{', '.join(READABLE)}; read it with netboard "
+                f"{shown(self.metadata.get('netboard', 'of its own version'))}"
             )
         self._in_batches = self._version not in _ROW_BY_ROW
         self._config = self._file.attachment(CONFIG_NAME)
@@ -145,7 +146,8 @@ class Recording:
         """
         if self._config is None:
             raise RecordingError(f"{self.path}: its configuration was lost when it was damaged, see its metadata")
-        return older.config_of(self._config.decode(), self._version)
+        with self._file.sound():
+            return older.config_of(self._config.decode(), self._version)
 
     @cached_property
     def config(self) -> Config:
@@ -253,7 +255,11 @@ class Recording:
         if listed is None:
             return find_attempts(self.ticks())
         with self._file.sound():
-            return tuple(attempt_of(values) for values in json.loads(listed))
+            found = attempts_of(listed)
+            first, last = self._places["first"].min(initial=MAX_WHOLE), self._places["last"].max(initial=-1)
+            if any(not first <= one.began <= one.tick < one.stop <= last + 1 for one in found):
+                raise RecordingError("its list of attempts names ticks that it does not have")
+            return found
 
     @cached_property
     def _places(self) -> NDArray[Any]:
@@ -261,13 +267,27 @@ class Recording:
         listed = self._file.attachment(PLACES_NAME)
         if listed is not None:
             with self._file.sound():
-                return np.frombuffer(listed, PLACES)
+                return self._checked_places(np.frombuffer(listed, PLACES))
         found = []
         for offset in self._file.chunks_with(TICKS if self._in_batches else older.TOPIC):
             numbers = self._decode([offset], ("tick",))["tick"]
             if len(numbers):
                 found.append((offset, numbers[0], numbers[-1], len(numbers)))
         return np.array(found, PLACES)
+
+    def _checked_places(self, places: NDArray[Any]) -> NDArray[Any]:
+        """Return the list of places; refuse one that claims more ticks than its chunks have room for."""
+        room = {chunk.chunk_start_offset: chunk.uncompressed_size for chunk in self._file.chunk_indexes}
+        row = len(self._layout) * WORD
+        numbers = range(MAX_WHOLE)
+        before = -1
+        for chunk, first, last, count in places.tolist():
+            if chunk <= before or not 0 < count * row <= room.get(chunk, 0):
+                raise RecordingError("its list of places contradicts its index")
+            if first not in numbers or last not in numbers:
+                raise RecordingError("its list of places has an impossible tick number")
+            before = chunk
+        return places
 
     def _places_in(self, first: int | None, stop: int | None) -> NDArray[Any]:
         """Return the locations of the batches that overlap a range of tick numbers."""
@@ -378,8 +398,13 @@ class Recording:
         records: list[T] = []
         for offset in self._file.chunks_with(topic):
             with self._file.sound():
-                records.extend(kind(**unpack(message)) for message in self._payloads(offset, topic))
+                records.extend(read_record(kind, message) for message in self._payloads(offset, topic))
         return tuple(records)
+
+    def chunk_times(self) -> NDArray[np.int64]:
+        """Return log times of the first and last message in each chunk, in file order, shape (chunks, 2) [ns]."""
+        times = [(one.message_start_time, one.message_end_time) for one in self._file.chunk_indexes]
+        return np.array(times, np.int64).reshape(-1, 2)
 
     def gaps(self) -> dict[str, tuple[Gap, ...]]:
         """Return the missing sequence numbers of each stream with gaps, by topic (and station)."""

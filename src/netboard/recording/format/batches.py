@@ -14,7 +14,6 @@ chunks is built. A reader can then find a trial without reading the whole record
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from math import nan
 from typing import Any
 
 import msgpack
@@ -25,9 +24,10 @@ from netboard.base.compiled import waiting
 from netboard.base.errors import RecordingError
 from netboard.base.tick import TICK, TICK_NS, TICK_WORDS, joined
 from netboard.recording.format.channels import IDS, PLOTTED, PLOTTED_EVERY, TICK_FIELDS, Stamped, unpack
+from netboard.recording.format.claims import ATTEMPTS, LAYOUT, MAX_STAMP_NS, stored_json
 from netboard.recording.format.partfile import PartFile
 from netboard.recording.format.predictions import CONSTANTS, PREDICTIONS, predict, require_known, uses
-from netboard.recording.format.summary import Attempt, find_attempts, or_null
+from netboard.recording.format.summary import Attempt, find_attempts, or_nan, or_null
 
 ATTEMPTS_NAME = "netboard.attempts.json"
 """Attachment that lists the attempts."""
@@ -94,20 +94,25 @@ class Layout:
     """Column layout of the batches in a file, and their decoder."""
 
     def __init__(self, schema: bytes) -> None:
-        try:
-            described = json.loads(schema)
-            columns = described["columns"]
-            self._names = [str(column["name"]) for column in columns]
-            self._orders = np.array([int(column["differences"]) for column in columns], np.int64)
-            self._kinds = {str(column["name"]): np.dtype(str(column["type"])) for column in columns}
-            self._constants = tuple(described.get("constants", ()))
-            self._predictions = require_known(described.get("predictions", {}), (*self._names, *self._constants))
-            self._folded = bool(described.get("folded", False))
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
-            raise RecordingError(f"the schema of its ticks does not describe their columns ({error})") from None
+        described = stored_json(LAYOUT, schema, "the schema of its ticks")
+        columns = described.columns
+        self._names = [column.name for column in columns]
+        self._orders = np.array([column.differences for column in columns], np.int64)
+        self._kinds = {column.name: np.dtype(column.type) for column in columns}
+        self._constants = tuple(described.constants)
+        if len(set(self._names) | set(self._constants)) != len(columns) + len(self._constants):
+            raise RecordingError("the schema of its ticks has two columns or constants of one name")
+        if "tick" not in self._kinds:
+            raise RecordingError("the schema of its ticks has no column tick")
+        self._predictions = require_known(described.predictions, (*self._names, *self._constants))
+        self._folded = described.folded
         for name, kind in self._kinds.items():
             if name in (TICK.names or ()) and kind != TICK[name]:
                 raise RecordingError(f"its column {name} has the type {kind.str}, expected {TICK[name].str}")
+
+    def __len__(self) -> int:
+        """Return the number of columns."""
+        return len(self._names)
 
     def decode(self, messages: Sequence[bytes], names: Sequence[str]) -> dict[str, NDArray[Any]]:
         """Decode columns of some batches; a column that the file does not have is zero."""
@@ -142,7 +147,8 @@ class Layout:
         """Decompose a message into the byte planes of its columns, shape (columns, 8, n), and its constants."""
         values = unpack(message)
         data, count, constants = values.get("columns"), values.get("count"), values.get("constants", [])
-        if not isinstance(data, bytes) or not isinstance(count, int) or len(data) != len(self._names) * WORD * count:
+        right = isinstance(data, bytes) and type(count) is int and len(data) == len(self._names) * WORD * count > 0
+        if not right:
             raise RecordingError("a batch of ticks whose length contradicts its header")
         if not isinstance(constants, list) or [type(one) for one in constants] != [float] * len(self._constants):
             raise RecordingError("a batch of ticks whose constants contradict the schema")
@@ -155,9 +161,10 @@ def attempt_values(attempt: Attempt) -> dict[str, Any]:
     return values | {"completion": or_null(attempt.completion)}
 
 
-def attempt_of(values: dict[str, Any]) -> Attempt:
-    """Convert the JSON values of an attempt back."""
-    return Attempt(**values | {"completion": nan if values["completion"] is None else values["completion"]})
+def attempts_of(listed: bytes) -> tuple[Attempt, ...]:
+    """Convert the JSON list of attempts back."""
+    found = stored_json(ATTEMPTS, listed, "its list of attempts")
+    return tuple(Attempt(**asdict(one) | {"completion": or_nan(one.completion)}) for one in found)
 
 
 class TickStream:
@@ -244,7 +251,7 @@ class TickStream:
         stamp = Stamped("/plot", row["tick"], time_ns, msgpack.packb(row, use_single_float=True))
         # By its number: across a stall of the server, tick times differ by more than the log times do.
         log_time_ns = newest_ns - (self.last - row["tick"]) * TICK_NS
-        self._file.add(IDS["/plot"], stamp, min(max(log_time_ns, 0), 2**64 - 1))
+        self._file.add(IDS["/plot"], stamp, min(max(log_time_ns, 0), MAX_STAMP_NS))
 
     def _keep_edges(self, rows: NDArray[Any]) -> None:
         """Keep the first and last tick of each phase, from which the attempts are derived."""

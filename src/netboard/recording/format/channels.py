@@ -10,14 +10,14 @@ tick in `PLOTTED_EVERY` is also stored as a map, for viewers.
 
 import json
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, TypeVar
 
 import msgpack
 import numpy as np
 
 from netboard.base.errors import RecordingError, WireError
 from netboard.base.tick import RENDERED, TICK
-from netboard.network.protocol.codec import decode
+from netboard.network.protocol.codec import decode, message_of
 from netboard.network.protocol.motion import Safeguard
 from netboard.network.protocol.records import (
     BLOCK_BEGAN,
@@ -27,6 +27,7 @@ from netboard.network.protocol.records import (
     FrameRecord,
     TickRecord,
 )
+from netboard.recording.format.claims import MAX_ITEMS, require_details
 from netboard.recording.format.predictions import CONSTANTS, PREDICTIONS
 from netboard.task.trials.state_machine import Cause, Phase
 
@@ -35,6 +36,8 @@ FORMAT_VERSION = "4"
 
 Record = TickRecord | EventRecord | ClockRecord | FrameRecord | BackfillRecord
 """Records on the log channel."""
+
+R = TypeVar("R", EventRecord, ClockRecord, FrameRecord, BackfillRecord)
 
 
 @dataclass(frozen=True, slots=True)
@@ -330,12 +333,23 @@ IDS = {channel.topic: number for number, channel in enumerate(CHANNELS, start=1)
 def unpack(message: bytes) -> dict[str, Any]:
     """Decode a message of a recording into a dict."""
     try:
-        values = msgpack.unpackb(message)
+        values = msgpack.unpackb(message, max_array_len=MAX_ITEMS, max_map_len=MAX_ITEMS, max_ext_len=0)
     except (ValueError, msgpack.exceptions.UnpackException) as error:
-        raise RecordingError(f"a message is not msgpack: {error}") from error
+        raise RecordingError(f"a message is not msgpack: {error!s:.100}") from error
     if not isinstance(values, dict):
         raise RecordingError(f"a message is a msgpack {type(values).__name__}, not a map")
     return values
+
+
+def read_record(kind: type[R], message: bytes) -> R:
+    """Decode a message that holds a record other than ticks; its fields have the kinds that the record declares."""
+    try:
+        record = message_of(kind, unpack(message))
+    except WireError as error:
+        raise RecordingError(f"a damaged record: {error}") from error
+    if isinstance(record, EventRecord):
+        require_details(record)
+    return record
 
 
 @dataclass(frozen=True, slots=True)
@@ -376,6 +390,8 @@ def record_of(frame: bytes) -> Record:
     record = decode(frame)
     if not isinstance(record, Record):
         raise WireError(f"a {type(record).__name__} is not a record")
+    if isinstance(record, BackfillRecord) and len(record.rows) % RENDERED.itemsize:
+        raise WireError(f"BackfillRecord {record.seq}: not made of whole rows")
     return record
 
 

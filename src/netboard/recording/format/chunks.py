@@ -6,18 +6,17 @@ of 1 kHz ticks loads in seconds.
 
 import struct
 import zlib
-from collections.abc import Iterator
-from io import BytesIO
+from collections.abc import Callable, Iterator
+from mmap import mmap
 from typing import NamedTuple
 
+import lz4.frame
 import zstandard
-from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Chunk
-from mcap.stream_reader import CRCValidationError, get_chunk_data_stream
 
 from netboard.base.errors import RecordingError
+from netboard.recording.format.claims import require_chunk, shown
 
 MAGIC = b"\x89MCAP0\r\n"
 """First and last bytes of an MCAP file."""
@@ -28,9 +27,10 @@ RECORD_HEAD = struct.Struct("<BQ")
 UNSOUND = (McapError, struct.error, UnicodeDecodeError, OverflowError)
 """Exceptions that the upstream library raises on damaged bytes."""
 
+_CONTRADICTION = "a damaged chunk: its sizes contradict each other"
 _CHUNK_HEAD = struct.Struct("<QQQII")
 _LENGTH = struct.Struct("<Q")
-_CHANNEL_HEAD = struct.Struct("<BQH")
+_CHANNEL = struct.Struct("<H")
 _MESSAGE_HEAD = struct.Struct("<BQHIQQ")
 
 
@@ -49,18 +49,36 @@ def unpack_chunk(body: bytes) -> bytes:
     """Decompress a chunk and verify its size and checksum."""
     try:
         size, crc, compression, packed = _parts(body)
-        if compression == b"zstd":
-            if zstandard.frame_content_size(packed) != size:
-                # Check the size first, so that a flipped bit cannot request terabytes of memory.
-                raise RecordingError("a damaged chunk: its sizes contradict each other")
-            data = zstandard.ZstdDecompressor().decompress(packed)
-            if crc and zlib.crc32(data) != crc:
-                raise RecordingError("a damaged chunk: its checksum is wrong")
-            return data
-        stream, length = get_chunk_data_stream(Chunk.read(ReadDataStream(BytesIO(body))), validate_crc=True)
-        return stream.read(length)
-    except (*UNSOUND, CRCValidationError, zstandard.ZstdError) as error:
-        raise RecordingError(f"a damaged chunk: {error}") from error
+        require_chunk(size, len(packed))
+        if compression not in _UNPACK:
+            raise RecordingError(f"a damaged chunk: its compression is {shown(compression.decode(errors='replace'))}")
+        data = _UNPACK[compression](packed, size)
+    except (*UNSOUND, RuntimeError, zstandard.ZstdError) as error:  # lz4 raises a RuntimeError
+        raise RecordingError(f"a damaged chunk: {error!s:.200}") from error
+    if len(data) != size:
+        raise RecordingError(_CONTRADICTION)
+    if crc and zlib.crc32(data) != crc:
+        raise RecordingError("a damaged chunk: its checksum is wrong")
+    return data
+
+
+def _unpack_zstd(packed: memoryview, size: int) -> bytes:
+    # Check the size first: the library allocates what the frame claims.
+    if zstandard.frame_content_size(packed) != size:
+        raise RecordingError(_CONTRADICTION)
+    return zstandard.ZstdDecompressor().decompress(packed)
+
+
+def _unpack_lz4(packed: memoryview, size: int) -> bytes:
+    return bytes(lz4.frame.LZ4FrameDecompressor().decompress(packed, size + 1))
+
+
+_UNPACK: dict[bytes, Callable[[memoryview, int], bytes]] = {
+    b"zstd": _unpack_zstd,
+    b"lz4": _unpack_lz4,
+    b"": lambda packed, size: bytes(packed),
+}
+"""Decompression of a chunk of a known size, by the name of its compression."""
 
 
 def _parts(body: bytes) -> tuple[int, int, bytes, memoryview]:
@@ -74,12 +92,29 @@ def _parts(body: bytes) -> tuple[int, int, bytes, memoryview]:
     return size, crc, compression, memoryview(body)[start:]
 
 
+def has_right_length(data: "mmap | bytes", start: int, stop: int) -> bool:
+    """Return whether the parts of the chunk record between two places in a file fill it, without copying it."""
+    at = start + RECORD_HEAD.size
+    if at + _CHUNK_HEAD.size > stop:
+        return False
+    name = at + _CHUNK_HEAD.size + _CHUNK_HEAD.unpack_from(data, at)[4]
+    return name + _LENGTH.size <= stop and name + _LENGTH.size + _LENGTH.unpack_from(data, name)[0] == stop
+
+
+def _record_in(data: bytes, position: int) -> tuple[int, int]:
+    """Return opcode and end of the record at a place in a decompressed chunk."""
+    opcode, length = RECORD_HEAD.unpack_from(data, position)
+    end: int = position + RECORD_HEAD.size + length
+    if end > len(data) or (opcode == Opcode.MESSAGE and length < _MESSAGE_HEAD.size - RECORD_HEAD.size):
+        raise RecordingError("a damaged chunk: the length of a record in it is wrong")
+    return opcode, end
+
+
 def messages(data: bytes) -> Iterator[Entry]:
     """Iterate over the messages of a decompressed chunk, in file order."""
     position = 0
     while position < len(data):
-        opcode, length = RECORD_HEAD.unpack_from(data, position)
-        end = position + RECORD_HEAD.size + length
+        opcode, end = _record_in(data, position)
         if opcode == Opcode.MESSAGE:
             _, _, channel_id, sequence, log_time, publish_time = _MESSAGE_HEAD.unpack_from(data, position)
             yield Entry(channel_id, sequence, log_time, publish_time, data[position + _MESSAGE_HEAD.size : end])
@@ -91,9 +126,8 @@ def payloads(data: bytes, channel_id: int) -> list[bytes]:
     found = []
     position = 0
     while position < len(data):
-        opcode, length, channel = _CHANNEL_HEAD.unpack_from(data, position)
-        end = position + RECORD_HEAD.size + length
-        if opcode == Opcode.MESSAGE and channel == channel_id:
+        opcode, end = _record_in(data, position)
+        if opcode == Opcode.MESSAGE and _CHANNEL.unpack_from(data, position + RECORD_HEAD.size)[0] == channel_id:
             found.append(data[position + _MESSAGE_HEAD.size : end])
         position = end
     return found

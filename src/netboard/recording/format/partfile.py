@@ -21,6 +21,7 @@ from mcap.writer import CompressionType, Writer
 from netboard.base.errors import ConfigError, RecordingError, writing
 from netboard.base.files.new import refuse_existing, try_writing
 from netboard.recording.format.channels import CHANNELS, Stamped
+from netboard.recording.format.claims import MAX_STAMP_NS
 from netboard.recording.format.disk import allocate, lock, sync_directory
 
 PROFILE = "netboard"
@@ -66,6 +67,15 @@ def require_new(path: Path) -> None:
         if not path.parent.is_dir():
             raise ConfigError(f"{path}: cannot be written: there is no folder {path.parent}")
         try_writing(path.parent)
+
+
+def require_log_time(log_time_ns: int, path: Path) -> None:
+    """Refuse a log time that MCAP cannot store: it counts nanoseconds from 1970, and readers have 64 bits for them."""
+    if not 0 <= log_time_ns <= MAX_STAMP_NS:
+        raise RecordingError(
+            f"{path}: cannot store a log time of {log_time_ns / 1e9:.6g} s after 1970, expected a time from 1970 to "
+            "2262; set the clock of this computer, or check the times in the data"
+        )
 
 
 class PartFile:
@@ -147,6 +157,7 @@ class PartFile:
 
     def add_attachment(self, name: str, media_type: str, data: bytes, log_time_ns: int) -> None:
         """Write an attachment immediately, outside any chunk."""
+        require_log_time(log_time_ns, self._named)
         with self._writing():
             self._mcap.add_attachment(log_time_ns, log_time_ns, name, media_type, data)
 
@@ -155,6 +166,7 @@ class PartFile:
 
         Returns the file offset of the chunk that will hold the message, in bytes.
         """
+        require_log_time(log_time_ns, self._named)
         size = _MESSAGE_HEAD + len(message.data)
         if self._pending and self._pending + size > self._chunk_bytes:
             self.close_chunk()
@@ -163,7 +175,7 @@ class PartFile:
             log_time_ns,
             message.data,
             # MCAP's time stamps are unsigned and its sequence has 32 bits; the message itself has the full values.
-            max(message.publish_time_ns, 0),
+            min(max(message.publish_time_ns, 0), MAX_STAMP_NS),
             message.sequence & 0xFFFF_FFFF,
         )
         self._pending += size

@@ -109,8 +109,10 @@ def require_known(predictions: Mapping[str, str], given: Iterable[str]) -> dict[
     """
     there = {*given, *_ALWAYS}
     for name, text in predictions.items():
+        if name in _ALWAYS:
+            raise RecordingError(f"its schema predicts {name}, which is a function of the predictions")
         if text not in _CODE:
-            raise RecordingError(f"its column {name} is predicted as {text!r}, which this version does not know")
+            raise RecordingError(f"its column {name} is predicted as {text!r:.100}, which this version does not know")
         if missing := uses(text) - there:
             raise RecordingError(f"its column {name} is predicted from {', '.join(sorted(missing))}, which it lacks")
         there.add(name)

@@ -50,6 +50,11 @@ def or_null(value: T) -> T | None:
     return None if isinstance(value, float) and isnan(value) else value
 
 
+def or_nan(value: float | None) -> float:
+    """Return NaN for None, as which JSON stores it."""
+    return nan if value is None else value
+
+
 @dataclass(frozen=True, slots=True)
 class Spread:
     """Distribution of a duration."""

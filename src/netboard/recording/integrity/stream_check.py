@@ -3,10 +3,8 @@
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import chain, pairwise
-from pathlib import Path
 
 import numpy as np
-from mcap.reader import make_reader
 
 from netboard.base.config import SIDES
 from netboard.base.plural import plural
@@ -176,7 +174,7 @@ def _wrong_times(evidence: Evidence, stalls_ms: Counter[int]) -> Iterator[str]:
     if back:
         count = plural(len(back), "event is", "events are")
         yield f"{count} earlier than the one before: {numbers_in_words(np.array(back))}"
-    if stepped := _log_time_steps(evidence.recording.path, stalls_ms.total() * TICK_NS):
+    if stepped := _log_time_steps(evidence.recording, stalls_ms.total() * TICK_NS):
         yield f"the log time decreases at {stepped} chunks"
 
 
@@ -185,15 +183,12 @@ def _is_stall(more_ns: int) -> bool:
     return more_ns > 0 and more_ns % TICK_NS == 0
 
 
-def _log_time_steps(path: Path, stalled_ns: int) -> int:
+def _log_time_steps(recording: Recording, stalled_ns: int) -> int:
     """Count the chunks that begin before the end of an earlier chunk, by the file's own index.
 
     Ticks are written in batches, later than events that occurred while the batch grew. This delay does not count, nor
     does the time for which the server stalled: after a stall, earlier loggers dated ``/plot`` that much too late.
     """
-    with path.open("rb") as file:
-        summary = make_reader(file).get_summary()
-    chunks = [] if summary is None else sorted(summary.chunk_indexes, key=lambda chunk: chunk.chunk_start_offset)
-    times = np.array([(c.message_start_time, c.message_end_time) for c in chunks], np.int64).reshape(-1, 2)
+    times = recording.chunk_times()
     ended = np.maximum.accumulate(times[:, 1])[:-1]
     return int(np.count_nonzero(times[1:, 0] < ended - _MAX_BATCH_NS - stalled_ns))

@@ -6,8 +6,10 @@ own chunk. Data between two valid chunks that are not complete records are repor
 
 import mmap
 import os
+import re
 import struct
 import zlib
+from bisect import bisect_left
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -30,8 +32,17 @@ from netboard.recording.files.locate import EMPTY, recovered_path, require_file
 from netboard.recording.files.provenance import CONFIG_NAME, LIBRARY, MetadataName, config_sha256, damaged_numbers
 from netboard.recording.format import older
 from netboard.recording.format.batches import Layout, TickStream
-from netboard.recording.format.channels import CHANNELS, FORMAT_VERSION, IDS, TICKS, Stamped, block_config, unpack
-from netboard.recording.format.chunks import MAGIC, RECORD_HEAD, UNSOUND, Entry, messages, unpack_chunk
+from netboard.recording.format.channels import CHANNELS, FORMAT_VERSION, IDS, TICKS, Stamped, block_config, read_record
+from netboard.recording.format.chunks import (
+    MAGIC,
+    RECORD_HEAD,
+    UNSOUND,
+    Entry,
+    has_right_length,
+    messages,
+    unpack_chunk,
+)
+from netboard.recording.format.claims import MAX_RECORD_BYTES, SearchEffort, whole_number
 from netboard.recording.format.disk import lock
 from netboard.recording.format.partfile import PartFile
 from netboard.recording.format.predictions import UNKNOWN, constants_of
@@ -49,11 +60,11 @@ _COPIED_METADATA = (MetadataName.OPENED, MetadataName.FIRST, MetadataName.END, M
 _RECOVERABLE = ("2", "3", FORMAT_VERSION)
 _CHUNK_BYTES = 2**18
 
-_NAMED = (
-    *((Opcode.METADATA, _stored(name), RECORD_HEAD.size) for name in MetadataName),
-    (Opcode.ATTACHMENT, _stored(CONFIG_NAME), RECORD_HEAD.size + 16),
-)
-"""Records outside chunks with which reading continues after damage: opcode, name as stored, its place in the record."""
+_NAMED = re.compile(b"|".join(re.escape(_stored(name)) for name in (*MetadataName, CONFIG_NAME)))
+"""Names, as stored, of the records outside chunks with which reading continues after damage."""
+
+_NAMED_RECORDS = ((Opcode.METADATA, RECORD_HEAD.size), (Opcode.ATTACHMENT, RECORD_HEAD.size + 16))
+"""Their opcodes, and the place of the name in each."""
 
 _TOPICS = {number: topic for topic, number in IDS.items()}
 _COPIED = frozenset(IDS) - {TICKS, "/plot"}  # `TickStream` writes both anew
@@ -119,17 +130,18 @@ def recover(path: Path, output: Path | None = None) -> RecoveryReport:
     with mapped(path) as data:
         if not data:
             raise RecordingError(f"{path}: {EMPTY}")
-        chunks = list(_find_chunks(data))
+        effort = SearchEffort(path, len(data))
+        chunks = list(_find_chunks(data, effort))
         begins = data[: len(MAGIC)] == MAGIC
         if not (begins or chunks):
             raise RecordingError(f"{path}: not an MCAP file, so it cannot be recovered")
-        metadata, attached, damage, finished = _survey(data, chunks)
+        metadata, attached, damage, finished = _survey(data, chunks, effort)
         if not begins:
             damage.insert(0, Damage(0, len(MAGIC), "not the beginning of an MCAP file"))
         found = metadata.setdefault(MetadataName.OPENED, {})
         found.setdefault("session", "unknown")
         version = found.get("format", "")
-        if version.isdecimal() and version not in _RECOVERABLE:
+        if whole_number(version) is not None and version not in _RECOVERABLE:
             raise RecordingError(
                 f"{path}: has format version {version}, this netboard recovers versions {', '.join(_RECOVERABLE)}"
             )
@@ -173,18 +185,20 @@ def mapped(path: Path) -> "Iterator[mmap.mmap | bytes]":
         yield data
 
 
-def _find_chunks(data: mmap.mmap | bytes) -> Iterator[Span]:
+def _find_chunks(data: mmap.mmap | bytes, effort: SearchEffort) -> Iterator[Span]:
     """Yield every valid chunk, in order."""
     position = len(MAGIC)
     while (found := data.find(_SIGNATURE, position + _TO_SIGNATURE)) >= 0:
         start = found - _TO_SIGNATURE
         opcode, length = RECORD_HEAD.unpack_from(data, start)
         stop = start + RECORD_HEAD.size + length
-        if opcode == Opcode.CHUNK and stop <= len(data) and _why_unsound(data, Span(start, stop)) is None:
-            yield Span(start, stop)
-            position = stop
-        else:
-            position = start + 1
+        if opcode == Opcode.CHUNK and stop <= len(data) and has_right_length(data, start, stop):
+            if _why_unsound(data, Span(start, stop)) is None:
+                yield Span(start, stop)
+                position = stop
+                continue
+            effort.spend(stop - start)
+        position = start + 1
 
 
 def _messages(data: mmap.mmap | bytes, chunks: Sequence[Span]) -> Iterator[Entry]:
@@ -203,19 +217,20 @@ def _why_unsound(data: mmap.mmap | bytes, chunk: Span) -> str | None:
 
 
 def _survey(
-    data: mmap.mmap | bytes, chunks: Sequence[Span]
+    data: mmap.mmap | bytes, chunks: Sequence[Span], effort: SearchEffort
 ) -> tuple[dict[str, dict[str, str]], Attachment | None, list[Damage], bool]:
     """Read the data outside chunks: metadata, configuration, damage, and whether the file was finished."""
     metadata: dict[str, dict[str, str]] = {}
     config: Attachment | None = None
     damage: list[Damage] = []
+    named_places = [found.start() for found in _NAMED.finditer(data)]
     edges = [len(MAGIC), *(edge for chunk in chunks for edge in chunk), len(data)]
     for start, stop in zip(edges[::2], edges[1::2], strict=True):
         position = start
         while position < stop:
             record = _whole_record(data, Span(position, stop))
             if isinstance(record, str):
-                following = _next_named(data, Span(position + 1, stop))
+                following = _next_named(data, Span(position + 1, stop), named_places, effort)
                 damage.append(Damage(position, following - position, record))
                 position = following
                 continue
@@ -235,24 +250,26 @@ def _survey(
     return metadata, config, damage, False
 
 
-def _next_named(data: mmap.mmap | bytes, span: Span) -> int:
-    """Return the start of the next whole metadata record or configuration in a span, or the end of the span."""
-    starts = [span.stop]
-    for opcode, name, before in _NAMED:
-        found = data.find(name, span.start + before, span.stop)
-        while found >= 0:
-            start = found - before
-            if data[start] == opcode and not isinstance(_whole_record(data, Span(start, span.stop)), str):
-                starts.append(start)
-                break
-            found = data.find(name, found + 1, span.stop)
-    return min(starts)
+def _next_named(data: mmap.mmap | bytes, span: Span, places: Sequence[int], effort: SearchEffort) -> int:
+    """Return the start of the next whole metadata record or configuration in a span, or the end of the span.
+
+    ``places``: where the names of such records are in the file, in order.
+    """
+    for place in places[bisect_left(places, span.start) : bisect_left(places, span.stop)]:
+        for opcode, before in _NAMED_RECORDS:
+            start = place - before
+            if start >= span.start and data[start] == opcode:
+                record = _whole_record(data, Span(start, span.stop))
+                if not isinstance(record, str):
+                    return start
+                effort.spend(min(RECORD_HEAD.unpack_from(data, start)[1], MAX_RECORD_BYTES))
+    return span.stop
 
 
 def _config_of_event(data: mmap.mmap | bytes, chunks: Sequence[Span]) -> Attachment | None:
     """Return the copy of the configuration in the event with which the server began the block; None without one."""
     for entry in _messages(data, chunks):
-        if _TOPICS.get(entry.channel_id) == "/event" and (text := block_config(EventRecord(**unpack(entry.data)))):
+        if _TOPICS.get(entry.channel_id) == "/event" and (text := block_config(read_record(EventRecord, entry.data))):
             return Attachment(entry.log_time_ns, entry.log_time_ns, CONFIG_NAME, "application/toml", text.encode())
     return None
 
@@ -273,6 +290,8 @@ def _whole_record(data: mmap.mmap | bytes, span: Span) -> tuple[int, bytes] | st
         return "not a record"
     if stop > span.stop:
         return "a chunk cut short" if opcode == Opcode.CHUNK else "a record cut short"
+    if opcode in _READERS and length > MAX_RECORD_BYTES:
+        return f"a damaged record: {length} bytes, expected at most {MAX_RECORD_BYTES}"
     if opcode == Opcode.CHUNK:
         return _why_unsound(data, Span(span.start, stop)) or "a damaged chunk"
     body = data[span.start + RECORD_HEAD.size : stop]

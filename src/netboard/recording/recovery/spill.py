@@ -99,7 +99,7 @@ class Spill:
     def introduce(self, welcome: Welcome) -> None:
         """Set the first message of the file, unless the file has data."""
         if not self._blocks:
-            self._introduction = MAGIC + _block_of(encode(welcome)) + _block_of(encode(self._opened))
+            self._introduction = MAGIC + block_of(encode(welcome)) + block_of(encode(self._opened))
             self._end = len(self._introduction)
 
     @property
@@ -235,7 +235,7 @@ class Spill:
             self._file = FileIO(self.path, "x+", opener=partial(os.open, mode=0o600))  # only its owner may read it
             with suppress(OSError):  # nobody recovers it meanwhile, where the file system has locks
                 lock(self._file.fileno())
-        place, data = block.offset - _HEAD.size, _block_of(block.frame)
+        place, data = block.offset - _HEAD.size, block_of(block.frame)
         # The introduction is written together with the first block: a spill without records leaves no file.
         if place == len(self._introduction):
             place, data = 0, self._introduction + data
@@ -252,7 +252,7 @@ class Spill:
             self._log_once(error.strerror or str(error))
             data = b""
         frame = data[_HEAD.size :]
-        if data != _block_of(frame):
+        if data != block_of(frame):
             self._log_once(f"records {block.first} to {block.stop - 1} cannot be read again")
             block.unreadable = True
             return
@@ -317,7 +317,8 @@ def read_spill(data: "mmap | bytes") -> Iterator[tuple[int, int, Message | None]
         position = end
 
 
-def _block_of(frame: bytes) -> bytes:
+def block_of(frame: bytes) -> bytes:
+    """Return a frame as a spill stores it."""
     return _HEAD.pack(len(frame), zlib.crc32(frame)) + frame
 
 

@@ -29,6 +29,7 @@ from netboard.recording.files.provenance import provenance
 from netboard.recording.files.reader import Recording
 from netboard.recording.files.writer import RecordingWriter
 from netboard.recording.format.channels import block_config, record_of, stamped
+from netboard.recording.format.claims import MAX_STAMP_NS, MAX_WHOLE, whole_number
 from netboard.recording.format.summary import find_gaps
 from netboard.recording.recovery.recover import Damage, RecoveryReport, mapped, recover, recovery_metadata
 from netboard.recording.recovery.spill import MAGIC, OPENED, read_spill
@@ -53,7 +54,7 @@ class _Blocks:
     def __init__(self, path: Path, data: "mmap.mmap | bytes", output: Path | None) -> None:
         self._path, self._data, self._output = path, data, output
         self._welcome, self._opened, self._damage = _introduction(path, data)
-        self._now = self._utc_ns = int(self._opened.details["utc_ns"])
+        self._now = self._utc_ns = _opened_utc(path, self._opened)
         self._made: list[RecordingWriter] = []
         self._finished: list[RecordingWriter] = []
         self._batches: list[int] = []
@@ -114,6 +115,9 @@ class _Blocks:
         """Write the records of a batch as a logger would have written them."""
         writer = self._made[-1]
         expected = writer.next_record
+        if not (expected or 0) <= batch.first <= MAX_WHOLE:
+            before = -1 if expected is None else expected - 1
+            raise RecordingError(f"{self._path}: its records come out of order: {batch.first} after {before}")
         if expected is not None and batch.first > expected:
             writer.note_lost(expected, batch.first - expected, self._now)
         for number, frame in enumerate(batch.records, start=batch.first):
@@ -127,7 +131,7 @@ class _Blocks:
             writer.note_unreadable(frame, number, str(error), self._now)
             return
         if not isinstance(record, FrameRecord | BackfillRecord):  # time stamps of these two refer to the past
-            self._now = max(self._now, _server_ns(record) + self._utc_ns - self._opened.time_ns)
+            self._now = min(max(self._now, _server_ns(record) + self._utc_ns - self._opened.time_ns), MAX_STAMP_NS)
         if writer.next_record is not None and (config := block_config(record)):
             self._finish()
             self._open(config)
@@ -166,6 +170,14 @@ def _introduction(path: Path, data: "mmap.mmap | bytes") -> tuple[Welcome, Event
     if welcome is None or opened is None:
         raise RecordingError(f"{path}: the beginning of this spill is damaged; the rest cannot be read")
     return welcome, opened, damage
+
+
+def _opened_utc(path: Path, opened: EventRecord) -> int:
+    """Return the wall-clock time at which a spill was opened [ns]."""
+    utc_ns = whole_number(opened.details.get("utc_ns", ""))
+    if utc_ns is None or utc_ns < 0:
+        raise RecordingError(f"{path}: the beginning of this spill does not say when it was opened")
+    return utc_ns
 
 
 def _server_ns(record: TickRecord | EventRecord | ClockRecord) -> int:

@@ -1,14 +1,16 @@
 """Marks on the time line of a recording: trials, their outcomes, and other events. Pure."""
 
-import json
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from math import isnan
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import TypeAdapter
 
+from netboard.base.settings import parse_json
 from netboard.network.protocol.records import BLOCK_BEGAN, EventRecord
 from netboard.recording.format.summary import Attempt, Gap
 from netboard.task.trials.state_machine import Cause
@@ -32,6 +34,17 @@ _KINDS: dict[int, str] = {
     Cause.SKIP: "stop",
     Cause.FAULT: "stop",
 }
+
+
+@dataclass(frozen=True, slots=True)
+class _Note:
+    """A note as the console sends it: its text, and the tick at which its writing began."""
+
+    text: str
+    tick: int | None = None
+
+
+_NOTE = TypeAdapter(_Note)
 
 _IN_TICKS = {cause.name.lower() for cause in Cause} | {"attempt_ended", BLOCK_BEGAN}
 """Events that a mark from the ticks already shows."""
@@ -107,8 +120,9 @@ def _event_in_words(event: EventRecord) -> tuple[int, str, str]:
 def _note(tick: int, argument: str) -> tuple[int, str, str]:
     """Return a note, at the tick at which its writing began if known."""
     if argument.lstrip().startswith("{"):
-        note = json.loads(argument)
-        return note.get("tick", tick), "note", note["text"]
+        with suppress(ValueError):  # what is no note of a console is shown as it is
+            note = _NOTE.validate_python(parse_json(argument))
+            return (tick if note.tick is None else note.tick), "note", note.text
     return tick, "note", argument
 
 

@@ -14,7 +14,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 from pydantic import TypeAdapter, ValidationError
 
 from netboard.base.errors import RecordingError
-from netboard.base.settings import FORBID_UNKNOWN_KEYS
+from netboard.base.settings import FORBID_UNKNOWN_KEYS, parse_json
 from netboard.task.trials.state_machine import Outcome
 
 FORMAT = 1
@@ -355,7 +355,7 @@ def read_lines(data: bytes, source: str) -> JournalContent:
 def _json(line: bytes) -> dict[str, Any] | None:
     """Decode a JSON object; return None if the line is none."""
     try:
-        values = json.loads(line)
+        values = parse_json(line)
     except ValueError:
         return None
     return values if isinstance(values, dict) else None

@@ -1,10 +1,10 @@
 """Compare a session with the journal that it resumes, and with the other sessions of its dyad."""
 
-import tomllib
 from collections.abc import Iterator
 from typing import Any
 
 from netboard.base.errors import RecordingError
+from netboard.base.settings import parse_toml
 from netboard.task.journal.entries import Header
 
 
@@ -47,7 +47,7 @@ def changes(header: Header, now: Header) -> tuple[str, ...]:
 
 def _changed_settings(header: Header, today: Header) -> list[str]:
     """Describe the settings that two rigs' configurations have differently; none if a journal lacks its own."""
-    then, new = (dict(_settings(tomllib.loads(one.config))) for one in (header, today))
+    then, new = (dict(_settings(parse_toml(one.config, "its configuration"))) for one in (header, today))
     if not then:
         return []
     both = [(key, then.get(key, "none"), new.get(key, "none")) for key in {**then, **new}]

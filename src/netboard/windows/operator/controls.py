@@ -9,6 +9,7 @@ import json
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLineEdit, QPushButton, QSizePolicy, QVBoxLayout, QWidget
 
+from netboard.base.settings import parse_json
 from netboard.base.tick import TICK_SECONDS
 from netboard.windows.operator.commands import COMMANDS, RELEASING, STOP_KEYS, Command
 from netboard.windows.operator.lamp_widget import PANEL, PLAIN, WATCH, label
@@ -143,7 +144,7 @@ class NoteField(QWidget):
 
     def put_back(self, note: str) -> None:
         """Put a note that was not received back, before what has been written since."""
-        lost = json.loads(note)
+        lost = parse_json(note)
         self._begun = lost["tick"]
         self.text.setText(f"{lost['text']} {self.text.text()}".rstrip())
         self._edited(self.text.text())
