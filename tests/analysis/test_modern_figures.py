@@ -207,7 +207,7 @@ def test_measures_figure_shows_the_levels(study: Study, drawn: dict[str, Picture
 @pytest.mark.slow
 def test_contrasts_figure_shows_effect_sizes_and_p(study: Study, drawn: dict[str, Picture]) -> None:
     picture = drawn["contrasts"]
-    assert "assumes that differences are symmetric" in picture.caption
+    assert "assumes that the differences are distributed symmetrically" in picture.caption
     axes = dict(zip(("forces", "configuration", "interaction"), figure_of(picture).axes, strict=True))
     names = [label.get_text() for label in axes["forces"].get_yticklabels()]
     for one in comparisons(study).parts:
@@ -220,8 +220,9 @@ def test_contrasts_figure_shows_effect_sizes_and_p(study: Study, drawn: dict[str
         assert names[round(row)] == one.measure.name
         assert points(own, f"{label}, interval")[:, 0] == pytest.approx([one.hedges.low, one.hedges.high])
         written = [text.get_text() for text in own.texts if text.get_position()[1] == row]
-        assert written == [f"{one.contrast.permutation.p:.3g}"]
-    assert "smallest possible p is 0.125" in picture.caption
+        assert written == [f"{one.corrected:.3g}"]
+    assert "smallest possible p of one test is 0.125" in picture.caption
+    assert "corrected by Holm's method" in picture.caption
 
 
 def test_differences_figure_shows_the_dyads(study: Study, drawn: dict[str, Picture]) -> None:

@@ -26,10 +26,11 @@ from netboard.analysis.extraction.study import Study, notes
 from netboard.analysis.report.data_quality import data_quality
 from netboard.analysis.report.design import design, participants
 from netboard.analysis.report.grids import Cell, Column, Grid, code, grid, name
-from netboard.analysis.report.numbers import comparison_grid, topics
+from netboard.analysis.report.numbers import comparison_grid, families_grid, topics
 from netboard.analysis.report.summary import few, summary
 from netboard.analysis.report.trials import HEIGHT, LEAD, LONGEST, listings, reach
 from netboard.analysis.report.wording import amount, css_text, plural, visible
+from netboard.analysis.topics import testing
 from netboard.analysis.topics.figure import Picture, as_bytes
 from netboard.base.files.new import new_file
 from netboard.base.settings import Table, tables, to_toml
@@ -81,7 +82,8 @@ def write_report(
         data_quality=data_quality(study, provenance.get("left_out", ())),
         drawn={one.name for one in drawings if one.number},
         drawings=[(one, Markup(one.svg)) for one in drawings],
-        results=topics(results, titles),
+        families=families_grid(results),
+        results=topics(results, titles | {testing.TOPIC: "Tests and their correction"}),
         comparison=None if comparison is None else comparison_grid(comparison),
         settings=settings_grids(study.readings),
         software=software_grid(study, provenance["versions"]),

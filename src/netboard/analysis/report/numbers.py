@@ -10,8 +10,9 @@ from typing import Any
 
 import pandas as pd
 
-from netboard.analysis.report.grids import Cell, Column, Grid, grid_of, name, number
+from netboard.analysis.report.grids import Cell, Column, Grid, grid, grid_of, name, number
 from netboard.analysis.report.wording import NONE, amount, decimals, plural
+from netboard.analysis.topics import testing
 from netboard.analysis.topics.units import Unit, read_in
 
 
@@ -100,6 +101,26 @@ def _result(row: Mapping[str, Any], notes: list[str]) -> dict[Column, Cell | flo
         Column("Of"): row["of"],
         number("Note"): str(notes.index(row["note"]) + 1) if row["note"] else "",
     }
+
+
+def families_grid(results: pd.DataFrame) -> Grid:
+    """Return the families of tests: how many tests, the smallest possible p, and the correction."""
+    mine = results[results["topic"] == testing.TOPIC]
+    rows = []
+    for family, own in mine.groupby("group", sort=False):
+        found = dict(zip(own["quantity"], own["value"], strict=True))
+        least = [amount(found[name]) if name in found else NONE for name in (testing.LEAST, testing.LEAST_CORRECTED)]
+        correction = str(own["note"].iloc[0]).removeprefix("correction: ")
+        rows.append([str(family), int(found[testing.TESTS]), *least, correction, int(found[testing.BELOW])])
+    columns = [
+        name("Family of tests"),
+        number("Tests"),
+        number("Smallest possible p of one test"),
+        number("Smallest possible p after the correction"),
+        Column("Correction for multiple tests"),
+        number(f"p below {testing.LEVEL:g} after the correction"),
+    ]
+    return grid("All tests of this report, by family. – : a test whose p has no such limit.", columns, rows)
 
 
 def records(table: pd.DataFrame) -> list[dict[str, Any]]:

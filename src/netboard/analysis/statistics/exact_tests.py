@@ -23,8 +23,8 @@ MAX_EXACT = 100_000
 
 
 SYMMETRIC = (
-    "assumes that differences are symmetric about 0 where there is no effect; "
-    "with 8 skewed (log-normal) differences it rejects 15 % at .05"
+    "assumes that the differences are distributed symmetrically about 0 if there is no effect; with a skewed "
+    "distribution (log-normal), the test of 8 dyads has 15 % false positives at a level of 5 %"
 )
 """Caution for the p value of a sign-flip test; docs/explanation/analysis-calibration.md has the simulation."""
 

@@ -6,6 +6,7 @@ each level of a further factor minus its first level, within all other factors. 
 family are one family of tests (Holm). They are declared here, before any results are seen.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, TypeVar
@@ -38,12 +39,14 @@ from netboard.analysis.topics.groups import (
     by_factor,
     conditions,
     estimated,
+    interval_text,
     paired_levels,
     performed_by,
     with_base,
 )
 from netboard.analysis.topics.measures import Measure, exponential, levels_of_performers, measures_of
 from netboard.analysis.topics.result import Result, TopicResults, cached, plain
+from netboard.base.plural import plural
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -214,9 +217,9 @@ def _corrected(found: list[Comparison]) -> tuple[Comparison, ...]:
 
 
 KINDS = {
-    "forces": "haptics vs off",
+    "forces": "haptics on vs off",
     "configuration": "dyadic vs bimanual",
-    "interaction": "haptics vs off, dyadic vs bimanual",
+    "interaction": "haptics on vs off, dyadic vs bimanual",
     "factor": "levels of other factors",
 }
 """Titles of the panels."""
@@ -253,7 +256,7 @@ def picture(study: Study) -> Drawn:
         titled(axes[kind], letter, KINDS[kind].replace(", ", ",\n"))
         if kind != kinds[0]:
             axes[kind].set_yticklabels([])
-    return figure, _caption(found)
+    return figure, f"{_caption(found)} {_tests(comparisons(study).parts)}"
 
 
 def looks_of(study: Study, questions: Sequence[Question]) -> dict[str, Look]:
@@ -271,7 +274,7 @@ def _reach(found: Sequence[Comparison]) -> float:
 def _panel(
     axes: "Axes", found: Sequence[Comparison], names: Sequence[str], looks: dict[str, Look], reach: float, height: float
 ) -> None:
-    """Draw one kind of effect, a row for each measure, with p values on the right."""
+    """Draw one kind of effect, a row for each measure, with corrected p values on the right."""
     questions = list(dict.fromkeys(one.question for one in found))
     offsets = dict(zip(questions, beside(len(questions), 0.5 if len(questions) <= 2 else 0.75), strict=True))
     for row in range(0, len(names), 2):
@@ -282,9 +285,9 @@ def _panel(
         draw_mean(
             axes, at, one.hedges, looks[one.question.name], f"{one.measure.name}: {one.question.name}", across=True
         )
-        p = one.contrast.permutation.p
-        axes.text(1.02, at, f"{p:.3g}", transform=axes.get_yaxis_transform(), va="center", fontsize=5.5)
-    axes.text(1.02, -0.75, "p", transform=axes.get_yaxis_transform(), va="center", fontsize=6.5, style="italic")
+        p = f"{one.corrected:.3g}"
+        axes.text(1.02, at, p, transform=axes.get_yaxis_transform(), va="center", fontsize=5.5)
+    axes.text(1.02, -0.75, "p, Holm", transform=axes.get_yaxis_transform(), va="center", fontsize=6.5, style="italic")
     axes.set_yticks(range(len(names)), names, fontsize=7)
     axes.tick_params(axis="y", length=0)
     axes.set_ylim(len(names) - 0.5, -0.5)
@@ -312,16 +315,27 @@ def _short(question: Question) -> str:
 
 def _caption(found: Sequence[Comparison]) -> str:
     n = span([one.contrast.n for one in found])
-    tests = [one.contrast.permutation for one in found]
-    kind, number = "exact permutation tests", "dyads"
-    if not all(test.exact for test in tests):
-        kind, number = "permutation tests by random sign flips", "flips"
-    least = min(test.least_p for test in tests)
-    sure = sum(one.corrected < 0.05 for one in found)
     return (
-        "Mean difference over the standard deviation of the dyads' differences, bias-corrected (g_z), with 95 % "
-        f"confidence intervals of the noncentral t distribution; within-dyad differences, n = {n}; completion times "
-        f"as logarithms. Beyond 1 the axis is logarithmic. p: {kind}, whose smallest possible p is "
-        f"{least:.3g} with this number of {number}. Such a test {SYMMETRIC}. Corrected within families (Holm), {sure} "
-        f"of {len(found)} are below 0.05."
+        f"Mean difference within dyads (n = {n}) over the standard deviation of these differences, bias-corrected "
+        f"(g_z), with {interval_text(one.hedges for one in found)}; completion times as logarithms. Beyond 1 the axis "
+        "is logarithmic."
+    )
+
+
+def _tests(every: Sequence[Comparison]) -> str:
+    """Return sentences on the tests, the smallest possible p, and the correction."""
+    found = [one for one in every if np.isfinite(one.corrected)]
+    tests = [one.contrast.permutation for one in found]
+    kind = "exact permutation tests"
+    if not all(test.exact for test in tests):
+        kind = "permutation tests by random sign flips"
+    sizes = Counter(one.measure.family for one in found)
+    least = min(test.least_p for test in tests)
+    corrected = min(min(1.0, sizes[one.measure.family] * one.contrast.permutation.least_p) for one in found)
+    sure = sum(one.corrected < 0.05 for one in found)
+    families = "; ".join(f"{family}: {plural(size, 'test')}" for family, size in sizes.items())
+    return (
+        f"p: {kind}, corrected by Holm's method within each family of measures ({families}). The smallest possible "
+        f"p of one test is {least:.3g} with this number of dyads, and {corrected:.3g} after the correction; {sure} of "
+        f"{plural(len(found), 'corrected p value')} are below 0.05. The test {SYMMETRIC}."
     )

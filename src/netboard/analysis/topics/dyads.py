@@ -234,7 +234,12 @@ def _gains(axes: "Axes", found: list[Comparison]) -> None:
 def _caption(found: list[Comparison]) -> str:
     known = [(f"{one.condition.haptics_label}, {one.quantity.name}", one.known, "dyad") for one in found]
     least = [one.test.least_p for one in found if np.isfinite(one.test.least_p)]
-    power = f" The smallest possible p of a sign test with this number of dyads is {min(least):.3g}." if least else ""
+    power = ""
+    if least:
+        power = (
+            f" Exploratory, without correction: {plural(len(least), 'sign test')} of these gains, whose smallest "
+            f"possible p is {min(least):.3g} with this number of dyads."
+        )
     intervals = interval_text(one.gain for one in found)
     return (
         "A, B: one point for each participant, with the two of a dyad joined. To the right: better than the partner, "

@@ -26,6 +26,7 @@ from netboard.analysis.topics import (
     paths,
     quality,
     strategy,
+    testing,
 )
 from netboard.analysis.topics.figure import Picture, as_bytes
 from netboard.analysis.topics.result import UNCOMPUTABLE, Result, plain, table_of
@@ -56,6 +57,7 @@ MODERN: tuple[Topic, ...] = (
     influence.influences,
     passive.controls,
     paths.mean_paths,
+    testing.families,
 )
 """Topics beyond the paper."""
 

@@ -1,0 +1,123 @@
+"""Families of tests: how many tests a study has, what the smallest possible p is, and how p values are corrected.
+
+Every p value in the results belongs to one family. The contrasts have a declared correction (Holm, within each family
+of measures). All other tests are exploratory, and their p values are uncorrected.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from math import isfinite, nan
+
+from netboard.analysis.extraction.study import Study
+from netboard.analysis.statistics.exact_tests import Test
+from netboard.analysis.statistics.factors import INTERCEPT
+from netboard.analysis.topics.contrasts import comparisons
+from netboard.analysis.topics.dyads import dyads
+from netboard.analysis.topics.influence import influences
+from netboard.analysis.topics.models import fits
+from netboard.analysis.topics.result import Result, TopicResults, plain
+
+LEVEL = 0.05
+"""Level below which p values are counted [1]."""
+
+HOLM, UNCORRECTED = "Holm, declared", "none: exploratory"
+"""Corrections of a family."""
+
+
+@dataclass(frozen=True, slots=True)
+class FamilyOfTests:
+    """Tests that are corrected together, or counted together: their p values, corrected or as they are [1].
+
+    `least_p` is the smallest possible p of one of them, NaN for a test without such a limit; `dyads` is the smallest
+    and the largest number of dyads in a test [1].
+    """
+
+    name: str
+    p: tuple[float, ...]
+    least_p: float
+    dyads: tuple[int, int]
+    correction: str
+
+    @property
+    def corrected_least_p(self) -> float:
+        """Smallest possible p after the correction [1]."""
+        return min(1.0, len(self.p) * self.least_p) if self.correction == HOLM else self.least_p
+
+    @property
+    def below(self) -> int:
+        """Number of p values below `LEVEL` [1]."""
+        return sum(p < LEVEL for p in self.p)
+
+
+def families(study: Study) -> TopicResults[FamilyOfTests]:
+    """Return all families of tests of a study with at least one test."""
+    every = (*_of_contrasts(study), *_of_dyads(study), *_of_influence(study), *_of_models(study))
+    return TopicResults.of([one for one in every if one.p], _results)
+
+
+TOPIC, TESTS, LEAST, LEAST_CORRECTED, BELOW = (
+    "testing",
+    "number of tests",
+    "smallest possible p of one test",
+    "smallest possible p after the correction",
+    f"number of p values below {LEVEL:g} after the correction",
+)
+"""Topic and quantities of the results."""
+
+
+def _results(one: FamilyOfTests) -> Iterator[Result]:
+    """Yield the number of tests, the smallest possible p before and after the correction, and the small p values."""
+    numbers = {
+        TESTS: float(len(one.p)),
+        LEAST: one.least_p,
+        LEAST_CORRECTED: one.corrected_least_p,
+        BELOW: float(one.below),
+    }
+    for quantity, value in numbers.items():
+        if isfinite(value):
+            yield plain(TOPIC, quantity, one.name, value, "1", one.dyads[0], "dyad", f"correction: {one.correction}")
+
+
+def _of_contrasts(study: Study) -> Iterator[FamilyOfTests]:
+    parts = comparisons(study).parts
+    for measures in dict.fromkeys(one.measure.family for one in parts):
+        own = [one for one in parts if one.measure.family == measures]
+        tests = [one.contrast.permutation for one in own]
+        p = [one.corrected for one in own]
+        yield _family(f"contrasts, measures of {measures}: permutation tests", tests, p, HOLM)
+    signs = [one.contrast.signs for one in parts]
+    yield _family("contrasts, all measures: sign tests", signs, [one.p for one in signs], UNCORRECTED)
+
+
+def _of_dyads(study: Study) -> Iterator[FamilyOfTests]:
+    tests = [one.test for one in dyads(study).parts]
+    yield _family("gains of dyads: sign tests", tests, [one.p for one in tests], UNCORRECTED)
+
+
+def _of_influence(study: Study) -> Iterator[FamilyOfTests]:
+    found = [one for one in influences(study).parts if one.chance is not None]
+    chances = [one.chance for one in found if one.chance is not None]
+    sizes = [len(one.dyads) for one in found]
+    least = min((one.least_p for one in chances), default=nan)
+    yield _known("influence between partners: exchanges of partners", [one.p for one in chances], least, sizes)
+
+
+def _of_models(study: Study) -> Iterator[FamilyOfTests]:
+    for fit in fits(study).fits:
+        terms = [one for one in fit.model.effects if one.name != INTERCEPT]
+        sizes = [fit.model.dyads] * len(terms)
+        yield _known(f"model of {fit.measure}: terms", [one.p for one in terms], nan, sizes)
+
+
+def _family(name: str, tests: Iterable[Test], p: Iterable[float], correction: str) -> FamilyOfTests:
+    every = [(test, value) for test, value in zip(tests, p, strict=True) if isfinite(value)]
+    least = min((test.least_p for test, _ in every), default=nan)
+    return _known(name, [value for _, value in every], least, [test.n for test, _ in every], correction)
+
+
+def _known(
+    name: str, p: Iterable[float], least: float, sizes: Iterable[int], correction: str = UNCORRECTED
+) -> FamilyOfTests:
+    every = [(value, n) for value, n in zip(p, sizes, strict=True) if isfinite(value)]
+    counts = [n for _, n in every] or [0]
+    return FamilyOfTests(name, tuple(value for value, _ in every), least, (min(counts), max(counts)), correction)
