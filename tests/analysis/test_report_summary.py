@@ -89,8 +89,8 @@ def test_ratio_is_compared_with_one() -> None:
         row(1.1021, 1.0182, 1.1929, group="bimanual, haptics on vs off"), row(0.93434, 0.77152, 1.1315)
     ).sentences
     assert found == (
-        "With haptics on, bimanual trials took 1.10 times as long as with haptics off (1.02 to 1.19, 4 dyads): the "
-        "whole interval is above 1; dyadic trials took 0.93 times as long as with haptics off (0.77 to 1.13, 4 dyads): "
+        "With haptics on, bimanual trials took 1.10 times as long as with haptics off (95 % t: 1.02 to 1.19, 4 dyads): the "
+        "whole interval is above 1; dyadic trials took 0.93 times as long as with haptics off (95 % t: 0.77 to 1.13, 4 dyads): "
         "the interval includes 1 (no difference).",
     )
 
@@ -125,10 +125,13 @@ def test_level_is_stated_only_without_a_difference() -> None:
     share = {"topic": "classes", "quantity": "share of cooperative movement"}
     level = row(0.503, 0.412, 0.594, group="dyadic, haptics on", **share)
     assert summary_of(level).sentences == (
-        "The share of cooperative movement was 50.3\u00a0% (dyadic, haptics on) (41.2 to 59.4, 4 dyads).",
+        "The share of cooperative movement was 50.3\u00a0% (dyadic, haptics on) (95 % t: 41.2 to 59.4, 4 dyads).",
     )
     (found,) = summary_of(level, row(0.103, 0.05, 0.156, **share)).sentences
-    assert "by 10.3\u00a0%\u00a0points in dyadic trials (5.0 to 15.6, 4 dyads): the whole interval is above 0." in found
+    assert (
+        "by 10.3\u00a0%\u00a0points in dyadic trials (95 % t: 5.0 to 15.6, 4 dyads): the whole interval is above 0."
+        in found
+    )
 
 
 @pytest.mark.parametrize(("count", "words"), [(1, "trial"), (30, "30 trials")])

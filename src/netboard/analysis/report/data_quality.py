@@ -50,7 +50,7 @@ def _sentences(study: Study, left_out: int) -> list[str]:
     marked = int((trials["flags"] != "").sum())
     return [
         f"{plural(len(blocks), 'recording')}: {amount(int((done >= planned).sum()))} of "
-        f"{plural(len(planned), 'block')} complete; {amount(missing)} of {plural(missing + there, 'tick')} "
+        f"{plural(len(planned), 'analysed block')} complete; {amount(missing)} of {plural(missing + there, 'tick')} "
         f"missing{share}; {unrendered}{plural(int(blocks['repaired'].sum()), 'recording')} repaired; "
         f"{plural(left_out, 'file')} left out.",
         f"{plural(len(trials), 'attempt')}: {', '.join(ends)}; {amount(marked)} with quality flags; "
@@ -59,10 +59,14 @@ def _sentences(study: Study, left_out: int) -> list[str]:
 
 
 def _blocks(study: Study) -> tuple[pd.Series, pd.Series]:
-    """Return planned and completed trials of each block, which may have several recordings."""
+    """Return planned and completed trials of each analysed block, which may have several recordings.
+
+    Blocks for practice often end after a time and not after their trials, so they are never complete.
+    """
     key = ["dyad", "session", "block"]
     done = study.trials.assign(done=study.trials["outcome"] == "success").groupby("recording")["done"].sum()
-    blocks = study.blocks.assign(done=study.blocks["recording"].map(done).fillna(0))
+    analysed = study.analysed
+    blocks = analysed.assign(done=analysed["recording"].map(done).fillna(0))
     grouped = blocks.groupby(key)
     return grouped["trials"].max(), grouped["done"].sum()
 

@@ -76,7 +76,7 @@ def write_report(
         running=Markup(css_text(f"netboard: study {top.title}")),
         style=Markup(files("netboard.analysis.report").joinpath("pages/report.css").read_text(encoding="utf-8")),
         summary=summary(results, titles),
-        few=few(len(study.dyads)),
+        few=few(study.counted["dyad"].nunique()),
         design=design(study),
         participants=participants(study, provenance.get("handedness", {})),
         data_quality=data_quality(study, provenance.get("left_out", ())),
@@ -133,14 +133,15 @@ def head(study: Study, provenance: Mapping[str, Any]) -> Head:
     """Return the head of a report."""
     blocks, trials = study.blocks, study.trials
     days = sorted({str(when)[:10] for when in blocks["opened_utc"]})
-    successes = int((trials["outcome"] == "success").sum())
+    own = trials[trials["recording"].isin(study.analysed["recording"])]
+    successes = int((own["outcome"] == "success").sum())
+    others = len(trials) - len(own)
+    practice = f"; {plural(others, 'attempt')} in blocks that are not analysed, as for practice" if others else ""
+    counted = f"{amount(len(study.counted))} counted of {amount(successes)} done, in {plural(len(own), 'attempt')}"
     facts = [
         ("Dyads", amount(len(study.dyads))),
         ("Recordings", f"{amount(len(blocks))}, {amount(blocks['duration'].sum() / 3600)} h"),
-        (
-            "Trials",
-            f"{amount(len(study.counted))} counted of {amount(successes)} done, in {amount(len(trials))} attempts",
-        ),
+        ("Trials", f"{counted}{practice}"),
         ("Recorded", days[0] if len(days) == 1 else f"{days[0]} to {days[-1]}" if days else "never"),
     ]
     if "made_utc" in provenance:

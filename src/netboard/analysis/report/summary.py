@@ -261,7 +261,8 @@ def _trials(team: str) -> str:
 def _clause(pattern: SentencePattern, row: Mapping[str, Any], words: Mapping[str, str]) -> str:
     """Return a clause with the result of one group and its confidence interval."""
     value = f"{written(row)[0]}{after(unit_of(row))}"
-    aside = ", ".join(part for part in (between(row), plural(int(row["n"]), row["of"])) if part)
+    interval = f"{row['interval']}: {between(row)}" if between(row) else ""
+    aside = ", ".join(part for part in (interval, plural(int(row["n"]), row["of"])) if part)
     clause = f"{pattern.clause.format(value=value, **words)} ({aside})"
     return f"{clause}: {_interval_position(pattern, row)}" if pattern.none else clause
 

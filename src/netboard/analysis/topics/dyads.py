@@ -152,8 +152,8 @@ def picture(study: Study) -> Drawn:
     found = [one for one in dyads(study).parts if one.known]
     if not found:
         return (
-            "A dyad is compared with its two participants alone, in the same haptic condition. No dyad has trials that "
-            "count in one haptic condition both from the dyad and from each of its participants alone."
+            "No dyad can be compared with its participants: that takes trials that count in the same haptic condition, "
+            "both from the dyad and from each of its two participants alone."
         )
     columns = [quantity.column for quantity in QUANTITIES]
     rows = [columns, [f"gain {column}" for column in columns]]

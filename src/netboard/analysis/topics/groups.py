@@ -11,7 +11,7 @@ windows of half the plan would leave out every performer of whom one trial is ex
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import isclose, isfinite, lcm
+from math import isclose, isfinite, lcm, nan
 
 import numpy as np
 import pandas as pd
@@ -343,12 +343,16 @@ def interval_text(estimates: Iterable[Estimate]) -> str:
 
 
 def estimated(topic: str, quantity: str, group: str, found: Estimate, unit: str, note: str = "") -> Result:
-    """Return an estimate, with its confidence interval and its number of units, as a result."""
+    """Return an estimate, with its confidence interval and its number of units, as a result.
+
+    An interval without width is none: the variation between units, from which it is made, is unknown.
+    """
     few = {0: f"no {found.unit} has a value", 1: f"no interval from one {found.unit}"}.get(found.n, "")
     interval = f"{100 * found.level:.0f} % {found.method}" if found.n > 1 else ""
-    alike = isclose(found.low, found.high, rel_tol=ROUNDING)
-    width = f"the interval has no width: every {found.unit} has the same value" if alike else ""
-    note = "; ".join(filter(None, (note, few, width)))
+    if isclose(found.low, found.high, rel_tol=ROUNDING):
+        few = f"no interval: every {found.unit} has the same value, so the variation between them is unknown"
+        found, interval = replace(found, low=nan, high=nan), ""
+    note = "; ".join(filter(None, (note, few)))
     return Result(topic, quantity, group, found.value, found.low, found.high, unit, interval, found.n, found.unit, note)
 
 

@@ -58,8 +58,9 @@ def _results(changed: Collection[str], lead: Levels) -> Iterator[Result]:
 
 
 def changed_seats(study: Study) -> tuple[str, ...]:
-    """Return the dyads whose partners changed seats between dyadic blocks, so that a side is not one participant."""
-    together = study.blocks[study.blocks["configuration"] == "dyadic"]
+    """Return the dyads whose partners changed seats between analysed dyadic blocks: a side is not one participant."""
+    analysed = study.analysed
+    together = analysed[analysed["configuration"] == "dyadic"]
     people = together[~together[["left_by", "right_by"]].isin(STAND_INS).any(axis=1)]
     seats = people.groupby("dyad")["left_by"].nunique()
     return tuple(seats.index[seats > 1])
