@@ -89,8 +89,9 @@ def test_ratio_is_compared_with_one() -> None:
         row(1.1021, 1.0182, 1.1929, group="bimanual, haptics on vs off"), row(0.93434, 0.77152, 1.1315)
     ).sentences
     assert found == (
-        "With haptics on, bimanual trials took 1.10 times as long as with haptics off (95 % t: 1.02 to 1.19, 4 dyads): the "
-        "whole interval is above 1; dyadic trials took 0.93 times as long as with haptics off (95 % t: 0.77 to 1.13, 4 dyads): "
+        "With haptics on, bimanual trials took 1.10 times as long as with haptics off (95 % t: 1.02 to 1.19, "
+        "4 dyads): the whole interval is above 1; dyadic trials took 0.93 times as long as with haptics off "
+        "(95 % t: 0.77 to 1.13, 4 dyads): "
         "the interval includes 1 (no difference).",
     )
 
