@@ -79,7 +79,7 @@ def test_every_axis_has_a_label_with_a_unit(draw: Callable[[Study], Picture], st
 def test_captions_state_n_and_the_kind_of_interval(draw: Callable[[Study], Picture], study: Study) -> None:
     caption = draw(study).caption
     assert re.search(r"[Nn] = \d", caption)
-    assert re.search(r"95 % confidence intervals \((t|t, log scale|Wilson|t, log scale; t)\)", caption)
+    assert re.search(r"95 % confidence intervals \((t|Wilson|t on the log scale(; t)?)\)", caption)
     assert caption.endswith("Simulated participants: no evidence about people.")
 
 

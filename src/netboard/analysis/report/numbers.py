@@ -118,9 +118,11 @@ def families_grid(results: pd.DataFrame) -> Grid:
         number("Smallest possible p of one test"),
         number("Smallest possible p after the correction"),
         Column("Correction for multiple tests"),
-        number(f"p below {testing.LEVEL:g} after the correction"),
+        number(f"p below {testing.LEVEL:g}, corrected as stated"),
     ]
-    return grid("All tests of this report, by family. – : a test whose p has no such limit.", columns, rows)
+    return grid(
+        "All tests of this report, by family. A dash: the p value of this test has no lower limit.", columns, rows
+    )
 
 
 def records(table: pd.DataFrame) -> list[dict[str, Any]]:

@@ -103,8 +103,8 @@ def mean_interval(
 
 METHODS: dict[Range, str] = {
     "real": "t",
-    "positive": "t, log scale",
-    "balance": "t, Fisher's z",
+    "positive": "t on the log scale",
+    "balance": "t on the scale of Fisher's z",
     "share": "Wilson",
 }
 """Method of the confidence interval of a mean, by the range of the quantity."""

@@ -214,7 +214,7 @@ def _caption(study: Study, found: list[Shares]) -> str:
     return (
         f"Shares of the time {window} in which the sides move in opposite directions (cooperative), in the same one "
         f"(competitive), one moves (single) or none (still); {weight} of a performer has equal weight. A: means over "
-        "dyads. B to E: dyads (small points, joined), and means over dyads with "
-        f"{interval_text(mean for one in found for mean in one.means)} (large). "
+        "dyads. B to E: dyads (small points, joined); large points: means over dyads with "
+        f"{interval_text(mean for one in found for mean in one.means)}. "
         f"{due_count(known)}"
     )

@@ -72,6 +72,6 @@ def _caption(found: Sequence[Comparison]) -> str:
     n = [one.contrast.n for one in found]
     intervals = interval_text(one.difference for one in found)
     return (
-        "Differences between conditions (ratios for completion times): within each dyad (small points), and the mean "
-        f"over dyads with {intervals} (large); n = {span(n)} {noun(max(n), 'dyad')}."
+        "Differences between conditions (ratios for completion times): small points: within each dyad; large points: "
+        f"means over dyads with {intervals}; n = {span(n)} {noun(max(n), 'dyad')}."
     )

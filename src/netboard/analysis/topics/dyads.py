@@ -244,6 +244,6 @@ def _caption(found: list[Comparison]) -> str:
     return (
         "A, B: one point for each participant, with the two of a dyad joined. To the right: better than the partner, "
         "both alone in the same haptic condition; upwards: the dyad takes longer than the participant alone. "
-        f"C, D: gains of the dyads (small points), and their means with {intervals} (large). "
+        f"C, D: gains of the dyads (small points); large points: their means with {intervals}. "
         f"{due_count(known)}{power}"
     )

@@ -334,7 +334,7 @@ def estimate(values: pd.Series, within: Range, of: str = "dyad") -> Estimate:
 
 
 def interval_text(estimates: Iterable[Estimate]) -> str:
-    """Return the level and the methods of intervals, such as ``95 % confidence intervals (t, log scale)``."""
+    """Return the level and the methods of intervals, such as ``95 % confidence intervals (Wilson)``."""
     known = [one for one in estimates if isfinite(one.low)]
     levels = dict.fromkeys(f"{100 * one.level:.0f} %" for one in known)
     methods = dict.fromkeys(one.method for one in known)

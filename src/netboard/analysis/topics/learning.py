@@ -337,9 +337,9 @@ def _caption(study: Study, teams: tuple[TeamLearning, ...]) -> str:
     if study.readings.movements.window == "whole":
         areas = "with the hold, so they exceed the completion time"
     return (
-        "Completion time and number of velocity peaks of the ball over the trials, all force conditions pooled. Lines: "
-        f"means of all trials with the same number; areas: time of each class of movement ({areas}). Small points: "
-        f"dyads, in groups of {windows.group} trials; large points: means over dyads with {intervals}. "
+        "Completion time and number of velocity peaks of the ball over the trials; haptic conditions are pooled. "
+        f"Lines: means of all trials with the same number; areas: time of each class of movement ({areas}). Small "
+        f"points: dyads, in groups of {windows.group} trials; large points: means over dyads with {intervals}. "
         f"Numbers: mean ± SD (of {of}) of the first and the last {windows.ends} trials. "
         f"{sentence(people)}"
         f"{f' {sentence(windows.note)}' if windows.note else ''}"

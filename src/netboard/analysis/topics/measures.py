@@ -292,7 +292,7 @@ def _results(one: Levels) -> Iterator[Result]:
 def exponential(estimate: Estimate) -> Estimate:
     """Transform an estimate back from its logarithm; the method of its interval says so."""
     value, low, high = (float(np.exp(x)) for x in (estimate.value, estimate.low, estimate.high))
-    return replace(estimate, value=value, low=low, high=high, method=f"{estimate.method}, log scale")
+    return replace(estimate, value=value, low=low, high=high, method=f"{estimate.method} on the log scale")
 
 
 Where = Literal["outside upper center", "outside lower center"]
@@ -371,11 +371,25 @@ def _panel(axes: "Axes", found: Sequence[Levels], at: dict[str, float]) -> None:
     unit = read_in(measure.unit, measure.name)
     draw_levels(axes, found, at, unit.scale)
     axes.margins(y=0.08)
+    if measure.within == "share":
+        _widen(axes, NARROWEST * unit.scale)
     axes.set_title(fill(measure.name, _TITLE), loc="left", fontsize=7.5)
     axes.set_ylabel(unit.in_brackets, fontsize=7)
     axes.tick_params(axis="y", labelsize=6.5)
     axes.set_xlim(-0.6, max(at.values()) + 0.6)
     axes.set_xticks([])
+
+
+NARROWEST = 0.02
+"""Smallest range of an axis of shares: on a narrower one, no difference would look like a large one [1]."""
+
+
+def _widen(axes: "Axes", least: float) -> None:
+    """Widen the vertical axis, about its middle, to a smallest range."""
+    low, high = axes.get_ylim()
+    if high - low < least:
+        middle = (low + high) / 2
+        axes.set_ylim(middle - least / 2, middle + least / 2)
 
 
 def _caption(found: Sequence[Levels], shown: Sequence[Condition]) -> str:

@@ -308,7 +308,7 @@ def _caption(found: Fits, shown: Sequence[Fit]) -> str:
         for one in shown
     )
     failed = "".join(
-        f" No model of {one.measure}: {'; '.join(one.model.notes)}." for one in found.fits if not one.model.fitted
+        f" No model of {one.measure}: {'; '.join(_why(one.model))}." for one in found.fits if not one.model.fitted
     )
     left = f" {'; '.join(found.notes)}." if found.notes else ""
     checked = " B: residuals of the first model in order of size." if shown[0].model.diagnostics is not None else ""
@@ -319,6 +319,11 @@ def _caption(found: Fits, shown: Sequence[Fit]) -> str:
         f"(x): the ratio of two such effects. Bars: {_intervals(shown)}{_beyond(shown)}.{checked} "
         f"{sentence(fitted)}{failed}{left}"
     )
+
+
+def _why(model: Model) -> list[str]:
+    """Return why a model is not fitted, without the notes on its terms."""
+    return [note for note in model.notes if note.startswith("not ")] or list(model.notes)
 
 
 def _intervals(shown: Sequence[Fit]) -> str:

@@ -24,7 +24,6 @@ from netboard.analysis.topics.figure import (
     beside,
     draw_dyads,
     draw_mean,
-    listed,
     look_of,
     new_mosaic,
     pictured,
@@ -212,8 +211,8 @@ def _caption(found: tuple[Control, ...]) -> str:
 def _device(found: tuple[Control, ...]) -> str:
     """Return sentences on the arms of the passive hand."""
     frictions = [one.friction for one in found if one.with_device]
-    arms = listed([f"{k}" for k in STIFFNESSES])
-    alone = f"Its arm has a stiffness of {arms} N/m; without friction, the share is an upper bound."
+    arms = ", ".join(f"{k} N/m" for k in STIFFNESSES)
+    alone = f"Stiffness of its arm: {arms}. Without friction, the share is an upper bound."
     if not frictions:
         return f"{alone} The friction of the device is unknown."
     return f"{alone} With the device, it also has the device's friction of {np.mean(frictions):.2f} N."

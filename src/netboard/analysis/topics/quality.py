@@ -13,7 +13,7 @@ import pandas as pd
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.statistics.estimates import Estimate, t_interval
 from netboard.analysis.topics.figure import Drawn, look_of, new_mosaic, pictured, titled
-from netboard.analysis.topics.groups import block_labels, estimated, excluded, interval_text, of_blocks
+from netboard.analysis.topics.groups import block_labels, estimated, excluded, of_blocks
 from netboard.analysis.topics.measures import exponential, legend
 from netboard.analysis.topics.result import Result, plain
 from netboard.base.plural import plural
@@ -199,7 +199,8 @@ def _drift(found: Quality) -> str:
     if not np.isfinite(found.drift.value):
         return "A drift cannot be separated from the conditions."
     ends = f" ({_percent(found.drift.low)} to {_percent(found.drift.high)})" if np.isfinite(found.drift.low) else ""
-    interval = f", {interval_text([found.drift])} over {plural(found.drift.n, 'dyad')}" if ends else ""
+    dyads, level = plural(found.drift.n, "dyad"), 100 * found.drift.level
+    interval = f" ({level:.0f} % confidence interval over {dyads}, {found.drift.method})" if ends else ""
     return (
         f"Within a performer and a condition, times change by {_percent(found.drift.value)}{ends} from block to "
         f"block{interval}."

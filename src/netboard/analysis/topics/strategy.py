@@ -297,6 +297,6 @@ def _caption(study: Study, teams: tuple[TeamStrategy, ...]) -> str:
     return (
         f"Ball at the onset of the first braking movement, in groups of {windows.group} trials of a condition. Above: "
         f"mean and ellipse of all trials of a group; axes: principal components, {extent}. Below: variances within "
-        f"performers, averaged for each dyad (thin), and means over dyads with bands of {intervals} "
-        f"(thick). {sentence(each)}{f' {sentence(windows.group_note)}' if windows.group_note else ''}"
+        "performers; thin lines: averages of each dyad; thick lines: means over dyads, with bands of "
+        f"{intervals}. {sentence(each)}{f' {sentence(windows.group_note)}' if windows.group_note else ''}"
     )

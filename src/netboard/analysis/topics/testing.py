@@ -60,7 +60,7 @@ TOPIC, TESTS, LEAST, LEAST_CORRECTED, BELOW = (
     "number of tests",
     "smallest possible p of one test",
     "smallest possible p after the correction",
-    f"number of p values below {LEVEL:g} after the correction",
+    f"number of p values below {LEVEL:g}, corrected as stated",
 )
 """Topic and quantities of the results."""
 
