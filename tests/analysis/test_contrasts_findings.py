@@ -117,7 +117,7 @@ def test_random_sample_of_sign_flips_is_not_called_exact() -> None:
     assert one.contrast.permutation.p == one.contrast.permutation.least_p == pytest.approx(0.0002)
     table = table_of(comparisons(study).results).set_index("quantity")
     noted = table.loc["completion time: p, permutation test", "note"]
-    assert noted.startswith("at least 0.0002 with this number of random sign flips")
+    assert noted.startswith("smallest possible p 0.0002 with this number of random sign flips")
     caption = picture(study).caption
     assert "permutation tests by random sign flips, whose smallest possible p is 0.0002" in caption
     assert "exact" not in caption

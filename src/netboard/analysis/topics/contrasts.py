@@ -147,11 +147,14 @@ def _results(one: Comparison) -> Iterator[Result]:
     yield estimated("contrasts", f"{one.measure.name}: g_z", group, one.hedges, "1", note)
     for kind, test in (("sign test", contrast.signs), ("permutation test", contrast.permutation)):
         number = f"{test.n} dyads" if test.exact else "this number of random sign flips"
-        least = f"at least {test.least_p:.3g} with {number}" if np.isfinite(test.least_p) else "too few to test"
+        least = (
+            f"smallest possible p {test.least_p:.3g} with {number}" if np.isfinite(test.least_p) else "too few to test"
+        )
         shape = f"; {_symmetry(contrast)}" if test is contrast.permutation else ""
         name = f"{one.measure.name}: p, {kind}"
         yield plain("contrasts", name, group, test.p, "1", test.n, "dyad", f"{least}{shape}")
-    family = f"all contrasts of all measures of {one.measure.family}, permutation tests; {_symmetry(contrast)}"
+    family = f"p of the permutation test, corrected over all contrasts of all measures of {one.measure.family}"
+    family = f"{family}; {_symmetry(contrast)}"
     yield plain("contrasts", f"{one.measure.name}: p, Holm", group, one.corrected, "1", contrast.n, "dyad", family)
 
 

@@ -156,7 +156,7 @@ def _results(found: tuple[ConditionDelay, ...], kind: str) -> Iterator[Result]:
     for team in dict.fromkeys(one.condition.team for one in found):
         own = [overall[one.condition.name] for one in found if one.condition.team == team]
         mean = estimate(pd.concat(own, axis=1).mean(axis=1, skipna=False), found[0].as_set.within)
-        yield estimated(TOPIC, f"delay, {OVER_ALL}", team, mean, "s", f"{kind}; over its conditions")
+        yield estimated(TOPIC, f"delay, {OVER_ALL}", team, mean, "s", f"{kind}; mean over its haptic conditions")
     every = tuple(one.condition for one in found)
     performers = {one.condition.name: one.as_set.performers.mean(axis=1, skipna=False) for one in found}
     for group, differences in comparisons(every, performers):

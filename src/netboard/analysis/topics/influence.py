@@ -78,7 +78,12 @@ def _results(one: Influence) -> list[Result]:
             ("Granger strength", chance.value, "nat", note),
             ("Granger strength of surrogate dyads", chance.level, "nat", f"{len(chance.surrogates)} pairings"),
             ("Granger strength beyond surrogates", chance.excess, "nat", note),
-            ("Granger strength: p by surrogates", chance.p, "1", f"at least {chance.least_p:.3g} from these exchanges"),
+            (
+                "Granger strength: p by surrogates",
+                chance.p,
+                "1",
+                f"smallest possible p {chance.least_p:.3g} with these exchanges",
+            ),
         ]
     return [plain("influence", name, group, x, unit, n, "dyad", why) for name, x, unit, why in numbers]
 
