@@ -24,6 +24,7 @@ def info(recording: RecordingFile) -> None:
     console = plain_console()
     with Recording(recording) as opened:
         console.print(provenance_table(opened))
-        console.print(summary_tables(summary_of(opened), opened.config))
-        console.print(quality_table(judged(opened)))
+        verdicts = judged(opened)
+        console.print(summary_tables(summary_of(opened), opened, verdicts))
+        console.print(quality_table(verdicts))
     console.print(account_table(recording))

@@ -44,6 +44,8 @@ STATUS = Status(
     recordings=(),
     stations=(),
     refused=(),
+    lost=(),
+    repeats=(),
 )
 """Status of a session that has just begun."""
 
@@ -105,7 +107,7 @@ class FakeLogServer:
                 self.greeted, self._cursor = True, None
                 return [self._welcome]
             case _ if not self.greeted:
-                return [Refusal("say hello first")]
+                return [Refusal("it has not joined yet")]
             case LogRequest(first=first):
                 self.requests.append(first)
                 self._cursor = self.ring.start(first)

@@ -22,6 +22,9 @@ port = ${PORT:-5550}
 
 [recording]
 directory = "$folder"
+
+[quality]
+excluded_share = 1.0    # nobody is there to be asked whether lost trials are repeated
 TOML
 
 control() { netboard control -c "$rig" "$@"; }

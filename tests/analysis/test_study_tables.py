@@ -13,6 +13,7 @@ from netboard.analysis.extraction.recordings import Measured
 from netboard.analysis.extraction.settings import Exclusions, Readings, parse
 from netboard.analysis.extraction.study import FIELDS_IN_STUDY, Study, notes, study_of
 from netboard.base.errors import ConfigError
+from netboard.base.tables.experiment import TECHNICAL
 from rehearsed_study import measured, rehearse
 
 
@@ -30,7 +31,7 @@ def study(folder: Path, *words: str) -> Study:
 
 def blocks(**columns: object) -> pd.DataFrame:
     base = {"recording": ["r"], "pilot": 0, "simulated": 0, "not_measured": "", "run": "r", "block": 1}
-    return pd.DataFrame(base | {"config_sha256": ""} | columns)
+    return pd.DataFrame(base | {"config_sha256": "", "exclude": " ".join(TECHNICAL)} | columns)
 
 
 def trials(**columns: object) -> pd.DataFrame:

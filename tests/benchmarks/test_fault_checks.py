@@ -179,7 +179,7 @@ def test_every_tick_must_be_accounted_for() -> None:
 
 
 def test_event_must_be_recorded_with_its_words_within_the_window() -> None:
-    event = EventRecord(0, 1, START + MS, "refused", {"reason": "say hello first"})
+    event = EventRecord(0, 1, START + MS, "refused", {"reason": "it has not joined yet"})
     noticed = evidence(rig=taken(events=(event,)))
     assert recorded("refused")(noticed).holds
     assert recorded("refused", "hello", "first")(noticed).holds
@@ -189,7 +189,7 @@ def test_event_must_be_recorded_with_its_words_within_the_window() -> None:
 
 
 def test_facts_and_failures_of_a_case_are_checked() -> None:
-    fact = evidence(window=replace(WINDOW, facts={"answer": "say hello first"}))
+    fact = evidence(window=replace(WINDOW, facts={"answer": "it has not joined yet"}))
     assert fact_contains("answer", "hello")(fact).holds
     assert not fact_contains("answer", "welcome")(fact).holds
     assert not fact_contains("question", "hello")(fact).holds

@@ -30,6 +30,7 @@ pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(600
 
 QUICK = (
     "task.level_time=0.02",
+    "quality.excluded_share=1.0",
     "task.level_angle_deg=8.0",
     "task.level_rate_deg_s=90.0",
     "task.level_height=0.05",

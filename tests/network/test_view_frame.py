@@ -12,7 +12,7 @@ from netboard.base.tick import TICK
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.messages import KINDS
 from netboard.network.protocol.view_frame import CONTENT, MAX_SIZE, write_view
-from netboard.stage.curtain import Curtain, make_curtain, view_of
+from netboard.stage.curtain import Curtain, Pause, make_curtain, view_of
 from netboard.stage.view import View
 from netboard.task.trials.state_machine import Phase
 
@@ -43,8 +43,9 @@ def written(curtain: Curtain, tick: Any, station: Side, content: Any, *, at_any_
     """The frame of a station's view."""
     frame = np.zeros(MAX_SIZE, np.uint8)
     best, rest = of.get("best", np.nan), of.get("rest", np.nan)
-    words, sent_ns, seq = tick.view(np.int64), of.get("sent_ns", 0), of.get("seq", 0)
-    size = write_view(frame, curtain.stations[station], words, content, at_any_rate, best, sent_ns, seq, rest)
+    sent_ns, seq, pause = (of.get(name, 0) for name in ("sent_ns", "seq", "pause"))
+    words, packed = tick.view(np.int64), curtain.stations[station]
+    size = write_view(frame, packed, words, content, at_any_rate, best, sent_ns, seq, rest, pause)
     return frame[:size].tobytes()
 
 
@@ -55,14 +56,16 @@ def written(curtain: Curtain, tick: Any, station: Side, content: Any, *, at_any_
     st.none() | st.floats(0.1, 99.0),
     st.none() | st.floats(0.1, 99.0),
     st.integers(0, 2**62),
+    st.sampled_from(Pause),
 )
 def test_frame_is_the_view(
-    seed: int, curtain: Curtain, station: Side, best: float | None, rest: float | None, sent_ns: int
+    seed: int, curtain: Curtain, station: Side, best: float | None, rest: float | None, sent_ns: int, pause: Pause
 ) -> None:
     tick = row(seed)
     known: dict[str, Any] = {name: value for name, value in (("best", best), ("rest", rest)) if value is not None}
-    frame = written(curtain, tick, station, np.zeros(CONTENT, np.int64), sent_ns=sent_ns, seq=seed, **known)
-    view = view_of(curtain, tick[0], station, best, sent_ns, seed, rest)
+    known |= {"sent_ns": sent_ns, "seq": seed, "pause": int(pause)}
+    frame = written(curtain, tick, station, np.zeros(CONTENT, np.int64), **known)
+    view = view_of(curtain, tick[0], station, best, sent_ns, seed, rest, pause)
     assert decode(frame) == view
     assert decode(encode(view)) == view
 
@@ -88,9 +91,8 @@ def test_longest_view_fits_the_frame_and_the_protocol() -> None:
     for phase in Phase:
         tick = row(1)
         tick["phase"], tick["completion"], tick["attempt"] = phase, 1.0, 2
-        frame = written(
-            CURTAINS[1], tick, "left", np.zeros(CONTENT, np.int64), best=1.0, rest=1.0, sent_ns=2**62, seq=2**62
-        )
+        longest = {"best": 1.0, "rest": 1.0, "sent_ns": 2**62, "seq": 2**62, "pause": len(Pause) - 1}
+        frame = written(CURTAINS[1], tick, "left", np.zeros(CONTENT, np.int64), **longest)
         sizes.append(len(frame))
     assert max(sizes) <= min(limit, MAX_SIZE)
 

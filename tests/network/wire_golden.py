@@ -176,7 +176,12 @@ EXAMPLES: dict[str, Message] = {
         outcomes=14,
         recordings=(("S01_D03_20260102T030405Z_7f3a9c52_block03.mcap", 0.18, 1_048_576, 512_000_000_000),),
         stations=(("left", 0.0004, 1, -0.735, 0, 2), ("right", math.nan, 0, 0.0, 0, 0)),
-        refused=(("handshake", "its key is not known here", 400), ("control", "say hello first", 3)),
+        refused=(
+            ("handshake", "its key is not known here", 400),
+            ("control", "it has not joined yet", 3),
+        ),
+        lost=(2, 5),
+        repeats=(1,),
     ),
     "backfill-request": motion.BackfillRequest(123_457, 131_072),
     "backfill": motion.Backfill(

@@ -99,7 +99,7 @@ def test_frames_are_numbered_per_station() -> None:
 
 def test_unregistered_peers_and_malformed_messages_are_refused() -> None:
     rig = Rig()
-    assert rig.exchange(b"x", StatusRequest()) == [Refusal("say hello first")]
+    assert rig.exchange(b"x", StatusRequest()) == [Refusal("it has not joined yet")]
     assert isinstance(rig.exchange(b"x", b"\xc1")[0], Refusal)
     assert rig.exchange(b"x", hello("logger")) == [Refusal("this is the fake channel, which takes no logger")]
 

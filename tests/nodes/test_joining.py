@@ -198,7 +198,7 @@ def test_only_hello_is_unpacked_from_unregistered_peers() -> None:
     rig = ControlRig()
     rig.router.send_from(b"x", b"\x97\x15\xc1")  # a report of frames, then invalid bytes
     rig.tick()
-    assert rig.router.received_by(b"x") == [Refusal("say hello first")]
+    assert rig.router.received_by(b"x") == [Refusal("it has not joined yet")]
 
 
 def test_closed_connection_frees_its_place_at_once() -> None:

@@ -105,7 +105,7 @@ def test_silent_logger_is_dropped_and_must_say_hello_again(rig: Rig) -> None:
     rig.clock.advance(SILENCE_TIMEOUT_NS * 1e-9 + 1e-3)
     rig.pump(L)
     assert rig.port.loggers == 0
-    assert rig.pump(L, LogAck(0, 0, "a.mcap", 0)) == [Refusal("say hello first")]
+    assert rig.pump(L, LogAck(0, 0, "a.mcap", 0)) == [Refusal("it has not joined yet")]
 
 
 def test_end_is_sent_after_all_records_and_done_when_they_are_on_disk(rig: Rig) -> None:
@@ -146,7 +146,7 @@ def test_departed_logger_is_reported_and_its_backlog_kept(rig: Rig) -> None:
 
 
 def test_unauthorised_peers_and_messages_are_refused(rig: Rig) -> None:
-    assert rig.pump(L, LogRequest(0)) == [Refusal("say hello first")]
+    assert rig.pump(L, LogRequest(0)) == [Refusal("it has not joined yet")]
     assert rig.pump(L, hello("agent", "left")) == [Refusal("this is the fake channel, which takes no agent")]
     assert isinstance(rig.pump(L, hello("logger", "left"))[0], Refusal)
     rig.pump(L, hello("logger"))

@@ -74,7 +74,7 @@ def rig(new_rig: Callable[[], Rig]) -> Rig:
 def test_unregistered_agent_is_refused_and_registered_agent_is_not(rig: Rig) -> None:
     rig.router.send_from(A, STYLUS)
     rig.drain(lambda: 0)
-    assert rig.router.received_by(A) == [Refusal("say hello first")]
+    assert rig.router.received_by(A) == [Refusal("it has not joined yet")]
     rig.registered().router.send_from(A, STYLUS)
     rig.drain(lambda: MS)
     assert rig.router.received_by(A) == []
@@ -113,7 +113,7 @@ def test_second_agent_of_a_side_is_refused_until_the_first_times_out(rig: Rig) -
     assert isinstance(rig.router.received_by(b"other")[0], Welcome)
     rig.router.send_from(A, STYLUS)
     rig.drain(lambda: MS + TIMEOUT_NS + UNREGISTERED_INTERVAL_NS)
-    assert rig.router.received_by(A) == [Refusal("say hello first")]
+    assert rig.router.received_by(A) == [Refusal("it has not joined yet")]
 
 
 def test_newest_sample_is_used_in_any_order_of_arrival(rig: Rig) -> None:

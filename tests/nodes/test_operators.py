@@ -64,7 +64,8 @@ def test_refused_command_lists_the_commands_possible_now() -> None:
     paused = replace(NOW, phase=Phase.PAUSED)
     assert ops.decide(by(A, "start"), paused).reason.startswith("cannot start while paused; possible now: resume")
     assert (
-        ops.decide(by(A, "resume"), NOW).reason == "cannot resume while idle; possible now: start, stop, repeat, veto"
+        ops.decide(by(A, "resume"), NOW).reason
+        == "cannot resume while idle; possible now: start, stop, repeat, repeat_lost, veto"
     )
     for phase in Phase:
         now = replace(NOW, phase=phase)
@@ -102,7 +103,7 @@ def test_start_is_refused_until_the_session_form_is_complete() -> None:
 def test_start_is_refused_with_missing_peers_or_disarmed_devices() -> None:
     ops = operators()
     missing = replace(NOW, missing=("the left agent", "the logger"))
-    assert ops.decide(by(A, "start"), missing).reason == "cannot start without the left agent, the logger"
+    assert ops.decide(by(A, "start"), missing).reason == "cannot start without the left agent and the logger"
     assert ops.decide(by(A, "disarm"), NOW).accepted
     assert ops.decide(by(A, "start"), NOW).reason == "cannot start: the devices are not armed (arm)"
     assert ops.decide(by(A, "arm"), NOW).accepted

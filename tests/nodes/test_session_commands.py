@@ -28,6 +28,8 @@ from netboard.nodes.server.block_changes import PAGE_TICKS
 from netboard.nodes.server.record_keeping import FRAMES_AT_ONCE
 from netboard.nodes.server.session import FEED_TICKS
 from netboard.nodes.server.supervision import READY_TICKS
+from netboard.stage.curtain import Pause
+from netboard.task.journal.entries import AttemptEnded, EmergencyReleased, EmergencyStopped, read_lines
 from netboard.task.trials.state_machine import Phase
 
 
@@ -427,16 +429,6 @@ def test_command_with_words_that_mean_nothing_is_refused(stepped: SteppedSession
     assert stepped.phase == Phase.RUNNING
 
 
-def test_reason_of_a_refusal_in_a_trial_is_shown_until_the_next_phase(stepped: SteppedSession) -> None:
-    stepped.start()
-    stepped.until(Phase.LEVELLING)
-    accepted, reason = stepped.do("next")
-    assert not accepted
-    assert stepped.state.supervisor.notice == reason
-    stepped.until(Phase.RUNNING)
-    assert stepped.state.supervisor.notice == ""
-
-
 @pytest.mark.parametrize("command", ["emergency_stop", "pause", "disarm"])
 def test_command_that_stops_forces_acts_whatever_follows_it(stepped: SteppedSession, command: str) -> None:
     stepped.start()
@@ -465,6 +457,62 @@ def test_last_trial_of_a_block_can_be_repeated_while_it_runs(stepped: SteppedSes
     assert stepped.phase == Phase.LEVELLING
     stepped.finish_block()
     assert [(row[1], row[6]) for row in stepped.state.attempts.finished] == [(1, 0), (2, 0), (3, 2)]
-    accepted, reason = stepped.do("repeat")
-    assert not accepted
-    assert reason == "cannot repeat a trial: the block is over. Repeat its last trial while it runs"
+    assert stepped.do("repeat") == (True, "trial 3 is repeated at the end of the block")
+    assert stepped.phase == Phase.PAUSED
+
+
+def test_refused_command_changes_no_operators_notice(stepped: SteppedSession) -> None:
+    stepped.tick()
+    before = stepped.session._answers.status().notice
+    assert not stepped.do("resume")[0]
+    stepped.tick()
+    assert stepped.session._answers.status().notice == before
+
+
+def test_pause_and_emergency_stop_are_told_to_operators_and_participants(stepped: SteppedSession) -> None:
+    stepped.start()
+    stepped.until(Phase.RUNNING)
+    assert stepped.state.view_notice == Pause.NONE
+    stepped.do("pause")
+    assert stepped.state.supervisor.notice == "paused by the operator (console)"
+    assert stepped.state.view_notice == Pause.OPERATOR
+    stepped.do("resume")
+    stepped.until(Phase.RUNNING)
+    assert stepped.do("pause_after_trial")[0]
+    stepped.succeed()
+    stepped.until(Phase.PAUSED)
+    assert stepped.state.supervisor.notice == "paused by the operator (console)"
+    stepped.do("resume")
+    stepped.until(Phase.RUNNING)
+    stepped.do("emergency_stop")
+    stepped.until(Phase.PAUSED)
+    assert stepped.state.view_notice == Pause.STOP
+    stepped.do("emergency_release")
+    assert stepped.state.supervisor.notice == "paused: emergency stop by an operator"
+    assert stepped.state.view_notice == Pause.STOP
+
+
+def test_emergency_stop_has_its_own_outcome_and_journal_entries(tmp_path: Path, context: sockets.Context) -> None:
+    stepped = SteppedSession(tmp_path, context)
+    stepped.start()
+    stepped.until(Phase.RUNNING)
+    stepped.do("emergency_stop")
+    stepped.until(Phase.PAUSED)
+    stepped.do("emergency_release")
+    assert [one.outcome for one in stepped.state.attempts.finished] == ["emergency_stop"]
+    stepped.close()
+    _, entries, *_ = read_lines(stepped.planned.path.read_bytes(), "journal")
+    assert [entry.outcome for entry in entries if isinstance(entry, AttemptEnded)] == ["emergency_stop"]
+    assert [entry.reason for entry in entries if isinstance(entry, EmergencyStopped)] == [
+        "emergency stop by an operator"
+    ]
+    assert len([entry for entry in entries if isinstance(entry, EmergencyReleased)]) == 1
+
+
+def test_devices_are_disarmed_after_the_last_block(stepped: SteppedSession) -> None:
+    for block in (1, 2, 3):
+        stepped.start()
+        stepped.finish_block()
+        assert stepped.state.operators.armed == (block < 3)
+        stepped.tick(PAGE_TICKS + 1)
+    assert not stepped.state.ports.motion.may_arm

@@ -145,7 +145,7 @@ def test_silent_listener_is_dropped_and_repeated_hello_is_accepted(rig: Rig) -> 
     rig.clock.advance(SILENCE_TIMEOUT_NS * 1e-9 + 1e-3)
     rig.pump(E)
     assert len(rig.port.subscribers) == 0
-    assert rig.pump(E, LogRequest(0)) == [Refusal("say hello first")]
+    assert rig.pump(E, LogRequest(0)) == [Refusal("it has not joined yet")]
     assert rig.names()[:2] == ["listener_joined", "listener_left"]
 
 

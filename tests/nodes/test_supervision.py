@@ -5,6 +5,7 @@ from itertools import count, islice
 import pytest
 
 from netboard.nodes.server.supervision import PERSISTENT_TICKS, READY_TICKS, Supervisor
+from netboard.stage.curtain import Pause
 from netboard.task.trials.state_machine import STAGE_FAULT, Cause, Phase
 
 NOTHING_MISSING: tuple[str, ...] = ()
@@ -35,26 +36,6 @@ def test_block_waits_for_the_operator_without_autostart() -> None:
     assert wait(Supervisor(autostart=False), Phase.IDLE, 10 * READY_TICKS) is Cause.NONE
 
 
-def test_refusal_is_shown_until_the_next_accepted_command() -> None:
-    supervisor = Supervisor(autostart=False)
-    wait(supervisor, Phase.IDLE, 1, ("the left agent",))
-    supervisor.refused("cannot start without the left agent")
-    assert supervisor.command(next(TICKS), Phase.IDLE, ("the left agent",), "") is Cause.NONE
-    assert supervisor.notice == "cannot start without the left agent"
-    supervisor.command_carried_out(Cause.RESUME)
-    assert supervisor.notice == ""
-
-
-def test_refusal_is_cleared_when_its_reason_changes() -> None:
-    supervisor = Supervisor(autostart=False)
-    wait(supervisor, Phase.IDLE, 1, ("the left agent",))
-    supervisor.refused("cannot start without the left agent")
-    wait(supervisor, Phase.IDLE, 1, ("the right agent",))
-    assert supervisor.notice == "waiting for the right agent"
-    wait(supervisor, Phase.IDLE, 1)
-    assert supervisor.notice == ""
-
-
 def test_paused_notice_shows_the_current_reason() -> None:
     supervisor = Supervisor(autostart=False)
     lost, stopped = "no sample from the left agent", "emergency stop at the left device"
@@ -65,9 +46,9 @@ def test_paused_notice_shows_the_current_reason() -> None:
     supervisor.await_operator()
     wait(supervisor, Phase.PAUSED, 5, NOTHING_MISSING, "the left device is not armed")
     wait(supervisor, Phase.PAUSED, 1, ("the logger",))
-    assert supervisor.notice == "paused: waiting for the logger"
+    assert supervisor.notice == f"paused: {stopped}; waiting for the logger"
     wait(supervisor, Phase.PAUSED, 1)
-    assert supervisor.notice == f"ready to resume (paused: {stopped})"
+    assert supervisor.notice == f"paused: {stopped}"
     supervisor.command_carried_out(Cause.RESUME)
     assert wait(supervisor, Phase.PAUSED, 1) is Cause.NONE
     assert supervisor.notice == ""
@@ -78,7 +59,7 @@ def test_stage_fault_is_shown_and_waits_for_the_operator() -> None:
     supervisor.paused_by(STAGE_FAULT)
     assert supervisor.notice == f"paused: {STAGE_FAULT}"
     assert wait(supervisor, Phase.PAUSED, 10 * READY_TICKS) is Cause.NONE
-    assert supervisor.notice == f"ready to resume (paused: {STAGE_FAULT})"
+    assert supervisor.notice == f"paused: {STAGE_FAULT}"
 
 
 @pytest.mark.parametrize("phase", [Phase.LEVELLING, Phase.RUNNING, Phase.HOLDING])
@@ -107,6 +88,27 @@ def test_pause_by_the_operator_is_not_resumed_automatically() -> None:
     assert wait(supervisor, Phase.PAUSED, 10 * READY_TICKS) is Cause.NONE
 
 
+def test_pause_of_an_operator_names_the_operator() -> None:
+    supervisor = Supervisor(autostart=True)
+    supervisor.command_carried_out(Cause.PAUSE)
+    supervisor.paused_by_operator("lab0:812")
+    assert wait(supervisor, Phase.PAUSED, 10 * READY_TICKS) is Cause.NONE
+    assert (supervisor.notice, supervisor.pause) == ("paused by the operator (lab0:812)", Pause.OPERATOR)
+    wait(supervisor, Phase.PAUSED, 1, ("the left agent", "the right agent"))
+    assert supervisor.notice == "paused by the operator (lab0:812); waiting for both agents"
+
+
+def test_block_that_is_reopened_waits_for_the_operator_unless_it_starts_by_itself() -> None:
+    for autostart, cause in ((True, Cause.RESUME), (False, Cause.NONE)):
+        supervisor = Supervisor(autostart)
+        supervisor.reopened()
+        assert (supervisor.notice, supervisor.pause) == (
+            "paused: lost trials of this block are repeated",
+            Pause.REPEATS,
+        )
+        assert wait(supervisor, Phase.PAUSED, READY_TICKS + 1) is cause
+
+
 def test_emergency_stop_is_not_resumed_automatically() -> None:
     supervisor = Supervisor(autostart=True)
     supervisor.command(next(TICKS), Phase.RUNNING, NOTHING_MISSING, "emergency stop by an operator")
@@ -120,7 +122,7 @@ def test_trial_is_not_resumed_automatically_with_another_device() -> None:
     supervisor.command(next(TICKS), Phase.RUNNING, NOTHING_MISSING, "no sample from the left agent")
     wait(supervisor, Phase.PAUSED, PERSISTENT_TICKS + 1, NOTHING_MISSING, "the left device is not armed")
     assert wait(supervisor, Phase.PAUSED, 10 * READY_TICKS) is Cause.NONE
-    assert supervisor.notice == "ready to resume (paused: the left device was replaced by another one)"
+    assert supervisor.notice == "paused: the left device was replaced by another one"
     assert wait(supervisor, Phase.IDLE, 10 * READY_TICKS) is Cause.NONE  # replaced after the last trial of a block
     assert supervisor.notice == "ready to start: the left device was replaced by another one"
     supervisor.command_carried_out(Cause.RESUME)

@@ -65,11 +65,11 @@ def test_unregistered_peer_is_answered_at_intervals_but_hello_always(rig: Motion
     for message in (StatusRequest(), hello("display", "left"), StatusRequest(), hello("display", "left")):
         rig.router.send_from(b"x", message)
     rig.drain(lambda: 0)
-    reasons = ["say hello first", "this is the motion channel, which takes no display"]
+    reasons = ["it has not joined yet", "this is the motion channel, which takes no display"]
     assert rig.router.received_by(b"x") == [Refusal(reason) for reason in reasons]
     rig.router.send_from(b"x", StatusRequest())
     rig.drain(lambda: REPEAT_INTERVAL_NS)
-    assert rig.router.received_by(b"x") == [Refusal("say hello first")]
+    assert rig.router.received_by(b"x") == [Refusal("it has not joined yet")]
 
 
 def test_hello_repeated_while_the_server_was_busy_is_no_refusal(rig: MotionRig) -> None:

@@ -1,5 +1,6 @@
 """``netboard status`` names the block and what is pending, and lists refused messages with their counts."""
 
+import math
 from dataclasses import replace
 from io import StringIO
 
@@ -20,10 +21,14 @@ def printed(status: Status) -> str:
 
 def test_refusals_are_shown_with_their_counts() -> None:
     status = replace(
-        STATUS, refused=(("handshake", "its key is not known here", 400), ("control", "say hello first", 3))
+        STATUS,
+        refused=(
+            ("handshake", "its key is not known here", 400),
+            ("control", "it has not joined yet", 3),
+        ),
     )
     assert "refused so far, 400 times: handshake: its key is not known here" in printed(status)
-    assert "refused so far, 3 times: control: say hello first" in printed(status)
+    assert "refused so far, 3 times: control: it has not joined yet" in printed(status)
 
 
 def test_status_names_the_block_and_what_is_pending() -> None:
@@ -36,7 +41,7 @@ def test_status_names_the_block_and_what_is_pending() -> None:
 def test_answer_to_a_command_says_what_is_missing() -> None:
     assert state_text(STATUS) == "the trial is idle"
     lacking = replace(STATUS, waiting_for=("the logger", "the session's form"))
-    assert state_text(lacking) == "the trial is idle; waiting for the logger, the session's form"
+    assert state_text(lacking) == "the trial is idle; waiting for the logger and the session's form"
 
 
 def test_status_says_once_what_is_missing() -> None:
@@ -45,3 +50,21 @@ def test_status_says_once_what_is_missing() -> None:
     assert printed(told).count("the right agent") == 1
     untold = replace(STATUS, waiting_for=missing, notice="the disk is slow")
     assert "\nwaiting for the right agent\nthe disk is slow\n" in printed(untold)
+
+
+def test_status_says_how_a_pause_ends_and_lost_trials_are_repeated() -> None:
+    assert "to resume: netboard control resume" in printed(replace(STATUS, phase="paused"))
+    notice = "2 of 9 trials will be excluded: deadline misses"
+    lost = replace(STATUS, phase="finished", blocks=2, notice=notice, lost=(1, 5))
+    text = " ".join(printed(lost).split())
+    repeat = "to repeat those 2 trials: netboard control repeat_lost"
+    assert f"{notice} {repeat}; to go on without: netboard control next" in text
+    assert "control end" in printed(replace(lost, block=2))
+    assert "repeat_lost" not in printed(replace(lost, notice=""))
+
+
+def test_status_names_the_latency_in_words() -> None:
+    loops = (("agent.left", math.nan, 0.007),)
+    text = " ".join(printed(replace(STATUS, loops=loops)).split())
+    assert "agent.left: sample-to-force latency not measured" in text
+    assert "(with nobody holding it, the device is stable up to 7.00 ms)" in text

@@ -119,6 +119,15 @@ STATES: dict[str, Status] = {
     "unrecorded": replace(RUNNING, recordings=()),
     "rest": replace(IDLE, block=4, rest=83.0, armed=True),
     "finished": replace(RUNNING, phase="finished", block=18, trial=60, successes=60, armed=False),
+    "lost": replace(
+        RUNNING,
+        phase="finished",
+        trial=60,
+        successes=60,
+        notice="7 of 60 trials will be excluded: deadline misses",
+        lost=(3, 8, 9, 21, 30, 44, 59),
+        repeats=(12,),
+    ),
     "pilot": replace(RUNNING, pilot=True, consent=False, name="P01", dyad="D00"),
 }
 """The server states that a test can select."""
@@ -131,7 +140,7 @@ def attempts(count: int) -> list[AttemptOutcome]:
     made, trial, number = [], 1, 1
     for k in range(count):
         fate = FATES[k % len(FATES)]
-        doubts = "late_ticks,lost" if k == 7 else ""
+        doubts = "late_ticks,lost_samples" if k == 7 else ""
         seconds = 2.5 + math.sin(k) if fate == "success" else math.nan
         made.append(AttemptOutcome(3, trial, number, fate, seconds, doubts, 5 if k == 9 else 0))
         trial, number = (trial + 1, 1) if fate == "success" else (trial, number + 1)

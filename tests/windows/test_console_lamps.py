@@ -16,7 +16,10 @@ from netboard.network.protocol.motion import Safeguard
 from netboard.nodes.ports.control_port import CommandRequest
 from netboard.nodes.ports.emergency import AWAITING_ARMING, AWAITING_RELEASE, STOP
 from netboard.nodes.ports.refusals import TOO_MANY_MESSAGES
+from netboard.nodes.ports.waiting import in_words
 from netboard.nodes.server.operators import Operators, Situation
+from netboard.recording.format.disk import BYTES_PER_SECOND
+from netboard.task.trials.exclusion import USUAL_RULE
 from netboard.task.trials.state_machine import Phase
 from netboard.windows.operator import words
 from netboard.windows.operator.changes import RecentCounts, StatusHistory, minutes_left
@@ -60,8 +63,8 @@ def test_every_status_has_the_same_lamps_with_tips_and_texts(status: Status) -> 
         (9_999, 0, Level.GOOD, "9999 in total"),
         (123_456, 0, Level.GOOD, "123k in total"),
         (12_345_678, 0, Level.GOOD, "12M in total"),
-        (123_456, 3, Level.WATCH, "3 now"),
-        (123_456, 40_000, Level.BAD, "40k now"),
+        (123_456, 3, Level.WATCH, "3 in 10 s"),
+        (123_456, 40_000, Level.BAD, "40k in 10 s"),
     ],
 )
 def test_deadline_misses_fit_into_their_lamp(total: int, recently: int, level: Level, text: str) -> None:
@@ -160,7 +163,7 @@ def test_server_lamp_and_advice_name_why_a_peer_is_refused_now() -> None:
     lamp = of(session_lamps(waiting, 0.0, recent, LIMITS), "Server")
     assert (lamp.level, lamp.words) == (Level.WATCH, "refuses a peer")
     assert why in lamp.tip
-    assert f"; refused: {why}" in words.advice(waiting, "", recent.refused).words
+    assert f"; the server refuses a peer: {why}" in words.advice(waiting, "", recent.refused).words
     assert why not in words.advice(IDLE, "", recent.refused).words
     for second in range(105, 116):
         recent = history.add(float(second), replace(waiting, refused=refused))
@@ -169,22 +172,26 @@ def test_server_lamp_and_advice_name_why_a_peer_is_refused_now() -> None:
 
 
 def test_minutes_left_on_the_disk_follow_the_growth_of_the_recording() -> None:
-    assert minutes_left([(0.0, 0), (60.0, 6_000_000)], 60_000_000) == pytest.approx(10.0)
-    assert minutes_left([(0.0, 9_000_000), (30.0, 1_000_000), (60.0, 2_000_000)], 2_000_000) == pytest.approx(1.0)
-    assert math.isinf(minutes_left([(0.0, 5), (60.0, 5)], 10**9))
-    assert math.isnan(minutes_left([(0.0, 0), (1.0, 10**6)], 10**9))
-    assert math.isnan(minutes_left([], 10**9))
+    assert minutes_left([(0.0, 0), (60.0, 60_000_000)], 600_000_000) == pytest.approx(10.0)
+    assert minutes_left([(0.0, 9), (30.0, 30_000_000), (60.0, 31_000_000)], 31_000_000) == pytest.approx(1.0)
+    assert minutes_left([(0.0, 90_000_000), (60.0, 60_000_000)], 60_000_000) == pytest.approx(1.0)
+
+
+def test_minutes_left_on_the_disk_are_those_of_running_trials_while_nothing_is_known() -> None:
+    hour = 3600 * BYTES_PER_SECOND
+    for written in ([(0.0, 5)], [(0.0, 5), (60.0, 5)], [(0.0, 0), (60.0, 100_000)], [(0.0, 0), (3.0, 10**8)]):
+        assert minutes_left(written, hour) == pytest.approx(60.0)
 
 
 def test_status_history_estimates_the_minutes_left_from_growth() -> None:
     history = StatusHistory()
-    for second in range(11):
+    for second in range(41):
         grown = (RecordingStatus("file", 0.1, 1_000_000 * second, 12 * 60 * 10**6),)
         recent = history.add(float(second), replace(RUNNING, recordings=grown))
     assert recent.minutes == pytest.approx(12.0)
     lamp = of(session_lamps(replace(RUNNING, recordings=grown), 0.0, recent, LIMITS), "Disk")
     assert (lamp.level, lamp.words) == (Level.BAD, "12 min, 720.0 MB")
-    assert math.isnan(history.add(12.0, replace(RUNNING, recordings=())).minutes)
+    assert math.isnan(history.add(42.0, replace(RUNNING, recordings=())).minutes)
 
 
 def test_alarm_when_a_trial_runs_without_a_recording() -> None:
@@ -271,10 +278,12 @@ def test_headline_names_the_state(state: str, headline: str) -> None:
 
 
 def test_advice_names_the_next_key_or_the_missing_peer() -> None:
-    assert "F3" in words.advice(STATES["unopened"], "").words
+    assert "press F3" in words.advice(STATES["unopened"], "").words
+    assert "press Enter" in words.advice(STATES["unopened"], "", form=True).words
+    assert "press F3" not in words.advice(STATES["unopened"], "", form=True).words
     assert "F1" in words.advice(IDLE, "").words
-    assert "agent.right, the logger" in words.advice(STATES["waiting"], "").words
-    assert words.advice(STATES["paused"], "").words.endswith("lost; resume: F7")
+    assert "agent.right and the logger" in words.advice(STATES["waiting"], "").words
+    assert words.advice(STATES["paused"], "").words.endswith("lost; to resume, press F7")
     assert "pause after this trial" in words.advice(STATES["holding"], "").words
     assert "Ctrl+R" in words.advice(STATES["stopped"], "").words
     assert "Ctrl+E" in words.advice(STATES["finished"], "").words
@@ -284,42 +293,57 @@ def test_advice_names_the_next_key_or_the_missing_peer() -> None:
 
 def test_advice_before_the_devices_are_armed_is_to_arm_them() -> None:
     unarmed = tuple(f"the {side} {AWAITING_ARMING}" for side in SIDES)
-    idle = replace(IDLE, armed=False, waiting_for=unarmed, notice=f"waiting for {', '.join(unarmed)}")
-    assert words.advice(idle, "").words.endswith("; arm the devices: F1, then start the block: F2")
-    assert words.advice(replace(idle, phase="paused"), "").words.endswith("; arm the devices: F1, then resume: F7")
+    idle = replace(IDLE, armed=False, waiting_for=unarmed, notice=f"waiting for {in_words(unarmed)}")
+    said = "Waiting for both devices to be armed; to arm the devices, press F1; then to start the block, press F2"
+    assert words.advice(idle, "").words == said
+    assert words.advice(replace(idle, phase="paused"), "").words.endswith("press F1; then to resume, press F7")
     assert "F2" not in words.advice(replace(idle, armed=True), "").words
     assert "F2" not in words.advice(replace(idle, waiting_for=(*unarmed, "the logger")), "").words
 
 
 def test_advice_hides_neither_a_questionnaire_nor_the_reason_of_a_pause() -> None:
     asked = replace(IDLE, notice="ask now: workload; waiting for the left agent", waiting_for=("the left agent",))
-    assert words.advice(asked, "").words == asked.notice
+    assert words.advice(asked, "").words == "Ask now: workload; waiting for the left agent"
     paused = replace(STATES["paused"], waiting_for=("the logger",), pending="end after this block")
     said = words.advice(paused, "").words
-    assert said == f"{paused.notice}; Waiting for the logger; Next: end after this block"
+    assert said == "Paused: the right device is lost; waiting for the logger; planned: end after this block"
     running = replace(RUNNING, notice="the disk is slow", pending="end after this block")
-    assert words.advice(running, "").words == "the disk is slow; Next: end after this block"
+    assert words.advice(running, "").words == "The disk is slow; planned: end after this block"
 
 
-def test_attempt_row_shows_outcome_flags_and_repeated_trial() -> None:
-    cells = [words.attempt_cells(attempt) for attempt in attempts(10)]
-    assert cells[2][3] == "ball fell"
-    assert cells[7][5] == "late ticks, lost"
-    assert cells[9][6] == "trial 5"
-    assert words.attempt_tone(attempts(10)[7]) is Tone.WATCH
+def test_attempt_row_shows_outcome_consequence_and_repeated_trial() -> None:
+    cells = [words.attempt_cells(attempt, USUAL_RULE) for attempt in attempts(10)]
+    assert cells[2][3:] == ("ball fell", "", "counts")
+    assert cells[7][3:] == ("success", "3.16 s", "will be excluded: deadline misses, lost samples")
+    assert cells[8][3:] == ("aborted", "", "will be excluded")
+    assert cells[9][1] == "7, repeats 5"
+    assert words.attempt_tone(attempts(10)[7], USUAL_RULE) is Tone.BAD
+    long = attempts(1)[0]._replace(flags="too_long", outcome="success")
+    assert words.attempt_cells(long, USUAL_RULE)[5] == "counts, flagged: too long"
+    assert words.attempt_tone(long, USUAL_RULE) is Tone.WATCH
+    stopped = attempts(1)[0]._replace(outcome="emergency_stop")
+    assert words.attempt_cells(stopped, USUAL_RULE)[3] == "emergency stop"
+
+
+def test_advice_offers_to_repeat_lost_trials_and_how_to_go_on() -> None:
+    said = words.advice(STATES["lost"], "").words
+    assert said == (
+        "7 of 60 trials will be excluded: deadline misses; to repeat these 7, press Ctrl+F9; "
+        "to go on without, press Ctrl+N twice"
+    )
+    last = replace(STATES["lost"], block=18, lost=(3,))
+    assert words.advice(last, "").words.endswith("repeat it, press Ctrl+F9; to end the session, press Ctrl+E twice")
+    assert words.advice(replace(STATES["lost"], phase="running"), "").words.endswith("press Ctrl+F9")
 
 
 # --- commands -----------------------------------------------------------------------------------------------------
 
 
-def test_last_block_has_no_next_one_and_a_finished_one_no_repeats() -> None:
+def test_last_block_has_no_next_one() -> None:
     by_name = {command.name: command for command in COMMANDS}
     last = replace(RUNNING, block=RUNNING.blocks)
     assert refusal(by_name["next"], last, last.commander) == "this is the last block: end the session (Ctrl+E)"
     assert refusal(by_name["next"], replace(last, phase="paused", block=1, blocks=2), last.commander) == ""
-    over = replace(last, phase="finished")
-    assert "the block is over" in refusal(by_name["veto"], over, last.commander)
-    assert "the block is over" in refusal(by_name["repeat"], over, last.commander)
 
 
 def test_keys_are_unique_and_the_commands_are_those_of_the_protocol() -> None:
@@ -348,7 +372,16 @@ def test_possible_commands_depend_on_the_state() -> None:
     assert "emergency_release" in possible(STATES["stopped"])
     assert "resume" not in possible(STATES["stopped"])
     assert "arm" not in possible(replace(IDLE, waiting_for=(AWAITING_RELEASE,)))
-    assert "repeat" in possible(replace(RUNNING, outcomes=1))
+
+
+def test_repeats_are_possible_only_if_there_is_a_trial_for_them() -> None:
+    repeats = {"repeat", "repeat_lost", "veto"}
+    assert possible(IDLE) & repeats == set()
+    assert possible(replace(RUNNING, trial=1, phase="levelling")) & repeats == set()
+    assert possible(replace(RUNNING, trial=1)) & repeats == {"repeat"}
+    assert possible(replace(RUNNING, trial=3, phase="paused")) & repeats == {"repeat"}
+    assert possible(replace(RUNNING, trial=3, phase="paused", repeats=(1, 2))) & repeats == {"veto"}
+    assert possible(STATES["lost"]) & repeats == repeats
 
 
 @pytest.mark.parametrize("missing", ["", "the logger", AWAITING_RELEASE, f"the left {AWAITING_ARMING}"])

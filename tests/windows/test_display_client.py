@@ -204,7 +204,7 @@ def test_display_rejoins_when_the_server_asks_for_a_hello(rig):
     server = rig.serve()
     rig.welcome()
     server.messages.clear()
-    server.send(Refusal("say hello first"))
+    server.send(Refusal("it has not joined yet"))
     rig.welcome(session="s2")
     assert any(isinstance(message, Hello) for message in server.messages)
     assert rig.client.session == "s2"

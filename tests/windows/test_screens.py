@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 from display_parts import VIEW, WORDS
 
-from netboard.base.config import Config
+from netboard.base.config import Config, parse
 from netboard.base.tables.experiment import Block, Session, Task
 from netboard.base.tables.rig import Display
 from netboard.windows.participant.language import load_words
@@ -140,3 +140,30 @@ def test_elapsed_share_fills_the_level_bar_or_the_target(share):
     assert width(holding.fill) == pytest.approx(share * width(holding.target))
     assert holding.bar == ()
     assert shown(phase="running", share=share).fill == ()
+
+
+@pytest.mark.parametrize(("notice", "says"), [("operator", "experimenter"), ("fault", "problem"), ("stop", "no force")])
+def test_pause_names_its_cause(notice, says):
+    picture = shown(phase="paused", notice=f"pause_{notice}")
+    assert picture.headline == "Paused"
+    assert says in picture.detail
+    assert shown(phase="paused").detail == ""
+
+
+def test_last_block_whose_trials_may_be_repeated_asks_to_wait():
+    held = shown(phase="finished", block=18, blocks=18, notice="pause_decision")
+    assert (held.headline, held.notice) == ("Block 18 of 18 is done", "Please wait. It may go on.")
+
+
+@pytest.mark.parametrize(
+    ("device", "haptics", "says"),
+    [
+        ("openhaptics", "full", "feel the board"),
+        ("mouse", "full", "arrow"),
+        ("spacemouse", "full", "not feel"),
+        ("mouse", "none", "not feel"),
+    ],
+)
+def test_instructions_promise_only_a_force_that_the_device_renders(device, haptics, says):
+    config = parse(f'[agents.left]\ndevice = "{device}"\n[block]\nforce = "{haptics}"')
+    assert says in shown(config, phase="idle").text

@@ -9,6 +9,7 @@ from the board: that is the task.)
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import IntEnum
 from math import isnan
 from typing import Any, NamedTuple
 
@@ -24,6 +25,21 @@ from netboard.task.trials.state_machine import Phase, ticks
 
 AGAIN = "again"
 """The notice before another attempt at the same trial; a display has a line for it in its language."""
+
+
+class Pause(IntEnum):
+    """What participants are told of a pause, or of a block that is over and may go on."""
+
+    NONE = 0
+    OPERATOR = 1  # the operator has paused
+    FAULT = 2  # something is missing, or does not work
+    STOP = 3  # an emergency stop
+    REPEATS = 4  # the block was over: some of its trials are repeated
+    DECISION = 5  # the block is over, and the operator decides whether trials are repeated
+
+
+PAUSE_NOTICES = ("", *(f"pause_{pause.name.lower()}" for pause in Pause if pause))
+"""The notice of each `Pause`; a display has a line for it in its language."""
 
 AWAY = "away"
 """The phase of a view for somebody who has nothing to do in the block."""
@@ -177,6 +193,7 @@ def view_of(
     sent_ns: int,
     seq: int = 0,
     rest: float | None = None,
+    pause: Pause = Pause.NONE,
 ) -> View:
     """What one station may see of one tick.
 
@@ -192,6 +209,8 @@ def view_of(
         Number of the view at its station: one more than that of the view sent before [1].
     rest : float or None
         Remaining rest before the block; None without one [s].
+    pause : Pause
+        What is said of a pause.
     """
     packed, words = curtain.stations[station], np.frombuffer(row.data, np.int64)
     shown = _shown(packed, words)
@@ -211,7 +230,7 @@ def view_of(
         failures=shown.failures,
         completion=_known(shown.completion),
         best=None if station in curtain.away else best,
-        notice=AGAIN if shown.again else "",
+        notice=AGAIN if shown.again else PAUSE_NOTICES[pause if shown.phase != NO_PHASE else Pause.NONE],
         seq=seq,
         share=shown.share,
         block=curtain.block,

@@ -26,6 +26,7 @@ _LEVELLING, _RUNNING, _HOLDING = int(Phase.LEVELLING), int(Phase.RUNNING), int(P
 _PREPARE, _RELEASE, _MARK, _SUCCEED = int(Action.PREPARE), int(Action.RELEASE), int(Action.MARK), int(Action.SUCCEED)
 _FAIL, _ADVANCE, _RETRY, _HALT = int(Action.FAIL), int(Action.ADVANCE), int(Action.RETRY), int(Action.HALT)
 _EXTEND, _SHORTEN, _PASS = int(Action.EXTEND), int(Action.SHORTEN), int(Action.PASS)
+_REOPEN = int(Action.REOPEN)
 
 
 @inlined
@@ -49,7 +50,8 @@ def _act(s: Any, action: int, rules: Any) -> None:
         s["failures"] += 1
     elif action == _PREPARE:
         _place_ball(s, rules)
-    elif action in (_ADVANCE, _PASS):
+    elif action in (_ADVANCE, _PASS, _REOPEN):
+        s["extra"] += action == _REOPEN
         s["target"] = -s["target"]
         s["trial"] += 1
         s["attempt"] = 1 if action == _ADVANCE else 0

@@ -1,10 +1,11 @@
 """Exclusion of attempts: declared rules, applied to all attempts alike, with every reason listed.
 
-The rules are the settings `Exclusions`. All attempts are measured; this module only lists those that do not count. The
-list includes attempts without measures, such as those that an operator ended.
+The rules are the settings `Exclusions`, and for flags the rule that the running session applies, too
+(`netboard.task.trials.exclusion`). All attempts are measured; this module only lists those that do not count. The list
+includes attempts without measures, such as those that an operator ended.
 """
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from math import isnan
 from typing import Any
 
@@ -14,6 +15,7 @@ from netboard.analysis.extraction.settings import Exclusions
 from netboard.analysis.extraction.tables import PLACE, words
 from netboard.analysis.extraction.trials import UNRELEASED
 from netboard.base.errors import ConfigError
+from netboard.task.trials.exclusion import excluding
 from netboard.task.trials.quality import FLAGS
 
 EXCLUSIONS = (*PLACE, words("why", "why the attempt is excluded"))
@@ -30,8 +32,6 @@ BLOCK_RUN = ("run", "block", "config_sha256")
 
 _SAME_ATTEMPT = (*BLOCK_RUN, "trial", "attempt", "outcome", "target", "duration", "recorded_completion")
 """Columns by which an attempt in two recordings is the same; its measures may differ if one begins within it."""
-
-_STUCK = ("stuck_left", "stuck_right")
 
 
 def excluded(blocks: pd.DataFrame, trials: pd.DataFrame, rules: Exclusions) -> pd.DataFrame:
@@ -70,6 +70,12 @@ def _recorded_again(blocks: pd.DataFrame, trials: pd.DataFrame) -> Iterator[tupl
                 row["attempt"],
                 f"recorded by another logger, too: counts in {counted}",
             )
+
+
+def flags_of(rules: Exclusions, block: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the flags that exclude an attempt of a recording, from its row of the table of blocks."""
+    declared = str(block["exclude"]).split()
+    return tuple(dict.fromkeys(flag for word in rules.flags for flag in (declared if word == "declared" else [word])))
 
 
 def named_trials(rules: Exclusions) -> dict[tuple[str, int], str]:
@@ -118,8 +124,7 @@ def _reasons(
         yield f"in a {block['role']} block"
     if rules.catch and row["catch"]:
         yield "a catch trial"
-    for flag in str(row["flags"]).split():
-        if flag in rules.flags and not (block["simulated"] and flag in _STUCK):
-            yield FLAGS[flag]
+    for flag in excluding(str(row["flags"]).split(), flags_of(rules, block), simulated=bool(block["simulated"])):
+        yield FLAGS[flag]
     if (row["recording"], row["trial"]) in named:
         yield f"excluded by the experimenter: {named[row['recording'], row['trial']]}"

@@ -22,26 +22,10 @@ from netboard.analysis.measures.performance import Level, TrialTime
 from netboard.analysis.measures.segments import Angle, Turning
 from netboard.analysis.measures.signals import CutoffOf, OrderOf, Padding
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, about, read, write, write_template
-from netboard.base.tables.experiment import Role
-from netboard.task.trials.quality import FLAGS
+from netboard.base.tables.experiment import Flag, Role
 
-Flag = Literal[
-    "late_ticks",
-    "lost_samples",
-    "missing_ticks",
-    "clipped",
-    "saturated",
-    "start_tilt",
-    "stuck_left",
-    "stuck_right",
-    "too_short",
-    "too_long",
-    "frozen_display",
-]
-"""A flag of `netboard.task.trials.quality.FLAGS`."""
-
-TECHNICAL = tuple(word for word in FLAGS if word != "too_long")
-"""Flags of technical faults, which participants did not cause. A long duration is a result, not a fault."""
+ExclusionFlag = Literal["declared", Flag]
+"""A flag that excludes an attempt, or ``declared``: those that its recording declares (`[quality] exclude`)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,9 +168,9 @@ class Exclusions:
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
     flags: Annotated[
-        tuple[Flag, ...],
-        about("quality flags that exclude an attempt", strict=False),
-    ] = TECHNICAL  # type: ignore[assignment]
+        tuple[ExclusionFlag, ...],
+        about("quality flags that exclude an attempt; declared: [quality] exclude of the recording", strict=False),
+    ] = ("declared",)
     catch: Annotated[bool, about("exclude catch trials; false: they form separate conditions")] = True
     roles: Annotated[
         tuple[Role, ...],

@@ -5,6 +5,7 @@ from typing import Any
 
 import pandas as pd
 
+from netboard.analysis.extraction.exclusions import flags_of
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.report.grids import Cell, Column, Grid, Link, code, grid, grid_of, name, number
 from netboard.analysis.report.trials import anchors, flag_words, reasons
@@ -102,13 +103,15 @@ def _flags(study: Study) -> Grid:
     trials = study.trials
     out = set(reasons(study))
     keys = list(zip(trials["recording"], trials["trial"], trials["attempt"], strict=True))
+    rules = study.readings.exclusions
+    excluding_flags = {flag for block in study.blocks.to_dict("records") for flag in flags_of(rules, block)}
     rows = []
     for word, meaning in FLAGS.items():
         has = [word in str(flags).split() for flags in trials["flags"]]
         n = sum(has)
         if n:
             gone = sum(key in out for key, marked in zip(keys, has, strict=True) if marked)
-            excludes = "yes" if word in study.readings.exclusions.flags else "no"
+            excludes = "yes" if word in excluding_flags else "no"
             rows.append((flag_words(word), n, gone, excludes, meaning))
     columns = [Column("Flag"), number("Attempts"), number("Of these excluded"), Column("Excludes"), Column("Meaning")]
     caption = "Quality flags. “stuck” excludes no attempt of a simulated participant, whose hand may be still."

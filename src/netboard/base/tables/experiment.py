@@ -4,7 +4,7 @@ Defaults are the paper's. `netboard.base.config` reads the tables and gives the 
 """
 
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import StrictBool, StrictInt
 
@@ -16,6 +16,24 @@ MAX_TRIALS = 10_000
 
 Mover = Literal["person", "still", "robot"]
 """Who can move a hand; every mover but "still" receives a force."""
+
+Flag = Literal[
+    "late_ticks",
+    "lost_samples",
+    "missing_ticks",
+    "clipped",
+    "saturated",
+    "start_tilt",
+    "stuck_left",
+    "stuck_right",
+    "too_short",
+    "too_long",
+    "frozen_display",
+]
+"""A quality flag of an attempt, as `netboard.task.trials.quality` sets it."""
+
+TECHNICAL: tuple[Flag, ...] = tuple(flag for flag in get_args(Flag) if flag != "too_long")
+"""Flags of technical faults, which participants did not cause. A long duration is a result, not a fault."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,6 +174,13 @@ class Quality:
     repeat: Annotated[
         Literal["none", "flagged"], about("flagged: a trial with a flagged attempt is repeated at the end of its block")
     ] = "none"
+    exclude: Annotated[
+        tuple[Flag, ...], about("flags with which an attempt is excluded from the analysis", strict=False)
+    ] = TECHNICAL
+    excluded_share: Annotated[
+        float,
+        about("share of the trials of a block that may be excluded before a repeat is offered", "1", ge=0, le=1),
+    ] = 0.1
 
 
 @dataclass(frozen=True, slots=True)

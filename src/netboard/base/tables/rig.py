@@ -16,6 +16,9 @@ VIEW_REPEAT_MS = 50
 MOUSE = "mouse"
 """Device backend of a side that a person plays in the display's window."""
 
+WITHOUT_FORCE = (MOUSE, "spacemouse")
+"""Device backends that render no force."""
+
 CPU_LIST = Form(
     "^(auto|([0-9]{1,4}(-[0-9]{1,4})?(,[0-9]{1,4}(-[0-9]{1,4})?)*)?)$",
     "with numbers and ranges of CPUs, such as 2 or 0,2-3, or auto",

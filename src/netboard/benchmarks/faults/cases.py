@@ -357,7 +357,10 @@ PEERS = (
         "samples without a `Hello`, as from an agent of another session",
         _REFUSED,
         actions.send_as_stranger(encode(SAMPLE)),
-        *(recorded("refused", "say hello first"), fact_contains("answer", "say hello first")),
+        *(
+            recorded("refused", "it has not joined yet"),
+            fact_contains("answer", "it has not joined yet"),
+        ),
     ),
     _peer(
         "flood",

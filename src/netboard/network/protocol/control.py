@@ -25,6 +25,7 @@ SESSION_COMMANDS = {
     "disarm": "prevent that",
     "pause_after_trial": "pause when this attempt is over",
     "repeat": "add the last trial, or the one named, at the end of the block",
+    "repeat_lost": "add all trials of the block that the analysis will exclude, at the end of the block",
     "veto": "cancel a repeat",
     "skip": "count this trial as done without a success",
     "stop_after_block": "end the session after this block",
@@ -238,6 +239,10 @@ class Status:
     refused : tuple of RefusalCount
         Most frequent refusals since the server started: channel (``handshake``: before a peer was admitted), reason,
         and number [1].
+    lost : tuple of int
+        Trials of the block that the analysis will exclude, and that no other trial repeats [1].
+    repeats : tuple of int
+        Trials whose repeats at the end of the block have not begun [1].
     """
 
     session: str
@@ -272,6 +277,8 @@ class Status:
     recordings: tuple[RecordingStatus, ...]
     stations: tuple[StationStatus, ...]
     refused: tuple[RefusalCount, ...]
+    lost: tuple[int, ...]
+    repeats: tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -296,9 +303,9 @@ class Outcomes:
     first : int
         Number of the first one [1].
     attempts : tuple of AttemptOutcome
-        For each: block, trial, attempt [1]; ``success``, ``fell``, ``timed_out``, ``aborted``, ``paused``, ``skipped``,
-        or ``incomplete`` where the server ended in it; its completion time (NaN: none) [s]; its quality flags,
-        separated by commas, or empty; and the trial that it repeats, 0 for none [1].
+        For each: block, trial, attempt [1]; ``success``, ``fell``, ``timed_out``, ``aborted``, ``paused``,
+        ``emergency_stop``, ``skipped``, or ``incomplete`` where the server ended in it; its completion time (NaN: none)
+        [s]; its quality flags, separated by commas, or empty; and the trial that it repeats, 0 for none [1].
     """
 
     first: int

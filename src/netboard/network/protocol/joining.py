@@ -6,7 +6,7 @@ A message is data only; `netboard.network.protocol.messages` holds the rules for
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-HELLO_FIRST = "say hello first"
+HELLO_FIRST = "it has not joined yet"
 """Refusal of a message before a `Hello`, or from a peer that was removed: the peer then says hello again."""
 
 HELLO_INTERVAL_NS = 500_000_000

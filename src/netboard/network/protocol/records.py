@@ -8,6 +8,9 @@ from dataclasses import dataclass
 AGENT_JOINED, AGENT_PRESENT = "agent_joined", "agent_present"
 """Names of the events that describe an agent and its device: it has joined, or it is there as a block begins."""
 
+STOPPED, RELEASED = "emergency_stop", "emergency_release"
+"""Events of an emergency stop, and of its release."""
+
 BLOCK_BEGAN = "block_began"
 """Name of the event with which a block begins; its detail ``config`` is the block's configuration.
 

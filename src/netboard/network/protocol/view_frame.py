@@ -14,18 +14,19 @@ from netboard.base.compiled import inlined, kernel
 from netboard.base.config import SIDES
 from netboard.network.protocol.fixed import WIDE
 from netboard.network.protocol.messages import KINDS
-from netboard.stage.curtain import AGAIN, AWAY, NO_PHASE, PHASE_NAMES, TICK_NUMBER, Shown, shown_of
+from netboard.stage.curtain import AGAIN, AWAY, NO_PHASE, PAUSE_NOTICES, PHASE_NAMES, TICK_NUMBER, Shown, shown_of
 from netboard.stage.view import View
 
-CONTENT = 14
+CONTENT = 15
 """Numbers that make a view a new one [1]."""
 
 _ARRAY, _NIL, _TEXT, _INTEGER, _FLOAT = 0xDC, 0xC0, 0xA0, 0xD3, 0xCB  # MessagePack: array 16 to float 64
 _KIND = next(number for number, kind in KINDS.items() if kind.message is View)
 _LENGTH = 1 + len(fields(View))
 
-_TEXTS = (*SIDES, AWAY, AGAIN, "", *PHASE_NAMES.values())
-_STATION, _AWAY, _AGAIN, _EMPTY, _PHASE = 0, *(_TEXTS.index(text) for text in (AWAY, AGAIN, "")), len(SIDES) + 3
+_TEXTS = (*SIDES, AWAY, AGAIN, *PAUSE_NOTICES, *PHASE_NAMES.values())
+_STATION, _AWAY, _AGAIN, _PAUSE = 0, *(_TEXTS.index(text) for text in (AWAY, AGAIN, PAUSE_NOTICES[0]))
+_PHASE = _PAUSE + len(PAUSE_NOTICES)
 _PHASES = len(PHASE_NAMES)
 assert list(PHASE_NAMES) == list(range(_PHASES))
 
@@ -73,13 +74,13 @@ def _put_number(frame: Any, at: int, value: float) -> int:
 
 
 @inlined
-def _is_new(content: Any, shown: Shown, best: float) -> bool:
+def _is_new(content: Any, shown: Shown, best: float, pause: int) -> bool:
     """Store what a view shows; return whether it differs from what the last one has shown."""
     values = np.empty(CONTENT)
     values[0], values[1], values[2], values[3] = shown.phase, shown.z, shown.theta, shown.p
     values[4], values[5], values[6], values[7] = shown.target, shown.left, shown.right, shown.trial
     values[8], values[9], values[10], values[11] = shown.trials, shown.failures, shown.completion, shown.again
-    values[12], values[13] = shown.share, best
+    values[12], values[13], values[14] = shown.share, best, pause
     # As words, because NaN, which stands for what is hidden, does not equal itself.
     words, new = values.view(np.int64), False
     for k in range(CONTENT):
@@ -99,6 +100,7 @@ def write_view(
     sent_ns: int,
     seq: int,
     rest: float,
+    pause: int,
 ) -> int:
     """Write the view of one station if it shows anything new.
 
@@ -122,6 +124,8 @@ def write_view(
         Number of the view at its station [1].
     rest : float
         Remaining rest before the block, NaN for none; a change of it is nothing new, because it counts in seconds [s].
+    pause : int
+        What is said of a pause: a `netboard.stage.curtain.Pause` [1].
 
     Returns
     -------
@@ -139,7 +143,9 @@ def write_view(
         raise ValueError("a row has an unknown phase")
     if curtain["away"]:
         best = np.nan
-    if not (_is_new(content, shown, best) or at_any_rate):
+    if shown.phase == NO_PHASE:
+        pause = 0
+    if not (_is_new(content, shown, best, pause) or at_any_rate):
         return 0
     frame[0], frame[1], frame[2], frame[3] = _ARRAY, 0, _LENGTH, _KIND
     at = _put_text(frame, 4, _STATION + curtain["station"])
@@ -152,7 +158,7 @@ def write_view(
         at = _put_integer(frame, at, count)
     at = _put_number(frame, at, shown.completion)
     at = _put_number(frame, at, best)
-    at = _put_text(frame, at, _AGAIN if shown.again else _EMPTY)
+    at = _put_text(frame, at, _AGAIN if shown.again else _PAUSE + pause)
     at = _put_integer(frame, at, seq)
     at = _put_number(frame, at, shown.share)
     at = _put_integer(frame, at, curtain["block"])

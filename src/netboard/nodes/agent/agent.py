@@ -126,16 +126,29 @@ class Agent:
         self._shifted = machine_code(shifted, 0, 0)
 
     def run(self, stopping: Callable[[], bool]) -> None:
-        """Serve the device until stopped; the caller closes the device."""
+        """Serve the device until stopped; the caller closes the device.
+
+        Raises `ConfigError` if the server keeps refusing this agent, as when the side has another one.
+        """
         self._warm()
         steady_loop()
-        while not stopping():
+
+        def ends() -> bool:
+            return stopping() or self._link.refusal != ""
+
+        while not ends():
             try:
-                self._serve(stopping)
+                self._serve(ends)
             except DeviceError as error:
                 self._close_lost_device(error)
-                self._find_device(stopping)
+                self._find_device(ends)
         self._link.leave("the agent was stopped")
+        if self._link.refusal:
+            where = f"{self._config.network.host}:{self._config.network.port}"
+            raise ConfigError(
+                f"the {self._side} agent: the server at {where} refuses it: {self._link.refusal}; "
+                "end the other agent, or correct --side, the address or the key, and start this one again"
+            )
 
     def _warm(self) -> None:
         """Compile or load the kernels, so that the first tick is not late."""

@@ -22,6 +22,7 @@ from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import HELLO_FIRST, HELLO_INTERVAL_NS, Goodbye, Hello, Refusal, Welcome
 from netboard.network.protocol.motion import Backfill, BackfillRequest, Force, Heartbeat, Point, Stylus
 from netboard.network.transport import fastpath, sockets
+from netboard.nodes.ports.refusals import TOO_MANY_MESSAGES
 
 log = logging.getLogger(__name__)
 
@@ -30,6 +31,15 @@ REMEMBERED = 256
 
 GOODBYE_ATTEMPTS = 50
 """Attempts to send the goodbye after a lost device, one each millisecond: by then the server misses samples [1]."""
+
+REFUSED_NS = 5_000_000_000
+"""Time for which the server must refuse an agent before it gives up [ns].
+
+An agent that replaces a crashed one is refused only until the server misses the samples of that one.
+"""
+
+REFUSAL_GAP_NS = 2_000_000_000
+"""Time without a refusal after which the next one is a new one: the server repeats it once a second [ns]."""
 
 NONE, FORCE, POINT, BEAT = range(4)
 """Kinds of the newest answer."""
@@ -193,7 +203,9 @@ class Link:
         self._send_sample, self._close_loop = send_sample, close_loop
         self.introduce(hello)
         self._hello_ns = -HELLO_INTERVAL_NS
+        self.refusal = ""  # why the server has refused this agent for `REFUSED_NS`, so that it gives up
         self._refused = ""
+        self._refused_since_ns = self._refused_ns = -REFUSAL_GAP_NS
         self._server_silent = False  # whether it fell silent during the session
         self._invalid_messages = RateLimitedLog(log)
 
@@ -303,10 +315,18 @@ class Link:
                 self._set_session("")
             case Refusal(reason=reason) if reason == HELLO_FIRST:  # it has forgotten this agent: samples are in vain
                 self._set_session("")
-            case Refusal(reason=reason) if reason != self._refused:
-                self._refused = reason
-                log.warning("the server refused the connection: %s", reason)
+            case Refusal(reason=reason):
+                self._take_refusal(reason, now_ns())
         return False
+
+    def _take_refusal(self, reason: str, now: int) -> None:
+        """Take a refusal; the same one for `REFUSED_NS`, outside a session, is final."""
+        if reason != self._refused or now - self._refused_ns > REFUSAL_GAP_NS:
+            self._refused, self._refused_since_ns = reason, now
+            log.warning("the server refuses this agent: %s", reason)
+        self._refused_ns = now
+        if not self._session and reason != TOO_MANY_MESSAGES and now - self._refused_since_ns >= REFUSED_NS:
+            self.refusal = reason
 
     def answer(self, backfill: Backfill) -> None:
         """Answer the server's backfill request; if the queue is full, the server asks again."""

@@ -14,9 +14,7 @@ import numpy as np
 
 from netboard.base.finding import Colour, Finding, graded
 from netboard.base.tables.rig import Recording
-
-BYTES_PER_SECOND = 250_000
-"""Growth of a recording, with a margin: demos took 120 to 190 kB/s."""
+from netboard.recording.format.disk import BYTES_PER_SECOND
 
 GOOD_HOURS, FEWEST_HOURS = 24.0, 4.0
 """Recording time for which the free space should suffice, and must suffice [h]."""

@@ -42,7 +42,7 @@ def clock_bound(network: Network, exchanges: int, progress: Callable[[float], No
     name = "clock bound"
     estimator = compare(exchanges, progress)
     offset_us, bound_us = estimator.offset_ns / 1000, estimator.bound_ns / 1000
-    found = f"{offset_us:+.1f} us, known to {bound_us:.1f} us"
+    found = f"offset to itself {offset_us:+.1f} us, with an error of up to {bound_us:.1f} us"
     figures = {"offset_us": offset_us, "bound_us": bound_us}
     if abs(offset_us) > bound_us:
         return Finding(

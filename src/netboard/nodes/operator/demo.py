@@ -22,6 +22,7 @@ from netboard.network.transport.ports import free_port
 from netboard.nodes.operator.launcher import Launcher
 from netboard.nodes.operator.operator import Operator
 from netboard.recording.files.reader import Recording
+from netboard.recording.integrity.quality_check import judged
 from netboard.recording.integrity.verification import verify_recording
 from netboard.recording.replay.text import summary_of, summary_tables, verification_line
 from netboard.stage.stage import make_stage
@@ -197,8 +198,8 @@ def show(directory: Path, session: str, logs: Path, began: float) -> int:
         with Recording(path) as recording:
             summary = summary_of(recording)
             verdict = verify_recording(recording)
-        if len(paths) == 1:
-            console.print(summary_tables(summary, recording.config))
+            if len(paths) == 1:
+                console.print(summary_tables(summary, recording, judged(recording)))
         console.print(verification_line(verdict))
         good &= verdict.identical and not summary.missing_ticks
         console.print(f"recording   {path}", soft_wrap=True)

@@ -11,6 +11,7 @@ from netboard.network.protocol.control import LinkStatus, LoopStatus, Reply, Sta
 from netboard.network.transport import names, sockets
 from netboard.nodes.operator.operator import ANSWER_SECONDS, Operator
 from netboard.nodes.ports.emergency import STOP
+from netboard.nodes.ports.waiting import in_words
 from netboard.recording.format.summary import or_null
 
 POLL_INTERVAL_S = 0.05
@@ -122,5 +123,5 @@ def plain(status: Status) -> dict[str, object]:
 
 def state_text(status: Status) -> str:
     """Return the phase of the trial, and what the server waits for."""
-    waiting = f"; waiting for {', '.join(status.waiting_for)}" if status.waiting_for else ""
+    waiting = f"; waiting for {in_words(status.waiting_for)}" if status.waiting_for else ""
     return f"the trial is {status.phase}{waiting}"

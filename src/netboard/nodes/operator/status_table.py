@@ -8,6 +8,9 @@ from rich.text import Text
 from netboard.base.plural import plural
 from netboard.base.terminal.output import FittedTable, numbers
 from netboard.network.protocol.control import Status
+from netboard.nodes.ports.emergency import AWAITING_RELEASE
+from netboard.nodes.ports.waiting import in_words
+from netboard.task.journal.lost import WILL_BE_EXCLUDED
 
 
 def status_tables(status: Status) -> RenderableType:
@@ -27,17 +30,35 @@ def _lines(status: Status) -> list[Text]:
     if status.pending:
         lines.append(Text(status.pending))
     if status.waiting_for and "waiting for" not in status.notice:  # often the notice says it already
-        lines.append(Text("waiting for " + ", ".join(status.waiting_for), style="yellow"))
+        lines.append(Text(f"waiting for {in_words(status.waiting_for)}", style="yellow"))
     if status.notice:
         lines.append(Text(status.notice, style="yellow"))
+    if step := next_step(status):
+        lines.append(Text(step, style="yellow"))
     lines += [
         Text(f"refused so far, {plural(n, 'time')}: {where}: {why}", style="dim") for where, why, n in status.refused
     ]
     return lines
 
 
+def next_step(status: Status) -> str:
+    """Return the command with which the session goes on, if it waits for the operator; else an empty text."""
+    steps = []
+    if AWAITING_RELEASE in status.waiting_for:
+        steps.append("to release the emergency stop: netboard control emergency_release")
+    elif status.phase == "paused" and not status.waiting_for:
+        steps.append("to resume: netboard control resume")
+    if status.lost and WILL_BE_EXCLUDED in status.notice:
+        these = "that trial" if len(status.lost) == 1 else f"those {len(status.lost)} trials"
+        steps.append(f"to repeat {these}: netboard control repeat_lost")
+        if status.phase == "finished":
+            over = "end" if status.block == status.blocks else "next"
+            steps.append(f"to go on without: netboard control {over}")
+    return "; ".join(steps)
+
+
 def _links(status: Status) -> FittedTable:
-    measured = numbers("heard", "round trip", "clock known to", "drift", "messages", "lost")
+    measured = numbers("heard", "round trip", "clock error below", "drift", "messages", "lost")
     table = FittedTable("peer", "host:process", "version", *measured, title="Peers")
     for link in status.links:
         table.add_row(
@@ -57,7 +78,10 @@ def _links(status: Status) -> FittedTable:
 def _loops(status: Status) -> list[Text]:
     """Return each hand's sample-to-force latency, and the largest with which its device is stable by itself."""
     return [
-        Text(f"{what}: latency {_milliseconds(late)} to the force, stable to {_milliseconds(most)} without a hand")
+        Text(
+            f"{what}: sample-to-force latency {'not measured' if isnan(late) else _milliseconds(late)} "
+            f"(with nobody holding it, the device is stable up to {_milliseconds(most)})"
+        )
         for what, late, most in status.loops
     ]
 

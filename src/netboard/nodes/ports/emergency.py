@@ -7,9 +7,10 @@ Pure: it gets everything as arguments and only remembers.
 
 from netboard.base.config import SIDES, Side
 from netboard.network.protocol.motion import TRIP_CAUSES, Safeguard
+from netboard.network.protocol.records import RELEASED, STOPPED
 from netboard.nodes.ports import samples
 
-STOP, RELEASE = "emergency_stop", "emergency_release"
+STOP, RELEASE = STOPPED, RELEASED
 """Commands of the operator, and names of the events."""
 
 AWAITING_ARMING = "device to be armed"

@@ -109,7 +109,16 @@ class LogPort:
         if self._space_is_low:
             return f"the logger's disk has only {self.free_bytes / 1e9:.1f} GB left"
         spilled_to = self.store.spilled_to
-        return f"no logger takes the records: they go to {spilled_to}" if spilled_to and not self.loggers else ""
+        if spilled_to and not self.loggers:
+            return f"no logger takes the records: they go to {spilled_to}"
+        return self._several
+
+    @property
+    def _several(self) -> str:
+        """Which loggers record the session, if there are several: each makes a recording of every block."""
+        names = [logger.peer.hello.name for logger in self._loggers.values() if logger.has_requested]
+        listed = ", ".join(name[: endpoints.MAX_CHARACTERS] for name in names)
+        return f"{len(names)} loggers record every block, each in its own file: {listed}" if len(names) > 1 else ""
 
     @property
     def _parting(self) -> str:

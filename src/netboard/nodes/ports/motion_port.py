@@ -194,8 +194,9 @@ class MotionPort:
             if not self._motion.agents[place, samples.TAKEN] or agent.silent_ns(now_ns) >= self._timeout_ns:
                 missing.append(f"the {side} agent")
             elif agent.clock.bound_ns > self._bound_ns:
-                known = f"{agent.clock.bound_ns * 1e-6:.2f} ms" if agent.clock.known else "nothing yet"
-                missing.append(f"the {side} agent's clock to {self._bound_ns * 1e-6:g} ms (known to {known})")
+                known = f"{agent.clock.bound_ns * 1e-6:.2f} ms" if agent.clock.known else "unknown"
+                limit = f"{self._bound_ns * 1e-6:g} ms"
+                missing.append(f"the {side} agent's clock offset to be known within {limit} (now {known})")
             elif not self._motion.agents[place, samples.SAFEGUARDS] & samples.ARMED_BIT:
                 missing.append(f"the {side} {AWAITING_ARMING}")
         return missing

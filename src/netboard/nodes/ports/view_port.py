@@ -12,7 +12,7 @@ from netboard.base.tables.rig import VIEW_REPEAT_MS, Network
 from netboard.network.protocol.view_frame import CONTENT, MAX_SIZE, write_view
 from netboard.network.transport import channels, sockets
 from netboard.network.transport.authenticator import Authenticator
-from netboard.stage.curtain import CURTAIN, Curtain
+from netboard.stage.curtain import CURTAIN, Curtain, Pause
 
 ASK_MS = 100
 """Interval at which a publisher is asked whether anybody has subscribed: the answer takes as long as a view [ms]."""
@@ -34,8 +34,9 @@ class ViewPort:
         self._content = {side: NOTHING_SHOWN.copy() for side in SIDES}
         self._seq = dict.fromkeys(SIDES, 0)
         self._frame = np.zeros(MAX_SIZE, np.uint8)
+        numbers = False, 0.0, 0, 0, 0.0, 0
         self._write_view = machine_code(
-            write_view, self._frame, np.zeros(1, CURTAIN), np.zeros(1, np.int64), NOTHING_SHOWN, False, 0.0, 0, 0, 0.0
+            write_view, self._frame, np.zeros(1, CURTAIN), np.zeros(1, np.int64), NOTHING_SHOWN, *numbers
         )
 
     @property
@@ -51,14 +52,16 @@ class ViewPort:
         """Forget the last views, because a new block changes everything."""
         self._shown_ms = dict.fromkeys(SIDES, -VIEW_REPEAT_MS)
 
-    def show(self, now_ms: int, curtain: Curtain, words: Any, best: float | None, rest: float | None) -> None:
+    def show(
+        self, now_ms: int, curtain: Curtain, words: Any, best: float | None, rest: float | None, pause: int = Pause.NONE
+    ) -> None:
         """Publish the stations' views if they are due; each if somebody subscribes to it, and it has changed.
 
         Only what a station may see counts as a change: otherwise the times of its views would reveal when the partner's
         hand moves.
 
         ``now_ms``: elapsed time by which views are due [ms]; in a live session, the number of the following tick.
-        ``words``: row of the tick as words. ``best``, ``rest``: as in `netboard.stage.curtain.view_of`.
+        ``words``: row of the tick as words. ``best``, ``rest``, ``pause``: as in `netboard.stage.curtain.view_of`.
         """
         if now_ms <= self._due_ms:
             return
@@ -66,16 +69,18 @@ class ViewPort:
         if now_ms - self._asked_ms >= ASK_MS:
             self._asked_ms = now_ms
             self._subscribed = [side for side, publisher in self._views.items() if publisher.wanted()]
-        numbers = nan if best is None else best, now_ns(), nan if rest is None else rest
+        numbers = nan if best is None else best, now_ns(), nan if rest is None else rest, int(pause)
         for side in self._subscribed:
             self._show_to(side, now_ms, curtain.stations[side], words, *numbers)
 
     def _show_to(
-        self, side: Side, now_ms: int, curtain: Any, words: Any, best: float, sent_ns: int, rest: float
+        self, side: Side, now_ms: int, curtain: Any, words: Any, best: float, sent_ns: int, rest: float, pause: int
     ) -> None:
         """Publish a station's view if it has changed, or has not been sent for long."""
         at_any_rate, seq = now_ms - self._shown_ms[side] >= VIEW_REPEAT_MS, self._seq[side]
-        size = self._write_view(self._frame, curtain, words, self._content[side], at_any_rate, best, sent_ns, seq, rest)
+        size = self._write_view(
+            self._frame, curtain, words, self._content[side], at_any_rate, best, sent_ns, seq, rest, pause
+        )
         if size:
             self._views[side].send(self._frame[:size].tobytes())
             self._shown_ms[side], self._seq[side] = now_ms, seq + 1

@@ -82,6 +82,8 @@ class ReplayAnswers:
             recordings=(),
             stations=tuple(self._station(side, index) for side in SIDES),
             refused=(),
+            lost=(),
+            repeats=(),
         )
 
     def _station(self, side: Side, index: int) -> StationStatus:

@@ -150,7 +150,7 @@ class ReplayServer:
         index, recording = self.state.index, self.state.recording
         best, rest = recording.best(index), recording.rest(index)
         words = np.frombuffer(recording.ticks[index].data, np.int64)
-        self._views.show(milliseconds, recording.curtain, words, best, rest)
+        self._views.show(milliseconds, recording.curtain, words, best, rest, recording.pause(index))
 
     def _grant(self, request: CommandRequest) -> str:
         command = request.command

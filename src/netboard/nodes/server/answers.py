@@ -43,7 +43,7 @@ class SessionAnswers:
         agents = tuple(f"agent.{side}" for side in SIDES if ports.motion.agents[side].hello is not None)
         loggers = ("logger",) * ports.log.loggers + ("listener",) * len(ports.log.subscribers)
         asked, said = session.questionnaires and f"ask now: {session.questionnaires}", session.supervisor.notice
-        troubles = session.attempts.trouble, ports.log.notice, latency.notice
+        troubles = session.attempts.trouble, ports.log.notice, latency.notice, session.loss
         return Status(
             session=session.session,
             tick=session.number,
@@ -69,6 +69,8 @@ class SessionAnswers:
             recordings=ports.log.recordings(now),
             stations=tuple(self._station(side, now) for side in SIDES),
             refused=ports.refused(session.authenticator),
+            lost=session.attempts.lost.trials,
+            repeats=session.attempts.pending_repeats(int(stage["trial"])),
         )
 
     def _loops(self) -> tuple[LoopStatus, ...]:

@@ -8,7 +8,7 @@ Nothing here waits for a disk.
 import re
 from collections import deque
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any, Literal
 
 from netboard.base.config import SIDES, Config, Side
@@ -16,13 +16,15 @@ from netboard.base.errors import NetboardError
 from netboard.network.protocol.control import Outcomes
 from netboard.network.protocol.motion import Safeguard
 from netboard.network.protocol.records import FrameRecord
-from netboard.nodes.ports.emergency import Event
+from netboard.nodes.ports.emergency import RELEASE, STOP, Event
 from netboard.recording.recovery.journal_file import Journal
 from netboard.task.journal.entries import (
     AttemptBegan,
     AttemptEnded,
     BlockBegan,
     BlockEnded,
+    EmergencyReleased,
+    EmergencyStopped,
     Ended,
     Entry,
     Note,
@@ -31,17 +33,30 @@ from netboard.task.journal.entries import (
     Resumed,
     Veto,
 )
+from netboard.task.journal.lost import Losses, losses
 from netboard.task.journal.outcome import AttemptOutcome
 from netboard.task.journal.progress import Progress
+from netboard.task.trials.exclusion import ExclusionRule, rule_of
 from netboard.task.trials.quality import Referee, Verdict
 from netboard.task.trials.repeats import Repeats, wants_repeat
-from netboard.task.trials.state_machine import BALL_FREE, OUTCOMES, TABLE, Cause, Phase
+from netboard.task.trials.state_machine import (
+    BALL_FREE,
+    EMERGENCY_STOP,
+    OUTCOMES,
+    TABLE,
+    Cause,
+    Outcome,
+    Phase,
+    ticks,
+)
 
 MAX_ROWS = 200
 """Largest number of attempts in one answer to an operator [1]."""
 
-MAX_EARLY_NOTES = 100
-"""Newest notes kept until the session is open, and has a journal [1]."""
+MAX_EARLY = 100
+"""Newest notes and emergency stops kept until the session is open, and has a journal [1]."""
+
+_OfRun = Note | EmergencyStopped | EmergencyReleased
 
 _NUMBER = re.compile("[0-9]{1,9}")
 """Number of a trial as an operator writes it; int() would refuse other digits, and very long numbers."""
@@ -64,15 +79,19 @@ class Attempts:
         self.completions: list[float] = []  # completion times of the block so far [s]
         self.wanted = 0  # repeats that have not been passed on to the trial state machine yet
         self._begin_journal, self._journal, self._progress = begin_journal, journal, progress
-        self._early_notes = deque[tuple[str, int]](maxlen=MAX_EARLY_NOTES)
+        self._early = deque[_OfRun](maxlen=MAX_EARLY)
         self._run = ""
         self._block = 0
         self._repeats = Repeats(1)
+        self._rule = ExclusionRule((), simulated=False)
+        self._lost = Losses({}, 0)
         self._config: Config | None = None
         self._referee: Referee | None = None
+        self._limit_ticks = 0  # of the block; 0: none
         self._seen = 0  # next tick for the quality rules
         self._verdict: Verdict | None = None  # of the attempt that ends at the present tick
         self._end: Literal["finished", "stopped", "given_up"] | None = None  # of the block, once it is known
+        self._timed_out = False  # whether the block ended because its time was over
 
     @property
     def opened(self) -> bool:
@@ -83,6 +102,21 @@ class Attempts:
     def best(self) -> float | None:
         """Best completion time of the block so far; None before the first [s]."""
         return min(self.completions, default=None)
+
+    @property
+    def lost(self) -> Losses:
+        """Trials of the block that the analysis will exclude and that nothing repeats, among all that are done."""
+        return self._lost
+
+    @property
+    def loses_too_many(self) -> bool:
+        """Whether so many trials of the block are lost that the operator is asked to repeat them."""
+        limit = 1.0 if self._config is None else self._config.quality.excluded_share
+        return len(self._lost.trials) > limit * max(self._lost.done, 1)
+
+    def pending_repeats(self, present: int) -> tuple[int, ...]:
+        """Return the trials whose repeats have not begun, while this trial is the present one [1]."""
+        return self._repeats.to_come(present)
 
     @property
     def trouble(self) -> str:
@@ -99,8 +133,8 @@ class Attempts:
             self._write(Resumed(run))
         else:
             self._write(Opened(run, {name: str(value) for name, value in asdict(config.session).items()}))
-        while self._early_notes:
-            self.note(*self._early_notes.popleft())
+        while self._early:
+            self._write(replace(self._early.popleft(), run=run))
 
     def start_of(self, block: int) -> dict[str, int]:
         """Return the state in which a block starts: empty, or as an earlier run of the server left it."""
@@ -118,7 +152,10 @@ class Attempts:
         self.completions = list(so_far.completions) if so_far else []
         self._referee = Referee(config, int(Safeguard.CLAMPED))
         self._referee.warm()
+        self._rule = rule_of(config)
+        self._find_lost()
         self._seen, self._verdict, self._end, self.wanted = tick, None, None, 0
+        self._limit_ticks = ticks(config.block.duration)
         start = (so_far.trial, so_far.attempt) if so_far else (1, 1)
         self._write(BlockBegan(self._block, *start, self._run, tick))
 
@@ -142,8 +179,11 @@ class Attempts:
         if self._referee is not None:
             self._referee.paint(frame.station, frame.tick, frame.painted_ns)
 
-    def record_decision(self, rows: Any, number: int, state: Any) -> list[Event]:
-        """Take the decision of the trial state machine at a tick, and return the events to record."""
+    def record_decision(self, rows: Any, number: int, state: Any, *, halted: bool = False) -> list[Event]:
+        """Take the decision of the trial state machine at a tick, and return the events to record.
+
+        ``halted``: whether there is an emergency stop.
+        """
         self._verdict = None
         self.poll(rows, number + 1)
         row = rows[number % len(rows)]
@@ -152,20 +192,24 @@ class Attempts:
         if over and int(row["command"]) == Cause.SKIP:  # the operator skipped the last trial
             cause = Cause.SKIP
         ended = cause in OUTCOMES and (int(row["phase"]) in (Phase.LEVELLING, *BALL_FREE) or cause == Cause.SKIP)
-        events = [self._end_attempt(cause, row, state, number)] if ended else []
+        outcome = EMERGENCY_STOP if halted and cause == Cause.FAULT else OUTCOMES.get(cause)
+        events = [self._end_attempt(outcome, row, state, number)] if ended and outcome else []
         then = int(state["phase"])
         if then == Phase.LEVELLING and (ended or cause in (Cause.START, Cause.NEXT, Cause.RESUME)):
             self._write(AttemptBegan(self._block, int(state["trial"]), int(state["attempt"]), self._run, number))
         if then == Phase.FINISHED:
             self._end = "finished" if over else self._end or "stopped"
+            self._timed_out = self._limit_ticks > 0 and int(state["block_ticks"]) >= self._limit_ticks
             self._write(BlockEnded(self._block, self._end))
+        elif int(row["phase"]) == Phase.FINISHED:
+            self._end = None
         return events
 
-    def _end_attempt(self, cause: Cause, row: Any, state: Any, number: int) -> Event:
+    def _end_attempt(self, outcome: Outcome, row: Any, state: Any, number: int) -> Event:
         """Record the outcome of an attempt, and return its event."""
-        trial, attempt, outcome = int(row["trial"]), int(row["attempt"]), OUTCOMES[cause]
+        trial, attempt = int(row["trial"]), int(row["attempt"])
         flags = self._verdict.flags if self._verdict is not None else ()
-        completion = float(state["completion"]) if cause == Cause.HELD else None
+        completion = float(state["completion"]) if outcome == "success" else None
         if completion is not None:
             self.completions.append(completion)
         assert self._config is not None
@@ -191,6 +235,7 @@ class Attempts:
         if again:
             self._repeats = self._repeats.ask(trial)
             self.wanted += 1
+        self._find_lost()
         details = {"trial": str(trial), "attempt": str(attempt), "outcome": outcome, "flags": flag_text}
         return "attempt_ended", details | ({"repeats": str(repeats)} if repeats else {})
 
@@ -199,6 +244,11 @@ class Attempts:
     def outcomes(self, first: int) -> Outcomes:
         """Return outcomes starting with attempt number `first`, at most `MAX_ROWS` of them."""
         return Outcomes(max(first, 0), tuple(self.finished[max(first, 0) :][:MAX_ROWS]))
+
+    def _find_lost(self) -> None:
+        """Find the lost trials again, after an attempt has ended or repeats have changed."""
+        found = losses((one for one in self.finished if one.block == self._block), self._rule)
+        self._lost = found.without((*self._repeats.asked, *self._repeats.vetoed))
 
     def counts(self, side: Side) -> tuple[int, int]:
         """Count the current attempt's ticks without a fresh sample of a side, and those with its force clamped."""
@@ -212,8 +262,9 @@ class Attempts:
         if argument and not _NUMBER.fullmatch(argument):
             raise NetboardError(f'{command}: found "{argument}", expected the number of a trial')
         if command == "repeat":
-            trial = int(argument or present - 1)
-            why_not = self._repeats.why_not_ask(trial, present, under_way=phase in BALL_FREE)
+            trial = int(argument or present - (phase != Phase.FINISHED))
+            there = phase in (*BALL_FREE, Phase.FINISHED)
+            why_not = self._why_not_reopen(phase) or self._repeats.why_not_ask(trial, present, under_way=there)
         else:
             trial = int(argument or self._repeats.newest(present))
             why_not = self._repeats.why_not_veto(trial, present) if trial else "no repeat is pending in this block"
@@ -225,7 +276,28 @@ class Attempts:
         else:
             self._repeats = self._repeats.veto(trial)
             self._write(Veto(self._block, trial))
+        self._find_lost()
         return trial
+
+    def repeat_lost(self, phase: Phase) -> tuple[int, ...]:
+        """Order the repeats of all lost trials, one in each of the next ticks; return the trials' numbers."""
+        trials = self._lost.trials
+        if why_not := self._why_not_reopen(phase) or ("" if trials else "no trial that could be repeated is lost"):
+            raise NetboardError(why_not)
+        for trial in trials:
+            self._repeats = self._repeats.ask(trial)
+            self._write(Repeat(self._block, trial))
+        self.wanted += len(trials)
+        self._find_lost()
+        return trials
+
+    def _why_not_reopen(self, phase: Phase) -> str:
+        """Return why a block that is over cannot go on with a repeat; empty if it can, or is not over."""
+        if phase != Phase.FINISHED or (self._end == "finished" and not self._timed_out):
+            return ""
+        if self._timed_out:
+            return "no trial can be repeated: the time of the block is over"
+        return "no trial can be repeated: the block was stopped"
 
     def give_up(self) -> None:
         """Note that the rest of the block is skipped."""
@@ -242,9 +314,19 @@ class Attempts:
 
     def note(self, text: str, tick: int) -> None:
         """Write an operator's note to the journal, or keep it until there is one."""
+        self._write_or_keep(Note(text, self._run, tick))
+
+    def emergency(self, name: str, details: dict[str, str], tick: int) -> None:
+        """Write an emergency stop, or its release, to the journal, or keep it until there is one."""
+        if name == STOP:
+            self._write_or_keep(EmergencyStopped(details["reason"], self._run, tick))
+        elif name == RELEASE:
+            self._write_or_keep(EmergencyReleased(self._run, tick))
+
+    def _write_or_keep(self, entry: _OfRun) -> None:
         if self._journal is None and self._begin_journal is not None:
-            self._early_notes.append((text, tick))
-        self._write(Note(text, self._run, tick))
+            self._early.append(entry)
+        self._write(entry)
 
     def _write(self, entry: Entry) -> None:
         if self._journal is not None:

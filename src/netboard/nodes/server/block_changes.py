@@ -35,8 +35,21 @@ class BlockChanges:
         state.event_log.record_held(state.number)
 
     def finish_block(self, number: int) -> None:
-        """Begin the next block some time after the last trial, which ended at this tick."""
-        self._due = number + PAGE_TICKS
+        """Begin the next block some time after the last trial, which ended at this tick.
+
+        If the block has lost too many trials, wait for the operator, who may have them repeated.
+        """
+        if not self._state.awaits_decision:
+            self._due = number + PAGE_TICKS
+
+    def reopen_block(self) -> None:
+        """Go on with the block, which was over: a trial of it is repeated."""
+        self._due = -1
+        state = self._state
+        state.questionnaires = ""
+        state.supervisor.reopened()
+        if state.supervisor.autostart:
+            state.allow_arming(True)
 
     def skip_block(self) -> None:
         """Begin the next block with the next tick."""

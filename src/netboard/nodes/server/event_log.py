@@ -48,7 +48,7 @@ class EventLog:
             self._count_stall(int(details["milliseconds"]))
             return
         self._report_stalls()
-        log.info("%s %s", name, printable(details))
+        log.info("%s", line_of(name, details))
 
     def _count_stall(self, milliseconds: int) -> None:
         """Count a stall; log the first of a series, then the sum at the second, fourth, eighth and so on."""
@@ -89,6 +89,15 @@ class EventLog:
     def _record_event(self, tick: int, name: str, details: dict[str, str]) -> None:
         self.record(EventRecord(self._events, tick, now_ns(), name, details))
         self._events += 1
+
+
+def line_of(name: str, details: dict[str, str]) -> str:
+    """Return an event as one line of the process log."""
+    if name != "refused":
+        return f"{name} {printable(details)}"
+    known = {"channel": "handshake", "peer": "an unknown peer", "times": "1", "reason": ""} | details
+    times = "" if known["times"] == "1" else f" ({known['times']} times so far)"
+    return printable_line(f"refused {known['peer']} on the channel {known['channel']}{times}: {known['reason']}")
 
 
 def printable(details: dict[str, str]) -> str:

@@ -1,6 +1,7 @@
 """Commands of operators: each is accepted or refused, carried out, answered and recorded."""
 
 from netboard.base.errors import NetboardError
+from netboard.base.plural import plural
 from netboard.nodes.ports import emergency
 from netboard.nodes.ports.control_port import CommandRequest
 from netboard.nodes.server.block_changes import BlockChanges
@@ -37,8 +38,8 @@ class OperatorRequests:
         state.note("command", {name: value for name, value in details.items() if value})
         if decision.accepted and decision.cause:
             state.supervisor.command_carried_out(decision.cause)
-        elif not decision.accepted:
-            state.supervisor.refused(decision.reason)
+        if decision.accepted and decision.cause == Cause.PAUSE:
+            state.supervisor.paused_by_operator(request.name)
         return decision.cause
 
     def _carry_out(self, name: str, argument: str, decision: Decision) -> Decision:
@@ -48,11 +49,12 @@ class OperatorRequests:
             match name:
                 case "end":
                     state.end_requested = True
+                    return Decision(True, state.loss and f"{state.loss}; nothing repeats them")
                 case "pause":
                     state.supervisor.await_operator()
                 case emergency.STOP:
                     state.update_arming(state.emergency_stop.halt("emergency stop by an operator"))
-                    return Decision(True, "all forces are zero until the emergency stop is released")
+                    return Decision(True, "all forces are zero until an operator releases it")
                 case emergency.RELEASE:
                     if not (released := state.emergency_stop.release()):
                         return Decision(True, "there is no emergency stop to release")
@@ -64,10 +66,8 @@ class OperatorRequests:
                 case "open":
                     state.sequence.open(form_of(argument, state.block.config.session))
                     self._blocks.open()
-                case "repeat" | "veto":
-                    trial = state.attempts.ask(name, argument, int(state.stage[0]["trial"]), state.phase)
-                    how = "is repeated" if name == "repeat" else "is not repeated"
-                    return Decision(True, f"trial {trial} {how} at the end of the block", decision.cause)
+                case "repeat" | "veto" | "repeat_lost":
+                    return self._change_repeats(name, argument, decision)
                 case "note":
                     state.attempts.note(*note_of(argument, state.number))
                 case "stop_after_block" if state.phase == Phase.FINISHED and not self._blocks.coming:
@@ -78,3 +78,13 @@ class OperatorRequests:
         except NetboardError as error:
             return Decision(False, str(error))
         return decision
+
+    def _change_repeats(self, name: str, argument: str, decision: Decision) -> Decision:
+        """Order or cancel repeats; those of all lost trials are ordered one at each of the next ticks."""
+        state = self._state
+        if name == "repeat_lost":
+            trials = state.attempts.repeat_lost(state.phase)
+            return Decision(True, f"{plural(len(trials), 'trial is', 'trials are')} repeated at the end of the block")
+        trial = state.attempts.ask(name, argument, int(state.stage[0]["trial"]), state.phase)
+        how = "is repeated" if name == "repeat" else "is not repeated"
+        return Decision(True, f"trial {trial} {how} at the end of the block", decision.cause)

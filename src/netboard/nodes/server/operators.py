@@ -15,6 +15,7 @@ from netboard.base.tables.experiment import Session
 from netboard.network.protocol.control import REPLAY_COMMANDS
 from netboard.nodes.ports import emergency
 from netboard.nodes.ports.control_port import CommandRequest
+from netboard.nodes.ports.waiting import in_words
 from netboard.task.trials.state_machine import BALL_FREE, TABLE, Cause, Phase
 
 CAUSES = {
@@ -25,6 +26,7 @@ CAUSES = {
     "stop": Cause.STOP,
     "skip": Cause.SKIP,
     "repeat": Cause.REPEAT,
+    "repeat_lost": Cause.REPEAT,
     "veto": Cause.VETO,
 }
 """Commands that the trial state machine carries out."""
@@ -76,6 +78,7 @@ class Operators:
         self.opened, self.armed = opened, armed
         self.commander, self.name = b"", ""
         self.pause_after = self.end_after = False
+        self.pause_by = ""  # name of the operator who asked for the pause after the trial
 
     @property
     def pending(self) -> str:
@@ -111,15 +114,13 @@ class Operators:
         cause = CAUSES[command]
         if command == "pause" and now.phase == Phase.PAUSED:  # a fault may have been faster than the operator
             return Decision(True, "it is paused already, and waits for resume")
-        if command == "repeat" and now.phase == Phase.FINISHED:
-            return Decision(False, "cannot repeat a trial: the block is over. Repeat its last trial while it runs")
         if cause not in TABLE[now.phase]:
             return Decision(False, _not_now(command, now.phase))
         if command in ("start", "resume"):
             if not self.armed:
                 return Decision(False, f"cannot {command}: the devices are not armed (arm)")
             if now.missing:
-                return Decision(False, f"cannot {command} without " + ", ".join(now.missing))
+                return Decision(False, f"cannot {command} without {in_words(now.missing)}")
         if command == "pause":
             self.pause_after = False
         return Decision(True, cause=cause)
@@ -153,7 +154,7 @@ class Operators:
             return Decision(False, _not_now("pause", now.phase))
         if now.phase not in BALL_FREE:
             return Decision(True, cause=Cause.PAUSE)
-        self.pause_after = not self.pause_after
+        self.pause_after, self.pause_by = not self.pause_after, self.name
         return Decision(True, "paused after this trial" if self.pause_after else "taken back")
 
     def due(self, phase: Phase) -> Cause:

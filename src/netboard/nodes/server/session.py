@@ -46,6 +46,7 @@ from netboard.nodes.server.undisturbed import (
     WAITING,
     WAITS,
 )
+from netboard.stage.curtain import Pause
 from netboard.task.trials.state_machine import STAGE_FAULT, Cause, Phase
 
 FEED_TICKS = 18
@@ -412,7 +413,7 @@ class Session:
         state = self._state
         rest = state.rest(now_ns()) if state.rest_until_ns else None
         newest = state.words[(number - 1) % RING_ROWS]
-        state.ports.views.show(number, state.block.curtain, newest, state.attempts.best, rest)
+        state.ports.views.show(number, state.block.curtain, newest, state.attempts.best, rest, state.view_notice)
 
     def _command(self, found: int) -> Cause:
         """Return the command of a tick: from the supervisor, from an earlier request, or from an operator."""
@@ -428,6 +429,8 @@ class Session:
         trouble = state.trouble(found)
         first = state.supervisor.command(state.number, phase, missing, trouble)
         first = first or state.attempts.take_wanted(phase) or state.operators.due(phase)
+        if first == Cause.PAUSE:
+            state.supervisor.paused_by_operator(state.operators.pause_by)
         if first or not self._control.requests:
             return first  # an operator's command that arrives at the same time waits for the next tick
         if phase in (Phase.SUCCEEDED, Phase.FAILED) and self._control.requests[0].command.name in (
@@ -442,20 +445,24 @@ class Session:
         state = self._state
         row, stage = state.rows[number % RING_ROWS], state.stage[0]
         cause = Cause(int(row["event"]))
-        state.supervisor.forget_refusal()
         details = change_of(row, stage) | self._blocks.details.of(int(row["trial"]))
         if cause == Cause.FAULT:
             if row["command"] != row["event"]:  # nobody commanded it: the stage itself found an impossible state
                 state.supervisor.paused_by(STAGE_FAULT)
+            elif state.emergency_stop.halted:
+                state.supervisor.pause = Pause.STOP
             details["notice"] = state.supervisor.notice
         state.note(cause.name.lower(), details)
-        for name, judged in state.attempts.record_decision(state.rows, number, stage):
+        halted = bool(state.emergency_stop.halted)
+        for name, judged in state.attempts.record_decision(state.rows, number, stage, halted=halted):
             state.note(name, judged)
         if cause == Cause.START:
             self.records.start()
             state.questionnaires = ""
         elif int(stage["phase"]) == Phase.FINISHED:
             self._block_over(cause, number)
+        elif int(row["phase"]) == Phase.FINISHED:
+            self._blocks.reopen_block()
         if int(stage["phase"]) == Phase.PAUSED:
             state.operators.pause_after = False  # the attempt is over
 
@@ -463,6 +470,8 @@ class Session:
         """Ask for the questionnaires of a block that is over; an operator who has stopped it decides what follows."""
         state = self._state
         state.operators.pause_after = False
+        if state.sequence.last:
+            state.allow_arming(False)
         if cause == Cause.LAST:
             self._blocks.finish_block(number)
         elif state.operators.end_after:

@@ -20,6 +20,7 @@ from netboard.nodes.server.event_log import EventLog
 from netboard.nodes.server.operators import Operators
 from netboard.nodes.server.supervision import Supervisor
 from netboard.nodes.server.tick_clock import TickClock
+from netboard.stage.curtain import Pause
 from netboard.task.trials.state_machine import Phase
 
 RING_ROWS = 1024
@@ -128,6 +129,23 @@ class SessionState:
         return tuple(lacking)
 
     @property
+    def loss(self) -> str:
+        """How many trials of the block are lost, if so many that the operator should repeat them; else empty."""
+        return self.attempts.lost.text if self.attempts.loses_too_many else ""
+
+    @property
+    def awaits_decision(self) -> bool:
+        """Whether the block is over, and the next one waits until the operator has decided on repeats."""
+        return self.phase == Phase.FINISHED and self.attempts.loses_too_many and not self.supervisor.autostart
+
+    @property
+    def view_notice(self) -> Pause:
+        """What the participants' displays say of a pause, or of a block that waits for the operator's decision."""
+        if self.phase == Phase.PAUSED:
+            return Pause.STOP if self.emergency_stop.halted else self.supervisor.pause
+        return Pause.DECISION if self.awaits_decision else Pause.NONE
+
+    @property
     def in_trouble(self) -> bool:
         """Whether something other than the samples of a tick may keep a trial from going on, as `trouble` then says."""
         stopped = self.emergency_stop.halted or (self.active and not self.operators.armed)
@@ -153,6 +171,11 @@ class SessionState:
             return self.block.latency.trouble
         return self.ports.log.trouble if self.block.config.network.require_logger else ""
 
+    def allow_arming(self, allowed: bool) -> None:
+        """Permit forces of the devices, as far as the operator is concerned, or forbid them at once."""
+        self.operators.armed = allowed
+        self.update_arming([])
+
     def update_arming(self, events: list[Event]) -> None:
         """Allow arming, as the next heartbeat tells the devices, or forbid it at once; record the events of a stop."""
         motion, may_arm = self.ports.motion, self.operators.armed and not self.emergency_stop.halted
@@ -161,6 +184,7 @@ class SessionState:
             motion.send_heartbeat(self.number, at_once=True)
         for name, details in events:
             self.note(name, details)
+            self.attempts.emergency(name, details, self.number)
 
     def note(self, name: str, details: dict[str, str]) -> None:
         """Record an event with the current tick."""

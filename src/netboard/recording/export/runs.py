@@ -20,6 +20,7 @@ from netboard.recording.files.reader import Recording
 from netboard.recording.format.claims import whole_number
 from netboard.recording.format.summary import agents_of
 from netboard.task.plans.plan import OTHER_SIDE
+from netboard.task.trials.exclusion import is_simulated
 
 Letter = Literal["A", "B"]
 """Participant of a dyad."""
@@ -118,15 +119,7 @@ def people_in(config: Config, metadata: dict[str, str]) -> Iterator[Person]:
             sides = (side,) if getattr(block, side) == "person" else ()
         if sides:
             given = name if name != letter else who.dyad + letter
-            yield Person(letter, _label(given), hand, sides, _is_simulated(config, metadata, sides))
-
-
-def _is_simulated(config: Config, metadata: dict[str, str], sides: Sequence[Side]) -> bool:
-    """Return True if a simulated participant moved these sides."""
-    if metadata.get("imported") in ("measured", "simulated"):
-        return metadata["imported"] == "simulated"
-    virtual = all(config.agents.of(side).device == "virtual" for side in sides)
-    return virtual or metadata.get("rehearsed") == "true"
+            yield Person(letter, _label(given), hand, sides, is_simulated(config, metadata, sides))
 
 
 def _label(name: str) -> str:

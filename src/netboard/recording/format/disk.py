@@ -18,6 +18,9 @@ from netboard.base.files.new import try_writing
 if sys.platform != "win32":
     import fcntl
 
+BYTES_PER_SECOND = 250_000
+"""Growth of a recording, with a margin: demos took 120 to 190 kB/s."""
+
 LOW_BYTES = 5_000_000_000
 """Warn below this free space, as Open Ephys and Pupil Capture do [1]."""
 

@@ -24,6 +24,7 @@ from netboard.recording.files.provenance import CONFIG_NAME, MetadataName
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.chunks import UNSOUND
 from netboard.recording.integrity.checking import check, continues
+from netboard.recording.integrity.quality_check import losses_stated
 from netboard.recording.integrity.severity import RESULTS, Finding, Severity
 from netboard.recording.integrity.stream_check import check_end
 from netboard.recording.integrity.trial_check import NO_TICKS, check_done
@@ -64,6 +65,7 @@ class Entry:
     lost: int = 0
     verdict: str = RESULTS[Severity.SOUND]
     why: str = ""
+    excluded: str = ""  # how many trials the analysis will exclude, and why; empty for none
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,9 +235,10 @@ def with_trials(entry: Entry) -> Entry:
             if not len(rows):
                 return _worse(entry, NO_TICKS)
             tally, finding = check_done(recording.config, rows, partial(continues, recording))
+            excluded = losses_stated(recording).text
     except NetboardError as error:
         return replace(entry, verdict=RESULTS[Severity.DAMAGE], why=str(error))
-    return _worse(replace(entry, done=tally.done, trials=tally.wanted), finding)
+    return _worse(replace(entry, done=tally.done, trials=tally.wanted, excluded=excluded), finding)
 
 
 def _worse(entry: Entry, finding: Finding) -> Entry:
@@ -252,7 +255,7 @@ def with_check(entry: Entry) -> Entry:
         return entry
     report = check(entry.path)
     why = [finding.text for finding in report.findings if finding.severity != Severity.SOUND]
-    return replace(entry, verdict=report.result, why="; ".join(why))
+    return replace(entry, verdict=report.result, why="; ".join(why), excluded=report.excluded)
 
 
 def in_order(entries: Iterable[Entry]) -> Iterator[tuple[tuple[str, str], list[Entry]]]:

@@ -24,6 +24,7 @@ from netboard.recording.format.channels import TICKS
 from netboard.recording.integrity.account import parts_of
 from netboard.recording.integrity.clock_check import check_clocks
 from netboard.recording.integrity.journal_check import check_journal, check_plan
+from netboard.recording.integrity.quality_check import Judge, losses_among
 from netboard.recording.integrity.severity import Finding, Report, Severity
 from netboard.recording.integrity.stream_check import check_end, check_numbers, check_rendered, check_time
 from netboard.recording.integrity.trial_check import check_measured, check_trials
@@ -75,20 +76,28 @@ def _check(recording: Recording, replay: bool, progress: TicksRead) -> Report:
             stage.warm()
     except (ConfigError, RecordingError) as error:
         problems.append(Finding(Severity.DAMAGE, str(error), "configuration"))
-    batches = _with_progress(recording.batches(as_sent=True), progress)
+    judge = None if config is None else Judge(recording, config)
+    batches = _with_progress(recording.batches(as_sent=True), progress, judge)
     seen = walk(batches, None if config is None else config.block, stage)
-    evidence = Evidence(recording, seen, config, recording.events(), recording.clocks(), recording.remarks())
+    verdicts = () if judge is None else tuple(judge.verdicts)
+    evidence = Evidence(recording, seen, config, recording.events(), recording.clocks(), recording.remarks(), verdicts)
     found = [
         replace(finding, part=one.part)
         for one in CHECKS
         if config is not None or not one.needs_config
         for finding in one.findings(evidence)
     ]
-    return Report(recording.path, (*problems, *found), seen.count, seen.verification, seen.computing)
+    excluded = "" if config is None else losses_among(verdicts, config, recording.metadata).text
+    return Report(recording.path, (*problems, *found), seen.count, seen.verification, seen.computing, excluded)
 
 
-def _with_progress(portions: Iterable[NDArray[Any]], progress: TicksRead) -> Iterator[NDArray[Any]]:
+def _with_progress(
+    portions: Iterable[NDArray[Any]], progress: TicksRead, judge: Judge | None
+) -> Iterator[NDArray[Any]]:
+    """Pass the ticks on, and let a judge see them on the way."""
     for rows in portions:
+        if judge is not None:
+            judge.take(rows)
         yield rows
         progress(len(rows))
 
@@ -246,7 +255,9 @@ CHECKS = (
         "the journal of a killed server ends before its recording, and a display that reported its frames too late had "
         "the flag `frozen_display` live.",
         lambda evidence: (
-            check_journal(evidence.recording, evidence.config, evidence.seen) if evidence.is_played else ()
+            check_journal(evidence.recording, evidence.config, evidence.seen, evidence.verdicts)
+            if evidence.is_played
+            else ()
         ),
         needs_config=True,
     ),

@@ -17,7 +17,6 @@ from netboard.base.errors import ConfigError, RecordingError
 from netboard.base.plural import plural
 from netboard.base.tables.experiment import Design
 from netboard.recording.files.reader import Recording
-from netboard.recording.integrity.quality_check import judged
 from netboard.recording.integrity.severity import Finding, Severity
 from netboard.recording.integrity.walk import Walk
 from netboard.recording.recovery.journal_file import journal_path
@@ -106,7 +105,7 @@ def _compare_plan(config: Config, planned: Config) -> Iterator[Finding]:
         yield Finding(Severity.SOUND, f"block {number} agrees with the plan of study {study}: {config.block.label}")
 
 
-def check_journal(recording: Recording, config: Config, seen: Walk) -> Iterator[Finding]:
+def check_journal(recording: Recording, config: Config, seen: Walk, verdicts: Sequence[Verdict]) -> Iterator[Finding]:
     """Check a recording against the journal beside it, if there is one."""
     try:
         lines = journal_of(recording.path, config)
@@ -115,7 +114,7 @@ def check_journal(recording: Recording, config: Config, seen: Walk) -> Iterator[
         return
     if lines is not None:
         run, block = recording.metadata.get("session", ""), config.block.number
-        yield from _compare_journal(lines.entries, run, block, seen, judged(recording))
+        yield from _compare_journal(lines.entries, run, block, seen, verdicts)
 
 
 def _compare_journal(

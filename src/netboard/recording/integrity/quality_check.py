@@ -1,16 +1,22 @@
-"""Judges the quality of recorded attempts as the server did: by the rules in the configuration.
+"""Judges the quality of recorded attempts as the server did, by the rules in the configuration, and which are lost.
 
 The ticks go to the referee in batches, each followed by its frames, as on a live server.
 """
 
-from collections.abc import Iterable
+from collections import deque
+from collections.abc import Iterable, Mapping
+from math import nan
 from operator import attrgetter
 from typing import Any
 
 from numpy.typing import NDArray
 
+from netboard.base.config import Config
 from netboard.network.protocol.motion import Safeguard
 from netboard.recording.files.reader import Recording
+from netboard.task.journal.lost import Losses, losses
+from netboard.task.journal.outcome import AttemptOutcome
+from netboard.task.trials.exclusion import rule_of
 from netboard.task.trials.quality import FIELDS_NEEDED, Referee, Verdict
 
 _PORTION = 100
@@ -27,17 +33,45 @@ def judged_along(recording: Recording, portions: Iterable[NDArray[Any]]) -> tupl
 
     ``portions``: all ticks in order, with at least the fields in `netboard.task.trials.quality.FIELDS_NEEDED`.
     """
-    referee = Referee(recording.config, Safeguard.CLAMPED)
-    frames = sorted(recording.frames(), key=attrgetter("tick"))
-    verdicts: list[Verdict] = []
-    passed = 0
+    judge = Judge(recording, recording.config)
     for rows in portions:
+        judge.take(rows)
+    return tuple(judge.verdicts)
+
+
+class Judge:
+    """Judges the attempts of a recording while its ticks are read; ``verdicts`` has those that have ended."""
+
+    def __init__(self, recording: Recording, config: Config) -> None:
+        self.verdicts: list[Verdict] = []
+        self._referee = Referee(config, Safeguard.CLAMPED)
+        self._frames = deque(sorted(recording.frames(), key=attrgetter("tick")))
+
+    def take(self, rows: NDArray[Any]) -> None:
+        """Take the next ticks."""
         for first in range(0, rows.size, _PORTION):
             count = min(_PORTION, rows.size - first)
-            verdicts += referee.watch(rows, first, count)
+            self.verdicts += self._referee.watch(rows, first, count)
             newest = rows["tick"][first + count - 1]
-            while passed < len(frames) and frames[passed].tick <= newest:
-                frame = frames[passed]
-                referee.paint(frame.station, frame.tick, frame.painted_ns)
-                passed += 1
-    return tuple(verdicts)
+            while self._frames and self._frames[0].tick <= newest:
+                frame = self._frames.popleft()
+                self._referee.paint(frame.station, frame.tick, frame.painted_ns)
+
+
+def losses_among(verdicts: Iterable[Verdict], config: Config, metadata: Mapping[str, str]) -> Losses:
+    """Return the trials that the analysis will exclude, of a recording with these metadata."""
+    attempts = (
+        AttemptOutcome(0, one.trial, one.attempt, one.outcome, one.completion, ",".join(one.flags), 0)
+        for one in verdicts
+    )
+    return losses(attempts, rule_of(config, metadata))
+
+
+def losses_stated(recording: Recording) -> Losses:
+    """Return the trials that the analysis will exclude, by the flags that the server has recorded in its events."""
+    ended = (event.details for event in recording.events() if event.name == "attempt_ended")
+    attempts = (
+        AttemptOutcome(0, int(of["trial"]), int(of["attempt"]), of["outcome"], nan, of.get("flags", ""), 0)
+        for of in ended
+    )
+    return losses(attempts, rule_of(recording.config, recording.metadata))

@@ -21,6 +21,8 @@ def in_words(report: Report, whole: bool) -> Text:
     """Return the result of a check and its evidence."""
     text = Text(f"{report.path}: ").append(report.result, COLOURS[report.severity])
     text.append(f", {plural(report.ticks, 'tick')}")
+    if report.excluded:
+        text.append("; ").append(report.excluded, "yellow")
     for finding in report.findings:
         if whole or finding.severity != Severity.SOUND:
             text.append(f"\n  {finding.part:13}", COLOURS[finding.severity]).append(f" {finding.text}")
@@ -63,6 +65,7 @@ def as_data(reports: Sequence[Report], took: float) -> dict[str, Any]:
                 "path": str(report.path),
                 "verdict": report.result,
                 "ticks": report.ticks,
+                "excluded": report.excluded,
                 "findings": [
                     {"part": one.part, "grade": one.severity.name.lower(), "text": one.text} for one in report.findings
                 ],
@@ -112,13 +115,14 @@ def sessions_table(entries: Sequence[Entry], folder: Path, caption: str = "") ->
 def _file_row(entry: Entry, folder: Path) -> list[Cell]:
     trials = f"{entry.done} of {entry.trials}" if entry.trials else f"{entry.done}"
     what = f"{entry.block} of {entry.blocks}" if entry.blocks else entry.kind
+    why = "; ".join(filter(None, (entry.why, entry.excluded)))
     known = entry.kind in ("recording", "journal") and entry.verdict != RESULTS[Severity.DAMAGE]
     colour = COLOURS[Severity(RESULTS.index(entry.verdict))]
     return [
         f"{', '.join(filter(None, (what, entry.condition)))}\n{entry.path.relative_to(folder)}",
         (trials if known else "-") + f"\n{entry.lost}",
         (f"{entry.duration / 60:.1f} min" if entry.duration is not None else "-") + f"\n{entry.size / 1e6:.1f} MB",
-        Text(entry.verdict, colour).append(f"\n{entry.why}" if entry.why else "", "default"),
+        Text(entry.verdict, colour).append(f"\n{why}" if why else "", "default"),
     ]
 
 

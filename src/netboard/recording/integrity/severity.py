@@ -44,6 +44,7 @@ class Report:
     ticks: int = 0  # ticks in the file, or recoverable from it
     replay: Verification | None = None  # result of verifying every tick, if requested
     computing: float = 0.0  # computing time of the verification, without reading [s]
+    excluded: str = ""  # how many trials the analysis will exclude, and why; empty for none
 
     @property
     def severity(self) -> Severity:

@@ -121,6 +121,8 @@ def check_done(config: Config, rows: NDArray[Any], goes_on: Callable[[], bool]) 
     block.
     """
     block, ends = config.block, rows[np.isin(rows["event"], _ENDS)]
+    if len(ends) and rows[-1]["tick"] > ends[-1]["tick"] and rows[-1]["phase"] != Phase.FINISHED:
+        ends = ends[:0]  # the block was over, and was reopened for repeats
     row = ends[-1] if len(ends) else rows[-1]
     over = int(row["event"]) == Cause.LAST
     finished = over and int(row["phase"]) != Phase.FAILED

@@ -20,6 +20,7 @@ from netboard.recording.files.reader import Recording
 from netboard.recording.format.summary import Attempt, Gap, find_attempts
 from netboard.recording.integrity.verification import Verification, Verifier
 from netboard.stage.stage import Stage
+from netboard.task.trials.quality import Verdict
 from netboard.task.trials.state_machine import Phase, is_active
 
 MAX_KEPT = 1000
@@ -63,6 +64,7 @@ class Evidence:
     events: tuple[EventRecord, ...]
     probes: tuple[ClockRecord, ...]
     remarks: tuple[EventRecord, ...]
+    verdicts: tuple[Verdict, ...]  # of the attempts; none if the configuration cannot be read
 
     @property
     def config(self) -> Config:

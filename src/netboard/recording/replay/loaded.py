@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 from netboard.base.config import Config, Side, parse
 from netboard.base.errors import RecordingError
-from netboard.network.protocol.records import BLOCK_BEGAN, EventRecord
+from netboard.network.protocol.records import BLOCK_BEGAN, RELEASED, STOPPED, EventRecord
 from netboard.recording.format.summary import Attempt, find_attempts, find_gaps, from_release
 from netboard.recording.replay.marks import Mark, gap_in_words, marks, seconds
-from netboard.stage.curtain import PHASE_NAMES, make_curtain, view_of
+from netboard.stage.curtain import PHASE_NAMES, Pause, make_curtain, view_of
 from netboard.stage.view import View
 from netboard.task.journal.outcome import AttemptOutcome
+from netboard.task.trials.exclusion import rule_of
 from netboard.task.trials.state_machine import Cause, Phase
 
 MAX_CHARACTERS = 80
@@ -30,6 +31,14 @@ ROUNDING = 1e-7
 
 TICK_LENGTH = 1e-3 - ROUNDING
 """Time after a tick by which the next one is due [s]."""
+
+
+_PAUSES: dict[int, Pause] = {
+    Cause.PAUSE: Pause.OPERATOR,
+    Cause.FAULT: Pause.FAULT,
+    Cause.REPEAT: Pause.REPEATS,
+}
+"""Causes of pauses; a repeat is one only in a block that was over."""
 
 
 class LoadedRecording:
@@ -44,14 +53,19 @@ class LoadedRecording:
         self.ticks, self.times = ticks, seconds(ticks)
         self.attempts: tuple[Attempt, ...] = from_release(find_attempts(ticks), ticks["tick"], ticks["run_ticks"])
         self.gaps = find_gaps(ticks["tick"])
-        self.marks: tuple[Mark, ...] = marks(ticks, self.attempts, self.gaps, events)
+        self._outcomes = _outcomes(events, self.attempts, self.config.block.number)
+        rule = rule_of(self.config)
+        consequences = {
+            (one.trial, one.attempt): rule.consequence(one.outcome, one.flag_list) for _, one in self._outcomes
+        }
+        self.marks: tuple[Mark, ...] = marks(ticks, self.attempts, self.gaps, events, consequences)
         self.length = float(self.times[-1])  # time of the last tick [s]
         started = np.flatnonzero(ticks["event"] == Cause.START)
         # Start of the block, before which nothing happens; 0 if the recording began later [s].
         self.begin = float(self.times[started[0]]) if len(started) else 0.0
         self._best = best_so_far(ticks)
         self._rest_until_ns = _rest_until_ns(events, self.config)
-        self._outcomes = _outcomes(events, self.attempts, self.config.block.number)
+        self._pauses = _pauses(ticks, events)
 
     def at(self, position: float) -> int:
         """Return the index of the row at a position: the last one that is not later [1]."""
@@ -92,7 +106,14 @@ class LoadedRecording:
     def view(self, index: int, station: Side, sent_ns: int = 0, seq: int = 0) -> View:
         """Return the view of a station."""
         row, best, rest = self.ticks[index], self.best(index), self.rest(index)
-        return view_of(self.curtain, row, station, best, sent_ns, seq, rest)
+        return view_of(self.curtain, row, station, best, sent_ns, seq, rest, self.pause(index))
+
+    def pause(self, index: int) -> Pause:
+        """Return what has caused the pause at a row; `Pause.NONE` outside a pause."""
+        if self.ticks[index]["phase"] != Phase.PAUSED:
+            return Pause.NONE
+        tick = int(self.ticks["tick"][index])
+        return next((pause for at, pause in reversed(self._pauses) if at <= tick), Pause.OPERATOR)
 
     def outcomes(self, index: int) -> list[AttemptOutcome]:
         """Return the outcomes of the attempts so far, in order."""
@@ -126,6 +147,18 @@ def best_so_far(ticks: NDArray[Any]) -> NDArray[np.float64]:
     held = np.flatnonzero(ticks["event"][:-1] == Cause.HELD)
     known[held] = known[held + 1]
     return np.asarray(np.minimum.accumulate(np.where(known > 0, known, np.inf)), dtype=np.float64)
+
+
+def _pauses(ticks: NDArray[Any], events: Sequence[EventRecord]) -> list[tuple[int, Pause]]:
+    """Return the tick of each pause, and its cause; a fault during an emergency stop is a part of that."""
+    switches = [(event.tick, event.name == STOPPED) for event in events if event.name in {STOPPED, RELEASED}]
+    found = []
+    for row in ticks[np.isin(ticks["event"], list(_PAUSES))]:
+        tick, pause = int(row["tick"]), _PAUSES[int(row["event"])]
+        stopped = next((halted for at, halted in reversed(switches) if at <= tick), False)
+        if pause is not Pause.REPEATS or row["phase"] == Phase.FINISHED:
+            found.append((tick, Pause.STOP if stopped and pause is Pause.FAULT else pause))
+    return found
 
 
 def _rest_until_ns(events: Sequence[EventRecord], config: Config) -> int:

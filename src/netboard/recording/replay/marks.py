@@ -1,9 +1,10 @@
 """Marks on the time line of a recording: trials, their outcomes, and other events. Pure."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from math import isnan
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -71,8 +72,9 @@ def marks(
     attempts: Sequence[Attempt] = (),
     gaps: Sequence[Gap] = (),
     events: Sequence[EventRecord] = (),
+    consequences: Mapping[tuple[int, int], str] = MappingProxyType({}),
 ) -> tuple[Mark, ...]:
-    """Return the marks of a recording."""
+    """Return the marks of a recording; ``consequences``: what the analysis does with an attempt at a trial."""
     times = seconds(ticks)
 
     def mark(tick: int, kind: str, label: str, trial: int | None = None) -> Mark:
@@ -81,7 +83,7 @@ def marks(
 
     released = np.isin([attempt.tick for attempt in attempts], ticks["tick"])
     found = [
-        mark(one.began, "trial", _attempt_in_words(one) + ", its release is not recorded" * (not known), one.trial)
+        mark(one.began, "trial", _attempt_in_words(one, known, consequences), one.trial)
         for one, known in zip(attempts, released, strict=True)
     ]
     for row in np.flatnonzero(ticks["event"]):
@@ -94,10 +96,12 @@ def marks(
     return tuple(sorted(found, key=lambda one: one.time))
 
 
-def _attempt_in_words(attempt: Attempt) -> str:
+def _attempt_in_words(attempt: Attempt, released: bool, consequences: Mapping[tuple[int, int], str]) -> str:
     took = "" if isnan(attempt.completion) else f" in {attempt.completion:.3f} s"
     again = f", attempt {attempt.attempt}" if attempt.attempt > 1 else ""
-    return f"trial {attempt.trial}{again}: {attempt.outcome.replace('_', ' ')}{took}"
+    ended = f"trial {attempt.trial}{again}: {attempt.outcome.replace('_', ' ')}{took}"
+    consequence = consequences.get((attempt.trial, attempt.attempt), "")
+    return ", ".join(filter(None, (ended, "" if released else "its release is not recorded", consequence)))
 
 
 def gap_in_words(gap: Gap) -> str:

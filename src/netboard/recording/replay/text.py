@@ -8,19 +8,22 @@ from pathlib import Path
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from netboard.base.config import Config
 from netboard.base.errors import RecordingError
 from netboard.base.plural import plural
 from netboard.base.terminal.output import FittedTable, numbers
+from netboard.network.protocol.records import STOPPED
 from netboard.recording.files.offline_writer import TARGET_SIDES
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.summary import Attempt, Spread, Summary, summarise
 from netboard.recording.integrity.account import NumberRange, account_of, parts_of
+from netboard.recording.integrity.quality_check import losses_among
 from netboard.recording.integrity.verification import Verification
 from netboard.recording.replay.loaded import LoadedRecording
 from netboard.recording.replay.position import clock
 from netboard.task.studies.factors import BlockFactor, design_of, factors_of, role_of, trial_role
+from netboard.task.trials.exclusion import rule_of
 from netboard.task.trials.quality import FLAGS, Verdict
+from netboard.task.trials.state_machine import EMERGENCY_STOP
 
 
 def summary_of(recording: Recording) -> Summary:
@@ -28,9 +31,9 @@ def summary_of(recording: Recording) -> Summary:
     return summarise(recording.ticks(), recording.events(), recording.clocks(), recording.frames(), recording.remarks())
 
 
-def summary_tables(summary: Summary, config: Config) -> RenderableType:
-    """Return tables of trials, timing and losses."""
-    return Group(_trials(summary.attempts, config), _timing(summary), _counts(summary))
+def summary_tables(summary: Summary, recording: Recording, verdicts: Sequence[Verdict]) -> RenderableType:
+    """Return tables of trials, timing and losses; ``verdicts``: on the quality of the attempts."""
+    return Group(_trials(summary.attempts, recording, verdicts), _timing(summary), _counts(summary))
 
 
 def verification_line(result: Verification) -> Text:
@@ -45,20 +48,27 @@ def verification_line(result: Verification) -> Text:
     )
 
 
-def _trials(attempts: tuple[Attempt, ...], config: Config) -> FittedTable:
+def _trials(attempts: tuple[Attempt, ...], recording: Recording, verdicts: Sequence[Verdict]) -> FittedTable:
     numbered, completion = numbers("trial", "attempt"), numbers("completion time")
-    table = FittedTable(*numbered, "target", "outcome", *completion, "role", title="Trials")
+    title = "; ".join(filter(None, ("Trials", losses_among(verdicts, recording.config, recording.metadata).text)))
+    table = FittedTable(*numbered, "target", "outcome", *completion, "role", "in the analysis", title=title)
+    rule = rule_of(recording.config, recording.metadata)
+    flags = {(one.trial, one.attempt): one.flags for one in verdicts}
+    stops = [event.tick for event in recording.events() if event.name == STOPPED]
     for a in attempts:
         time = f"{a.completion:.3f} s" if a.outcome == "success" else "-"
-        role = trial_role(config, a.trial)
-        table.add_row(str(a.trial), str(a.attempt), TARGET_SIDES[a.target], a.outcome, time, role)
+        outcome = EMERGENCY_STOP if any(a.tick <= tick <= a.stop for tick in stops) else a.outcome
+        counts = rule.consequence(a.outcome, flags.get((a.trial, a.attempt), ())) or "counts"
+        role = trial_role(recording.config, a.trial)
+        words = TARGET_SIDES[a.target], outcome.replace("_", " "), time, role, counts
+        table.add_row(str(a.trial), str(a.attempt), *words)
     return table
 
 
 def _timing(summary: Summary) -> FittedTable:
     table = FittedTable("", *numbers("50 %", "99 %", "99.9 %", "largest"), title="Timing")
     spreads = {
-        "tick begins late by": summary.lateness,
+        "start of a tick after its deadline (negative: before it)": summary.lateness,
         "left: stylus read to force rendered": summary.left.loop,
         "right: stylus read to force rendered": summary.right.loop,
         **{f"{peer}: network round trip": trip for peer, trip in summary.round_trips.items()},

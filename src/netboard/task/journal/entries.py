@@ -241,6 +241,43 @@ class Note:
 
 
 @dataclass(frozen=True, slots=True)
+class EmergencyStopped:
+    """An emergency stop set all forces to zero.
+
+    Attributes
+    ----------
+    reason : str
+        Who or what stopped, in words.
+    run : str
+        Id of the run of the server.
+    tick : int
+        Tick of that run [1].
+    """
+
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
+    reason: str
+    run: str
+    tick: int
+
+
+@dataclass(frozen=True, slots=True)
+class EmergencyReleased:
+    """An operator released an emergency stop.
+
+    Attributes
+    ----------
+    run : str
+        Id of the run of the server.
+    tick : int
+        Tick of that run [1].
+    """
+
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
+    run: str
+    tick: int
+
+
+@dataclass(frozen=True, slots=True)
 class Ended:
     """The server ends regularly. The session can be resumed if blocks are left.
 
@@ -255,7 +292,18 @@ class Ended:
 
 
 Entry: TypeAlias = (
-    Opened | Resumed | BlockBegan | AttemptBegan | AttemptEnded | Repeat | Veto | BlockEnded | Note | Ended
+    Opened
+    | Resumed
+    | BlockBegan
+    | AttemptBegan
+    | AttemptEnded
+    | Repeat
+    | Veto
+    | BlockEnded
+    | Note
+    | EmergencyStopped
+    | EmergencyReleased
+    | Ended
 )
 
 KINDS: dict[str, type[Any]] = {
@@ -269,6 +317,8 @@ KINDS: dict[str, type[Any]] = {
     "veto": Veto,
     "block_ended": BlockEnded,
     "note": Note,
+    "emergency_stop": EmergencyStopped,
+    "emergency_release": EmergencyReleased,
     "ended": Ended,
 }
 """Types of lines, by the value of their key ``entry``."""

@@ -13,3 +13,8 @@ class AttemptOutcome(NamedTuple):
     completion: float
     flags: str
     repeats: int
+
+    @property
+    def flag_list(self) -> tuple[str, ...]:
+        """Quality flags of the attempt, in the order of `netboard.task.trials.quality.FLAGS`."""
+        return tuple(filter(None, self.flags.split(",")))

@@ -138,6 +138,7 @@ class _Reader:
         self.incomplete: list[Place] = []
         self.under_way: Place | None = None
         self.runs: list[str] = []
+        self._newest = 0  # block that began last
 
     def take(self, entry: Entry) -> None:
         """Apply the next entry."""
@@ -155,7 +156,7 @@ class _Reader:
             case AttemptEnded():
                 self._end(entry)
             case Repeat(block=number, trial=trial):
-                so_far = self._present(number)
+                so_far = self._reopened(number)
                 so_far.repeats = so_far.repeats.ask(trial)
             case Veto(block=number, trial=trial):
                 so_far = self._present(number)
@@ -188,12 +189,20 @@ class _Reader:
                     raise ValueError(f"block {number} begins before the end of block {other}")
                 so_far.over = True
         self.blocks[number].begun, self.blocks[number].stopped = True, False
+        self._newest = number
 
     def _present(self, number: int) -> _BlockSoFar:
         so_far = self.blocks.get(number)
         if so_far is None or not so_far.begun or so_far.over:
             raise ValueError(f"an entry of block {number}, which is not the current block")
         return so_far
+
+    def _reopened(self, number: int) -> _BlockSoFar:
+        """Return the current block; a repeat reopens it if it is over and no other block has begun."""
+        so_far = self.blocks.get(number)
+        if so_far is not None and number == self._newest and so_far.finished:
+            so_far.over = False
+        return self._present(number)
 
     def _number(self, entry: AttemptBegan | AttemptEnded) -> _BlockSoFar:
         """Check and store the numbers of a new attempt; they never decrease."""

@@ -41,6 +41,21 @@ FLAGS: dict[str, str] = {
 }
 """Every flag, with its meaning in words."""
 
+FLAG_WORDS: dict[str, str] = {
+    "late_ticks": "deadline misses",
+    "lost_samples": "lost samples",
+    "missing_ticks": "missing ticks",
+    "clipped": "force at its limit",
+    "saturated": "stylus at the edge of its range",
+    "start_tilt": "board tilted at the start",
+    "stuck_left": "left stylus stuck",
+    "stuck_right": "right stylus stuck",
+    "too_short": "too short",
+    "too_long": "too long",
+    "frozen_display": "frozen display",
+}
+"""Every flag in two or three words, for tables and lines of an operator."""
+
 TALLY = np.dtype(
     [
         ("under_way", "<i8"),  # 1: the ball is free

@@ -71,13 +71,13 @@ class Repeats:
             if present <= 1:
                 return "no trial is done in this block, so none can be repeated"
             return f"trial {trial} cannot be repeated: trials 1 to {present - 1} are done in this block"
-        if trial in self._to_come(present):
+        if trial in self.to_come(present):
             return f"trial {trial} is already to be repeated"
         return ""
 
     def why_not_veto(self, trial: int, present: int) -> str:
         """Return why the repeat of a trial cannot be cancelled, in a sentence; empty if it can."""
-        if trial in self._to_come(present):
+        if trial in self.to_come(present):
             return ""
         if trial in self.asked:
             return f"the repeat of trial {trial} has begun; skip it to leave it out"
@@ -85,10 +85,16 @@ class Repeats:
 
     def newest(self, present: int) -> int:
         """Return the trial whose repeat was requested last and has not begun; 0 for none [1]."""
-        return self._to_come(present)[-1] if self._to_come(present) else 0
+        return self.to_come(present)[-1] if self.to_come(present) else 0
 
-    def _to_come(self, present: int) -> tuple[int, ...]:
-        """Return the trials whose repeats have not begun."""
+    def to_come(self, present: int) -> tuple[int, ...]:
+        """Return the trials whose repeats have not begun [1].
+
+        Parameters
+        ----------
+        present : int
+            Number of the current trial [1].
+        """
         return self.asked[max(present - self.trials, 0) :]
 
 

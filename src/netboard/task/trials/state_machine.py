@@ -6,6 +6,7 @@ the stage executes. It has no clock: it counts ticks.
 Rule 3: a cause without an edge in the present phase changes nothing.
 Rule 4: edges with `Action.EXTEND` or `Action.SHORTEN` change the length of the block. They stay in their phase and
 leave the trial alone, so a cause sensed at the same tick takes effect too.
+Rule 5: a block that is over can be reopened by a repeat; the server allows that only while no other block has begun.
 
 The diagram in the documentation is drawn from `TABLE`.
 """
@@ -59,7 +60,7 @@ class Cause(IntEnum):
     SKIP = 17  # operator: count this trial as done, without success
 
 
-Outcome: TypeAlias = Literal["success", "fell", "timed_out", "aborted", "paused", "skipped"]
+Outcome: TypeAlias = Literal["success", "fell", "timed_out", "aborted", "paused", "emergency_stop", "skipped"]
 """Outcome of an attempt."""
 
 OUTCOMES: dict[Cause, Outcome] = {
@@ -73,7 +74,10 @@ OUTCOMES: dict[Cause, Outcome] = {
     Cause.SKIP: "skipped",
     Cause.LAST: "skipped",  # an attempt under way at the end of the block: the last trial was skipped
 }
-"""Outcome of an attempt, by the cause that ends it."""
+"""Outcome of an attempt, by the cause that ends it; the server knows if the fault was an `EMERGENCY_STOP`."""
+
+EMERGENCY_STOP: Outcome = "emergency_stop"
+"""Outcome of an attempt that an emergency stop ended."""
 
 STAGE_FAULT = "the stage: a value was not finite, or the board stood upright"
 """Reason of a fault that the stage itself detected."""
@@ -94,6 +98,7 @@ class Action(IntEnum):
     EXTEND = 9  # one more trial than the block has
     SHORTEN = 10  # one added trial less
     PASS = 11  # as `ADVANCE`, but no attempt begins yet: the next one is the first
+    REOPEN = 12  # `EXTEND` and `PASS`: the block goes on with a repeat
 
 
 _UNDER_WAY: dict[Cause, tuple[Phase, Action]] = {
@@ -141,10 +146,12 @@ TABLE: dict[Phase, dict[Cause, tuple[Phase, Action]]] = {
         Cause.LAST: (Phase.FINISHED, Action.HALT),
         Cause.STOP: (Phase.FINISHED, Action.HALT),
     },
-    Phase.FINISHED: {},
+    Phase.FINISHED: {
+        Cause.REPEAT: (Phase.PAUSED, Action.REOPEN),
+    },
 }
 for _phase, _from_there in TABLE.items():
-    if _from_there:  # the block is not over, so its length can change
+    if _phase != Phase.FINISHED:
         _from_there |= {Cause.REPEAT: (_phase, Action.EXTEND), Cause.VETO: (_phase, Action.SHORTEN)}
 
 BALL_FREE = (Phase.RUNNING, Phase.HOLDING)

@@ -1,4 +1,4 @@
-"""The table of attempts: outcome, flags, and the trial that an attempt repeats."""
+"""The table of attempts: outcome, whether it counts in the analysis, and the trial that an attempt repeats."""
 
 from collections.abc import Sequence
 
@@ -7,12 +7,15 @@ from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView
 
 from netboard.task.journal.outcome import AttemptOutcome
+from netboard.task.trials.exclusion import USUAL_RULE, ExclusionRule
 from netboard.windows.operator.lamp_widget import PANEL, PLAIN, TONES
-from netboard.windows.operator.words import ATTEMPT_HEADS, attempt_cells, attempt_tone
+from netboard.windows.operator.words import ATTEMPT_HEADS, WIDEST_CELLS, attempt_cells, attempt_tone
 
 Index = QModelIndex | QPersistentModelIndex
 NOWHERE = QModelIndex()
-FLAGS = ATTEMPT_HEADS.index("Flags")
+
+CELL_MARGINS = 12
+"""Width of a cell that is not for its text [pixels]."""
 
 
 class AttemptModel(QAbstractTableModel):
@@ -21,11 +24,13 @@ class AttemptModel(QAbstractTableModel):
     def __init__(self) -> None:
         super().__init__()
         self.attempts: list[AttemptOutcome] = []
+        self._rule = USUAL_RULE
 
-    def take(self, attempts: Sequence[AttemptOutcome]) -> bool:
-        """Append new attempts, or start again if the session is another one; return whether there were new ones."""
+    def take(self, attempts: Sequence[AttemptOutcome], rule: ExclusionRule) -> bool:
+        """Append new attempts, or start again if session or rule are others; return whether there were new ones."""
         have = len(self.attempts)
-        if len(attempts) < have or list(attempts[:have]) != self.attempts:
+        if len(attempts) < have or list(attempts[:have]) != self.attempts or rule != self._rule:
+            self._rule = rule
             self.beginResetModel()
             self.attempts = []
             self.endResetModel()
@@ -49,9 +54,9 @@ class AttemptModel(QAbstractTableModel):
         """Return the text or the colour of a cell."""
         attempt = self.attempts[index.row()]
         if role in (Qt.ItemDataRole.DisplayRole, Qt.ItemDataRole.ToolTipRole):
-            return attempt_cells(attempt)[index.column()]
+            return attempt_cells(attempt, self._rule)[index.column()]
         if role == Qt.ItemDataRole.ForegroundRole:
-            return QColor(TONES[attempt_tone(attempt)])
+            return QColor(TONES[attempt_tone(attempt, self._rule)])
         return None
 
     def headerData(  # noqa: N802  (Qt's name)
@@ -75,21 +80,24 @@ class AttemptTable(QTableView):
         self.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
         self.setShowGrid(False)
         self.setVerticalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        self.setMinimumSize(436, 100)  # all columns, the usual flags among them
+        self.setMinimumSize(480, 100)
         self.verticalHeader().hide()
         self.verticalHeader().setDefaultSectionSize(24)
         head = self.horizontalHeader()
-        head.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
-        head.setSectionResizeMode(FLAGS, QHeaderView.ResizeMode.Stretch)
+        head.setSectionResizeMode(QHeaderView.ResizeMode.Fixed)
+        head.setStretchLastSection(True)
+        letters = self.fontMetrics()
+        for column, texts in enumerate(zip(ATTEMPT_HEADS, WIDEST_CELLS, strict=False)):
+            self.setColumnWidth(column, max(map(letters.horizontalAdvance, texts)) + CELL_MARGINS)
         head.setHighlightSections(False)
         self.setStyleSheet(
             f"QTableView {{ background: {PANEL}; border: none; selection-background-color: {PLAIN.target}; }}"
             f"QHeaderView::section {{ background: {PANEL}; color: {PLAIN.detail}; border: none; padding: 3px 4px; }}"
         )
 
-    def take(self, attempts: Sequence[AttemptOutcome]) -> None:
-        """Show the attempts so far."""
-        if self.attempts.take(attempts) and self.marked is None:
+    def take(self, attempts: Sequence[AttemptOutcome], rule: ExclusionRule) -> None:
+        """Show the attempts so far, and what they count by the rule of the analysis."""
+        if self.attempts.take(attempts, rule) and self.marked is None:
             self.scrollToBottom()
 
     @property

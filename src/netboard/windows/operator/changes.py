@@ -7,11 +7,12 @@ lost messages of the last ten seconds, who is refused, and how long the disk wil
 from collections import deque
 from dataclasses import dataclass, field
 from itertools import pairwise
-from math import inf, nan
+from math import nan
 
 from netboard.network.protocol.control import Status
 from netboard.network.protocol.joining import HELLO_FIRST
 from netboard.nodes.ports.refusals import TOO_MANY_MESSAGES
+from netboard.recording.format.disk import BYTES_PER_SECOND
 
 SPACING = 0.5
 """Interval between stored statuses [s]."""
@@ -22,8 +23,8 @@ LATELY = 10.0
 SPAN = 60.0
 """Window over which a recording's growth is measured [s]."""
 
-SHORTEST = 3.0
-"""Shortest window that gives a growth rate [s]."""
+SHORTEST = 30.0
+"""Shortest window that gives a growth rate; before, and for a slower growth, `BYTES_PER_SECOND` is taken [s]."""
 
 
 PASSING = (HELLO_FIRST, TOO_MANY_MESSAGES)
@@ -37,21 +38,20 @@ class RecentCounts:
     late_ticks: int = 0
     lost: dict[str, int] = field(default_factory=dict)
     refused: tuple[str, ...] = ()  # reasons for which the server refuses peers, the most frequent first
-    minutes: float = nan  # time until the disk is full at the present growth; NaN while unknown [min]
+    minutes: float = nan  # how long recordings can go on until the disk is full; NaN while unknown [min]
 
 
 def minutes_left(written: list[tuple[float, int]], free_bytes: int) -> float:
-    """Estimate the time until a disk is full; NaN while unknown, infinite if nothing is written [min].
+    """Estimate how long recordings can go on until a disk is full [min].
 
     `written` has times, and the file size in bytes at each [s, 1]. A file that has shrunk is a new one, because each
-    block starts a new recording.
+    block starts a new recording. An idle session writes little, so the rate is at least that of running trials.
     """
-    if len(written) < 2 or written[-1][0] - written[0][0] < SHORTEST:
-        return nan
     sizes = [size for _, size in written]
     grown = sum(size - before if size >= before else size for before, size in pairwise(sizes))
     span = written[-1][0] - written[0][0]
-    return free_bytes / (grown / span) / 60 if grown > 0 else inf
+    rate = grown / span if span >= SHORTEST else 0.0
+    return free_bytes / max(rate, BYTES_PER_SECOND) / 60
 
 
 def _refused_since(before: Status, status: Status) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ emergency stop is sent at once, and again at every poll until the server confirm
 
 import logging
 from collections.abc import Callable
+from dataclasses import replace
 from importlib.metadata import version
 from math import inf
 from pathlib import Path
@@ -17,11 +18,11 @@ from netboard.base.clock import now_ns
 from netboard.base.config import Config, parse
 from netboard.base.errors import ConfigError, NetboardError
 from netboard.base.process.resources import NAME
-from netboard.base.tables.experiment import Session
 from netboard.network.protocol.control import Reply, Status
 from netboard.network.transport import sockets
 from netboard.nodes.operator.operator import ANSWER_SECONDS, Operator
 from netboard.nodes.ports.emergency import AWAITING_RELEASE, RELEASE, STOP
+from netboard.task.trials.exclusion import rule_of
 from netboard.windows.operator.changes import RecentCounts, StatusHistory
 from netboard.windows.operator.commands import COMMANDS, RELEASING
 from netboard.windows.operator.lamps import ended, limits_of
@@ -52,7 +53,7 @@ class ConsoleClient(QObject):
         self._operator: Operator | None = Operator(config.network, context)
         self._history, self._recent = StatusHistory(), RecentCounts()
         self.status: Status | None = None
-        self._session: Session | None = None
+        self._server_config: tuple[str, Config | None] = ("", None)
         self._last_message_ns = self._renew_ns = 0
         self._stop_ns: int | None = None
         self._asked: dict[int, tuple[str, str, int]] = {}
@@ -104,13 +105,19 @@ class ConsoleClient(QObject):
             status = ended(status, self.silence, operator is not None and operator.over)
         attempts = [] if operator is None else operator.attempts
         points = [] if operator is None else operator.points
-        return State(status, self.silence, self._recent, late, attempts, points, self._session)
+        config = self._configured("" if operator is None else operator.config)
+        shown = State(status, self.silence, self._recent, late, attempts, points)
+        return shown if config is None else replace(shown, session=config.session, rule=rule_of(config))
+
+    def _configured(self, text: str) -> Config | None:
+        """Return the server's configuration of the block; None if this version cannot read it."""
+        if text and text != self._server_config[0]:
+            self._server_config = text, _read(text)
+        return self._server_config[1]
 
     def _update(self, operator: Operator) -> None:
         status = operator.poll()
         if status is not None:
-            if self.status is None or status.session != self.status.session:
-                self._session = _session_in(operator.config)
             self.status, self._last_message_ns = status, now_ns()
             self._recent = self._history.add(now_ns() * 1e-9, status)
             if AWAITING_RELEASE in status.waiting_for:
@@ -136,9 +143,9 @@ class ConsoleClient(QObject):
         """Show the server's reply; a refused form shows the reason itself."""
         reason = f": {reply.reason}" if reply.reason else ""
         if reply.accepted:
-            self._window.say(Line(f"{LABELS[name]} done{reason}", Tone.GOOD))
+            self._window.say(Line(f"{LABELS[name]}{reason or ': done'}", Tone.GOOD))
         else:
-            self._fail(name, argument, f" REFUSED{reason}")
+            self._fail(name, argument, f" was refused{reason}")
         if name == STOP and not reply.accepted:  # as by a replay: it must not stop the next session
             self._stop_ns = None
         if name == "open":
@@ -161,12 +168,12 @@ class ConsoleClient(QObject):
         self._renew_ns = now_ns()
 
 
-def _session_in(text: str) -> Session | None:
-    """Return the session of the server's configuration; None if this version cannot read it."""
+def _read(text: str) -> Config | None:
+    """Read the server's configuration; return None if this version cannot read it."""
     try:
-        return parse(text, "the server's configuration").session
+        return parse(text, "the server's configuration")
     except ConfigError as error:
-        log.warning("the form does not know the proposed seats: %s", error)
+        log.warning("the console shows its own settings: %s", error)
         return None
 
 

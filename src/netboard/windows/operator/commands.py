@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from netboard.network.protocol.control import SHARED_COMMANDS, Status
 from netboard.nodes.ports.emergency import AWAITING_RELEASE, RELEASE, STOP
+from netboard.nodes.ports.waiting import in_words
 from netboard.windows.operator.lamps import ACTIVE, OVER, replayed
 
 STOP_KEYS = ("Esc", "Space")
@@ -57,7 +58,7 @@ def _go_on(status: Status) -> str:
         return halted
     if not status.armed:
         return "arm the devices first: F1"
-    missing = ", ".join(status.waiting_for) if not status.rest else ""  # the operator need not await the end of a rest
+    missing = in_words(status.waiting_for) if not status.rest else ""  # the operator need not await the end of a rest
     return missing and f"waiting for {missing}"
 
 
@@ -91,12 +92,20 @@ def _stop_after_block(status: Status) -> str:
     return _opened(status) if status.study else "there is no plan, only this block"
 
 
-def _judged(status: Status) -> str:
-    return "" if status.outcomes else "there has been no attempt yet"
-
-
 def _repeat(status: Status) -> str:
-    return "the block is over: its repeats cannot be changed" if status.phase == "finished" else _judged(status)
+    free = status.phase in ("running", "holding", "finished")
+    done = range(1, status.trial + free)
+    if not done:
+        return "no trial of this block is done yet"
+    return "" if set(done) - set(status.repeats) else "every trial that is done will be repeated already"
+
+
+def _repeat_lost(status: Status) -> str:
+    return "" if status.lost else "no trial of this block is lost that could be repeated"
+
+
+def _veto(status: Status) -> str:
+    return "" if status.repeats else "no repeat is waiting"
 
 
 COMMANDS: tuple[Command, ...] = (
@@ -115,7 +124,14 @@ COMMANDS: tuple[Command, ...] = (
         _in("levelling", "running", "holding"),
     ),
     Command("repeat", "Repeat trial", "F9", "Repeat the selected or the last trial at the end of the block.", _repeat),
-    Command("veto", "Cancel repeat", "Shift+F9", "Cancel the repeat of the selected or the last trial.", _repeat),
+    Command(
+        "repeat_lost",
+        "Repeat lost trials",
+        "Ctrl+F9",
+        "Repeat every trial of this block that the analysis will exclude, at the end of the block.",
+        _repeat_lost,
+    ),
+    Command("veto", "Cancel repeat", "Shift+F9", "Cancel the repeat of the selected trial, or the newest.", _veto),
     Command(
         "skip", "Skip trial", "F10", "Count this trial as done without a success.", _in(*ACTIVE, "paused"), confirm=True
     ),

@@ -16,7 +16,7 @@ from netboard.windows.operator.lamp_widget import PANEL, PLAIN, WATCH, label
 from netboard.windows.operator.words import Tone
 
 STOP_RED = "#c8102e"
-COLUMNS = 8
+COLUMNS = 9
 """Buttons per row [1]."""
 
 MAX_NOTE = 2000

@@ -175,7 +175,7 @@ def _disk(status: Status, minutes: float) -> LampState:
         return Level.OFF, "", "Known once a logger has started a file."
     free = min(recording.free_bytes for recording in begun)
     words = size(free) if not isfinite(minutes) else f"{duration(minutes)}, {size(free)}"
-    tip = "Free space on the logger's disk, and how long it lasts at the present rate."
+    tip = "Free space on the logger's disk, and how long trials can be recorded until it is full."
     if minutes < MINUTES_BAD or free < BYTES_BAD:
         return Level.BAD, words, f"{tip} Stop after this block (F12) and free some space."
     if minutes < MINUTES_WATCH or free < BYTES_WATCH:
@@ -186,9 +186,10 @@ def _disk(status: Status, minutes: float) -> LampState:
 def _late(status: Status, recently: int, limits: Limits) -> LampState:
     tip = f"Ticks over half a millisecond late: {recently} in the last {LATELY:g} s, {status.late_ticks} in total."
     if recently > limits.late_ticks:
-        return Level.BAD, f"{_short(recently)} now", f"{tip} Close other programs on the server's computer."
+        worry = f"More than {limits.late_ticks} in a trial flag it. Close other programs on the server's computer."
+        return Level.BAD, f"{_short(recently)} in {LATELY:g} s", f"{tip} {worry}"
     if recently:
-        return Level.WATCH, f"{_short(recently)} now", tip
+        return Level.WATCH, f"{_short(recently)} in {LATELY:g} s", tip
     return Level.GOOD, f"{_short(status.late_ticks)} in total", tip
 
 
@@ -234,7 +235,7 @@ def alarm(status: Status | None, silence: float, recent: RecentCounts, unconfirm
     if active and not recorded(status):
         return "RUNNING BUT NOT RECORDING: pause now (F5), then check the logger"
     if AWAITING_RELEASE in status.waiting_for:
-        return "EMERGENCY STOP: all forces are zero. To release it, press Ctrl+R twice"
+        return "EMERGENCY STOP: all forces are zero. To release the stop, press Ctrl+R twice"
     if active and recent.minutes < MINUTES_BAD:
         return f"DISK FULL IN {recent.minutes:.0f} MINUTES: stop after this block (F12)"
     return ""

@@ -15,12 +15,14 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QSplitter, QStackedWidget, QV
 
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES, Config
+from netboard.base.plural import plural
 from netboard.base.tables.experiment import Session
 from netboard.network.protocol.control import Status, TracePoint
 from netboard.network.transport import names
 from netboard.nodes.ports.emergency import STOP
 from netboard.nodes.server.operators import SAFE_WHEN_LATE
 from netboard.task.journal.outcome import AttemptOutcome
+from netboard.task.trials.exclusion import USUAL_RULE, ExclusionRule
 from netboard.windows.operator import words
 from netboard.windows.operator.attempts import AttemptTable
 from netboard.windows.operator.changes import RecentCounts
@@ -77,6 +79,7 @@ class State:
     attempts: Sequence[AttemptOutcome] = ()
     points: Sequence[TracePoint] = ()
     session: Session | None = None  # as the server is configured; None while unknown
+    rule: ExclusionRule = USUAL_RULE  # by which attempts do not count
 
 
 class ConsoleWindow(Window):
@@ -146,7 +149,7 @@ class ConsoleWindow(Window):
             self.show_form(not status.opened and status.phase == "idle")
         elif status.opened and self.middle.currentWidget() is self.form:
             self.show_form(False)
-        self.table.take(self.state.attempts)
+        self.table.take(self.state.attempts, self.state.rule)
         points = self.state.points
         self.note.tick = max(status.tick, points[-1].tick if points else 0)
         self._shown += 1
@@ -157,7 +160,8 @@ class ConsoleWindow(Window):
     def _show_alarm(self, urgent: str, worst: Line) -> None:
         """Write the alarm across the window; without one, the next step or the worst lamp."""
         where = names.trouble(self._server.host) or f"{self._server.host}:{self._server.port}"
-        line = words.advice(self.state.status, where, self.state.recent.refused)
+        shown = self.middle.currentWidget() is self.form
+        line = words.advice(self.state.status, where, self.state.recent.refused, form=shown)
         if not line.words:
             line = worst
         letters = 19 if len(line.words) < TWO_LINES else 15
@@ -231,7 +235,9 @@ class ConsoleWindow(Window):
         self._to_confirm, self._asked_ns = command, now_ns()
         self._confirm_timer.start()
         self._button(command).ask(True)
-        self.say(Line(f"{command.label}: press {command.key} once more to confirm", Tone.WATCH))
+        lost = self.state.status.lost if self.state.status is not None and command.name in ("end", "next") else ()
+        loss = f"; {plural(len(lost), 'lost trial is', 'lost trials are')} not repeated (Ctrl+F9)" if lost else ""
+        self.say(Line(f"{command.label}: to confirm, press {command.key} once more{loss}", Tone.WATCH))
 
     def _cancel_confirmation(self) -> None:
         self._confirm_timer.stop()
@@ -279,7 +285,7 @@ class ConsoleWindow(Window):
         top = _row((lines, 1), (self.stop, 0))
         self.live.addWidget(self.strips)
         self.live.addWidget(self.table)
-        self.live.setSizes([560, 500])
+        self.live.setSizes([480, 580])
         for page in (self.live, self.form):
             self.middle.addWidget(page)
         self.stations.setFixedWidth(458)

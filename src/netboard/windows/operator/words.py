@@ -8,9 +8,14 @@ from dataclasses import dataclass
 from enum import Enum
 from math import isnan
 
+from netboard.base.plural import plural
 from netboard.network.protocol.control import Status
 from netboard.nodes.ports.emergency import AWAITING_ARMING, AWAITING_RELEASE
+from netboard.nodes.ports.waiting import in_words
+from netboard.task.journal.lost import WILL_BE_EXCLUDED
 from netboard.task.journal.outcome import AttemptOutcome
+from netboard.task.trials.exclusion import ExclusionRule
+from netboard.task.trials.quality import FLAG_WORDS
 from netboard.windows.operator.lamps import ACTIVE, OVER, SILENT, Lamp, Level, replayed
 
 PHASES = {
@@ -30,6 +35,7 @@ OUTCOMES = {
     "timed_out": "time limit",
     "aborted": "aborted",
     "paused": "paused",
+    "emergency_stop": "emergency stop",
     "skipped": "skipped",
 }
 """Text of each outcome of an attempt."""
@@ -117,8 +123,11 @@ def banner(status: Status | None) -> Line:
     return Line(f"REAL   {whose}", Tone.PLAIN)
 
 
-def advice(status: Status | None, where: str, refused: Sequence[str] = ()) -> Line:
-    """Return what the operator should know or do next; `refused`: why the server refuses peers now."""
+def advice(status: Status | None, where: str, refused: Sequence[str] = (), *, form: bool = False) -> Line:
+    """Return what the operator should know or do next.
+
+    `refused`: why the server refuses peers now. `form`: whether the session's form is shown.
+    """
     if status is None:
         return Line(f"Looking for the server: {where}", Tone.WATCH)
     if status.phase == OVER:
@@ -126,29 +135,41 @@ def advice(status: Status | None, where: str, refused: Sequence[str] = ()) -> Li
     if replayed(status):
         return Line(status.notice)
     if not status.opened and status.phase == "idle":
-        return Line("Fill in the session form: F3")
+        if form:
+            return Line("Fill in the form, then press Enter to open the session. F3 hides the form")
+        return Line("No session is open. To show its form, press F3")
     missing = [what for what in status.waiting_for if what != AWAITING_RELEASE and status.phase not in ACTIVE]
     only_arming = not status.armed and all(what.endswith(AWAITING_ARMING) for what in missing)
     parts = (
         status.notice,
         # Often the notice says it already.
-        "Waiting for " + ", ".join(missing) if missing and "waiting for" not in status.notice else "",
-        f"refused: {refused[0]}" if missing and refused else "",
+        f"waiting for {in_words(missing)}" if missing and "waiting for" not in status.notice else "",
+        f"the server refuses a peer: {refused[0]}" if missing and refused else "",
         "" if missing and not only_arming else _next(status),
-        f"Next: {status.pending}" if status.pending else "",
+        f"planned: {status.pending}" if status.pending else "",
     )
     urgent = status.notice or missing or status.pending
-    return Line("; ".join(filter(None, parts)), Tone.WATCH if urgent else Tone.PLAIN)
+    return Line(_sentence("; ".join(filter(None, parts))), Tone.WATCH if urgent else Tone.PLAIN)
+
+
+def _sentence(words: str) -> str:
+    """Begin a line with a capital letter."""
+    return words[:1].upper() + words[1:]
 
 
 def _next(status: Status) -> str:
     """Return the next key to press, if the session waits for the operator."""
     if AWAITING_RELEASE in status.waiting_for:
-        return "release the emergency stop: press Ctrl+R twice"
-    if status.phase == "finished" and last_block(status):
-        return "end the session: press Ctrl+E twice"
-    step = {"idle": "start the block: F2", "paused": "resume: F7"}.get(status.phase, "")
-    return step if status.armed or not step else f"arm the devices: F1, then {step}"
+        return "to release the emergency stop, press Ctrl+R twice"
+    which = "it" if len(status.lost) == 1 else f"these {len(status.lost)}"
+    repeat = f"to repeat {which}, press Ctrl+F9" if WILL_BE_EXCLUDED in status.notice and status.lost else ""
+    if status.phase == "finished":
+        over = "to end the session, press Ctrl+E twice" if last_block(status) else ""
+        return "; ".join(filter(None, (repeat, over or (repeat and "to go on without, press Ctrl+N twice"))))
+    step = {"idle": "to start the block, press F2", "paused": "to resume, press F7"}.get(status.phase, "")
+    if step and not status.armed:
+        step = f"to arm the devices, press F1; then {step}"
+    return "; ".join(filter(None, (step, repeat)))
 
 
 def worst(lamps: Sequence[tuple[str, Lamp]]) -> Line:
@@ -157,9 +178,10 @@ def worst(lamps: Sequence[tuple[str, Lamp]]) -> Line:
     if not warnings:
         return Line("", Tone.QUIET)
     where, lamp = max(warnings, key=lambda named: named[1].level)  # the first of equal severity
-    others = f" (and {len(warnings) - 1} more)" if len(warnings) > 1 else ""
-    named = f"{where.upper()} {lamp.name.lower()}".strip()
-    return Line(f"{named}: {lamp.words}{others}. {lamp.tip}", Tone.BAD if lamp.level == Level.BAD else Tone.WATCH)
+    others = len(warnings) - 1
+    more = f" {plural(others, 'other lamp needs', 'other lamps need')} attention." if others else ""
+    named = _sentence(f"{where} {lamp.name.lower()}".strip())
+    return Line(f"{named}: {lamp.words}. {lamp.tip}{more}", Tone.BAD if lamp.level == Level.BAD else Tone.WATCH)
 
 
 def commander(status: Status | None, console: str) -> Line:
@@ -171,31 +193,41 @@ def commander(status: Status | None, console: str) -> Line:
     if status.commander == console:
         return Line("You are in command", Tone.GOOD)
     if status.commander:
-        return Line(f"{status.commander} is in command. Press T to take over", Tone.WATCH)
+        return Line(f"{status.commander} is in command. To take over, press T", Tone.WATCH)
     return Line("Nobody is in command: press T, or send a command", Tone.PLAIN)
 
 
-def attempt_cells(attempt: AttemptOutcome) -> tuple[str, ...]:
-    """Return the cells of an attempt's row, one per column of `ATTEMPT_HEADS`."""
+def attempt_cells(attempt: AttemptOutcome, rule: ExclusionRule) -> tuple[str, ...]:
+    """Return the cells of an attempt's row, one per column of `ATTEMPT_HEADS`; `rule`: of the analysis."""
     return (
         str(attempt.block),
-        str(attempt.trial),
+        f"{attempt.trial}, repeats {attempt.repeats}" if attempt.repeats else str(attempt.trial),
         str(attempt.attempt),
         OUTCOMES.get(attempt.outcome, attempt.outcome),
         "" if isnan(attempt.completion) else f"{attempt.completion:.2f} s",
-        attempt.flags.replace("_", " ").replace(",", ", "),
-        f"trial {attempt.repeats}" if attempt.repeats else "",
+        _in_analysis(attempt, rule),
     )
 
 
-ATTEMPT_HEADS = ("Block", "Trial", "Attempt", "Outcome", "Time", "Flags", "Repeats")
+def _in_analysis(attempt: AttemptOutcome, rule: ExclusionRule) -> str:
+    """Return what the analysis will do with an attempt."""
+    if consequence := rule.consequence(attempt.outcome, attempt.flag_list):
+        return consequence
+    flags = ", ".join(FLAG_WORDS.get(flag, flag.replace("_", " ")) for flag in attempt.flag_list)
+    return f"counts, flagged: {flags}" if flags else "counts"
+
+
+ATTEMPT_HEADS = ("Block", "Trial", "Attempt", "Outcome", "Time", "In the analysis")
 """Column headers of the table of attempts."""
 
+WIDEST_CELLS = ("18", "60, repeats 12", "Attempt", "emergency stop", "3600.00 s")
+"""A wide text of each column but the last, which takes the room that is left."""
 
-def attempt_tone(attempt: AttemptOutcome) -> Tone:
-    """Return the tone of an attempt: flagged, success or other."""
+
+def attempt_tone(attempt: AttemptOutcome, rule: ExclusionRule) -> Tone:
+    """Return the tone of an attempt: lost or flagged, success or other."""
     if attempt.flags:
-        return Tone.WATCH
+        return Tone.BAD if attempt.outcome == "success" and rule.reasons(attempt.flag_list) else Tone.WATCH
     return Tone.GOOD if attempt.outcome == "success" else Tone.PLAIN
 
 

@@ -246,7 +246,7 @@ class DisplayClient(QObject):
         """Return the picture that says why there is no view."""
         words = self._words
         if self._over:
-            return blank(self.config, words, words.over)
+            return blank(self.config, words, words.over, over=True)
         named = words.server.format(host=self._address.host, port=self._address.port)
         server = names.trouble(self._address.host) or named
         if self._seen:

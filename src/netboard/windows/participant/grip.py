@@ -43,16 +43,17 @@ def grip_of(
     how = _how(words, station, keys) if pointer is not None else words.take_press if keys else words.take_point
     stylus = None if view is None else view.left if station == "left" else view.right
     if stylus is None or pointer is None:
-        return Grip((how, words.play))
+        return Grip((how, words.play), asks=pointer is None)
     x = to_grain(-config.physics.l if station == "left" else config.physics.l)
     stylus, pointer = to_grain(stylus), to_grain(pointer)
     mark, spring = ((x - MARK_WIDTH / 2, pointer), (x + MARK_WIDTH / 2, pointer)), _spring(x, pointer, stylus)
     if force is None or abs(force) < SMALLEST_FORCE:
-        return Grip((how, words.play), mark, spring)
+        return Grip((how, words.play), mark=mark, spring=spring)
     up = 1.0 if force > 0 else -1.0
     reach = CURSOR_RADIUS + to_grain(ARROW_PER_FORCE * abs(force))
     label_at = (x, stylus + up * max(reach + LABEL_GAP, LABEL_CLEAR))
-    return Grip((how, words.play), mark, spring, _arrow(x, stylus, reach, up), f"{abs(force):.1f} N", label_at)
+    arrow, label = _arrow(x, stylus, reach, up), f"{abs(force):.1f} N"
+    return Grip((how, words.play), mark=mark, spring=spring, arrow=arrow, label=label, label_at=label_at)
 
 
 def _how(words: DisplayTexts, station: Side, keys: bool) -> str:

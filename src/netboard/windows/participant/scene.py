@@ -102,6 +102,7 @@ class Grip:
     """What is drawn of a player's own hand when it is played with a pointer."""
 
     hint: tuple[str, str]
+    asks: bool = False  # whether the hint asks the player for something, before which nothing begins
     mark: tuple[Point, ...] = ()  # ends of the bar at the height of the pointer; empty for none [m]
     spring: tuple[Point, ...] = ()  # corners of the spring from pointer to stylus; empty for none [m]
     arrow: tuple[Point, ...] = ()  # corners of the force arrow; empty for none [m]

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 from netboard.base.config import Config, Side
 from netboard.base.errors import WireError
+from netboard.stage.curtain import AGAIN, PAUSE_NOTICES, Pause
 from netboard.stage.view import View
 from netboard.windows.participant.scene import COLOURS, Picture, PictureState, extent, with_board
 from netboard.windows.participant.trial_events import SUCCEEDED
@@ -27,7 +28,7 @@ _STATES = {
 }
 """Picture state of each phase."""
 
-NOTICES = ("", "again")
+NOTICES = (AGAIN, *PAUSE_NOTICES)
 """Notices that a view may carry."""
 
 IN_TRIAL = ("running", "holding")
@@ -62,9 +63,12 @@ def check(view: View) -> None:
         raise WireError("a view with a number that is not finite")
 
 
-def blank(config: Config, words: DisplayTexts, headline: str, detail: str = "", *, lost: bool = False) -> Picture:
-    """Return a picture with text only."""
-    picture = _empty(PictureState.LOST if lost else PictureState.WAIT, config, words)
+def blank(
+    config: Config, words: DisplayTexts, headline: str, detail: str = "", *, lost: bool = False, over: bool = False
+) -> Picture:
+    """Return a picture with text only: the connection is lost, the session is over, or it has not begun."""
+    state = PictureState.LOST if lost else PictureState.FINISHED if over else PictureState.WAIT
+    picture = _empty(state, config, words)
     return replace(picture, headline=headline, detail=detail, patch=_patch(config, False))
 
 
@@ -101,10 +105,16 @@ def _away(picture: Picture, view: View, words: DisplayTexts) -> Picture:
 
 def _after(picture: Picture, view: View, words: DisplayTexts) -> Picture:
     """Add the texts after a block."""
-    last = view.block >= view.blocks
+    waits = view.notice == PAUSE_NOTICES[Pause.DECISION]
+    last = view.block >= view.blocks and not waits
     done = words.finished if last else words.block_done.format(block=view.block, blocks=view.blocks)
     best = "" if view.best is None else words.best.format(time=words.seconds(view.best))
-    return replace(picture, headline=done, detail=best[:1].upper() + best[1:], notice="" if last else words.wait)
+    return replace(
+        picture,
+        headline=done,
+        detail=best[:1].upper() + best[1:],
+        notice=_notice(view, words) or ("" if last else words.wait),
+    )
 
 
 def _with_texts(picture: Picture, view: View, config: Config, words: DisplayTexts, result: str) -> Picture:
@@ -118,11 +128,11 @@ def _with_texts(picture: Picture, view: View, config: Config, words: DisplayText
                 picture,
                 colours=replace(picture.colours, headline=ended.headline if well else ended.ball),
                 headline=words.succeeded if well else fell,
-                detail=_times(view, words) if well else words.again if view.notice else "",
+                detail=_times(view, words) if well else _notice(view, words),
                 notice=words.level,
             )
         case "levelling":
-            again = words.again if view.notice else ""
+            again = _notice(view, words)
             return replace(picture, headline=words.level, detail=_last(view, words), notice=again)
         case "holding":
             return replace(picture, headline=words.hold)
@@ -131,8 +141,14 @@ def _with_texts(picture: Picture, view: View, config: Config, words: DisplayText
         case "failed":
             return replace(picture, headline=fell)
         case "paused":
-            return replace(picture, headline=words.paused)
+            return replace(picture, headline=words.paused, detail=_notice(view, words))
     return picture
+
+
+def _notice(view: View, words: DisplayTexts) -> str:
+    """Return the text of a view's notice, which has the same name; empty for none."""
+    text: str = getattr(words, view.notice) if view.notice else ""
+    return text
 
 
 def _times(view: View, words: DisplayTexts) -> str:

@@ -23,7 +23,7 @@ from netboard.stage.view import View
 from netboard.windows.participant.frames import FrameTally
 from netboard.windows.participant.markers import Markers
 from netboard.windows.participant.motion import Motion, motion_after
-from netboard.windows.participant.scene import Grip, Picture
+from netboard.windows.participant.scene import Grip, Picture, PictureState
 from netboard.windows.participant.screens import IN_TRIAL, check, compose
 from netboard.windows.participant.trial_events import TrialEvents, events_after
 from netboard.windows.participant.window import BoardWindow, screen_of
@@ -155,10 +155,14 @@ class Showing(QObject):
             self._plan(now_ns())
 
     def _with_grip(self, picture: Picture, view: View | None) -> Picture:
-        """Add the player's own hand, if there is a player; without a board, only the hint how to play."""
-        if self._player is None:
+        """Add the player's own hand, if there is a player; without a board, only the hint how to play.
+
+        After the end there is nothing to play, and a hint that asks for something replaces the request to wait.
+        """
+        if self._player is None or picture.state is PictureState.FINISHED:
             return picture
-        return replace(picture, grip=self._player.grip(view if picture.board else None, self.config))
+        grip = self._player.grip(view if picture.board else None, self.config)
+        return replace(picture, grip=grip, notice="" if grip.asks else picture.notice)
 
     def _painted(self) -> None:
         """Count a painted frame, and send the markers of the events that it shows first."""

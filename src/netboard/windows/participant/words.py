@@ -12,6 +12,7 @@ from typing import Any
 from netboard.base.config import Config, Side
 from netboard.base.errors import ConfigError
 from netboard.base.settings import parse_toml
+from netboard.base.tables.rig import MOUSE, WITHOUT_FORCE
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +42,12 @@ class DisplayTexts:
     failed: str
     fell: str
     paused: str
+    # Why a block is paused, or does not end yet: see `netboard.stage.curtain.Pause`.
+    pause_operator: str
+    pause_fault: str
+    pause_stop: str
+    pause_repeats: str
+    pause_decision: str
     again: str
     last: str
     best: str
@@ -53,11 +60,12 @@ class DisplayTexts:
     who_dyadic: str
     who_still: str
     who_bimanual: str
-    # Instructions: what to do with and without a ball, and what is felt with haptic feedback on and off.
+    # Instructions: what to do with and without a ball; what is felt with haptic feedback on and off, and with a mouse.
     task: str
     task_board: str
     felt: str
     unfelt: str
+    drawn: str
     point: str
     press: str
     take_point: str
@@ -135,5 +143,13 @@ def instructions(config: Config, words: DisplayTexts, station: Side) -> str:
         who = words.who_bimanual
     task = words.task if config.physics.balls else words.task_board
     hold = words.seconds(config.task.hold_time, 1)
-    felt = words.felt if block.haptics else words.unfelt
+    felt = _felt(config, words, station)
     return f"{who.format(end=words.end(station))}\n\n{task.format(hold=hold)}\n\n{felt}"
+
+
+def _felt(config: Config, words: DisplayTexts, station: Side) -> str:
+    """Return the sentence on haptic feedback: a device that renders no force cannot be felt."""
+    device = config.agents.of(station).device
+    if not config.block.haptics or (device in WITHOUT_FORCE and device != MOUSE):
+        return words.unfelt
+    return words.drawn if device == MOUSE else words.felt
