@@ -14,7 +14,8 @@ from netboard.network.protocol.joining import HELLO_FIRST, HELLO_INTERVAL_NS, Go
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
 from netboard.network.protocol.motion import Force, Heartbeat, Point
 from netboard.network.transport import channels, sockets
-from netboard.nodes.agent.motion_link import REMEMBERED, Link
+from netboard.nodes.agent.motion_link import REFUSAL_GAP_NS, REFUSED_NS, REMEMBERED, Link
+from netboard.nodes.ports.refusals import TOO_MANY_MESSAGES
 
 TIMEOUT_NS = 10_000_000_000
 """Far longer than any stall of the machine [ns]."""
@@ -158,3 +159,23 @@ def test_agent_that_has_left_the_session_may_not_arm_its_device(pair: Pair, part
     assert not pair.deliver(parting)
     assert not pair.link.may_arm
     assert pair.link.newest is None
+
+
+def test_agent_gives_up_after_a_refusal_that_lasts(pair: Pair) -> None:
+    link, why = pair.link, "the left side already has an agent: lab0:7"
+    link._set_session("")
+    link._take_refusal(why, 0)
+    link._take_refusal(why, REFUSED_NS - 1)  # the gap before it was too long: it counts from here
+    assert link.refusal == ""
+    for at in range(REFUSED_NS, 2 * REFUSED_NS, REFUSAL_GAP_NS // 2):
+        link._take_refusal(why, at)
+    assert link.refusal == why
+
+
+@pytest.mark.parametrize("reason", [TOO_MANY_MESSAGES, "the left side already has an agent: lab0:7"])
+def test_agent_that_joins_or_sends_too_much_does_not_give_up(pair: Pair, reason: str) -> None:
+    joined = reason != TOO_MANY_MESSAGES
+    pair.link._set_session("session" if joined else "")
+    for at in range(0, 2 * REFUSED_NS, REFUSAL_GAP_NS // 2):
+        pair.link._take_refusal(reason, at)
+    assert pair.link.refusal == ""

@@ -7,7 +7,7 @@ import pytest
 from netboard.network.protocol.codec import decode
 from netboard.network.protocol.messages import Message
 from netboard.network.protocol.records import ClockRecord, EventRecord, FrameRecord
-from netboard.nodes.server.event_log import EventLog
+from netboard.nodes.server.event_log import EventLog, line_of
 
 FRAME = FrameRecord(0, "left", 7, 1, 2, 0)
 
@@ -88,3 +88,10 @@ def test_printed_event_leaves_out_what_fills_the_screen(caplog: pytest.LogCaptur
     caplog.set_level(logging.INFO)
     EventLog(RecordSink()).note(3, "agent_joined", {"side": "left", "policy_parameters": "{}", "config": "[block]"})
     assert caplog.messages == ["agent_joined side=left"]
+
+
+def test_refusal_is_a_sentence_in_the_process_log() -> None:
+    details = {"channel": "motion", "peer": "agent.left@vm:7", "reason": "it has not joined yet", "times": "3"}
+    said = "refused on the channel motion: peer=agent.left@vm:7: it has not joined yet (so far 3 times)"
+    assert line_of("refused", details) == said
+    assert line_of("agent_left", {"side": "left", "reason": "fell silent"}) == "agent_left side=left reason=fell silent"

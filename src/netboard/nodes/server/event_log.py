@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from netboard.base.clock import now_ns
+from netboard.base.plural import plural
 from netboard.network.protocol.codec import encode
 from netboard.network.protocol.messages import Message
 from netboard.network.protocol.records import ClockRecord, EventRecord, FrameRecord
@@ -95,9 +96,9 @@ def line_of(name: str, details: dict[str, str]) -> str:
     """Return an event as one line of the process log."""
     if name != "refused":
         return f"{name} {printable(details)}"
-    known = {"channel": "handshake", "peer": "an unknown peer", "times": "1", "reason": ""} | details
-    times = "" if known["times"] == "1" else f" ({known['times']} times so far)"
-    return printable_line(f"refused {known['peer']} on the channel {known['channel']}{times}: {known['reason']}")
+    who = printable({key: value for key, value in details.items() if key not in ("channel", "reason", "times")})
+    channel, times, reason = (printable_line(details.get(key, "")) for key in ("channel", "times", "reason"))
+    return f"refused on the channel {channel}: {who}: {reason} (so far {plural(int(times or 1), 'time')})"
 
 
 def printable(details: dict[str, str]) -> str:
