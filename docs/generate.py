@@ -50,7 +50,7 @@ def state_diagram() -> str:
                 continue
             does = "" if action is Action.NONE else f" / {action.name.lower()}"
             arrows.append(f"    {phase.name} --> {then.name}: {cause.name.lower()}{does}")
-    arrows += [f"    {phase.name} --> [*]" for phase, edges in TABLE.items() if not edges]
+    arrows.append("    FINISHED --> [*]")
     return "\n".join(["```mermaid", "stateDiagram-v2", *arrows, "```"])
 
 
