@@ -68,7 +68,7 @@ def _trials(attempts: tuple[Attempt, ...], recording: Recording, verdicts: Seque
 def _timing(summary: Summary) -> FittedTable:
     table = FittedTable("", *numbers("50 %", "99 %", "99.9 %", "largest"), title="Timing")
     spreads = {
-        "start of a tick after its deadline (negative: before it)": summary.lateness,
+        "tick start relative to its deadline": summary.lateness,
         "left: stylus read to force rendered": summary.left.loop,
         "right: stylus read to force rendered": summary.right.loop,
         **{f"{peer}: network round trip": trip for peer, trip in summary.round_trips.items()},
