@@ -12,7 +12,7 @@ from netboard.analysis.extraction.settings import Readings, parse
 from netboard.analysis.extraction.study import Study, study_of
 from netboard.analysis.extraction.tables import columns_of
 from netboard.base.config import Config
-from netboard.base.tables.experiment import Design
+from netboard.base.tables.experiment import TECHNICAL, Design
 from netboard.recording.format.channels import Field
 
 NOTHING = {"integer": 0, "number": float("nan"), "string": ""}
@@ -56,6 +56,7 @@ def measured(block: Block, number: int) -> Measured:
         "left_by": block.performer,
         "right_by": block.right_by or block.performer,
         "simulated": 1,
+        "exclude": " ".join(TECHNICAL),
     }
     trials = [
         {"recording": name, "trial": k, "attempt": 1, **USUAL, **row} for k, row in enumerate(block.trials, start=1)

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import product
 
 import pytest
 from console_server import MINE, RUNNING, STATES, ConsoleServer, attempts, point
@@ -173,7 +174,7 @@ def test_impossible_command_is_explained_and_not_sent(console: ConsoleRig) -> No
 def test_refusal_is_shown_with_its_reason(console: ConsoleRig) -> None:
     console.server.refuse["pause"] = "the trial is over already"
     console.press("F5")
-    console.wait_for_reply("Pause now REFUSED: the trial is over already")
+    console.wait_for_reply("Pause now was refused: the trial is over already")
     assert console.window.headline.text() == "RUNNING"
 
 
@@ -246,7 +247,7 @@ def test_refused_stop_is_not_sent_again(console: ConsoleRig) -> None:
     """A replay refuses it; sent again, it would stop the next session at this address."""
     console.server.refuse[STOP] = "this is a replay"
     console.press("Esc")
-    console.wait_for_reply("EMERGENCY STOP REFUSED: this is a replay")
+    console.wait_for_reply("EMERGENCY STOP was refused: this is a replay")
     assert console.client._stop_ns is None
 
 
@@ -288,7 +289,7 @@ def test_note_that_the_server_has_not_received_returns_to_its_field(console: Con
     console.write("was loud")
     console.server.change(tick=first + 5000)
     console.press("Return")
-    console.wait_for_reply("REFUSED")
+    console.wait_for_reply("was refused")
     assert note.text.text() == "was loud"
     console.server.refuse.clear()
     console.press("F4")
@@ -361,6 +362,10 @@ def test_repeat_names_the_selected_trial(console: ConsoleRig) -> None:
     for _ in range(3):
         console.press("Down")
     assert console.window.table.marked is None
+    console.press("Shift+F9")
+    assert console.window.reply.text() == "Cancel repeat: no repeat is waiting"
+    console.server.change(repeats=(3,))
+    console.until(lambda: console.window.state.status.repeats == (3,))
     console.press("Shift+F9")
     console.wait_for_command("veto")
     console.press("Up")
@@ -497,3 +502,13 @@ def test_screenshot_is_taken_at_the_first_status(app, server: ConsoleServer, tmp
     assert not any(window.isVisible() for window in app.topLevelWidgets()), "a window that is left takes the keys"
     with pytest.raises(NetboardError, match="exists"):
         run(Config(), lambda: True, picture)
+
+
+def test_completion_times_of_ten_seconds_and_more_fit_into_their_column(console: ConsoleRig) -> None:
+    table = console.window.table
+    console.server.attempts = [attempts(1)[0]._replace(completion=seconds) for seconds in (9.5, 11.53, 3599.99)]
+    console.show("running")
+    console.until(lambda: table.attempts.rowCount() == 3)
+    for row, column in product(range(3), range(5)):
+        text = table.attempts.data(table.attempts.index(row, column))
+        assert table.fontMetrics().horizontalAdvance(text) < table.columnWidth(column)
