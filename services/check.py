@@ -40,10 +40,10 @@ def check(
 
     from netboard.base.terminal.bars import progress_bars
     from netboard.base.terminal.output import plain_console
-    from netboard.recording.files.copies import copies_among
+    from netboard.recording.files.copies import repeats_among
     from netboard.recording.files.locate import each_once
     from netboard.recording.integrity.checking import check as check_file
-    from netboard.recording.integrity.report_text import as_data, in_total, in_words
+    from netboard.recording.integrity.report_text import as_data, in_total, in_words, with_conflicts
     from netboard.recording.integrity.severity import EXIT_CODES, Report
 
     files = each_once(recordings_in(recordings))
@@ -63,15 +63,17 @@ def check(
         for file in files:
             reports.append(check_file(file, verify, tell))
             progress.advance(task)
+    repeats = repeats_among(file for file in files if file.suffix == ".mcap")
+    reports = [with_conflicts(report, repeats.conflicts) for report in reports]
     took = time.perf_counter() - began
     if as_json:
-        typer.echo(json.dumps(as_data(reports, took)))
+        typer.echo(json.dumps(as_data(reports, took, repeats)))
     else:
         for report in reports:
             console.print(in_words(report, whole=len(files) == 1), soft_wrap=True)
         console.print(in_total(reports, took), soft_wrap=True)
-    for copy in copies_among(file for file in files if file.suffix == ".mcap"):
-        (screen if as_json else console).print(copy, soft_wrap=True, style="yellow")
+    for copy in repeats.copies:
+        (screen if as_json else console).print(str(copy), soft_wrap=True, style="yellow")
     raise typer.Exit(EXIT_CODES[max(report.severity for report in reports)])
 
 

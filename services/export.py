@@ -24,14 +24,17 @@ def export(
     from netboard.base.process.stopping import interrupted_by_stop_signals
     from netboard.base.terminal.bars import telling
     from netboard.recording.export import formats
+    from netboard.recording.files.copies import each_recording_once
     from netboard.recording.files.locate import UNFINISHED, find_recordings, find_unfinished
 
-    found = find_recordings(recordings)
+    found, copies = each_recording_once(find_recordings(recordings))
     folder = output or Path(f"{recordings[0].resolve().stem}_{to}")
     with interrupted_by_stop_signals(), telling() as tell:
         formats.export(found, to, folder, tell)
     files = [path for path in folder.rglob("*") if path.is_file()]
     size = sum(path.stat().st_size for path in files) / 1e6
     typer.echo(f"{folder}: {plural(len(files), 'file')} of {plural(len(found), 'recording')}, {size:.1f} MB")
+    for copy in copies:
+        typer.echo(f"left out: {copy}", err=True)
     for part in find_unfinished(recordings):
         typer.echo(f"left out: {part} {UNFINISHED}", err=True)

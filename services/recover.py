@@ -37,7 +37,7 @@ def recover(
     from netboard.base.terminal.bars import progress_bars
     from netboard.base.terminal.output import plain_console
     from netboard.recording.files.locate import each_once
-    from netboard.recording.recovery.recover import require_finished
+    from netboard.recording.recovery.recover import is_whole, require_finished
     from netboard.recording.recovery.spilled import recover_any
 
     files = each_once(_files(recordings))
@@ -48,8 +48,10 @@ def recover(
         for file in progress.track(files, description="recovering"):
             try:
                 require_finished(file)
-                for report in recover_any(file, output):
-                    _print_report(report)
+                if is_whole(file):
+                    typer.echo(f"{file}: is whole, so there is nothing to recover; no file was written")
+                else:
+                    _print_reports(file, recover_any(file, output))
             except NetboardError as error:
                 words, wrong = expected(error)
                 code = max(code, wrong)
@@ -74,6 +76,16 @@ def _files(paths: Sequence[Path]) -> Iterator[Path]:
         yield from found
 
 
+def _print_reports(file: Path, reports: "Sequence[RecoveryReport]") -> None:
+    """Print what was recovered from a file; if it has several recordings, also whose they are."""
+    if len(reports) > 1:
+        typer.echo(f"{file}: contains {len(reports)} recordings; each is now a file of its own")
+    for report in reports:
+        _print_report(report)
+        if len(reports) > 1:
+            typer.echo(f"  of: {report.whose}")
+
+
 def _print_report(report: "RecoveryReport") -> None:
     """Print what was recovered, and what was not."""
     ticks = "no ticks" if report.first_tick is None else f"ticks {report.first_tick} to {report.last_tick}"
@@ -83,5 +95,7 @@ def _print_report(report: "RecoveryReport") -> None:
         typer.echo(f"  missing: {plural(gap.count, 'tick')} from {gap.first}")
     for damage in report.damage:
         typer.echo(f"  lost: {damage.length} bytes at {damage.offset}, {damage.reason}")
+    for what in report.left_out:
+        typer.echo(f"  left out: {what}")
     if not report.has_config:
         typer.echo("  lost: the configuration")

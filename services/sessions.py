@@ -41,7 +41,7 @@ def sessions(
     """List the recordings in a folder: participants, trials, losses, and the result of the integrity check."""
     from netboard.base.terminal.bars import progress_bars
     from netboard.base.terminal.output import plain_console
-    from netboard.recording.files.copies import copies_among
+    from netboard.recording.files.copies import repeats_among
     from netboard.recording.integrity import catalogue
     from netboard.recording.integrity.report_text import QUICK, sessions_in_total, sessions_table
 
@@ -50,14 +50,16 @@ def sessions(
         raise RecordingError(f"{place}: no such folder")
     wanted = catalogue.Filter(dyad, study, verdict, None if since is None else since.date(), pilot)
     files = catalogue.files_in(place)
-    found = [entry for entry in map(catalogue.entry_of, files) if wanted.matches(entry)]
+    everything = [catalogue.entry_of(file) for file in files]
+    repeats = repeats_among(entry.path for entry in everything if entry.kind == "recording")
+    found = [entry for entry in everything if wanted.matches(entry)]
     entries = []
     screen = plain_console(stderr=True)
     with progress_bars(screen) as progress:
         for entry in progress.track(found, description="recordings"):
             counted = catalogue.with_trials(entry)
             entries.append(catalogue.with_check(counted) if full else counted)
-    entries = [entry for entry in entries if wanted.matches_result(entry)]
+    entries = [entry for entry in catalogue.with_repeats(entries, repeats) if wanted.matches_result(entry)]
     console = plain_console()
     if as_json:
         groups = catalogue.in_order(entries)
@@ -69,5 +71,5 @@ def sessions(
         console.print(sessions_in_total(entries), soft_wrap=True)
     else:
         console.print(f"{place}: no {'matching ' if files else ''}recording", soft_wrap=True)
-    for copy in copies_among(entry.path for entry in entries if entry.kind == "recording"):
-        (screen if as_json else console).print(copy, soft_wrap=True, style="yellow")
+    for repeat in (*repeats.copies, *repeats.conflicts):
+        (screen if as_json else console).print(str(repeat), soft_wrap=True, style="yellow")

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import rehearsed
 from extractions import HERE, assert_same, extracted, study_from
 from made_recordings import recorded, two_trials
 from netboard.analysis.extraction import running
@@ -18,8 +19,14 @@ from netboard.analysis.extraction.cache import Cache
 from netboard.analysis.extraction.settings import Readings, parse
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.extraction.workers import dask, processes
+from netboard.base.config import Config
+from netboard.base.config import parse as parse_config
 from netboard.base.errors import ConfigError, NetboardError, RecordingError
 from netboard.base.process.workers import cores
+from netboard.recording.export.formats import export
+from netboard.recording.files.locate import find_recordings
+from netboard.recording.files.reader import Recording
+from netboard.recording.importing.table_import import ImportOptions, import_table
 
 pytestmark = pytest.mark.slow
 
@@ -98,6 +105,34 @@ def test_changed_byte_invalidates_the_cache(recordings: tuple[Path, ...], tmp_pa
     copy.write_bytes(data)
     with pytest.raises(pytest.fail.Exception, match="measured anew"):
         extracted([copy], Readings(), no_workers, cache)
+
+
+@pytest.mark.parametrize("skip", [False, True])
+def test_copies_count_once_whatever_they_are_called(
+    recordings: tuple[Path, ...], alone: Study, tmp_path: Path, skip: bool
+) -> None:
+    export(recordings, "csv", tmp_path / "out", lambda *progress: None)
+    table = tmp_path / "out" / "ticks" / f"{recordings[1].stem}.csv"
+    imported = import_table(table, tmp_path, Config(), ImportOptions(), 1, lambda *progress: None).path
+    renamed, same_name = tmp_path / "renamed.mcap", tmp_path / recordings[2].name
+    for copy, original in ((renamed, recordings[0]), (same_name, recordings[2])):
+        shutil.copy(original, copy)
+    copies = (imported, renamed, same_name)
+    found = extracted(find_recordings((*recordings, *copies)), Readings(), skip=skip)
+    assert sorted(one.file for one in found.left_out) == sorted(copy.name for copy in copies)
+    assert all("is a copy of" in one.why and "trials count once" in one.why for one in found.left_out)
+    assert_same(study_from(found), alone)
+
+
+def test_recordings_in_conflict_are_refused_also_where_unreadable_ones_are_skipped(
+    recordings: tuple[Path, ...], tmp_path: Path
+) -> None:
+    with Recording(recordings[0]) as whole:
+        rows, about, text = whole.ticks(), whole.metadata, whole.config_text
+    rows["theta"][-1] += 1e-9
+    changed = rehearsed.write(tmp_path / "changed.mcap", rows, parse_config(text), metadata=about, text=text)
+    with pytest.raises(RecordingError, match="claim to be of the same block, and differ at tick"):
+        extracted((*recordings, changed), Readings(), skip=True)
 
 
 def unreadable(folder: Path, recordings: tuple[Path, ...]) -> list[Path]:

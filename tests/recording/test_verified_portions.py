@@ -52,7 +52,7 @@ def test_walk_finds_the_same_attempts_as_all_ticks_at_once(most: int) -> None:
     assert repr(seen.attempts()) == repr(find_attempts(rows))
     assert (seen.count, seen.missing, seen.gaps) == (len(rows), 10, [Gap(3000, 10)])
     assert (seen.first["tick"][0], seen.last["tick"][0]) == (0, rows["tick"][-1])
-    assert (seen.jumps, seen.disordered, seen.force_where_none) == ([], [], 0)
+    assert (seen.jumps, seen.force_where_none) == ([], 0)
     assert sum(len(turn) for turn in seen.turns) < 60
 
 

@@ -201,7 +201,8 @@ def test_unreadable_recordings_are_skipped_and_listed(study: Path) -> None:
     assert result.exit_code == 0, result.output
     listed = parquet.read_table("out/tables/left_out.parquet").to_pylist()
     whys = {"broken.mcap": "not an MCAP file", "gone.mcap": "cannot be read: No such file or directory"}
-    whys["torn.mcap"] = "is unfinished or cut short; netboard recover makes a recording of it"  # in which folder?
+    torn = "is unfinished or cut short, or has other bytes after its end"
+    whys["torn.mcap"] = f"{torn}; netboard recover makes a recording of it"  # in which folder?
     assert listed == [{"file": file, "why": why} for file, why in whys.items()]
     assert all(f"left out: {file}: {why}" in result.output for file, why in whys.items())
     assert json.loads(Path("out/provenance.json").read_text())["left_out"] == listed

@@ -65,13 +65,47 @@ def test_recording_that_is_named_twice_is_checked_once() -> None:
 @pytest.mark.parametrize("command", ["check", "sessions"])
 def test_copies_of_a_recording_are_pointed_out(command: str) -> None:
     shutil.copy("recordings/whole.mcap", "recordings/copy.mcap")
-    line = "recordings/copy.mcap and recordings/whole.mcap: are the same part of the same block; leave one out\n"
+    about = "is a copy of recordings/copy.mcap (with the same ticks), so its trials count once"
+    line = f"recordings/whole.mcap: {about}\n"
     result = runner.invoke(app, [command, "recordings"])
     assert result.exit_code == 0
     assert result.stdout.endswith(line)
     as_json = runner.invoke(app, [command, "recordings", "--json"])
     assert json.loads(as_json.stdout)
     assert as_json.stderr.endswith(line)
+
+
+def test_imported_copy_counts_once_in_every_command() -> None:
+    """Whoever imports an exported table, perhaps to try it, has the block twice."""
+    assert runner.invoke(app, ["export", "recordings", "--to", "csv", "-o", "out"]).exit_code == 0
+    assert runner.invoke(app, ["import", "out/ticks/whole.csv"]).exit_code == 0
+    (imported,) = (str(path) for path in Path("recordings").glob("*.mcap") if path.stem != "whole")
+    about = f"{imported}: is a copy of recordings/whole.mcap (imported from whole.csv, with the same ticks)"
+    again = runner.invoke(app, ["export", "recordings", "--to", "csv", "-o", "again"])
+    assert f"left out: {about}" in again.stderr
+    assert "of 1 recording," in again.stdout
+    assert Path("again/trials.csv").read_bytes() == Path("out/trials.csv").read_bytes()
+    checked = json.loads(runner.invoke(app, ["check", "recordings", "--json"]).stdout)
+    assert [(one["path"], one["of"]) for one in checked["copies"]] == [(imported, "recordings/whole.mcap")]
+    assert about in runner.invoke(app, ["check", "recordings"]).stdout
+    listed = json.loads(runner.invoke(app, ["sessions", "recordings", "--json"]).stdout)
+    assert {one["path"]: one["copy_of"] for one in listed} == {
+        imported: "recordings/whole.mcap",
+        "recordings/whole.mcap": "",
+    }
+    assert "1 copy, not counted" in runner.invoke(app, ["sessions", "recordings"]).stdout
+
+
+def test_recordings_that_claim_to_be_the_same_are_damage() -> None:
+    rows = rehearsed.rows()
+    rows["left_x"][100] += 0.001
+    rehearsed.write(Path("recordings/changed.mcap"), rows)
+    result = runner.invoke(app, ["check", "recordings"])
+    assert result.exit_code == 1
+    assert "claim to be of the same block, and differ at tick 100; keep the right one" in result.stdout
+    listed = json.loads(runner.invoke(app, ["sessions", "recordings", "--json"]).stdout)
+    assert [one["verdict"] for one in listed] == ["damaged", "damaged"]
+    assert runner.invoke(app, ["export", "recordings", "--to", "csv"]).exit_code == 1
 
 
 def test_missing_files_and_folders_are_reported() -> None:

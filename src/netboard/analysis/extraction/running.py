@@ -20,6 +20,7 @@ from netboard.base.errors import NetboardError, RecordingError
 from netboard.base.process.resources import peak_memory
 from netboard.recording.export.formats import Progress
 from netboard.recording.export.runs import Run, numbered, runs_of, unnumbered_run
+from netboard.recording.files.copies import each_recording_once
 from netboard.recording.files.locate import RECOVERABLE, recovery_command, sha256_of
 
 if TYPE_CHECKING:
@@ -71,7 +72,9 @@ def extract(
     `progress` is called with the numbers of finished and of all recordings. RecordingError if a recording cannot be
     measured and `skip` is false, or none remains.
     """
-    runs, left_out = _readable(recordings) if skip else (runs_of(recordings), [])
+    kept, copies = each_recording_once(recordings)
+    runs, left_out = _readable(kept) if skip else (runs_of(kept), [])
+    left_out += [LeftOut(copy.path.name, copy.about(copy.of.name)) for copy in copies]
     digests = digests_of([run.path for run in runs])
     keys = {run.path: key_of(run.path.stem, digests[run.path], readings) for run in runs}
     collector = _Collector(paths, progress, len(runs))

@@ -50,7 +50,7 @@ TABLES = (
     Kind("paths", "one sample of the path of an attempt, each 20 ms", FIELDS_IN_STUDY["paths"]),
     Kind("people", "one performer in one condition: a participant, or a dyad", PEOPLE),
     Kind("exclusions", "one reason why an attempt is excluded", EXCLUSIONS),
-    Kind("left_out", "one recording that could not be measured, or is unfinished", LEFT_OUT),
+    Kind("left_out", "one recording that could not be measured, is unfinished, or is a copy of another one", LEFT_OUT),
     Kind("results", "one reported number", RESULTS),
 )
 """Tables of every analysis."""

@@ -9,13 +9,14 @@ has it. Runs are numbered in order of time, jointly for both persons, so equal r
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from math import inf
 from pathlib import Path
 from typing import Literal
 
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import RecordingError
-from netboard.recording.files.copies import find_copies
+from netboard.recording.files.copies import find_repeats
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.claims import whole_number
 from netboard.recording.format.summary import agents_of
@@ -138,9 +139,9 @@ def _refuse_repeats(runs: Sequence[Run]) -> None:
 
 
 def refuse_copies(recordings: Iterable[tuple[Path, Mapping[str, str]]]) -> None:
-    """Raise an error for two files with the same ticks, from their paths and metadata."""
-    for copy in find_copies(recordings):
-        raise RecordingError(copy)
+    """Raise an error for two files with the same ticks or the same identity, from their paths and metadata."""
+    for found in chain.from_iterable(find_repeats(recordings)):
+        raise RecordingError(str(found))
 
 
 def _identity(run: Run, person: Person) -> tuple[str, ...]:

@@ -8,7 +8,8 @@ module knows MCAP; it does not know ticks or sessions.
 import os
 import struct
 import zlib
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property
 from io import SEEK_END, BytesIO
@@ -49,6 +50,7 @@ _MAX_BYTES = {
     Opcode.CHUNK: MAX_CHUNK_BYTES + MAX_RECORD_BYTES,  # data that do not compress are a little larger then
 }
 """Largest size of the records that the index names, by kind [bytes]."""
+_NOT_IN_INDEX = frozenset((Opcode.HEADER, Opcode.CHUNK, Opcode.DATA_END, Opcode.FOOTER))
 
 
 class Container:
@@ -76,10 +78,13 @@ class Container:
             self._index: dict[int, list[bytes]] = {}
             for opcode, body in _walk(self._read(start, stop - start)):
                 self._index.setdefault(opcode, []).append(body)
+            if _NOT_IN_INDEX & self._index.keys():
+                raise RecordingError("another file begins in its index")
             self.profile = Header.read(_stream(self._record(len(MAGIC), Opcode.HEADER))).profile
             listed = [MetadataIndex.read(_stream(body)) for body in self._index.get(Opcode.METADATA_INDEX, ())]
             places = dict.fromkeys(at.offset for at in listed)
             named = [Metadata.read(_stream(self._record(at, Opcode.METADATA))) for at in places]
+            _require_once([record.name for record in named], "metadata")
         self.metadata = {record.name: MetadataRecord(record.name, record.metadata) for record in named}
 
     def _check_ends(self) -> None:
@@ -91,7 +96,8 @@ class Container:
             raise RecordingError(f"{self.path}: not an MCAP file")
         end = self._read(max(size - len(MAGIC), len(MAGIC)), len(MAGIC))
         if self.path.suffix == ".part" or end != MAGIC:
-            raise RecordingError(f"{self.path}: is unfinished or cut short; {recovery_advice(self.path)}")
+            what = "is unfinished or cut short, or has other bytes after its end"
+            raise RecordingError(f"{self.path}: {what}; {recovery_advice(self.path)}")
 
     @contextmanager
     def sound(self) -> Iterator[None]:
@@ -153,8 +159,9 @@ class Container:
     def attachment(self, name: str) -> bytes | None:
         """Return the attachment with this name, or None if there is none."""
         with self.sound():
-            for index in self._index.get(Opcode.ATTACHMENT_INDEX, ()):
-                at = AttachmentIndex.read(_stream(index))
+            found = [AttachmentIndex.read(_stream(index)) for index in self._index.get(Opcode.ATTACHMENT_INDEX, ())]
+            _require_once([at.name for at in found], "attachment")
+            for at in found:
                 if at.name == name:
                     body = self._record(at.offset, Opcode.ATTACHMENT)
                     (crc,) = struct.unpack("<I", body[-4:])
@@ -238,6 +245,13 @@ class Container:
     def close(self) -> None:
         """Close the file."""
         self._file.close()
+
+
+def _require_once(names: Sequence[str], what: str) -> None:
+    """Refuse records of which two have the same name, as those of two recordings."""
+    for name, count in Counter(names).items():
+        if count > 1:
+            raise RecordingError(f"it has {count} records of {what} {name}")
 
 
 def _stream(body: bytes) -> ReadDataStream:

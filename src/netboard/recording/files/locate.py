@@ -39,8 +39,8 @@ def find_recordings(paths: Sequence[Path]) -> tuple[Path, ...]:
     """Return the recordings that the paths name.
 
     Each comes once, in the order of `paths`, sorted by name within a folder. Raises `RecordingError` if a folder has no
-    recording, a name cannot be written as text, or two recordings share a file name: their outputs could not be told
-    apart.
+    recording, a name cannot be written as text, or two different recordings share a file name: their outputs could not
+    be told apart.
     """
     found: list[Path] = []
     for path in paths:
@@ -54,9 +54,19 @@ def find_recordings(paths: Sequence[Path]) -> tuple[Path, ...]:
         if not _is_text(path):  # as of a disk that another system has written
             raise RecordingError(f"{path}: its path is not valid UTF-8, so no table can contain it; rename it")
         other = names.setdefault(path.stem, path)
-        if other != path:
+        if other != path and not _same_content(other, path):
             raise RecordingError(f"{other} and {path} have the same name; take them one at a time, or rename one")
-    return tuple(names.values())
+    return tuple(dict.fromkeys(found))
+
+
+def _same_content(one: Path, other: Path) -> bool:
+    """Return whether two files are one, or equal byte by byte."""
+    try:
+        if one.samefile(other):
+            return True
+        return one.stat().st_size == other.stat().st_size and sha256_of(one) == sha256_of(other)
+    except (OSError, RecordingError):  # the command that reads it reports why
+        return False
 
 
 def _named(folder: Path, *endings: str) -> list[Path]:
@@ -154,3 +164,12 @@ def recovery_advice(path: Path) -> str:
 def recovery_command(path: Path) -> str:
     """Return the command that recovers a recording, in words."""
     return f"run: {shell_command('netboard', 'recover', path)}"
+
+
+def repair_advice(path: Path, source: str) -> str:
+    """Return what to do about a recording that an older netboard recovered wrongly from a file of this name, if any."""
+    whole = path.parent / source
+    if not source or not whole.is_file():
+        return recovery_advice(path)
+    again = recovered_path(whole).name.replace(".recovered.mcap", "_again.recovered.mcap")
+    return f"recover its source again: {shell_command('netboard', 'recover', whole, '-o', path.parent / again)}"

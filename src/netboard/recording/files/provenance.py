@@ -45,6 +45,9 @@ _NUMBERS: dict[str, tuple[str, ...]] = {
 }
 """Metadata that are read as whole numbers. MCAP stores no checksum of a metadata record."""
 
+SEQUENCE = "sequence"
+"""Key of the recovery metadata which says that sequence and identity of all data were examined; older files lack it."""
+
 LIBRARY = f"netboard {version('netboard')} (mcap {mcap.__version__})"
 """Library name in the header of recordings."""
 
@@ -60,6 +63,11 @@ def damaged_numbers(name: str, values: Mapping[str, str]) -> list[str]:
     """Return the keys in a metadata record whose value should be a whole number and is not."""
     found = {key: whole_number(values.get(key, "0")) for key in _NUMBERS.get(name, ())}
     return [key for key, number in found.items() if number is None or number < 0]
+
+
+def has_every_number(metadata: Mapping[str, Mapping[str, str]]) -> bool:
+    """Return whether the metadata records of a finished recording have all values that are whole numbers."""
+    return all(key in metadata.get(name, {}) for name, keys in _NUMBERS.items() for key in keys)
 
 
 def provenance(welcome: Welcome, config: Config, part: int, utc_ns: int, monotonic_ns: int) -> dict[str, str]:
@@ -137,3 +145,15 @@ def next_recording(directory: Path, config: Config, session: str, utc_ns: int) -
     stamp = utc_of(utc_ns).strftime("%Y%m%dT%H%M%SZ")
     suffix = f"_part{part}" if part > 1 else ""
     return directory / f"{stem}_{stamp}_{short}{block}{suffix}.mcap", part
+
+
+def recovered_name(metadata: Mapping[str, str]) -> str:
+    """Return the file name of a recovered recording from its own metadata; empty if they lack what it needs."""
+    if not {"name", "dyad", "session", "opened_utc"} <= metadata.keys():
+        return ""
+    stamp = re.sub(r"[^0-9T]", "", metadata["opened_utc"].partition("+")[0])
+    stem = re.sub(r"[^\w.-]", "", f"{metadata['name']}_{metadata['dyad']}")
+    block, part = metadata.get("block", ""), metadata.get("part", "1")
+    numbered = f"_block{int(block):02d}" * (block.isdecimal() and metadata.get("blocks", "1") != "1")
+    later = f"_part{part}" * (part.isdecimal() and part != "1")
+    return f"{stem}_{stamp}Z_{_short(metadata['session'])}{numbered}{later}.recovered.mcap"

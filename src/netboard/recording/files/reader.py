@@ -21,8 +21,8 @@ from netboard.base.errors import RecordingError
 from netboard.base.tick import ROW_BYTES, TICK
 from netboard.network.protocol.records import BackfillRecord, ClockRecord, EventRecord, FrameRecord
 from netboard.recording.files.container import Container
-from netboard.recording.files.locate import recovery_advice
-from netboard.recording.files.provenance import CONFIG_NAME, MetadataName, config_sha256, damaged_numbers
+from netboard.recording.files.locate import recovery_advice, repair_advice
+from netboard.recording.files.provenance import CONFIG_NAME, SEQUENCE, MetadataName, config_sha256, damaged_numbers
 from netboard.recording.format import older
 from netboard.recording.format.backfill import Backfilled
 from netboard.recording.format.batches import ATTEMPTS_NAME, PLACES, PLACES_NAME, WORD, Layout, attempts_of
@@ -30,6 +30,7 @@ from netboard.recording.format.channels import FORMAT_VERSION, IDS, TICKS, read_
 from netboard.recording.format.chunks import payloads
 from netboard.recording.format.claims import MAX_WHOLE, shown
 from netboard.recording.format.partfile import PROFILE
+from netboard.recording.format.sequence import EVIDENCE, NUMBERED, misnumbered, misplaced, misplaced_chunk, several
 from netboard.recording.format.summary import Attempt, Gap, find_attempts, find_gaps
 
 _ROW_BY_ROW = ("1", "2")
@@ -47,8 +48,8 @@ _MIN_SHARE, _MAX_SHARE = 8, 24
 
 T = TypeVar("T", EventRecord, ClockRecord, FrameRecord, BackfillRecord)
 
-_FILLED = tuple(f"{side}_{name}" for side in SIDES for name in ("rendered", "safeguards"))
-_FILLING = (*_FILLED, "time_ns")
+FILLED = tuple(f"{side}_{name}" for side in SIDES for name in ("rendered", "safeguards"))
+_FILLING = (*FILLED, "time_ns")
 
 
 class Recording:
@@ -75,7 +76,8 @@ class Recording:
     Raises
     ------
     RecordingError
-        If the file is not a finished, undamaged recording of a known format.
+        If the file is not one finished, undamaged recording of a known format: also if records are in it twice, or
+        those of another recording.
     """
 
     def __init__(self, path: Path | str) -> None:
@@ -114,6 +116,18 @@ class Recording:
         self._config = self._file.attachment(CONFIG_NAME)
         if self._config is not None and config_sha256(self._config) != self.metadata.get("config_sha256"):
             raise RecordingError(f"{self.path}: its configuration is damaged; {recovery_advice(self.path)}")
+        if self._file.attachment(PLACES_NAME) is not None:
+            self._require_sequence(misplaced_chunk(self._places))
+        if self.recovery and SEQUENCE not in self.recovery:
+            self._require_sequence(several(self.columns(*EVIDENCE), self.events(), self.metadata, self.end))
+
+    def _require_sequence(self, why: str) -> None:
+        """Raise an error if there is a reason why the records are not one recording."""
+        if why:
+            raise RecordingError(
+                f"{self.path}: is not one recording: {why}, so it has records twice, or those of another recording; "
+                f"{repair_advice(self.path, self.recovery.get('source', ''))}"
+            )
 
     def check(self) -> None:
         """Verify the checksum of the whole file, metadata included, if its writer stored one.
@@ -212,7 +226,7 @@ class Recording:
             rows = self.ticks(first, stop)
             return {name: rows[name] for name in TICK.names or ()}
         _refuse_unknown(names)
-        fills = bool(self._backfilled and set(names) & set(_FILLED))
+        fills = bool(self._backfilled and set(names) & set(FILLED))
         asked = dict.fromkeys((*names, "tick", *(_FILLING if fills else ())))
         found = self._read_columns(tuple(asked), self._places_in(first, stop))
         if fills and self._backfilled:
@@ -302,7 +316,7 @@ class Recording:
 
     def _rows(self, places: NDArray[Any], names: Sequence[str] = (), *, as_sent: bool = False) -> NDArray[Any]:
         """Return the ticks at these locations, or the named fields of them."""
-        backfilled = None if as_sent or (names and not set(names) & set(_FILLED)) else self._backfilled
+        backfilled = None if as_sent or (names and not set(names) & set(FILLED)) else self._backfilled
         if backfilled is None:
             return self._read_rows(places, names)
         rows = self._read_rows(places, tuple(dict.fromkeys((*names, *_FILLING))) if names else ())
@@ -347,10 +361,13 @@ class Recording:
             part = offsets[k : k + share]
             at = slice(int(starts[k]), int(stops[k + len(part) - 1]))
             with self._file.sound():
-                found = self._decode(part, names)
+                found = self._decode(part, tuple(dict.fromkeys((*names, "tick"))))
                 if any(len(column) != at.stop - at.start for column in found.values()):
                     raise RecordingError(f"{self.path}: its list of places contradicts the chunk at {part[0]}")
-                put(at, found)
+                self._require_sequence(
+                    misplaced(found["tick"], int(places["first"][k]), int(places["last"][k + len(part) - 1]))
+                )
+                put(at, {name: found[name] for name in names})
 
         with ThreadPoolExecutor(_THREADS) as pool:
             for _ in pool.map(work, range(0, len(offsets), share)):
@@ -399,6 +416,8 @@ class Recording:
         for offset in self._file.chunks_with(topic):
             with self._file.sound():
                 records.extend(read_record(kind, message) for message in self._payloads(offset, topic))
+        if topic in NUMBERED:
+            self._require_sequence(misnumbered([record.seq for record in records], topic))
         return tuple(records)
 
     def chunk_times(self) -> NDArray[np.int64]:

@@ -326,6 +326,9 @@ CHANNELS = (
 TICKS = CHANNELS[0].topic
 """Topic of the ticks."""
 
+LOG_TOPICS = ("/ticks", "/event", "/clock", "/frame", "/backfill")
+"""Topics whose messages are records of the log channel."""
+
 IDS = {channel.topic: number for number, channel in enumerate(CHANNELS, start=1)}
 """MCAP channel (and schema) id of each topic."""
 

@@ -18,11 +18,9 @@ from numpy.typing import NDArray
 from netboard.base.errors import RecordingError
 from netboard.network.protocol.records import BLOCK_BEGAN, EventRecord
 from netboard.recording.files.reader import Recording
+from netboard.recording.format.channels import LOG_TOPICS
 from netboard.recording.format.summary import find_gaps
 from netboard.task.trials.state_machine import STAGE_FAULT, Cause
-
-LOG_TOPICS = ("/ticks", "/event", "/clock", "/frame", "/backfill")
-"""Topics whose messages are records of the log channel."""
 
 _PAUSES = (Cause.PAUSE, Cause.FAULT)
 _NAME = re.compile(r"(.+?)(?:_\d{8}T\d{6}Z)?_([A-Za-z0-9]{1,8})(?:_block\d+)?(?:_part\d+)?(?:\.recovered)?")

@@ -19,6 +19,7 @@ from netboard.base.config import Config, parse
 from netboard.base.errors import NetboardError, RecordingError
 from netboard.base.plural import plural
 from netboard.network.protocol.joining import Welcome
+from netboard.recording.files.copies import Repeats
 from netboard.recording.files.locate import EMPTY, files_below, recovery_advice
 from netboard.recording.files.provenance import CONFIG_NAME, MetadataName
 from netboard.recording.files.reader import Recording
@@ -66,6 +67,7 @@ class Entry:
     verdict: str = RESULTS[Severity.SOUND]
     why: str = ""
     excluded: str = ""  # how many trials the analysis will exclude, and why; empty for none
+    copy_of: str = ""  # the recording that has the same ticks and counts instead; empty for none
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,6 +222,20 @@ def _journal(path: Path, size: int, lines: JournalContent) -> Entry:
         verdict=RESULTS[Severity.LOSS if lines.torn else Severity.SOUND],
         why="its last line is incomplete" if lines.torn else "",
     )
+
+
+def with_repeats(entries: Iterable[Entry], repeats: Repeats) -> list[Entry]:
+    """Mark the copies among files, and as damaged those that claim to be the same recording and are not."""
+    copies = {copy.path: copy for copy in repeats.copies}
+    marked = []
+    for entry in entries:
+        if copy := copies.get(entry.path):
+            why = "; ".join(filter(None, (entry.why, copy.about(copy.of.name))))
+            marked.append(replace(entry, copy_of=str(copy.of), why=why))
+            continue
+        found = [str(one) for one in repeats.conflicts if entry.path in (one.one, one.other)]
+        marked.append(_worse(entry, Finding(Severity.DAMAGE, "; ".join(found))) if found else entry)
+    return marked
 
 
 def with_trials(entry: Entry) -> Entry:

@@ -116,16 +116,18 @@ def _unreadable(path: Path, why: str) -> Report:
         findings.append(Finding(Severity.DAMAGE, f"{words}: {error}", "file"))
     else:
         ticks = sum(one.messages[TICKS] for one in saved)
-        findings += [Finding(Severity.DAMAGE, _recoverable(one), "file") for one in saved]
+        findings += [Finding(Severity.DAMAGE, _recoverable(one, len(saved) > 1), "file") for one in saved]
     return Report(path, tuple(findings), ticks)
 
 
-def _recoverable(saved: RecoveryReport) -> str:
+def _recoverable(saved: RecoveryReport, is_one_of_several: bool) -> str:
     ticks = saved.messages[TICKS]
     span = plural(ticks, "tick") + (f", {saved.first_tick} to {saved.last_tick}" if ticks else "")
     text = f"recoverable: {span}, and {sum(saved.messages.values()) - ticks} other records"
-    lost = f"; {saved.lost_bytes} bytes are lost" if saved.lost_bytes else ""
-    return text + lost + ("" if saved.has_config else "; the configuration is lost")
+    text += f", of {saved.whose}" if is_one_of_several else ""
+    text += f"; {saved.lost_bytes} bytes are lost" if saved.lost_bytes else ""
+    text += "" if saved.has_config else "; the configuration is lost"
+    return text + "".join(f"; it also has {what}" for what in saved.left_out)
 
 
 # --- the checks of this module -----------------------------------------------------------------------------------

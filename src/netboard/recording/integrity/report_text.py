@@ -1,7 +1,7 @@
 """Results of integrity checks and the catalogue of sessions: text for a terminal, and values for JSON."""
 
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +10,9 @@ from rich.text import Text
 from netboard.base.plural import plural
 from netboard.base.terminal.output import Cell, FittedTable, numbers
 from netboard.base.tick import TICK_SECONDS
+from netboard.recording.files.copies import NO_REPEATS, Conflict, Repeats
 from netboard.recording.integrity.catalogue import Entry, in_order
-from netboard.recording.integrity.severity import RESULTS, Report, Severity
+from netboard.recording.integrity.severity import RESULTS, Finding, Report, Severity
 
 COLOURS = {Severity.SOUND: "green", Severity.LOSS: "yellow", Severity.DAMAGE: "red"}
 """Colour of each severity on a terminal."""
@@ -55,7 +56,13 @@ def _computed(reports: Sequence[Report]) -> tuple[int, float]:
     return again, sum(report.computing for report in reports)
 
 
-def as_data(reports: Sequence[Report], took: float) -> dict[str, Any]:
+def with_conflicts(report: Report, conflicts: Sequence[Conflict]) -> Report:
+    """Add to a report that another recording claims to be the same one, and is not."""
+    found = [str(one) for one in conflicts if report.path in (one.one, one.other)]
+    return replace(report, findings=(*report.findings, *(Finding(Severity.DAMAGE, text, "identity") for text in found)))
+
+
+def as_data(reports: Sequence[Report], took: float, repeats: Repeats = NO_REPEATS) -> dict[str, Any]:
     """Return the reports for JSON."""
     again, computing = _computed(reports)
     return {
@@ -73,6 +80,8 @@ def as_data(reports: Sequence[Report], took: float) -> dict[str, Any]:
             }
             for report in reports
         ],
+        "copies": [{"path": str(one.path), "of": str(one.of), "why": one.why} for one in repeats.copies],
+        "conflicts": [str(one) for one in repeats.conflicts],
         "seconds": took,
         "ticks_computed": again,
         "computing_seconds": computing,
@@ -132,7 +141,10 @@ def sessions_in_total(entries: Sequence[Entry]) -> str:
     counts = ", ".join(
         f"{count} {verdict}" for verdict in RESULTS if (count := sum(e.verdict == verdict for e in recordings))
     )
-    hours, size = sum(e.duration or 0.0 for e in recordings) / 3600, sum(e.size for e in recordings) / 1e9
+    hours = sum(e.duration or 0.0 for e in recordings if not e.copy_of) / 3600
+    size, copies = sum(e.size for e in recordings) / 1e9, sum(bool(e.copy_of) for e in recordings)
+    if copies:
+        counts += f"; {plural(copies, 'copy', 'copies')}, not counted"
     sessions = len({(entry.dyad, entry.session) for entry in entries})
     files = f"{plural(sessions, 'session')}, {plural(len(recordings), 'file')}"
     return f"{files} ({counts}), {hours:.2f} h, {size:.2f} GB"

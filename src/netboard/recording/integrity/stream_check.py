@@ -12,9 +12,9 @@ from netboard.base.tick import TICK_NS
 from netboard.network.protocol.records import EventRecord, FrameRecord
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.backfill import unknown_ticks
-from netboard.recording.format.channels import TICKS
+from netboard.recording.format.channels import LOG_TOPICS, TICKS
 from netboard.recording.format.summary import find_gaps
-from netboard.recording.integrity.account import LOG_TOPICS, NumberRange, cause_of_loss
+from netboard.recording.integrity.account import NumberRange, cause_of_loss
 from netboard.recording.integrity.severity import Finding, Severity, numbers_in_words
 from netboard.recording.integrity.walk import ACTIVE, Evidence
 from netboard.task.trials.state_machine import Phase
@@ -53,12 +53,8 @@ def _wrong_totals(evidence: Evidence) -> Iterator[str]:
 
 
 def _wrong_ticks(evidence: Evidence) -> Iterator[str]:
-    """Describe the ticks that are out of order, or missing although the logger noted no loss."""
+    """Describe the ticks that are missing although the logger noted no loss; a reader refuses those out of order."""
     seen = evidence.seen
-    if seen.disordered:
-        where = numbers_in_words(np.array(seen.disordered))
-        found = plural(len(seen.disordered), "tick comes", "ticks come")
-        yield f"{found} after one with the same or a higher number: {where}"
     noted_after = lost_after(evidence.remarks)
     unexplained = [gap for gap in seen.gaps if noted_after[gap.first - 1] < gap.count]
     if unexplained and not evidence.excuses_gaps:
@@ -68,7 +64,7 @@ def _wrong_ticks(evidence: Evidence) -> Iterator[str]:
 
 
 def _wrong_records(evidence: Evidence) -> Iterator[str]:
-    """Describe the other numbered streams that have records out of order, or more missing than noted."""
+    """Describe the other numbered streams that have more records missing than noted."""
     lost = lost_after(evidence.remarks).total()
     streams = (("events", evidence.events), ("clock probes", evidence.probes), ("log messages", evidence.remarks))
     for name, records in streams:
@@ -76,8 +72,6 @@ def _wrong_records(evidence: Evidence) -> Iterator[str]:
         missing = sum(gap.count for gap in find_gaps(numbers))
         if missing > lost and not evidence.excuses_gaps:
             yield f"{missing} {name} are missing without a note by the logger"
-        if np.any(np.diff(numbers) <= 0):
-            yield f"the numbers of the {name} are not in order"
 
 
 def _missing_frames(frames: Sequence[FrameRecord]) -> Iterator[Finding]:
@@ -111,8 +105,11 @@ def lost_after(remarks: Sequence[EventRecord]) -> Counter[int]:
 def check_end(recording: Recording) -> Iterator[Finding]:
     """List what the whole file lacks: recovered, ended early, or computed instead of recorded."""
     if recording.recovery:
-        what = recording.recovery.get("damage") or "only records that were not yet on disk"
-        yield Finding(Severity.LOSS, f"recovered from {recording.recovery.get('source', '?')}; lost: {what}")
+        unwritten = "nothing" if recording.end else "only records that were not yet on disk"
+        what = recording.recovery.get("damage") or unwritten
+        left_out = recording.recovery.get("left_out")
+        also = f"; left out: {left_out}" if left_out else ""
+        yield Finding(Severity.LOSS, f"recovered from {recording.recovery.get('source', '?')}; lost: {what}{also}")
     ended = recording.end.get("ended", "")
     if ended != "complete" and not (recording.recovery and not ended):
         yield Finding(Severity.LOSS, f"ends before its session: {ended or 'no cause is noted'}")

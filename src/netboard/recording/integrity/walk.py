@@ -39,7 +39,6 @@ class Walk:
     last: NDArray[Any] = field(default_factory=lambda: np.empty(0, TICK))
     gaps: list[Gap] = field(default_factory=list)
     missing: int = 0
-    disordered: list[int] = field(default_factory=list)  # ticks whose number does not exceed the previous one
     # Ticks whose time does not follow the previous one by one tick, and the excess [1, ns].
     jumps: list[tuple[int, int]] = field(default_factory=list)
     active_ns: tuple[int, int] | None = None  # server time of the first and the last tick during trials [ns]
@@ -131,8 +130,6 @@ def _check_sequence(seen: Walk, rows: NDArray[Any]) -> None:
     gaps = np.flatnonzero(steps > 1)
     seen.missing += int(np.sum(steps[gaps] - 1))
     seen.gaps += [Gap(int(numbers[k]) + 1, int(steps[k]) - 1) for k in gaps[: MAX_KEPT - len(seen.gaps)]]
-    back = np.flatnonzero(steps <= 0) + 1
-    seen.disordered += numbers[back[: MAX_KEPT - len(seen.disordered)]].tolist()
     more_ns = np.diff(joined["time_ns"]) - steps * TICK_NS
     jumped = np.flatnonzero(more_ns)[: MAX_KEPT - len(seen.jumps)]
     seen.jumps += [(int(numbers[k + 1]), int(more_ns[k])) for k in jumped]

@@ -31,12 +31,13 @@ from netboard.recording.files.writer import RecordingWriter
 from netboard.recording.format.channels import block_config, record_of, stamped
 from netboard.recording.format.claims import MAX_STAMP_NS, MAX_WHOLE, whole_number
 from netboard.recording.format.summary import find_gaps
-from netboard.recording.recovery.recover import Damage, RecoveryReport, mapped, recover, recovery_metadata
+from netboard.recording.recovery.recover import RecoveryReport, recover_all, recovery_metadata
+from netboard.recording.recovery.scan import Damage, mapped
 from netboard.recording.recovery.spill import MAGIC, OPENED, read_spill
 
 
 def recover_any(path: Path, output: Path | None = None) -> tuple[RecoveryReport, ...]:
-    """Recover an unfinished or damaged recording (`recover`), or a spill: one recording per block in it.
+    """Recover an unfinished or damaged recording (`recover_all`), or a spill: one recording per block in it.
 
     ``output``: output file; by default `recovered_path`. For a spill it is the first block's. Raises `ConfigError`
     if an output exists, and `RecordingError` if nothing can be recovered or an output cannot be written; no output is
@@ -44,7 +45,7 @@ def recover_any(path: Path, output: Path | None = None) -> tuple[RecoveryReport,
     """
     with mapped(path) as data:
         if data[: len(MAGIC)] != MAGIC:
-            return (recover(path, output),)
+            return recover_all(path, output)
         return _Blocks(path, data, output).write()
 
 
