@@ -29,10 +29,10 @@ def test_every_flag_has_words_and_all_but_a_long_duration_exclude() -> None:
         ("success", (), ""),
         ("fell", (), ""),
         ("success", ("too_long",), ""),
-        ("success", ("late_ticks", "too_long"), "will be excluded: deadline misses"),
-        ("fell", ("clipped", "frozen_display"), "will be excluded: force at its limit, frozen display"),
-        ("emergency_stop", (), "will be excluded"),
-        ("aborted", ("late_ticks",), "will be excluded"),
+        ("success", ("late_ticks", "too_long"), "excluded: deadline misses"),
+        ("fell", ("clipped", "frozen_display"), "excluded: force at its limit, frozen display"),
+        ("emergency_stop", (), "excluded"),
+        ("aborted", ("late_ticks",), "excluded"),
     ],
 )
 def test_consequence_names_why_an_attempt_will_be_excluded(outcome: str, flags: tuple[str, ...], said: str) -> None:

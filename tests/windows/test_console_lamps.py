@@ -314,9 +314,9 @@ def test_advice_hides_neither_a_questionnaire_nor_the_reason_of_a_pause() -> Non
 def test_attempt_row_shows_outcome_consequence_and_repeated_trial() -> None:
     cells = [words.attempt_cells(attempt, USUAL_RULE) for attempt in attempts(10)]
     assert cells[2][3:] == ("ball fell", "", "counts")
-    assert cells[7][3:] == ("success", "3.16 s", "will be excluded: deadline misses, lost samples")
-    assert cells[8][3:] == ("aborted", "", "will be excluded")
-    assert cells[9][1] == "7, repeats 5"
+    assert cells[7][3:] == ("success", "3.16 s", "excluded: deadline misses, lost samples")
+    assert cells[8][3:] == ("aborted", "", "excluded")
+    assert cells[9][5] == "counts, repeats trial 5"
     assert words.attempt_tone(attempts(10)[7], USUAL_RULE) is Tone.BAD
     long = attempts(1)[0]._replace(flags="too_long", outcome="success")
     assert words.attempt_cells(long, USUAL_RULE)[5] == "counts, flagged: too long"

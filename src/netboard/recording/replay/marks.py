@@ -101,7 +101,8 @@ def _attempt_in_words(attempt: Attempt, released: bool, consequences: Mapping[tu
     again = f", attempt {attempt.attempt}" if attempt.attempt > 1 else ""
     ended = f"trial {attempt.trial}{again}: {attempt.outcome.replace('_', ' ')}{took}"
     consequence = consequences.get((attempt.trial, attempt.attempt), "")
-    return ", ".join(filter(None, (ended, "" if released else "its release is not recorded", consequence)))
+    excluded = consequence and f"will be {consequence}"
+    return ", ".join(filter(None, (ended, "" if released else "its release is not recorded", excluded)))
 
 
 def gap_in_words(gap: Gap) -> str:

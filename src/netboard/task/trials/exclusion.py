@@ -73,7 +73,7 @@ class ExclusionRule:
         return tuple(FLAG_WORDS[flag] for flag in excluding(flags, self.exclude, simulated=self.simulated))
 
     def consequence(self, outcome: str, flags: Iterable[str]) -> str:
-        """Return whether an attempt will be excluded, and why; empty if it counts.
+        """Return ``excluded``, and why, for an attempt that does not count; empty if it counts.
 
         Parameters
         ----------
@@ -83,9 +83,9 @@ class ExclusionRule:
             Flags of the attempt.
         """
         if outcome not in MEASURED:
-            return "will be excluded"
+            return "excluded"
         reasons = self.reasons(flags)
-        return f"will be excluded: {', '.join(reasons)}" if reasons else ""
+        return f"excluded: {', '.join(reasons)}" if reasons else ""
 
 
 USUAL_RULE = ExclusionRule(TECHNICAL, simulated=False)

@@ -201,7 +201,7 @@ def attempt_cells(attempt: AttemptOutcome, rule: ExclusionRule) -> tuple[str, ..
     """Return the cells of an attempt's row, one per column of `ATTEMPT_HEADS`; `rule`: of the analysis."""
     return (
         str(attempt.block),
-        f"{attempt.trial}, repeats {attempt.repeats}" if attempt.repeats else str(attempt.trial),
+        str(attempt.trial),
         str(attempt.attempt),
         OUTCOMES.get(attempt.outcome, attempt.outcome),
         "" if isnan(attempt.completion) else f"{attempt.completion:.2f} s",
@@ -210,17 +210,18 @@ def attempt_cells(attempt: AttemptOutcome, rule: ExclusionRule) -> tuple[str, ..
 
 
 def _in_analysis(attempt: AttemptOutcome, rule: ExclusionRule) -> str:
-    """Return what the analysis will do with an attempt."""
-    if consequence := rule.consequence(attempt.outcome, attempt.flag_list):
-        return consequence
+    """Return what the analysis will do with an attempt, its other flags, and which trial it repeats."""
+    consequence = rule.consequence(attempt.outcome, attempt.flag_list)
     flags = ", ".join(FLAG_WORDS.get(flag, flag.replace("_", " ")) for flag in attempt.flag_list)
-    return f"counts, flagged: {flags}" if flags else "counts"
+    flagged = f"flagged: {flags}" if flags and not consequence else ""
+    repeats = f"repeats trial {attempt.repeats}" if attempt.repeats else ""
+    return ", ".join(filter(None, (consequence or "counts", flagged, repeats)))
 
 
 ATTEMPT_HEADS = ("Block", "Trial", "Attempt", "Outcome", "Time", "In the analysis")
 """Column headers of the table of attempts."""
 
-WIDEST_CELLS = ("18", "60, repeats 12", "Attempt", "emergency stop", "3600.00 s")
+WIDEST_CELLS = ("18", "1000", "10", "emergency stop", "3600.00 s")
 """A wide text of each column but the last, which takes the room that is left."""
 
 
