@@ -167,7 +167,7 @@ def test_agent_gives_up_after_a_refusal_that_lasts(pair: Pair) -> None:
     link._take_refusal(why, 0)
     link._take_refusal(why, REFUSED_NS - 1)  # the gap before it was too long: it counts from here
     assert link.refusal == ""
-    for at in range(REFUSED_NS, 2 * REFUSED_NS, REFUSAL_GAP_NS // 2):
+    for at in range(REFUSED_NS, 2 * REFUSED_NS + 1, REFUSAL_GAP_NS // 2):
         link._take_refusal(why, at)
     assert link.refusal == why
 
