@@ -1,5 +1,5 @@
 #!/bin/sh
-# Make .venv and install netboard into it:  deploy/setup.sh run | analysis | dev
+# Make .venv and install netboard into it:  deploy/setup.sh run | analysis | notebook | dev
 #
 # Needs only a Python from 3.11 to 3.13. What else is missing (Debian's venv, the libraries Qt loads) is installed with
 # apt-get if we are root or sudo asks for no password; otherwise one line says what to install.
@@ -9,8 +9,9 @@ cd "$(dirname "$0")/.."
 case "${1:-}" in
 run) what="." ;;
 analysis) what=".[analysis,dask]" ;;
+notebook) what=".[analysis,dask,notebook]" ;;
 dev) what=".[dev,devices]" ;;
-*) echo "usage: deploy/setup.sh run | analysis | dev" >&2; exit 2 ;;
+*) echo "usage: deploy/setup.sh run | analysis | notebook | dev" >&2; exit 2 ;;
 esac
 
 say() { echo "setup: $*" >&2; }
