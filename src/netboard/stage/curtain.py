@@ -28,7 +28,7 @@ AGAIN = "again"
 
 
 class Pause(IntEnum):
-    """What participants are told of a pause, or of a block that is over and may go on."""
+    """What participants read during a pause, or after a block that may go on."""
 
     NONE = 0
     OPERATOR = 1  # the operator has paused

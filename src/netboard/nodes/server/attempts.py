@@ -110,7 +110,7 @@ class Attempts:
 
     @property
     def loses_too_many(self) -> bool:
-        """Whether so many trials of the block are lost that the operator is asked to repeat them."""
+        """Whether the share of lost trials is so large that the operator is asked to repeat them."""
         limit = 1.0 if self._config is None else self._config.quality.excluded_share
         return len(self._lost.trials) > limit * max(self._lost.done, 1)
 

@@ -130,7 +130,7 @@ class SessionState:
 
     @property
     def loss(self) -> str:
-        """How many trials of the block are lost, if so many that the operator should repeat them; else empty."""
+        """How many trials of the block are lost, if the operator is asked to repeat them; else empty."""
         return self.attempts.lost.text if self.attempts.loses_too_many else ""
 
     @property

@@ -1,4 +1,4 @@
-"""Lost trials: successes that the analysis will exclude, as an operator is told while they can still be repeated."""
+"""Lost trials: successes that the analysis will exclude, and that the operator can still repeat."""
 
 from collections import Counter
 from collections.abc import Collection, Iterable
