@@ -19,6 +19,7 @@ from netboard.base.errors import ConfigError
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, MAX_LABEL, read, write, write_template
 from netboard.base.tables.experiment import MAX_TRIALS, Block, Design, Quality, Session, Task
 from netboard.base.tables.forces import CONDITIONS, FORCES
+from netboard.base.tables.outcomes import Declaration
 from netboard.base.tables.rig import (
     MOUSE,
     VIEW_REPEAT_MS,
@@ -54,6 +55,7 @@ class Config:
     session: Session = field(default_factory=Session)
     block: Block = field(default_factory=Block)
     design: Design = field(default_factory=Design)
+    analysis: Declaration = field(default_factory=Declaration)
     quality: Quality = field(default_factory=Quality)
     task: Task = field(default_factory=Task)
     physics: Physics = field(default_factory=Physics)

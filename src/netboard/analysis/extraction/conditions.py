@@ -23,6 +23,7 @@ from netboard.base.tables.forces import CONDITIONS
 from netboard.recording.export.factors import fields_of
 from netboard.recording.format.channels import Field
 from netboard.task.studies.factors import (
+    KIND,
     BlockFactor,
     Declared,
     Scope,
@@ -31,9 +32,6 @@ from netboard.task.studies.factors import (
     level_text,
     merge,
 )
-
-KIND = "kind"
-"""Name of the factor for the kind of block."""
 
 SETTINGS = {"block": ("force_scale", "force_delay_ms"), "physics": (), "task": (), "geometry": ()}
 """Configuration tables, and their keys (empty: all), that may differ without being a declared factor."""

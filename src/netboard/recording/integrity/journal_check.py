@@ -71,6 +71,7 @@ def check_plan(path: Path, config: Config) -> Iterator[Finding]:
         planned = replace(planned, block=shortened)
     if config.design == Design():
         planned = replace(planned, design=Design())  # the recording predates factors in blocks
+    planned = replace(planned, analysis=config.analysis)  # no part of the plan, nor of the study's digest
     yield from _compare_plan(config, planned)
 
 

@@ -9,13 +9,15 @@ import hashlib
 import json
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
 from netboard.base.config import Config, Side, contradictions
 from netboard.base.errors import ConfigError
 from netboard.base.tables.experiment import Block, Design, Role
+from netboard.base.tables.outcomes import Declaration
 from netboard.task.plans.conditions import Conditions, Performer, Sequence
+from netboard.task.studies.declaration import declaration_of
 from netboard.task.studies.factors import declared, role_by_name
 from netboard.task.studies.order import steps_of
 from netboard.task.studies.parts import SESSION
@@ -54,6 +56,7 @@ class PlanBlock:
     changes: dict[str, dict[str, Any]]
     seed: int
     design: Design  # role, factors and levels, as in the block's configuration
+    analysis: Declaration = field(default_factory=Declaration)  # what the study declares, as in the configuration
 
     @property
     def role(self) -> Role:
@@ -128,11 +131,12 @@ def to_json(plan: Plan) -> str:
     """Return a plan as one line of JSON with sorted keys: equal plans give the same text.
 
     Of a block's design it holds only what does not follow from the study: a declared role, and the levels drawn for
-    trials.
+    trials. The declared analysis follows from the study, and no block depends on it.
     """
     whole = asdict(plan)
     for block in (block for session in whole["sessions"] for block in session["blocks"]):
         design = block.pop("design")
+        del block["analysis"]
         block |= {name: design[name] for name in ("role", "trials") if design[name] not in ("auto", {})}
     return json.dumps(whole, sort_keys=True, separators=(",", ":"))
 
@@ -203,6 +207,7 @@ def _block(
         changes=changes,
         seed=assigned.seed_at(place),
         design=_design(study, name, conditions, within),
+        analysis=declaration_of(study),
     )
 
 
@@ -277,7 +282,7 @@ def config_of(config: Config, session: PlanSession, number: int) -> Config:
         table: replace(getattr(config, table), **keys) for table, keys in plan.changes.items() if table != "block"
     }
     config = replace(config, **tables)
-    config = replace(config, block=_block_of(config, session, plan), design=plan.design)
+    config = replace(config, block=_block_of(config, session, plan), design=plan.design, analysis=plan.analysis)
     problems = "\n".join(f"block {number} ({plan.label}): {problem}" for problem in contradictions(config))
     if problems:
         raise ConfigError(problems)

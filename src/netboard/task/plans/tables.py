@@ -12,9 +12,11 @@ from netboard.base.config import Config
 from netboard.base.errors import ConfigError
 from netboard.base.plural import plural
 from netboard.base.settings import tables
+from netboard.base.tables.outcomes import Declaration
 from netboard.base.terminal.output import FittedTable
 from netboard.task.plans.balance import Balance, Table, balance_of
 from netboard.task.plans.plan import Plan, PlanBlock, PlanSession, config_of, digest, seated, to_json
+from netboard.task.studies.declaration import declaration_of
 from netboard.task.studies.factors import declared, level_text
 from netboard.task.studies.study import Study
 
@@ -30,6 +32,7 @@ def plan_in_words(study: Study, plan: Plan, balance: Balance, *, blocks: bool) -
     if blocks:
         yield Text.assemble((study.name, "bold"), f": {study.text}")
         yield f"dyad {plan.dyad}, seed {plan.seed}, order {plan.order}, A sits {plan.seat_a}, {digest(plan)[:12]}"
+        yield analysis_in_words(declaration_of(study))
         if study.factors:
             yield levels_table(study)
         yield from (blocks_table(study, session) for session in plan.sessions)
@@ -109,7 +112,16 @@ def valid_in_words(name: str, study: Study, plans: Sequence[Plan], balance: Bala
         found = declared(factor)
         levels = ", ".join(level_text(found, level) for level in found.levels)
         yield f"  factor {label}: {levels}; {found.type}, {WHERE.get(factor.order, 'between blocks')}"
+    yield f"  {analysis_in_words(declaration_of(study))}"
     yield from (f"  uneven over {plural(len(plans), 'dyad')}: {uneven}" for uneven in balance.uneven)
+
+
+def analysis_in_words(found: Declaration) -> str:
+    """Describe a declared analysis in a line, or say that there is none."""
+    if not found.primary:
+        return "analysis: no primary outcome is declared ([analysis]), so the report will be exploratory"
+    secondary = f"; secondary: {', '.join(found.secondary)}" if found.secondary else ""
+    return f"analysis: {found.primary}, {found.contrast}, method {found.method}{secondary}"
 
 
 def _by_role(blocks: Sequence[PlanBlock]) -> Iterator[str]:

@@ -18,6 +18,9 @@ from netboard.base.settings import tables
 from netboard.base.tables.experiment import Design, FactorType, Role
 from netboard.task.studies.parts import CHANGED, Factor
 
+KIND = "kind"
+"""Name of the factor for the kind of block."""
+
 Scope = Literal["dyad", "block", "trial"]
 """Unit within which a factor has one level: all blocks of a dyad, a block, or a trial."""
 

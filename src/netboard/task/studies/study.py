@@ -8,16 +8,17 @@ raises a `ConfigError` with one line per problem.
 This module has no dyads: `netboard.task.plans.plan` makes the blocks of a dyad from a study.
 """
 
-import difflib
 import hashlib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from itertools import combinations
 from typing import Annotated, Any, TypeVar
 
 from netboard.base.errors import ConfigError
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, Form, about, check, parse_toml, to_toml
+from netboard.base.tables.outcomes import Declaration
 from netboard.task.studies import library
+from netboard.task.studies.declaration import declaration_problems, expected
 from netboard.task.studies.factors import declared
 from netboard.task.studies.order import MOST, steps_of
 from netboard.task.studies.parts import (
@@ -64,6 +65,9 @@ class Study(Changes):
     factors: Annotated[dict[str, Factor], about("factors, by name")] = field(default_factory=dict)
     kinds: Annotated[dict[str, Kind], about("kinds of blocks, by name")] = field(default_factory=dict)
     questionnaires: Annotated[dict[str, Questionnaire], about("questionnaires, by name")] = field(default_factory=dict)
+    analysis: Annotated[Declaration, about("question, primary outcome and contrast")] = field(
+        default_factory=Declaration
+    )
 
     def taken(self) -> tuple[str, ...]:
         """Return the names of the orders that dyads take in turn."""
@@ -96,6 +100,8 @@ def parse_study(text: str, source: str = "study.toml") -> Study:
     study = _whole(values, problems)
     if study is not None and not problems:
         problems += _contradictions(study)
+    if study is not None and not problems:
+        problems += declaration_problems(study)
     if study is None or problems:
         raise ConfigError("\n".join(f"{source}: {problem}" for problem in dict.fromkeys(problems)))
     return study
@@ -121,6 +127,9 @@ def _whole(values: dict[str, Any], problems: list[str]) -> Study | None:
         _put(values["questionnaires"], name, _checked(Questionnaire, {"text": "", **questionnaire}, path, problems))
     for name in _table(values, "orders", (), problems):
         _name(name, ("orders", name), problems)
+    if "analysis" in values:
+        declared_analysis = _table(values, "analysis", (), problems)
+        _put(values, "analysis", _checked(Declaration, declared_analysis, ("analysis",), problems))
     return _changes(Study, values, (), problems)
 
 
@@ -209,7 +218,7 @@ def _contradictions(study: Study) -> Iterator[str]:
         yield '[orders]: found none, expected at least one, such as main = "4 dyadic"'
     for name in study.order:
         if name not in study.orders:
-            yield f'order: found "{name}", {_expected(name, study.orders)}'
+            yield f'order: found "{name}", {expected(name, study.orders)}'
     for name, text in study.orders.items():
         yield from (f"[orders] {name}: {problem}" for problem in _order_problems(study, text))
     for name, factor in study.factors.items():
@@ -221,15 +230,9 @@ def _contradictions(study: Study) -> Iterator[str]:
     for name, questionnaire in study.questionnaires.items():
         for kind in questionnaire.after:
             if kind not in (*study.kinds, SESSION):
-                yield f'[questionnaires.{name}] after: found "{kind}", {_expected(kind, (*study.kinds, SESSION))}'
+                yield f'[questionnaires.{name}] after: found "{kind}", {expected(kind, (*study.kinds, SESSION))}'
     for name in study.kinds:
         yield from (f"[kinds.{name}]{problem}" for problem in _kind_problems(study, name))
-
-
-def _expected(name: str, names: Sequence[str] | dict[str, Any]) -> str:
-    """List the valid names, and suggest the one that was probably meant."""
-    near = difflib.get_close_matches(name, list(names), 1)
-    return f"expected one of {', '.join(names) or 'none'}" + (f"; did you mean {near[0]}?" if near else "")
 
 
 def _order_problems(study: Study, text: str) -> Iterator[str]:
@@ -240,7 +243,7 @@ def _order_problems(study: Study, text: str) -> Iterator[str]:
         yield str(error)
         return
     for kind in dict.fromkeys(step.kind for step in steps if step.kind not in study.kinds):
-        yield f'found "{kind}", {_expected(kind, study.kinds)}'
+        yield f'found "{kind}", {expected(kind, study.kinds)}'
     blocks = sum(len(study.kinds[step.kind].people()) for step in steps if step.kind in study.kinds)
     if blocks > MOST:
         yield f"{blocks} blocks, expected at most {MOST}"
@@ -266,7 +269,7 @@ def _kind_problems(study: Study, name: str) -> Iterator[str]:
         yield ": expected another name; this one stands for the end of a session"
     for factor in kind.factors:
         if factor not in (*study.factors, ALL):
-            yield f' factors: found "{factor}", {_expected(factor, (*study.factors, ALL))}'
+            yield f' factors: found "{factor}", {expected(factor, (*study.factors, ALL))}'
     if kind.performers == "dyad" and kind.other_hand != "own":
         yield f' other_hand: found "{kind.other_hand}", expected performers = "A", "B", "AB" or "BA" with it'
     varied = study.factors_of(name)
@@ -292,8 +295,8 @@ def _keys(changes: Changes) -> set[str]:
 
 
 def digest_of_study(study: Study) -> str:
-    """Return the SHA-256 of a study in full, in hexadecimal."""
-    return hashlib.sha256(resolve_study(study).encode()).hexdigest()
+    """Return the SHA-256 of a study in hexadecimal, without its declared analysis, on which no plan depends."""
+    return hashlib.sha256(resolve_study(replace(study, analysis=Declaration())).encode()).hexdigest()
 
 
 def resolve_study(study: Study) -> str:
@@ -310,6 +313,8 @@ def resolve_study(study: Study) -> str:
         lines += ["", f"[kinds.{name}]", *_lines(kind)]
     for name, questionnaire in study.questionnaires.items():
         lines += ["", f"[questionnaires.{name}]", *_lines(questionnaire)]
+    if study.analysis != Declaration():
+        lines += ["", "[analysis]", *_lines(study.analysis)]
     return "\n".join(lines) + "\n"
 
 
@@ -320,7 +325,7 @@ def _lines(part: Any) -> Iterator[str]:
         value = getattr(part, item.name)
         if item.name in _LATER and value == _LATER[item.name]:
             continue  # keeps the digest of studies written before the key existed
-        if not isinstance(value, dict):
+        if not isinstance(value, dict | Declaration):
             yield f"{item.name} = {to_toml(value)}"
         elif item.name in written:
             yield from (f"{item.name}.{key} = {to_toml(inner)}" for key, inner in value.items())
