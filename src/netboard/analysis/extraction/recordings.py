@@ -27,6 +27,7 @@ from netboard.recording.files.reader import Recording
 from netboard.recording.format.backfill import unknown_ticks
 from netboard.recording.format.channels import DTYPES
 from netboard.recording.integrity.quality_check import judged_along
+from netboard.task.studies.declaration import declaration_text
 from netboard.task.studies.factors import design_of, role_of, trial_role
 from netboard.task.trials.quality import FIELDS_NEEDED, Verdict
 
@@ -67,6 +68,7 @@ BLOCKS = (
     words("not_measured", "attempts without success, fall or timeout, or unreleased, as TRIAL.ATTEMPT and the cause"),
     words("netboard", "version of netboard that made the recording"),
     words("config_sha256", "SHA-256 of the block's configuration"),
+    words("declaration", "what the study declares about its analysis, as a JSON object; empty: nothing"),
     words("factors", "factors of the block with their levels, as a JSON list"),
     words("settings", "settings that may differ without being a factor, as a JSON object"),
 )
@@ -239,6 +241,7 @@ def block_row(run: Run, block: Block, repaired: bool, unknown: int) -> dict[str,
         ),
         "netboard": metadata["netboard"],
         "config_sha256": metadata["config_sha256"],
+        "declaration": declaration_text(config.analysis),
         "factors": factors_text(config),
         "settings": settings_text(config),
     }

@@ -25,7 +25,9 @@ from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.tables import ATTEMPT_KEY, Columns, count, words
 from netboard.analysis.extraction.trials import RATE
 from netboard.analysis.measures.performance import running_number
+from netboard.base.tables.outcomes import Declaration
 from netboard.recording.format.channels import Field
+from netboard.task.studies.declaration import read_declaration
 
 _OF_BLOCKS = {field.name: field for field in BLOCKS}
 
@@ -101,6 +103,12 @@ class Study:
         """Number of excluded attempts; one that is in two recordings, as if a logger failed in it, counts once [1]."""
         rows = self.exclusions.merge(self.blocks[["recording", *BLOCK_RUN]], on="recording", validate="many_to_one")
         return len(rows.drop_duplicates([*BLOCK_RUN, "trial", "attempt"]))
+
+    @property
+    def declarations(self) -> dict[Declaration, int]:
+        """What the recordings declare about the analysis of their study, and the number of recordings with each."""
+        counts = self.blocks["declaration"].value_counts(sort=False)
+        return {read_declaration(str(text)): int(count) for text, count in counts.items()}
 
     @property
     def dyads(self) -> list[str]:

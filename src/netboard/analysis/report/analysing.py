@@ -139,6 +139,7 @@ def _in_words(study: "Study", found: "Extraction") -> Iterator[str]:
     if len(silent):
         yield f"  without an attempt: {len(silent)} of these, the first is {silent.iloc[0]}"
     from netboard.analysis.extraction.study import notes
+    from netboard.analysis.report.question import answer_lines
 
     failed = int((study.trials["outcome"] != "success").sum())
     excluded = study.excluded_attempts
@@ -147,6 +148,7 @@ def _in_words(study: "Study", found: "Extraction") -> Iterator[str]:
     for why, count in study.exclusions["why"].value_counts().sort_index().items():
         yield f"  excluded: {count} x {why}"
     yield from (f"  {note}" for note in notes(study))
+    yield from answer_lines(study)
 
 
 def _in_total(folder: Path, seconds: float, peak: float) -> str:

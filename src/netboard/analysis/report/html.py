@@ -27,11 +27,13 @@ from netboard.analysis.report.data_quality import data_quality
 from netboard.analysis.report.design import design, participants
 from netboard.analysis.report.grids import Cell, Column, Grid, code, grid, name
 from netboard.analysis.report.numbers import comparison_grid, families_grid, topics
+from netboard.analysis.report.question import question
 from netboard.analysis.report.summary import few, summary
 from netboard.analysis.report.trials import HEIGHT, LEAD, LONGEST, listings, reach
 from netboard.analysis.report.wording import amount, css_text, plural, visible
 from netboard.analysis.topics import testing
 from netboard.analysis.topics.figure import Picture, as_bytes
+from netboard.analysis.topics.primary import TOPIC
 from netboard.base.files.new import new_file
 from netboard.base.settings import Table, tables, to_toml
 
@@ -73,6 +75,8 @@ def write_report(
     top = head(study, provenance)
     page = _template().render(
         head=top,
+        question=question(study, results),
+        main=next((one for one in drawings if one.name == TOPIC), None),
         running=Markup(css_text(f"netboard: study {top.title}")),
         style=Markup(files("netboard.analysis.report").joinpath("pages/report.css").read_text(encoding="utf-8")),
         summary=summary(results, titles),
@@ -81,7 +85,7 @@ def write_report(
         participants=participants(study, provenance.get("handedness", {})),
         data_quality=data_quality(study, provenance.get("left_out", ())),
         drawn={one.name for one in drawings if one.number},
-        drawings=[(one, Markup(one.svg)) for one in drawings],
+        drawings=[one for one in drawings if one.name != TOPIC],
         families=families_grid(results),
         results=topics(results, titles | {testing.TOPIC: "Tests and their correction"}),
         comparison=None if comparison is None else comparison_grid(comparison),
@@ -221,7 +225,7 @@ class Drawing:
     title: str
     caption: str
     number: int = 0
-    svg: str = ""
+    svg: Markup = Markup()  # noqa: RUF009  # immutable
     png: str = ""
 
 
@@ -240,7 +244,7 @@ def drawing(picture: Picture, number: int) -> Drawing:
     if len(file) > MAX_SVG:
         data = base64.b64encode(as_bytes(picture.figure, "png")).decode("ascii")
         return Drawing(*words, number, png=f"data:image/png;base64,{data}")
-    return Drawing(*words, number, svg=_inline(file, *words))
+    return Drawing(*words, number, svg=Markup(_inline(file, *words)))
 
 
 def _inline(file: bytes, name: str, title: str, caption: str) -> str:

@@ -1,7 +1,7 @@
 """Summary of a report: the main results of each topic in sentences, then a small table.
 
-Sentences contain only numbers: a value, its confidence interval, the number of dyads, and whether the interval includes
-0 (for a ratio, 1). No sentence names a cause or calls a result significant.
+Sentences contain only numbers: a value, its confidence interval, the number of dyads, and whether no effect lies in the
+interval. No sentence names a cause, calls a result significant, or takes an interval for evidence of no effect.
 """
 
 import re
@@ -272,7 +272,8 @@ def _interval_position(pattern: SentencePattern, row: Mapping[str, Any]) -> str:
     if not (isfinite(row["low"]) and isfinite(row["high"])):
         return "there is no confidence interval, so its uncertainty is unknown"
     if row["low"] <= pattern.without <= row["high"]:
-        return f"the interval includes {amount(pattern.without)} ({pattern.none})"
+        none = f"{pattern.none} ({amount(pattern.without)})"
+        return f"the data are compatible with {none} and with all else in the interval, and do not decide between them"
     return f"the whole interval is {'above' if row['low'] > pattern.without else 'below'} {amount(pattern.without)}"
 
 

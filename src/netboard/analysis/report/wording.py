@@ -55,6 +55,16 @@ def plural(n: int, of: str) -> str:
     return f"{amount(n)} {noun(n, of)}".strip()
 
 
+def percent(share: float) -> str:
+    """Return a share as a percentage."""
+    return f"{amount(round(100.0 * share, 6))}\N{NO-BREAK SPACE}%"
+
+
+def capital(text: str) -> str:
+    """Return a text with a capital first letter."""
+    return text[:1].upper() + text[1:]
+
+
 def css_text(text: str) -> str:
     """Return a text as a CSS string that no content can terminate."""
     return '"' + re.sub(r"[^A-Za-z0-9 ]", lambda found: f"\\{ord(found[0]):x} ", visible(text)) + '"'

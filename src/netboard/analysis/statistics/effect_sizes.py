@@ -3,6 +3,7 @@
 Confidence intervals use the noncentral t distribution. `correction` selects Hedges' small-sample correction.
 """
 
+from collections.abc import Sequence
 from math import exp, lgamma, log, sqrt
 from typing import Literal
 
@@ -53,6 +54,38 @@ def hedges_g(
     factor = hedges_factor(free) if correction == "hedges" else 1.0
     d = (mean(x) - mean(y)) / sqrt(spread / free)
     return _effect(d, sqrt(len(x) * len(y) / n), free, factor, level, n, unit, name)
+
+
+def contrast_effect(
+    groups: Sequence[ArrayLike],
+    weights: Sequence[float],
+    *,
+    correction: Correction = "hedges",
+    level: float = 0.95,
+    unit: str = "dyad",
+) -> Estimate:
+    """Estimate the effect size of a contrast of group means: the contrast over the pooled SD of the values [1].
+
+    Of one group it is `paired_effect`, of the difference of two groups `hedges_g`. NaN for an empty group, constant
+    values, or less than two degrees of freedom (without the correction: one).
+
+    Parameters
+    ----------
+    groups : sequence of array_like, shape (n_k,)
+        Values of the units of each group; NaN are ignored [any].
+    weights : sequence of float
+        Weight of the mean of each group [1].
+    """
+    values = [known(group) for group in groups]
+    n, free = sum(map(len, values)), sum(map(len, values)) - len(values)
+    name = f"{'g' if correction == 'hedges' else 'd'}{'_z' if len(values) == 1 else ''}, noncentral t"
+    if free < 1 or not all(map(len, values)) or all(map(constant, values)):
+        return Estimate(np.nan, np.nan, np.nan, level, n, unit, name)
+    factor = hedges_factor(free) if correction == "hedges" else 1.0
+    spread = sqrt(sum(float(((x - x.mean()) ** 2).sum()) for x in values) / free)
+    d = sum(w * mean(x) for w, x in zip(weights, values, strict=True)) / spread
+    scale = 1.0 / sqrt(sum(w * w / len(x) for w, x in zip(weights, values, strict=True)))
+    return _effect(d, scale, free, factor, level, n, unit, name)
 
 
 def hedges_factor(free: int) -> float:

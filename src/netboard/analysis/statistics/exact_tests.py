@@ -14,13 +14,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
-from netboard.analysis.statistics.estimates import ROUNDING, known, mean
+from netboard.analysis.statistics.estimates import ROUNDING, Estimate, known, mean
 
 Alternative = Literal["two-sided", "greater", "less"]
 
 MAX_EXACT = 100_000
 """Largest number of arrangements that are all evaluated [1]."""
 
+
+SEED = 20_220_302
+"""Seed of random arrangements where p value and confidence interval must agree [1]."""
+
+_HALVINGS = 50
 
 SYMMETRIC = (
     "assumes that the differences are distributed symmetrically about 0 if there is no effect; with a skewed "
@@ -121,6 +126,35 @@ def permutation_p(
         extreme = np.abs(signs @ own) >= abs(own.sum()) * (1.0 - ROUNDING)
         p[place] = extreme.mean() if exact else (extreme.sum() + 1) / (resamples + 1)
     return np.where(np.isfinite(differences).sum(axis=1) < 2, np.nan, p)
+
+
+def permutation_interval(
+    differences: ArrayLike, *, level: float = 0.95, unit: str = "dyad", resamples: int = 9999
+) -> Estimate:
+    """Estimate the mean with the confidence interval of all values that `permutation_test` does not reject.
+
+    Lehmann and Romano, Testing Statistical Hypotheses, 2005, 5.12. There is no interval for so few units that the test
+    cannot reject at this level.
+    """
+    x = known(differences)
+    arrangements = 2 ** len(x) if 2 ** len(x) <= MAX_EXACT else resamples + 1
+    if len(x) < 2 or 2.0 / arrangements > 1.0 - level:
+        return Estimate(mean(x), np.nan, np.nan, level, len(x), unit, "sign flips")
+
+    def rejected(value: float) -> bool:
+        """Return whether a mean is rejected; random arrangements are the same for all."""
+        rng = np.random.default_rng(SEED)
+        return bool(permutation_p((x - value)[None, :], rng=rng, resamples=resamples)[0] <= 1.0 - level + ROUNDING)
+
+    far = float(np.ptp(x)) + float(np.abs(x).max()) * ROUNDING
+    ends = []
+    for direction in (-1.0, 1.0):
+        inside, outside = mean(x), mean(x) + direction * far
+        for _ in range(_HALVINGS):
+            middle = (inside + outside) / 2.0
+            inside, outside = (inside, middle) if rejected(middle) else (middle, outside)
+        ends.append(inside)
+    return Estimate(mean(x), ends[0], ends[1], level, len(x), unit, "sign flips")
 
 
 def permutation_test_between(

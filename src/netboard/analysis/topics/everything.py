@@ -24,6 +24,7 @@ from netboard.analysis.topics import (
     models,
     passive,
     paths,
+    primary,
     quality,
     strategy,
     testing,
@@ -61,7 +62,8 @@ MODERN: tuple[Topic, ...] = (
 )
 """Topics beyond the paper."""
 
-TOPICS = PAPER + MODERN
+TOPICS: tuple[Topic, ...] = (primary.primary, *PAPER, *MODERN)
+"""All topics; the declared analysis comes first."""
 
 
 def results_of(study: Study, topics: Sequence[Topic] = TOPICS) -> pd.DataFrame:
@@ -92,7 +94,8 @@ MODERN_FIGURES = tuple(
 )
 """Figures beyond the paper."""
 
-PICTURES = PAPER_FIGURES + MODERN_FIGURES
+PICTURES = (primary.picture, *PAPER_FIGURES, *MODERN_FIGURES)
+"""All figures; that of the primary outcome comes first."""
 
 
 def pictures(study: Study) -> Iterator[Picture]:

@@ -34,6 +34,8 @@ from netboard.analysis.topics.groups import CLASSES, Condition, conditions, coun
 from netboard.analysis.topics.result import Result, TopicResults, cached
 from netboard.analysis.topics.units import read_in
 from netboard.base.config import SIDES
+from netboard.base.tables.declared import require
+from netboard.base.tables.outcomes import OUTCOMES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -195,6 +197,9 @@ MEASURES = (
         note="of the right hand, without static support: on a light board always one half",
     ),
 )
+
+
+require("compared MEASURES in analysis/topics/measures.py", [one.name for one in MEASURES if one.compared], OUTCOMES)
 
 
 def rows_of(study: Study, of: Of) -> pd.DataFrame:

@@ -39,7 +39,7 @@ _SHORT = re.compile(r"\b(delay|lag|reaction)\b")
 _SHARE = re.compile(r"\bshare\b|^falls per attempt")
 _DIFFERENCE = re.compile(r": difference|^change of |\beffect on ")
 _QUOTIENT = re.compile(r"\bshare of the effect\b")
-_THE_MEASURE_ITSELF = {"", "difference", "difference, bootstrap"}
+_THE_MEASURE_ITSELF = {"", "difference", "difference, bootstrap", "difference, t test", "difference, permutation test"}
 _RAISED = {"2": "²", "3": "³", "4": "⁴"}
 
 

@@ -55,6 +55,11 @@ class Declaration:
     level: Annotated[float, about("level of the confidence intervals", "1", ge=0.5, le=0.999)] = 0.95
     smallest_effect: Annotated[
         float,
-        about("smallest effect of interest, in the unit of the effect (0.1 for a ratio of 1.1); 0: none", "1", ge=0),
+        about(
+            "smallest effect of interest, in the unit of the effect (0.1 for a ratio of 1.1); 0: none",
+            "1",
+            ge=0,
+            le=1e6,
+        ),
     ] = 0.0
     secondary: Annotated[tuple[str, ...], about("secondary outcomes: further measures", strict=False)] = ()

@@ -2,13 +2,14 @@
 
 A contrast compares two levels of each of one or two factors, the first minus the second: ``haptics: on vs off`` is an
 effect, and ``haptics: on vs off x kind: dyadic vs bimanual`` both main effects and their interaction. The factor
-``kind`` is the kind of block. A factor of two levels needs no levels in the text: the first is compared with the second.
+``kind`` is the kind of block. A factor of two levels needs no levels in the text: its first level minus its second.
 """
 
 import difflib
+import json
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -75,6 +76,17 @@ def expected(name: str, names: Iterable[str]) -> str:
     return f"expected one of {', '.join(names) or 'none'}" + (f"; did you mean {near[0]}?" if near else "")
 
 
+def declaration_text(found: Declaration) -> str:
+    """Return a declaration as JSON, for tables; empty if it declares nothing."""
+    return "" if found == Declaration() else json.dumps(asdict(found), ensure_ascii=False)
+
+
+def read_declaration(text: str) -> Declaration:
+    """Return the declaration of such a text."""
+    values = json.loads(text or "{}")
+    return Declaration(**values | {"secondary": tuple(values.get("secondary", ()))})
+
+
 # --- in a study --------------------------------------------------------------------------------------------------
 
 
@@ -83,8 +95,9 @@ def declaration_of(study: "Study") -> Declaration:
     found = study.analysis
     if not found.primary:
         return found
-    parts = [Compared(one.factor, compared_levels(one, levels_of(study, one.factor))) for one in contrast_of(found.contrast)]
-    return replace(found, contrast=" x ".join(part.text for part in parts))
+    parts = contrast_of(found.contrast)
+    full = [replace(one, levels=compared_levels(one, levels_of(study, one.factor))) for one in parts]
+    return replace(found, contrast=" x ".join(one.text for one in full))
 
 
 def levels_of(study: "Study", factor: str) -> tuple[str, ...]:
@@ -109,7 +122,7 @@ def declaration_problems(study: "Study") -> Iterator[str]:
     if not found.primary:
         for key in ("contrast", "secondary"):
             if getattr(found, key):
-                yield f"[analysis] {key}: found some without a primary outcome; expected primary, such as completion time"
+                yield f"[analysis] {key}: found one without a primary outcome, expected primary, too"
         return
     if not found.contrast:
         yield f"[analysis] contrast: found none, {expected('', (*study.factors, KIND))}, or two of them, as A x B"
@@ -127,7 +140,7 @@ def _outcome_problems(found: Declaration) -> Iterator[str]:
         if outcome not in OUTCOMES:
             yield f'[analysis] {key}: found "{outcome}", {expected(outcome, OUTCOMES)}'
         elif found.method == "model" and outcome not in MODELLED:
-            yield f'[analysis] method: found "model", expected "t" or "permutation": {outcome} has no model of all trials'
+            yield f'[analysis] method: found "model", expected "t" or "permutation": no model of {outcome}'
     outcomes = [outcome for _, outcome in named]
     for outcome in dict.fromkeys(one for one in outcomes if outcomes.count(one) > 1):
         yield f'[analysis] secondary: found "{outcome}" twice, expected each outcome once'

@@ -325,7 +325,9 @@ def _lines(part: Any) -> Iterator[str]:
         value = getattr(part, item.name)
         if item.name in _LATER and value == _LATER[item.name]:
             continue  # keeps the digest of studies written before the key existed
-        if not isinstance(value, dict | Declaration):
+        if isinstance(value, Declaration):
+            continue  # a table of its own
+        if not isinstance(value, dict):
             yield f"{item.name} = {to_toml(value)}"
         elif item.name in written:
             yield from (f"{item.name}.{key} = {to_toml(inner)}" for key, inner in value.items())
