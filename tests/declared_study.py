@@ -14,6 +14,15 @@ from netboard.base.tables.experiment import Design
 from netboard.base.tables.outcomes import Declaration
 from netboard.task.studies.declaration import declaration_text
 
+TWO = {"mass": ("light", "heavy"), "partner": ("person", "robot")}
+DECLARED = Declaration(
+    question="Does it help more with a person?",
+    primary="completion time",
+    contrast="mass: heavy vs light x partner: person vs robot",
+    secondary=("velocity peaks", "cooperative share"),
+)
+"""Two factors, and a declaration of their effects on completion time."""
+
 
 def crossed_study(
     declaration: Declaration,

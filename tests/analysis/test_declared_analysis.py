@@ -9,21 +9,12 @@ import pytest
 from scipy import stats
 from statsmodels.stats.anova import AnovaRM
 
-from declared_study import crossed_study
+from declared_study import DECLARED, TWO, crossed_study
 from made_study import made_study, random_blocks
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.statistics.exact_tests import permutation_test
 from netboard.analysis.topics.declared import DeclaredAnalysis, NoAnalysis, declared_analysis, equivalence_interval
 from netboard.analysis.topics.primary import picture, primary
-from netboard.base.tables.outcomes import Declaration
-
-TWO = {"mass": ("light", "heavy"), "partner": ("person", "robot")}
-DECLARED = Declaration(
-    question="Does it help more with a person?",
-    primary="completion time",
-    contrast="mass: heavy vs light x partner: person vs robot",
-    secondary=("velocity peaks", "cooperative share"),
-)
 
 
 def analysed(study: Study) -> DeclaredAnalysis:

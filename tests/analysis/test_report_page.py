@@ -9,10 +9,15 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from scipy import stats
 
+from declared_study import DECLARED, TWO, crossed_study
 from netboard.analysis.extraction.settings import Exclusions, Filters, Readings
 from netboard.analysis.extraction.study import Study, study_of
+from netboard.analysis.report.answer import compatible
 from netboard.analysis.report.html import write_report
+from netboard.analysis.topics import primary
+from netboard.analysis.topics.everything import drawn
 from netboard.analysis.topics.figure import Picture, new_figure
 from netboard.analysis.topics.result import table_of
 from netboard.base.errors import NetboardError
@@ -87,6 +92,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Element:
 def test_page_has_every_section_with_a_heading(whole: Element) -> None:
     names = [one["aria-labelledby"] for one in whole.all("section")]
     assert names == [
+        "question",
         "summary",
         "design",
         "participants",
@@ -175,7 +181,8 @@ def test_summary_states_intervals_n_and_limits_of_few_dyads(whole: Element) -> N
     text = section(whole, "summary").text.replace("\N{NO-BREAK SPACE}", " ")
     assert (
         "With haptics on, the share of cooperative movement differed from that with haptics off by −5.00 % points in "
-        "dyadic trials (95 % t: −12.00 to 2.00, 4 dyads): the interval includes 0 (no difference)." in text
+        "dyadic trials (95 % t: −12.00 to 2.00, 4 dyads): the data are compatible with no difference (0) and with all "
+        "else in the interval, and do not decide between them." in text
     )
     rows = [[cell.text for cell in row.all("th") + row.all("td")] for row in section(whole, "summary").all("tr")]
     assert ["Group", "cooperative [%]", "n"] in rows
@@ -184,7 +191,7 @@ def test_summary_states_intervals_n_and_limits_of_few_dyads(whole: Element) -> N
     assert ["haptics on", "4 of 4", "4 dyads"] in rows
     assert (
         "1 dyad, however many trials. An exact two-sided test of a difference within dyads has no p below 1 here"
-        in text
+        in section(whole, "question").text
     )
 
 
@@ -193,7 +200,7 @@ def test_page_lists_block_orders_and_participants(whole: Element) -> None:
     assert [cell.text for cell in plan.all("td")] == [
         *("A haptics on", "B haptics on", "A haptics off", "B haptics off", "both haptics on")
     ]
-    assert "Every dyad performed 4 bimanual blocks before its first dyadic block" in section(whole, "design").text
+    assert "Every dyad performed 4 bimanual blocks before its first dyadic block" in section(whole, "question").text
     people = [
         [cell.text for cell in row.children if isinstance(cell, Element)]
         for row in section(whole, "participants").all("tr")[1:]
@@ -205,10 +212,10 @@ def test_page_lists_block_orders_and_participants(whole: Element) -> None:
 
 
 def test_dyads_shared_by_several_studies_are_noted(tmp_path: Path, whole: Element) -> None:
-    assert "more than one study" not in section(whole, "design").text
+    assert "more than one study" not in section(whole, "question").text
     study = study_of([block("a"), block("b", study="another", block=2), block("c", study="", dyad="D02")], Readings())
     note = "1 dyad of the same pseudonym in more than one study (another, made up): treated as the same people"
-    assert note in section(written(tmp_path, study), "design").text
+    assert note in section(written(tmp_path, study), "question").text
 
 
 def test_excluded_attempts_are_listed_with_all_reasons(whole: Element) -> None:
@@ -258,6 +265,60 @@ def test_page_has_results_and_comparison_with_the_paper(whole: Element) -> None:
     assert rows[1][3:8] == ["4 of 4", "–", "", "", "not in this study"]
 
 
+def test_undeclared_study_is_exploratory_and_has_its_summary_open(whole: Element) -> None:
+    head = section(whole, "question")
+    assert "The recordings state no question." in head.text
+    assert "This study declares no primary outcome and no contrast." in head.text
+    assert (
+        "this report is exploratory: no test was chosen before the data were seen, and none of its 0 p values"
+        in head.text
+    )
+    opened = [one.all("details")[0].attributes for one in whole.all("section") if one["aria-labelledby"] != "question"]
+    assert ["open" in one for one in opened] == [True] + [False] * 9
+    assert "1 dyad in 4 conditions: 15 trials planned, 15 done, 9 counted; 11 attempts excluded." in head.text
+
+
+def test_declared_study_begins_with_its_answer(tmp_path: Path) -> None:
+    study = crossed_study(DECLARED, TWO)
+    shown = drawn(study, primary.picture)
+    page = written(tmp_path, study, [shown, picture()])
+    head = section(page, "question")
+    assert head.all("p")[0].text == "Does it help more with a person?"
+    assert "in all 24 recordings before the first trial: primary outcome completion time" in head.text
+    assert [one["id"] for one in head.all("figure")] == ["figure-primary"]
+    assert "this report is exploratory" not in head.text
+    assert not any("open" in one.attributes for one in page.all("details"))
+    cells = {row.all("th")[0].text: [cell.text for cell in row.all("td")] for row in head.all("table")[1].all("tr")[1:]}
+    times = study.counted.assign(log=np.log(study.counted["completion"]))
+    means = times.groupby(["dyad", "factor_mass", "factor_partner"])["log"].mean().unstack([1, 2])
+    gaps = means["heavy", "person"] - means["light", "person"] - means["heavy", "robot"] + means["light", "robot"]
+    test = stats.ttest_1samp(gaps, 0.0)
+    low, high = np.exp(test.confidence_interval(0.95))
+    row = cells["mass: heavy vs light x partner: person vs robot"]
+    assert row[:2] == [f"{np.exp(gaps.mean()):.2f}", f"{low:.2f} to {high:.2f}"]
+    assert row[2:6] == ["t test", f"{test.statistic:.2f}".replace("-", "−"), "5", f"{test.pvalue:.3f}"]
+
+
+def test_sentences_say_what_the_data_exclude_and_what_not() -> None:
+    row = {
+        "value": 1.07,
+        "low": 0.94,
+        "high": 1.12,
+        "unit": "1",
+        "quantity": "completion time: ratio",
+        "group": "a vs b",
+    }
+    assert compatible(row, 1.0) == (
+        "The data exclude effects beyond −6.0\u00a0% and +12\u00a0%. All effects between them, and no effect, remain "
+        "compatible with the data; this does not show that there is none."
+    )
+    seconds = row | {"value": 0.4, "low": 0.1, "high": 0.7, "unit": "s", "quantity": "time in target: difference"}
+    assert compatible(seconds, 0.0) == (
+        "The data exclude no effect at all; effects from +0.10\u00a0s to +0.70\u00a0s remain compatible with the data."
+    )
+    assert "exclude nothing" in compatible(row | {"low": float("nan"), "high": float("nan")}, 1.0)
+
+
 HOSTILE = "<script>alert(1)</script>\"'&amp;\u202egnp.exe\u200f</td></style>"
 
 
@@ -284,7 +345,7 @@ def test_hostile_names_are_escaped(tmp_path: Path) -> None:
 def test_single_recording_without_figures_has_a_page(tmp_path: Path) -> None:
     page = written(tmp_path, study_of([block("only", falls=0)], Readings()))
     assert "No attempt was excluded." in section(page, "quality").text
-    assert "No figures were given" in section(page, "figures").text
+    assert "No other figures were given" in section(page, "figures").text
     assert "There is no main result" in section(page, "summary").text
     assert "comparison" not in [one["aria-labelledby"] for one in page.all("section")]
     assert not section(page, "results").all("table")
