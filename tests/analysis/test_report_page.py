@@ -269,13 +269,10 @@ def test_undeclared_study_is_exploratory_and_has_its_summary_open(whole: Element
     head = section(whole, "question")
     assert "The recordings state no question." in head.text
     assert "This study declares no primary outcome and no contrast." in head.text
-    assert (
-        "this report is exploratory: no test was chosen before the data were seen, and none of its 0 p values"
-        in head.text
-    )
+    assert "no test was chosen before the data were seen, and none of its 0 tests counts" in head.text
     opened = [one.all("details")[0].attributes for one in whole.all("section") if one["aria-labelledby"] != "question"]
     assert ["open" in one for one in opened] == [True] + [False] * 9
-    assert "1 dyad in 4 conditions: 15 trials planned, 15 done, 9 counted; 11 attempts excluded." in head.text
+    assert "1 dyad in 3 conditions: 15 trials planned, 15 done, 9 counted; 11 attempts excluded." in head.text
 
 
 def test_declared_study_begins_with_its_answer(tmp_path: Path) -> None:
@@ -286,7 +283,7 @@ def test_declared_study_begins_with_its_answer(tmp_path: Path) -> None:
     assert head.all("p")[0].text == "Does it help more with a person?"
     assert "in all 24 recordings before the first trial: primary outcome completion time" in head.text
     assert [one["id"] for one in head.all("figure")] == ["figure-primary"]
-    assert "this report is exploratory" not in head.text
+    assert "no test was chosen" not in head.text
     assert not any("open" in one.attributes for one in page.all("details"))
     cells = {row.all("th")[0].text: [cell.text for cell in row.all("td")] for row in head.all("table")[1].all("tr")[1:]}
     times = study.counted.assign(log=np.log(study.counted["completion"]))

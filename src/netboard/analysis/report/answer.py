@@ -189,7 +189,8 @@ def means_grid(found: DeclaredAnalysis) -> Grid:
             {
                 name("Condition"): row["group"],
                 number(heading): written(row)[0],
-                number(f"{level} CI (t)"): between(row),
+                number(f"{level} CI"): between(row),
+                Column("Interval"): row["interval"],
                 number("Dyads"): int(row["n"]),
             }
         )

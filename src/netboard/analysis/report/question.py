@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import pandas as pd
 
 from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.tables import ATTEMPT_KEY
 from netboard.analysis.report.answer import (
     answer_sentences,
     effect_lines,
@@ -20,6 +21,7 @@ from netboard.analysis.report.answer import (
 )
 from netboard.analysis.report.grids import Cell, Column, Grid, grid_of, name, number
 from netboard.analysis.report.wording import amount, capital, percent, plural
+from netboard.analysis.topics import testing
 from netboard.analysis.topics.declared import DeclaredAnalysis, DeclaredFactor, NoAnalysis
 from netboard.analysis.topics.groups import block_labels
 from netboard.analysis.topics.primary import method_name, primary
@@ -113,7 +115,7 @@ def _of(have: int, every: int) -> str:
 
 def _undeclared(study: Study, found: NoAnalysis, results: pd.DataFrame) -> Iterator[str]:
     """Yield sentences on a report without a declared analysis."""
-    tests = int(results["quantity"].str.contains(r": p\b", regex=True).sum())
+    counts = results.loc[(results["topic"] == testing.TOPIC) & (results["quantity"] == testing.TESTS), "value"]
     if any(one.primary for one in study.declarations):
         yield f"The declared analysis is not in this report: {found.why}."
         for one, count in study.declarations.items():
@@ -122,9 +124,9 @@ def _undeclared(study: Study, found: NoAnalysis, results: pd.DataFrame) -> Itera
     else:
         yield "This study declares no primary outcome and no contrast."
     yield (
-        f"So this report is exploratory: no test was chosen before the data were seen, and none of its "
-        f"{plural(tests, 'p value')} counts more than another. Some are small by chance. Take what it shows as a "
-        "question for a study that declares it ([analysis] in the study file)."
+        "So this report is exploratory: no test was chosen before the data were seen, and none of its "
+        f"{plural(int(counts.sum()), 'test')} counts more than another. Some p values are small by chance. Take what it "
+        "shows as a question for a study that declares it ([analysis] in the study file)."
     )
 
 
@@ -140,7 +142,7 @@ def _done(study: Study, found: DeclaredAnalysis | NoAnalysis) -> Iterator[str]:
     yield (
         f"{plural(len(study.dyads), 'dyad')} in {plural(blocks['condition'].nunique(), 'condition')}: "
         f"{plural(planned, 'trial')} planned, {amount(len(done))} done, {amount(len(study.counted))} counted; "
-        f"{plural(study.excluded_attempts, 'attempt')} excluded."
+        f"{plural(int(_excluded(study, blocks).sum()), 'attempt')} excluded."
     )
     if isinstance(found, DeclaredAnalysis):
         yield from (f"{capital(note)}." for note in found.primary.notes)
@@ -182,10 +184,16 @@ def _sequences(rows: pd.DataFrame) -> pd.Series:
     return rows["performer"].where(~together, rows["dyad"])
 
 
+def _excluded(study: Study, blocks: pd.DataFrame) -> pd.Series:
+    """Return the number of excluded attempts of each of these recordings."""
+    every = study.exclusions.drop_duplicates(ATTEMPT_KEY)["recording"].value_counts()
+    return every.reindex(blocks["recording"]).fillna(0)
+
+
 def _conditions(study: Study) -> Grid:
     """Return the conditions as done: dyads, blocks, and trials planned, done, counted and excluded."""
     blocks, labels = study.analysed, block_labels(study)
-    out = study.exclusions.drop_duplicates(["recording", "trial", "attempt"])["recording"].value_counts()
+    out = _excluded(study, blocks)
     rows: list[dict[Column, Cell | float]] = []
     for condition, own in blocks.groupby("condition", sort=True):
         trials = study.trials[study.trials["recording"].isin(own["recording"])]
@@ -198,7 +206,7 @@ def _conditions(study: Study) -> Grid:
                 number("Trials planned"): int(own.groupby(["dyad", "block"])["trials"].max().sum()),
                 number("Done"): len(done),
                 number("Counted"): int(trials["counts"].sum()),
-                number("Attempts excluded"): int(out.reindex(own["recording"]).fillna(0).sum()),
+                number("Attempts excluded"): int(out[own["recording"]].sum()),
             }
         )
     return grid_of("Conditions as done", rows)

@@ -19,7 +19,7 @@ from netboard.analysis.extraction.conditions import StudyFactor
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.statistics.contrasts import holm
 from netboard.analysis.statistics.effects import Model
-from netboard.analysis.statistics.estimates import Estimate, t_interval
+from netboard.analysis.statistics.estimates import Estimate, mean_interval, t_interval
 from netboard.analysis.statistics.exact_tests import permutation_interval
 from netboard.analysis.statistics.factors import Factor, interaction
 from netboard.analysis.statistics.models import count_model, log_time_model, share_model
@@ -269,8 +269,9 @@ def outcome_of(study: Study, measure: Measure, crossing: Crossing, declaration: 
 
 
 def _mean(values: pd.Series, measure: Measure, level: float) -> Estimate:
-    found = t_interval(values.to_numpy(), level=level)
-    return exponential(found) if measure.ratio else found
+    if measure.ratio:
+        return exponential(t_interval(values.to_numpy(), level=level))
+    return mean_interval(values.to_numpy(), measure.within, level=level)
 
 
 def _subsets(crossing: Crossing) -> Iterator[tuple[DeclaredFactor, ...]]:

@@ -236,7 +236,7 @@ def _caption(outcome: Outcome, found: DeclaredAnalysis) -> str:
     dyads = "" if own.method == "model" or len(outcome.effects[0].scores) > 1 else "; small points: dyads"
     method = method_name(outcome.measure.name, own.method)
     return (
-        f"A: {outcome.measure.name} in each compared condition. Large points: {mean} over dyads with {level} t "
+        f"A: {outcome.measure.name} in each compared condition. Large points: {mean} over dyads with {level} "
         f"confidence intervals; small points: dyads, joined between levels that a dyad did. B: the declared effects, "
         f"first level against second, by the declared method ({method}) with {level} confidence intervals{dyads}; the "
         f"line is no effect. n = {plural(n, 'dyad')}."

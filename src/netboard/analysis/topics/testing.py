@@ -1,10 +1,11 @@
 """Families of tests: how many tests a study has, what the smallest possible p is, and how p values are corrected.
 
-Every p value in the results belongs to one family. The contrasts have a declared correction (Holm, within each family
-of measures). All other tests are exploratory, and their p values are uncorrected.
+Every p value in the results belongs to one family. The declared effects on the primary outcome are uncorrected, those
+on secondary outcomes are corrected (Holm). The contrasts have a declared correction, too (Holm, within each family of
+measures). All other tests are exploratory or sensitivity analyses, and their p values are uncorrected.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import isfinite, nan
 
@@ -12,15 +13,18 @@ from netboard.analysis.extraction.study import Study
 from netboard.analysis.statistics.exact_tests import Test
 from netboard.analysis.statistics.factors import INTERCEPT
 from netboard.analysis.topics.contrasts import comparisons
+from netboard.analysis.topics.declared import ByMethod, NoAnalysis
 from netboard.analysis.topics.dyads import dyads
 from netboard.analysis.topics.influence import influences
 from netboard.analysis.topics.models import fits
+from netboard.analysis.topics.primary import primary
 from netboard.analysis.topics.result import Result, TopicResults, plain
 
 LEVEL = 0.05
 """Level below which p values are counted [1]."""
 
 HOLM, UNCORRECTED = "Holm, declared", "none: exploratory"
+DECLARED, SENSITIVITY = "none: the declared effects", "none: sensitivity analysis"
 """Corrections of a family."""
 
 
@@ -51,7 +55,7 @@ class FamilyOfTests:
 
 def families(study: Study) -> TopicResults[FamilyOfTests]:
     """Return all families of tests of a study with at least one test."""
-    every = (*_of_contrasts(study), *_of_dyads(study), *_of_influence(study), *_of_models(study))
+    every = (*_of_declared(study), *_of_contrasts(study), *_of_dyads(study), *_of_influence(study), *_of_models(study))
     return TopicResults.of([one for one in every if one.p], _results)
 
 
@@ -76,6 +80,25 @@ def _results(one: FamilyOfTests) -> Iterator[Result]:
     for quantity, value in numbers.items():
         if isfinite(value):
             yield plain(TOPIC, quantity, one.name, value, "1", one.dyads[0], "dyad", f"correction: {one.correction}")
+
+
+def _of_declared(study: Study) -> Iterator[FamilyOfTests]:
+    found = primary(study).analysis
+    if isinstance(found, NoAnalysis):
+        return
+    effects = found.primary.effects
+    yield _declared("primary outcome: the declared effects", [one.counts for one in effects], DECLARED)
+    others = [other for one in effects for other in one.others]
+    yield _declared("primary outcome: by other methods", others, SENSITIVITY)
+    further = [one for outcome in found.secondary for one in outcome.effects]
+    sizes = [one.counts.estimate.n for one in further]
+    yield _known("secondary outcomes: the declared effects", [one.corrected for one in further], nan, sizes, HOLM)
+    others = [other for one in further for other in one.others]
+    yield _declared("secondary outcomes: by other methods", others, SENSITIVITY)
+
+
+def _declared(name: str, found: Sequence[ByMethod], correction: str) -> FamilyOfTests:
+    return _known(name, [one.tested.p for one in found], nan, [one.estimate.n for one in found], correction)
 
 
 def _of_contrasts(study: Study) -> Iterator[FamilyOfTests]:
