@@ -91,8 +91,10 @@ def planned_effect(groups: Sequence[ArrayLike], weights: Sequence[float], *, lev
 
     Parameters
     ----------
-    groups, weights
-        As in `planned_t`.
+    groups : sequence of array_like, shape (n_k,)
+        Scores of the dyads of each group; NaN are ignored [any].
+    weights : sequence of float
+        Weight of the mean of each group [1].
     """
     return contrast_effect(groups, weights, correction="hedges", level=level)
 
