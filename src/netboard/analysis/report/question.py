@@ -125,8 +125,8 @@ def _undeclared(study: Study, found: NoAnalysis, results: pd.DataFrame) -> Itera
         yield "This study declares no primary outcome and no contrast."
     yield (
         "So this report is exploratory: no test was chosen before the data were seen, and none of its "
-        f"{plural(int(counts.sum()), 'test')} counts more than another. Some p values are small by chance. Take what it "
-        "shows as a question for a study that declares it ([analysis] in the study file)."
+        f"{plural(int(counts.sum()), 'test')} counts more than another. Some p values are small by chance. Take what "
+        "it shows as a question for a study that declares it ([analysis] in the study file)."
     )
 
 
