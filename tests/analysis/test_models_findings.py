@@ -155,8 +155,14 @@ def test_one_fall_is_too_few_for_the_effects_of_a_model() -> None:
     )
     shown = picture(study)
     assert shown.figure is not None
-    words = [text.get_text().strip() for text in shown.figure.axes[0].texts]
-    assert words == ["falls per attempt: cannot be estimated"] * 5
+    legend = shown.figure.axes[0].get_legend()
+    assert legend is not None
+    words = [text.get_text() for text in legend.get_texts()]
+    assert words == [
+        "completion time, ratio",
+        "velocity peaks, ratio",
+        "falls per attempt, ratio of odds: cannot be estimated",
+    ]
     assert "No model of falls per attempt" in shown.caption
     assert "1 of" in shown.caption
 

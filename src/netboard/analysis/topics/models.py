@@ -233,24 +233,22 @@ MOST = 100.0
 
 
 def _terms(axes: "Axes", found: Sequence[Fit]) -> None:
-    """Draw the ratios of all models, a row for each term; a model without a ratio says so there."""
-    names = list(dict.fromkeys(effect.name for fit in found for effect in effects_shown(fit)))
+    """Draw the ratios of all models, a row for each term; the legend names the models that cannot be estimated."""
+    shown = [fit for fit in found if effects_shown(fit)]
+    names = list(dict.fromkeys(effect.name for fit in shown for effect in effects_shown(fit)))
     axes.axvline(1.0, **NO_EFFECT)
-    for fit, offset in zip(found, beside(len(found), 0.5), strict=True):
+    for fit, offset in zip(shown, beside(len(shown), 0.4), strict=True):
         look, effects = LOOKS[fit.measure], {one.name: one for one in effects_shown(fit)}
         for place, name in enumerate(names):
             if name in effects:
                 _ratio(axes, place + offset, effects[name].ratio, look, f"{fit.measure}: {name}")
             else:
-                axes.text(
-                    1.0,
-                    place + offset,
-                    f" {fit.measure}: cannot be estimated",
-                    va="center",
-                    fontsize=6.5,
-                    color="#555555",
-                )
+                words = {"va": "center", "fontsize": 6, "color": look.colour}
+                axes.text(1.0, place + offset, " cannot be estimated", **words)
         axes.plot([], [], linestyle="none", marker=look.marker, color=look.colour, label=f"{fit.measure}, {fit.ratio}")
+    for fit in found:
+        if fit not in shown:
+            axes.plot([], [], linestyle="none", label=f"{fit.measure}, {fit.ratio}: cannot be estimated")
     _ratio_axis(axes)
     axes.set_yticks(range(len(names)), names, fontsize=7)
     axes.set_ylim(len(names) - 0.5, -0.5)
