@@ -13,6 +13,7 @@ from netboard.base.tables.rig import Recording as Settings
 from netboard.recording.files.copies import Conflict, Copy, each_recording_once, repeats_among
 from netboard.recording.files.reader import Recording
 from netboard.recording.files.writer import RecordingWriter
+from netboard.recording.integrity.checking import check
 from netboard.recording.recovery.recover import recover
 from samples import CONFIG_TEXT, OPENED_NS, fill, metadata, random_rows
 
@@ -82,6 +83,15 @@ def test_recovered_file_beside_its_original_is_a_copy(tmp_path: Path) -> None:
     cut.write_bytes(whole.read_bytes()[:-2000])
     recovered = recover(cut).output
     assert repeats_among([recovered, whole]).copies == (Copy(recovered, whole, "recovered, with the same ticks"),)
+
+
+def test_check_names_the_finished_file_of_an_unfinished_one(tmp_path: Path) -> None:
+    whole = write_part(tmp_path / "a.mcap", 1, range(60))
+    left = tmp_path / "a.mcap.part"
+    left.write_bytes(whole.read_bytes()[:-2000])
+    assert check(left).findings[-1].text.endswith(f"; {whole} has all of these ticks")
+    whole.unlink()
+    assert "has all of these ticks" not in check(left).findings[-1].text
 
 
 def test_same_ticks_of_another_session_are_no_copy_unless_they_were_imported(tmp_path: Path) -> None:

@@ -163,10 +163,7 @@ def find_repeats(recordings: Iterable[Described]) -> Repeats:
     conflicts: list[Conflict] = []
     for pair in combinations(candidates, 2):
         if _is_candidate(*pair) and not any(one.path in copies for one in pair):
-            try:
-                found = _compared(*sorted(pair, key=lambda one: one.rank))
-            except (RecordingError, OSError):
-                continue
+            found = _compared_if_readable(*pair)
             if isinstance(found, Copy):
                 copies[found.path] = found
             elif found is not None:
@@ -180,6 +177,14 @@ def _is_candidate(one: _Candidate, other: _Candidate) -> bool:
     if one.is_derived or other.is_derived:
         return True
     return one.block == other.block or one.metadata.get("config_sha256") == other.metadata.get("config_sha256")
+
+
+def _compared_if_readable(one: _Candidate, other: _Candidate) -> Copy | Conflict | None:
+    """Compare two recordings; None also if one cannot be read."""
+    try:
+        return _compared(*sorted((one, other), key=lambda candidate: candidate.rank))
+    except (RecordingError, OSError):
+        return None
 
 
 def _compared(better: _Candidate, other: _Candidate) -> Copy | Conflict | None:
@@ -230,6 +235,17 @@ def _common(one: NDArray[Any], other: NDArray[Any]) -> _Relation:
         differs |= ~(equal | (np.isnan(a) & np.isnan(b))) if TICK[name].kind == "f" else ~equal
     at = np.flatnonzero(differs)
     return _Relation(len(numbers), len(numbers) - len(at), int(numbers[at[0]]) if len(at) else None)
+
+
+def original_of(path: Path, others: Iterable[Path]) -> Path | None:
+    """Return the one of other files that has all ticks of a recording; None if there is none, or it cannot be read."""
+    one, *rest = (_Candidate(place, *described) for place, described in enumerate(_readable((path, *others))))
+    for other in rest:
+        if _is_candidate(one, other):
+            found = _compared_if_readable(one, other)
+            if isinstance(found, Copy) and found.path == path:
+                return found.of
+    return None
 
 
 def repeats_among(paths: Iterable[Path]) -> Repeats:

@@ -19,6 +19,7 @@ from netboard.base.config import Config, parse
 from netboard.base.errors import ConfigError, NetboardError, RecordingError
 from netboard.base.plural import plural
 from netboard.network.protocol.records import BLOCK_BEGAN
+from netboard.recording.files.copies import original_of
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.channels import TICKS
 from netboard.recording.integrity.account import parts_of
@@ -109,6 +110,8 @@ def _unreadable(path: Path, why: str) -> Report:
     try:
         with TemporaryDirectory() as folder:
             saved = recover_any(path, Path(folder) / "recovered.mcap")
+            others = [other for other in path.parent.glob("*.mcap") if other != path]
+            known = [original_of(one.output, others) for one in saved]
     except (NetboardError, OSError) as error:
         # An error of the temporary folder, such as a full disk, says nothing about the file.
         of_file = str(error).startswith(f"{path}:")
@@ -116,7 +119,9 @@ def _unreadable(path: Path, why: str) -> Report:
         findings.append(Finding(Severity.DAMAGE, f"{words}: {error}", "file"))
     else:
         ticks = sum(one.messages[TICKS] for one in saved)
-        findings += [Finding(Severity.DAMAGE, _recoverable(one, len(saved) > 1), "file") for one in saved]
+        for one, original in zip(saved, known, strict=True):
+            text = _recoverable(one, len(saved) > 1) + (f"; {original} has all of these ticks" if original else "")
+            findings.append(Finding(Severity.DAMAGE, text, "file"))
     return Report(path, tuple(findings), ticks)
 
 
