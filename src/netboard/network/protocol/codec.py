@@ -105,7 +105,7 @@ def message_of(kind: type[M], values: Mapping[str, Any]) -> M:
     WireError
         If a field is missing, unknown or of another type.
     """
-    plan = _PLANS_BY_CLASS[kind]
+    plan = _PLANS[_NUMBERS[kind]]
     if values.keys() != set(plan.names):
         raise WireError(f"{plan.name}: found the fields {short(sorted(map(str, values)))}, expected {list(plan.names)}")
     fields_in_order = tuple(values[name] for name in plan.names)
@@ -301,6 +301,7 @@ def _unpack_whole(unpack: Callable[[bytes], Any], frame: bytes) -> Any:
 
 
 _PLANS = {number: _plan(number, kind) for number, kind in KINDS.items()}
+_NUMBERS: dict[type, int] = {kind.message: number for number, kind in KINDS.items()}
 _PLANS_BY_CLASS = {KINDS[number].message: plan for number, plan in _PLANS.items()}
 
 

@@ -43,7 +43,7 @@ from netboard.recording.format.claims import (
 
 _FOOTER = struct.Struct("<BQQQI")
 _DATA_END = struct.Struct("<BQI")
-_MAX_BYTES = {
+_MAX_BYTES: dict[int, int] = {
     Opcode.HEADER: MAX_RECORD_BYTES,
     Opcode.METADATA: MAX_RECORD_BYTES,
     Opcode.ATTACHMENT: MAX_RECORD_BYTES,
@@ -85,7 +85,9 @@ class Container:
             places = dict.fromkeys(at.offset for at in listed)
             named = [Metadata.read(_stream(self._record(at, Opcode.METADATA))) for at in places]
             _require_once([record.name for record in named], "metadata")
-        self.metadata = {record.name: MetadataRecord(record.name, record.metadata) for record in named}
+        self.metadata: dict[str, dict[str, str]] = {
+            record.name: MetadataRecord(record.name, record.metadata) for record in named
+        }
 
     def _check_ends(self) -> None:
         """Raise an error for a file that is not a recording, or not a finished one."""

@@ -100,9 +100,9 @@ class Recording:
                     f"{self.path}: is damaged (metadata {name}, {key}: found '{shown(values[key])}', expected a whole "
                     f"number); {recovery_advice(self.path)}"
                 )
-        self.metadata: dict[str, str] = records[MetadataName.OPENED]
-        self.end: dict[str, str] = records.get(MetadataName.END, {})
-        self.recovery: dict[str, str] = records.get(MetadataName.RECOVERY, {})
+        self.metadata = records[MetadataName.OPENED]
+        self.end = records.get(MetadataName.END, {})
+        self.recovery = records.get(MetadataName.RECOVERY, {})
         first = records.get(MetadataName.FIRST, {}).get("record")
         self.first_record = None if first is None else int(first)
         self._version = self.metadata.get("format", "")

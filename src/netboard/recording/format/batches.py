@@ -147,8 +147,11 @@ class Layout:
         """Decompose a message into the byte planes of its columns, shape (columns, 8, n), and its constants."""
         values = unpack(message)
         data, count, constants = values.get("columns"), values.get("count"), values.get("constants", [])
-        right = isinstance(data, bytes) and type(count) is int and len(data) == len(self._names) * WORD * count > 0
-        if not right:
+        if (
+            not isinstance(data, bytes)
+            or type(count) is not int
+            or not len(data) == len(self._names) * WORD * count > 0
+        ):
             raise RecordingError("a batch of ticks whose length contradicts its header")
         if not isinstance(constants, list) or [type(one) for one in constants] != [float] * len(self._constants):
             raise RecordingError("a batch of ticks whose constants contradict the schema")

@@ -97,8 +97,11 @@ def has_right_length(data: "mmap | bytes", start: int, stop: int) -> bool:
     at = start + RECORD_HEAD.size
     if at + _CHUNK_HEAD.size > stop:
         return False
-    name = at + _CHUNK_HEAD.size + _CHUNK_HEAD.unpack_from(data, at)[4]
-    return name + _LENGTH.size <= stop and name + _LENGTH.size + _LENGTH.unpack_from(data, name)[0] == stop
+    name: int = at + _CHUNK_HEAD.size + _CHUNK_HEAD.unpack_from(data, at)[4]
+    if name + _LENGTH.size > stop:
+        return False
+    (length,) = _LENGTH.unpack_from(data, name)
+    return stop == name + _LENGTH.size + length
 
 
 def _record_in(data: bytes, position: int) -> tuple[int, int]:
