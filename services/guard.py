@@ -45,7 +45,7 @@ class Guarded(TyperGroup):
         """Run the subcommand."""
         try:
             return _unhidden(super().invoke, ctx)
-        except (NetboardError, OSError, ImportError) as error:
+        except (NetboardError, OSError, ImportError, MemoryError) as error:
             words, code = expected(error)
             if ctx.params["debug"] or not words:
                 raise
@@ -86,7 +86,7 @@ def reader_has_left() -> bool:
     return any(event & (select.POLLERR | select.POLLHUP) for _, event in poll.poll(0))
 
 
-def expected(error: NetboardError | OSError | ImportError) -> tuple[str, int]:
+def expected(error: NetboardError | OSError | ImportError | MemoryError) -> tuple[str, int]:
     """Return what an error tells the user, and the exit code; no words if it is a fault of netboard itself."""
     match error:
         case ConfigError():
@@ -99,6 +99,8 @@ def expected(error: NetboardError | OSError | ImportError) -> tuple[str, int]:
             return "this folder has been deleted; change to another one", FAULT
         case OSError():  # such as a file name that is too long, or a folder that may not be read
             return "" if error.filename is None else f"{error.filename}: {error.strerror}", FAULT
+        case MemoryError():
+            return "the memory of this computer is full; close other programs, or take a shorter recording", FAULT
         case ModuleNotFoundError():
             return missing_extra(error), WRONG
         case ImportError() if (error.path or "").endswith(BINARIES):

@@ -100,7 +100,7 @@ def has_right_length(data: "mmap | bytes", start: int, stop: int) -> bool:
     name: int = at + _CHUNK_HEAD.size + _CHUNK_HEAD.unpack_from(data, at)[4]
     if name + _LENGTH.size > stop:
         return False
-    (length,) = _LENGTH.unpack_from(data, name)
+    length: int = _LENGTH.unpack_from(data, name)[0]
     return stop == name + _LENGTH.size + length
 
 
