@@ -88,11 +88,13 @@ def _round_trip(station: _Station, limits: Limits) -> LampState:
 def _clock(station: _Station, limits: Limits) -> LampState:
     bound = station.link.clock_bound
     if not bound <= limits.clock_bound:  # NaN included
-        known = f"its clock offset is known to {milliseconds(limits.clock_bound)}"
-        tip = f"Not armed until {known}: wait a few seconds, or check the network."
+        limit = milliseconds(limits.clock_bound)
+        tip = (
+            f"Not armed until the error of its clock offset is below {limit}: wait a few seconds, or check the network."
+        )
         return Level.BAD, "unknown" if isnan(bound) else f"\u00b1{milliseconds(bound)}", tip
     level = Level.WATCH if bound > limits.clock_bound / 2 else Level.GOOD
-    tip = f"Clock offset known to {milliseconds(bound)}; limit {milliseconds(limits.clock_bound)}."
+    tip = f"Error of the clock offset: at most {milliseconds(bound)}; limit {milliseconds(limits.clock_bound)}."
     return level, f"\u00b1{milliseconds(bound)}", tip
 
 
