@@ -14,8 +14,10 @@ from netboard.base.clock import now_ns
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.tables.experiment import MAX_TRIALS
 from netboard.network.protocol.control import LoopStatus, Outcomes, StationStatus, Status, Trace, TracePoint
+from netboard.nodes.ports.emergency import AWAITING_RELEASE
 from netboard.nodes.server.state import SessionState
 from netboard.stage.curtain import PHASE_NAMES
+from netboard.task.trials.state_machine import Phase
 
 TRACE_EVERY = 5
 """Ticks between two points of a trace [1]."""
@@ -54,7 +56,7 @@ class SessionAnswers:
             failures=int(stage["failures"]),
             completions=tuple(session.attempts.completions[-MAX_TRIALS:]),  # repeats may add to them
             late_ticks=session.clock.late_ticks,
-            waiting_for=session.missing,
+            waiting_for=self._awaited(),
             peers=(*agents, *loggers, *ports.control.peers),
             notice="; ".join(filter(None, (asked, said, *(one for one in troubles if one not in said)))),
             links=(*ports.motion.links(now), *ports.log.links(now), *ports.control.links(now)),
@@ -72,6 +74,13 @@ class SessionAnswers:
             lost=session.attempts.lost.trials,
             repeats=session.attempts.pending_repeats(int(stage["trial"])),
         )
+
+    def _awaited(self) -> tuple[str, ...]:
+        """Return what the block waits for; a block that is over waits for no peer."""
+        missing = self._state.missing
+        if self._state.phase == Phase.FINISHED:
+            return tuple(one for one in missing if one == AWAITING_RELEASE)
+        return missing
 
     def _loops(self) -> tuple[LoopStatus, ...]:
         """Return the current sample-to-force latency and its limit [s] of each connected agent."""
