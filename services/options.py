@@ -54,6 +54,15 @@ SessionNumber = Annotated[int, typer.Option("--session", min=1, help="Number of 
 StudySeed = Annotated[int, typer.Option(min=0, help="Random seed of the study's plan.")]
 Resume = Annotated[bool, typer.Option("--resume", help="Resume the session where it was interrupted.")]
 Yes = Annotated[bool, typer.Option("--yes", help="Resume without asking.")]
+Confirmation = Annotated[
+    str,
+    typer.Option(
+        "--confirm",
+        metavar="WORDS",
+        help="Confirm in words what stands in for a device or a screen in a real session, as netboard control confirm "
+        "does: 'left device simulated'.",
+    ),
+]
 Autostart = Annotated[
     bool | None,
     typer.Option(

@@ -13,6 +13,7 @@ from netboard.services.options import (
     USED_FILE,
     Autostart,
     Blocks,
+    Confirmation,
     Dyad,
     Insecure,
     Overrides,
@@ -64,6 +65,7 @@ def server(
     trials: Trials = None,
     resume: Resume = False,
     yes: Yes = False,
+    confirm: Confirmation = "",
 ) -> None:
     """Run the physics server: it simulates the board and runs the trials."""
     settings = [load(file, overrides) for file in config or (None,)]
@@ -77,6 +79,10 @@ def server(
     if study is not None and len(settings) > 1:
         raise ConfigError(f"--study: found {len(settings)} configuration files, expected one: run a server per dyad")
     from netboard.base.terminal.logs import log_to_stderr
+    from netboard.nodes.server.stand_ins import require_known
+
+    if confirm:
+        require_known(confirm)
     from netboard.nodes.server.attempts import Attempts
     from netboard.nodes.server.blocks import BlockSequence
 
@@ -85,12 +91,12 @@ def server(
     log.info("preparing every block; after an installation or an update this compiles code, for up to a minute")
     if study is None:
         single_blocks = [(BlockSequence([one]), Attempts()) for one in settings]
-        raise typer.Exit(serve(single_blocks, authenticators, autostart=autostart is not False))
+        raise typer.Exit(serve(single_blocks, authenticators, autostart=autostart is not False, confirmation=confirm))
     from netboard.nodes.server.planned import Planned, StudySession, confirm
 
     planned = Planned(settings[0], load_study(study), StudySession(study, dyad, session, seed, blocks, trials))
     opened = planned.resume(confirm(yes)) if resume else planned.begin()
-    raise typer.Exit(serve([opened], authenticators, autostart=autostart is True))
+    raise typer.Exit(serve([opened], authenticators, autostart=autostart is True, confirmation=confirm))
 
 
 def serve(
@@ -98,6 +104,7 @@ def serve(
     authenticators: Sequence["Authenticator | None"],
     *,
     autostart: bool,
+    confirmation: str = "",
 ) -> int:
     """Serve sessions until all have ended; return 1 if some records may not be on disk."""
     from netboard.base.process.realtime import Priority, cpus_for, io_priority, prepare
@@ -112,6 +119,6 @@ def serve(
     io_thread = io_priority(granted, Priority.SERVER)
     network = sockets.open_context(io_thread, best_effort=True, loop_priority=Priority.SERVER)
     with Stopping() as stopping, no_terminal_suspension(), network as context:
-        server = Server(sessions, context, authenticators, autostart=autostart)
+        server = Server(sessions, context, authenticators, autostart=autostart, confirmation=confirmation)
         server.run(stopping, granted)
     return 0 if server.everything_recorded else 1

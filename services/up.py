@@ -17,6 +17,7 @@ from netboard.services.options import (
     USED_FILE,
     Autostart,
     Blocks,
+    Confirmation,
     Dyad,
     Insecure,
     Offscreen,
@@ -62,6 +63,7 @@ def up(
     trials: Trials = None,
     resume: Resume = False,
     yes: Yes = False,
+    confirm: Confirmation = "",
 ) -> None:
     """Start all processes of this machine, and stop them in order on Ctrl-C."""
     settings = load(config, overrides)
@@ -74,7 +76,7 @@ def up(
         from netboard.nodes.server.planned import StudySession
 
         options = StudySession(study, dyad, session, seed, blocks, trials).options
-    options += ["--resume", "--yes"] * resume + ["--insecure"] * insecure
+    options += ["--resume", "--yes"] * resume + ["--insecure"] * insecure + ["--confirm", confirm] * bool(confirm)
     if autostart is not None:
         options.append("--autostart" if autostart else "--no-autostart")
     wanted = processes(

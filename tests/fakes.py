@@ -46,6 +46,9 @@ STATUS = Status(
     refused=(),
     lost=(),
     repeats=(),
+    devices=(),
+    displays=(),
+    stand_ins=(),
 )
 """Status of a session that has just begun."""
 

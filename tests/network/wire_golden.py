@@ -182,6 +182,12 @@ EXAMPLES: dict[str, Message] = {
         ),
         lost=(2, 5),
         repeats=(1,),
+        devices=(
+            ("left", "haptic", "Touch", "4711", "haptic device: Touch, serial 4711 (never calibrated)"),
+            ("right", "simulated", "virtual Touch", "virtual-right", "simulated, no device: virtual Touch"),
+        ),
+        displays=(("left", "xcb"), ("right", "offscreen")),
+        stand_ins=(("right device simulated", True), ("right display off screen", False)),
     ),
     "backfill-request": motion.BackfillRequest(123_457, 131_072),
     "backfill": motion.Backfill(

@@ -18,12 +18,15 @@ from netboard.base.tables.rig import Network
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.control import (
     Command,
+    DeviceStatus,
+    DisplayStatus,
     LinkStatus,
     LoopStatus,
     Outcomes,
     OutcomesRequest,
     RecordingStatus,
     Reply,
+    StandInStatus,
     StationStatus,
     Status,
     StatusRequest,
@@ -37,6 +40,7 @@ from netboard.network.protocol.motion import Safeguard
 from netboard.network.transport import channels, sockets
 from netboard.network.transport.ports import free_port
 from netboard.nodes.ports.emergency import AWAITING_RELEASE, RELEASE, STOP
+from netboard.nodes.server.stand_ins import AWAITING_WORDS
 from netboard.task.journal.outcome import AttemptOutcome
 
 ARMED = int(Safeguard.ARMED)
@@ -69,6 +73,11 @@ RUNNING = replace(
     condition="bimanual, A, full force",
     recordings=(RecordingStatus("S03-block03.mcap", 0.12, 184_200_000, 38_400_000_000),),
     stations=(StationStatus("left", 0.0009, ARMED, 0.31, 0, 0), StationStatus("right", 0.0011, ARMED, -0.12, 0, 0)),
+    devices=(
+        DeviceStatus("left", "haptic", "Touch", "4711", "haptic device: Touch, serial 4711"),
+        DeviceStatus("right", "haptic", "Touch", "4712", "haptic device: Touch, serial 4712 (mass not identified)"),
+    ),
+    displays=(DisplayStatus("left", "xcb"), DisplayStatus("right", "wayland")),
 )
 """No fault."""
 
@@ -80,7 +89,25 @@ IDLE = replace(
 
 UNARMED_LINK = LinkStatus("agent.right", "lab-right:77", "0.0.9", 0.004, 0.0012, 0.0006, math.nan, 712.0, 41)
 
+STAND_INS = (StandInStatus("right device simulated", False), StandInStatus("right display off screen", False))
+VIRTUAL = "simulated, no device: virtual Touch, serial virtual-right"
+
+SIMULATED = replace(
+    IDLE,
+    devices=(RUNNING.devices[0], DeviceStatus("right", "simulated", "virtual Touch", "virtual-right", VIRTUAL)),
+    displays=(DisplayStatus("left", "xcb"), DisplayStatus("right", "offscreen")),
+    waiting_for=(f"{AWAITING_WORDS}: {', '.join(one.words for one in STAND_INS)}",),
+    stand_ins=STAND_INS,
+)
+"""A real session with a simulated device and a display that nobody sees, not confirmed."""
+
 STATES: dict[str, Status] = {
+    "simulated": SIMULATED,
+    "simulated_unopened": replace(SIMULATED, opened=False, consent=False, waiting_for=("the session's form",)),
+    "confirmed": replace(
+        SIMULATED, waiting_for=(), armed=True, stand_ins=tuple(one._replace(confirmed=True) for one in STAND_INS)
+    ),
+    "no_consent": replace(IDLE, consent=False),
     "unopened": replace(IDLE, opened=False, consent=False, waiting_for=("the session's form",)),
     "ready": IDLE,
     "waiting": replace(

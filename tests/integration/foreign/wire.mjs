@@ -5,7 +5,7 @@
 
 import { decode as unpack, encode as pack } from "@msgpack/msgpack";
 
-export const PROTOCOL_VERSION = 5n;
+export const PROTOCOL_VERSION = 7n;
 
 const TABLES = `
   1 Hello role:str side:str protocol:int name:str version:str details:map

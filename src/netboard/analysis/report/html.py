@@ -163,6 +163,10 @@ def _warnings(blocks: pd.DataFrame) -> list[str]:
         warnings.append("Simulated participants: no person held a device. These results are no evidence about people.")
     elif blocks["simulated"].any():
         warnings.append(f"Simulated participants in {share('simulated')}: their data are no evidence about people.")
+    real = blocks[(blocks["stand_ins"] != "") & (blocks["pilot"] == 0)]
+    if len(real):
+        what = ", ".join(dict.fromkeys(one for words in real["stand_ins"] for one in words.split("; ")))
+        warnings.append(f"Stand-ins for a haptic device or a screen in {plural(len(real), 'recording')}: {what}.")
     if blocks["pilot"].any():
         warnings.append(f"{share('pilot')} are marked as pilots.")
     return warnings

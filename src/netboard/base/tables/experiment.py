@@ -57,6 +57,11 @@ class Session:
         """Whether a block of a study may begin: with consent, or as a pilot run."""
         return self.consent or self.pilot
 
+    @property
+    def real(self) -> bool:
+        """Whether its data count: both participants have consented, and it is no pilot run."""
+        return self.consent and not self.pilot
+
 
 @dataclass(frozen=True, slots=True)
 class Block:

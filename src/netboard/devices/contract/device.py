@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from netboard.base import settings
 from netboard.base.config import Config, Side
+from netboard.base.device_kind import DeviceKind
 from netboard.base.errors import DeviceError
 from netboard.devices.contract import profile, velocity
 from netboard.devices.contract.profile import Profile
@@ -112,6 +113,9 @@ class Device(ABC):
 
     Of the configuration, ``agents.<side>.options`` belongs to the backend.
     """
+
+    kind = DeviceKind.UNDECLARED
+    """What the backend of another package stands for; that of a built-in one is declared in the registry."""
 
     in_scene = False
     """Whether readings are in the scene's frame already, so that neither a profile nor the agent's ``zero`` applies."""

@@ -12,6 +12,7 @@ from importlib.metadata import EntryPoint, entry_points
 from inspect import isabstract
 
 from netboard.base.config import SIDES, Config, Side
+from netboard.base.device_kind import DeviceKind
 from netboard.base.errors import ConfigError, DeviceNotFound
 from netboard.devices.contract.device import Device
 
@@ -27,6 +28,7 @@ class Backend:
     """A built-in backend."""
 
     target: str  # module and class
+    kind: DeviceKind  # what it stands for in a session
     usb: Mapping[Ids, str] = field(default_factory=dict)  # names of its USB devices
     selectors: tuple[str, ...] = ()  # options that select one of several devices
     lists_serials: bool = False  # whether its own library lists the devices, with serial numbers that the USB may lack
@@ -36,13 +38,15 @@ class Backend:
 BACKENDS = {
     "falcon": Backend(
         "netboard.devices.falcon.device:Falcon",
+        DeviceKind.HAPTIC,
         {(0x0403, 0xCB48): "Falcon"},  # id of its FTDI chip
         selectors=("serial", "path"),
         buttons=4,
     ),
-    "mouse": Backend("netboard.devices.mouse:MouseStylus"),
+    "mouse": Backend("netboard.devices.mouse:MouseStylus", DeviceKind.POINTER),
     "openhaptics": Backend(
         "netboard.devices.touch.device:OpenHaptics",
+        DeviceKind.HAPTIC,
         {
             (0x2988, 0x0302): "Touch (USB)",
             (0x2988, 0x0304): "Touch (HID)",
@@ -52,9 +56,10 @@ BACKENDS = {
         lists_serials=True,
         buttons=4,
     ),
-    "playback": Backend("netboard.devices.simulated.playback:Playback"),
+    "playback": Backend("netboard.devices.simulated.playback:Playback", DeviceKind.PLAYBACK),
     "spacemouse": Backend(
         "netboard.devices.spacemouse:SpaceMouse",
+        DeviceKind.INPUT,
         {
             (0x046D, 0xC625): "SpacePilot",
             (0x046D, 0xC626): "SpaceNavigator",
@@ -73,7 +78,7 @@ BACKENDS = {
         selectors=("serial", "path"),
         buttons=32,
     ),
-    "virtual": Backend("netboard.devices.simulated.virtual:VirtualTouch"),
+    "virtual": Backend("netboard.devices.simulated.virtual:VirtualTouch", DeviceKind.SIMULATED),
 }
 """Built-in backends by name."""
 
@@ -105,6 +110,11 @@ def find(name: str) -> type[Device]:
         lacks = ", ".join(sorted(backend.__abstractmethods__))
         raise DeviceNotFound(f"the device backend {name!r} ({target}) must implement {lacks}")
     return backend
+
+
+def kind_of(name: str) -> DeviceKind:
+    """Return the kind of a backend's device; that of another package's backend is declared by its class."""
+    return BACKENDS[name].kind if name in BACKENDS else find(name).kind
 
 
 def make(side: Side, config: Config) -> Device:

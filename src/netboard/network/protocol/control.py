@@ -21,6 +21,7 @@ SESSION_COMMANDS = {
     "emergency_release": "allow forces again",
     "take": "become the commander",
     "open": "open the session with a form as JSON",
+    "confirm": "confirm in words what stands in for a device or a screen in a real session",
     "arm": "allow the devices to render forces",
     "disarm": "prevent that",
     "pause_after_trial": "pause when this attempt is over",
@@ -107,6 +108,30 @@ class StationStatus(NamedTuple):
     rendered: float
     lost_ticks: int
     clipped_ticks: int
+
+
+class DeviceStatus(NamedTuple):
+    """What one hand holds: an item of `Status.devices`."""
+
+    side: str
+    kind: str
+    model: str
+    serial: str
+    text: str
+
+
+class DisplayStatus(NamedTuple):
+    """How a station's display is drawn: an item of `Status.displays`."""
+
+    side: str
+    platform: str
+
+
+class StandInStatus(NamedTuple):
+    """What stands in for a haptic device or a screen: an item of `Status.stand_ins`."""
+
+    words: str
+    confirmed: bool
 
 
 class RefusalCount(NamedTuple):
@@ -243,6 +268,16 @@ class Status:
         Trials of the block that the analysis will exclude, and that no other trial repeats [1].
     repeats : tuple of int
         Trials whose repeats at the end of the block have not begun [1].
+    devices : tuple of DeviceStatus
+        For each hand that a device or the server moves: its side; kind of the device (``haptic``, ``input``,
+        ``pointer``, ``simulated``, ``playback``, ``undeclared``), or ``robot`` or ``still`` where the server moves it;
+        model and serial number (64 characters of each); and all of it in words.
+    displays : tuple of DisplayStatus
+        For each station with a display: its side, and Qt's name of the platform that draws it (``offscreen``: nobody
+        sees it).
+    stand_ins : tuple of StandInStatus
+        For each stand-in for a haptic device or a screen: the words that confirm it, and whether an operator has
+        confirmed them. A real session waits for the confirmation.
     """
 
     session: str
@@ -279,6 +314,14 @@ class Status:
     refused: tuple[RefusalCount, ...]
     lost: tuple[int, ...]
     repeats: tuple[int, ...]
+    devices: tuple[DeviceStatus, ...]
+    displays: tuple[DisplayStatus, ...]
+    stand_ins: tuple[StandInStatus, ...]
+
+    @property
+    def real(self) -> bool:
+        """Whether the data of the session count: with consent, no pilot, and no replay."""
+        return self.consent and not self.pilot and not self.notice.startswith(REPLAY_OF)
 
 
 @dataclass(frozen=True, slots=True)

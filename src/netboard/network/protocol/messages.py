@@ -47,7 +47,7 @@ from netboard.network.protocol.records import (
 from netboard.network.protocol.views import MAX_SHOWN, Frames
 from netboard.stage.view import View
 
-PROTOCOL_VERSION = 6
+PROTOCOL_VERSION = 7
 
 Message = (
     Hello

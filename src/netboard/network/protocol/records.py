@@ -11,6 +11,12 @@ AGENT_JOINED, AGENT_PRESENT = "agent_joined", "agent_present"
 STOPPED, RELEASED = "emergency_stop", "emergency_release"
 """Events of an emergency stop, and of its release."""
 
+DISPLAY_JOINED, DISPLAY_PRESENT = "display_joined", "display_present"
+"""Names of the events that describe a display, likewise."""
+
+STAND_IN_CONFIRMED = "stand_in_confirmed"
+"""Name of the event that records which words of an operator confirm a stand-in for a device or a screen."""
+
 BLOCK_BEGAN = "block_began"
 """Name of the event with which a block begins; its detail ``config`` is the block's configuration.
 

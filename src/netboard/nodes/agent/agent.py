@@ -19,11 +19,13 @@ from typing import Protocol
 from netboard.base.clock import Pacer, now_ns
 from netboard.base.compiled import machine_code
 from netboard.base.config import Config, Side
+from netboard.base.device_kind import held_by
 from netboard.base.errors import ConfigError, DeviceError, DeviceNotFound
 from netboard.base.process.realtime import steady_loop
 from netboard.base.process.resources import NAME
 from netboard.base.terminal.logs import RateLimitedLog
 from netboard.base.tick import TICK_NS
+from netboard.devices.contract import registry
 from netboard.devices.contract.device import Device, DeviceInfo, Reading
 from netboard.devices.safety.chain import Guard, Safety
 from netboard.devices.safety.fixture import lateral_force
@@ -109,7 +111,9 @@ class Agent:
         timeout_ns = int(config.network.sample_timeout_ms * 1e6)
         self._config, self._side = config, side
         self._identity: Mapping[str, str] = {} if source is None else source.identity
-        self._link = Link(socket, introduction(side, config, device.info, self._identity), timeout_ns)
+        introduced = introduction(side, config, device.info, self._identity)
+        log.info("%s hand: %s", side, held_by(introduced.details).text)
+        self._link = Link(socket, introduced, timeout_ns)
         self._device = device
         self._safety = Safety(config.safety, device.info.max_force, device.info.continuous_force)
         self._fixture = config.fixture
@@ -222,13 +226,14 @@ class Agent:
                 trouble.log(f"the device is back, but cannot be used yet: {error}")
                 Pacer(now_ns() + SEARCH_INTERVAL_NS).wait()
                 continue
-            log.info("the device is back: %s %s", info.model, info.serial)
+            introduced = introduction(self._side, self._config, info, self._identity)
+            log.info("the device is back: %s", held_by(introduced.details).text)
             lost, self._safety = self._safety, Safety(self._config.safety, info.max_force, info.continuous_force)
             self._safety.keep_mean_of(lost)
             # The new chain is only disarmed, so the server could arm it before it knows of the emergency stop.
             if self._stop_seq is not None:
                 self._safety.stop()
-            self._link.introduce(introduction(self._side, self._config, info, self._identity))
+            self._link.introduce(introduced)
             return
 
     def _tick(self, until_ns: int, begun: Begun = NOTHING_BEGUN, reading: Reading | None = None) -> int:
@@ -374,6 +379,7 @@ def introduction(side: Side, config: Config, info: DeviceInfo, policy: Mapping[s
     details = {
         **info.details,
         "device": agent.device,
+        "kind": str(registry.kind_of(agent.device)),
         "model": info.model,
         "serial": info.serial,
         "max_force": f"{info.max_force!r} N",

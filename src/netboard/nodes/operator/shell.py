@@ -4,10 +4,11 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
+from typing import Any
 
 from netboard.base.errors import NetboardError
 from netboard.base.tables.rig import Network
-from netboard.network.protocol.control import LinkStatus, LoopStatus, Reply, Status
+from netboard.network.protocol.control import Reply, Status
 from netboard.network.transport import names, sockets
 from netboard.nodes.operator.operator import ANSWER_SECONDS, Operator
 from netboard.nodes.ports.emergency import STOP
@@ -115,10 +116,11 @@ def _required(reply: Reply) -> Reply:
 def plain(status: Status) -> dict[str, object]:
     """Return the status for JSON: links as objects, unknown values as null."""
 
-    def objects(items: Iterable[LinkStatus | LoopStatus]) -> list[dict[str, object]]:
+    def objects(items: Iterable[Any]) -> list[dict[str, object]]:
         return [{name: or_null(value) for name, value in item._asdict().items()} for item in items]
 
-    return {**asdict(status), "links": objects(status.links), "loops": objects(status.loops)}
+    names = ("links", "loops", "devices", "displays", "stand_ins")
+    return {**asdict(status), **{name: objects(getattr(status, name)) for name in names}}
 
 
 def state_text(status: Status) -> str:

@@ -6,6 +6,7 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from netboard.base.plural import plural
+from netboard.base.process.display_server import unseen
 from netboard.base.terminal.output import FittedTable, numbers
 from netboard.network.protocol.control import Status
 from netboard.nodes.ports.emergency import AWAITING_RELEASE
@@ -27,6 +28,7 @@ def _lines(status: Status) -> list[Text]:
             f"{status.late_ticks} deadline misses"
         ),
     ]
+    lines += _rig(status)
     if status.pending:
         lines.append(Text(status.pending))
     if status.waiting_for and "waiting for" not in status.notice:  # often the notice says it already
@@ -55,6 +57,20 @@ def next_step(status: Status) -> str:
             over = "end" if status.block == status.blocks else "next"
             steps.append(f"to go on without: netboard control {over}")
     return "; ".join(steps)
+
+
+def _rig(status: Status) -> list[Text]:
+    """Return what the hands hold, how the displays are drawn, and what of it stands in for the real thing."""
+    kind = "REAL" if status.real else "pilot, not for the study" if status.pilot else "no consent, not for the study"
+    lines = [Text(f"session {status.name} of dyad {status.dyad}: {kind}")]
+    lines += [Text(f"{device.side} hand: {device.text}") for device in status.devices]
+    for side, platform in status.displays:
+        hidden = "drawn off screen, where nobody sees it" if unseen(platform) else f"drawn on {platform or 'a screen'}"
+        lines.append(Text(f"{side} display: {hidden}", style="yellow" if unseen(platform) else ""))
+    if status.real:
+        said = {True: "confirmed in words", False: "NOT confirmed in words"}
+        lines += [Text(f"{words}: {said[confirmed]}", style="yellow") for words, confirmed in status.stand_ins]
+    return lines
 
 
 def _links(status: Status) -> FittedTable:

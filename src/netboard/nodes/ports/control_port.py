@@ -12,6 +12,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
+from netboard.base.config import SIDES, Side
 from netboard.base.errors import WireError
 from netboard.network.protocol.codec import decode, encode, kind_of
 from netboard.network.protocol.control import (
@@ -121,6 +122,17 @@ class ControlPort:
         """Role and side of the displays and consoles that are connected and not silent."""
         hellos = [peer.hello for name, peer in self._peers.items() if name not in self._silent]
         return tuple(sorted({role_and_side(hello.role, hello.side) for hello in hellos}))
+
+    @property
+    def displays(self) -> list[Hello]:
+        """How the displays introduced themselves that are connected and not silent; the newest of a station last."""
+        return [peer.hello for name, peer in self._peers.items() if peer.hello.side and name not in self._silent]
+
+    @property
+    def platforms(self) -> dict[Side, str]:
+        """Qt's platform that draws each station's newest display, which reports the painted frames."""
+        found = {hello.side: hello.details.get("platform", "") for hello in self.displays}
+        return {side: found[side] for side in SIDES if side in found}
 
     def drain(self, clock: Callable[[], int]) -> bool:
         """Take and handle what has arrived; return whether there may be more.

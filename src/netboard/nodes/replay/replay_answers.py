@@ -4,6 +4,7 @@ Nothing is armed, no peer is waited for, and the peers are those of the replay i
 """
 
 import uuid
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from math import nan
 
@@ -13,10 +14,25 @@ from netboard.base.clock import now_ns
 from netboard.base.config import SIDES, Side
 from netboard.base.tables.experiment import MAX_TRIALS
 from netboard.base.tick import LATE_NS
-from netboard.network.protocol.control import REPLAY_OF, Outcomes, StationStatus, Status, Trace
+from netboard.network.protocol.control import (
+    REPLAY_OF,
+    DeviceStatus,
+    DisplayStatus,
+    Outcomes,
+    StationStatus,
+    Status,
+    Trace,
+)
 from netboard.network.protocol.motion import Safeguard
 from netboard.nodes.ports.control_port import ControlPort
-from netboard.nodes.server.answers import SAFEGUARD_TICKS, TRACE_EVERY, plan_of, trace_of
+from netboard.nodes.server.answers import (
+    SAFEGUARD_TICKS,
+    TRACE_EVERY,
+    device_status,
+    moved_by_server,
+    plan_of,
+    trace_of,
+)
 from netboard.nodes.server.attempts import MAX_ROWS
 from netboard.recording.replay.commands import in_words
 from netboard.recording.replay.loaded import LoadedRecording
@@ -84,7 +100,20 @@ class ReplayAnswers:
             refused=(),
             lost=(),
             repeats=(),
+            devices=tuple(self._devices(index)),
+            displays=tuple(DisplayStatus(*shown) for shown in self._control.platforms.items()),
+            stand_ins=(),
         )
+
+    def _devices(self, index: int) -> Iterator[DeviceStatus]:
+        """Yield what each hand held in the recording."""
+        recording = self._state.recording
+        for side in SIDES:
+            mover, details = getattr(recording.config.block, side), recording.device(side, index)
+            if mover != "person":
+                yield moved_by_server(side, mover)
+            elif details is not None:
+                yield device_status(side, details)
 
     def _station(self, side: Side, index: int) -> StationStatus:
         """Return the state of a station."""

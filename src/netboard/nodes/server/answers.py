@@ -3,7 +3,7 @@
 Nothing here changes the session. Answers are made between two ticks, so a frequent question must be cheap to answer.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from math import nan
 from typing import Any
 
@@ -12,8 +12,19 @@ from numpy.typing import NDArray
 
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES, Config, Side
-from netboard.base.tables.experiment import MAX_TRIALS
-from netboard.network.protocol.control import LoopStatus, Outcomes, StationStatus, Status, Trace, TracePoint
+from netboard.base.device_kind import MOVED_BY_SERVER, held_by
+from netboard.base.tables.experiment import MAX_TRIALS, Mover
+from netboard.network.protocol.control import (
+    DeviceStatus,
+    DisplayStatus,
+    LoopStatus,
+    Outcomes,
+    StandInStatus,
+    StationStatus,
+    Status,
+    Trace,
+    TracePoint,
+)
 from netboard.nodes.ports.emergency import AWAITING_RELEASE
 from netboard.nodes.server.state import SessionState
 from netboard.stage.curtain import PHASE_NAMES
@@ -45,6 +56,8 @@ class SessionAnswers:
         agents = tuple(f"agent.{side}" for side in SIDES if ports.motion.agents[side].hello is not None)
         loggers = ("logger",) * ports.log.loggers + ("listener",) * len(ports.log.subscribers)
         asked, said = session.questionnaires and f"ask now: {session.questionnaires}", session.supervisor.notice
+        found = session.find_stand_ins()
+        unconfirmed = session.confirmations.unconfirmed(found)
         troubles = session.attempts.trouble, ports.log.notice, latency.notice, session.loss
         return Status(
             session=session.session,
@@ -73,6 +86,9 @@ class SessionAnswers:
             refused=ports.refused(session.authenticator),
             lost=session.attempts.lost.trials,
             repeats=session.attempts.pending_repeats(int(stage["trial"])),
+            devices=tuple(self._devices()),
+            displays=tuple(DisplayStatus(*shown) for shown in ports.control.platforms.items()),
+            stand_ins=tuple(StandInStatus(words, words not in unconfirmed) for words in found),
         )
 
     def _awaited(self) -> tuple[str, ...]:
@@ -81,6 +97,16 @@ class SessionAnswers:
         if self._state.phase == Phase.FINISHED:
             return tuple(one for one in missing if one == AWAITING_RELEASE)
         return missing
+
+    def _devices(self) -> Iterator[DeviceStatus]:
+        """Yield what each hand holds that a device or the server moves."""
+        session = self._state
+        for side in SIDES:
+            mover, agent = getattr(session.block.config.block, side), session.ports.motion.agents[side]
+            if mover != "person":
+                yield moved_by_server(side, mover)
+            elif agent.hello is not None:
+                yield device_status(side, agent.hello.details)
 
     def _loops(self) -> tuple[LoopStatus, ...]:
         """Return the current sample-to-force latency and its limit [s] of each connected agent."""
@@ -111,6 +137,17 @@ class SessionAnswers:
         numbers = range(-(-oldest // TRACE_EVERY) * TRACE_EVERY, self._state.number, TRACE_EVERY)
         rows = self._state.rows[np.array(numbers, np.int64) % len(self._state.rows)]
         return trace_of(rows, numbers, ball=self._state.block.curtain.ball)
+
+
+def device_status(side: Side, details: Mapping[str, str]) -> DeviceStatus:
+    """Return what a hand holds, from the details of its agent."""
+    held = held_by(details)
+    return DeviceStatus(side, str(held.kind), held.model, held.serial, held.text)
+
+
+def moved_by_server(side: Side, mover: Mover) -> DeviceStatus:
+    """Return what moves a hand that no device moves."""
+    return DeviceStatus(side, mover, "", "", MOVED_BY_SERVER[mover])
 
 
 def plan_of(config: Config) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from dataclasses import asdict
 
-from netboard.network.protocol.records import AGENT_PRESENT, BLOCK_BEGAN
+from netboard.network.protocol.records import AGENT_PRESENT, BLOCK_BEGAN, DISPLAY_PRESENT
 from netboard.nodes.server.state import SessionState
 from netboard.task.studies.factors import TrialDetails
 
@@ -89,5 +89,9 @@ class BlockChanges:
             if agent.hello is not None:  # the recording of this block is another file than that in which it joined
                 own = {"side": side, "name": agent.hello.name}
                 state.note(AGENT_PRESENT, {**own, **agent.hello.details, **own})
+        for hello in state.ports.control.displays:
+            own = {"side": hello.side, "name": hello.name}
+            state.note(DISPLAY_PRESENT, {**own, **hello.details, **own})
+        state.confirmations.begin_block()
         for robot in state.block.robots:
             state.note("robot_joined", {"side": robot.side, **robot.identity})

@@ -31,7 +31,7 @@ class OperatorRequests:
         situation = Situation(state.phase, missing, sequence.last, sequence.planned)
         decision = operators.decide(request, situation)
         if decision.accepted:
-            decision = self._carry_out(command.name, command.argument, decision)
+            decision = self._carry_out(request, decision)
         control.reply(request, decision.accepted, decision.reason)
         outcome = {"accepted": str(decision.accepted).lower(), "reason": decision.reason}
         details = {"name": command.name, "argument": command.argument, "by": request.name, **outcome}
@@ -42,9 +42,9 @@ class OperatorRequests:
             state.supervisor.paused_by_operator(request.name)
         return decision.cause
 
-    def _carry_out(self, name: str, argument: str, decision: Decision) -> Decision:
+    def _carry_out(self, request: CommandRequest, decision: Decision) -> Decision:
         """Carry out the part of a command that the trial state machine does not; refuse it if that fails."""
-        state = self._state
+        state, name, argument = self._state, request.command.name, request.command.argument
         try:
             match name:
                 case "end":
@@ -56,16 +56,14 @@ class OperatorRequests:
                     state.update_arming(state.emergency_stop.halt("emergency stop by an operator"))
                     return Decision(True, "all forces are zero until an operator releases it")
                 case emergency.RELEASE:
-                    if not (released := state.emergency_stop.release()):
-                        return Decision(True, "there is no emergency stop to release")
-                    state.supervisor.stop_released()
-                    state.update_arming(released)
-                    return Decision(True, "the emergency stop is released")
+                    return self._release()
                 case "arm" | "disarm":
                     state.update_arming([])
                 case "open":
                     state.sequence.open(form_of(argument, state.block.config.session))
                     self._blocks.open()
+                case "confirm":
+                    return Decision(True, state.confirmations.confirm(argument, request.name, state.find_stand_ins()))
                 case "repeat" | "veto" | "repeat_lost":
                     return self._change_repeats(name, argument, decision)
                 case "note":
@@ -88,3 +86,12 @@ class OperatorRequests:
         trial = state.attempts.ask(name, argument, int(state.stage[0]["trial"]), state.phase)
         how = "is repeated" if name == "repeat" else "is not repeated"
         return Decision(True, f"trial {trial} {how} at the end of the block", decision.cause)
+
+    def _release(self) -> Decision:
+        """Release the emergency stop, if there is one."""
+        state = self._state
+        if not (released := state.emergency_stop.release()):
+            return Decision(True, "there is no emergency stop to release")
+        state.supervisor.stop_released()
+        state.update_arming(released)
+        return Decision(True, "the emergency stop is released")

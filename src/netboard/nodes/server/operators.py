@@ -34,7 +34,7 @@ CAUSES = {
 OPEN_TO_ALL = (emergency.STOP, "note", "take")
 """Commands that any operator may give, commander or not."""
 
-BEFORE_OPENING = ("open", "end", emergency.STOP, emergency.RELEASE, "note", "take", "arm", "disarm")
+BEFORE_OPENING = ("open", "confirm", "end", emergency.STOP, emergency.RELEASE, "note", "take", "arm", "disarm")
 """Commands that are allowed before the session is open."""
 
 SAFE_WHEN_LATE = (emergency.STOP, "note", "pause", "disarm")
@@ -42,7 +42,7 @@ SAFE_WHEN_LATE = (emergency.STOP, "note", "pause", "disarm")
 
 PAUSE_AFTER = "pause_after_trial"
 
-WITH_ARGUMENT = ("open", "repeat", "veto")
+WITH_ARGUMENT = ("open", "confirm", "repeat", "veto")
 """Other commands that have an argument."""
 
 MAX_TICK = 2**63

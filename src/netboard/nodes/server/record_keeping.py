@@ -3,6 +3,7 @@
 import logging
 
 from netboard.base.clock import now_ns
+from netboard.network.protocol.records import STAND_IN_CONFIRMED
 from netboard.nodes.ports.backfill import Backfiller
 from netboard.nodes.server.state import SessionState
 from netboard.task.trials.state_machine import Phase
@@ -82,6 +83,9 @@ class RecordKeeping:
                 state.event_log.record_probes(port.clock_records(state.event_log.probes))
         self._backfill(now)
         self._record_news(now)
+        if state.operators.opened and state.block.config.session.real:
+            for details in state.confirmations.take_news(state.find_stand_ins()):
+                state.note(STAND_IN_CONFIRMED, details)
 
     def _backfill(self, now: int) -> None:
         """Ask the agents what they rendered during an interruption, and record their answers [ns]."""

@@ -25,7 +25,11 @@ MAX_SLEEP_NS = 100_000_000
 
 
 class Server:
-    """The sessions and their loop. ``authenticators``: each dyad's; None without authentication."""
+    """The sessions and their loop.
+
+    ``authenticators``: each dyad's; None without authentication. ``confirmation``: words of the command line that
+    confirm stand-ins; see `netboard.nodes.server.stand_ins`.
+    """
 
     def __init__(
         self,
@@ -34,10 +38,11 @@ class Server:
         authenticators: Sequence[Authenticator | None],
         *,
         autostart: bool,
+        confirmation: str = "",
     ) -> None:
         Turns(0)  # compiles what waits, before a tick is due
         self.sessions = [
-            Session(sequence, attempts, context, authenticator, autostart=autostart)
+            Session(sequence, attempts, context, authenticator, autostart=autostart, confirmation=confirmation)
             for (sequence, attempts), authenticator in zip(sessions, authenticators, strict=True)
         ]
 

@@ -77,7 +77,7 @@ class Session:
     """Everything the server does for one dyad.
 
     ``attempts``: outcomes of the attempts in earlier runs of the session. ``authenticator`` is None without
-    authentication.
+    authentication. ``confirmation``: words of the command line that confirm stand-ins.
     """
 
     def __init__(
@@ -88,8 +88,11 @@ class Session:
         authenticator: Authenticator | None,
         *,
         autostart: bool,
+        confirmation: str = "",
     ) -> None:
-        state = self._state = SessionState(sequence, attempts, context, authenticator, autostart=autostart)
+        state = self._state = SessionState(
+            sequence, attempts, context, authenticator, autostart=autostart, confirmation=confirmation
+        )
         self._blocks = BlockChanges(state)
         self._requests = OperatorRequests(state, self._blocks)
         self._answers = SessionAnswers(state)

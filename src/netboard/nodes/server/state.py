@@ -18,6 +18,7 @@ from netboard.nodes.server.attempts import Attempts
 from netboard.nodes.server.blocks import BlockSequence
 from netboard.nodes.server.event_log import EventLog
 from netboard.nodes.server.operators import Operators
+from netboard.nodes.server.stand_ins import AWAITING_WORDS, Confirmations, stand_ins
 from netboard.nodes.server.supervision import Supervisor
 from netboard.nodes.server.tick_clock import TickClock
 from netboard.stage.curtain import Pause
@@ -35,7 +36,8 @@ _FIRST_ACTIVE, _LAST_ACTIVE = int(Phase.LEVELLING), int(Phase.FAILED)
 class SessionState:
     """The parts of a session and its present state.
 
-    ``stage``: state of the stage after the last tick: one record of `STATE`.
+    ``stage``: state of the stage after the last tick: one record of `STATE`. ``confirmation``: words of the command
+    line that confirm stand-ins; see `netboard.nodes.server.stand_ins`.
     """
 
     def __init__(
@@ -46,6 +48,7 @@ class SessionState:
         authenticator: Authenticator | None,
         *,
         autostart: bool,
+        confirmation: str = "",
     ) -> None:
         self.session = uuid.uuid4().hex
         self.sequence, self.attempts, self.authenticator = sequence, attempts, authenticator
@@ -55,6 +58,7 @@ class SessionState:
         self.supervisor = Supervisor(autostart)
         self.emergency_stop = EmergencyStop()
         self.operators = Operators(opened=False, armed=autostart or not sequence.planned)
+        self.confirmations = Confirmations(confirmation)
         self.event_log = EventLog(self.ports.log)
         # The recent ticks, in a ring: as records of `TICK`, and as 64-bit words of the same memory.
         self.rows = np.zeros(RING_ROWS, TICK)
@@ -116,12 +120,23 @@ class SessionState:
         left = (self.rest_until_ns - now) * 1e-9
         return left if left > 0 and self.phase == Phase.IDLE else None
 
+    def find_stand_ins(self) -> tuple[str, ...]:
+        """Return what stands in for a haptic device or a screen now, in the words that confirm it."""
+        agents = {
+            side: agent.hello.details
+            for side, agent in self.ports.motion.agents.items()
+            if agent.hello is not None and side in self.block.people
+        }
+        return stand_ins(self.block.config, agents, self.ports.control.platforms)
+
     def find_missing(self) -> tuple[str, ...]:
         """Return what is missing now before the block can begin."""
         now, log = now_ns(), self.ports.log
         lacking = [*self.ports.motion.find_missing(now, self.block.people), *self.block.latency.missing]
         if self.block.config.network.require_logger and not log.loggers:
             lacking.append("the logger")
+        if self.block.config.session.real and (found := self.confirmations.unconfirmed(self.find_stand_ins())):
+            lacking.append(f"{AWAITING_WORDS}: {', '.join(found)}")
         if self.emergency_stop.halted:
             lacking.append(emergency.AWAITING_RELEASE)
         if self.supervisor.autostart and self.rest(now) is not None:

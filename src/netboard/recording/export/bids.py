@@ -170,6 +170,7 @@ def _scan(
         "other_hand": _other_hand(run, person),
         "device": "+".join(run.config.agents.of(side).device for side in person.sides),
         "simulated": person.simulated,
+        "stand_ins": run.stand_ins or "none",
         "pilot": run.config.session.pilot,
         "ended": recording.end.get("ended", "recovered"),
         "recording": run.path.name,

@@ -148,6 +148,7 @@ _SCAN_TEXTS = {
     "other_hand": "who moves the other end of the board: a subject, own (the other hand), still, or robot",
     "device": "netboard's name for the kind of device",
     "simulated": "true: the movements are those of a simulated participant",
+    "stand_ins": "what stood in for a haptic device or a screen, and who confirmed it in which words",
     "pilot": "true: a pilot run",
     "ended": "how the recording ended: complete, if as planned",
     "recording": "file that it was exported from",

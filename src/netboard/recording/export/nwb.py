@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from netboard.base.device_kind import WORDS, DeviceKind
 from netboard.base.tick import TICK, TICK_SECONDS
 from netboard.recording.export.factors import ExportedFactor, exported_factors
 from netboard.recording.export.formats import Progress, library
@@ -162,7 +163,7 @@ class Layout:
         model = self.file.create_device_model(
             name=f"{device.side} {device.model or device.backend}{number}",
             manufacturer=device.maker or "unknown",
-            description=f"Haptic device, driven by netboard's backend {device.backend}",
+            description=f"{WORDS[DeviceKind(device.kind)]}; netboard's backend {device.backend}",
         )
         self.file.create_device(
             name=f"{device.side} stylus{number}",

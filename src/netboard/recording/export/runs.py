@@ -10,16 +10,16 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
-from math import inf
 from pathlib import Path
 from typing import Literal
 
 from netboard.base.config import SIDES, Config, Side
+from netboard.base.device_kind import held_by
 from netboard.base.errors import RecordingError
 from netboard.recording.files.copies import find_repeats
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.claims import whole_number
-from netboard.recording.format.summary import agents_of
+from netboard.recording.format.rig import Rig, agents_in_use, rig_of
 from netboard.task.plans.plan import OTHER_SIDE
 from netboard.task.trials.exclusion import is_simulated
 
@@ -54,6 +54,7 @@ class Run:
     session: str  # label of the session: dyad and session combined
     number: int
     people: tuple[Person, ...]
+    stand_ins: str = ""  # what stood in for a haptic device or a screen, and who confirmed it; empty: nothing
 
 
 def runs_of(recordings: Sequence[Path]) -> tuple[Run, ...]:
@@ -73,7 +74,9 @@ def unnumbered_run(path: Path) -> Run:
             raise RecordingError(f"{path}: lost its {', '.join(lost)} when it was damaged; leave it out")
         metadata, config = recording.metadata, recording.config
         session = _label(config.session.dyad + config.session.name)
-        return Run(path, metadata, config, session, number=0, people=tuple(people_in(config, metadata)))
+        rig = rig_of(config, metadata, recording.events(), recording.attempts())
+        people = tuple(people_in(config, metadata, rig))
+        return Run(path, metadata, config, session, number=0, people=people, stand_ins=rig.stand_ins_in_words)
 
 
 def numbered(runs: Sequence[Run]) -> tuple[Run, ...]:
@@ -105,8 +108,8 @@ def _numbered_session(session: Sequence[Run]) -> Iterator[Run]:
         yield replace(run, number=number)
 
 
-def people_in(config: Config, metadata: dict[str, str]) -> Iterator[Person]:
-    """Yield the persons of a block, A before B."""
+def people_in(config: Config, metadata: dict[str, str], rig: Rig | None = None) -> Iterator[Person]:
+    """Yield the persons of a block, A before B. ``rig``: that of the recording, if it has been read."""
     who, block = config.session, config.block
     both: tuple[tuple[Letter, str, str], ...] = (
         ("A", who.participant_a, who.hand_a),
@@ -120,7 +123,14 @@ def people_in(config: Config, metadata: dict[str, str]) -> Iterator[Person]:
             sides = (side,) if getattr(block, side) == "person" else ()
         if sides:
             given = name if name != letter else who.dyad + letter
-            yield Person(letter, _label(given), hand, sides, is_simulated(config, metadata, sides))
+            yield Person(letter, _label(given), hand, sides, _simulated(config, metadata, sides, rig))
+
+
+def _simulated(config: Config, metadata: dict[str, str], sides: Sequence[Side], rig: Rig | None) -> bool:
+    """Return True if a simulated participant moved these sides: by what the agents stated, else by the configuration."""
+    if rig is not None and "imported" not in metadata and all(rig.hands.get(side) for side in sides):
+        return set(sides) <= set(rig.simulated)
+    return is_simulated(config, metadata, sides)
 
 
 def _label(name: str) -> str:
@@ -170,6 +180,7 @@ class HandDevice:
 
     side: Side
     backend: str
+    kind: str
     maker: str
     model: str
     serial: str
@@ -177,15 +188,12 @@ class HandDevice:
 
 def devices_of(config: Config, recording: Recording) -> tuple[HandDevice, ...]:
     """Return the devices that moved in a recording, left before right, and those of a side in the order of use."""
-    agents, attempts = agents_of(recording.events()), recording.attempts()
-    start = attempts[0].began if attempts else 0
+    events, attempts = recording.events(), recording.attempts()
     found: dict[HandDevice, None] = {}
     for side in SIDES:
-        said: list[tuple[int, dict[str, str]]] = agents.get(side) or [(0, {})]
-        replaced = [tick for tick, _ in said[1:]]
-        for (_, details), until in zip(said, (*replaced, inf), strict=True):
-            if until > start:
-                backend = details.get("device", config.agents.of(side).device)
-                maker, model, serial = MAKERS.get(backend, ""), details.get("model", ""), details.get("serial", "")
-                found[HandDevice(side, backend, maker, model, serial)] = None
+        for details in list(agents_in_use(events, attempts, side)) or [dict[str, str]()]:
+            backend = details.get("device", config.agents.of(side).device)
+            maker, model, serial = MAKERS.get(backend, ""), details.get("model", ""), details.get("serial", "")
+            kind = str(held_by({"device": backend, **details}).kind)
+            found[HandDevice(side, backend, kind, maker, model, serial)] = None
     return tuple(found)

@@ -25,6 +25,7 @@ from netboard.recording.export.task import ROLE_TEXT
 from netboard.recording.files.locate import sha256_of
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.channels import CHANNELS, DTYPES, Channel, Field
+from netboard.recording.format.rig import rig_of
 from netboard.recording.format.summary import Attempt, attempts_along, from_release
 from netboard.recording.integrity.quality_check import judged
 from netboard.task.studies.factors import design_of, factors_of, trial_role
@@ -45,6 +46,7 @@ class OpenRecording:
         self.config = recording.config
         self.ticks = self.origin_ns = 0
         self.attempts: tuple[Attempt, ...] = attempts_along(self._counted())
+        self.rig = rig_of(self.config, recording.metadata, recording.events(), self.attempts)
 
     def _counted(self) -> Iterator[NDArray[Any]]:
         for rows in self.recording.batches():
@@ -286,6 +288,23 @@ _RECORDING_COLUMNS: tuple[tuple[Field, Callable[[OpenRecording], Any]], ...] = (
     (
         Field("origin_ns", "integer", "server time of its first tick, the zero of time", "ns"),
         lambda source: source.origin_ns,
+    ),
+    (
+        Field("left_device", "string", "what the left hand held, in words; several if it was replaced", ""),
+        lambda source: "; then ".join(source.rig.hands.get("left", ())),
+    ),
+    (
+        Field("right_device", "string", "what the right hand held, likewise", ""),
+        lambda source: "; then ".join(source.rig.hands.get("right", ())),
+    ),
+    (
+        Field(
+            "stand_ins",
+            "string",
+            "what stood in for a haptic device or a screen, each with the words that confirmed it; empty: nothing",
+            "",
+        ),
+        lambda source: source.rig.stand_ins_in_words,
     ),
     (
         Field("metadata", "string", "all metadata of the recording, as a JSON object", ""),

@@ -24,6 +24,7 @@ from netboard.recording.files.locate import EMPTY, files_below, recovery_advice
 from netboard.recording.files.provenance import CONFIG_NAME, MetadataName
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.chunks import UNSOUND
+from netboard.recording.format.rig import rig_of
 from netboard.recording.integrity.checking import check, continues
 from netboard.recording.integrity.quality_check import losses_stated
 from netboard.recording.integrity.severity import RESULTS, Finding, Severity
@@ -59,6 +60,7 @@ class Entry:
     role: str = ""  # purpose of its trials; empty for other files than recordings
     factors: dict[str, str] = field(default_factory=dict)  # level of each factor of the study, with value and unit
     condition: str = ""
+    stand_ins: tuple[str, ...] = ()  # what stood in for a haptic device or a screen; known once trials are counted
     # Trials done, and trials planned in the block or requested as repeats; a journal has only the former.
     done: int = 0
     trials: int = 0
@@ -245,6 +247,8 @@ def with_trials(entry: Entry) -> Entry:
     try:
         with Recording(entry.path) as recording:
             attempts = recording.attempts()
+            rig = rig_of(recording.config, recording.metadata, recording.events(), attempts)
+            entry = replace(entry, stand_ins=tuple(rig.stand_ins))
             if not is_played(recording):
                 return replace(entry, done=len({one.trial for one in attempts if one.outcome in ("success", "skip")}))
             rows = recording.ticks(attempts[-1].stop - 1 if attempts else None)

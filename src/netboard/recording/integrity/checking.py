@@ -22,6 +22,7 @@ from netboard.network.protocol.records import BLOCK_BEGAN
 from netboard.recording.files.copies import original_of
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.channels import TICKS
+from netboard.recording.format.rig import rig_of
 from netboard.recording.integrity.account import parts_of
 from netboard.recording.integrity.clock_check import check_clocks
 from netboard.recording.integrity.journal_check import check_journal, check_plan
@@ -190,6 +191,16 @@ def _configuration(evidence: Evidence) -> Iterator[Finding]:
         yield Finding(Severity.SOUND, f"matches its checksum{copy}")
 
 
+def _devices(evidence: Evidence) -> Iterator[Finding]:
+    """Say what the hands held, and what stood in for the real thing."""
+    recording = evidence.recording
+    rig = rig_of(recording.config, recording.metadata, evidence.events, recording.attempts())
+    for side, held in rig.hands.items():
+        yield Finding(Severity.SOUND, f"{side}: {', then '.join(held) or 'not recorded'}")
+    for what, said in rig.stand_ins.items():
+        yield Finding(Severity.SOUND, f"stand-in: {what} ({said or 'not confirmed'})")
+
+
 def _replay(evidence: Evidence) -> Iterator[Finding]:
     """Report the result of verifying every tick, if it was requested."""
     result = evidence.seen.verification
@@ -237,6 +248,13 @@ CHECKS = (
         "configuration",
         "The configuration matches its SHA-256, the metadata, and the copy in the server's own event `block_began`.",
         _configuration,
+        needs_config=True,
+    ),
+    Check(
+        "devices",
+        "What each hand held, which displays nobody saw, and what stood in for a haptic device or a screen, with the "
+        "words that confirmed it. This is no fault of the file.",
+        _devices,
         needs_config=True,
     ),
     Check(

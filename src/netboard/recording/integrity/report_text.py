@@ -115,7 +115,10 @@ def sessions_table(entries: Sequence[Entry], folder: Path, caption: str = "") ->
         day = min((entry.opened[:10] for entry in group if entry.opened), default="date unknown")
         table.end_section()
         whose = f"{dyad} {session}" if dyad else "unknown dyad"
-        table.add_row(Text(whose, "bold").append(f", {day}, {study}{pilot}", "not bold"))
+        head = Text(whose, "bold").append(f", {day}, {study}{pilot}", "not bold")
+        if what := ", ".join(dict.fromkeys(words for entry in group for words in entry.stand_ins)):
+            head.append(f", with {what}", "yellow")
+        table.add_row(head)
         for entry in group:
             table.add_row(*_file_row(entry, folder))
     return table

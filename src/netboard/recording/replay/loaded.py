@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from netboard.base.config import Config, Side, parse
 from netboard.base.errors import RecordingError
 from netboard.network.protocol.records import BLOCK_BEGAN, RELEASED, STOPPED, EventRecord
-from netboard.recording.format.summary import Attempt, find_attempts, find_gaps, from_release
+from netboard.recording.format.summary import Attempt, agents_of, find_attempts, find_gaps, from_release
 from netboard.recording.replay.marks import Mark, gap_in_words, marks, seconds
 from netboard.stage.curtain import PHASE_NAMES, Pause, make_curtain, view_of
 from netboard.stage.view import View
@@ -59,6 +59,7 @@ class LoadedRecording:
             (one.trial, one.attempt): rule.consequence(one.outcome, one.flag_list) for _, one in self._outcomes
         }
         self.marks: tuple[Mark, ...] = marks(ticks, self.attempts, self.gaps, events, consequences)
+        self.agents = agents_of(events)
         self.length = float(self.times[-1])  # time of the last tick [s]
         started = np.flatnonzero(ticks["event"] == Cause.START)
         # Start of the block, before which nothing happens; 0 if the recording began later [s].
@@ -70,6 +71,11 @@ class LoadedRecording:
     def at(self, position: float) -> int:
         """Return the index of the row at a position: the last one that is not later [1]."""
         return max(int(np.searchsorted(self.times, position + ROUNDING, side="right")) - 1, 0)
+
+    def device(self, side: Side, index: int) -> dict[str, str] | None:
+        """Return what the agent of a side said of its device, as of a row; None if there was no agent by then."""
+        said = [details for tick, details in self.agents.get(side, ()) if tick <= self.ticks["tick"][index]]
+        return said[-1] if said else None
 
     def stepped(self, position: float, count: int) -> float:
         """Return the position a number of ticks away from a position [s]."""

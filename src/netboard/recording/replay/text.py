@@ -14,6 +14,7 @@ from netboard.base.terminal.output import FittedTable, numbers
 from netboard.network.protocol.records import STOPPED
 from netboard.recording.files.offline_writer import TARGET_SIDES
 from netboard.recording.files.reader import Recording
+from netboard.recording.format.rig import Rig, rig_of
 from netboard.recording.format.summary import Attempt, Spread, Summary, summarise
 from netboard.recording.integrity.account import NumberRange, account_of, parts_of
 from netboard.recording.integrity.quality_check import losses_among
@@ -129,7 +130,10 @@ def provenance_table(recording: Recording) -> FittedTable:
     config = recording.config
     block, design = config.block, design_of(config)
     known = defaultdict(lambda: "?", recording.metadata)
+    rig = rig_of(config, recording.metadata, recording.events(), recording.attempts())
     rows = {
+        "devices": _devices(rig),
+        **({"stand-ins": rig.stand_ins_in_words} if rig.stand_ins else {}),
         "file": f"{recording.path} ({recording.path.stat().st_size / 1e6:.1f} MB)",
         "session": f"{known['name']}, dyad {known['dyad']}, run {known['session']}",
         "pilot": known["pilot"],
@@ -144,6 +148,12 @@ def provenance_table(recording: Recording) -> FittedTable:
         "configuration": known["config_sha256"],
     }
     return FittedTable("", "", rows=rows.items(), title="Recording", header=False)
+
+
+def _devices(rig: Rig) -> str:
+    """Return what the hands held, and which displays nobody saw, one side a line."""
+    lines = [f"{side}: {', then '.join(held) or 'not recorded'}" for side, held in rig.hands.items()]
+    return "\n".join((*lines, *(f"{side} display: drawn off screen, nobody saw it" for side in rig.unseen)))
 
 
 def _origin(metadata: Mapping[str, str]) -> str:

@@ -17,7 +17,13 @@ import numpy as np
 
 from netboard.base.config import SIDES, Side
 from netboard.base.tick import TICK_NS
-from netboard.network.protocol.records import AGENT_JOINED, AGENT_PRESENT, BLOCK_BEGAN
+from netboard.network.protocol.records import (
+    AGENT_JOINED,
+    AGENT_PRESENT,
+    BLOCK_BEGAN,
+    DISPLAY_PRESENT,
+    STAND_IN_CONFIRMED,
+)
 from netboard.recording.timing.stamps import UNKNOWN, Mask, SideStamps, Stamps, Times
 
 JOIN_TICKS = 2
@@ -41,7 +47,9 @@ LONG_AGO = 2**31
 LOADS = {BLOCK_BEGAN: 0, AGENT_JOINED: 20}
 """Events with which agents load a block, and how many ticks later than that they are recorded, at most [1]."""
 
-_NOT_CAUSES = frozenset({"stood_still", BLOCK_BEGAN, AGENT_PRESENT, "session_started"})
+_NOT_CAUSES = frozenset(
+    {"stood_still", BLOCK_BEGAN, AGENT_PRESENT, DISPLAY_PRESENT, STAND_IN_CONFIRMED, "session_started"}
+)
 
 AgentState = Literal["late", "on time", "unknown"]
 Part = Literal["up", "wait", "back", ""]

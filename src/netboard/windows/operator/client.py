@@ -24,7 +24,7 @@ from netboard.nodes.operator.operator import ANSWER_SECONDS, Operator
 from netboard.nodes.ports.emergency import AWAITING_RELEASE, RELEASE, STOP
 from netboard.task.trials.exclusion import rule_of
 from netboard.windows.operator.changes import RecentCounts, StatusHistory
-from netboard.windows.operator.commands import COMMANDS, RELEASING
+from netboard.windows.operator.commands import COMMANDS, CONFIRMING, RELEASING
 from netboard.windows.operator.lamps import ended, limits_of
 from netboard.windows.operator.window import SMALLEST, ConsoleWindow, State
 from netboard.windows.operator.words import Line, Tone
@@ -39,7 +39,7 @@ RENEW_S = 1.0
 CONFIRM_S = 0.5
 """Timeout for the confirmation of an emergency stop [s]."""
 
-LABELS = {STOP: "EMERGENCY STOP", **{command.name: command.label for command in (*COMMANDS, RELEASING)}}
+LABELS = {STOP: "EMERGENCY STOP", **{command.name: command.label for command in (*COMMANDS, RELEASING, CONFIRMING)}}
 
 log = logging.getLogger(__name__)
 
@@ -107,7 +107,9 @@ class ConsoleClient(QObject):
         points = [] if operator is None else operator.points
         config = self._configured("" if operator is None else operator.config)
         shown = State(status, self.silence, self._recent, late, attempts, points)
-        return shown if config is None else replace(shown, session=config.session, rule=rule_of(config))
+        if config is None:
+            return shown
+        return replace(shown, session=config.session, block=config.block, rule=rule_of(config))
 
     def _configured(self, text: str) -> Config | None:
         """Return the server's configuration of the block; None if this version cannot read it."""

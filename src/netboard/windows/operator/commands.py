@@ -15,6 +15,9 @@ from netboard.windows.operator.lamps import ACTIVE, OVER, replayed
 STOP_KEYS = ("Esc", "Space")
 """Keys of the emergency stop; in a text field, Space writes a space."""
 
+CONFIRM_KEY = "Shift+F3"
+"""Key of the field in which stand-ins are confirmed in words."""
+
 FOR_EVERY_CONSOLE = (STOP, "take", "note")
 """Commands of consoles that are not the commander."""
 
@@ -164,6 +167,21 @@ RELEASING = Command(
     confirm=True,
 )
 """Release of the emergency stop; its button is beside that of the stop."""
+
+
+CONFIRMING = Command(
+    "confirm",
+    "Confirm in words",
+    CONFIRM_KEY,
+    "Write the words that name what stands in for a device or a screen in a real session, and press Enter.",
+    lambda status: "" if unconfirmed(status) else "nothing is to be confirmed",
+)
+"""Confirmation of stand-ins; it has a field for the words instead of a button."""
+
+
+def unconfirmed(status: Status) -> tuple[str, ...]:
+    """Return the words with which a real session must be confirmed before a block can start or go on."""
+    return tuple(one.words for one in status.stand_ins if not one.confirmed) if status.real else ()
 
 
 def refusal(command: Command, status: Status | None, console: str) -> str:

@@ -5,13 +5,14 @@ emergency stop.
 """
 
 import json
+from collections.abc import Sequence
 
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLineEdit, QPushButton, QSizePolicy, QVBoxLayout, QWidget
 
 from netboard.base.settings import parse_json
 from netboard.base.tick import TICK_SECONDS
-from netboard.windows.operator.commands import COMMANDS, RELEASING, STOP_KEYS, Command
+from netboard.windows.operator.commands import COMMANDS, CONFIRM_KEY, RELEASING, STOP_KEYS, Command
 from netboard.windows.operator.lamp_widget import PANEL, PLAIN, WATCH, label
 from netboard.windows.operator.words import Tone
 
@@ -104,6 +105,42 @@ class CommandBar(QWidget):
             grid.setColumnStretch(place % COLUMNS, 1)
 
 
+class ConfirmationField(QLineEdit):
+    """A field for the words that confirm stand-ins, hidden unless some must be confirmed; `written` carries them."""
+
+    written = Signal(str)
+
+    def __init__(self) -> None:
+        super().__init__()
+        prepare_field(self, MAX_NOTE)
+        self.returnPressed.connect(self._send)
+        self.hide()
+
+    def show_words(self, awaited: Sequence[str]) -> None:
+        """Ask for these words; hide the field if there are none."""
+        self.setPlaceholderText(f"REAL: press {CONFIRM_KEY}, write: {', '.join(awaited)}")
+        self.setToolTip(self.placeholderText())
+        self.setVisible(bool(awaited))
+
+    def _send(self) -> None:
+        if words := self.text().strip():
+            self.written.emit(words)
+        self.clear()
+        self.clearFocus()
+
+
+def prepare_field(text: QLineEdit, characters: int) -> None:
+    """Let a text field take the keyboard only when it is clicked or called, and give it the console's look."""
+    text.setMaxLength(characters)
+    text.setContextMenuPolicy(Qt.ContextMenuPolicy.NoContextMenu)  # a menu would take the stop's key
+    text.setFocusPolicy(Qt.FocusPolicy.ClickFocus)
+    text.setStyleSheet(
+        f"QLineEdit {{ background: {PANEL}; color: {PLAIN.headline}; border: 2px solid {PLAIN.guide};"
+        f" border-radius: 5px; padding: 5px; font-size: 16px; }}"
+        f"QLineEdit:focus {{ border-color: {PLAIN.cursor}; }}"
+    )
+
+
 class NoteField(QWidget):
     """A text field for notes, stamped with the tick of their first letter, because writing takes time.
 
@@ -119,15 +156,8 @@ class NoteField(QWidget):
         row = QHBoxLayout(self)
         row.setContentsMargins(0, 0, 0, 0)
         self.text = QLineEdit()
-        self.text.setMaxLength(MAX_NOTE)
-        self.text.setContextMenuPolicy(Qt.ContextMenuPolicy.NoContextMenu)  # a menu would take the stop's key
-        self.text.setFocusPolicy(Qt.FocusPolicy.ClickFocus)
+        prepare_field(self.text, MAX_NOTE)
         self.text.setPlaceholderText("Note: press F4, type, press Enter. It is stamped when you begin to type.")
-        self.text.setStyleSheet(
-            f"QLineEdit {{ background: {PANEL}; color: {PLAIN.headline}; border: 2px solid {PLAIN.guide};"
-            f" border-radius: 5px; padding: 5px; font-size: 16px; }}"
-            f"QLineEdit:focus {{ border-color: {PLAIN.cursor}; }}"
-        )
         self.stamp = label("", 12, Tone.QUIET)
         self.stamp.setMinimumWidth(150)
         row.addWidget(self.text, 1)

@@ -4,6 +4,8 @@ It is a page of the console's window, not a window of its own: lamps and the eme
 shortcut keeps working.
 """
 
+from collections.abc import Sequence
+
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QShortcut
 from PySide6.QtWidgets import (
@@ -19,7 +21,7 @@ from PySide6.QtWidgets import (
 )
 
 from netboard.base.tables.experiment import Session
-from netboard.windows.operator.form_fields import Entry, as_json, problems
+from netboard.windows.operator.form_fields import Entry, as_json, problems, stand_in_problem
 from netboard.windows.operator.lamp_widget import PANEL, PLAIN, TONES, label
 from netboard.windows.operator.words import Tone
 
@@ -39,6 +41,10 @@ QCheckBox::indicator {{ width: 20px; height: 20px; border: 2px solid {PLAIN.deta
 QCheckBox::indicator:checked {{ background: {TONES[Tone.GOOD]}; border-color: {TONES[Tone.GOOD]}; }}
 QCheckBox:focus {{ border-color: {PLAIN.cursor}; }}
 """
+
+
+MAX_WORDS = 500
+"""Longest confirmation of stand-ins [1]."""
 
 
 class Choice(QWidget):
@@ -67,9 +73,13 @@ class Choice(QWidget):
 
 
 class SessionForm(QWidget):
-    """The form of a session; `filled` carries the complete answers as JSON, `dismissed` means not now."""
+    """The form of a session; `filled` carries the complete answers as JSON, `dismissed` means not now.
+
+    It shows what the hands hold. `confirmed` carries the words with which the operator confirms a stand-in.
+    """
 
     filled = Signal(str)
+    confirmed = Signal(str)
     dismissed = Signal()
 
     def __init__(self, entry: Entry) -> None:
@@ -84,6 +94,12 @@ class SessionForm(QWidget):
         self.kind = Choice({"real": "REAL", "pilot": "PILOT"}, "pilot" if entry.pilot else "real")
         self.consent = QCheckBox("Both participants have given written consent")
         self.consent.setChecked(entry.consent)
+        self.rig = label("", 11, Tone.PLAIN)
+        self.rig.setMinimumWidth(1)  # a long line must not make the window wider
+        self.words = self._text("")
+        self.words.setMaxLength(MAX_WORDS)
+        self.words.hide()
+        self._stand_ins: Sequence[str] = ()
         self.trouble = label("", 11, Tone.BAD, bold=True)
         self.trouble.setWordWrap(True)
         self.trouble.setMinimumHeight(44)
@@ -111,6 +127,7 @@ class SessionForm(QWidget):
         """Begin the form of another session: its name and kind, and what its plan proposes, without consent."""
         self.kind.buttons["pilot" if pilot else "real"].setChecked(True)
         self.consent.setChecked(False)
+        self.words.clear()
         self.texts["name"].setText(name)
         self.texts["participant_a"].setText(session.participant_a)
         self.texts["participant_b"].setText(session.participant_b)
@@ -118,16 +135,27 @@ class SessionForm(QWidget):
         self.hand_b.buttons[session.hand_b].setChecked(True)
         self.seat_a.buttons[session.seat_a].setChecked(True)
 
+    def show_rig(self, lines: Sequence[str], stand_ins: Sequence[str]) -> None:
+        """Show what the hands hold; ask for the words that confirm stand-ins, unless it is a pilot."""
+        self._stand_ins = stand_ins
+        tone = Tone.WATCH if stand_ins else Tone.PLAIN
+        self.rig.setText("\n".join(lines))
+        self.rig.setStyleSheet(f"color: {TONES[tone]};")
+        self.words.setPlaceholderText(f"REAL: write {', '.join(stand_ins)}")
+        self.words.setVisible(bool(stand_ins) and self.kind.answer == "real")
+
     def send(self) -> None:
         """Check the answers; send them, or show what is wrong first."""
-        entry = self.entry
-        found = problems(entry)
+        entry, words = self.entry, self.words.text()
+        found = problems(entry) | stand_in_problem(entry, words, self._stand_ins)
         self.show_problem(next(iter(found.values()), ""))
         if found:
             field = next(iter(found))
-            (self.consent if field == "consent" else self.texts[field]).setFocus()
+            {"consent": self.consent, "words": self.words, **self.texts}[field].setFocus()
             return
         self.filled.emit(as_json(entry))
+        if self._stand_ins and not entry.pilot:
+            self.confirmed.emit(words)
 
     def show_problem(self, trouble: str) -> None:
         """Show what is wrong; an empty text clears the message."""
@@ -141,9 +169,14 @@ class SessionForm(QWidget):
 
     def _lay_out(self) -> None:
         rows = QVBoxLayout(self)
-        rows.setContentsMargins(28, 12, 28, 12)
-        rows.addWidget(label("Open the session", 20, Tone.PLAIN, bold=True))
-        rows.addWidget(label("Pseudonyms only. Do not store real names on this computer.", 12, Tone.QUIET))
+        rows.setContentsMargins(28, 8, 28, 8)
+        head = QGridLayout()
+        head.setHorizontalSpacing(28)
+        head.addWidget(label("Open the session", 20, Tone.PLAIN, bold=True), 0, 0)
+        head.addWidget(label("Pseudonyms only. Do not store real names on this computer.", 12, Tone.QUIET), 1, 0)
+        head.addWidget(self.rig, 0, 1, 2, 1)
+        head.setColumnStretch(1, 1)
+        rows.addLayout(head)
         grid = QGridLayout()
         grid.setVerticalSpacing(7)
         grid.setHorizontalSpacing(20)
@@ -171,6 +204,7 @@ class SessionForm(QWidget):
         later.clicked.connect(self.dismissed)
         buttons.addWidget(send)
         buttons.addWidget(later)
+        buttons.addWidget(self.words, 4)
         buttons.addStretch(1)
         rows.addLayout(buttons)
 

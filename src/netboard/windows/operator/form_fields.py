@@ -2,9 +2,11 @@
 
 import json
 import re
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 
 from netboard.base.tables.experiment import Session
+from netboard.nodes.server.stand_ins import names
 
 ID = re.compile(r"[A-Za-z0-9_-]{1,64}")
 """Valid session names and pseudonyms."""
@@ -46,6 +48,14 @@ def problems(entry: Entry) -> dict[str, str]:
     if not entry.consent and not entry.pilot:
         found["consent"] = "Consent: not ticked; without consent only a pilot run is possible."
     return found
+
+
+def stand_in_problem(entry: Entry, said: str, stand_ins: Sequence[str]) -> dict[str, str]:
+    """Return a sentence if a real session has stand-ins that the operator's words do not name; else nothing."""
+    lacking = [words for words in stand_ins if not names(said, words)]
+    if entry.pilot or not lacking:
+        return {}
+    return {"words": f"Devices: a REAL session needs your words: {', '.join(lacking)}. Otherwise choose PILOT."}
 
 
 def as_json(entry: Entry) -> str:

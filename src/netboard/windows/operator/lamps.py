@@ -213,6 +213,8 @@ def _form(status: Status) -> LampState:
         return Level.WATCH, "not opened", "Fill in the session form (F3) before a block can start."
     if not status.consent and not status.pilot:
         return Level.BAD, "NO CONSENT", "No consent was entered: end the session (Ctrl+E)."
+    if status.real and (stand_ins := [one.words for one in status.stand_ins]):
+        return Level.WATCH, "REAL, stand-ins", f"This session is real, but with {', '.join(stand_ins)}."
     words = "pilot" if status.pilot else "consent given"
     return Level.GOOD, words, f"Session {status.name} of dyad {status.dyad}."
 

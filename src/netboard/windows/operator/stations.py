@@ -5,11 +5,14 @@ from dataclasses import dataclass
 from math import isnan, nan
 
 from netboard.base.config import Side
+from netboard.base.device_kind import MOVED_BY_SERVER, STAND_INS, DeviceKind
 from netboard.base.plural import plural
+from netboard.base.process.display_server import unseen
 from netboard.network.protocol.control import LinkStatus, StationStatus, Status
 from netboard.network.protocol.motion import TRIP_CAUSES, Safeguard
 from netboard.nodes.ports.emergency import AWAITING_RELEASE
 from netboard.windows.operator.changes import LATELY, RecentCounts
+from netboard.windows.operator.commands import CONFIRM_KEY
 from netboard.windows.operator.lamps import Lamp, LampState, Level, Limits, milliseconds
 
 SLOW_RATE = 900.0
@@ -48,6 +51,7 @@ def station_lamps(status: Status, recent: RecentCounts, side: Side, limits: Limi
 
 def _device(station: _Station, limits: Limits) -> LampState:
     name, version = station.link.name, station.link.version
+    held = next((one for one in station.status.devices if one.side == station.device.side), None)
     if Safeguard.DEVICE_LOST in station.bits:
         tip = "The device does not answer. Check its cable and power; the agent reconnects by itself."
         return Level.BAD, "lost", tip
@@ -57,7 +61,24 @@ def _device(station: _Station, limits: Limits) -> LampState:
     if version != limits.version:
         tip = f"The agent {name} has version {version}, this console {limits.version}. Install the same everywhere."
         return Level.WATCH, f"v{version}", tip
-    return Level.GOOD, "ready", f"Agent {name}, version {version}."
+    agent = f"Agent {name}, version {version}."
+    if held is None:
+        return Level.GOOD, "ready", agent
+    if held.kind in MOVED_BY_SERVER:
+        return Level.OFF, held.kind, f"No device moves this hand: {held.text}."
+    tip = f"{held.text}. {agent}"
+    if held.kind != DeviceKind.HAPTIC:
+        level, must = _stand_in(station.status, f"{held.side} device")
+        return level, STAND_INS[DeviceKind(held.kind)], f"{tip}{must}"
+    return Level.GOOD, held.model or "ready", tip
+
+
+def _stand_in(status: Status, what: str) -> tuple[Level, str]:
+    """Return the level of a stand-in, and what the operator must do about it."""
+    awaited = [one.words for one in status.stand_ins if one.words.startswith(what) and not one.confirmed]
+    if status.real and awaited:
+        return Level.BAD, f" In a REAL session, confirm it in words ({CONFIRM_KEY}): {', '.join(awaited)}"
+    return Level.WATCH, " Its data are not those of a haptic device." if what.endswith("device") else ""
 
 
 def _link(station: _Station, limits: Limits) -> LampState:
@@ -171,7 +192,11 @@ def _safety(station: _Station, _limits: Limits) -> LampState:
 
 def _display(status: Status, side: Side) -> LampState:
     what = f"display.{side}"
+    platform = next((shown.platform for shown in status.displays if shown.side == side), "")
     start = f"Start it: netboard display --station {side}"
+    if what in status.peers and unseen(platform):
+        level, must = _stand_in(status, f"{side} display")
+        return level, "off screen", f"Nobody sees the display of the {side} participant: it is drawn off screen.{must}"
     if what in status.peers:
         return Level.GOOD, "connected", f"The display of the {side} participant is connected."
     if what in status.waiting_for:

@@ -16,7 +16,7 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QSplitter, QStackedWidget, QV
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES, Config
 from netboard.base.plural import plural
-from netboard.base.tables.experiment import Session
+from netboard.base.tables.experiment import Block, Session
 from netboard.network.protocol.control import Status, TracePoint
 from netboard.network.transport import names
 from netboard.nodes.ports.emergency import STOP
@@ -26,8 +26,8 @@ from netboard.task.trials.exclusion import USUAL_RULE, ExclusionRule
 from netboard.windows.operator import words
 from netboard.windows.operator.attempts import AttemptTable
 from netboard.windows.operator.changes import RecentCounts
-from netboard.windows.operator.commands import STOP_KEYS, Command, refusal
-from netboard.windows.operator.controls import CommandBar, CommandButton, NoteField, StopPanel
+from netboard.windows.operator.commands import CONFIRM_KEY, CONFIRMING, STOP_KEYS, Command, refusal, unconfirmed
+from netboard.windows.operator.controls import CommandBar, CommandButton, ConfirmationField, NoteField, StopPanel
 from netboard.windows.operator.form import SessionForm
 from netboard.windows.operator.form_fields import first_entry
 from netboard.windows.operator.lamp_widget import (
@@ -78,7 +78,9 @@ class State:
     unconfirmed: bool = False  # whether the server has failed to confirm an emergency stop in time
     attempts: Sequence[AttemptOutcome] = ()
     points: Sequence[TracePoint] = ()
-    session: Session | None = None  # as the server is configured; None while unknown
+    # As the server is configured; None while unknown.
+    session: Session | None = None
+    block: Block | None = None
     rule: ExclusionRule = USUAL_RULE  # by which attempts do not count
 
 
@@ -127,6 +129,8 @@ class ConsoleWindow(Window):
         _say(self.headline, words.headline(status, silence))
         _say(self.progress, Line(words.progress(status)))
         _say(self.block, Line(words.block(status), Tone.PLAIN))
+        for side, line in self.rig.items():
+            _say(line, words.rig(status, side, words.seated(state.session, state.block, side)))
         _say(self.commander, words.commander(status, self._console))
         named = [("", lamp) for lamp in session_lamps(status, silence, state.recent, self._limits)]
         self.session.set_lamps([lamp for _, lamp in named])
@@ -149,6 +153,8 @@ class ConsoleWindow(Window):
             self.show_form(not status.opened and status.phase == "idle")
         elif status.opened and self.middle.currentWidget() is self.form:
             self.show_form(False)
+        self.confirmation.show_words(unconfirmed(status))
+        self.form.show_rig([self.rig[side].text() for side in SIDES], [one.words for one in status.stand_ins])
         self.table.take(self.state.attempts, self.state.rule)
         points = self.state.points
         self.note.tick = max(status.tick, points[-1].tick if points else 0)
@@ -215,6 +221,8 @@ class ConsoleWindow(Window):
                 self.show_form(True)
             case "note":
                 self.note.toggle()
+            case "confirm":
+                self.confirmation.setFocus()
             case "repeat" | "veto":
                 self._repeat(command)
             case _:
@@ -261,9 +269,10 @@ class ConsoleWindow(Window):
     def _make(self, config: Config) -> None:
         self.banner = label("", 19, Tone.PLAIN, bold=True)
         self.banner.setAlignment(Qt.AlignmentFlag.AlignCenter)
-        self.banner.setFixedHeight(44)
+        self.banner.setFixedHeight(40)
         self.headline = label("", 46, Tone.PLAIN, bold=True)
         self.progress, self.block = label("", 22, Tone.PLAIN, bold=True), label("", 17, Tone.PLAIN)
+        self.rig = {side: label("", 12, Tone.PLAIN) for side in SIDES}
         self.alarm = label("", 20, Tone.PLAIN, bold=True)
         self.alarm.setFixedHeight(48)
         self.alarm.setWordWrap(True)
@@ -272,7 +281,7 @@ class ConsoleWindow(Window):
         self.stations = StationLamps(STATION_LAMPS, SIDES)
         self.strips, self.table = StripCharts(config), AttemptTable()
         self.form = SessionForm(first_entry(config.session))
-        self.note = NoteField()
+        self.note, self.confirmation = NoteField(), ConfirmationField()
         self.reply, self.commander = label("", 13, Tone.QUIET), label("", 13, Tone.QUIET)
         self.live = QSplitter(Qt.Orientation.Horizontal)
         self.middle = QStackedWidget()
@@ -289,17 +298,18 @@ class ConsoleWindow(Window):
         for page in (self.live, self.form):
             self.middle.addWidget(page)
         self.stations.setFixedWidth(458)
-        for line in (self.banner, self.alarm, self.reply):
+        for line in (self.banner, self.alarm, self.reply, *self.rig.values()):
             line.setMinimumWidth(1)
         rows = QVBoxLayout(self)
         rows.setContentsMargins(10, 0, 10, 8)
-        rows.setSpacing(7)
+        rows.setSpacing(6)
         rows.addWidget(self.banner)
         rows.addLayout(top)
+        rows.addLayout(_row(*((line, 1) for line in self.rig.values())))
         rows.addWidget(self.alarm)
         rows.addWidget(self.session)
         rows.addLayout(_row((self.stations, 0), (self.middle, 1)), 1)
-        rows.addWidget(self.note)
+        rows.addLayout(_row((self.confirmation, 1), (self.note, 1)))
         rows.addWidget(self.bar)
         rows.addLayout(_row((self.reply, 1), (self.commander, 0)))
 
@@ -308,6 +318,7 @@ class ConsoleWindow(Window):
             press = partial(self.press, button.command)
             button.clicked.connect(lambda _checked, press=press: press())
             self._key(button.command.key, press)
+        self._key(CONFIRM_KEY, partial(self.press, CONFIRMING))
         stops = [self._key(key, self._stop) for key in STOP_KEYS]
         self.stop.stopped.connect(self._stop)
         arrows = [self._key(key, partial(self.table.step, by)) for key, by in (("Up", -1), ("Down", 1))]
@@ -316,6 +327,8 @@ class ConsoleWindow(Window):
         self._key("F11", lambda: self.showNormal() if self.isFullScreen() else self.showFullScreen())
         self.note.written.connect(lambda note: self.commanded.emit("note", note))
         self.form.filled.connect(lambda answers: self.commanded.emit("open", answers))
+        for confirmed in (self.form.confirmed, self.confirmation.written):
+            confirmed.connect(lambda said: self.commanded.emit("confirm", said))
         self.form.dismissed.connect(lambda: self.show_form(False))
 
     def _stop(self) -> None:
@@ -341,6 +354,8 @@ def _banner_style(tone: Tone) -> str:
     """Return the style of the banner; a pilot is black on yellow, so that nobody takes it for a real session."""
     if tone is Tone.WATCH:
         return f"background: #f0e442; color: {PLAIN.background}; border: 5px dashed {WATCH};"
+    if tone is Tone.BAD:
+        return f"background: {BAD}; color: white;"
     back = PLAIN.target if tone is Tone.PLAIN else PANEL
     return f"background: {back}; color: {TONES[tone] if tone is Tone.QUIET else 'white'};"
 

@@ -8,14 +8,20 @@ from dataclasses import dataclass
 from enum import Enum
 from math import isnan
 
+from netboard.base.config import Side
+from netboard.base.device_kind import MOVED_BY_SERVER, DeviceKind
 from netboard.base.plural import plural
+from netboard.base.process.display_server import unseen
+from netboard.base.tables.experiment import Block, Session
 from netboard.network.protocol.control import Status
 from netboard.nodes.ports.emergency import AWAITING_ARMING, AWAITING_RELEASE
 from netboard.nodes.ports.waiting import in_words
+from netboard.nodes.server.stand_ins import AWAITING_WORDS
 from netboard.task.journal.lost import WILL_BE_EXCLUDED
 from netboard.task.journal.outcome import AttemptOutcome
 from netboard.task.trials.exclusion import ExclusionRule
 from netboard.task.trials.quality import FLAG_WORDS
+from netboard.windows.operator.commands import CONFIRM_KEY
 from netboard.windows.operator.lamps import ACTIVE, OVER, SILENT, Lamp, Level, replayed
 
 PHASES = {
@@ -120,7 +126,34 @@ def banner(status: Status | None) -> Line:
         return Line(f"PILOT \u2013 not for the study   {whose}   PILOT", Tone.WATCH)
     if not status.opened:
         return Line(f"not opened   {whose}", Tone.QUIET)
+    if not status.real:
+        return Line(f"NO CONSENT \u2013 not for the study   {whose}   NO CONSENT", Tone.BAD)
+    if status.stand_ins:
+        return Line(f"REAL, with {', '.join(one.words for one in status.stand_ins)}   {whose}", Tone.BAD)
     return Line(f"REAL   {whose}", Tone.PLAIN)
+
+
+def rig(status: Status | None, side: Side, seated: str) -> Line:
+    """Return who sits at a side, what the hand holds, and whether somebody sees the display."""
+    if status is None:
+        return Line("", Tone.QUIET)
+    held = next((device for device in status.devices if device.side == side), None)
+    hidden = any(shown.side == side and unseen(shown.platform) for shown in status.displays)
+    parts = (
+        f"{side.upper()}  {seated}".rstrip(),
+        "no agent" if held is None else held.text,
+        "display off screen" if hidden else "",
+    )
+    real = held is None or held.kind in (DeviceKind.HAPTIC, *MOVED_BY_SERVER)
+    return Line("   ".join(filter(None, parts)), Tone.PLAIN if real and not hidden else Tone.WATCH)
+
+
+def seated(session: Session | None, block: Block | None, side: Side) -> str:
+    """Return the letter and the pseudonym of the participant whose hand is at a side; empty if none or unknown."""
+    if session is None or block is None or getattr(block, side) != "person":
+        return ""
+    letter = block.performer if block.configuration == "bimanual" else "A" if session.seat_a == side else "B"
+    return f"{letter}: {session.participant_a if letter == 'A' else session.participant_b}"
 
 
 def advice(status: Status | None, where: str, refused: Sequence[str] = (), *, form: bool = False) -> Line:
@@ -139,12 +172,14 @@ def advice(status: Status | None, where: str, refused: Sequence[str] = (), *, fo
             return Line("Fill in the form, then press Enter to open the session. F3 hides the form")
         return Line("No session is open. To show its form, press F3")
     missing = [what for what in status.waiting_for if what != AWAITING_RELEASE and status.phase not in ACTIVE]
+    to_confirm = any(what.startswith(AWAITING_WORDS) for what in missing)
     only_arming = not status.armed and all(what.endswith(AWAITING_ARMING) for what in missing)
     parts = (
         status.notice,
         # Often the notice says it already.
         f"waiting for {in_words(missing)}" if missing and "waiting for" not in status.notice else "",
         f"the server refuses a peer: {refused[0]}" if missing and refused else "",
+        f"press {CONFIRM_KEY} and write these words" if to_confirm else "",
         "" if missing and not only_arming else _next(status),
         f"planned: {status.pending}" if status.pending else "",
     )
