@@ -53,7 +53,7 @@ def cohort(
     from netboard.base.terminal.bars import telling
     from netboard.base.terminal.output import plain_console
 
-    design = Design(load_study(study), settings, dyads, seed, keep_trials=trials is not None)
+    design = Design(load_study(study, settings), settings, dyads, seed, keep_trials=trials is not None)
     began = time.perf_counter()
     with interrupted_by_stop_signals(), telling() as tell:
         runner = Runner(tell, workers or cores(), dask)

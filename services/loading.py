@@ -5,6 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import typer
+
 from netboard.base.errors import ConfigError
 from netboard.base.files.text import read_text
 from netboard.base.terminal.shell import shell_command
@@ -45,8 +47,21 @@ def load_readings(file: Path | None, overrides: Sequence[str] | None) -> "Readin
     return settings.parse(text_of(str(file), missing), str(file), overrides or ())
 
 
-def load_study(word: str) -> "Study":
-    """Read a built-in study or a study file; ``:ORDER`` selects another order, ``:ONE,OTHER`` several in turn."""
+def load_study(word: str, config: "Config | None" = None) -> "Study":
+    """Read a built-in study or a study file; ``:ORDER`` selects another order, ``:ONE,OTHER`` several in turn.
+
+    ``config``: the rig's configuration, with which the study is used; warnings of the study are then printed.
+    """
+    from netboard.task.studies.level_keys import warnings_of
+
+    study = _study_of(word)
+    for warning in () if config is None else warnings_of(study, config):
+        typer.echo(f"netboard: warning: {word}: {warning}", err=True)
+    return study
+
+
+def _study_of(word: str) -> "Study":
+    """Read a study by the word that names it."""
     from netboard.task.studies import library
     from netboard.task.studies.study import parse_study, resolve_study
 

@@ -40,7 +40,7 @@ def show(
     from netboard.task.plans.plan import plan_of
     from netboard.task.plans.tables import examine, plan_as_json, plan_in_words, refuse
 
-    found, console = load_study(argument or study), plain_console()
+    found, console = load_study(argument or study, settings), plain_console()
     shown = plan_of(found, seed, dyad or 1, (settings.session.hand_a, settings.session.hand_b))
     counted = [plan_of(found, seed, number) for number in range(1, dyads + 1)] if dyads else [shown]
     balance, problems = examine(settings, found, counted, [shown])
@@ -66,7 +66,7 @@ def check(
     from netboard.task.plans.plan import plan_of
     from netboard.task.plans.tables import examine, fitted, refuse, valid_in_words
 
-    found, console = load_study(study), plain_console(soft_wrap=True)
+    found, console = load_study(study, settings), plain_console(soft_wrap=True)
     plans = [plan_of(found, seed, number) for number in range(1, dyads + 1)]
     balance, problems = examine(settings, found, plans)
     for part in [fitted(balance.tables[0])] if problems else valid_in_words(study, found, plans, balance):

@@ -65,7 +65,7 @@ def power(
     from netboard.base.terminal.output import plain_console
 
     request = Request(
-        load_study(study),
+        load_study(study, settings),
         settings,
         dyads=numbers("--dyads", dyads, 2),
         trials=numbers("--trials", trials, 0),

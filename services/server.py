@@ -65,7 +65,7 @@ def server(
     trials: Trials = None,
     resume: Resume = False,
     yes: Yes = False,
-    confirm: Confirmation = "",
+    confirmation: Confirmation = "",
 ) -> None:
     """Run the physics server: it simulates the board and runs the trials."""
     settings = [load(file, overrides) for file in config or (None,)]
@@ -81,8 +81,8 @@ def server(
     from netboard.base.terminal.logs import log_to_stderr
     from netboard.nodes.server.stand_ins import require_known
 
-    if confirm:
-        require_known(confirm)
+    if confirmation:
+        require_known(confirmation)
     from netboard.nodes.server.attempts import Attempts
     from netboard.nodes.server.blocks import BlockSequence
 
@@ -91,12 +91,16 @@ def server(
     log.info("preparing every block; after an installation or an update this compiles code, for up to a minute")
     if study is None:
         single_blocks = [(BlockSequence([one]), Attempts()) for one in settings]
-        raise typer.Exit(serve(single_blocks, authenticators, autostart=autostart is not False, confirmation=confirm))
+        raise typer.Exit(
+            serve(single_blocks, authenticators, autostart=autostart is not False, confirmation=confirmation)
+        )
     from netboard.nodes.server.planned import Planned, StudySession, confirm
 
-    planned = Planned(settings[0], load_study(study), StudySession(study, dyad, session, seed, blocks, trials))
+    planned = Planned(
+        settings[0], load_study(study, settings[0]), StudySession(study, dyad, session, seed, blocks, trials)
+    )
     opened = planned.resume(confirm(yes)) if resume else planned.begin()
-    raise typer.Exit(serve([opened], authenticators, autostart=autostart is True, confirmation=confirm))
+    raise typer.Exit(serve([opened], authenticators, autostart=autostart is True, confirmation=confirmation))
 
 
 def serve(

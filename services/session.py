@@ -41,7 +41,7 @@ def rehearse(
     from netboard.nodes.rehearsal.session import rehearse_blocks
     from netboard.task.plans.plan import blocks_of, shortened
 
-    wanted = list(shortened(blocks_of(settings, load_study(study), seed, dyad), blocks, trials))
+    wanted = list(shortened(blocks_of(settings, load_study(study, settings), seed, dyad), blocks, trials))
     with interrupted_by_stop_signals():
         code = rehearse_blocks(wanted, seed, dyad, folder=output, fast=fast, workers=workers, as_json=json)
     raise typer.Exit(code)

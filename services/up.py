@@ -63,7 +63,7 @@ def up(
     trials: Trials = None,
     resume: Resume = False,
     yes: Yes = False,
-    confirm: Confirmation = "",
+    confirmation: Confirmation = "",
 ) -> None:
     """Start all processes of this machine, and stop them in order on Ctrl-C."""
     settings = load(config, overrides)
@@ -76,7 +76,9 @@ def up(
         from netboard.nodes.server.planned import StudySession
 
         options = StudySession(study, dyad, session, seed, blocks, trials).options
-    options += ["--resume", "--yes"] * resume + ["--insecure"] * insecure + ["--confirm", confirm] * bool(confirm)
+    options += (
+        ["--resume", "--yes"] * resume + ["--insecure"] * insecure + ["--confirm", confirmation] * bool(confirmation)
+    )
     if autostart is not None:
         options.append("--autostart" if autostart else "--no-autostart")
     wanted = processes(

@@ -64,7 +64,7 @@ def declared(factor: Factor) -> Declared:
     lacking = [level for level, value in zip(levels, values, strict=True) if isnan(value)]
     if lacking:
         raise ConfigError(f"levels.{lacking[0]} value: there is none, expected one for each level of a numeric factor")
-    unit = factor.unit or (_units().get(key, "") if all(one == "auto" for one in given) else "")
+    unit = factor.unit or (key_units().get(key, "") if all(one == "auto" for one in given) else "")
     return Declared("numeric", levels, tuple(values), unit or "1")
 
 
@@ -87,7 +87,7 @@ def _number(value: Any) -> float:
 
 
 @cache
-def _units() -> dict[str, str]:
+def key_units() -> dict[str, str]:
     """Return the unit of each key that a study may change, by ``table.key``."""
     return {f"{name}.{key.name}": key.unit for name, of in CHANGED.items() for one in tables(of) for key in one.keys}
 
