@@ -90,6 +90,10 @@ def server(
     log_to_stderr("server")
     log.info("preparing every block; after an installation or an update this compiles code, for up to a minute")
     if study is None:
+        from netboard.nodes.server.pseudonyms import require_own_pseudonyms, uses_in
+
+        for one in settings:
+            require_own_pseudonyms(one.session, uses_in(Path(one.recording.directory)) if one.session.real else ())
         single_blocks = [(BlockSequence([one]), Attempts()) for one in settings]
         raise typer.Exit(
             serve(single_blocks, authenticators, autostart=autostart is not False, confirmation=confirmation)

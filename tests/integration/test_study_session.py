@@ -65,6 +65,9 @@ def entries_of(rig: Rig) -> tuple[Any, ...]:
     return read_lines(journal(rig).read_bytes(), "journal").entries
 
 
+STAND_INS = "left device simulated, right device simulated"
+"""Words that confirm the devices of these sessions."""
+
 FORM = {"participant_a": "P07", "participant_b": "P08", "seat_a": "left"}
 
 
@@ -76,6 +79,8 @@ def open_session(rig: Rig) -> Operator:
     rig.until(lambda s: not s.opened and len(s.peers) >= 3)
     operator = rig.operator
     assert operator.do("open", json.dumps(FORM | {"consent": True})).accepted
+    rig.until(lambda s: len(s.devices) == 2)
+    assert operator.do("confirm", STAND_INS).accepted
     assert operator.do("arm").accepted
     rig.until(lambda s: not s.waiting_for)
     return operator
@@ -109,6 +114,9 @@ def test_block_requires_a_completed_form_and_armed_devices(tmp_path: Path) -> No
         assert not any(station.safeguards & Safeguard.ARMED for station in status.stations)
         assert operator.do("start").reason == "cannot start: the devices are not armed (arm)"
         assert operator.do("arm").accepted
+        status = rig.until(lambda s: len(s.waiting_for) == 1)
+        assert operator.do("start").reason == f"cannot start without {status.waiting_for[0]}"
+        assert operator.do("confirm", STAND_INS).accepted
         rig.until(lambda s: not s.waiting_for)
         assert operator.do("start").accepted
         rig.finish()

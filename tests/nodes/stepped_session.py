@@ -42,7 +42,13 @@ class SteppedSession:
     def __init__(
         self, folder: Path, context: sockets.Context, *settings: str, autostart: bool = False, pilot: bool = True
     ) -> None:
-        own = (f"network.port={free_port()}", f"recording.directory={folder}", f"session.pilot={str(pilot).lower()}")
+        own = (
+            f"network.port={free_port()}",
+            f"recording.directory={folder}",
+            f"session.pilot={str(pilot).lower()}",
+            "session.participant_a=P01",
+            "session.participant_b=P02",
+        )
         config = parse("", "rig", (*own, *SETTINGS, *settings))
         self.planned = Planned(config, parse_study(STUDY), StudySession("small", 1))
         self.session = Session(*self.planned.begin(), context, None, autostart=autostart)

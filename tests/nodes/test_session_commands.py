@@ -114,7 +114,7 @@ def test_refused_form_leaves_no_consent_behind(tmp_path: Path, context: sockets.
     assert stepped.do("open", f'{{"name": "{long}", "consent": true}}') == (False, why)
     assert stepped.do("open", '{"name": "S02", "consent": true}') == (True, "")
     session = stepped.state.block.config.session
-    assert (session.name, session.participant_a, session.consent) == ("S02", "A", True)
+    assert (session.name, session.participant_a, session.consent) == ("S02", "P01", True)
     stepped.close()
 
 

@@ -39,7 +39,8 @@ class Hello:
     version : str
         Version of the sender's software.
     details : dict of str
-        Further information for the recording: device model, serial number, limits.
+        Further information for the recording. Of an agent: ``device`` (backend), ``kind`` (as in `Status.devices`),
+        ``model``, ``serial`` and limits. Of a display: ``platform``, Qt's name of what draws it.
     """
 
     role: str

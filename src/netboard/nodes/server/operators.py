@@ -16,6 +16,7 @@ from netboard.network.protocol.control import REPLAY_COMMANDS
 from netboard.nodes.ports import emergency
 from netboard.nodes.ports.control_port import CommandRequest
 from netboard.nodes.ports.waiting import in_words
+from netboard.nodes.server.pseudonyms import require_given_pseudonyms
 from netboard.task.trials.state_machine import BALL_FREE, TABLE, Cause, Phase
 
 CAUSES = {
@@ -181,6 +182,7 @@ def form_of(text: str, known: Session) -> Session:
     require_short_names(form, "the form")
     if not form.ready:
         raise ConfigError("without the consent of both participants, only a pilot run is possible")
+    require_given_pseudonyms(form)
     return form
 
 

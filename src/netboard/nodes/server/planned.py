@@ -13,6 +13,7 @@ from netboard.base.tables.experiment import Session
 from netboard.base.terminal.output import plain_console
 from netboard.nodes.server.attempts import Attempts
 from netboard.nodes.server.blocks import BlockSequence
+from netboard.nodes.server.pseudonyms import Use, require_own_pseudonyms, uses_in, uses_in_journals
 from netboard.recording.recovery.journal_file import Journal, journal_path, other_journals, started_before
 from netboard.task.journal.entries import FORMAT, Entry, Header, Opened
 from netboard.task.journal.progress import progress_of, resume_words
@@ -65,6 +66,7 @@ class Planned:
         self.session: PlanSession = self.plan.sessions[wanted.session - 1]
         self.config = named(seated(config, self.plan), wanted)
         self.path = self._path(self.config)
+        self._recorded: tuple[Use, ...] = ()  # the pseudonyms of other sessions
 
     def _path(self, config: Config) -> Path:
         return journal_path(Path(config.recording.directory), config)
@@ -117,6 +119,8 @@ class Planned:
                 "with --resume, or enter another name in the form of the new session; otherwise it cannot be opened",
                 soft_wrap=True,
             )
+        self._recorded = uses_in(self.path.parent)
+        require_own_pseudonyms(self.config.session, self._recorded)
         now = self.header(self.config.session)
         for _, other in other_journals(self.path, now.dyad):
             if changed := changed_plan(other, now):
@@ -129,6 +133,7 @@ class Planned:
         path, header = self._path(config), self.header(config.session)
         for other, others in other_journals(path, header.dyad):
             require_same_people(others, header, str(other))
+        require_own_pseudonyms(config.session, (*self._recorded, *uses_in_journals(path.parent)))
         return Journal.create(path, header)
 
     def resume(self, ask: Callable[[str], bool]) -> tuple[BlockSequence, Attempts]:

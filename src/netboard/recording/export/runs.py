@@ -127,7 +127,7 @@ def people_in(config: Config, metadata: dict[str, str], rig: Rig | None = None) 
 
 
 def _simulated(config: Config, metadata: dict[str, str], sides: Sequence[Side], rig: Rig | None) -> bool:
-    """Return True if a simulated participant moved these sides: by what the agents stated, else by the configuration."""
+    """Return True if a simulated participant moved these sides, by its agents if they are known."""
     if rig is not None and "imported" not in metadata and all(rig.hands.get(side) for side in sides):
         return set(sides) <= set(rig.simulated)
     return is_simulated(config, metadata, sides)

@@ -39,7 +39,8 @@ def _said(study: Study, config: Config, name: str, pair: tuple[str, str]) -> str
         for level, other in (pair, pair[::-1])
         for key in own[other]
     ]
-    return f"{sets}, and neither sets the other's key: {'; '.join(kept)}. If one is misspelt, correct it; else set both in both"
+    advice = "If one is misspelt, correct it; else set both in both"
+    return f"{sets}, and neither sets the other's key: {'; '.join(kept)}. {advice}"
 
 
 def _only(level: Changes, other: Changes) -> tuple[str, ...]:

@@ -45,6 +45,10 @@ def problems(entry: Entry) -> dict[str, str]:
             found[name] = f"{called}: {shown}; expected letters, digits, - and _ only, for example P07. No real names."
     if not found and entry.participant_a == entry.participant_b:
         found["participant_b"] = f"Participant B: found {entry.participant_b!r} for both; expected two pseudonyms."
+    defaults = {name: getattr(Session(), name) for name in ("participant_a", "participant_b")}
+    for name, usual in defaults.items():
+        if not entry.pilot and getattr(entry, name) == usual:
+            found.setdefault(name, f"{ASKED[name]}: {usual!r} is only the default; expected a pseudonym such as P07.")
     if not entry.consent and not entry.pilot:
         found["consent"] = "Consent: not ticked; without consent only a pilot run is possible."
     return found
