@@ -26,9 +26,7 @@ def test_pseudonym_of_another_dyad_is_refused_with_who_has_it_since_when() -> No
         require_own_pseudonyms(replace(REAL, participant_a="P1", participant_b="p07"), (USED,))
 
 
-@pytest.mark.parametrize(
-    "session", [replace(REAL, pilot=True), replace(REAL, consent=False), replace(REAL, dyad="D02")]
-)
+@pytest.mark.parametrize("fields", [{"pilot": True}, {"consent": False}, {"dyad": "D02"}])
 def test_pilot_or_the_same_dyad_may_have_it_again(fields: dict[str, object]) -> None:
     require_own_pseudonyms(replace(REAL, **fields), (USED,))  # type: ignore[arg-type]
 

@@ -9,6 +9,7 @@ import pytest
 from console_server import IDLE, MINE, RUNNING, STATES, UNARMED_LINK, attempts
 
 from netboard.base.config import SIDES, Config
+from netboard.base.tables.experiment import Block, Session
 from netboard.network.protocol import control
 from netboard.network.protocol.control import REPLAY_OF, LinkStatus, LoopStatus, RecordingStatus, Status
 from netboard.network.protocol.joining import HELLO_FIRST
@@ -23,7 +24,7 @@ from netboard.task.trials.exclusion import USUAL_RULE
 from netboard.task.trials.state_machine import Phase
 from netboard.windows.operator import words
 from netboard.windows.operator.changes import RecentCounts, StatusHistory, minutes_left
-from netboard.windows.operator.commands import COMMANDS, RELEASING, STOP_KEYS, refusal
+from netboard.windows.operator.commands import COMMANDS, CONFIRMING, RELEASING, STOP_KEYS, refusal
 from netboard.windows.operator.lamps import SESSION_LAMPS, Level, alarm, ended, limits_of, session_lamps
 from netboard.windows.operator.stations import STATION_LAMPS, station_lamps
 from netboard.windows.operator.words import Tone
@@ -347,11 +348,49 @@ def test_last_block_has_no_next_one() -> None:
 
 
 def test_keys_are_unique_and_the_commands_are_those_of_the_protocol() -> None:
-    rows = [*COMMANDS, RELEASING]
+    rows = [*COMMANDS, RELEASING, CONFIRMING]
     keys = [command.key for command in rows] + [*STOP_KEYS]
     assert len(set(keys)) == len(keys)
     buttons = {command.name for command in rows} | {STOP}
     assert buttons == set(control.SESSION_COMMANDS) - {"stop"}, "COMMANDS in windows/operator/commands.py"
+
+
+def test_stand_ins_of_a_real_session_are_faults_until_they_are_confirmed() -> None:
+    for state, level in (("simulated", Level.BAD), ("confirmed", Level.WATCH)):
+        lamps = {lamp.name: lamp for lamp in station_lamps(STATES[state], NONE, "right", LIMITS)}
+        assert (lamps["Device"].words, lamps["Device"].level) == ("simulated", level)
+        assert (lamps["Display"].words, lamps["Display"].level) == ("off screen", level)
+    left = station_lamps(STATES["simulated"], NONE, "left", LIMITS)[0]
+    assert (left.level, left.words) == (Level.GOOD, "Touch")
+    assert "serial 4711" in left.tip
+
+
+def test_banner_names_the_stand_ins_of_a_real_session() -> None:
+    found = words.banner(STATES["confirmed"])
+    assert found.words.startswith("REAL, with right device simulated, right display off screen")
+    assert found.tone is Tone.BAD
+    assert words.banner(STATES["no_consent"]).words.startswith("NO CONSENT")
+
+
+def test_line_of_a_station_names_participant_device_and_hidden_display() -> None:
+    session, block = Session(participant_a="P07", participant_b="P08", seat_a="right"), Block()
+    assert [words.seated(session, block, side) for side in ("left", "right")] == ["B: P08", "A: P07"]
+    alone = Block(configuration="bimanual", performer="B")
+    assert [words.seated(session, alone, side) for side in ("left", "right")] == ["B: P08", "B: P08"]
+    assert words.seated(session, Block(left="robot"), "left") == ""
+    line = words.rig(STATES["simulated"], "right", "A: P07")
+    assert line.words.startswith("RIGHT  A: P07   simulated, no device: virtual Touch, serial virtual-right")
+    assert line.words.endswith("display off screen")
+    assert line.tone is Tone.WATCH
+    assert words.rig(STATES["simulated"], "left", "").tone is Tone.PLAIN
+
+
+def test_unconfirmed_stand_ins_are_what_to_do_next() -> None:
+    advice = words.advice(STATES["simulated"], "")
+    assert "right device simulated" in advice.words
+    assert "Shift+F3" in advice.words
+    assert not refusal(CONFIRMING, STATES["simulated"], "me")
+    assert refusal(CONFIRMING, STATES["confirmed"], "me")
 
 
 def possible(status: Status | None, own: str = "me") -> set[str]:
