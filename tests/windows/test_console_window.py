@@ -305,6 +305,10 @@ def test_form_opens_the_session_once_its_answers_are_valid(console: ConsoleRig) 
     console.until(lambda: console.window.middle.currentWidget() is form)
     assert form.texts["name"].text() == "S03"
     console.press("Return")
+    assert "'A' is only the default" in form.trouble.text()
+    form.texts["participant_a"].setText("P05")
+    form.texts["participant_b"].setText("P06")
+    console.press("Return")
     assert "Consent" in form.trouble.text()
     form.texts["participant_a"].setText("Anna Bauer")
     form.consent.setChecked(True)
@@ -333,6 +337,31 @@ def test_form_opens_the_session_once_its_answers_are_valid(console: ConsoleRig) 
         "pilot": True,
     }
     console.until(lambda: console.window.banner.text().startswith("PILOT"))
+
+
+def test_real_session_with_stand_ins_needs_words_in_the_form_or_later(console: ConsoleRig) -> None:
+    form, words = console.window.form, "right device simulated, right display off screen"
+    console.show("simulated_unopened")
+    console.until(lambda: console.window.middle.currentWidget() is form)
+    assert "simulated, no device: virtual Touch" in form.rig.text()
+    for name, text in (("participant_a", "P05"), ("participant_b", "P06")):
+        form.texts[name].setText(text)
+    form.consent.setChecked(True)
+    console.press("Return")
+    assert words in form.trouble.text()
+    assert console.server.commands() == []
+    form.words.setText(words)
+    console.press("Return")
+    console.wait_for_command("confirm", words)
+    assert "open" in [name for name, _ in console.server.commands()]
+    console.show("simulated")
+    console.until(lambda: not console.window.confirmation.isHidden())
+    console.press("Shift+F3")
+    console.window.confirmation.setText(words)
+    console.press("Return")
+    console.until(lambda: console.server.commands()[-1] == ("confirm", words))
+    console.show("confirmed")
+    console.until(lambda: console.window.confirmation.isHidden())
 
 
 def test_form_of_another_session_has_its_proposed_seats_and_no_consent(console: ConsoleRig) -> None:
