@@ -1,7 +1,7 @@
 """What a hand holds: the kinds of devices, and what stands in for a device, a person or a screen, in words.
 
 A backend's entry in `netboard.devices.contract.registry` declares its kind. The agent states it with model and serial
-number in the details of its `Hello`, which the recording keeps; whoever shows a device reads them with `held_by`.
+number in the details of its `Hello`, which the recording keeps; `held_by` reads them for all that show a device.
 """
 
 from collections.abc import Mapping
