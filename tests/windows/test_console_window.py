@@ -361,7 +361,7 @@ def test_real_session_with_stand_ins_needs_words_in_the_form_or_later(console: C
     console.press("Return")
     console.until(lambda: console.server.commands()[-1] == ("confirm", words))
     console.show("confirmed")
-    console.until(lambda: console.window.confirmation.isHidden())
+    console.until(console.window.confirmation.isHidden)
 
 
 def test_form_of_another_session_has_its_proposed_seats_and_no_consent(console: ConsoleRig) -> None:
