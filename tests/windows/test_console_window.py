@@ -342,7 +342,7 @@ def test_form_opens_the_session_once_its_answers_are_valid(console: ConsoleRig) 
 def test_real_session_with_stand_ins_needs_words_in_the_form_or_later(console: ConsoleRig) -> None:
     form, words = console.window.form, "right device simulated, right display off screen"
     console.show("simulated_unopened")
-    console.until(lambda: console.window.middle.currentWidget() is form)
+    console.window.show_form(True)
     assert "simulated, no device: virtual Touch" in form.rig.text()
     for name, text in (("participant_a", "P05"), ("participant_b", "P06")):
         form.texts[name].setText(text)
