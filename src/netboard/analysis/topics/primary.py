@@ -37,7 +37,7 @@ from netboard.analysis.topics.figure import (
     pictured,
     titled,
 )
-from netboard.analysis.topics.groups import estimated
+from netboard.analysis.topics.groups import estimated, interval_text
 from netboard.analysis.topics.measures import MEASURES, draw_levels, legend, levels_of, places
 from netboard.analysis.topics.result import Result, cached, plain
 from netboard.analysis.topics.units import read_in
@@ -129,14 +129,14 @@ def _exploratory(study: Study) -> Drawn:
     found = levels_of(study, [measure])
     if not found:
         return "No trial is included, so there are no completion times."
-    shown = [one.condition for one in found]
+    shown, means = [one.condition for one in found], [one.mean for one in found]
     figure, axes = new_mosaic(2.8, [["levels"]])
     draw_levels(axes["levels"], found, places(shown), 1.0)
     axes["levels"].set_ylabel(f"{measure.name} [{measure.unit}]")
     axes["levels"].set_xticks([])
     legend(figure, shown)
     return figure, (
-        "Completion time in each condition. Large points: geometric means over dyads with 95 % t confidence intervals; "
+        f"Completion time in each condition. Large points: geometric means over dyads with {interval_text(means)}; "
         "small points: dyads, joined where they did several conditions. No primary outcome is declared, so this is a "
         "choice of the software."
     )
