@@ -239,7 +239,7 @@ def test_differences_figure_shows_the_dyads(study: Study, drawn: dict[str, Pictu
 
 def test_models_figure_shows_ratios_and_residuals(study: Study, drawn: dict[str, Picture]) -> None:
     picture, found = drawn["models"], fits(study)
-    terms = panel(picture, "factors")
+    terms = panel(picture, "ratios of the models' terms")
     shown = [fit for fit in found.fits if fit.model.fitted]
     assert shown
     for fit in shown:
