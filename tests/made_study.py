@@ -56,6 +56,7 @@ def measured(block: Block, number: int) -> Measured:
         "left_by": block.performer,
         "right_by": block.right_by or block.performer,
         "simulated": 1,
+        "stand_ins": "",
         "exclude": " ".join(TECHNICAL),
     }
     trials = [

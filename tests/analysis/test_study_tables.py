@@ -30,7 +30,7 @@ def study(folder: Path, *words: str) -> Study:
 
 
 def blocks(**columns: object) -> pd.DataFrame:
-    base = {"recording": ["r"], "pilot": 0, "simulated": 0, "not_measured": "", "run": "r", "block": 1}
+    base = {"recording": ["r"], "pilot": 0, "simulated": 0, "stand_ins": "", "not_measured": "", "run": "r", "block": 1}
     return pd.DataFrame(base | {"config_sha256": "", "exclude": " ".join(TECHNICAL)} | columns)
 
 
