@@ -19,7 +19,7 @@ class Losses:
     Attributes
     ----------
     why : dict of tuple of str
-        Why each lost trial will be excluded, in a few words each, by the number of the trial.
+        By the number of each lost trial, why it will be excluded, in a few words [1].
     done : int
         Number of successful trials [1].
     """
@@ -59,6 +59,8 @@ def losses(attempts: Iterable[AttemptOutcome], rule: ExclusionRule) -> Losses:
     ----------
     attempts : iterable of AttemptOutcome
         Attempts of one block.
+    rule : ExclusionRule
+        The rule of the block.
     """
     successes = [one for one in attempts if one.outcome == "success"]
     return Losses({one.trial: found for one in successes if (found := rule.reasons(one.flag_list))}, len(successes))

@@ -69,7 +69,13 @@ class ExclusionRule:
     simulated: bool
 
     def reasons(self, flags: Iterable[str]) -> tuple[str, ...]:
-        """Return in a few words each why an attempt with these flags is excluded; empty if it is not."""
+        """Return in a few words each why an attempt is excluded; empty if it is not.
+
+        Parameters
+        ----------
+        flags : iterable of str
+            Flags of the attempt.
+        """
         return tuple(FLAG_WORDS[flag] for flag in excluding(flags, self.exclude, simulated=self.simulated))
 
     def consequence(self, outcome: str, flags: Iterable[str]) -> str:
