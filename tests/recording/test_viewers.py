@@ -36,7 +36,7 @@ def schemas(recording: Path) -> dict[str, dict[str, Any]]:
     assert set(summary.channels) == set(IDS.values())
     for channel in summary.channels.values():
         assert channel.schema_id != 0, "PlotJuggler skips a channel without a schema record"
-        assert channel.message_encoding == "msgpack"
+        assert channel.message_encoding == ("json" if channel.topic == "/plot" else "msgpack")
         assert summary.schemas[channel.schema_id].encoding == "jsonschema"
     return {c.topic: json.loads(summary.schemas[c.schema_id].data) for c in summary.channels.values()}
 
@@ -59,14 +59,30 @@ def test_every_plotted_field_is_a_number(recording: Path, schemas: dict[str, dic
     properties = schemas["/plot"]["properties"]
     assert {field["type"] for field in properties.values()} == {"integer", "number"}
     with recording.open("rb") as file:
-        plotted = [msgpack.unpackb(m.data) for _, _, m in make_reader(file).iter_messages(topics=["/plot"])]
+        plotted = [json.loads(m.data) for _, _, m in make_reader(file).iter_messages(topics=["/plot"])]
     assert len(plotted) == 15
     for values in plotted:
         assert list(values) == list(properties)
         assert all(type(value) in (int, float) for value in values.values())
         row = ROWS[values["tick"]]
         assert values["phase"] == row["phase"]
-        assert values["theta"] == np.float32(values["tick"] / 7)
+        assert values["theta"] == pytest.approx(values["tick"] / 7, rel=1e-6)
+
+
+@pytest.mark.parametrize("unknown", [np.nan, np.inf, -np.inf])
+def test_number_that_is_not_finite_is_left_out_of_the_plotted_ones(tmp_path: Path, unknown: float) -> None:
+    """JSON has no text for it, and both viewers refuse the whole message."""
+    rows = random_rows(60, seed=9)
+    rows["left_rendered"], rows["right_rendered"] = unknown, 1e300
+    with write_recording(tmp_path / "a.mcap", rows).open("rb") as file:
+        found = list(make_reader(file).iter_messages(topics=["/plot"]))
+    for schema, _, message in found:
+        assert schema is not None
+        values = json.loads(message.data, parse_constant=lambda text: pytest.fail(f"{text} is not JSON"))
+        jsonschema.Draft202012Validator(json.loads(schema.data)).validate(values)
+        assert "left_rendered" not in values
+        assert values["right_rendered"] == 1e300
+    assert len(found) == 3
 
 
 def test_mcap_library_reads_the_file_seeking_and_as_a_stream(recording: Path) -> None:
@@ -74,7 +90,8 @@ def test_mcap_library_reads_the_file_seeking_and_as_a_stream(recording: Path) ->
     with recording.open("rb") as file:
         for schema, channel, message in make_reader(file, validate_crcs=True).iter_messages():
             assert schema is not None
-            jsonschema.Draft202012Validator(json.loads(schema.data)).validate(msgpack.unpackb(message.data))
+            decode = json.loads if channel.message_encoding == "json" else msgpack.unpackb
+            jsonschema.Draft202012Validator(json.loads(schema.data)).validate(decode(message.data))
             counts[channel.topic] += 1
     assert all(counts[channel.topic] for channel in CHANNELS if channel.topic not in ("/logger", "/backfill"))
     with recording.open("rb") as file:

@@ -14,6 +14,7 @@ chunks is built. A reader can then find a trial without reading the whole record
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from math import isfinite
 from typing import Any
 
 import msgpack
@@ -48,9 +49,14 @@ _DIFFERENCED = [np.flatnonzero(times < _ORDERS) for times in range(_ORDERS.max()
 """Columns that each pass of differencing takes: those of first order and above, of second and above, and so on."""
 
 _KEYS = ("phase", "trial", "attempt")
-_PLOT = np.dtype(
-    [("time_ns", "<i8"), *((field.name, "<i8" if field.kind == "integer" else "<f4") for field in PLOTTED)]
-)
+_PLOTTED_NAMES = [field.name for field in PLOTTED]
+_PLOTTED_TEXTS = [f'"{field.name}":{"%d" if field.kind == "integer" else "%.7g"}' for field in PLOTTED]
+
+
+def _plotted(values: Sequence[float]) -> bytes:
+    """Return the plotted values of a tick as JSON, without those that are not finite."""
+    known = (text % value for text, value in zip(_PLOTTED_TEXTS, values, strict=True) if isfinite(value))
+    return f"{{{','.join(known)}}}".encode()
 
 
 def pack(rows: NDArray[Any], constants: Mapping[str, float]) -> bytes:
@@ -234,11 +240,8 @@ class TickStream:
         }
         chunk = self._file.add(IDS["/ticks"], Stamped("/ticks", first, time_ns, msgpack.packb(values)), log_ns)
         self._note_place(chunk, first, int(rows["tick"][-1]), len(rows))
-        # A number too large for single precision becomes infinite.
-        with np.errstate(all="ignore"):
-            plotted = rows[rows["tick"] % PLOTTED_EVERY == 0][list(_PLOT.names or ())].astype(_PLOT)
-        for row in plotted.tolist():
-            self._plot(dict(zip(_PLOT.names or (), row, strict=True)), log_ns)
+        for row in rows[rows["tick"] % PLOTTED_EVERY == 0]:
+            self._plot(row, log_ns)
         self._keep_edges(rows)
 
     def _note_place(self, chunk: int, first: int, last: int, count: int) -> None:
@@ -248,12 +251,12 @@ class TickStream:
             count += before
         self._places.append((chunk, first, last, count))
 
-    def _plot(self, row: dict[str, Any], newest_ns: int) -> None:
+    def _plot(self, row: Any, newest_ns: int) -> None:
         """Write a row for viewers. ``newest_ns``: log time of the newest tick [ns]."""
-        time_ns = row.pop("time_ns")
-        stamp = Stamped("/plot", row["tick"], time_ns, msgpack.packb(row, use_single_float=True))
+        tick = int(row["tick"])
+        stamp = Stamped("/plot", tick, int(row["time_ns"]), _plotted(row[_PLOTTED_NAMES].tolist()))
         # By its number: across a stall of the server, tick times differ by more than the log times do.
-        log_time_ns = newest_ns - (self.last - row["tick"]) * TICK_NS
+        log_time_ns = newest_ns - (self.last - tick) * TICK_NS
         self._file.add(IDS["/plot"], stamp, min(max(log_time_ns, 0), MAX_STAMP_NS))
 
     def _keep_edges(self, rows: NDArray[Any]) -> None:

@@ -2,7 +2,7 @@
 
 This table defines the format. FORMAT.md and the JSON schemas inside every recording are generated from it, and a test
 compares it with `netboard.base.tick.TICK` and the record messages of the log channel. Channel ids are fixed: 1, 2, ...
-in the order of `CHANNELS`. Every message is a flat msgpack map keyed by field name.
+in the order of `CHANNELS`. Every message is a flat map keyed by field name: msgpack, and JSON for viewers (``/plot``).
 
 Ticks are the bulk of a recording, so they are stored in columnar batches (`netboard.recording.format.batches`). One
 tick in `PLOTTED_EVERY` is also stored as a map, for viewers.
@@ -82,6 +82,7 @@ class Channel:
     publish_time: str
     fields: tuple[Field, ...]
     columns: tuple[Field, ...] = ()  # columns of the rows in a batch, in order; empty for other messages
+    encoding: str = "msgpack"  # or json, which has no text for a number that is not finite: such a field is left out
 
     def schema(self) -> bytes:
         """Return the JSON schema of the messages; for a batch, with all that is needed to decode its columns."""
@@ -102,7 +103,7 @@ class Channel:
                 "description": self.about,
                 "type": "object",
                 "properties": {field.name: field.schema() for field in self.fields},
-                "required": [field.name for field in self.fields],
+                "required": [field.name for field in self.fields if self.encoding != "json" or field.kind != "number"],
                 "additionalProperties": False,
                 **({"columns": columns, **_DECODING} if columns else {}),
             }
@@ -296,10 +297,11 @@ CHANNELS = (
     Channel(
         "/plot",
         "netboard.Plot",
-        f"one tick in {PLOTTED_EVERY}, for viewers, in single precision; /ticks contains all of it",
+        f"one tick in {PLOTTED_EVERY}, for viewers, as JSON with 7 digits; /ticks contains all of it",
         "number of the tick",
         "nominal server time of the tick",
         PLOTTED,
+        encoding="json",
     ),
     Channel(
         "/backfill",

@@ -115,7 +115,7 @@ class PartFile:
                 self._mcap.start(profile=PROFILE, library=library)
                 for channel in CHANNELS:
                     schema_id = self._mcap.register_schema(channel.schema_name, "jsonschema", channel.schema())
-                    self._mcap.register_channel(channel.topic, "msgpack", schema_id)
+                    self._mcap.register_channel(channel.topic, channel.encoding, schema_id)
                 sync_directory(path.parent)
         except RecordingError:
             self.discard()
