@@ -15,6 +15,7 @@ from netboard.network.protocol.records import LogAck, LogBatch, LogEnd, LogReque
 from netboard.nodes.ports.log_port import PONG_WAIT_NS
 from netboard.nodes.ports.record_store import FULL_SHARE
 from netboard.nodes.ports.subscribers import SILENCE_TIMEOUT_NS
+from netboard.nodes.ports.sync_age import RECENT_NS
 from netboard.recording.format.disk import LOW_BYTES
 from netboard.recording.recovery import spill as spilling
 from netboard.recording.recovery.spill import read_spill
@@ -37,6 +38,34 @@ def test_logger_receives_every_record_once_and_in_order(rig: Rig) -> None:
     assert rig.port.store.backlog == 8
     rig.pump(L, LogAck(8, 10**9, "a.mcap", 0))
     assert (rig.port.store.backlog, rig.port.free_bytes) == (0, 10**9)
+
+
+@pytest.mark.parametrize(("sync_s", "told"), [(0.2, ""), (0.7, "after 0.7 s"), (8.0, "after 8.0 s")])
+def test_slow_disk_of_a_logger_is_told_with_how_much_a_power_cut_loses(rig: Rig, sync_s: float, told: str) -> None:
+    rig.join(L)
+    rig.pump(L)
+    rig.record(5)
+    for _ in range(round(sync_s / 0.05)):
+        rig.clock.advance(0.05)
+        rig.pump(L, Pong(0, 0, 0))
+    rig.pump(L, LogAck(5, 10**12, "a.mcap", 1000))
+    (recording,) = rig.port.recordings(rig.clock())
+    assert recording.age == pytest.approx(sync_s, abs=0.06)
+    assert (rig.port.notice != "") == (told != "")
+    assert told in rig.port.notice
+    rig.clock.advance(RECENT_NS * 1e-9 + 0.1)
+    assert rig.port.notice == ""
+
+
+def test_logger_that_falls_silent_is_told_and_not_only_missed(rig: Rig) -> None:
+    rig.join(L)
+    rig.pump(L, LogAck(0, 10**12, "a.mcap", 0))
+    rig.clock.advance(2 * SILENCE_TIMEOUT_NS * 1e-9)
+    rig.pump(M)
+    assert (rig.port.loggers, rig.port.trouble) == (0, "")
+    assert rig.port.notice == "the logger fell silent: its disk or its network hangs"
+    rig.join(M)
+    assert rig.port.notice == ""
 
 
 def test_full_queue_delays_records_but_loses_none(tmp_path: Path) -> None:
@@ -201,7 +230,7 @@ def test_full_spill_pauses_the_trial_and_losses_are_reported(tmp_path: Path) -> 
     rig.fill_spill(150)
     assert rig.port.trouble == ""
     rig.record(800, pump_each=10)
-    assert rig.port.trouble == "the logger is too far behind"
+    assert rig.port.trouble.startswith("the logger is too far behind (")
     losing = dict(rig.port.news)["log_losing"]
     assert "log_spill_mb" in losing["cause"]
     held = rig.spill.next
@@ -221,7 +250,7 @@ def test_trial_is_paused_before_any_loss_without_a_spill(tmp_path: Path) -> None
     assert rig.port.trouble == ""
     rig.record(1)
     rig.pump(M)
-    assert rig.port.trouble == "the logger is too far behind"
+    assert rig.port.trouble.startswith("the logger is too far behind (")
     assert "log_losing" not in rig.names()
     close_rig(rig)
     assert rig.port.store.shortfall == "81 records may not be on disk: no logger confirmed them"
@@ -237,7 +266,7 @@ def test_failed_spill_is_reported_and_lost_records_are_counted(tmp_path: Path, m
     news = dict(rig.port.news)
     assert news["log_spill_failed"] == {"reason": "No such file or directory"}
     assert news["log_losing"]["cause"] in ("No such file or directory", f"{rig.spill.path}: the disk is too slow")
-    assert rig.port.trouble == "the logger is too far behind"
+    assert rig.port.trouble.startswith("the logger is too far behind (")
     (tmp_path / "nowhere").mkdir()
     rig.until(lambda: rig.spill.trouble == "")
     rig.record(300, pump_each=1)

@@ -1,5 +1,6 @@
 """Lamps, texts and commands of the console for each status, without Qt."""
 
+import io
 import math
 import re
 from dataclasses import replace
@@ -7,6 +8,7 @@ from itertools import product
 
 import pytest
 from console_server import IDLE, MINE, RUNNING, STATES, UNARMED_LINK, attempts
+from rich.console import Console
 
 from netboard.base.config import SIDES, Config
 from netboard.base.tables.experiment import Block, Session
@@ -14,12 +16,13 @@ from netboard.network.protocol import control
 from netboard.network.protocol.control import REPLAY_OF, LinkStatus, LoopStatus, RecordingStatus, Status
 from netboard.network.protocol.joining import HELLO_FIRST
 from netboard.network.protocol.motion import Safeguard
+from netboard.nodes.operator.status_table import status_tables
 from netboard.nodes.ports.control_port import CommandRequest
 from netboard.nodes.ports.emergency import AWAITING_ARMING, AWAITING_RELEASE, STOP
 from netboard.nodes.ports.refusals import TOO_MANY_MESSAGES
 from netboard.nodes.ports.waiting import in_words
 from netboard.nodes.server.operators import Operators, Situation
-from netboard.recording.format.disk import BYTES_PER_SECOND
+from netboard.recording.format.disk import BYTES_PER_SECOND, SLOW_SYNC_S, STALLED_SYNC_S
 from netboard.task.trials.exclusion import USUAL_RULE
 from netboard.task.trials.state_machine import Phase
 from netboard.windows.operator import words
@@ -193,6 +196,26 @@ def test_status_history_estimates_the_minutes_left_from_growth() -> None:
     lamp = of(session_lamps(replace(RUNNING, recordings=grown), 0.0, recent, LIMITS), "Disk")
     assert (lamp.level, lamp.words) == (Level.BAD, "12 min, 720.0 MB")
     assert math.isnan(history.add(42.0, replace(RUNNING, recordings=())).minutes)
+
+
+@pytest.mark.parametrize(
+    ("age", "level", "said"),
+    [
+        (0.45, Level.GOOD, "MB"),
+        (SLOW_SYNC_S + 0.1, Level.WATCH, "SLOW 0.7 s"),
+        (2.0, Level.WATCH, "SLOW 2.0 s"),
+        (STALLED_SYNC_S + 5.0, Level.BAD, "STALLED 8 s"),
+    ],
+)
+def test_recording_lamp_says_how_long_the_disk_takes(age: float, level: Level, said: str) -> None:
+    status = replace(RUNNING, recordings=(RecordingStatus("file", age, 1000, 10**11),))
+    lamp = of(session_lamps(status, 0.0, NONE, LIMITS), "Recording")
+    assert lamp.level is level
+    assert said in lamp.words
+    assert f"on disk after {age:.1f} s at most; a power cut loses that much" in lamp.tip
+    console = Console(width=200, record=True, file=io.StringIO())
+    console.print(status_tables(status))
+    assert f"on disk after {age:.1f} s at most" in console.export_text()
 
 
 def test_alarm_when_a_trial_runs_without_a_recording() -> None:

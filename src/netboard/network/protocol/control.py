@@ -255,8 +255,8 @@ class Status:
     outcomes : int
         Number of attempts in this session that have an outcome, which `OutcomesRequest` can request [1].
     recordings : tuple of RecordingStatus
-        For each connected logger: its file, time since it last wrote records to disk [s]; bytes written and bytes free
-        [1].
+        For each connected logger: its file, longest time in the last 5 s until a record was on its disk (NaN: no file
+        yet) [s]; bytes written and bytes free [1].
     stations : tuple of StationStatus
         For each side: its name, age of the newest sample (NaN: none) [s], `Safeguard` bits of the last tenth of a
         second, vertical force rendered (NaN: not known) [N], and how many ticks of this attempt had no fresh sample,

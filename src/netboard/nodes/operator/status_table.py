@@ -8,9 +8,10 @@ from rich.text import Text
 from netboard.base.plural import plural
 from netboard.base.process.display_server import unseen
 from netboard.base.terminal.output import FittedTable, numbers
-from netboard.network.protocol.control import Status
+from netboard.network.protocol.control import RecordingStatus, Status
 from netboard.nodes.ports.emergency import AWAITING_RELEASE
 from netboard.nodes.ports.waiting import in_words
+from netboard.recording.format.disk import SLOW_SYNC_S, STALLED_SYNC_S
 from netboard.task.journal.lost import WILL_BE_EXCLUDED
 
 
@@ -29,6 +30,7 @@ def _lines(status: Status) -> list[Text]:
         ),
     ]
     lines += _rig(status)
+    lines += [_recording(recording) for recording in status.recordings if recording.file]
     if status.pending:
         lines.append(Text(status.pending))
     if status.waiting_for and "waiting for" not in status.notice:  # often the notice says it already
@@ -71,6 +73,13 @@ def _rig(status: Status) -> list[Text]:
         said = {True: "confirmed in words", False: "NOT confirmed in words"}
         lines += [Text(f"{words}: {said[confirmed]}", style="yellow") for words, confirmed in status.stand_ins]
     return lines
+
+
+def _recording(recording: RecordingStatus) -> Text:
+    """Return what a logger writes, and how long its disk takes: yellow if that is slow, red if it is stalled."""
+    style = "red" if recording.age > STALLED_SYNC_S else "yellow" if recording.age > SLOW_SYNC_S else ""
+    size = f"{recording.written_bytes / 1e6:.1f} MB, {recording.free_bytes / 1e9:.1f} GB free"
+    return Text(f"recording {recording.file}   {size}   on disk after {recording.age:.1f} s at most", style=style)
 
 
 def _links(status: Status) -> FittedTable:

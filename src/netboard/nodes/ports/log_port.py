@@ -24,7 +24,8 @@ from netboard.nodes.ports.rate_limit import RateLimit
 from netboard.nodes.ports.record_store import BATCHES, RecordStore
 from netboard.nodes.ports.refusals import TOO_MANY_MESSAGES, Refusals
 from netboard.nodes.ports.subscribers import SILENCE_TIMEOUT_NS, Subscribers
-from netboard.recording.format.disk import LOW_BYTES
+from netboard.nodes.ports.sync_age import SyncAge
+from netboard.recording.format.disk import LOW_BYTES, SLOW_SYNC_S
 from netboard.recording.recovery.spill import Spill
 
 MAX_BATCHES = 3
@@ -55,7 +56,8 @@ class _Logger:
         self.has_requested = False  # whether it has asked for records since it joined
         self.end_sent = False
         self.lost = self.lost_until = 0
-        self.last_report = ("", 0, 0, 0)  # of its last `LogAck`: file; time [ns]; bytes written and free
+        self.last_report = ("", 0, 0)  # of its last `LogAck`: file; bytes written and free
+        self.sync_age = SyncAge()
 
 
 class LogPort:
@@ -85,6 +87,7 @@ class LogPort:
         self._unhandled = False
         self._first_fed = 0
         self._leave_reason = ""
+        self._fell_silent = False  # whether the last logger has left so, and none has come since
         self._space_is_low = False
         self._ended = False
         self._probes = Probes()
@@ -108,10 +111,13 @@ class LogPort:
             return self._parting
         if self._space_is_low:
             return f"the logger's disk has only {self.free_bytes / 1e9:.1f} GB left"
+        if self.loggers:
+            wait = self._wait
+            slow = f"the logger's disk is slow: records reach it after {wait:.1f} s, and a power cut loses that much"
+            return "; ".join(filter(None, (slow if wait > SLOW_SYNC_S else "", self._several)))
         spilled_to = self.store.spilled_to
-        if spilled_to and not self.loggers:
-            return f"no logger takes the records: they go to {spilled_to}"
-        return self._several
+        spilled = f"no logger takes the records: they go to {spilled_to}" if spilled_to else ""
+        return "; ".join(filter(None, (self._silence, spilled)))
 
     @property
     def _several(self) -> str:
@@ -125,6 +131,11 @@ class LogPort:
         """Why the last logger has left, if it said so and none has come since."""
         return f"the logger has left: {self._leave_reason}" if self._leave_reason and not self.loggers else ""
 
+    @property
+    def _silence(self) -> str:
+        """That the last logger left without a word, if none has come since."""
+        return "the logger fell silent: its disk or its network hangs" if self._fell_silent and not self.loggers else ""
+
     def links(self, now_ns: int) -> list[LinkStatus]:
         """Return the connections of the loggers and the subscribers."""
         loggers = [logger.peer.link(now_ns, logger.lost) for logger in self._loggers.values()]
@@ -132,10 +143,17 @@ class LogPort:
 
     def recordings(self, now_ns: int) -> tuple[RecordingStatus, ...]:
         """Return what each logger writes."""
-        reports = [logger.last_report for logger in self._loggers.values()]
-        return tuple(
-            RecordingStatus(file, (now_ns - at) * 1e-9 if at else nan, size, free) for file, at, size, free in reports
-        )
+        return tuple(self._recording(logger, now_ns) for logger in self._loggers.values())
+
+    def _recording(self, logger: _Logger, now_ns: int) -> RecordingStatus:
+        file, size, free = logger.last_report
+        return RecordingStatus(file, logger.sync_age.longest(now_ns) if file else nan, size, free)
+
+    @property
+    def _wait(self) -> float:
+        """Longest recent wait of records for the fastest logger's disk, 0 without a logger [s]."""
+        now_ns = self._clock()
+        return min((logger.sync_age.longest(now_ns) for logger in self._loggers.values()), default=0.0)
 
     def renew(self, welcome: Welcome) -> None:
         """Begin a block with the next record, and welcome the loggers that have been sent all records."""
@@ -169,8 +187,10 @@ class LogPort:
             # An unhandled message may be from it; after the end of the log it may still be writing.
             if silent and not self._unhandled and not logger.end_sent:
                 self._forget(name, "fell silent", now_ns)
+                self._fell_silent = True
             else:
                 self._ping(name, logger)
+                logger.sync_age.note(self.ring.next, now_ns)
         self._feed_all()
         self.store.spill()
         if self.subscribers.pump(self._clock(), ended=self._ended, unhandled=self._unhandled):
@@ -235,9 +255,10 @@ class LogPort:
             case LogRequest(first=first):
                 logger.cursor = self.ring.start(first)
                 logger.has_requested, logger.end_sent = True, False
-                self._leave_reason = ""
+                self._leave_reason, self._fell_silent = "", False
             case LogAck(durable=durable, free_bytes=free_bytes, file=file, file_bytes=file_bytes):
-                logger.last_report = file, now_ns, file_bytes, free_bytes
+                logger.last_report = file, file_bytes, free_bytes
+                logger.sync_age.durable(durable, now_ns)
                 self._acknowledge(durable, free_bytes)
             case Pong() as pong:
                 logger.peer.answered(pong, now_ns)
@@ -326,4 +347,8 @@ class LogPort:
             self.store.report_lost(first, count)
 
     def _find_trouble(self) -> str:
-        return self._parting or ("the logger is too far behind" if self.store.behind else "")
+        if self._parting or not self.store.behind:
+            return self._parting
+        slow = f"records reach its disk after {wait:.1f} s" if (wait := self._wait) > SLOW_SYNC_S else ""
+        reason = self._silence or slow
+        return "the logger is too far behind" + (f" ({reason})" if reason else "")

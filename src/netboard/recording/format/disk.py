@@ -33,6 +33,12 @@ MIN_BYTES = 200_000_000
 MIN_S = 120.0
 """Below this remaining time a running recording is finished [s]."""
 
+SLOW_SYNC_S, STALLED_SYNC_S = 0.6, 3.0
+"""Time until records are on disk from which the disk counts as slow, and as stalled [s].
+
+The logger syncs every `Recording.flush_ms`, 400 ms by default. On a disk that takes its time, a power cut loses more.
+"""
+
 MEMORY_NS = 60_000_000_000
 """Window of the growth-rate estimate [ns]."""
 

@@ -12,6 +12,7 @@ from math import isfinite
 from netboard.base.config import Config
 from netboard.network.protocol.control import REPLAY_OF, RecordingStatus, Status
 from netboard.nodes.ports.emergency import AWAITING_RELEASE
+from netboard.recording.format.disk import SLOW_SYNC_S, STALLED_SYNC_S
 from netboard.windows.operator.changes import LATELY, RecentCounts
 
 ACTIVE = ("levelling", "running", "holding", "succeeded", "failed")
@@ -22,9 +23,6 @@ OVER = "over"
 
 SILENT = 0.75
 """Timeout after which the server counts as silent [s]."""
-
-STALLED, SLOW = 3.0, 1.0
-"""Time without new data on disk after which a recording counts as stalled, and as slow [s]."""
 
 MINUTES_BAD, MINUTES_WATCH = 5.0, 30.0
 BYTES_BAD, BYTES_WATCH = 10**9, 5 * 10**9
@@ -108,7 +106,7 @@ SESSION_LAMPS = ("Server", "Recording", "Disk", "Deadline misses", "Forces", "Se
 
 def recorded(status: Status) -> bool:
     """Return whether a logger is writing to disk."""
-    return any(recording.age <= STALLED for recording in status.recordings)
+    return any(recording.age <= STALLED_SYNC_S for recording in status.recordings)
 
 
 def replayed(status: Status) -> bool:
@@ -157,11 +155,13 @@ def _recording(status: Status) -> LampState:
         level = Level.WATCH if status.opened else Level.GOOD
         return level, "ready", "A logger is connected. It starts a file when the session is opened."
     file, age, written, _ = min(begun, key=lambda recording: recording.age)
-    tip = f"{file}, {size(written)}, last written to disk {age:.1f} s ago."
-    if age > STALLED:
+    tip = f"{file}, {size(written)}. Records are on disk after {age:.1f} s at most; a power cut loses that much."
+    if age > STALLED_SYNC_S:
         return Level.BAD, f"STALLED {age:.0f} s", f"{tip} Check the logger and its disk."
-    all_fresh = all(recording.age <= STALLED for recording in status.recordings)
-    return Level.GOOD if age <= SLOW and all_fresh else Level.WATCH, f"\u25cf {size(written)}", tip
+    if age > SLOW_SYNC_S:
+        return Level.WATCH, f"SLOW {age:.1f} s", f"{tip} The logger's disk is slow: record to a local one."
+    all_fresh = all(recording.age <= STALLED_SYNC_S for recording in status.recordings)
+    return Level.GOOD if all_fresh else Level.WATCH, f"\u25cf {size(written)}", tip
 
 
 def _begun(status: Status) -> list[RecordingStatus]:
