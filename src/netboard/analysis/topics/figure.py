@@ -250,7 +250,7 @@ def pictured(title: str, *, whole: bool = False) -> Callable[[Callable[[Study], 
             finally:
                 _TEAMS.reset(chosen)
             figure, caption = (None, drawn) if isinstance(drawn, str) else drawn
-            for note in ("" if figure is None else simulated(shown), pooling):
+            for note in () if figure is None else (simulated(shown), pooling):
                 caption = f"{caption} {note}".rstrip()
             return Picture(draw.__module__.rpartition(".")[2], title, caption, figure)
 
