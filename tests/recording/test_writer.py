@@ -17,9 +17,11 @@ from netboard.base.config import Config, parse, require_short_names
 from netboard.base.errors import ConfigError, RecordingError
 from netboard.base.tables.rig import Recording
 from netboard.base.tick import TICK
-from netboard.network.protocol.records import TickRecord
-from netboard.recording.files.provenance import config_sha256, next_recording
+from netboard.network.protocol.joining import Welcome
+from netboard.network.protocol.records import EventRecord, TickRecord
+from netboard.recording.files.provenance import config_sha256, next_recording, provenance
 from netboard.recording.files.reader import Recording as Reader
+from netboard.recording.files.writer import RecordingWriter
 from netboard.recording.format.channels import PLOTTED_EVERY
 from netboard.recording.format.chunks import messages, payloads, unpack_chunk
 from netboard.recording.format.partfile import PartFile
@@ -352,3 +354,24 @@ def test_longest_labels_fit_the_name_of_a_recording(tmp_path: Path) -> None:
         config = parse("", "test", (f"session.{key}=" + "n" * 81,))
         with pytest.raises(ConfigError, match=rf"test: \[session\] {key}: found 81 characters, expected at most 80"):
             require_short_names(config.session, "test")
+
+
+@pytest.mark.parametrize("opened_ns", [-1, -86_400 * 10**9, 2**63, 253_402_300_800 * 10**9])
+def test_wall_clock_before_1970_or_after_2262_is_refused_in_words(tmp_path: Path, opened_ns: int) -> None:
+    with pytest.raises(RecordingError, match="expected a time from 1970 to 2262"):
+        provenance(Welcome(SESSION, 1, 7, CONFIG_TEXT), Config(), 1, opened_ns, 42)
+    with pytest.raises(RecordingError, match=r"a\.mcap: cannot store a log time of .*, expected a time from 1970"):
+        RecordingWriter(tmp_path / "a.mcap", metadata(), CONFIG_TEXT, Recording(), opened_ns, repeatable=True)
+    assert not list(tmp_path.iterdir())
+
+
+def test_log_time_of_a_record_before_1970_is_refused_in_words(tmp_path: Path) -> None:
+    writer = RecordingWriter(tmp_path / "a.mcap", metadata(), CONFIG_TEXT, Recording(), OPENED_NS)
+    with pytest.raises(RecordingError, match="cannot store a log time of -1e-09 s after 1970"):
+        writer.write(EventRecord(0, -1, -1, "early", {}), 0, -1)
+    writer.abandon()
+    writer = RecordingWriter(tmp_path / "b.mcap", metadata(), CONFIG_TEXT, Recording(), OPENED_NS)
+    writer.write(EventRecord(0, -1, -(2**63), "early", {}), 0, OPENED_NS)  # its own time may be any
+    writer.finish(OPENED_NS)
+    with Reader(tmp_path / "b.mcap") as recording:
+        assert recording.events()[0].time_ns == -(2**63)
