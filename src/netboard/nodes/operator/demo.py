@@ -91,7 +91,7 @@ def display_options(config: Config) -> tuple[str, ...] | None:
     if no_qt:
         console.print(f"running without displays, because Qt cannot be loaded: {no_qt}", style="yellow")
         return None
-    if why := asked or (unseen and unseen.why):
+    if why := asked or (unseen.why if unseen else ""):
         said = f"the displays are drawn off screen, where nobody sees them: {why}"
         console.print(said, style="yellow", soft_wrap=True)
     return ("--offscreen",) if unseen else ()
