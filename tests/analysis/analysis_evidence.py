@@ -61,7 +61,7 @@ WITHOUT = {
             *("factors.interaction", "effects.interval_effect", "random_effects.residual_deviation"),
             *("random_effects.random_effects", "random_effects.mixed_model", "marginal.marginal_model"),
             *("marginal.over_dispersed_model", "marginal.extreme_condition", "marginal.penalised_model"),
-            *("specification.too_few_trials", "specification.with_notes"),
+            *("specification.too_few_trials", "specification.too_few_events", "specification.with_notes"),
         )
         for kind in ("truth", "properties", "disturbance")
     },
@@ -84,6 +84,7 @@ WITHOUT = {
     },
     ("contrasts.holm", "properties"): "returns p-values in the order of its input",
     ("contrasts.holm", "disturbance"): NO_SAMPLES,
+    ("estimates.wilson_interval", "disturbance"): NO_SAMPLES,
     ("signals.runs", "disturbance"): "takes Boolean values; the caller decides about gaps",
     ("signals.lasting", "disturbance"): "takes Boolean values; the caller decides about gaps",
     ("signals.lasts", "disturbance"): NO_SAMPLES,
