@@ -131,7 +131,7 @@ def test_recordings_in_conflict_are_refused_also_where_unreadable_ones_are_skipp
         rows, about, text = whole.ticks(), whole.metadata, whole.config_text
     rows["theta"][-1] += 1e-9
     changed = rehearsed.write(tmp_path / "changed.mcap", rows, parse_config(text), metadata=about, text=text)
-    with pytest.raises(RecordingError, match="claim to be of the same block, and differ at tick"):
+    with pytest.raises(RecordingError, match="claim to be the same part of a block, and differ at tick"):
         extracted((*recordings, changed), Readings(), skip=True)
 
 

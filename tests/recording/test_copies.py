@@ -45,17 +45,24 @@ def test_parts_with_ticks_of_their_own_are_no_copies(tmp_path: Path) -> None:
     assert not any(repeats_among([first, after, between, empty]))
 
 
-def test_parts_with_the_same_numbers_but_other_ticks_are_in_conflict(tmp_path: Path) -> None:
-    first, other = (write_part(tmp_path / f"{part}.mcap", part, range(60)) for part in (1, 2))
+def test_recordings_of_the_same_part_with_other_ticks_are_in_conflict(tmp_path: Path) -> None:
+    first, other = (write_part(tmp_path / name, 1, range(60)) for name in ("a.mcap", "b.mcap"))
     assert repeats_among([first, other]).copies
     other.unlink()
     changed = ROWS.copy()
     changed["theta"][7] += 0.5
-    write_part(other, 2, range(60), changed)
-    conflict = Conflict(first, other, "claim to be of the same block, and differ at tick 7")
+    write_part(other, 1, range(60), changed)
+    conflict = Conflict(first, other, "claim to be the same part of a block, and differ at tick 7")
     assert repeats_among([first, other]) == ((), (conflict,))
     with pytest.raises(RecordingError, match="differ at tick 7; keep the right one and move the other away"):
         each_recording_once([first, other])
+
+
+def test_parts_with_the_same_numbers_but_other_ticks_are_no_copies(tmp_path: Path) -> None:
+    changed = ROWS.copy()
+    changed["theta"][7] += 0.5
+    parts = [write_part(tmp_path / "a.mcap", 1, range(60)), write_part(tmp_path / "b.mcap", 2, range(60), changed)]
+    assert not any(repeats_among(parts))
 
 
 def test_pieces_of_one_part_with_common_ticks_are_in_conflict(tmp_path: Path) -> None:

@@ -305,7 +305,7 @@ def test_simulations_of_the_same_hands_with_two_configurations_are_no_copies(tmp
 
 def test_export_command_refuses_equal_names_and_missing_files(two: list[Path], tmp_path: Path) -> None:
     other = tmp_path / "S01.mcap"
-    other.write_bytes(two[0].read_bytes())
+    other.write_bytes(two[1].read_bytes())
     result = CliRunner().invoke(app, ["export", str(two[0]), str(other), "--to", "csv", "-o", str(tmp_path / "out")])
     assert result.exit_code == 1
     assert "have the same name" in result.output

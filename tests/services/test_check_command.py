@@ -102,7 +102,7 @@ def test_recordings_that_claim_to_be_the_same_are_damage() -> None:
     rehearsed.write(Path("recordings/changed.mcap"), rows)
     result = runner.invoke(app, ["check", "recordings"])
     assert result.exit_code == 1
-    assert "claim to be of the same block, and differ at tick 100; keep the right one" in result.stdout
+    assert "claim to be the same part of a block, and differ at tick 100; keep the right one" in result.stdout
     listed = json.loads(runner.invoke(app, ["sessions", "recordings", "--json"]).stdout)
     assert [one["verdict"] for one in listed] == ["damaged", "damaged"]
     assert runner.invoke(app, ["export", "recordings", "--to", "csv"]).exit_code == 1

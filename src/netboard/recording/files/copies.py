@@ -174,9 +174,10 @@ def find_repeats(recordings: Iterable[Described]) -> Repeats:
 
 def _is_candidate(one: _Candidate, other: _Candidate) -> bool:
     """Return whether one may be a copy of the other, from what is known without opening them."""
-    if one.is_derived or other.is_derived:
+    if one.is_derived or other.is_derived or one.block == other.block:
         return True
-    return one.block == other.block or one.metadata.get("config_sha256") == other.metadata.get("config_sha256")
+    imported = "imported" in one.metadata or "imported" in other.metadata
+    return imported and one.metadata.get("config_sha256") == other.metadata.get("config_sha256")
 
 
 def _compared_if_readable(one: _Candidate, other: _Candidate) -> Copy | Conflict | None:
@@ -196,14 +197,14 @@ def _compared(better: _Candidate, other: _Candidate) -> Copy | Conflict | None:
         if relation.differs_at is None and relation.common == inner.summary[0] > 0:
             return Copy(inner.path, outer.path, inner.why(outer))
     one, two = (part.path for part in sorted((better, other), key=lambda part: part.place))
-    claims_same = bool(better.block) and better.block == other.block
+    claims_same = bool(better.block) and (better.block, better.part) == (other.block, other.part)
     if relation.differs_at is not None:
         if claims_same:
-            return Conflict(one, two, f"claim to be of the same block, and differ at tick {relation.differs_at}")
+            return Conflict(one, two, f"claim to be the same part of a block, and differ at tick {relation.differs_at}")
         if other.is_derived and relation.mostly_equal:
             why = f"have {relation.equal} ticks in common, and others differ, from tick {relation.differs_at} on"
             return Conflict(one, two, why)
-    elif claims_same and relation.common and better.part == other.part:
+    elif claims_same and relation.common:
         why = f"have {relation.common} ticks of the same part of a block in common, and each has others"
         return Conflict(one, two, why)
     return None  # a logger that was restarted repeats the last ticks of the part before
