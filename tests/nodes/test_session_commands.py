@@ -415,8 +415,6 @@ def test_devices_cannot_be_armed_during_an_emergency_stop(stepped: SteppedSessio
     assert stepped.do("arm") == (False, why)
     assert stepped.do("emergency_release")[0]
     assert not stepped.state.ports.motion.may_arm
-    stepped.state.missing = ("the left device to be armed",)
-    assert stepped.session._answers.status().waiting_for == ()
     assert stepped.do("arm")[0]
     assert stepped.state.ports.motion.may_arm
 
@@ -518,3 +516,5 @@ def test_devices_are_disarmed_after_the_last_block(stepped: SteppedSession) -> N
         assert stepped.state.operators.armed == (block < 3)
         stepped.tick(PAGE_TICKS + 1)
     assert not stepped.state.ports.motion.may_arm
+    stepped.state.missing = ("the left device to be armed",)
+    assert stepped.session._answers.status().waiting_for == ()
