@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from netboard.base.errors import RecordingError
+from netboard.base.errors import NoRecording
 from netboard.services.options import examples
 
 app = typer.Typer()
@@ -85,9 +85,9 @@ def recordings_in(paths: Sequence[Path]) -> Iterator[Path]:
         if path.is_dir():
             found = files_below(path, ENDINGS)
             if not found:
-                raise RecordingError(f"{path}: no recording in this folder ({', '.join(ENDINGS)})")
+                raise NoRecording(f"{path}: no recording in this folder ({', '.join(ENDINGS)})")
             yield from found
         elif path.is_file():
             yield path
         else:
-            raise RecordingError(f"{path}: no such file or folder")
+            raise NoRecording(f"{path}: no such file or folder")

@@ -14,7 +14,7 @@ from netboard.services.options import ConfigFile, Json, Overrides, examples
 
 app = typer.Typer()
 
-NEGATIVE = re.compile(r"-[\d.]+(e[+-]?\d+)?")
+NEGATIVE = re.compile(r"-[0-9.]+(e[+-]?[0-9]+)?")
 """A negative number."""
 
 

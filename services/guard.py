@@ -16,6 +16,7 @@ import typer
 from typer.core import TyperGroup
 
 from netboard.base.errors import ConfigError, NetboardError
+from netboard.services.numeric import read_strictly
 
 IMPORTED_AS = {"hid": "hidapi", "usb": "pyusb"}
 """Packages whose module has another name."""
@@ -40,6 +41,13 @@ class Guarded(TyperGroup):
             words, code = expected(error)
             typer.secho(f"netboard: {words}", err=True, fg=typer.colors.RED)
             raise typer.Exit(code) from error
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
+        """Find the command, which reads numbers as files do."""
+        name, command, rest = super().resolve_command(ctx, args)
+        if command is not None:
+            read_strictly(command)
+        return name, command, rest
 
     def invoke(self, ctx: Any) -> Any:
         """Run the subcommand."""

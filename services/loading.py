@@ -29,7 +29,7 @@ def load(file: Path | None, overrides: Sequence[str] | None = None) -> "Config":
     source, text = "defaults", ""
     if file is not None:
         missing = f"no such file; create it with: {shell_command('netboard', 'config', 'init', file)}"
-        source, text = str(file), text_of(str(file), missing)
+        source, text = str(file), read_text(file, missing)
     config = parse(text, source, overrides or ())
     origin = f"{source} with --set" if overrides else source
     require_short_names(config.session, origin)
@@ -44,7 +44,7 @@ def load_readings(file: Path | None, overrides: Sequence[str] | None) -> "Readin
     if file is None:
         return settings.parse("", "defaults", overrides or ())
     missing = f"no such file; create it with: netboard analyse --template > {shell_command(file)}"
-    return settings.parse(text_of(str(file), missing), str(file), overrides or ())
+    return settings.parse(read_text(file, missing), str(file), overrides or ())
 
 
 def load_study(word: str, config: "Config | None" = None) -> "Study":
@@ -67,18 +67,8 @@ def _study_of(word: str) -> "Study":
 
     name, colon, orders = (word, "", "") if Path(word).is_file() else word.partition(":")
     missing = f"no such study or file; the built-in studies are {', '.join(library.NAMES)}"
-    text = library.text_of(name) if name in library.NAMES else text_of(name, missing)
+    text = library.text_of(name) if name in library.NAMES else read_text(Path(name), missing)
     study = parse_study(text, name)
     if not colon:
         return study
     return parse_study(resolve_study(replace(study, order=tuple(orders.split(",")))), word)
-
-
-def text_of(file: str, missing: str) -> str:
-    """Read a text file, with or without a byte order mark; `missing` says what to do if it does not exist."""
-    try:
-        return read_text(Path(file), "utf-8-sig")
-    except FileNotFoundError:
-        raise ConfigError(f"{file}: {missing}") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{file}: cannot be read: {error}") from error

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from netboard.base.errors import ConfigError
 from netboard.services.loading import load, load_study
+from netboard.services.numeric import whole_numbers_of
 from netboard.services.options import CohortSeed, ConfigFile, Dask, Overrides, Studies, Study, Workers, examples
 
 if TYPE_CHECKING:
@@ -67,8 +67,8 @@ def power(
     request = Request(
         load_study(study, settings),
         settings,
-        dyads=numbers("--dyads", dyads, 2),
-        trials=numbers("--trials", trials, 0),
+        dyads=whole_numbers_of("--dyads", dyads, 2),
+        trials=whole_numbers_of("--trials", trials, 0),
         studies=studies,
         seed=seed,
         alpha=alpha,
@@ -82,14 +82,6 @@ def power(
         console.print(table_of(part))
     console.print(found.sentence)
     console.print(f"{output}: power.csv, power.json, power.png, power.svg, methods.txt")
-
-
-def numbers(option: str, text: str, least: int) -> tuple[int, ...]:
-    """Read whole numbers with commas, none below the least one."""
-    words = [word.strip() for word in text.split(",")]
-    if not all(word.isdecimal() and int(word) >= least for word in words):
-        raise ConfigError(f"{option}: found {text}, expected whole numbers from {least}, with commas")
-    return tuple(sorted({int(word) for word in words}))
 
 
 def table_of(part: "Mapping[str, Any]") -> "FittedTable":

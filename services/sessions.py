@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from netboard.base.errors import RecordingError
+from netboard.base.errors import NoRecording
 from netboard.services.loading import load
 from netboard.services.options import examples
 
@@ -47,7 +47,7 @@ def sessions(
 
     place = Path(load(None).recording.directory) if folder is None else folder
     if not place.is_dir():
-        raise RecordingError(f"{place}: no such folder")
+        raise NoRecording(f"{place}: no such folder")
     wanted = catalogue.Filter(dyad, study, verdict, None if since is None else since.date(), pilot)
     files = catalogue.files_in(place)
     everything = [catalogue.entry_of(file) for file in files]

@@ -5,6 +5,7 @@ from typing import Annotated
 import typer
 
 from netboard.services import simulation_options as simulation
+from netboard.services.numeric import numbers_of
 from netboard.services.options import Model, Overrides, changes_of, examples
 
 app = typer.Typer()
@@ -77,8 +78,8 @@ def simulate(
         substeps=substeps,
         ball=ball,
         board0=(z0, vz0, theta0, omega0),
-        p0=simulation.numbers("--p0", p0),
-        v0=simulation.numbers("--v0", v0),
+        p0=numbers_of("--p0", p0 or ()),
+        v0=numbers_of("--v0", v0 or ()),
         energy=energy,
     )
     settings = load_scene(scene, changes_of(overrides, model))

@@ -5,8 +5,6 @@ from typing import Annotated, Literal
 
 import typer
 
-from netboard.base.errors import ConfigError
-
 Scene = Annotated[
     Path | None,
     typer.Option(
@@ -52,11 +50,3 @@ BallVelocities = Annotated[
     list[str] | None,
     typer.Option("--v0", metavar="M/S", help="Initial ball velocity in m/s; several balls as for --p0."),
 ]
-
-
-def numbers(option: str, words: list[str] | None) -> tuple[float, ...]:
-    """Read the numbers of an option that may be repeated, or separated by commas."""
-    try:
-        return tuple(float(word) for given in words or () for word in given.split(","))
-    except ValueError:
-        raise ConfigError(f"{option}: found {' '.join(words or ())}, expected numbers separated by commas") from None

@@ -4,6 +4,8 @@ import csv
 import hashlib
 import json
 import math
+import re
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -222,6 +224,12 @@ HEAD = "time,left_z,right_z,p\n"
         (HEAD[:-3] + "\n0,0,0\n0.1,0,0\n", "contains hands only, .*--simulate"),
         ("", "line 1: found nothing"),
         ("time,left_z,right_z,trial\n0,0,0,1.5\n", 'column trial: found "1.5", expected a whole number'),
+        ("time,left_z,right_z,trial\n0,0,0,1_1\n", 'line 2, column trial: found "1_1", expected a whole number'),
+        ("time,left_z,right_z,trial\n0,0,0,1e1\n", 'line 2, column trial: found "1e1", expected a whole number'),
+        (HEAD + "0,0,0,0\n0.1,0,0.0_1,0\n", 'line 3, column right_z: found "0.0_1", expected a number'),
+        (HEAD + "0,0,0,0\n0.1,0,0,٣\n", 'line 3, column p: found "٣", expected a number'),
+        (HEAD + "0,0,0,0\n0.1,0,0,inf\n", 'line 3, column p: found "inf", expected a number'),
+        (HEAD.replace(",", ";") + "0;0;0;0\n0,1;0;0;0\n", 'found "0,1", expected a number with a decimal point'),
         ("time,left_z,right_z,phase\n0,0,0,up\n0.1,0,0,up\n", 'column phase: found "up", expected one of idle, '),
         ("time,left_z,right_z,trial,outcome\n0,0,0,1,won\n0.1,0,0,1,won\n", 'column outcome: found "won", expected'),
         ("time,time,left_z,right_z,p\n0,0,0,0,0\n", "time is there twice"),
@@ -276,6 +284,86 @@ def test_list_of_recordings_beside_a_table_of_ticks_need_not_be_of_an_export(reh
             imported(table, tmp_path / "damaged")
 
 
+def resaved(table: Path, change: Callable[[str, str], str], *, first: int = 1) -> Path:
+    """Save an exported table of ticks again, as another program does: each cell changed, from this row on."""
+    with table.open(encoding="utf-8", newline="") as file:
+        names, *rows = csv.reader(file)
+    changed = [[change(*pair) for pair in zip(names, row, strict=True)] for row in rows[first - 1 :]]
+    with table.open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file).writerows([names, *rows[: first - 1], *changed])
+    return table
+
+
+def rounded(name: str, cell: str) -> str:
+    """Return a cell with ten digits, as a spreadsheet shows them."""
+    return repr(float(f"{float(cell):.10g}")) if name in TICK.names and TICK[name].kind == "f" else cell
+
+
+@pytest.fixture
+def exported(rehearsed: Path, tmp_path: Path) -> Path:
+    """The exported table of the two trials."""
+    export([rehearsed], "csv", tmp_path / "out", lambda *progress: None)
+    return tmp_path / "out" / "ticks" / f"{rehearsed.stem}.csv"
+
+
+@pytest.mark.slow
+def test_rounded_numbers_of_exported_ticks_are_said_at_the_import(exported: Path, tmp_path: Path) -> None:
+    done = import_table(resaved(exported, rounded, first=3001), tmp_path, CONFIG, ImportOptions(), UTC_NS, quiet)
+    first, note = in_words([done])
+    assert first.endswith("ticks, imported, not bit-exact")
+    assert re.search(rf'not bit-exact: {re.escape(str(exported))}: line 3\d\d\d, column \w+: found "', note), note
+    assert "without saving it in a spreadsheet" in note
+    for replay in (False, True):
+        report = check(done.path, replay=replay)
+        assert report.severity is Severity.LOSS, report
+        assert any("imported, not bit-exact: " in finding.text for finding in report.findings)
+    printed = CliRunner().invoke(app, ["info", str(done.path)]).output
+    assert "not bit-exact" in " ".join(printed.split())
+
+
+@pytest.mark.slow
+def test_changed_number_in_a_recording_is_damage_still(rehearsed: Path, tmp_path: Path) -> None:
+    with Recording(rehearsed) as recording:
+        rows = recording.ticks()
+    rows["p"][5000] += 1e-9
+    writer = BlockWriter(tmp_path, CONFIG, "changed", UTC_NS)
+    writer.take(rows)
+    writer.finish()
+    assert check(writer.path, replay=True).severity is Severity.DAMAGE
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            lambda name, cell: f"{float(cell):.5E}" if name == "time_ns" else cell,
+            r'line 2, column time_ns: found "1\.00000E\+09", expected a whole number in digits, all of them; import',
+        ),
+        (
+            lambda name, cell: f"{round(int(cell), -7)}" if name == "time_ns" else cell,
+            r'line 3, column time_ns: found "1000000000", expected 1001000000, as ticks are 1 ms apart',
+        ),
+        (lambda name, cell: "" if name == "left_seq" else cell, "line 2, column left_seq: found nothing, expected"),
+        (lambda name, cell: "1_0" if name == "trial" else cell, 'column trial: found "1_0", expected a whole number'),
+    ],
+)
+def test_time_stamps_that_lost_digits_are_refused(
+    exported: Path, tmp_path: Path, change: Callable[[str, str], str], message: str
+) -> None:
+    with pytest.raises(ConfigError, match=message):
+        import_table(resaved(exported, change), tmp_path / "made", CONFIG, ImportOptions(), UTC_NS, quiet)
+    assert not list((tmp_path / "made").glob("*"))
+
+
+@pytest.mark.slow
+def test_rows_left_out_of_exported_ticks_are_said_at_the_import(exported: Path, tmp_path: Path) -> None:
+    lines = exported.read_text(encoding="utf-8").splitlines(keepends=True)
+    exported.write_text("".join([lines[0], *lines[1::10]]), encoding="utf-8")
+    done = import_table(exported, tmp_path, CONFIG, ImportOptions(), UTC_NS, quiet)
+    assert any("gaps between ticks, the first at" in note and "tick 10 follows 0" in note for note in done.notes)
+
+
 @pytest.mark.slow
 def test_error_at_the_end_of_a_table_leaves_no_recording(
     rehearsed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -285,7 +373,7 @@ def test_error_at_the_end_of_a_table_leaves_no_recording(
     table = tmp_path / "out" / "ticks" / f"{rehearsed.stem}.csv"
     lines = table.read_text(encoding="utf-8").splitlines(keepends=True)
     table.write_text("".join([*lines[:-1], lines[5]]), encoding="utf-8")
-    with pytest.raises(ConfigError, match=f"line {len(lines)}, column tick: found 4, expected increasing numbers"):
+    with pytest.raises(ConfigError, match=f'line {len(lines)}, column tick: found "4", expected increasing numbers'):
         import_table(table, tmp_path / "made", CONFIG, ImportOptions(), UTC_NS, lambda *progress: None)
     assert list((tmp_path / "made").iterdir()) == []
 
@@ -320,4 +408,4 @@ def test_import_command_summarises_the_import(tmp_path: Path) -> None:
 
 
 def test_exported_table_is_named_as_such() -> None:
-    assert [*in_words([Imported(Path("S01.mcap"), "ticks", 3, ())])] == ["S01.mcap: 3 ticks, as exported"]
+    assert [*in_words([Imported(Path("S01.mcap"), "as exported", 3, ())])] == ["S01.mcap: 3 ticks, as exported"]

@@ -287,7 +287,7 @@ def test_configuration_file_may_have_a_byte_order_mark() -> None:
 def test_file_without_an_end_is_refused(command: list[str]) -> None:
     result = runner.invoke(app, [*command, "/dev/zero"])
     assert result.exit_code == 2
-    assert result.stderr.startswith("netboard: /dev/zero: cannot be read: [Errno 27] File too large, expected at most ")
+    assert result.stderr.startswith("netboard: /dev/zero: cannot be read: File too large, expected at most ")
 
 
 def test_options_override_the_configuration_file_of_the_folder() -> None:
@@ -301,7 +301,7 @@ def test_options_override_the_configuration_file_of_the_folder() -> None:
     [
         (None, "rig.toml: no such file; create it with: netboard config init rig.toml"),
         (b"[block]\ntrails = 4", "rig.toml: [block] trails: unknown key; did you mean trials"),
-        (b"\xff\xfe", "rig.toml: cannot be read"),
+        (b"\xff\xfe", "rig.toml: line 1: is not UTF-8; save the file as UTF-8"),
     ],
 )
 @pytest.mark.parametrize("command", ["config check", "server", "agent --side left", "demo", "logger"])
@@ -410,12 +410,53 @@ def test_windows_without_a_screen_are_refused(command: str, monkeypatch: pytest.
     assert result.stderr.count("\n") == 1
 
 
-@pytest.mark.parametrize("command", ["info", "recover", "replay --verify"])
-def test_missing_recording_prints_one_line_and_exits_with_1(command: str) -> None:
-    result = runner.invoke(app, [*command.split(), "none.mcap"])
-    assert result.exit_code == 1
-    assert result.stderr.startswith("netboard: none.mcap: cannot be read")
-    assert result.stderr.count("\n") == 1
+TAKE_FILES = """
+analyse -o out
+analyse none.mcap --settings
+check
+cohort -o out
+config check
+demo --config
+demo --study
+display --station left --config
+explain --trial 1 -o a.png
+export --to csv -o out
+import -o out
+import --manifest
+info
+plan check
+power -o out
+recover
+replay
+replay --headless
+replay --markers
+replay --serve
+replay --verify
+server --config
+server --study
+session rehearse
+sessions
+simulate -o out.csv --input
+simulate -i none.csv -o out.csv --scene
+trace
+up --server --config
+up --server --study
+whatif --set physics.g=9
+""".strip().splitlines()
+"""Every command that takes a file or a folder, with what it needs before its name."""
+
+
+@pytest.mark.parametrize("command", TAKE_FILES)
+def test_missing_file_prints_one_line_and_exits_with_2(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    name = "none.csv" if command.startswith(("import -o", "simulate -o")) else "none.mcap"
+    result = runner.invoke(app, [*command.split(), name])
+    assert result.exit_code == 2, result.output
+    assert result.stderr.startswith("netboard: none."), result.stderr
+    assert result.stderr.count("\n") == 1, result.stderr
+    assert not list(tmp_path.iterdir())
 
 
 def test_config_check_refuses_a_scene_too_stiff_for_the_tick() -> None:

@@ -8,6 +8,7 @@
     │   └── DeviceTimeout        it did not answer in time (also a TimeoutError)
     ├── WireError                the peer broke the protocol; never our own mistake
     └── RecordingError           a recording cannot be written, read or trusted
+        └── NoRecording          a file or folder that was named is not there, or is none (also a ConfigError)
 
 Our own misuse is a ``ValueError`` or ``TypeError``. Expected conditions (a lost frame, a deadline miss, a clamped
 force, an aborted trial) are values, events or counters, never exceptions.
@@ -47,6 +48,29 @@ class WireError(NetboardError):
 
 class RecordingError(NetboardError):
     """A recording cannot be written, read or trusted."""
+
+
+class NoRecording(RecordingError, ConfigError):
+    """What was named as a recording does not exist, or is none."""
+
+
+def unreadable(path: object, error: OSError) -> RecordingError:
+    """Return the error of a recording that cannot be read: wrong input if it is not there, else a fault.
+
+    Parameters
+    ----------
+    path : object
+        File or folder, as the message names it.
+    error : OSError
+        Why it cannot be read.
+
+    Returns
+    -------
+    RecordingError
+        To be raised.
+    """
+    kind = NoRecording if isinstance(error, FileNotFoundError | NotADirectoryError) else RecordingError
+    return kind(f"{path}: cannot be read: {error.strerror or error}")
 
 
 @contextmanager

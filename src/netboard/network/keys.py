@@ -24,6 +24,7 @@ from pydantic import AwareDatetime, Field, TypeAdapter, ValidationError
 from netboard.base.config import SIDES
 from netboard.base.errors import ConfigError, writing
 from netboard.base.files.new import write_synced
+from netboard.base.files.text import read_text
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, parse_toml, to_toml
 from netboard.base.tables.rig import Network
 from netboard.network.protocol.joining import ROLES_WITH_SIDE, Role, role_and_side
@@ -351,15 +352,10 @@ def _read_key(path: Path, hint: str) -> _KeyFile:
 
 def _read(path: Path, hint: str) -> str:
     """Read a file that only its owner may read."""
-    try:
-        with path.open(encoding="utf-8") as file:
-            _refuse_open(path.parent)
-            _refuse_open(path)
-            return file.read()
-    except FileNotFoundError:
-        raise ConfigError(f"{path}: does not exist; {hint}") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: cannot be read: {error}") from error
+    text = read_text(path, f"does not exist; {hint}")
+    for place in (path.parent, path):
+        _refuse_open(place)
+    return text
 
 
 def _refuse_open(path: Path) -> None:

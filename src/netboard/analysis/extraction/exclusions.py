@@ -84,7 +84,7 @@ def named_trials(rules: Exclusions) -> dict[tuple[str, int], str]:
     for word in rules.trials:
         place, colon, why = word.partition(":")
         recording, _, trial = place.strip().rpartition("/")
-        if not colon or not why.strip() or not trial.isdecimal():
+        if not colon or not why.strip() or not (trial.isascii() and trial.isdecimal()):
             raise ConfigError(f"[exclusions] trials: found {word!r}, expected RECORDING/TRIAL: why")
         named[recording, int(trial)] = why.strip()
     return named

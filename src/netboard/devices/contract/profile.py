@@ -18,7 +18,7 @@ from pydantic import TypeAdapter
 
 from netboard.base.errors import ConfigError
 from netboard.base.files.new import write_synced
-from netboard.base.files.text import read_text
+from netboard.base.files.text import find_text
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, about, read, write
 
 REACH = 1.0
@@ -121,12 +121,9 @@ def load(folder: Path, serial: str) -> Profile | None:
     another device.
     """
     path = file_of(folder, serial)
-    try:
-        text = read_text(path)
-    except FileNotFoundError:
+    text = find_text(path)
+    if text is None:
         return None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: the device's profile cannot be read: {error}") from error
     profile = parse(text, str(path))
     if profile.device.serial != serial:
         raise ConfigError(

@@ -11,6 +11,7 @@ import numpy as np
 
 from netboard.base import settings
 from netboard.base.errors import ConfigError, NetboardError
+from netboard.base.number import number_of
 from netboard.devices.contract.device import Box
 from netboard.devices.contract.profile import MAX_SCALE, Placement
 from netboard.devices.setup.loop import Track
@@ -102,7 +103,7 @@ def with_values(before: Placement, given: Mapping[str, str], words: str) -> Plac
     values: dict[str, object] = {**asdict(before), "calibrated": words}
     for key, word in given.items():
         try:
-            values[key] = float(word)
+            values[key] = number_of(word)
         except ValueError:
             raise ConfigError(f"[placement] {key}: found {word}, expected a number") from None
     return settings.check(Placement, values, ("placement",))

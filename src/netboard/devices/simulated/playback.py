@@ -12,10 +12,9 @@ repaired silently.
 Options (``agents.<side>.options``): see `Options`.
 """
 
-import csv
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import isfinite, isnan
+from math import isnan
 from pathlib import Path
 from typing import Annotated, Any, Literal, final
 
@@ -28,6 +27,7 @@ from netboard.base.errors import ConfigError, DeviceNotFound
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
 from netboard.devices.contract.device import Device, DeviceInfo, Reading
 from netboard.recording.files.reader import Recording
+from netboard.recording.importing.tables import Portion, TableFile
 from netboard.stage.styluses import MAX_STYLUS_HEIGHT
 
 NEEDED = ("time", "x", "y", "z")
@@ -208,23 +208,24 @@ def read_csv(path: Path) -> Track:
 
     Raises `ConfigError` if the file is invalid; the message gives the first error, with line and column.
     """
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.reader(file)
-            names = [name.strip() for name in next(reader, [])]
-            _check_names(path, names)
-            table = np.array(list(_numbers(path, names, reader)), np.float64)
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise ConfigError(f"{path}: cannot be read: {error}") from error
-    if len(table) < 2:
-        raise ConfigError(f"{path}: found {len(table)} positions, expected at least 2")
-    columns = dict(zip(names, table.T, strict=True))
-    unknown = np.full(len(table), np.nan)
+    file = TableFile(path)
+    _check_names(path, file.names)
+    columns: dict[str, list[NDArray[np.float64]]] = {name: [np.empty(0)] for name in file.names}
+    before = -np.inf
+    for portion in file.portions(file.names):
+        read = {name: portion.numbers(name, UNITS[name], "complete") for name in file.names}
+        before = _check_numbers(portion, read, before)
+        for name, values in read.items():
+            columns[name].append(values)
+    table = {name: np.concatenate(parts) for name, parts in columns.items()}
+    if len(table["time"]) < 2:
+        raise ConfigError(f"{path}: found {len(table['time'])} positions, expected at least 2")
+    unknown = np.full(len(table["time"]), np.nan)
     return Track(
-        columns["time"] - columns["time"][0],
-        np.stack([columns[name] for name in NEEDED[1:]], axis=1),
-        np.stack([columns.get(name, unknown) for name in RATES], axis=1),
-        columns.get("buttons", np.zeros(len(table))).astype(np.int64),
+        table["time"] - table["time"][0],
+        np.stack([table[name] for name in NEEDED[1:]], axis=1),
+        np.stack([table.get(name, unknown) for name in RATES], axis=1),
+        table.get("buttons", np.zeros(len(unknown))).astype(np.int64),
     )
 
 
@@ -240,41 +241,17 @@ def _check_names(path: Path, names: Sequence[str]) -> None:
         raise ConfigError(f"{path}: line 1: columns: {'; '.join(problems)}; expected {expected}")
 
 
-def _numbers(path: Path, names: Sequence[str], reader: Any) -> Iterator[list[float]]:
-    """Yield the rows as numbers; raise an error at the first invalid one."""
-    before = -np.inf
-    for row in reader:
-        if not row:
-            continue
-        where = f"{path}: line {reader.line_num}"
-        if len(row) != len(names):
-            raise ConfigError(f"{where}: found {len(row)} columns, expected {len(names)}")
-        values = [_number(where, name, word) for name, word in zip(names, row, strict=True)]
-        now = values[names.index("time")]
-        if now <= before:
-            raise ConfigError(
-                f"{where}, column time: found {now:.12g} after {before:.12g}, expected times that increase"
-            )
-        before = now
-        yield values
-
-
-def _number(where: str, name: str, word: str) -> float:
-    """Convert one field to a number."""
-    try:
-        value = float(word)
-    except ValueError:
-        value = np.nan
-    if not isfinite(value):
-        found = f'"{word}"' if word.strip() else "nothing"
-        raise ConfigError(f"{where}, column {name}: found {found}, expected a finite number [{UNITS[name]}]")
-    if UNITS[name] == "m" and abs(value) > MAX_STYLUS_HEIGHT:
-        raise ConfigError(
-            f"{where}, column {name}: found {value:g}, expected at most {MAX_STYLUS_HEIGHT:g} m in each direction: "
-            "are these mm?"
-        )
-    if name == "buttons" and not (value >= 0.0 and value.is_integer() and value < 2**31):
-        raise ConfigError(
-            f"{where}, column buttons: found {value:g}, expected a bit mask, 0 or a whole number above it"
-        )
-    return value
+def _check_numbers(portion: Portion, read: dict[str, NDArray[np.float64]], before: float) -> float:
+    """Raise an error for implausible numbers in a batch, and times that do not increase; return the last time."""
+    for name, values in read.items():
+        if UNITS[name] == "m" and (far := np.abs(values) > MAX_STYLUS_HEIGHT).any():
+            expected = f"at most {MAX_STYLUS_HEIGHT:g} m in each direction: are these mm?"
+            raise ConfigError(portion.wrong(int(np.argmax(far)), name, expected))
+        if name == "buttons" and (wrong := (values < 0) | (values != np.round(values)) | (values >= 2**31)).any():
+            expected = "a bit mask, 0 or a whole number above it"
+            raise ConfigError(portion.wrong(int(np.argmax(wrong)), name, expected))
+    back = np.flatnonzero(np.diff(read["time"], prepend=before) <= 0).tolist()
+    if back:
+        newest = read["time"][back[0] - 1] if back[0] else before
+        raise ConfigError(portion.wrong(back[0], "time", f"times that increase, after {newest:.12g}"))
+    return float(read["time"][-1])

@@ -30,7 +30,7 @@ from mcap.records import (
     Statistics,
 )
 
-from netboard.base.errors import RecordingError
+from netboard.base.errors import RecordingError, unreadable
 from netboard.recording.files.locate import EMPTY, recovery_advice, require_file
 from netboard.recording.format.chunks import MAGIC, RECORD_HEAD, UNSOUND, unpack_chunk
 from netboard.recording.format.claims import (
@@ -63,7 +63,7 @@ class Container:
         try:
             self._file = path.open("rb")
         except OSError as error:
-            raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
+            raise unreadable(path, error) from error
         try:
             self._open()
         except BaseException:

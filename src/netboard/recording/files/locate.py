@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from glob import escape
 from pathlib import Path
 
-from netboard.base.errors import RecordingError
+from netboard.base.errors import NoRecording, RecordingError, unreadable
 from netboard.base.terminal.shell import shell_command
 
 RECOVERABLE = "netboard recover makes a recording of it"
@@ -47,7 +47,7 @@ def find_recordings(paths: Sequence[Path]) -> tuple[Path, ...]:
         here = _named(path, ".mcap") if path.is_dir() else [path]
         if not here:
             words = "".join(f"; {part.name} {UNFINISHED}" for part in find_unfinished([path])[:1])
-            raise RecordingError(f"{path}: there is no recording (.mcap) in this folder{words}")
+            raise NoRecording(f"{path}: there is no recording (.mcap) in this folder{words}")
         found += here
     names: dict[str, Path] = {}
     for path in dict.fromkeys(found):
@@ -117,9 +117,9 @@ def require_file(path: Path) -> None:
     """Refuse a folder, and a pipe or a device, which cannot be read from any position and may keep a reader waiting."""
     if path.is_dir():
         listing = shell_command("netboard", "sessions", path)
-        raise RecordingError(f"{path}: is a folder, expected a recording; {listing} lists those in a folder")
+        raise NoRecording(f"{path}: is a folder, expected a recording; {listing} lists those in a folder")
     if path.exists() and not path.is_file():
-        raise RecordingError(f"{path}: is a pipe or a device; save the recording as a file, and give that")
+        raise NoRecording(f"{path}: is a pipe or a device; save the recording as a file, and give that")
 
 
 def sha256_of(path: Path) -> str:
@@ -128,7 +128,7 @@ def sha256_of(path: Path) -> str:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
-        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
+        raise unreadable(path, error) from error
 
 
 def find_unfinished(paths: Sequence[Path]) -> tuple[Path, ...]:

@@ -74,6 +74,10 @@ class BlockWriter:
         self._write_event(-1, self._time_ns, "session_ended", {"late_ticks": "0"})
         self._writer.finish(self._time_ns + self._log_time_minus_server)
 
+    def remark(self, name: str, details: dict[str, str]) -> None:
+        """Write a log message."""
+        self._writer.remark(name, details, self._time_ns + self._log_time_minus_server)
+
     def abandon(self) -> None:
         """Delete the unfinished file."""
         self._writer.abandon()

@@ -405,6 +405,10 @@ def block_config(record: Record) -> str:
     return record.details.get("config", "") if isinstance(record, EventRecord) and record.name == BLOCK_BEGAN else ""
 
 
+NOT_EXACT = "not_bit_exact"
+"""Log message of a recording from a table of ticks that differs from a recording's: where and how."""
+
+
 def remark(seq: int, name: str, details: dict[str, str], log_time_ns: int) -> Stamped:
     """Make a message of the ``/logger`` channel."""
     return Stamped("/logger", seq, log_time_ns, _map(EventRecord(seq, -1, log_time_ns, name, details)))

@@ -82,12 +82,8 @@ class SimulationOptions:
 
 def load_scene(file: Path | None, overrides: Sequence[str]) -> Config:
     """Read a scene: of a configuration only the table [physics] counts; without a file, the paper's scene."""
-    try:
-        text = read_text(file) if file else ""
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{file}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
     source = str(file or "defaults")
-    config = read(ADAPTER, Config, text, source, overrides)
+    config = read(ADAPTER, Config, read_text(file) if file else "", source, overrides)
     if problems := [f"{source}: {problem}" for problem in contradictions_of_scene(config.physics)]:
         raise ConfigError("\n".join(problems))
     return config

@@ -53,10 +53,7 @@ class Manifest:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        try:
-            text = read_text(path)
-        except (OSError, UnicodeDecodeError) as error:
-            raise ConfigError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
+        text = read_text(path)
         values = parse_toml(text, str(path))
         self._lines = text.splitlines()
         self._starts = [number for number, line in enumerate(self._lines) if HEADER.match(line)]
@@ -88,12 +85,8 @@ class Manifest:
         try:
             text = read_text(place)
             parse(text, str(place))
-        except (OSError, UnicodeDecodeError) as error:
-            reason = getattr(error, "strerror", None) or error
-            self.problems.append(f"{self._at(None, 'config')}: {place}: cannot be read: {reason}")
-            return {}
         except ConfigError as error:
-            self.problems += str(error).splitlines()
+            self.problems += [f"{self._at(None, 'config')}: {line}" for line in str(error).splitlines()]
             return {}
         return tomllib.loads(text)
 

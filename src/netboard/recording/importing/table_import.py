@@ -2,7 +2,7 @@
 
 import json
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -19,9 +19,10 @@ from netboard.base.plural import plural
 from netboard.recording.files.locate import sha256_of
 from netboard.recording.files.offline_writer import BlockWriter
 from netboard.recording.importing.columns import COLUMNS, TASK
+from netboard.recording.importing.exactness import ExaminedTicks
 from netboard.recording.importing.resampling import Interpolation, resampled, segments
 from netboard.recording.importing.rows import measured, simulated
-from netboard.recording.importing.tables import Samples, TableFile, is_tick_table, read_samples, read_ticks
+from netboard.recording.importing.tables import Samples, TableFile, is_tick_table, read_samples
 
 PIECE = 10_000
 """Ticks per progress report [1]."""
@@ -29,6 +30,9 @@ PIECE = 10_000
 ORIGIN = ("rehearsed", "what_if", "source")
 """Metadata that an imported table of ticks takes over from the exported recording."""
 METADATA = TypeAdapter(dict[str, str])
+
+Progress = Callable[[str, int, int], None]
+"""Progress callback: current table, ticks done and total."""
 
 GIVEN = "--config's, whose devices decide whether its participants count as simulated"
 """Which configuration a table of ticks gets that has none beside it."""
@@ -72,7 +76,7 @@ class Imported:
 def in_words(done: Sequence[Imported]) -> Iterator[str]:
     """Describe the new recordings, then the notes on them, each once."""
     for found in done:
-        yield f"{found.path}: {plural(found.ticks, 'tick')}, {'as exported' if found.what == 'ticks' else found.what}"
+        yield f"{found.path}: {plural(found.ticks, 'tick')}, {found.what}"
     for note, count in Counter(note for found in done for note in found.notes).items():
         yield f"  {note}" + f" ({count} recordings)" * (count > 1)
 
@@ -108,7 +112,7 @@ def import_table(
     config: Config,
     options: ImportOptions,
     utc_ns: int,
-    progress: Callable[[str, int, int], None],
+    progress: Progress,
 ) -> Imported:
     """Convert a table to a recording.
 
@@ -116,10 +120,7 @@ def import_table(
     """
     origin = {"imported_from": path.name, "imported_sha256": sha256_of(path)}
     if is_tick_table(path) and not options.names:
-        beside = configuration_beside(path)
-        warned = () if beside else (f"no configurations/{path.stem}.toml beside its folder: it is given {GIVEN}",)
-        origin = {"imported": "ticks", **origin_beside(path), **origin}
-        return _save(read_ticks(path), folder, beside or config, origin, utc_ns, progress, warned)
+        return _import_ticks(path, folder, config, origin, utc_ns, progress)
     samples = read_samples(path, options.names, options.units, options.rate)
     require_task(path, samples.columns, options)
     try:
@@ -133,7 +134,23 @@ def import_table(
         "imported_samples": str(samples.time.size),
     }
     pieces = (rows[first : first + PIECE] for first in range(0, rows.size, PIECE))
-    return _save(pieces, folder, config, origin, utc_ns, progress, tuple(notes), rows.size)
+    made = _save(pieces, folder, config, origin, utc_ns, progress, total=rows.size)
+    return Imported(made, origin["imported"], rows.size, tuple(notes))
+
+
+def _import_ticks(
+    path: Path, folder: Path, config: Config, origin: dict[str, str], utc_ns: int, progress: Progress
+) -> Imported:
+    """Convert a table of ticks as netboard exports it, and compute them again, which tells whether they are exact."""
+    beside = configuration_beside(path)
+    source = f"configurations/{path.stem}.toml" if beside else "--config"
+    origin = {"imported": "ticks", **origin_beside(path), **origin}
+    examined = ExaminedTicks(path, None if origin["imported"] == "measured" else beside or config, source)
+    made = _save(examined.pieces(), folder, beside or config, origin, utc_ns, progress, examined.remarks)
+    notes = [f"no configurations/{path.stem}.toml beside its folder: it is given {GIVEN}"] * (beside is None)
+    what = {"ticks": "as exported"}.get(origin["imported"], origin["imported"])
+    exact = not [*examined.remarks()]
+    return Imported(made, what if exact else "imported, not bit-exact", examined.count, (*notes, *examined.notes()))
 
 
 def require_task(path: Path, columns: Collection[str], options: ImportOptions) -> None:
@@ -173,11 +190,11 @@ def _save(
     config: Config,
     origin: dict[str, str],
     utc_ns: int,
-    progress: Callable[[str, int, int], None],
-    notes: tuple[str, ...],
+    progress: Progress,
+    remarks: Callable[[], Iterable[tuple[str, dict[str, str]]]] = tuple,
     total: int = 0,
-) -> Imported:
-    """Write rows as a recording; delete it if writing fails."""
+) -> Path:
+    """Write rows as a recording; delete it if writing fails. ``remarks``: log messages after the last row."""
     first = next(pieces, None)
     if first is None:
         raise ConfigError(f"{origin['imported_from']}: has no rows")
@@ -190,8 +207,10 @@ def _save(
             writer.take(rows)
             done += rows.size
             progress(origin["imported_from"], done, max(total, done))
+        for name, details in remarks():
+            writer.remark(name, details)
         writer.finish()
     except BaseException:
         writer.abandon()
         raise
-    return Imported(writer.path, origin["imported"], done, notes)
+    return writer.path

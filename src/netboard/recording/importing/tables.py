@@ -5,6 +5,7 @@ by commas, semicolons or tabs; numbers have a decimal point. An empty cell is a 
 """
 
 import csv
+import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -14,17 +15,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.errors import ConfigError, RecordingError
+from netboard.base.errors import ConfigError, unreadable
 from netboard.base.files.cells import QUOTE, text_of_cell
-from netboard.base.tick import TICK
+from netboard.base.files.text import open_text
+from netboard.base.tick import TICK, TICK_NS
 from netboard.recording.export.formats import library
+from netboard.recording.importing.cells import Rule, WrongCell, numbers_in, whole_numbers_in
 from netboard.recording.importing.columns import COLUMNS, mapped, scales
 
-ROWS = 20_000
-"""Rows per batch [1]."""
+ROWS = 1000
+"""Rows per batch, which fit the cache of a processor as text [1]."""
 
 MAX_MAGNITUDES = {"m": (1.0, "mm"), "rad": (1.6, "deg"), "N": (1000.0, "mN")}
 """Largest plausible magnitudes of positions, angles and forces, and the unit to suggest for larger values [SI]."""
+
+SHORTENED = re.compile(r"[+-]?[0-9]+(?:\.[0-9]*)?[eE][+-]?[0-9]+")
+"""A number as a spreadsheet writes one of many digits."""
+
+UNSAVED = "import the table as netboard exported it, without saving it in a spreadsheet, which rounds numbers"
 
 _REPLACEABLE = ("time",)
 """Columns that a table may lack if its sample rate is known."""
@@ -45,17 +53,30 @@ class Portion:
     places: Sequence[int]
     cells: dict[str, Any]  # columns of text, or of any type in a Parquet file
 
-    def numbers(self, name: str, kind: type[np.generic] = np.float64, unit: str = "") -> NDArray[Any]:
+    def numbers(self, name: str, unit: str = "", rule: Rule = "measured") -> NDArray[np.float64]:
         """Return a column of numbers. ``unit``: shown in the error if a cell is none."""
-        cells = self.cells[name]
-        if isinstance(cells, np.ndarray) and (cells.dtype == kind or kind is np.float64):
-            return cells.astype(kind, copy=False)
         try:
-            return np.array([_number(cell, kind) for cell in cells], kind)
-        except (TypeError, ValueError, OverflowError):
-            place = next(k for k, cell in enumerate(cells) if not _is_number(cell, kind))
-        words = ("a whole number" if kind is np.int64 else "a number") + (f" [{unit}]" if unit else "")
-        raise ConfigError(f'{self.at(place)}, column {name}: found "{cells[place]}", expected {words}') from None
+            return numbers_in(self.cells[name], rule)
+        except WrongCell as wrong:
+            comma = isinstance(cell := self.cells[name][wrong.place], str) and "," in cell
+            expected = "a number" + f" [{unit}]" * bool(unit) + " with a decimal point" * comma
+            raise ConfigError(self.wrong(wrong.place, name, expected)) from None
+
+    def whole_numbers(self, name: str, rule: Rule = "measured") -> NDArray[np.int64]:
+        """Return a column of whole numbers."""
+        try:
+            return whole_numbers_in(self.cells[name], rule)
+        except WrongCell as wrong:
+            expected = "a whole number in digits"
+            if rule == "exported" and SHORTENED.fullmatch(str(self.cells[name][wrong.place])):
+                expected += f", all of them; {UNSAVED}"
+            raise ConfigError(self.wrong(wrong.place, name, expected)) from None
+
+    def wrong(self, place: int, name: str, expected: str) -> str:
+        """Return an error: where a cell is, what it is, and what was expected."""
+        cell = self.cells[name][place]
+        found = "nothing" if cell is None or not str(cell).strip() else f'"{cell}"'
+        return f"{self.at(place)}, column {name}: found {found}, expected {expected}"
 
     def words(self, name: str) -> list[str]:
         """Return a column of strings."""
@@ -67,32 +88,6 @@ class Portion:
     def at(self, place: int) -> str:
         """Format the location of a row."""
         return f"{self.source}: {self.what} {self.places[place]}"
-
-
-def _number(cell: Any, kind: type[np.generic]) -> float | int:
-    """Parse a cell; an empty one is NaN, or 0 for integers."""
-    if cell is None or (isinstance(cell, str) and not cell.strip()):
-        return 0 if kind is np.int64 else float("nan")
-    if kind is not np.int64:
-        return float(cell)
-    if isinstance(cell, str):
-        try:
-            return int(cell)
-        except ValueError:
-            cell = float(cell)
-    if np.isnan(cell):  # some programs write a missing integer as NaN
-        return 0
-    if int(cell) != cell:
-        raise ValueError
-    return int(cell)
-
-
-def _is_number(cell: Any, kind: type[np.generic]) -> bool:
-    try:
-        kind(_number(cell, kind))
-    except (TypeError, ValueError, OverflowError):
-        return False
-    return True
 
 
 class TableFile:
@@ -107,23 +102,21 @@ class TableFile:
             raise ConfigError(f"{path}: expected the name of a .csv or .parquet file")
         try:
             self.names = self._parquet_names() if self._read == self._parquet else self._csv_names()
-        except (OSError, UnicodeDecodeError) as error:
-            raise ConfigError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
+        except OSError as error:
+            raise ConfigError(f"{path}: cannot be read: {error.strerror or error}") from error
 
     def portions(self, names: Sequence[str]) -> Iterator[Portion]:
         """Yield the rows in batches."""
         assert self._read is not None
         try:
             yield from self._read(list(dict.fromkeys(names)))
-        except UnicodeDecodeError as error:
-            raise ConfigError(f"{self.path}: is not text in UTF-8: {error}") from error
         except csv.Error as error:
             raise ConfigError(f"{self.path}: is not a table: {error}") from error
         except OSError as error:
-            raise RecordingError(f"{self.path}: cannot be read: {error.strerror or error}") from error
+            raise unreadable(self.path, error) from error
 
     def _csv_names(self) -> list[str]:
-        with self.path.open(encoding="utf-8-sig", newline="") as file:
+        with open_text(self.path) as file:
             head = file.readline()
         self.separator = max(",;\t", key=head.count)
         names = [text_of_cell(name.strip()) for name in next(csv.reader([head], delimiter=self.separator), [])]
@@ -133,7 +126,7 @@ class TableFile:
 
     def _csv(self, names: list[str]) -> Iterator[Portion]:
         places = [self.names.index(name) for name in names]
-        with self.path.open(encoding="utf-8-sig", newline="") as file:
+        with open_text(self.path) as file:
             reader = csv.reader(file, delimiter=self.separator)
             next(reader)
             numbered = ((reader.line_num, row) for row in reader if row)
@@ -241,7 +234,7 @@ def _column(portion: Portion, name: str, theirs: str, factor: tuple[float, float
     if COLUMNS[name].kind == "word":
         return np.array(portion.words(theirs), object)
     if COLUMNS[name].kind == "integer":
-        return portion.numbers(theirs, np.int64)
+        return portion.whole_numbers(theirs)
     times, over = factor
     return portion.numbers(theirs) * times / over
 
@@ -278,21 +271,32 @@ def is_tick_table(path: Path) -> bool:
     return set(TICK.names or ()) <= set(TableFile(path).names)
 
 
-def read_ticks(path: Path) -> Iterator[NDArray[Any]]:
-    """Read an exported table of ticks.
+def read_ticks(path: Path) -> Iterator[tuple[NDArray[Any], Portion]]:
+    """Read an exported table of ticks, in batches: the ticks, and where they come from.
 
     The file is a .csv or .parquet file with all tick columns. Rows are bit for bit (except NaN payloads in CSV).
     """
-    newest = -1
+    last = np.zeros(0, TICK)
     for portion in TableFile(path).portions(TICK.names or ()):
         rows = np.empty(len(portion.places), TICK)
         for name in TICK.names or ():
-            rows[name] = portion.numbers(name, np.int64 if TICK[name].kind == "i" else np.float64)
-        back = np.flatnonzero(np.diff(rows["tick"], prepend=newest) <= 0)
-        if back.size:
-            raise ConfigError(
-                f"{portion.at(back[0])}, column tick: found {rows['tick'][back[0]]}, expected increasing numbers: "
-                "the ticks of one recording"
-            )
-        newest = int(rows["tick"][-1])
-        yield rows
+            if TICK[name].kind == "i":
+                rows[name] = portion.whole_numbers(name, "exported")
+            else:
+                rows[name] = portion.numbers(name, rule="exported")
+        _refuse_other_times(portion, np.concatenate([last, rows]), len(last))
+        last = rows[-1:]
+        yield rows, portion
+
+
+def _refuse_other_times(portion: Portion, rows: NDArray[Any], before: int) -> None:
+    """Refuse ticks out of order, and times other than a recording's; ``before``: rows of the batch before."""
+    ticks, times = rows["tick"], rows["time_ns"]
+    if back := np.flatnonzero(np.diff(ticks, prepend=-1) <= 0).tolist():
+        expected = f"increasing numbers after {ticks[back[0] - 1]}: the ticks of one recording"
+        raise ConfigError(portion.wrong(back[0] - before, "tick", expected))
+    late_ns = np.diff(times) - np.diff(ticks) * TICK_NS
+    if wrong := (np.flatnonzero((late_ns < 0) | (late_ns % TICK_NS != 0)) + 1).tolist():
+        due_ns = times[wrong[0]] - late_ns[wrong[0] - 1]
+        expected = f"{due_ns}, as ticks are 1 ms apart, or whole milliseconds more after a stall; {UNSAVED}"
+        raise ConfigError(portion.wrong(wrong[0] - before, "time_ns", expected))

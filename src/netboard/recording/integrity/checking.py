@@ -28,7 +28,7 @@ from netboard.recording.integrity.clock_check import check_clocks
 from netboard.recording.integrity.journal_check import check_journal, check_plan
 from netboard.recording.integrity.quality_check import Judge, losses_among
 from netboard.recording.integrity.severity import Finding, Report, Severity
-from netboard.recording.integrity.stream_check import check_end, check_numbers, check_rendered, check_time
+from netboard.recording.integrity.stream_check import check_end, check_numbers, check_rendered, check_time, not_exact
 from netboard.recording.integrity.trial_check import check_measured, check_trials
 from netboard.recording.integrity.verification import why_not_computable
 from netboard.recording.integrity.walk import Evidence, walk
@@ -208,7 +208,8 @@ def _replay(evidence: Evidence) -> Iterator[Finding]:
         return
     if not result.identical:
         text = f"tick {result.tick}, {result.field}: recorded {result.recorded!r}, computed {result.computed!r}"
-        yield Finding(Severity.DAMAGE, f"not identical: {text}")
+        known = not_exact(evidence.remarks)
+        yield Finding(Severity.LOSS if known else Severity.DAMAGE, f"not identical: {text}")
     elif not result.checked:
         yield Finding(Severity.LOSS, "contains no ticks to recompute")
     else:
@@ -228,7 +229,7 @@ CHECKS = (
     Check(
         "file",
         "The checksums of the whole file, of its index and of every chunk are right. A file that was recovered, ends "
-        "before its block, or was computed instead of recorded is a loss.",
+        "before its block, was computed instead of recorded, or was imported from rounded numbers is a loss.",
         lambda evidence: check_end(evidence.recording),
     ),
     Check(

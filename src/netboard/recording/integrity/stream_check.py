@@ -12,7 +12,7 @@ from netboard.base.tick import TICK_NS
 from netboard.network.protocol.records import EventRecord, FrameRecord
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.backfill import unknown_ticks
-from netboard.recording.format.channels import LOG_TOPICS, TICKS
+from netboard.recording.format.channels import LOG_TOPICS, NOT_EXACT, TICKS
 from netboard.recording.format.summary import find_gaps
 from netboard.recording.integrity.account import NumberRange, cause_of_loss
 from netboard.recording.integrity.severity import Finding, Severity, numbers_in_words
@@ -113,10 +113,21 @@ def check_end(recording: Recording) -> Iterator[Finding]:
     ended = recording.end.get("ended", "")
     if ended != "complete" and not (recording.recovery and not ended):
         yield Finding(Severity.LOSS, f"ends before its session: {ended or 'no cause is noted'}")
+    for note in not_exact(recording.remarks()):
+        yield Finding(Severity.LOSS, f"imported, not bit-exact: {note}")
     if "what_if" in recording.metadata:
         source, scene = recording.metadata.get("source", "?"), recording.metadata["what_if"]
         text = f"not a recording of people: computed from {source} with {scene}; has no ticks between attempts"
         yield Finding(Severity.LOSS, text)
+
+
+def not_exact(remarks: Sequence[EventRecord]) -> list[str]:
+    """Return where the table of an imported recording differs from a recording's, as found at its import."""
+    return [
+        '{where}: found "{found}", expected {expected}'.format_map(remark.details)
+        for remark in remarks
+        if remark.name == NOT_EXACT
+    ]
 
 
 def check_rendered(recording: Recording) -> Iterator[Finding]:

@@ -23,7 +23,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Header, Metadata
 
-from netboard.base.errors import RecordingError
+from netboard.base.errors import RecordingError, unreadable
 from netboard.recording.files.locate import require_file
 from netboard.recording.files.provenance import CONFIG_NAME, MetadataName, damaged_numbers
 from netboard.recording.format.chunks import MAGIC, RECORD_HEAD, UNSOUND, has_right_length, unpack_chunk
@@ -106,7 +106,7 @@ def mapped(path: Path) -> Iterator[Data]:
             size = os.fstat(file.fileno()).st_size
             data = stack.enter_context(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)) if size else b""
         except OSError as error:
-            raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
+            raise unreadable(path, error) from error
         yield data
 
 

@@ -5,9 +5,9 @@ A replay moves no hand, so every connected peer may command it. Commands that be
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import isfinite
 
 from netboard.base.errors import NetboardError
+from netboard.base.number import number_of, whole_of
 from netboard.network.protocol.control import REPLAY_COMMANDS, SHARED_COMMANDS
 from netboard.recording.replay.loaded import LoadedRecording
 from netboard.recording.replay.marks import ANY, KINDS, near
@@ -144,7 +144,7 @@ def _trial(recording: LoadedRecording, which: str) -> tuple[float, float]:
 
 def _whole(name: str, text: str) -> int:
     try:
-        number = int(text)
+        number = whole_of(text)
     except ValueError:
         number = MOST + 1
     if abs(number) > MOST:
@@ -154,12 +154,9 @@ def _whole(name: str, text: str) -> int:
 
 def _number(name: str, text: str, expected: str) -> float:
     try:
-        number = float(text)
+        return number_of(text)
     except ValueError:
-        number = float("nan")
-    if not isfinite(number):
-        raise NetboardError(f'{name}: found "{text}", expected {expected}')
-    return number
+        raise NetboardError(f'{name}: found "{text}", expected {expected}') from None
 
 
 _COMMANDS: dict[str, Callable[[Playback, LoadedRecording, float, str], Playback]] = {

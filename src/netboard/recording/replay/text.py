@@ -18,6 +18,7 @@ from netboard.recording.format.rig import Rig, rig_of
 from netboard.recording.format.summary import Attempt, Spread, Summary, summarise
 from netboard.recording.integrity.account import NumberRange, account_of, parts_of
 from netboard.recording.integrity.quality_check import losses_among
+from netboard.recording.integrity.stream_check import not_exact
 from netboard.recording.integrity.verification import Verification
 from netboard.recording.replay.loaded import LoadedRecording
 from netboard.recording.replay.position import clock
@@ -138,6 +139,7 @@ def provenance_table(recording: Recording) -> FittedTable:
         "session": f"{known['name']}, dyad {known['dyad']}, run {known['session']}",
         "pilot": known["pilot"],
         **({"origin": origin} if (origin := _origin(known)) else {}),
+        **({"not bit-exact": where} if (where := "\n".join(not_exact(recording.remarks()))) else {}),
         "recorded": known["opened_utc"],
         "block": f"{block.configuration}, haptics {'on' if block.haptics else 'off'}, {plural(block.trials, 'trial')}",
         "role": role_of(config) + (f", kind {design.kind}" if design.kind else ""),

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
-from netboard.base.errors import RecordingError
+from netboard.base.errors import RecordingError, unreadable
 from netboard.base.process.realtime import Priority
 from netboard.base.terminal.output import FittedTable, numbers
 from netboard.recording.timing.trace import MS, Trace
@@ -40,7 +40,7 @@ def read(path: Path) -> list[ContextSwitch]:
     try:
         text = path.read_text(encoding="utf-8", errors="replace")
     except OSError as error:
-        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
+        raise unreadable(path, error) from error
     switches = [
         ContextSwitch(
             int(one["seconds"]) * 10**9 + int(one["micros"]) * 1000,

@@ -20,8 +20,8 @@ def load_words(language: str) -> DisplayTexts:
         return parse_words(text, f"{language}.toml")
     try:
         text = read_text(Path(language))
-    except (OSError, UnicodeDecodeError) as error:
+    except ConfigError as error:
         raise ConfigError(
-            f"[display] language: found {language!r}, expected {', '.join(LANGUAGES)} or a file of texts ({error})"
-        ) from None
+            f'[display] language: found "{language}", expected {", ".join(LANGUAGES)} or a file of texts; {error}'
+        ) from error
     return parse_words(text, language)

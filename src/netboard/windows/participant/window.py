@@ -26,6 +26,7 @@ from netboard.base.clock import now_ns
 from netboard.base.config import Side
 from netboard.base.errors import ConfigError, NetboardError, writing
 from netboard.base.files.new import new_file, refuse_existing, try_writing
+from netboard.base.number import number_of
 from netboard.base.process.display_server import asked_offscreen, require_screen
 from netboard.base.tables.rig import Display, Network
 from netboard.network.transport import names
@@ -81,7 +82,13 @@ def scale_to_screen(width: int, height: int) -> None:
     room = largest_size(QGuiApplication.primaryScreen())
     scale = min(room.width() / width, room.height() / height)
     if scale < 1:
-        os.environ["QT_SCALE_FACTOR"] = f"{scale * float(os.environ.get('QT_SCALE_FACTOR') or 1):.4f}"
+        given = os.environ.get("QT_SCALE_FACTOR") or "1"
+        try:
+            os.environ["QT_SCALE_FACTOR"] = f"{scale * number_of(given):.4f}"
+        except ValueError:
+            raise ConfigError(
+                f"QT_SCALE_FACTOR: found {given}, expected a number in this environment variable"
+            ) from None
         app.shutdown()
 
 
