@@ -16,7 +16,7 @@ import typer
 from typer.core import TyperGroup
 
 from netboard.base.errors import ConfigError, NetboardError
-from netboard.services.numeric import read_strictly
+from netboard.services.values import read_strictly
 
 IMPORTED_AS = {"hid": "hidapi", "usb": "pyusb"}
 """Packages whose module has another name."""

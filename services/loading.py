@@ -9,6 +9,7 @@ import typer
 
 from netboard.base.errors import ConfigError
 from netboard.base.files.text import read_text
+from netboard.base.nearest import did_you_mean
 from netboard.base.terminal.shell import shell_command
 
 if TYPE_CHECKING:
@@ -66,7 +67,8 @@ def _study_of(word: str) -> "Study":
     from netboard.task.studies.study import parse_study, resolve_study
 
     name, colon, orders = (word, "", "") if Path(word).is_file() else word.partition(":")
-    missing = f"no such study or file; the built-in studies are {', '.join(library.NAMES)}"
+    known = ", ".join(library.NAMES) + did_you_mean(name, library.NAMES)
+    missing = f"no such study or file; the built-in studies are {known}"
     text = library.text_of(name) if name in library.NAMES else read_text(Path(name), missing)
     study = parse_study(text, name)
     if not colon:

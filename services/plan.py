@@ -5,6 +5,7 @@ from typing import Annotated
 import typer
 
 from netboard.base.errors import ConfigError
+from netboard.base.nearest import one_of
 from netboard.services.loading import load, load_study
 from netboard.services.options import STUDY_HELP, ConfigFile, Json, Overrides, PlanSeed, Study, examples
 
@@ -94,5 +95,5 @@ def template(
     from netboard.task.studies import library
 
     if study and study not in library.NAMES:
-        raise ConfigError(f"{study}: no such built-in study; there are {', '.join(library.NAMES)}")
+        raise ConfigError(f"{study}: no such built-in study, expected {one_of(study, library.NAMES)}")
     typer.echo(library.text_of(study or library.TEMPLATE), nl=False)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from netboard.services.loading import load, load_study
-from netboard.services.numeric import whole_numbers_of
 from netboard.services.options import CohortSeed, ConfigFile, Dask, Overrides, Studies, Study, Workers, examples
+from netboard.services.values import whole_numbers_of
 
 if TYPE_CHECKING:
     from netboard.base.terminal.output import FittedTable

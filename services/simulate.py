@@ -5,8 +5,8 @@ from typing import Annotated
 import typer
 
 from netboard.services import simulation_options as simulation
-from netboard.services.numeric import numbers_of
 from netboard.services.options import Model, Overrides, changes_of, examples
+from netboard.services.values import numbers_of
 
 app = typer.Typer()
 

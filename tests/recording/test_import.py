@@ -247,7 +247,7 @@ def test_invalid_table_is_refused_with_the_place(tmp_path: Path, text: str, mess
 @pytest.mark.parametrize(
     ("wishes", "message"),
     [
-        ({"names": ("lefty=z",)}, r"--map lefty=z: netboard has no column lefty; is left_y meant\?"),
+        ({"names": ("lefty=z",)}, r"--map lefty=z: netboard has no column lefty; did you mean left_y\?"),
         ({"names": ("left_z",)}, r"--map left_z: expected COLUMN=\.\.\., as in --map left_z=Height1"),
         ({"names": ("z=height",)}, "--map z=height: .* has no column height; it has time, left_z"),
         ({"names": ("z=p", "z=p")}, "--map: z is given twice"),

@@ -8,7 +8,6 @@ This module contains no particular setting; they are in `netboard.base.tables`.
 """
 
 import dataclasses
-import difflib
 import functools
 import json
 import re
@@ -21,6 +20,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from netboard.base.errors import ConfigError
+from netboard.base.nearest import did_you_mean, nearest
 
 FORBID_UNKNOWN_KEYS = ConfigDict(extra="forbid")
 """Configuration of every table: an unknown key is an error."""
@@ -35,6 +35,9 @@ Path = tuple[str, ...]
 _KINDS = {float: "a number", int: "a whole number", bool: "true or false", str: "text"}
 _DEEP_KEY = re.compile(r"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){100}""")
 """A dotted key, of which `tomllib` needs memory with the square of its parts."""
+
+_CHOICE = re.compile('"([^"]*)"')
+"""A word among the values that a key takes."""
 
 _SIGNS = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
 
@@ -363,7 +366,8 @@ def _explain(detail: ErrorDetails, known: dict[Path, Table], base: Path) -> tupl
         if key is not None:
             name = ".".join(path[cut : cut + 2]) if isinstance(key.default, dict) else key.name
             where = _where(path[:cut], name)
-            return path[: cut + 1], f"{where}: found {_show(found)}, expected {key.expected} ({key.text})"
+            meant = did_you_mean(found, _CHOICE.findall(key.kind)) if isinstance(found, str) else ""
+            return path[: cut + 1], f"{where}: found {_show(found)}, expected {key.expected} ({key.text}){meant}"
     return path, f"[{'.'.join(path)}]: found {_show(found)}, expected a table"
 
 
@@ -374,11 +378,11 @@ def _unknown(path: Path, found: Any, known: dict[Path, Table]) -> str:
     names = [*table.tables, *(key.name for key in table.keys)]
     kind = "table" if isinstance(found, dict) or not table.keys else "key"
     where = f"[{'.'.join(path)}]" if isinstance(found, dict) else _where(table.path, name)
-    folded = {other.casefold(): other for other in names}
-    near = difflib.get_close_matches(name, names, 1) or difflib.get_close_matches(name.casefold(), folded, 1)
     owners = [other.name for other in known.values() if _find(other, name)]
-    if near:
-        meant = folded.get(near[0], near[0]) if near[0] not in names else near[0]
+    if described := _described(table, name):
+        meanings = " or ".join(f"{key.name} ({key.text}; {key.expected})" for key in described)
+        hint = f"did you mean {meanings}?"
+    elif meant := nearest(name, names):
         key = _find(table, meant)
         hint = f"did you mean {meant} ({key.expected})?" if key else f"did you mean [{'.'.join((*parent, meant))}]?"
     elif owners:
@@ -386,6 +390,13 @@ def _unknown(path: Path, found: Any, known: dict[Path, Table]) -> str:
     else:
         hint = f"there are {', '.join(names)}"
     return f"{where}: unknown {kind}; {hint}"
+
+
+def _described(table: Table, name: str) -> list[Key]:
+    """Find the keys that a name describes, as ``mass`` and ``board_mass`` do M, the mass of the board."""
+    words = set(name.casefold().split("_"))
+    texts = [(key, re.findall(r"[a-z]+", key.text.casefold())) for key in table.keys]
+    return [key for key, text in texts if text and text[0] in words and words <= {*text}]
 
 
 def _where(path: Path, name: str) -> str:

@@ -8,6 +8,7 @@ from collections.abc import Collection, Sequence
 from typing import Any, Literal, get_args, get_type_hints
 
 from netboard.base.errors import ConfigError
+from netboard.base.nearest import one_of
 
 Extrapolation = Literal["zoh", "cv", "ca"]
 """Extrapolation of a stylus after its newest sample; the number in kernels is its place."""
@@ -67,5 +68,5 @@ def number_of(word: str, declared: Sequence[str], key: str) -> int:
         If the word is not declared.
     """
     if word not in declared:
-        raise ConfigError(f'{key}: found "{word}", expected one of {", ".join(declared)}')
+        raise ConfigError(f'{key}: found "{word}", expected {one_of(word, declared)}')
     return declared.index(word)

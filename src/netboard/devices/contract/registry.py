@@ -14,6 +14,7 @@ from inspect import isabstract
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.device_kind import DeviceKind
 from netboard.base.errors import ConfigError, DeviceNotFound
+from netboard.base.nearest import did_you_mean
 from netboard.devices.contract.device import Device
 
 GROUP = "netboard.devices"
@@ -93,7 +94,8 @@ def find(name: str) -> type[Device]:
     targets = [BACKENDS[name].target] if name in BACKENDS else []
     targets += [point.value for point in _plugins() if point.name == name]
     if not targets:
-        raise DeviceNotFound(f"this machine has no device backend {name!r}; it has: {', '.join(names())}")
+        others = ", ".join(names()) + did_you_mean(name, names())
+        raise DeviceNotFound(f"this machine has no device backend {name!r}; it has: {others}")
     if len(targets) > 1:
         found = " and ".join(targets)
         raise DeviceNotFound(f"this machine has {len(targets)} device backends {name!r}: {found}; expected one")

@@ -19,6 +19,7 @@ from typing import Any, TypeVar
 
 from netboard.base.errors import ConfigError, NetboardError, writing
 from netboard.base.files.new import refuse_existing
+from netboard.base.nearest import one_of
 from netboard.recording.format.disk import lock
 
 Progress = Callable[[str, int, int], None]
@@ -87,7 +88,7 @@ def export(recordings: Sequence[Path], name: str, folder: Path, progress: Progre
     read. Nothing is left behind then.
     """
     if name not in FORMATS:
-        raise ConfigError(f"--to {name}: expected one of {', '.join(FORMATS)}")
+        raise ConfigError(f"--to {name}: expected {one_of(name, FORMATS)}")
     write: Callable[[Sequence[Path], Path, Progress], None]
     write = resolve_name(f"netboard.recording.export.{FORMATS[name].writer}")
     with new_folder(folder) as part:

@@ -4,13 +4,13 @@ All columns are in SI units; up and right are positive. Options map other names 
 and ``left_z=mm`` or, for an inverted axis, ``left_z=-mm`` (`scales`).
 """
 
-import difflib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 from netboard.base.errors import ConfigError
+from netboard.base.nearest import did_you_mean
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,8 +83,7 @@ def _pairs(option: str, words: Sequence[str], example: str) -> dict[str, str]:
         if not (equals and name and value):
             raise ConfigError(f"{option} {word}: expected COLUMN=..., as in {option} {example}")
         if name not in COLUMNS:
-            near = difflib.get_close_matches(name, COLUMNS, 1)
-            meant = f"; is {near[0]} meant?" if near else f", expected one of {', '.join(COLUMNS)}"
+            meant = did_you_mean(name, COLUMNS) or f", expected one of {', '.join(COLUMNS)}"
             raise ConfigError(f"{option} {word}: netboard has no column {name}{meant}")
         if name in pairs:
             raise ConfigError(f"{option}: {name} is given twice")

@@ -6,7 +6,6 @@ under a temporary name and then renamed, so they are never partial. Existing fil
 requested. Numbers are written so that they read back bit for bit.
 """
 
-import difflib
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from netboard.base.errors import ConfigError
 from netboard.base.files.cells import CsvWriter
 from netboard.base.files.new import new_file, refuse_existing
+from netboard.base.nearest import nearest
 from netboard.physics.hands.sampled import GAP_RATIO, Hands, find_gaps
 from netboard.recording.export.formats import library
 from netboard.recording.importing.tables import ROWS, TableFile
@@ -78,8 +78,8 @@ def _require_columns(file: TableFile) -> None:
     twice = sorted({name for name in names if names.count(name) > 1})
     if len(missing) == len(HAND_COLUMNS):
         raise ConfigError(f'{path}: line 1: found "{", ".join(names)}", expected the names of the columns: {expected}')
-    near = [difflib.get_close_matches(name, missing, 1) for name in unknown]
-    meant = [f"is {name} meant to be {match[0]}?" for name, match in zip(unknown, near, strict=True) if match]
+    near = {name: nearest(name, missing) for name in unknown}
+    meant = [f"is {name} meant to be {match}?" for name, match in near.items() if match]
     found = (("missing", missing), ("unknown", unknown), ("there twice", twice))
     problems = [f"{', '.join(those)} {'is' if len(those) == 1 else 'are'} {what}" for what, those in found if those]
     if problems:

@@ -17,6 +17,7 @@ from typing import Any
 from netboard.base.config import Config, parse
 from netboard.base.errors import ConfigError
 from netboard.base.files.text import read_text
+from netboard.base.nearest import one_of
 from netboard.base.settings import parse_toml, to_toml
 from netboard.recording.importing.columns import COLUMNS, scales
 from netboard.recording.importing.table_import import ImportOptions
@@ -100,7 +101,7 @@ class Manifest:
         known = (*KEYS, *TABLES, *(HEAD if place is None else ("file",)))
         for key, value in values.items():
             if key not in known:
-                yield f"{self._at(place, key)}: unknown key, expected one of {', '.join(known)}"
+                yield f"{self._at(place, key)}: unknown key, expected {one_of(key, known)}"
             elif key in TABLES and not isinstance(value, dict):
                 yield f"{self._at(place, key)}: found {value!r}, expected a table of the configuration"
             elif key in KEYS and not _fits(key, value):
@@ -150,7 +151,7 @@ def _column_problems(columns: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     for name, theirs in columns.items():
         parts = {"name": theirs} if isinstance(theirs, str) else theirs
         if name not in COLUMNS:
-            yield name, f"unknown column, expected one of {', '.join(COLUMNS)}"
+            yield name, f"unknown column, expected {one_of(name, COLUMNS)}"
         elif not isinstance(parts, dict) or not all(isinstance(one, str) for one in parts.values()):
             yield name, f'found {theirs!r}, expected a name, or {{ name = "...", unit = "..." }}'
         elif not set(parts) <= {"name", "unit"}:

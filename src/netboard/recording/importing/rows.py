@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from netboard.base.config import SIDES, Config
 from netboard.base.errors import ConfigError
+from netboard.base.nearest import one_of
 from netboard.base.tick import START_NS, TICK, TICK_NS, TICK_SECONDS
 from netboard.recording.importing.resampling import Columns
 from netboard.stage.stage import make_stage
@@ -106,7 +107,7 @@ def _number_attempts(rows: NDArray[Any], columns: Columns) -> None:
 
 def _known(column: str, word: str, words: Mapping[str, Any]) -> Any:
     if word.lower() not in words:
-        raise ConfigError(f'column {column}: found "{word}", expected one of {", ".join(words)}')
+        raise ConfigError(f'column {column}: found "{word}", expected {one_of(word, words)}')
     return words[word.lower()]
 
 

@@ -11,6 +11,7 @@ from typing import Any
 
 from netboard.base.config import Config, Side
 from netboard.base.errors import ConfigError
+from netboard.base.nearest import one_of
 from netboard.base.settings import parse_toml
 from netboard.base.tables.rig import MOUSE, WITHOUT_FORCE
 
@@ -99,9 +100,7 @@ def parse_words(text: str, source: str) -> DisplayTexts:
     """Parse the texts of a language; raise ConfigError with one line per problem if they are not valid."""
     found = parse_toml(text, source)
     known = [field.name for field in fields(DisplayTexts)]
-    problems = [
-        f"{source}: {key}: unknown text, expected one of {', '.join(known)}" for key in found.keys() - set(known)
-    ]
+    problems = [f"{source}: {key}: unknown text, expected {one_of(key, known)}" for key in found.keys() - set(known)]
     for key in known:
         problem = _problem(key, found.get(key))
         if problem:
