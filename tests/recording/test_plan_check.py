@@ -12,7 +12,7 @@ from netboard.recording.integrity.severity import Severity
 from netboard.recording.recovery.journal_file import journal_path
 from netboard.task.journal.entries import Header, line_of
 from netboard.task.plans.plan import Plan, config_of, digest, plan_of, seated
-from netboard.task.studies.study import paper_study, resolve_study
+from netboard.task.studies.study import Study, paper_study, resolve_study
 
 STUDY = paper_study()
 
@@ -23,12 +23,14 @@ def block(plan: Plan, number: int) -> Config:
     return config_of(config, plan.sessions[0], number)
 
 
-def keep_journal(folder: Path, plan: Plan, config: Config, plan_digest: str = "") -> Path:
-    study_digest = hashlib.sha256(resolve_study(STUDY).encode()).hexdigest()
+def keep_journal(
+    folder: Path, plan: Plan, config: Config, plan_digest: str = "", study: Study = STUDY, study_text: str = ""
+) -> Path:
+    study_digest = hashlib.sha256(resolve_study(study).encode()).hexdigest()
     who = config.session
     header = Header(
-        1, "paper", study_digest, plan_digest or digest(plan), plan.seed, who.dyad, who.name, 1, ("A", "B"),
-        pilot=who.pilot, consent=True, netboard="0", config_digest="",
+        1, study.name, study_digest, plan_digest or digest(plan), plan.seed, who.dyad, who.name, 1, ("A", "B"),
+        pilot=who.pilot, consent=True, netboard="0", config_digest="", study_text=study_text,
     )  # fmt: skip
     journal_path(folder, config).write_bytes(line_of(header, "now"))
     return folder / "a.mcap"
@@ -71,6 +73,24 @@ def test_block_is_not_compared_with_a_plan_that_cannot_be_verified(tmp_path: Pat
     assert "no journal beside it" in finding.text
     (finding,) = check_plan(keep_journal(tmp_path, plan, config, "0" * 64), config)
     assert (finding.severity, "not compared" in finding.text) == (Severity.SOUND, True)
+
+
+def test_block_of_a_study_of_ones_own_is_compared_with_its_plan(tmp_path: Path) -> None:
+    own = replace(STUDY, name="ours", kinds={name: replace(kind, trials=12) for name, kind in STUDY.kinds.items()})
+    plan = plan_of(own, 5, 3)
+    config = block(plan, 4)
+    assert config.block.trials == 12
+    older = keep_journal(tmp_path, plan, config, study=own)
+    (finding,) = check_plan(older, config)
+    assert "has no text of the study" in finding.text
+    path = keep_journal(tmp_path, plan, config, study=own, study_text=resolve_study(own))
+    (finding,) = check_plan(path, config)
+    assert (finding.severity, "agrees with the plan of study ours" in finding.text) == (Severity.SOUND, True)
+    (finding,) = check_plan(path, replace(config, block=replace(config.block, trials=13)))
+    assert (finding.severity, "trials: found 13, planned 12" in finding.text) == (Severity.DAMAGE, True)
+    keep_journal(tmp_path, plan, config, study=own, study_text=resolve_study(replace(own, kinds=STUDY.kinds)))
+    (finding,) = check_plan(path, config)
+    assert "the study has changed" in finding.text
 
 
 def test_block_without_a_study_has_no_plan(tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ from netboard.task.journal.same_session import changed_plan, changes, require_sa
 from netboard.task.plans import plan as plans
 from netboard.task.plans.balance import require_balance
 from netboard.task.plans.plan import Plan, PlanSession, config_of, plan_of, seated, shortened
-from netboard.task.studies.study import Study, digest_of_study
+from netboard.task.studies.study import Study, digest_of_study, resolve_study
 
 console = plain_console()
 
@@ -107,6 +107,7 @@ class Planned:
             netboard=version("netboard"),
             config_digest=digest(config),
             config=resolve(config),
+            study_text=resolve_study(self.study),
         )
 
     def begin(self) -> tuple[BlockSequence, Attempts]:

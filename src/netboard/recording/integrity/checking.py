@@ -270,7 +270,7 @@ CHECKS = (
     Check(
         "plan",
         "The block agrees, key by key, with the plan of its study. This needs the journal of the session beside the "
-        "recording, and a built-in study.",
+        "recording, which has the study.",
         lambda evidence: check_plan(evidence.recording.path, evidence.config) if evidence.is_played else (),
         needs_config=True,
     ),

@@ -1,7 +1,7 @@
 """Checks a recording against the journal of its session beside it, and against the plan that the journal names.
 
-The plan is reproduced from study and seed in the journal. A study that is not built in is not available here; its
-blocks are checked only against the journal. The journal was written live; the recording is judged afterwards. Three
+The plan is reproduced from study and seed in the journal. A journal of an older version does not have the study, which
+is then known only if it is built in; the blocks of others are checked only against the journal. The journal was written live; the recording is judged afterwards. Three
 differences do not indicate damage: a killed server did not write its last lines; an attempt that is only partly in this
 file cannot be judged again; and frames that a display reported too late did not count live.
 """
@@ -32,7 +32,7 @@ from netboard.task.journal.entries import (
 )
 from netboard.task.plans.plan import Plan, config_of, digest, plan_of
 from netboard.task.studies import library
-from netboard.task.studies.study import digest_of_study, parse_study
+from netboard.task.studies.study import Study, digest_of_study, parse_study
 from netboard.task.trials.quality import Verdict
 
 _COMPARED = ("success", "fell", "timed_out")
@@ -56,7 +56,7 @@ def check_plan(path: Path, config: Config) -> Iterator[Finding]:
         lines = journal_of(path, config)
         plan = None if lines is None else plan_in(lines.header, config)
         if lines is None or plan is None:
-            why = "no journal beside it" if lines is None else "not a plan of a built-in study for a numbered dyad"
+            why = "no journal beside it" if lines is None else _why_unknown(lines.header)
             text = f"block {config.block.number} of {config.block.blocks} of study {config.session.study}; {why}"
             yield Finding(Severity.SOUND, f"{text}, so the plan is not compared")
             return
@@ -77,17 +77,28 @@ def check_plan(path: Path, config: Config) -> Iterator[Finding]:
 
 def plan_in(header: Header, config: Config) -> Plan | None:
     """Reproduce the plan of a journal and verify its digest; None if study or dyad are unknown."""
-    number = re.search(r"\d+$", header.dyad)
-    if header.study not in library.NAMES or number is None:
-        return None
-    study = parse_study(library.text_of(header.study), header.study)
-    if digest_of_study(study) != header.study_digest:
+    number, study = re.search(r"[0-9]+$", header.dyad), _study_of(header)
+    if study is None or number is None:
         return None
     hands = (config.session.hand_a, config.session.hand_b)
     plan = plan_of(study, header.seed, int(number[0]), hands)
     # A pilot run may have shortened the plan to the blocks and trials of this block.
     shortened = product((None, config.block.blocks), (None, config.block.trials))
     return plan if header.plan_digest in {digest(plan, *to) for to in shortened} else None
+
+
+def _study_of(header: Header) -> Study | None:
+    """Return the study of a journal: its own text, or the built-in one of an older journal; None if it is unknown."""
+    text = header.study_text or (library.text_of(header.study) if header.study in library.NAMES else "")
+    study = parse_study(text, f"the study {header.study} in the journal") if text else None
+    return study if study is not None and digest_of_study(study) == header.study_digest else None
+
+
+def _why_unknown(header: Header) -> str:
+    """Return why the plan of a journal cannot be reproduced."""
+    if _study_of(header) is None:
+        return "its journal, of an older version, has no text of the study, or the study has changed"
+    return f'not the plan of a dyad with a number ("{header.dyad}") and the hands of this recording'
 
 
 def _compare_plan(config: Config, planned: Config) -> Iterator[Finding]:

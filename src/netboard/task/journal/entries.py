@@ -55,6 +55,8 @@ class Header:
         `netboard.base.config.digest` of the rig's configuration.
     config : str
         That configuration, in TOML; empty in a journal of an older version.
+    study_text : str
+        The study in full, in TOML; empty in a journal of an older version.
     """
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
@@ -72,6 +74,7 @@ class Header:
     netboard: str
     config_digest: str
     config: str = ""
+    study_text: str = ""
 
 
 @dataclass(frozen=True, slots=True)
