@@ -12,7 +12,7 @@ from netboard.recording.integrity.severity import Severity
 from netboard.recording.recovery.journal_file import journal_path
 from netboard.task.journal.entries import Header, line_of
 from netboard.task.plans.plan import Plan, config_of, digest, plan_of, seated
-from netboard.task.studies.study import Study, paper_study, resolve_study
+from netboard.task.studies.study import Study, paper_study, parse_study, resolve_study
 
 STUDY = paper_study()
 
@@ -76,7 +76,8 @@ def test_block_is_not_compared_with_a_plan_that_cannot_be_verified(tmp_path: Pat
 
 
 def test_block_of_a_study_of_ones_own_is_compared_with_its_plan(tmp_path: Path) -> None:
-    own = replace(STUDY, name="ours", kinds={name: replace(kind, trials=12) for name, kind in STUDY.kinds.items()})
+    text = resolve_study(STUDY).replace('name = "paper"', 'name = "ours"').replace("trials = 60", "trials = 12")
+    own = parse_study(text)
     plan = plan_of(own, 5, 3)
     config = block(plan, 4)
     assert config.block.trials == 12
@@ -88,7 +89,7 @@ def test_block_of_a_study_of_ones_own_is_compared_with_its_plan(tmp_path: Path) 
     assert (finding.severity, "agrees with the plan of study ours" in finding.text) == (Severity.SOUND, True)
     (finding,) = check_plan(path, replace(config, block=replace(config.block, trials=13)))
     assert (finding.severity, "trials: found 13, planned 12" in finding.text) == (Severity.DAMAGE, True)
-    keep_journal(tmp_path, plan, config, study=own, study_text=resolve_study(replace(own, kinds=STUDY.kinds)))
+    keep_journal(tmp_path, plan, config, study=own, study_text=text.replace("trials = 12", "trials = 13"))
     (finding,) = check_plan(path, config)
     assert "the study has changed" in finding.text
 

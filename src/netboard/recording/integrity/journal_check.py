@@ -1,9 +1,11 @@
 """Checks a recording against the journal of its session beside it, and against the plan that the journal names.
 
 The plan is reproduced from study and seed in the journal. A journal of an older version does not have the study, which
-is then known only if it is built in; the blocks of others are checked only against the journal. The journal was written live; the recording is judged afterwards. Three
-differences do not indicate damage: a killed server did not write its last lines; an attempt that is only partly in this
-file cannot be judged again; and frames that a display reported too late did not count live.
+is then known only if it is built in; the blocks of others are checked only against the journal.
+
+The journal was written live; the recording is judged afterwards. Three differences do not indicate damage: a killed
+server did not write its last lines; an attempt that is only partly in this file cannot be judged again; and frames that
+a display reported too late did not count live.
 """
 
 import re
