@@ -5,10 +5,10 @@ from typing import Annotated
 
 import typer
 
-from netboard.base.errors import ConfigError
+from netboard.base.errors import ConfigError, NetboardError
 from netboard.base.plural import plural
 from netboard.base.terminal.shell import shell_command
-from netboard.services.loading import DEFAULT_FILE, load
+from netboard.services.loading import DEFAULT_FILE, load, one_file
 from netboard.services.options import ConfigFile, Overrides, examples
 
 app = typer.Typer(name="config", help="Check, show or create the configuration file.", no_args_is_help=True)
@@ -20,19 +20,32 @@ def check(
     config: ConfigFile = None,
     overrides: Overrides = None,
 ) -> None:
-    """Check the configuration, and list every error."""
+    """Check the configuration and the files that it names, and list every error."""
     from netboard.base.config import digest
     from netboard.devices.contract import registry
+    from netboard.devices.setup.profiles import require_profiles
+    from netboard.nodes.server.blocks import unrelated_in
     from netboard.recording.format.disk import require_writable
     from netboard.stage.stage import make_stage
+    from netboard.windows.participant.language import load_words
 
-    if file is not None and config is not None:
-        raise ConfigError("config check: found a FILE and --config, expected one of them")
-    config = config or file
+    config = one_file("config check", file, config)
     settings = load(config, overrides)
-    make_stage(settings)
-    registry.check(settings)
-    require_writable(Path(settings.recording.directory), "[recording] directory")
+    problems = []
+    for one in (
+        lambda: make_stage(settings),
+        lambda: registry.check(settings),
+        lambda: require_profiles(Path(settings.agents.profiles)),
+        lambda: load_words(settings.display.language),
+        lambda: unrelated_in(settings.block.unrelated) if settings.block.unrelated else None,
+        lambda: require_writable(Path(settings.recording.directory), "[recording] directory"),
+    ):
+        try:
+            one()
+        except NetboardError as error:
+            problems.append(str(error))
+    if problems:
+        raise ConfigError("\n".join(problems))
     source = config or (DEFAULT_FILE if DEFAULT_FILE.exists() else "defaults")
     block = settings.block
     typer.echo(f"{source}: valid ({block.configuration}, {plural(block.trials, 'trial')}, {digest(settings)[:12]})")

@@ -7,7 +7,7 @@ import typer
 
 from netboard.base.errors import ConfigError
 from netboard.services.loading import load
-from netboard.services.options import Blocks, ConfigFile, Dyad, Overrides, SessionOf, examples
+from netboard.services.options import MOST_SEED, MOST_TRIALS, Blocks, ConfigFile, Dyad, Overrides, SessionOf, examples
 
 app = typer.Typer()
 
@@ -24,11 +24,12 @@ def demo(
     config: ConfigFile = None,
     overrides: Overrides = None,
     trials: Annotated[
-        int | None, typer.Option(min=1, help="Successful trials; default: 6, or those of the study's blocks.")
+        int | None,
+        typer.Option(min=1, max=MOST_TRIALS, help="Successful trials; default: 6, or those of the study's blocks."),
     ] = None,
     haptics: Annotated[Literal["on", "off"], typer.Option(help="Haptic feedback.")] = "on",
     bimanual: Annotated[bool, typer.Option("--bimanual", help="One simulated participant with both hands.")] = False,
-    seed: Annotated[int, typer.Option(min=0, help="Random seed.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, max=MOST_SEED, help="Random seed.")] = 1,
     directory: Annotated[Path, typer.Option(metavar="FOLDER", help="Folder for the recording.")] = Path("recordings"),
     displays: Annotated[bool, typer.Option("--displays/--no-displays", help="Show the participants' displays.")] = True,
     play: Annotated[

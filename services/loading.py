@@ -38,6 +38,13 @@ def load(file: Path | None, overrides: Sequence[str] | None = None) -> "Config":
     return config
 
 
+def one_file(command: str, argument: Path | None, option: Path | None) -> Path | None:
+    """Return the configuration of a command that takes it as an argument, too."""
+    if argument is not None and option is not None:
+        raise ConfigError(f"{command}: found a FILE and --config, expected one of them")
+    return option or argument
+
+
 def load_readings(file: Path | None, overrides: Sequence[str] | None) -> "Readings":
     """Read the settings of an analysis."""
     from netboard.analysis.extraction import settings  # imports the whole analysis

@@ -12,6 +12,9 @@ import typer
 
 Side = Literal["left", "right"]  # as in netboard.base.config, which takes too long to import here
 
+MOST_TRIALS, MOST_SEED = 10_000, 2**31 - 1
+"""Limits of the settings block.trials and block.seed, of which the module takes too long to import here."""
+
 USED_FILE = "Configuration file (TOML); default: ./netboard.toml if it exists, else the built-in defaults."
 
 ConfigFile = Annotated[Path | None, typer.Option("--config", "-c", metavar="FILE", help=USED_FILE)]
@@ -47,7 +50,7 @@ SessionOf = Annotated[
     str | None, typer.Option(metavar="NAME|FILE", help="Run a session of this study instead of a single block.")
 ]
 Dyad = Annotated[int, typer.Option(min=1, help="Number of the dyad in the study.")]
-PlanSeed = Annotated[int, typer.Option(min=0, max=2**31 - 1, help="Random seed of the plan.")]
+PlanSeed = Annotated[int, typer.Option(min=0, max=MOST_SEED, help="Random seed of the plan.")]
 Studies = Annotated[int, typer.Option(min=1, max=999_999, help="Number of virtual studies.")]
 CohortSeed = Annotated[int, typer.Option(min=0, max=2146, help="Random seed of the whole cohort.")]
 SessionNumber = Annotated[int, typer.Option("--session", min=1, help="Number of the session in the dyad's plan.")]

@@ -62,6 +62,8 @@ def replay(
     for name, given in (("--screenshot", screenshot is not None), ("--offscreen", offscreen)):
         if chosen and given:
             raise ConfigError(f"{name}: found with {chosen[0]}, which opens no window; expected one of them")
+    if chosen and not serve and at is not None:
+        raise ConfigError(f"--at: found with {chosen[0]}, which begins at the start; expected one of them")
     if len(recordings) > (1 if chosen else 2):
         raise ConfigError(f"replay: found {len(recordings)} recordings, expected one, or two to show side by side")
     path = recordings[0]

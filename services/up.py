@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from netboard.base.errors import ConfigError
-from netboard.services.loading import load
+from netboard.services.loading import load, one_file
 from netboard.services.options import (
-    USED_FILE,
     Autostart,
     Blocks,
     Confirmation,
+    ConfigFile,
     Dyad,
     Insecure,
     Offscreen,
@@ -39,14 +39,15 @@ app = typer.Typer()
 
 @app.command(
     epilog=examples(
-        "netboard up --server /etc/netboard/netboard.toml",
-        "netboard up --server --study paper --dyad 3 /etc/netboard/netboard.toml",
-        "netboard up --station left /etc/netboard/netboard.toml",
+        "netboard up --server -c /etc/netboard/netboard.toml",
+        "netboard up --server --study paper --dyad 3 -c /etc/netboard/netboard.toml",
+        "netboard up --station left -c /etc/netboard/netboard.toml",
         "netboard up --server --station both",
     ),
 )
 def up(
-    config: Annotated[Path | None, typer.Argument(metavar="CONFIG", help=USED_FILE)] = None,
+    file: Annotated[Path | None, typer.Argument(metavar="[FILE]", help="The same as --config.")] = None,
+    config: ConfigFile = None,
     station: Annotated[
         Literal["left", "right", "both"] | None, typer.Option(help="Run the agent and the display of this station.")
     ] = None,
@@ -66,6 +67,7 @@ def up(
     confirmation: Confirmation = "",
 ) -> None:
     """Start all processes of this machine, and stop them in order on Ctrl-C."""
+    config = one_file("up", file, config)
     settings = load(config, overrides)
     if (study is not None or resume) and not server:
         raise ConfigError("--study, --resume: found without --server, which runs the session of a study")

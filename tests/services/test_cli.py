@@ -18,10 +18,12 @@ from typer.testing import CliRunner
 
 import rehearsed
 from netboard.base.config import Config, parse, played_sides
+from netboard.base.tables.experiment import MAX_TRIALS
 from netboard.network.protocol import control
 from netboard.services.cli import app
 from netboard.services.control import control as control_command
 from netboard.services.demo import demo_settings
+from netboard.services.options import MOST_SEED, MOST_TRIALS
 
 runner = CliRunner()
 COMMANDS = (
@@ -615,3 +617,64 @@ def test_qt_without_a_library_of_the_system_is_one_line(tmp_path: Path) -> None:
     assert ran.returncode == 2
     assert ran.stderr.startswith("netboard: QtCore cannot be loaded: ")
     assert ran.stderr.count("\n") == 1
+
+
+def test_config_check_reads_the_files_that_it_names(tmp_path: Path) -> None:
+    Path("words.toml").write_text("again = 1\n", encoding="utf-8")
+    Path("play.csv").write_text("time,x,y,z\n0,0,0,0\n1_1,0,0,0\n", encoding="utf-8")
+    Path("profiles").mkdir()
+    Path("profiles/ABC.toml").write_text('[device]\nserial = "XYZ"\n', encoding="utf-8")
+    settings = (
+        "display.language=words.toml",
+        "agents.left.device=playback",
+        "agents.left.options.file=play.csv",
+        "agents.right.device=playback",
+        "agents.right.options.file=none.mcap",
+        "block.force=unrelated",
+        "block.unrelated=gone.mcap",
+    )
+    result = runner.invoke(app, ["config", "check", *(word for one in settings for word in ("--set", one))])
+    assert result.exit_code == 2
+    problems = result.stderr.splitlines()
+    for problem in (
+        'play.csv: line 3, column time: found "1_1", expected a number',
+        "[agents.right] options: none.mcap: no such file",
+        'profiles/ABC.toml: [device] serial: found "XYZ", expected "ABC"',
+        "words.toml: again: ",
+        '[block] unrelated: found "gone.mcap", which cannot be read',
+    ):
+        assert any(problem in line for line in problems), (problem, problems)
+
+
+def test_config_check_refuses_a_missing_language_file() -> None:
+    result = runner.invoke(app, ["config", "check", "--set", "display.language=klingon.toml"])
+    assert result.exit_code == 2
+    assert '[display] language: found "klingon.toml", expected en, de, fr, es, it or a file of texts' in result.stderr
+
+
+def test_limits_of_options_are_those_of_the_settings() -> None:
+    assert (MOST_TRIALS, MOST_SEED) == (MAX_TRIALS, 2**31 - 1)
+    for option, value in (("--trials", MOST_TRIALS + 1), ("--seed", MOST_SEED + 1)):
+        result = runner.invoke(app, ["demo", option, str(value)])
+        assert result.exit_code == 2
+        assert f"Invalid value for '{option}'" in result.stderr
+        assert "--set" not in result.stderr
+
+
+def test_keys_are_found_by_their_meaning() -> None:
+    for name, meant in (("mass", "M (mass of the board; a number"), ("ball_mass", "m (mass of the ball; a number")):
+        result = runner.invoke(app, ["config", "check", "--set", f"physics.{name}=1"])
+        assert result.exit_code == 2
+        assert f"[physics] {name}: unknown key; did you mean {meant}" in result.stderr
+
+
+@pytest.mark.parametrize("option", ["--serve", "--screenshot=a.png", "--markers"])
+def test_replay_does_not_begin_beyond_the_end(option: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("QT_QPA_PLATFORM", "offscreen")
+    if option == "--screenshot=a.png":
+        pytest.importorskip("PySide6")
+    result = runner.invoke(app, ["replay", str(GOLDEN), option, "--at", "1000000"])
+    assert result.exit_code == 2, result.output
+    assert "--at: found" in result.stderr
+    assert ("the length of" in result.stderr) == (option != "--markers")
+    assert not Path("a.png").exists()

@@ -30,6 +30,14 @@ def test_station_starts_an_agent_and_a_display() -> None:
     }
 
 
+@pytest.mark.parametrize("words", [["rig.toml"], ["-c", "rig.toml"], ["--config", "rig.toml"]])
+def test_configuration_is_an_argument_or_an_option(words: list[str]) -> None:
+    result = CliRunner().invoke(app, ["up", "--server", *words])
+    assert (result.exit_code, result.stderr.partition(":")[2].partition(";")[0]) == (2, " rig.toml: no such file")
+    result = CliRunner().invoke(app, ["up", "--server", "other.toml", *words])
+    assert result.exit_code == 2
+
+
 def test_server_starts_with_a_logger_and_gets_its_options() -> None:
     processes = up.processes(None, ["block.trials=2"], server=["--no-autostart", "--insecure"], station=None)
     assert processes == {

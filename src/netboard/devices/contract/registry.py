@@ -10,10 +10,11 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from inspect import isabstract
+from typing import Protocol, runtime_checkable
 
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.device_kind import DeviceKind
-from netboard.base.errors import ConfigError, DeviceNotFound
+from netboard.base.errors import ConfigError, DeviceNotFound, RecordingError
 from netboard.base.nearest import did_you_mean
 from netboard.devices.contract.device import Device
 
@@ -136,19 +137,31 @@ def _check_buttons(key: str, mask: int, name: str) -> None:
         raise ConfigError(f"{key}: found {mask}, {expected}, because a {name} has at most {count} buttons")
 
 
+@runtime_checkable
+class NamesFiles(Protocol):
+    """A device whose options name files."""
+
+    def require_files(self) -> None:
+        """Refuse files that are missing or invalid, without opening the device."""
+
+
 def check(config: Config) -> None:
-    """Check the names of both devices and their options, without opening a device.
+    """Check the names of both devices, their options, and the files that these name, without opening a device.
 
     Raises `ConfigError` with every problem.
     """
     problems = []
     for side in SIDES:
+        key = "device"
         try:
-            make(side, config)
+            device = make(side, config)
+            if isinstance(device, NamesFiles):
+                key = "options"
+                device.require_files()
+        except (DeviceNotFound, RecordingError) as error:
+            problems.append(f"[agents.{side}] {key}: {error}")
         except ConfigError as error:
             problems.append(str(error))
-        except DeviceNotFound as error:
-            problems.append(f"[agents.{side}] device: {error}")
     if problems:
         raise ConfigError("\n".join(problems))
 

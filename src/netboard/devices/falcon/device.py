@@ -78,6 +78,11 @@ class Falcon(Device):
         ftdi.plugged_in(FALCON)
         return ()
 
+    def require_files(self) -> None:
+        """Refuse a file that is not the firmware, if one is named."""
+        if self._options.firmware:
+            firmware.image_of(self._options.firmware)
+
     def _open(self) -> DeviceInfo:
         found = ftdi.find(FALCON, NAME, self._options.serial, self._options.path)
         serial = ftdi.serial_of(found) or f"USB {found.bus}-{found.address}"

@@ -71,10 +71,18 @@ class Playback(Device):
         self._start_ns: int | None = None
         self._rng = np.random.default_rng()
 
+    def require_files(self) -> None:
+        """Refuse a file that cannot be played back."""
+        self._read_track()
+
+    def _read_track(self) -> "Track":
+        side = self.side if self._options.side == "same" else self._options.side
+        return read_track(Path(self._options.file), side, self._options.trial)
+
     def _open(self) -> DeviceInfo:
         options = self._options
         side = self.side if options.side == "same" else options.side
-        self._track = read_track(Path(options.file), side, options.trial).scaled(options.scale)
+        self._track = self._read_track().scaled(options.scale)
         self._start_ns = None
         self._rng = np.random.default_rng((options.seed, SIDES.index(self.side)))
         details = {

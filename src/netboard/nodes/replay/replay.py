@@ -26,5 +26,6 @@ def print_events(path: Path, speed: float, stopping: Callable[[], bool], say: Ca
             if stopping():
                 return
             time.sleep(min(left, NAP))
-        when = f"{(event.time_ns - first_ns) * 1e-9:9.3f} s  tick {event.tick:8d}"
+        tick = event.tick if event.tick >= 0 else "-"  # the end of a rehearsal names none
+        when = f"{(event.time_ns - first_ns) * 1e-9:9.3f} s  tick {tick:>8}"
         say(f"{when}  {event.name:16s}  {printable(event.details)}")

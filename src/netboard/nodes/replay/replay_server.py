@@ -31,7 +31,7 @@ from netboard.nodes.server.event_log import printable, printable_line
 from netboard.recording.replay.commands import KEYS, KEYS_LINE, ReplayCommand, in_words, run_command
 from netboard.recording.replay.loaded import LoadedRecording
 from netboard.recording.replay.loading import load_with_progress
-from netboard.recording.replay.position import Playback
+from netboard.recording.replay.position import Playback, require_inside
 
 log = logging.getLogger(__name__)
 
@@ -209,6 +209,7 @@ def serve_recording(path: Path, network: Network, speed: float, at: float | None
     authenticator = keys.make_authenticator(network)
     console = plain_console()
     recording = load_with_progress(path)
+    require_inside(at, recording.length, recording.name)
     log_to_stderr("replay")
     with Stopping() as stopping, sockets.open_context() as context, Keyboard() as keyboard:
         server = ReplayServer(recording, network, context, authenticator, speed, at)

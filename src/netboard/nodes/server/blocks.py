@@ -104,12 +104,12 @@ def _prepared(config: Config, supervisors: dict[Any, LatencySupervisor]) -> Prep
         ends=samples.ends_of(config.physics) if both else None,
         people=people,
         robots=robots,
-        unrelated=_unrelated(config.block.unrelated) if config.block.unrelated else None,
+        unrelated=unrelated_in(config.block.unrelated) if config.block.unrelated else None,
         run=run_of(stage) if plain else None,
     )
 
 
-def _unrelated(path: str) -> Unrelated:
+def unrelated_in(path: str) -> Unrelated:
     """Read the forces of another session's recording."""
     try:
         with Recording(Path(path)) as recording:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isnan
 from types import MappingProxyType
 from typing import Any
@@ -92,8 +92,14 @@ def marks(
             label = f"{Cause(cause).name.lower()} {int(ticks['trial'][row])}"
             found.append(mark(int(ticks["tick"][row]), _KINDS[cause], label))
     found += [mark(gap.first - 1, "gap", gap_in_words(gap)) for gap in gaps]
-    found += [mark(*_event_in_words(event)) for event in events if event.name not in _IN_TICKS]
+    found += [mark(*_event_in_words(_at_tick(event, ticks))) for event in events if event.name not in _IN_TICKS]
     return tuple(sorted(found, key=lambda one: one.time))
+
+
+def _at_tick(event: EventRecord, ticks: NDArray[Any]) -> EventRecord:
+    """Return an event that names no tick, such as the end of a rehearsal, at the newest tick of its time."""
+    newest = max(int(np.searchsorted(ticks["time_ns"], event.time_ns, side="right")) - 1, 0)
+    return event if event.tick >= 0 else replace(event, tick=int(ticks["tick"][newest]))
 
 
 def _attempt_in_words(attempt: Attempt, released: bool, consequences: Mapping[tuple[int, int], str]) -> str:

@@ -8,8 +8,16 @@ position.
 from bisect import bisect_left, bisect_right
 from dataclasses import dataclass, replace
 
+from netboard.base.errors import ConfigError
+
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 """Available speeds, in seconds of the recording per second [1]."""
+
+
+def require_inside(at: float | None, length: float, name: str) -> None:
+    """Refuse to begin beyond the end of what is replayed [s]."""
+    if at is not None and at > length:
+        raise ConfigError(f"--at: found {at:.12g}, expected at most {length:.3f} s, the length of {name}")
 
 
 @dataclass(frozen=True, slots=True)

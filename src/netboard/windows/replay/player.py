@@ -20,7 +20,7 @@ from netboard.base.tick import TICK_SECONDS
 from netboard.recording.replay.loaded import LoadedRecording
 from netboard.recording.replay.marks import near, trial_starts
 from netboard.recording.replay.pairing import Sync, pair
-from netboard.recording.replay.position import Playback, clock
+from netboard.recording.replay.position import Playback, clock, require_inside
 from netboard.stage.view import View
 from netboard.windows.participant import window as windows
 from netboard.windows.participant.language import LANGUAGES, load_words
@@ -223,6 +223,7 @@ def run(
     windows.require_new(picture)
     app = windows.application()
     window = PlayerWindow(recordings, station, speed, sync)
+    require_inside(at, window.pairing.length, " and ".join(one.name for one in recordings))
     shown = recordings[0].config.display
     window.present(replace(shown, screen=0, mm_per_pixel=0.0, width=min(shown.width * len(recordings), MAX_WIDE)))
     if at is not None:
