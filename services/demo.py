@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 import typer
 
 from netboard.base.errors import ConfigError
-from netboard.services.loading import load
+from netboard.services.loading import load, load_study
 from netboard.services.options import MOST_SEED, MOST_TRIALS, Blocks, ConfigFile, Dyad, Overrides, SessionOf, examples
 
 app = typer.Typer()
@@ -52,6 +52,7 @@ def demo(
         trials=trials or 6, haptics=haptics, bimanual=bimanual, seed=seed, directory=directory, play=play
     )
     if study is not None:
+        load_study(study)  # refused before any process starts
         demo_options.append("session.pilot=true")
     settings = load(config, [*demo_options, *(overrides or ())])
     from netboard.nodes.operator.demo import run

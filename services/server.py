@@ -76,6 +76,7 @@ def server(
             keys.refuse_open_network(one.network)
     if study is None and resume:
         raise ConfigError("--resume: needs --study; a single block cannot be resumed")
+    found = None if study is None else load_study(study, settings[0])
     if study is not None and len(settings) > 1:
         raise ConfigError(f"--study: found {len(settings)} configuration files, expected one: run a server per dyad")
     from netboard.base.terminal.logs import log_to_stderr
@@ -89,7 +90,7 @@ def server(
     authenticators = [keys.make_authenticator(one.network) for one in settings]
     log_to_stderr("server")
     log.info("preparing every block; after an installation or an update this compiles code, for up to a minute")
-    if study is None:
+    if study is None or found is None:
         from netboard.nodes.server.pseudonyms import require_own_pseudonyms, uses_in
 
         for one in settings:
@@ -100,9 +101,7 @@ def server(
         )
     from netboard.nodes.server.planned import Planned, StudySession, confirm
 
-    planned = Planned(
-        settings[0], load_study(study, settings[0]), StudySession(study, dyad, session, seed, blocks, trials)
-    )
+    planned = Planned(settings[0], found, StudySession(study, dyad, session, seed, blocks, trials))
     opened = planned.resume(confirm(yes)) if resume else planned.begin()
     raise typer.Exit(serve([opened], authenticators, autostart=autostart is True, confirmation=confirmation))
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from netboard.base.errors import ConfigError
-from netboard.services.loading import load, one_file
+from netboard.services.loading import load, load_study, one_file
 from netboard.services.options import (
     Autostart,
     Blocks,
@@ -75,6 +75,7 @@ def up(
         raise ConfigError("--resume: netboard up cannot ask for a confirmation; add --yes")
     options = []
     if study is not None:
+        load_study(study)  # refused before any process starts
         from netboard.nodes.server.planned import StudySession
 
         options = StudySession(study, dyad, session, seed, blocks, trials).options

@@ -453,6 +453,7 @@ def test_missing_file_prints_one_line_and_exits_with_2(
     command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("QT_QPA_PLATFORM", "offscreen")
     name = "none.csv" if command.startswith(("import -o", "simulate -o")) else "none.mcap"
     result = runner.invoke(app, [*command.split(), name])
     assert result.exit_code == 2, result.output
