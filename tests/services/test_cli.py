@@ -344,7 +344,7 @@ def test_served_replay_requires_keys_or_insecure_beyond_loopback() -> None:
     assert '[network] bind: found "0.0.0.0"' in result.stderr
     assert result.stderr.endswith("On an isolated network, add --insecure\n")
     result = runner.invoke(app, [*open_to_all, "--insecure"])
-    assert result.exit_code == 1
+    assert result.exit_code == 2
     assert "none.mcap" in result.stderr
 
 
@@ -490,7 +490,7 @@ def test_name_too_long_for_a_recording_is_refused() -> None:
 def test_mistyped_choice_lists_what_is_possible(words: str) -> None:
     result = runner.invoke(app, words.split())
     assert result.exit_code == 2
-    assert re.search(r"Invalid value for '\S+':\s+'strat'\s+is", result.stderr)
+    assert re.search(r"""Invalid value for '\S+':\s+found\s+"strat",\s+expected\s+one\s+of""", result.stderr)
     assert "paused" in result.stderr or "pause_after_trial" in result.stderr
 
 

@@ -67,9 +67,9 @@ def whole_numbers_in(cells: Sequence[Any] | NDArray[Any], rule: Rule) -> NDArray
 
 def _allowed(values: NDArray[np.float64], rule: Rule) -> NDArray[np.float64]:
     """Refuse infinite and missing numbers where there can be none."""
-    wrong = {"measured": np.isinf, "complete": lambda those: ~np.isfinite(those)}.get(rule)
-    if wrong is not None and (found := wrong(values)).any():
-        raise WrongCell(int(np.argmax(found)))
+    wrong = np.isinf(values) if rule == "measured" else ~np.isfinite(values) & (rule == "complete")
+    if wrong.any():
+        raise WrongCell(int(np.argmax(wrong)))
     return values
 
 
