@@ -16,8 +16,8 @@ from netboard.services.loading import load, load_study, one_file
 from netboard.services.options import (
     Autostart,
     Blocks,
-    Confirmation,
     ConfigFile,
+    Confirmation,
     Dyad,
     Insecure,
     Offscreen,
