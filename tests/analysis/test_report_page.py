@@ -378,7 +378,10 @@ def test_page_states_the_quality_of_recordings(tmp_path: Path) -> None:
     ]
     blocks[1].blocks["trials"][0] = 3
     text = section(written(tmp_path, study_of(blocks, Readings())), "quality").text
-    assert "3 recordings: 2 of 3 blocks complete; 600 of 180,000 ticks missing (0.333 %); 1 recording repaired" in text
+    assert (
+        "3 recordings: 2 of 3 analysed blocks complete; 600 of 180,000 ticks missing (0.333 %); 1 recording repaired"
+        in text
+    )
     assert "8 attempts: 6 success, 2 fell; 5 with quality flags; 4 excluded." in text
     assert "late ticks 4 4 yes too many deadline misses" in text
     assert "too long 1 0 no the completion time is too long" in text
