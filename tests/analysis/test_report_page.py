@@ -372,7 +372,7 @@ def test_partly_simulated_or_pilot_study_states_how_much(tmp_path: Path) -> None
 
 def test_page_states_the_quality_of_recordings(tmp_path: Path) -> None:
     blocks = [
-        block("lossy", missing=600, ticks=59_400, repaired=1, rows={"flags": "late_ticks"}),
+        block("lossy", missing=600, ticks=59_400, repaired=1, exclude="late_ticks", rows={"flags": "late_ticks"}),
         block("short", trials=2, block=2),
         block("rest", trials=1, block=3, falls=0, rows={"flags": "too_long"}),
     ]
