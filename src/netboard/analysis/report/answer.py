@@ -112,7 +112,7 @@ def compatible(row: Mapping[str, Any], none: float) -> str:
             f"The data exclude effects beyond {low} and {high}. All effects between them, and no effect, remain "
             "compatible with the data; this does not show that there is none."
         )
-    return f"The data exclude no effect at all; effects from {low} to {high} remain compatible with the data."
+    return f"The data exclude the absence of an effect: effects from {low} to {high} remain compatible with them."
 
 
 def _sized(row: Mapping[str, Any], end: str, none: float) -> str:

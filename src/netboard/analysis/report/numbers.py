@@ -106,7 +106,7 @@ def _result(row: Mapping[str, Any], notes: list[str]) -> dict[Column, Cell | flo
 def families_grid(results: pd.DataFrame) -> Grid:
     """Return the families of tests: how many tests, the smallest possible p, and the correction."""
     mine = results[results["topic"] == testing.TOPIC]
-    rows = []
+    rows: list[list[Cell | float]] = []
     for family, own in mine.groupby("group", sort=False):
         found = dict(zip(own["quantity"], own["value"], strict=True))
         least = [amount(found[name]) if name in found else NONE for name in (testing.LEAST, testing.LEAST_CORRECTED)]

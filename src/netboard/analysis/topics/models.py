@@ -243,8 +243,7 @@ def _terms(axes: "Axes", found: Sequence[Fit]) -> None:
             if name in effects:
                 _ratio(axes, place + offset, effects[name].ratio, look, f"{fit.measure}: {name}")
             else:
-                words = {"va": "center", "fontsize": 6, "color": look.colour}
-                axes.text(1.0, place + offset, " cannot be estimated", **words)
+                axes.text(1.0, place + offset, " cannot be estimated", va="center", fontsize=6, color=look.colour)
         axes.plot([], [], linestyle="none", marker=look.marker, color=look.colour, label=f"{fit.measure}, {fit.ratio}")
     for fit in found:
         if fit not in shown:

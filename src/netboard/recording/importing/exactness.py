@@ -53,6 +53,7 @@ class ExaminedTicks:
     def _note_difference(self, rows: NDArray[Any], portion: Portion) -> None:
         assert self._verifier is not None
         found = self._verifier.result
+        assert found.tick is not None
         place = int(np.searchsorted(rows["tick"], found.tick))
         self._difference = {
             "where": f"{portion.at(place)}, column {found.field}",
