@@ -130,7 +130,7 @@ def test_overlapping_parts_add_up_to_one_session(tmp_path: Path) -> None:
 
 
 def test_lost_records_have_the_cause_reported_by_the_server(tmp_path: Path) -> None:
-    report = EventRecord(7777, 400, 0, "log_lost", {"first": "100", "count": "50", "cause": "the spill is full"})
+    report = EventRecord(401, 400, 0, "log_lost", {"first": "100", "count": "50", "cause": "the spill is full"})
     log = session(500, {400: report})
     held = [*range(100), *range(150, 200), *range(210, len(log))]
     account = account_of([write_part(tmp_path / "a.mcap", log, held)])
@@ -223,9 +223,9 @@ def test_unreadable_record_is_lost_with_its_reason(tmp_path: Path) -> None:
 
 def test_pauses_are_listed_with_their_causes(tmp_path: Path) -> None:
     events = {
-        50: EventRecord(900, 51, 0, "fault", {"notice": "paused: no sample from the left agent"}),
-        80: EventRecord(901, 80, 0, "pause", {}),
-        120: EventRecord(902, 121, 0, "fault", {}),
+        50: EventRecord(51, 51, 0, "fault", {"notice": "paused: no sample from the left agent"}),
+        80: EventRecord(81, 80, 0, "pause", {}),
+        120: EventRecord(121, 121, 0, "fault", {}),
     }
     rows = {50: Cause.FAULT, 80: Cause.PAUSE, 120: Cause.FAULT, 150: Cause.FAULT}
     log = session(200, events, rows)
