@@ -1,6 +1,7 @@
 """A recording that lies about itself is refused in words by whatever reads it, and never reads as something else."""
 
 import random
+import struct
 import subprocess
 import sys
 from collections.abc import Callable
@@ -12,7 +13,7 @@ from hostile_files import COMMANDS, MUTATIONS, NAMED, OTHERS, SEED_FILE, Model, 
 
 from netboard.base.errors import NetboardError
 from netboard.recording.files.reader import Recording
-from netboard.recording.format.claims import MAX_CHUNK_BYTES
+from netboard.recording.format.claims import MAX_CHUNK_BYTES, MAX_JOINED
 from netboard.recording.integrity.catalogue import entry_of, with_trials
 from netboard.recording.integrity.checking import check
 from netboard.recording.integrity.severity import RESULTS, Severity
@@ -113,6 +114,15 @@ def test_chunk_that_expands_beyond_all_bounds_is_not_unpacked(tmp_path: Path, co
     path = make_file(tmp_path, mutate, random.Random(0))
     with pytest.raises(NetboardError, match=f"a chunk of {2 * MAX_CHUNK_BYTES} bytes, expected at most"):
         read_all(path)
+
+
+def test_file_that_claims_thousands_of_recordings_is_not_compared_with_itself(tmp_path: Path) -> None:
+    name = struct.pack("<I", 8) + b"netboard"
+    opened = b"\x0c" + struct.pack("<Q", len(name) + 4) + name + struct.pack("<I", 0)
+    path = tmp_path / "a.mcap.part"
+    path.write_bytes(SEED_FILE.read_bytes()[:50_000] + (opened + b"\xff") * (MAX_JOINED + 1))
+    assert "claims to hold more than 200 recordings" in refusal(lambda: recover_any(path))
+    assert check(path).severity is Severity.DAMAGE
 
 
 @pytest.mark.slow

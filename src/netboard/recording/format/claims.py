@@ -33,6 +33,9 @@ MAX_ITEMS = 4096
 MAX_WHOLE = 2**62
 """Largest magnitude of a whole number: sums and differences of two fit 64 bits [1]."""
 
+MAX_JOINED = 200
+"""Most recordings that a wrongly joined file may hold: each is compared with all others [1]."""
+
 MAX_STAMP_NS = 2**63 - 1
 """Largest time stamp: MCAP allows twice as much, arithmetic on arrays does not [ns]."""
 

@@ -21,7 +21,7 @@ from netboard.base.errors import RecordingError
 from netboard.base.tick import TICK
 from netboard.recording.files.provenance import MetadataName
 from netboard.recording.format.channels import IDS
-from netboard.recording.format.claims import SearchEffort, whole_number
+from netboard.recording.format.claims import MAX_JOINED, SearchEffort, whole_number
 from netboard.recording.format.sequence import EVIDENCE, NUMBERED, Excerpt, contradiction, excerpt_of
 from netboard.recording.recovery.chunk_reader import RECOVERABLE, ChunkReader, Listed, digest, same_bits
 from netboard.recording.recovery.scan import Damage, Data, Piece, scan
@@ -286,6 +286,8 @@ class _Assembly:
         return self._new()
 
     def _new(self, *, conflict: bool = False) -> FoundRecording:
+        if len(self._found) == MAX_JOINED:
+            raise RecordingError(f"claims to hold more than {MAX_JOINED} recordings; it is not recovered")
         self._found.append(FoundRecording(conflict=conflict))
         return self._found[-1]
 
