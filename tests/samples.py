@@ -36,9 +36,10 @@ def random_rows(count: int, seed: int = 0) -> NDArray[Any]:
 
 
 def records(rows: NDArray[Any]) -> list[TickRecord | EventRecord | ClockRecord | FrameRecord]:
-    """A log stream: the ticks, and now and then an event, a probe and a frame."""
+    """A log stream: the ticks, and now and then an event, a probe and a frame, numbered after their tick."""
     stream: list[TickRecord | EventRecord | ClockRecord | FrameRecord] = []
-    for k, row in enumerate(rows):
+    for row in rows:
+        k = int(row["tick"])
         stream.append(TickRecord(row.tobytes()))
         if k % 10 == 3:
             stream.append(EventRecord(k // 10, k, 10**12 + k * MS, "trial_started", {"trial": str(k), "wörd": "ü"}))
