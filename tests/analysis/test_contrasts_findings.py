@@ -96,7 +96,7 @@ def test_permutation_p_is_noted_with_its_assumption_and_the_skewness(found: Topi
     table = table_of(found.results)
     p = table[table["quantity"].str.endswith(("p, permutation test", "p, Holm"))]
     assert len(p)
-    assert p["note"].str.contains("assumes that differences are symmetric about 0").all()
+    assert p["note"].str.contains("assumes that the differences are distributed symmetrically about 0").all()
     one = next(one for one in found.parts if one.contrast.n >= 4 and np.isfinite(one.contrast.effect.value))
     skewness = f"the skewness of these differences is {stats.skew(one.contrast.differences):z.1f}"
     own = p[(p["quantity"] == f"{one.measure.name}: p, permutation test") & (p["group"] == one.question.name)]
@@ -119,7 +119,8 @@ def test_random_sample_of_sign_flips_is_not_called_exact() -> None:
     noted = table.loc["completion time: p, permutation test", "note"]
     assert noted.startswith("smallest possible p 0.0002 with this number of random sign flips")
     caption = picture(study).caption
-    assert "permutation tests by random sign flips, whose smallest possible p is 0.0002" in caption
+    assert "permutation tests by random sign flips, corrected by Holm's method" in caption
+    assert "The smallest possible p of one test is 0.0002" in caption
     assert "exact" not in caption
 
 

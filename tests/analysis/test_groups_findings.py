@@ -56,7 +56,7 @@ def test_interval_counts_only_dyads_with_a_value() -> None:
         ([], "", "no dyad has a value"),
         ([1.0], "", "no interval from one dyad"),
         ([1, 2], "95 % t", ""),
-        ([0, 0, 0], "95 % t", "no interval: every dyad has the same value, so the variation between them is unknown"),
+        ([0, 0, 0], "", "no interval: every dyad has the same value, so the variation between them is unknown"),
     ],
 )
 def test_result_notes_why_its_interval_says_nothing(values: list[float], interval: str, note: str) -> None:

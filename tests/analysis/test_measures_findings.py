@@ -114,7 +114,7 @@ def test_column_that_a_function_does_not_measure_is_named() -> None:
 
 def test_measure_of_an_unknown_column_is_refused() -> None:
     with pytest.raises(RuntimeError, match=r'measure "tilt" in .* no column "peak_tilt"; expected one of a Group in'):
-        _of_trials("tilt", "peak_tilt", "performance")
+        _of_trials("tilt", "peak_tilt", "performance", "positive")
 
 
 def test_every_measure_has_a_level_in_every_condition() -> None:

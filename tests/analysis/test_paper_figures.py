@@ -118,7 +118,7 @@ def test_single_dyad_with_few_trials_is_drawn_or_skipped(draw: Callable[[Study],
 def test_figures_have_unique_names(study: Study) -> None:
     names = [picture.name for picture in pictures(study)]
     assert len(set(names)) == len(names)
-    assert names[:5] == ["learning", "dyads", "classes", "strategy", "delay"]
+    assert names[:6] == ["primary", "learning", "dyads", "classes", "strategy", "delay"]
 
 
 def test_learning_figure_shows_the_results(study: Study) -> None:

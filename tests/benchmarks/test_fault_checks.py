@@ -182,7 +182,7 @@ def test_event_must_be_recorded_with_its_words_within_the_window() -> None:
     event = EventRecord(0, 1, START + MS, "refused", {"reason": "it has not joined yet"})
     noticed = evidence(rig=taken(events=(event,)))
     assert recorded("refused")(noticed).holds
-    assert recorded("refused", "hello", "first")(noticed).holds
+    assert recorded("refused", "joined", "yet")(noticed).holds
     assert not recorded("refused", "goodbye")(noticed).holds
     assert not recorded("joined")(noticed).holds
     assert not recorded("refused")(evidence(rig=taken(events=(replace(event, time_ns=0),)))).holds
@@ -190,9 +190,9 @@ def test_event_must_be_recorded_with_its_words_within_the_window() -> None:
 
 def test_facts_and_failures_of_a_case_are_checked() -> None:
     fact = evidence(window=replace(WINDOW, facts={"answer": "it has not joined yet"}))
-    assert fact_contains("answer", "hello")(fact).holds
+    assert fact_contains("answer", "joined")(fact).holds
     assert not fact_contains("answer", "welcome")(fact).holds
-    assert not fact_contains("question", "hello")(fact).holds
+    assert not fact_contains("question", "joined")(fact).holds
     assert recovered(fact).holds
     assert not recovered(evidence(window=replace(WINDOW, trouble="nobody came"))).holds
 

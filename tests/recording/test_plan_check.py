@@ -12,7 +12,7 @@ from netboard.recording.integrity.severity import Severity
 from netboard.recording.recovery.journal_file import journal_path
 from netboard.task.journal.entries import Header, line_of
 from netboard.task.plans.plan import Plan, config_of, digest, plan_of, seated
-from netboard.task.studies.study import Study, paper_study, parse_study, resolve_study
+from netboard.task.studies.study import Study, digest_of_study, paper_study, parse_study, resolve_study
 
 STUDY = paper_study()
 
@@ -26,7 +26,7 @@ def block(plan: Plan, number: int) -> Config:
 def keep_journal(
     folder: Path, plan: Plan, config: Config, plan_digest: str = "", study: Study = STUDY, study_text: str = ""
 ) -> Path:
-    study_digest = hashlib.sha256(resolve_study(study).encode()).hexdigest()
+    study_digest = digest_of_study(study)
     who = config.session
     header = Header(
         1, study.name, study_digest, plan_digest or digest(plan), plan.seed, who.dyad, who.name, 1, ("A", "B"),

@@ -252,7 +252,7 @@ def test_deleted_spill_is_reported_as_empty(tmp_path: Path) -> None:
 @given(st.binary(max_size=200), st.integers(0, 10**6))
 def test_noise_in_a_spill_costs_no_block_before_it(noise: bytes, place: int) -> None:
     batches = [batch(k, k + 5) for k in range(0, 20, 5)]
-    blocks = [module._block_of(encode(each)) for each in batches]
+    blocks = [module.block_of(encode(each)) for each in batches]
     whole = MAGIC + b"".join(blocks)
     cut = len(MAGIC) + place % (len(whole) - len(MAGIC))
     data = whole[:cut] + noise + whole[cut:]

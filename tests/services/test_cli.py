@@ -129,7 +129,6 @@ LONG = "x" * 300
     "words",
     [
         f"recover {LONG}.mcap",
-        f"recover {GOLDEN} -o {LONG}.mcap",
         f"export {GOLDEN} --to csv -o {LONG}",
         f"check {LONG}.mcap",
         f"sessions {LONG}",
@@ -602,7 +601,7 @@ def test_limit_without_an_end_is_refused() -> None:
     Path("S01.mcap").touch()
     result = runner.invoke(app, ["trace", "S01.mcap", "--late", "inf"])
     assert result.exit_code == 2
-    assert "less than or equal to 60000" in result.stderr
+    assert 'found "inf", expected a number' in result.stderr
 
 
 def test_qt_without_a_library_of_the_system_is_one_line(tmp_path: Path) -> None:

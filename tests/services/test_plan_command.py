@@ -104,7 +104,7 @@ def test_missing_unreadable_and_invalid_studies_are_reported() -> None:
 def test_template_prints_a_valid_study() -> None:
     assert parse_study(run("template")).name == "template"
     assert parse_study(run("template paper")) == paper_study()
-    assert "there are paper, " in run("template other", 2)
+    assert "expected one of paper, " in run("template other", 2)
 
 
 def test_show_lists_factor_levels_with_their_settings_and_units() -> None:

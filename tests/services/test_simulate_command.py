@@ -222,7 +222,7 @@ def test_unstable_method_is_reported() -> None:
             "--p0, --v0: found 2 and 0 values, expected none or one for each ball; the scene has 1",
         ),
         (["-i", "a.csv", "--ball", "fixed", "--v0", "1"], "netboard: v0: found 1, expected 0: the ball is fixed"),
-        (["-i", "a.csv", "--z0", "nan"], "netboard: the initial state is not finite"),
+        (["-i", "a.csv", "--z0", "nan"], 'found "nan", expected a number'),
         (["-i", "a.csv", "--method", "exact"], '"exact", which is for boards that cannot tilt'),
     ],
 )

@@ -62,7 +62,7 @@ def test_malformed_word_file_or_unknown_language_is_refused(tmp_path):
     with pytest.raises(ConfigError, match="paused: found 3"):
         parse_words(word_list().replace('"Paused"', "3"), "words.toml")
     with pytest.raises(
-        ConfigError, match=r"\[display\] language: found 'klingon', expected en, de, fr, es, it or a file"
+        ConfigError, match=r'\[display\] language: found "klingon", expected en, de, fr, es, it or a file of texts'
     ):
         load_words("klingon")
 
