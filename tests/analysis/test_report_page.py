@@ -311,7 +311,8 @@ def test_sentences_say_what_the_data_exclude_and_what_not() -> None:
     )
     seconds = row | {"value": 0.4, "low": 0.1, "high": 0.7, "unit": "s", "quantity": "time in target: difference"}
     assert compatible(seconds, 0.0) == (
-        "The data exclude the absence of an effect: effects from +0.10\u00a0s to +0.70\u00a0s remain compatible with them."
+        "The data exclude the absence of an effect: "
+        "effects from +0.10\u00a0s to +0.70\u00a0s remain compatible with them."
     )
     assert "exclude nothing" in compatible(row | {"low": float("nan"), "high": float("nan")}, 1.0)
 

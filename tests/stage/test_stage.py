@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -565,7 +566,7 @@ def test_any_commands_follow_the_transition_table_and_the_block_ends(commands: l
     done = rows["event"].tolist() + ending["event"].tolist()
     if Cause.STOP not in commands:
         assert after["trial"][0] >= trials
-        reopened = sum(phase == Phase.FINISHED != then for phase, then in zip(phases, phases[1:], strict=False))
+        reopened = sum(phase == Phase.FINISHED != then for phase, then in pairwise(phases))
         assert done.count(Cause.LAST) == 1 + reopened
 
 
