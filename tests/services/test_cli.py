@@ -132,7 +132,7 @@ LONG = "x" * 300
         f"export {GOLDEN} --to csv -o {LONG}",
         f"check {LONG}.mcap",
         f"sessions {LONG}",
-        f"replay {GOLDEN} --screenshot {LONG}.png",
+        f"replay {GOLDEN} --offscreen --screenshot {LONG}.png",
         f"whatif {GOLDEN} -o {LONG}.mcap",
         f"whatif {GOLDEN} --figure {LONG}.png",
         f"plan check {LONG}",
@@ -151,7 +151,7 @@ def test_file_name_that_is_too_long_is_one_line_that_names_it(words: str) -> Non
         "config init new",
         "keys init --set network.keys=keys",
         "cohort paper -o new",
-        f"replay {GOLDEN} --screenshot new.png",
+        f"replay {GOLDEN} --offscreen --screenshot new.png",
         f"explain {GOLDEN} --trial 1 -o new.png",
     ],
 )
