@@ -5,7 +5,7 @@ BIN := .venv/bin
 LIMIT := timeout --signal=ABRT --kill-after=30s 40m
 SETUP := deploy/setup.sh pyproject.toml requirements/constraints.txt
 
-.PHONY: help demo test test-parallel test-quiet test-quick lint imports types docs docs-check wheel lock clean tree
+.PHONY: help demo test test-all test-random test-parallel test-quiet test-quick lint imports types docs docs-check wheel lock clean tree
 .DEFAULT_GOAL := help
 
 help: ## list what can be made
@@ -17,10 +17,16 @@ demo: .venv/.ready-to-run ## a whole session with simulated people; options with
 # Import contracts and generated pages are checked by tests, and so by no target before them. Types are checked while
 # tests run: without a cache, mypy keeps one core busy for a minute.
 test-parallel test-quiet: export PYTHONDONTWRITEBYTECODE =
-test: .venv/.ready-to-develop ## all checks and all tests; options for pytest with ARGS="-k physics"
+test: .venv/.ready-to-develop ## all checks, and all tests but some slow ones; options for pytest with ARGS="-k physics"
 	$(MAKE) lint
 	$(MAKE) -j 2 test-parallel types
 	$(MAKE) test-quiet
+
+test-all: ## all checks and every test, also the slow ones that `make test` leaves out
+	NETBOARD_TEST_ALL=1 $(MAKE) test
+
+test-random: ## test-all with random cases of a new seed, which it prints
+	seed=$$(od -An -N3 -tu4 /dev/urandom | tr -d ' ') && echo "NETBOARD_TEST_SEED=$$seed" && NETBOARD_TEST_SEED=$$seed $(MAKE) test-all
 
 # A test process that dies is not replaced: pytest-xdist 3.8 gives finished files to the new one and then waits for ever.
 # Tests marked quiet have the machine to themselves, all others run two at a time: CONTRIBUTING.md says why. Files

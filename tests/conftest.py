@@ -1,4 +1,4 @@
-"""Makes ``tests/*.py`` importable, sets Hypothesis without deadlines, and prints the seed of slow tests."""
+"""Makes ``tests/*.py`` importable, sets Hypothesis without deadlines, and selects the tests that run."""
 
 import gc
 from collections.abc import Generator
@@ -7,18 +7,29 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-import daily
+import sampling
 
 # No deadline: the first example of a test may compile a kernel, and the machine may be busy. The profile is loaded
 # before any test is imported, because a decorated test keeps the profile that is active at import.
+# The same commit draws the same examples, unless another seed is asked for.
 settings.register_profile(
-    "untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow], max_examples=100 if daily.ALL else 50
+    "untimed",
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow],
+    max_examples=100 if sampling.ALL else 50,
+    derandomize=sampling.SEED == 0,
 )
 settings.load_profile("untimed")
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_configure(config: pytest.Config) -> None:
+    if sampling.SEED and config.getoption("hypothesis_seed") is None:
+        config.option.hypothesis_seed = str(sampling.SEED)
+
+
 def pytest_report_header() -> str:
-    return daily.header()
+    return sampling.header()
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -27,7 +38,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         raise pytest.UsageError(f"make test looks for quiet tests in tests/integration only, and would not run {lost}")
     words = [word.partition("::")[0] for word in config.args]
     named = {str(path.relative_to(config.rootpath)) for word in words if (path := Path(word).absolute()).is_file()}
-    if out := daily.left_out(items, named):
+    if out := sampling.left_out(items, named):
         config.hook.pytest_deselected(items=sorted(out, key=items.index))
         items[:] = [item for item in items if item not in out]
 

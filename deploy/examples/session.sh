@@ -29,10 +29,13 @@ TOML
 
 control() { netboard control -c "$rig" "$@"; }
 
-# Try a command again until the server accepts it, for a minute; what it answers in between is in the log.
+# Start the block, or resume it after a pause that nobody asked for (the server stalled), until a phase.
+proceed() { control start --until "$1" --seconds 300 || control resume --until "$1" --seconds 300; }
+
+# Try again until the server accepts, for a minute; what it answers in between is in the log.
 insist() {
     tries=60
-    until control "$@" 2>> "$folder/refused.log"; do
+    until "$@" 2>> "$folder/refused.log"; do
         tries=$((tries - 1))
         if [ "$tries" -eq 0 ]; then
             tail -n 1 "$folder/refused.log" >&2
@@ -56,17 +59,17 @@ for side in left right; do
     running="$running $!"
 done
 
-insist arm
+insist control arm
 
-insist start --until finished --seconds 300    # block 1; 1.5 s later block 2 is there
+insist proceed finished     # block 1; 1.5 s later block 2 is there
 control note "a rest" --until idle --seconds 30
 
-insist start --until running --seconds 60
+insist proceed running
 if control pause_after_trial --until paused --seconds 60; then
-    control repeat              # the trial before the pause, at the end of the block
+    control repeat || echo "no trial is over yet that could be repeated"    # the one before the pause, at the end of the block
     control resume
 fi
-control note "block 2 is the last one" --until finished --seconds 300
+control note "block 2 is the last one" --until finished --seconds 300 2>> "$folder/refused.log" || insist proceed finished
 control end --json > "$folder/end.json"
 
 wait "$server"

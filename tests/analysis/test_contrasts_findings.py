@@ -79,7 +79,7 @@ def test_statistics_of_differences_0_1_2_and_3_equal_hand_computed_values(found:
 
 
 @pytest.mark.slow
-@pytest.mark.daily(2, of="contrasts")
+@pytest.mark.sampled(2, of="contrasts")
 def test_p_values_are_corrected_within_their_family(found: TopicResults[Comparison]) -> None:
     """With four dyads, the least possible p times the tests of the family is far above 1."""
     assert all(one.corrected == 1.0 for one in found.parts if np.isfinite(one.contrast.permutation.p))
@@ -151,7 +151,7 @@ def test_dyads_without_a_condition_are_named() -> None:
     assert {(one.n, left_out in one.note.split("; ")) for one in rows} == {(2, True)}
 
 
-@pytest.mark.daily(2, of="contrasts")
+@pytest.mark.sampled(2, of="contrasts")
 def test_confidence_intervals_cover_zero_without_an_effect() -> None:
     """About 5 % of the 95 % intervals miss it; bootstrap intervals of ten dyads are slightly too narrow."""
     found = comparisons(modern_study(modern_blocks(seed=5, dyads=10, trials=4)))
@@ -168,7 +168,7 @@ def test_confidence_intervals_cover_zero_without_an_effect() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.daily(2, of="contrasts")
+@pytest.mark.sampled(2, of="contrasts")
 def test_contrasts_do_not_depend_on_the_names_of_dyads() -> None:
     study = modern_study(modern_blocks(change=halve_times_with_haptics))
     names = {f"D0{k}": f"X{9 - k}" for k in range(1, 5)}
@@ -181,7 +181,7 @@ def test_contrasts_do_not_depend_on_the_names_of_dyads() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.daily(2, of="contrasts")
+@pytest.mark.sampled(2, of="contrasts")
 def test_swapping_conditions_changes_the_sign_of_differences() -> None:
     forces = {"full": "none", "none": "full"}
     blocks = modern_blocks(seed=2)

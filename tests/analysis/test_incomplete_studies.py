@@ -58,7 +58,7 @@ def check_analysis(study: Study, folder: Path) -> None:
         ("holes", "many_falls", "unequal"),
     ],
 )
-@pytest.mark.daily(1)
+@pytest.mark.sampled(1)
 def test_incomplete_study_is_analysed(tmp_path: Path, lacks: tuple[str, ...]) -> None:
     check_analysis(lacking(lacks, seed=1, dyads=1, trials=2), tmp_path)
 

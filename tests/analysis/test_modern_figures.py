@@ -162,7 +162,7 @@ def test_figures_are_reproducible_to_the_byte(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("draw", MODERN)
-@pytest.mark.daily(1)
+@pytest.mark.sampled(1)
 def test_unusual_studies_are_drawn(draw: Callable[[Study], Picture], unusual: Study) -> None:
     assert as_bytes(figure_of(draw(unusual)), "png").startswith(b"\x89PNG")
 
@@ -170,7 +170,7 @@ def test_unusual_studies_are_drawn(draw: Callable[[Study], Picture], unusual: St
 @pytest.mark.slow
 @pytest.mark.parametrize("draw", MODERN)
 @pytest.mark.parametrize("trials", [[], times(3.0), [{"outcome": "fell"}]])
-@pytest.mark.daily(9)
+@pytest.mark.sampled(9)
 def test_figure_that_cannot_be_drawn_states_the_reason(
     draw: Callable[[Study], Picture], trials: list[dict[str, float]]
 ) -> None:
@@ -182,7 +182,7 @@ def test_figure_that_cannot_be_drawn_states_the_reason(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("find", FOUND)
-@pytest.mark.daily(1)
+@pytest.mark.sampled(1)
 def test_results_of_unusual_studies_have_units_and_notes(find: Callable[[Study], object], unusual: Study) -> None:
     table = table_of(find(unusual).results)  # type: ignore[attr-defined]
     assert len(table)

@@ -85,7 +85,7 @@ def test_captions_state_n_and_the_kind_of_interval(draw: Callable[[Study], Pictu
 
 @pytest.mark.slow
 @pytest.mark.parametrize("draw", PAPER)
-@pytest.mark.daily(2)
+@pytest.mark.sampled(2)
 def test_figures_are_reproducible_to_the_byte(draw: Callable[[Study], Picture], study: Study) -> None:
     first, second = (as_bytes(figure_of(draw(study)), "svg") for _ in range(2))
     assert first == second
@@ -93,7 +93,7 @@ def test_figures_are_reproducible_to_the_byte(draw: Callable[[Study], Picture], 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("draw", PAPER)
-@pytest.mark.daily(2)
+@pytest.mark.sampled(2)
 def test_study_with_other_conditions_is_drawn(draw: Callable[[Study], Picture], unusual: Study) -> None:
     assert len(as_bytes(figure_of(draw(unusual)), "svg")) > 10_000
 
@@ -108,7 +108,7 @@ def test_figure_without_data_states_the_reason(draw: Callable[[Study], Picture])
 @pytest.mark.slow
 @pytest.mark.parametrize("draw", PAPER)
 @pytest.mark.parametrize("trials", [1, 4])
-@pytest.mark.daily(3)
+@pytest.mark.sampled(3)
 def test_single_dyad_with_few_trials_is_drawn_or_skipped(draw: Callable[[Study], Picture], trials: int) -> None:
     picture = draw(made_study(random_blocks(dyads=1, trials=trials)))
     assert picture.figure is None or as_bytes(picture.figure, "svg")

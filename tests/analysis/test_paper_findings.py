@@ -149,7 +149,7 @@ def test_results_have_unique_names_units_and_n() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("forces", [["full"], ["none"], ["partner_only", "unrelated"], FORCES])
 @pytest.mark.parametrize("trials", [1, 2, 7])
-@pytest.mark.daily(3)
+@pytest.mark.sampled(3)
 def test_small_studies_have_results_or_notes(forces: list[str], trials: int) -> None:
     found = results_of(made_study(random_blocks(dyads=1, trials=trials, forces=forces)))
     missing = found[found["value"].isna()]

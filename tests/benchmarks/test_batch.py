@@ -15,7 +15,7 @@ from netboard.benchmarks.physics.batch import LANES, in_blocks, make_batch, out_
 from netboard.physics.methods.march import make_grid, run
 from netboard.physics.scene.parameters import pack_scene, parts_of, state_length
 
-pytestmark = pytest.mark.daily(1, of="methods of benchmarks", part="batch")
+pytestmark = pytest.mark.sampled(1, of="methods of benchmarks", part="batch")
 
 Array = NDArray[np.float64]
 H, COUNT = 1e-3, 2 * LANES
@@ -73,7 +73,7 @@ def assert_close(found: Array, selection: Array) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
-@pytest.mark.daily(1)
+@pytest.mark.sampled(1)
 def test_thousand_batch_steps_equal_the_strict_method(name: str) -> None:
     physics = SCENES[name]
     scene, x, hands = pack_scene(physics), initial_states(state_length(physics)), drives_of(physics, 1000)

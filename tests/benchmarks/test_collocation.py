@@ -14,7 +14,7 @@ from trajectories import Scene, convergence_order, drive, scene_of
 
 from netboard.benchmarks.physics.collocation import gauss_nodes, make_collocation, make_tables
 
-pytestmark = pytest.mark.daily(1, of="methods of benchmarks", part="collocation")
+pytestmark = pytest.mark.sampled(1, of="methods of benchmarks", part="collocation")
 
 START = (0.002, 0.01, 0.05, 0.2, 0.03, 0.02)
 DURATION = 0.16
@@ -88,7 +88,7 @@ def test_order_of_convergence_is_twice_the_number_of_nodes() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("values", KINDS.values(), ids=KINDS)
 @pytest.mark.parametrize("free", [True, False], ids=["rolling", "fixed"])
-@pytest.mark.daily(2)
+@pytest.mark.sampled(2)
 def test_every_scene_is_solved_to_twelve_digits(free: bool, values: dict[str, Any]) -> None:
     scene = scene_of(free, **values)
     times = np.linspace(0.0, DURATION, 65)

@@ -26,7 +26,7 @@ BARE = VirtualDevice(friction=0.0)
     ],
     ids=str,
 )
-@pytest.mark.daily(1, of="quick benchmarks")
+@pytest.mark.sampled(1, of="quick benchmarks")
 def test_simulated_service_is_stable_below_the_predicted_stiffness(case: Case) -> None:
     stiffness, mode = predicted(case)
     assert simulated_is_stable(case, stiffness * (1.0 - AGREED), mode)

@@ -77,7 +77,7 @@ def test_busy_thread_stops_on_request() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.daily(1, of="quick benchmarks")
+@pytest.mark.sampled(1, of="quick benchmarks")
 def test_study_runs_with_a_fake_library(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     library, out, copy = str(fake_library()), tmp_path / "out", tmp_path / "copy.json"
     main(library, 0.05, Options(out, copy, quick=True))

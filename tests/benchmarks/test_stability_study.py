@@ -51,7 +51,7 @@ SCENES = [{}, {"k_h": 1000.0}, {"c_h": 100.0}, {"k_h": 31.6, "c_h": 31.6}, {"M":
 @pytest.mark.slow
 @pytest.mark.parametrize("factors", SCENES, ids=str)
 @pytest.mark.parametrize("method", LIMITED)
-@pytest.mark.daily(4)
+@pytest.mark.sampled(4)
 def test_measured_step_limits_agree_with_theory(method: str, factors: dict[str, float]) -> None:
     cell = measure_cell(scaled(Physics(), **factors), method)
     assert cell.counts
@@ -101,7 +101,7 @@ def test_forces_at_large_tilts_are_accurate() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.daily(1, of="quick benchmarks")
+@pytest.mark.sampled(1, of="quick benchmarks")
 def test_energy_drift_of_an_undamped_board_depends_on_the_method() -> None:
     part = energy_drift(20_000, ["euler", "rk4", "midpoint", "etdrk4"])
     assert part.holds, part.verdicts
@@ -138,7 +138,7 @@ def test_live_tick_survives_invalid_hand_samples() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["paper", "lagrangian"])
-@pytest.mark.daily(1, of="quick benchmarks")
+@pytest.mark.sampled(1, of="quick benchmarks")
 def test_short_soak_finds_no_energy_error(name: str) -> None:
     found = soak_kind(KINDS[name], 300_000, seed=5, scenes=16)
     assert found.steps >= 300_000

@@ -190,7 +190,7 @@ def test_exact_method_is_offered_for_level_boards_only() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("model", MODELS)
-@pytest.mark.daily(1)
+@pytest.mark.sampled(1)
 def test_higher_order_extrapolation_reduces_the_error_of_every_signal(model: Model) -> None:
     problem = Problem(model, "settled", duration=1.0)
     rows = holds_part([(problem, make_reference(problem, "tight", tight(problem)))]).rows
@@ -210,13 +210,13 @@ def test_extrapolation_errors_are_within_the_claims() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("skip", SKIPS, ids=lambda skip: f"{skip.name}, {skip.method}")
-@pytest.mark.daily(4)
+@pytest.mark.sampled(4)
 def test_skipped_work_changes_no_result(model: Model, skip: Skip) -> None:
     assert difference(model, replace(skip, ticks=min(skip.ticks, 1000))) <= SAME
 
 
 @pytest.mark.slow
-@pytest.mark.daily(1, of="quick benchmarks")
+@pytest.mark.sampled(1, of="quick benchmarks")
 def test_quick_study_has_all_its_parts(tmp_path: Path) -> None:
     folder = Folder(tmp_path / "results")
     selection = Selection((Problem("paper", "settled"),), (), repeats=1, budget=0.0)

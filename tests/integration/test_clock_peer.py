@@ -50,7 +50,7 @@ def clock_records(path: Path, peer: str) -> list[ClockRecord]:
         return [clock for clock in recording.clocks() if clock.peer == peer]
 
 
-@pytest.mark.daily(2, of="sessions in real time")
+@pytest.mark.sampled(2, of="sessions in real time")
 def test_offsets_of_skewed_and_stepped_clocks_lie_within_their_bounds(tmp_path: Path) -> None:
     since_ns, port = now_ns(), free_port()
     clocks: dict[Side, SkewedClock] = {
@@ -86,7 +86,7 @@ def test_offsets_of_skewed_and_stepped_clocks_lie_within_their_bounds(tmp_path: 
         assert abs(record.offset_ns) <= record.bound_ns
 
 
-@pytest.mark.daily(2, of="sessions in real time")
+@pytest.mark.sampled(2, of="sessions in real time")
 def test_device_is_not_armed_while_its_clock_bound_is_too_wide(tmp_path: Path) -> None:
     port = free_port()
     with relay_to_server(port) as relay:

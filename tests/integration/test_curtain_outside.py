@@ -5,6 +5,7 @@ says how much. These tests show that nothing else does: no value of the partner 
 a frame predicts the partner's stylus better than the board and the participant's own stylus.
 """
 
+import itertools
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,8 +44,7 @@ ROUNDING = 1e-9
 NOISE = 1e-4
 """Relative to the largest singular value: weaker combinations of features are ignored."""
 LEAK = 0.55
-"""A leak lowers the prediction error below this share. With few trials, features that are constant in a trial lower it
-too, to about 0.7, because each trial then gets its own prediction."""
+"""A leak lowers the prediction error below this share [1]."""
 SHOWN = ("z", "theta", "p", "left")
 """Moving quantities that the left participant may see."""
 STAMPS = ("right_stamp_ns", "right_seen_ns")
@@ -131,17 +131,49 @@ def prediction_error(features: np.ndarray, stylus: np.ndarray) -> float:
     return float(np.sqrt(np.mean((stylus[half:] - columns[half:] @ weights) ** 2)))
 
 
-def with_history(values: np.ndarray) -> np.ndarray:
-    """Each row joined with the `HISTORY` rows that end with it."""
-    return np.column_stack([values[HISTORY - back : len(values) - back] for back in range(HISTORY)])
+@dataclass
+class Stretches:
+    """Views in rows, and where a trial, an attempt or a phase begins.
+
+    A feature that is constant from there to the next one cannot follow a hand, but would give each of these few
+    stretches a prediction of its own. Therefore the mean of each stretch is subtracted, and rows whose history began in
+    another one are left out.
+    """
+
+    numbers: np.ndarray
+    whole: np.ndarray
+
+    @classmethod
+    def of_views(cls, views: list[View]) -> "Stretches":
+        states = [(view.phase, view.trial, view.failures) for view in views]
+        begins = np.array([True, *(one != before for before, one in itertools.pairwise(states))])
+        rows = np.arange(len(views))
+        age = rows - np.maximum.accumulate(np.where(begins, rows, 0))
+        return cls(np.cumsum(begins), age >= HISTORY - 1)
+
+    def newest(self, values: np.ndarray) -> np.ndarray:
+        """The values of the rows with a whole history."""
+        return self._centred(values[self.whole, None])[:, 0]
+
+    def with_history(self, values: np.ndarray) -> np.ndarray:
+        """Each of these rows joined with the `HISTORY` rows that end with it."""
+        windows = np.lib.stride_tricks.sliding_window_view(values, HISTORY, axis=0)
+        return self._centred(windows[self.whole[HISTORY - 1 :]].reshape(self.whole.sum(), -1))
+
+    def _centred(self, rows: np.ndarray) -> np.ndarray:
+        centred, numbers = rows.astype(float), self.numbers[self.whole]
+        for number in np.unique(numbers):
+            centred[numbers == number] -= centred[numbers == number].mean(axis=0)
+        return centred
 
 
 def test_no_field_timing_or_size_predicts_the_partner_better_than_the_board(captured: Captured) -> None:
     moving = captured.moving()
     views = [view for *_, view in moving]
     ticks = captured.ticks[[view.tick for view in views]]
-    stylus = ticks["right_used_z"][HISTORY:]
-    board = with_history(np.array([[getattr(view, name) for name in SHOWN] for view in views]))
+    stretches = Stretches.of_views(views)
+    stylus = stretches.newest(ticks["right_used_z"])
+    board = stretches.with_history(np.array([[getattr(view, name) for name in SHOWN] for view in views]))
     board_error = prediction_error(board, stylus)
     assert board_error < 0.1 * stylus.std()
     arrived = np.array([arrived for arrived, *_ in moving])
@@ -154,16 +186,24 @@ def test_no_field_timing_or_size_predicts_the_partner_better_than_the_board(capt
         "time between arrivals": np.diff(arrived, prepend=arrived[0]),
         "ticks between views": np.diff([view.tick for view in views], prepend=views[0].tick),
         "tick": np.array([view.tick for view in views]),
-        "phase": np.array([view.phase == "holding" for view in views]),
     }
-    for name in ("target", "trial", "failures", "completion", "best"):
+    for name in ("target", "completion", "best", "share"):
         extra_features[name] = np.array([getattr(view, name) or 0.0 for view in views])
     for name, values in extra_features.items():
-        more = np.column_stack((board, with_history(values.astype(float)[:, None])))
+        more = np.column_stack((board, stretches.with_history(values.astype(float)[:, None])))
         assert prediction_error(more, stylus) > LEAK * board_error, f"the {name} reveals the partner's stylus"
     leak = np.round(ticks["right_used_z"], 5)
-    leaky = np.column_stack((board, with_history(leak[:, None])))
+    leaky = np.column_stack((board, stretches.with_history(leak[:, None])))
     assert prediction_error(leaky, stylus) < LEAK * board_error, "a leak is detected by the same method"
+
+
+def test_the_size_of_a_view_follows_from_the_state_of_the_trial(captured: Captured) -> None:
+    """Among views of one state, whatever the hands do, all have the same size."""
+    sizes: dict[tuple[object, ...], set[int]] = {}
+    for _, size, view in captured.moving():
+        state = (view.phase, view.trial, view.failures, view.completion, view.best, view.notice)
+        sizes.setdefault(state, set()).add(size)
+    assert [state for state, found in sizes.items() if len(found) > 1] == []
 
 
 def test_board_reveals_the_partner_as_its_equations_predict(captured: Captured) -> None:

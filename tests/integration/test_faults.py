@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-import daily
+import sampling
 from netboard.benchmarks.faults.bench import choose, run_all
 from netboard.benchmarks.faults.cases import RELAYED, Case
 
@@ -22,7 +22,7 @@ WITH_RELAYS = (
     "emergency-stop",
 )
 STANDALONE = ("server-stopped-1s", "server-killed", "directory-removed")
-RELAYED_DAILY, STANDALONE_DAILY = 4, 1
+RELAYED_COUNT, STANDALONE_COUNT = 4, 1
 """Number of cases that run per day [1]."""
 
 
@@ -39,9 +39,9 @@ def check_cases(cases: list[Case], folder: Path) -> None:
 
 
 def test_faults_of_links_agents_peers_and_devices_are_handled(tmp_path: Path) -> None:
-    names = daily.some("faults", WITH_RELAYS, RELAYED_DAILY)
+    names = sampling.some("faults", WITH_RELAYS, RELAYED_COUNT)
     check_cases([replace(case, setup=RELAYED) for case in choose(names, quick=True)], tmp_path)
 
 
 def test_stopped_or_killed_server_and_deleted_recording_are_handled(tmp_path: Path) -> None:
-    check_cases(choose(daily.some("faults by themselves", STANDALONE, STANDALONE_DAILY), quick=True), tmp_path)
+    check_cases(choose(sampling.some("faults by themselves", STANDALONE, STANDALONE_COUNT), quick=True), tmp_path)

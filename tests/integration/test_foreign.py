@@ -152,7 +152,7 @@ def test_foreign_clients_are_welcomed_and_never_refused(foreign_session: Foreign
     assert any(line["armed"] for line in foreign_session.agent if "armed" in line)
 
 
-@pytest.mark.daily(2, of="sessions in real time")
+@pytest.mark.sampled(2, of="sessions in real time")
 def test_foreign_clients_continue_with_the_next_block(javascript_clients: Path, tmp_path: Path) -> None:
     with Rig(tmp_path, (*QUICK_TRIALS, "session.pilot=true")) as rig:
         study = rig.folder / "two.toml"

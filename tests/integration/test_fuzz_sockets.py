@@ -25,7 +25,7 @@ def failed_claims(parts: list[Part]) -> list[str]:
     return [f"{v.claim}: {v.found}" for v in verdicts if not v.holds and v.claim != TIMING_CLAIM]
 
 
-@pytest.mark.daily(2, of="sessions in real time")
+@pytest.mark.sampled(2, of="sessions in real time")
 def test_malformed_messages_do_not_disturb_a_server_in_a_trial(tmp_path: Path) -> None:
     parts = list(server_parts(tmp_path / "server", MESSAGES, ignore_progress, quiet=0.5))
     assert failed_claims(parts) == []
@@ -36,7 +36,7 @@ def test_malformed_messages_do_not_disturb_a_server_in_a_trial(tmp_path: Path) -
     assert all(int(number) >= MESSAGES - 5 for number in sent.values())
 
 
-@pytest.mark.daily(2, of="sessions in real time")
+@pytest.mark.sampled(2, of="sessions in real time")
 def test_malformed_messages_do_not_disturb_agents_displays_and_loggers(tmp_path: Path) -> None:
     parts = list(peer_parts(tmp_path / "peers", MESSAGES, ignore_progress))
     assert failed_claims(parts) == []

@@ -18,7 +18,7 @@ def parts_of(file: Path) -> dict[str, dict[str, Any]]:
     return {part["name"]: part for part in json.loads(file.read_text())["parts"]}
 
 
-@pytest.mark.daily(2, of="sessions in real time")
+@pytest.mark.sampled(2, of="sessions in real time")
 def test_loop_benchmark_measures_the_loop_and_its_baselines(tmp_path: Path) -> None:
     folder, file = tmp_path / "found", tmp_path / "found.json"
     loop(Setting(), 1.0, (), Options(folder, file, quick=True))
@@ -40,7 +40,7 @@ def test_loop_benchmark_measures_the_loop_and_its_baselines(tmp_path: Path) -> N
     assert all(cost > 0 for cost in costs.values())
 
 
-@pytest.mark.daily(2, of="sessions in real time")
+@pytest.mark.sampled(2, of="sessions in real time")
 def test_lightweight_peers_run_a_trial_on_a_real_server(tmp_path: Path) -> None:
     with LightPeers(tmp_path) as light_peers:
         served = light_peers.serve(Setting().config, 1, Peers(displays=True), 1.0)
@@ -50,7 +50,7 @@ def test_lightweight_peers_run_a_trial_on_a_real_server(tmp_path: Path) -> None:
     assert served.cost.seconds > 0
 
 
-@pytest.mark.daily(2, of="sessions in real time")
+@pytest.mark.sampled(2, of="sessions in real time")
 def test_soak_benchmark_loses_no_records(tmp_path: Path) -> None:
     folder = tmp_path / "soaked"
     assert soak(Setting(), 0.05, 1, Options(folder)) == 0

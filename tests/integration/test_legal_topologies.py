@@ -63,7 +63,7 @@ def command_until_accepted(rig: Rig, command: str) -> None:
     rig.until(lambda status: rig.operator.do(command).accepted)
 
 
-@pytest.mark.daily(1, of="whole sessions")
+@pytest.mark.sampled(1, of="whole sessions")
 def test_duplicate_and_reconnecting_peers_leave_undamaged_recordings(open_rig: Callable[..., Rig]) -> None:
     rig = open_rig()
     rig.start_all(displays=True)
@@ -103,7 +103,7 @@ CONFIGURATIONS = {
 
 
 @pytest.mark.parametrize("settings", CONFIGURATIONS.values(), ids=CONFIGURATIONS)
-@pytest.mark.daily(1, of="whole sessions")
+@pytest.mark.sampled(1, of="whole sessions")
 def test_other_configurations_stopped_in_a_trial_leave_undamaged_recordings(
     open_rig: Callable[..., Rig], settings: tuple[str, ...]
 ) -> None:
@@ -116,7 +116,7 @@ def test_other_configurations_stopped_in_a_trial_leave_undamaged_recordings(
     assert all(not found for found in damage.values()), damage
 
 
-@pytest.mark.daily(1, of="whole sessions")
+@pytest.mark.sampled(1, of="whole sessions")
 def test_session_with_keys_leaves_undamaged_recordings(tmp_path: Path) -> None:
     with rig_with_keys(tmp_path) as rig:
         rig.start_all(displays=True)

@@ -107,7 +107,7 @@ def check_received(received: dict[str, np.ndarray], paths: Sequence[Path]) -> No
     assert all(abs(clock.offset_ns) <= clock.bound_ns for clock in clocks)
 
 
-@pytest.mark.daily(1, of="whole sessions")
+@pytest.mark.sampled(1, of="whole sessions")
 def test_lsl_recorder_receives_a_whole_session_bit_identically(rig: Rig, tmp_path: Path) -> None:
     rig.start("lsl", "lsl")
     with Recorder(tmp_path, 1) as recorder:
@@ -127,7 +127,7 @@ def test_lsl_recorder_receives_a_whole_session_bit_identically(rig: Rig, tmp_pat
     assert "0 records lost" in rig.output_of("lsl")
 
 
-@pytest.mark.daily(1, of="whole sessions")
+@pytest.mark.sampled(1, of="whole sessions")
 def test_suspended_outlet_and_second_session_lose_no_data(rig: Rig, tmp_path: Path) -> None:
     lsl = rig.start("lsl", "lsl")
     with Recorder(tmp_path, 2) as recorder:
@@ -153,7 +153,7 @@ def test_suspended_outlet_and_second_session_lose_no_data(rig: Rig, tmp_path: Pa
     assert rig.stop("lsl") == 0
 
 
-@pytest.mark.daily(1, of="whole sessions")
+@pytest.mark.sampled(1, of="whole sessions")
 def test_lsl_time_stamps_on_a_skewed_clock_are_within_the_reported_bound(tmp_path: Path) -> None:
     port = free_port()
     script = str(Path(__file__).with_name("skewed.py"))

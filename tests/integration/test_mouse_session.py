@@ -145,7 +145,7 @@ class Game:
         self.view_socket.close()
 
 
-@pytest.mark.daily(2, of="sessions in real time")
+@pytest.mark.sampled(2, of="sessions in real time")
 def test_scripted_mouse_completes_two_trials_with_a_simulated_partner(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -170,7 +170,7 @@ def test_scripted_mouse_completes_two_trials_with_a_simulated_partner(
     assert not played["left_x"].any()
 
 
-@pytest.mark.daily(2, of="sessions in real time")
+@pytest.mark.sampled(2, of="sessions in real time")
 def test_ctrl_c_in_a_played_demo_leaves_a_complete_recording(tmp_path: Path) -> None:
     environment = os.environ | {"QT_QPA_PLATFORM": "offscreen", "NO_COLOR": "1", STOP_WITH_PARENT: "1"}
     command = [sys.executable, "-m", "netboard.services.cli", "demo", "--play", "left", "--directory", str(tmp_path)]

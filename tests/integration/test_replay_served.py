@@ -148,7 +148,7 @@ def test_recording_reproduces_the_views_sent_live(live: tuple[Path, SentViews], 
     assert differing(recording, seen) == []
 
 
-@pytest.mark.daily(1, of="replay served")
+@pytest.mark.sampled(1, of="replay served")
 def test_replay_sends_the_recorded_views_at_any_speed(rig: Rig, recording: LoadedRecording) -> None:
     for speed in ("1", "0.25", "8"):
 
@@ -166,7 +166,7 @@ def test_replay_sends_the_recorded_views_at_any_speed(rig: Rig, recording: Loade
         assert differing(recording, seen) == []
 
 
-@pytest.mark.daily(1, of="replay served")
+@pytest.mark.sampled(1, of="replay served")
 def test_replay_is_controlled_from_a_shell(rig: Rig, recording: LoadedRecording) -> None:
     assert run(rig, "control", "pause").stdout.startswith("pause: paused at ")
     done = run(rig, "control", "seek", "trial", "2", "--json")
@@ -194,7 +194,7 @@ def test_replay_is_controlled_from_a_shell(rig: Rig, recording: LoadedRecording)
     assert "cannot arm: this is a replay" in refused.stderr
 
 
-@pytest.mark.daily(1, of="replay served")
+@pytest.mark.sampled(1, of="replay served")
 def test_display_shows_a_replay_and_agent_is_refused(rig: Rig) -> None:
     picture = rig.folder / "left.png"
     rig.start("left display", "display", "--station", "left", "--screenshot", str(picture))
@@ -212,7 +212,7 @@ def test_replay_server_exits_when_the_operator_ends_it(rig: Rig) -> None:
     assert rig.wait("server") == 0
 
 
-@pytest.mark.daily(1, of="replay served")
+@pytest.mark.sampled(1, of="replay served")
 def test_foreign_display_shows_a_replay_like_a_live_session(
     live: tuple[Path, SentViews], javascript_clients: Path, tmp_path: Path
 ) -> None:
@@ -233,7 +233,7 @@ def test_foreign_display_shows_a_replay_like_a_live_session(
         assert rig.stop("server") == 0
 
 
-@pytest.mark.daily(1, of="replay served")
+@pytest.mark.sampled(1, of="replay served")
 def test_terminal_keys_control_a_replay(live: tuple[Path, SentViews], tmp_path: Path) -> None:
     keyboard, terminal = os.openpty()
     with Rig(tmp_path) as rig:

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-import daily
+import sampling
 from netboard.base.config import parse
 from netboard.base.errors import NetboardError
 from netboard.base.tables.experiment import Session
@@ -42,7 +42,7 @@ QUICK = (
 
 PILOT = ("session.pilot=true",)
 STUDY = ("--study", "paper", "--dyad", "3")
-KILLS, SUCCESS_EVERY = (50, 10) if daily.ALL else (3, 2)
+KILLS, SUCCESS_EVERY = (50, 10) if sampling.ALL else (3, 2)
 """Number of kills, and how often the server first completes a trial, so that it progresses on a slow machine [1]."""
 FROM_START, FROM_ANSWER = 2.0, 2.5
 """Longest random times before the other kills, from the start or the first answer of the server [s]."""
@@ -95,7 +95,7 @@ def wait_and_resume(rig: Rig, condition: Callable[[Status], bool]) -> Status:
         rig.operator.do("resume")
 
 
-@pytest.mark.daily(1, of="whole sessions")
+@pytest.mark.sampled(1, of="whole sessions")
 def test_block_requires_a_completed_form_and_armed_devices(tmp_path: Path) -> None:
     with Rig(tmp_path, QUICK) as rig:
         rig.start("logger", "logger", "--once")
@@ -124,7 +124,7 @@ def test_block_requires_a_completed_form_and_armed_devices(tmp_path: Path) -> No
     assert (header.participants, header.consent, header.pilot) == (("P07", "P08"), True, False)
 
 
-@pytest.mark.daily(1, of="whole sessions")
+@pytest.mark.sampled(1, of="whole sessions")
 def test_operator_commands_control_the_blocks_of_a_session(tmp_path: Path) -> None:
     with Rig(tmp_path, QUICK) as rig:
         operator = open_session(rig)
@@ -165,7 +165,7 @@ def test_operator_commands_control_the_blocks_of_a_session(tmp_path: Path) -> No
     assert {"repeat", "veto", "note", "pause", "skip", "next", "start"} <= {command["name"] for command in commands}
 
 
-@pytest.mark.daily(1, of="whole sessions")
+@pytest.mark.sampled(1, of="whole sessions")
 def test_session_started_before_is_not_restarted(tmp_path: Path) -> None:
     with Rig(tmp_path, (*QUICK, *PILOT)) as rig:
         rig.start("logger", "logger")
@@ -180,7 +180,7 @@ def test_session_started_before_is_not_restarted(tmp_path: Path) -> None:
         assert journal(rig).read_bytes() == before
 
 
-@pytest.mark.daily(1, of="whole sessions")
+@pytest.mark.sampled(1, of="whole sessions")
 def test_questionnaire_after_a_block_is_announced_and_recorded(tmp_path: Path) -> None:
     questionnaire = "workload: hand out the form"
     with Rig(tmp_path, (*QUICK, "block.trials=1", f'block.questionnaires="{questionnaire}"')) as rig:
@@ -193,7 +193,7 @@ def test_questionnaire_after_a_block_is_announced_and_recorded(tmp_path: Path) -
         ]
 
 
-@pytest.mark.daily(1, of="whole sessions")
+@pytest.mark.sampled(1, of="whole sessions")
 def test_operator_skips_to_the_next_block_without_agents(tmp_path: Path) -> None:
     with Rig(tmp_path, (*QUICK, *PILOT)) as rig:
         rig.start("logger", "logger")
@@ -223,9 +223,9 @@ def wait_for_another_success(rig: Rig) -> None:
     rig.until(lambda s: len({row[:2] for row in attempts(rig) if row[3] == "success"}) > done)
 
 
-@pytest.mark.daily(1, of="whole sessions")
+@pytest.mark.sampled(1, of="whole sessions")
 def test_repeatedly_killed_server_resumes_the_plan_with_correct_counts(tmp_path: Path) -> None:
-    chance = daily.chance("kills")
+    chance = sampling.chance("kills")
     with Rig(tmp_path, (*QUICK, *PILOT, "network.require_logger=false")) as rig:
         rig.start_stations()
         rig.start("server", "server", *STUDY, "--autostart", "--trials", "2")
@@ -285,7 +285,7 @@ def check_plan(entries: tuple[Any, ...]) -> None:
     assert max(successes)[0] > 1, "the session made too little progress to test anything"
 
 
-@pytest.mark.daily(1, of="whole sessions")
+@pytest.mark.sampled(1, of="whole sessions")
 def test_blocks_of_a_killed_session_match_the_plan(tmp_path: Path) -> None:
     with Rig(tmp_path, (*QUICK, *PILOT)) as rig:
         rig.start("logger", "logger")
@@ -312,7 +312,7 @@ def test_blocks_of_a_killed_session_match_the_plan(tmp_path: Path) -> None:
         assert replace(config.block, trials=60, blocks=18, station=block.station) == block
 
 
-@pytest.mark.daily(1, of="whole sessions")
+@pytest.mark.sampled(1, of="whole sessions")
 def test_resume_without_confirmation_is_refused(tmp_path: Path) -> None:
     with Rig(tmp_path, (*QUICK, *PILOT)) as rig:
         rig.start("logger", "logger")

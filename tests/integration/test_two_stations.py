@@ -138,7 +138,7 @@ def names_of(events: Sequence[object]) -> set[str]:
     return {getattr(event, "name", "") for event in events}
 
 
-@pytest.mark.daily(2, of="sessions in real time")
+@pytest.mark.sampled(2, of="sessions in real time")
 def test_two_station_example_completes_a_block_on_three_machines(machines: Machines) -> None:
     machines.install_keys()
     for side in SIDES:

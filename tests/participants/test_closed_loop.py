@@ -18,7 +18,7 @@ def play_block(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("configuration", "haptics"), CONDITIONS)
-@pytest.mark.daily(2)
+@pytest.mark.sampled(2)
 def test_six_trials_are_completed_at_human_speed(configuration: str, haptics: bool) -> None:
     result = play_block(configuration, haptics)
     assert len(result.completions) == 6

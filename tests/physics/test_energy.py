@@ -125,7 +125,7 @@ def balance_error(scene: Scene, path: NDArray[np.float64], hand: Hands, h: float
 @pytest.mark.slow
 @pytest.mark.parametrize("free", [True, False])
 @every
-@pytest.mark.daily(2)
+@pytest.mark.sampled(2)
 def test_energy_balance_converges_with_sixth_order_to_twelve_digits(values: dict[str, Any], free: bool) -> None:
     scene = scene_of(free, **values)
     start = resting_state(scene, 0.02)
@@ -173,7 +173,7 @@ def test_energy_missing_from_the_balance_is_lost_at_the_stops() -> None:
 @pytest.mark.parametrize(
     "values", [{"balls": 0}, {}, {"model": "lagrangian", "balls": 2, "ball_height": 0.02, "ball_inertia": 0.4}], ids=str
 )
-@pytest.mark.daily(1)
+@pytest.mark.sampled(1)
 def test_energy_drift_of_an_undamped_scene_falls_with_fourth_order(values: dict[str, Any]) -> None:
     scene = scene_of(c_h=0.0, **values)
     drifts = []

@@ -16,7 +16,7 @@ from independent import solution, waving
 from scipy.linalg import expm
 from trajectories import Scene, changed, convergence_order, drive, scene_of, trajectory
 
-import daily
+import sampling
 from netboard.physics.methods.catalogue import METHODS, NUMBER
 from netboard.physics.methods.exponential import etdrk4, exact_tables
 from netboard.physics.methods.march import make_grid, run
@@ -24,7 +24,7 @@ from netboard.physics.methods.semilinear import remainder
 from netboard.physics.scene.linear import scene_matrix
 
 SCRIPT = Path(__file__).with_name("exponential_bits.py")
-BITS = daily.some("bits of exponential methods", CASES, 1)
+BITS = sampling.some("bits of exponential methods", CASES, 1)
 KINDS: dict[str, dict[str, Any]] = {
     "both hands": {},
     "one hand, two balls, friction": {"coupling": "left", "balls": 2, "b_z": 0.3, "b_theta": 0.001},
@@ -52,7 +52,7 @@ def initial_state(scene: Scene) -> tuple[float, ...]:
     ("kind", "free"), [*((kind, True) for kind in KINDS), ("both hands", False), ("lagrangian", False)]
 )
 @pytest.mark.parametrize("method", ["etd2rk", "etdrk4"])
-@pytest.mark.daily(2)
+@pytest.mark.sampled(2)
 def test_exponential_methods_converge_with_their_nominal_order(method: str, kind: str, free: bool) -> None:
     scene = scene_of(free, **KINDS[kind])
     start = initial_state(scene)
@@ -118,7 +118,7 @@ def exact_level_end(scene: Scene, start: tuple[float, ...], u: Any, h: float) ->
 @pytest.mark.parametrize("model", ["paper", "lagrangian"])
 @pytest.mark.parametrize("coupling", ["both", "left", "none"])
 @pytest.mark.parametrize("h", [1e-4, 1e-3, 5e-2])
-@pytest.mark.daily(3)
+@pytest.mark.sampled(3)
 def test_exact_method_solves_a_level_board_exactly(h: float, coupling: Any, model: Any, free: bool) -> None:
     scene = scene_of(free, board="level", model=model, coupling=coupling, b_z=0.2, balls=2, ball_height=0.02)
     start = (0.004, -0.1, 0.0, 0.0, 0.1, 0.3, -0.2, 0.4)
@@ -158,7 +158,7 @@ def test_exact_tables_are_rejected_for_a_tilting_board() -> None:
 @pytest.mark.parametrize("method", ["etd2rk", "etdrk4"])
 @pytest.mark.parametrize(("k", "c"), [(1000.0, 1.0), (1.0, 1000.0), (1000.0, 1000.0)])
 @pytest.mark.parametrize("h", [1e-3, 1e-2, 1e-1])
-@pytest.mark.daily(4)
+@pytest.mark.sampled(4)
 def test_stiff_board_stays_bounded_and_settles_at_the_hands(h: float, k: float, c: float, method: str) -> None:
     scene = scene_of(balls=0)
     packed = scene.packed.copy()
@@ -184,7 +184,7 @@ def run_script(**environment: str) -> Any:
 
 @pytest.mark.slow
 @pytest.mark.timeout(300)
-@pytest.mark.daily(1, of="plain Python")
+@pytest.mark.sampled(1, of="plain Python")
 def test_plain_python_gives_the_same_bits() -> None:
     assert run_script(NUMBA_DISABLE_JIT="1") == digests(BITS)
 
@@ -192,7 +192,7 @@ def test_plain_python_gives_the_same_bits() -> None:
 @pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
 @pytest.mark.slow
 @pytest.mark.timeout(300)
-@pytest.mark.daily(1, of="processors")
+@pytest.mark.sampled(1, of="processors")
 def test_another_processor_gives_the_same_bits(tmp_path: Path) -> None:
     """Compile for a processor without AVX or fused multiply-add."""
     plain = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": "", "NUMBA_CACHE_DIR": str(tmp_path)}

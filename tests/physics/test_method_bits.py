@@ -11,10 +11,10 @@ import numba
 import pytest
 from method_bits import CLASSICAL, digests
 
-import daily
+import sampling
 
 SCRIPT = Path(__file__).with_name("method_bits.py")
-BITS = daily.some("bits of classical methods", CLASSICAL, 3)
+BITS = sampling.some("bits of classical methods", CLASSICAL, 3)
 
 
 def run_script(**environment: str) -> Any:
@@ -26,14 +26,14 @@ def run_script(**environment: str) -> Any:
 
 
 @pytest.mark.slow
-@pytest.mark.daily(1, of="plain Python")
+@pytest.mark.sampled(1, of="plain Python")
 def test_plain_python_gives_the_same_bits() -> None:
     assert run_script(NUMBA_DISABLE_JIT="1") == digests(BITS)
 
 
 @pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
 @pytest.mark.slow
-@pytest.mark.daily(1, of="processors")
+@pytest.mark.sampled(1, of="processors")
 def test_another_processor_gives_the_same_bits(tmp_path: Path) -> None:
     """Compile for a processor without AVX or fused multiply-add."""
     plain = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": "", "NUMBA_CACHE_DIR": str(tmp_path)}

@@ -53,7 +53,7 @@ def test_classical_methods_converge_with_their_nominal_order(method: str, model:
 @pytest.mark.parametrize("model", ["paper", "lagrangian"])
 @pytest.mark.parametrize("method", [*IMPLICIT, "semi_implicit"])
 @pytest.mark.parametrize("values", SCENES.values(), ids=SCENES)
-@pytest.mark.daily(3)
+@pytest.mark.sampled(3)
 def test_methods_keep_their_order_in_every_scene(values: dict[str, Any], method: str, model: str) -> None:
     order = METHODS[NUMBER[method]].order
     assert convergence_order(errors(scene_of(model=model, **values), method, [100, 200], 0.048)) == pytest.approx(
@@ -64,7 +64,7 @@ def test_methods_keep_their_order_in_every_scene(values: dict[str, Any], method:
 @pytest.mark.slow
 @pytest.mark.parametrize("model", ["paper", "lagrangian"])
 @pytest.mark.parametrize("method", CLASSICAL)
-@pytest.mark.daily(4)
+@pytest.mark.sampled(4)
 def test_fixed_ball_does_not_move(method: str, model: str) -> None:
     scene = scene_of(free=False, model=model)
     start = (*initial_state(scene, free=False)[:4], 0.1, 0.3)

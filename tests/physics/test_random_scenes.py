@@ -10,14 +10,14 @@ from hypothesis import strategies as st
 from independent import Hands
 from trajectories import Scene, sampled_trajectory, samples, scene_of, trajectory
 
-import daily
+import sampling
 from netboard.base.errors import ConfigError
 from netboard.physics.scene.energy import stored_along, work_along
 from netboard.physics.scene.statics import equilibrium
 from netboard.physics.stability.method_choice import choose
 
 TICK = 1e-3
-EXAMPLES = 40 if daily.ALL else 20
+EXAMPLES = 40 if sampling.ALL else 20
 
 
 def log_uniform(least: float, most: float) -> st.SearchStrategy[float]:
@@ -108,7 +108,7 @@ def mirror(x: Any) -> Any:
 @settings(max_examples=EXAMPLES)
 @given(scenes(), smooth_hands())
 @example(scene_of(), lambda t: (0.0, 0.0, 0.0, 0.0))
-@pytest.mark.daily(1, of="any scene")
+@pytest.mark.sampled(1, of="any scene")
 def test_accepted_scene_stays_finite_and_mirror_symmetric(scene: Scene, hands: Hands) -> None:
     physics, choice = scene.physics, choose(scene.physics, TICK)
     opposite = {"left": "right", "right": "left"}.get(physics.coupling, physics.coupling)
@@ -125,7 +125,7 @@ def test_accepted_scene_stays_finite_and_mirror_symmetric(scene: Scene, hands: H
 @settings(max_examples=EXAMPLES)
 @given(scenes(), smooth_hands())
 @example(scene_of(), lambda t: (0.0, 0.0, 0.0, 0.0))
-@pytest.mark.daily(1, of="any scene")
+@pytest.mark.sampled(1, of="any scene")
 def test_energy_change_of_any_scene_equals_the_work_done(scene: Scene, hands: Hands) -> None:
     """With steps that are short compared with the fastest time constant."""
     fastest = choose(scene.physics, TICK).stiffness / TICK

@@ -157,7 +157,7 @@ LAGRANGIAN = Physics(model="lagrangian")
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
-@pytest.mark.daily(1)
+@pytest.mark.sampled(1)
 def test_smooth_hands_have_an_error_below_1e_6_at_any_rate(seed: int) -> None:
     waves = waving(seed)
     expected = truth(waves, T, Physics(), COLD)
@@ -172,7 +172,7 @@ def test_smooth_hands_have_an_error_below_1e_6_at_any_rate(seed: int) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
-@pytest.mark.daily(1)
+@pytest.mark.sampled(1)
 def test_minimum_jerk_reaches_have_an_error_below_1e_6(seed: int) -> None:
     hands = reaching(seed)
     expected = truth(hands, T, Physics(), COLD, breaks=hands.breaks())
@@ -192,7 +192,7 @@ def test_minimum_jerk_reaches_have_an_error_below_1e_6(seed: int) -> None:
     ],
     ids=["lagrangian", "lagrangian fixed", "fixed", "heavier", "hardly damped", "stiff"],
 )
-@pytest.mark.daily(3)
+@pytest.mark.sampled(3)
 def test_other_scenes_have_an_error_below_1e_6(physics: Physics, free: bool) -> None:
     waves, t = waving(7), T[:1001]
     expected = truth(waves, t, physics, COLD, free)

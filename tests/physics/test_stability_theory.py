@@ -93,7 +93,7 @@ def test_tilted_board_matrix_is_the_jacobian_of_the_equations(values: dict[str, 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("method", [*CLASSICAL, *EXPONENTIAL])
-@pytest.mark.daily(3)
+@pytest.mark.sampled(3)
 def test_step_matrix_is_the_jacobian_of_the_compiled_step(method: str) -> None:
     for scene, tilt in product(weightless_scenes(c_h=6.0), (0.0, TILT)):
         x, hands = resting_state(scene, tilt)
@@ -248,7 +248,7 @@ def step_halving_difference(scene: Scene, method: str, h: float, steps: int) -> 
 @pytest.mark.slow
 @pytest.mark.parametrize("method", [*EXPLICIT, "verlet"])
 @pytest.mark.parametrize("scales", [(1, 1), (10, 1), (100, 1), (1, 10)], ids=str)
-@pytest.mark.daily(4)
+@pytest.mark.sampled(4)
 def test_full_equations_become_unstable_at_the_predicted_step(method: str, scales: tuple[float, float]) -> None:
     """To within 4 %, although the board swings."""
     scene = scaled(*scales, balls=0)

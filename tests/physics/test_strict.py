@@ -15,12 +15,12 @@ import pytest
 from random_steps import SCENES, digests
 from trajectories import Scene, scene_of
 
-import daily
+import sampling
 from netboard.physics.methods.catalogue import NUMBER
 from netboard.physics.methods.march import make_march
 
 SCRIPT = Path(__file__).with_name("random_steps.py")
-BITS = daily.some("bits of scenes", SCENES, 2)
+BITS = sampling.some("bits of scenes", SCENES, 2)
 needs_compiler = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
 
 
@@ -38,7 +38,7 @@ def compiled_digests() -> dict[str, str]:
 
 
 @pytest.mark.slow
-@pytest.mark.daily(1, of="plain Python")
+@pytest.mark.sampled(1, of="plain Python")
 def test_plain_python_gives_the_same_bits(compiled_digests: dict[str, str]) -> None:
     assert run_script(NUMBA_DISABLE_JIT="1") == {"digests": compiled_digests, "cache": []}
 
@@ -46,7 +46,7 @@ def test_plain_python_gives_the_same_bits(compiled_digests: dict[str, str]) -> N
 @needs_compiler
 @pytest.mark.slow
 @pytest.mark.timeout(300)
-@pytest.mark.daily(1, of="processors")
+@pytest.mark.sampled(1, of="processors")
 def test_another_processor_gives_the_same_bits_and_fills_the_disk_cache(
     compiled_digests: dict[str, str], tmp_path: Path
 ) -> None:

@@ -45,7 +45,7 @@ def findings_text(report: Report, severity: Severity = Severity.DAMAGE) -> str:
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", [0, 1])
-@pytest.mark.daily(5)
+@pytest.mark.sampled(5)
 def test_no_operator_action_counts_as_damage(tmp_path: Path, kind: str, seed: int) -> None:
     chance = random.Random(f"{kind} {seed}")
     config = KINDS[kind]

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
-import daily
+import sampling
 from made_recordings import recorded, two_trials
 from netboard.analysis.extraction.store import TABLES
 from netboard.analysis.report.folder import KINDS
@@ -27,8 +27,8 @@ pytest.importorskip("statsmodels")
 pytestmark = pytest.mark.slow
 
 FIGURES = {draw.__module__: draw for draw in everything.PICTURES}
-DRAWN = daily.some("figures of an analysis", FIGURES, 3)
-"""Figures that an analysis draws today; drawing all would take most of its time, and each has its own tests."""
+DRAWN = sampling.some("figures of an analysis", FIGURES, 3)
+"""Figures that an analysis draws; drawing all would take most of its time, and each has its own tests."""
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -141,7 +141,7 @@ def count_identical_files(one: Path, other: Path) -> int:
     return len(compared)
 
 
-@pytest.mark.daily(1, of="same bytes")
+@pytest.mark.sampled(1, of="same bytes")
 def test_output_is_bitwise_identical_for_any_number_of_workers(study: Path, default_output: Path) -> None:
     assert analyse(study, "-o", "two", "--workers", "2").exit_code == 0
     assert (
@@ -152,7 +152,7 @@ def test_output_is_bitwise_identical_for_any_number_of_workers(study: Path, defa
 
 
 @pytest.mark.usefixtures("without_figures")
-@pytest.mark.daily(1, of="same bytes")
+@pytest.mark.sampled(1, of="same bytes")
 def test_output_is_bitwise_identical_with_the_cache_and_its_use_is_reported(study: Path, default_output: Path) -> None:
     runs = {"anew": ("--no-cache",), "first": (), "kept": (), "measured": ("--set", "exclusions.warm_up=0")}
     for name, words in runs.items():

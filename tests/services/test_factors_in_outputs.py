@@ -196,7 +196,7 @@ def test_practice_trials_form_a_separate_condition_if_included(recordings: tuple
 # --- exports -----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.daily(1, of="factors in exports")
+@pytest.mark.sampled(1, of="factors in exports")
 def test_csv_has_every_factor(recordings: tuple[Path, ...], tmp_path: Path) -> None:
     export(recordings, "csv", tmp_path / "csv", lambda *_: None)
     rows = rows_of(tmp_path / "csv" / "trials.csv")
@@ -206,7 +206,7 @@ def test_csv_has_every_factor(recordings: tuple[Path, ...], tmp_path: Path) -> N
     assert described["columns"]["factor_mass_value"]["unit"] == "kg"
 
 
-@pytest.mark.daily(1, of="factors in exports")
+@pytest.mark.sampled(1, of="factors in exports")
 def test_bids_has_every_factor_and_is_valid(recordings: tuple[Path, ...], tmp_path: Path) -> None:
     folder = tmp_path / "bids"
     export(recordings, "bids", folder, lambda *_: None)
@@ -229,7 +229,7 @@ def test_bids_has_every_factor_and_is_valid(recordings: tuple[Path, ...], tmp_pa
         assert not [issue for issue in found if issue["severity"] == "error"]
 
 
-@pytest.mark.daily(1, of="factors in exports")
+@pytest.mark.sampled(1, of="factors in exports")
 def test_nwb_has_every_factor(recordings: tuple[Path, ...], tmp_path: Path) -> None:
     pynwb = pytest.importorskip("pynwb")
     export(recordings, "nwb", tmp_path / "nwb", lambda *_: None)

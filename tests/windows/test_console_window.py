@@ -116,7 +116,7 @@ KEYS = [
 
 
 @pytest.mark.parametrize(("key", "name", "state"), KEYS, ids=[name for _, name, _ in KEYS])
-@pytest.mark.daily(5)
+@pytest.mark.sampled(5)
 def test_key_sends_its_command(
     console: ConsoleRig, key: str, name: str, state: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -180,7 +180,7 @@ def test_refusal_is_shown_with_its_reason(console: ConsoleRig) -> None:
 
 @pytest.mark.parametrize("state", STATES)
 @pytest.mark.parametrize("key", ["Esc", "Space"])
-@pytest.mark.daily(8)
+@pytest.mark.sampled(8)
 def test_emergency_stop_works_in_every_state(console: ConsoleRig, state: str, key: str) -> None:
     console.show(state)
     console.window.show_form(False)

@@ -16,7 +16,7 @@ COUNTS = {"participant": 100, "console": 3, "monitor": 10}
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", COUNTS)
-@pytest.mark.daily(1)
+@pytest.mark.sampled(1)
 def test_process_survives_many_windows(app, kind: str) -> None:
     count = os.environ.get("NETBOARD_WINDOWS", str(COUNTS[kind]))
     command = [sys.executable, "-X", "dev", "-W", "ignore", str(SCRIPT), kind, count]

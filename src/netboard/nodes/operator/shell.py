@@ -68,12 +68,13 @@ def status_after(operator: Operator, network: Network, reply: Reply) -> Status |
 def wait(
     operator: Operator, network: Network, until: str, seconds: float | None, stopping: Callable[[], bool]
 ) -> Status:
-    """Wait for a phase of the trial, or for the timeout [s]."""
-    began = time.monotonic()
+    """Wait for a phase of the trial, for the timeout [s], or for a pause."""
+    began, first = time.monotonic(), status_of(operator, network).tick
     while True:
         status = status_of(operator, network)
         over = seconds is not None and time.monotonic() - began > seconds
-        if status.phase == until or over or stopping():
+        paused = status.phase == "paused" and status.tick > first  # a command takes effect with the next tick
+        if status.phase == until or paused or over or stopping():
             return status
         operator.attend(POLL_INTERVAL_S)
 
@@ -124,6 +125,8 @@ def plain(status: Status) -> dict[str, object]:
 
 
 def state_text(status: Status) -> str:
-    """Return the phase of the trial, and what the server waits for."""
+    """Return the phase of the trial, and why it is paused or what the server waits for."""
+    if status.notice.startswith("paused"):
+        return f"the trial is {status.notice}"
     waiting = f"; waiting for {in_words(status.waiting_for)}" if status.waiting_for else ""
     return f"the trial is {status.phase}{waiting}"
