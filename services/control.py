@@ -57,7 +57,10 @@ def control(
     take: Annotated[bool, typer.Option("--take", help="Take command from the console or another operator.")] = False,
     until: Annotated[
         Literal["idle", "levelling", "running", "holding", "paused", "finished"] | None,
-        typer.Option(metavar="PHASE", help="Then wait for this phase of the trial; exit code 1 if it pauses or time runs out before."),
+        typer.Option(
+            metavar="PHASE",
+            help="Then wait for this phase of the trial; exit code 1 if it pauses or time runs out before.",
+        ),
     ] = None,
     seconds: Annotated[float | None, typer.Option(min=0, help="Timeout of --until in seconds.")] = None,
     json: Json = False,
