@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from netboard.base.plural import plural
-from netboard.recording.export.formats import FORMATS
+from netboard.recording.export.formats import names
 from netboard.services.options import NewFolder, Recordings, examples
 
 app = typer.Typer()
@@ -17,7 +17,7 @@ app = typer.Typer()
 )
 def export(
     recordings: Recordings,
-    to: Annotated[str, typer.Option(metavar="FORMAT", help=f"One of {', '.join(FORMATS)}.")],
+    to: Annotated[str, typer.Option(metavar="FORMAT", help=f"One of {', '.join(names())}.")],
     output: NewFolder = None,
 ) -> None:
     """Export recordings to the formats of other tools."""

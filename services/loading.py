@@ -74,9 +74,9 @@ def _study_of(word: str) -> "Study":
     from netboard.task.studies.study import parse_study, resolve_study
 
     name, colon, orders = (word, "", "") if Path(word).is_file() else word.partition(":")
-    known = ", ".join(library.NAMES) + did_you_mean(name, library.NAMES)
+    known = ", ".join(library.names()) + did_you_mean(name, library.names())
     missing = f"no such study or file; the built-in studies are {known}"
-    text = library.text_of(name) if name in library.NAMES else read_text(Path(name), missing)
+    text = library.text_of(name) if name in library.names() else read_text(Path(name), missing)
     study = parse_study(text, name)
     if not colon:
         return study

@@ -82,7 +82,7 @@ def list_() -> None:
     from netboard.task.plans.tables import studies_table
     from netboard.task.studies import library
 
-    plain_console().print(studies_table([load_study(name) for name in library.NAMES]))
+    plain_console().print(studies_table([load_study(name) for name in library.names()]))
 
 
 @app.command(epilog=examples("netboard plan template > study.toml", "netboard plan template paper > study.toml"))
@@ -94,6 +94,6 @@ def template(
     """Print a commented study file as a template."""
     from netboard.task.studies import library
 
-    if study and study not in library.NAMES:
-        raise ConfigError(f"{study}: no such built-in study, expected {one_of(study, library.NAMES)}")
+    if study and study not in library.names():
+        raise ConfigError(f"{study}: no such built-in study, expected {one_of(study, library.names())}")
     typer.echo(library.text_of(study or library.TEMPLATE), nl=False)

@@ -9,6 +9,8 @@ from hypothesis import HealthCheck, settings
 
 import sampling
 
+pytest.register_assert_rewrite("netboard.testing")
+
 # No deadline: the first example of a test may compile a kernel, and the machine may be busy. The profile is loaded
 # before any test is imported, because a decorated test keeps the profile that is active at import.
 # The same commit draws the same examples, unless another seed is asked for.

@@ -8,10 +8,10 @@ from types import ModuleType
 from typing import Any
 
 import pytest
-from contract import DeviceContract
 
 from netboard.base.config import Config
 from netboard.devices.contract.device import Device
+from netboard.testing.device import DeviceContract
 
 PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "add-a-device.md"
 

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 import usb.core
-from contract import MS, DeviceContract
 from fake_falcon import FIRMWARE, Bus, Falcon
 from hypothesis import given
 from hypothesis import strategies as st
@@ -21,6 +20,7 @@ from netboard.devices.falcon import device as backend
 from netboard.devices.falcon import ftdi
 from netboard.devices.falcon.kinematics import CENTRE
 from netboard.devices.falcon.serial_protocol import GREEN, HOME, RED, Answer, answer_in, frame_of
+from netboard.testing.device import MS, DeviceContract
 
 NORMAL = [(9, 1), (3, 0x2), (0, 1), (0, 2)]
 """Requests that set the chip up for the firmware: latency, baud rate, purge."""

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from contract import MS, DeviceContract
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -19,6 +18,7 @@ from netboard.devices.contract import profile
 from netboard.devices.contract.device import Device, Reading
 from netboard.devices.contract.profile import Identity, Placement, Profile
 from netboard.devices.mouse import MAX_FORCE, SILENCE_TIMEOUT_NS, MouseStylus, Options, follow
+from netboard.testing.device import MS, DeviceContract
 
 RATE = 1.0 / Options().smoothing
 heights = st.floats(-0.2, 0.2)

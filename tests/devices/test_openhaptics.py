@@ -8,7 +8,6 @@ from pathlib import Path
 from time import monotonic, monotonic_ns
 
 import pytest
-from contract import MS, DeviceContract
 
 from libhd import FIRST, PATIENT, SECOND, STALL_NS, Fake, Opener, configured, make_device
 from netboard.base.config import Config
@@ -19,6 +18,7 @@ from netboard.devices.touch import find
 from netboard.devices.touch import library as touch_library
 from netboard.devices.touch.api import Calibration, Capability, Error, Style
 from netboard.devices.touch.device import LATE, REST_NS, SERVOS, TIRED, OpenHaptics
+from netboard.testing.device import MS, DeviceContract
 
 TIMEOUT = 60.0
 """Longest wait of a test; ample even on a busy machine [s]."""

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from contract import MS, DeviceContract
 
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError, DeviceNotFound, RecordingError
@@ -20,6 +19,7 @@ from netboard.network.protocol.records import TickRecord
 from netboard.participants.submovement import Submovement
 from netboard.recording.files.provenance import provenance
 from netboard.recording.files.writer import RecordingWriter
+from netboard.testing.device import MS, DeviceContract
 
 S = 1000 * MS
 TURN = 2.0 * np.pi

@@ -85,7 +85,7 @@ def test_backends_of_other_packages_are_registered() -> None:
         ("broken", "No module"),
         ("faulty", "NameError: name 'Device' is not defined"),
         ("unfinished", "must implement _close, _read, _write"),
-        ("no_device", "is not a netboard"),
+        ("no_device", "is 3, expected a netboard.devices"),
     ],
 )
 def test_broken_backend_error_says_why(name: str, why: str) -> None:

@@ -6,7 +6,6 @@ from dataclasses import replace
 from math import hypot
 
 import pytest
-from contract import MS, DeviceContract
 from fake_hid import FakeHid, FakeSpaceMouse
 from hypothesis import given
 from hypothesis import strategies as st
@@ -15,6 +14,7 @@ from netboard.base.config import Config
 from netboard.base.errors import ConfigError, DeviceLost, DeviceNotFound
 from netboard.devices.contract.device import Device
 from netboard.devices.spacemouse import RELEASE_TIMEOUT_NS, SPACEMOUSE, SpaceMouse
+from netboard.testing.device import MS, DeviceContract
 
 FULL = 350
 Plug = Callable[..., None]

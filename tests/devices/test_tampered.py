@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from contract import DeviceContract
 
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError, DeviceLost
@@ -24,6 +23,7 @@ from netboard.benchmarks.faults.devices import (
 from netboard.devices.contract import registry
 from netboard.devices.contract.device import Device
 from netboard.nodes.agent.stylus_source import SimulatedHandDevice
+from netboard.testing.device import DeviceContract
 
 MS = 1_000_000
 

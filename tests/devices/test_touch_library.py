@@ -7,13 +7,13 @@ from pathlib import Path
 from time import monotonic_ns
 
 import pytest
-from contract import MS
 
 from libhd import FIRST, SECOND, STALL_NS, Fake, Opener, make_device
 from netboard.base.errors import DeviceError, DeviceLost, DeviceNotFound, DeviceTimeout
 from netboard.devices.touch import library as touch_library
 from netboard.devices.touch.api import Error
 from netboard.devices.touch.device import SERVOS
+from netboard.testing.device import MS
 
 SHUTDOWN = ["stop", "unschedule", "disable 40512001"]
 

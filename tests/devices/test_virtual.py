@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from contract import MS, DeviceContract
 
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError
@@ -14,6 +13,7 @@ from netboard.devices.simulated.virtual import CATCH_UP_NS, VirtualTouch
 from netboard.participants.device_models import resolved
 from netboard.participants.hand import STEP
 from netboard.participants.submovement import Submovement
+from netboard.testing.device import MS, DeviceContract
 
 IMPERFECTIONS = {"cable_stiffness": "model", "thermal_time": "model", "read_latency_ms": 3.0, "write_latency_ms": 2.0}
 

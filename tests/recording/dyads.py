@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from exported import START_NS, make_rows
 from numpy.typing import NDArray
 
 from netboard.base.config import Config, resolve
@@ -15,6 +14,7 @@ from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.records import ClockRecord, EventRecord, TickRecord
 from netboard.recording.files.provenance import provenance
 from netboard.recording.files.writer import RecordingWriter
+from netboard.testing.difficult_recording import START_NS, make_rows
 
 UTC_NS = 1_790_000_000_000_000_000
 MINUTE_NS = 60_000_000_000

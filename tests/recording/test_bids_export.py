@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 import pytest
 from dyads import UTC_NS, dyad, make_session, solo
-from exported import START_NS, make_rows, same_bits, without_payloads, write
 
 from netboard.base.config import Config
 from netboard.base.errors import RecordingError
@@ -23,6 +22,8 @@ from netboard.recording.export import bids
 from netboard.recording.export.task import EVENT_NAMES
 from netboard.recording.files.reader import Recording
 from netboard.task.trials.state_machine import Cause, Phase
+from netboard.testing.difficult_recording import START_NS, make_rows, same_bits, without_payloads, write
+from netboard.testing.export_format import Columns, ExportFormatContract
 
 LEFT_TO_THE_LAB = {"JSON_KEY_RECOMMENDED", "NO_AUTHORS", "TOO_FEW_AUTHORS"}
 
@@ -78,6 +79,15 @@ def test_recording_without_any_event_has_no_empty_events_file(tmp_path: Path) ->
 
 def numbers(words: list[str], dtype: np.dtype[Any]) -> np.ndarray[Any, Any]:
     return np.array([float("nan") if word == "n/a" else dtype.type(word) for word in words], dtype)
+
+
+class TestBids(ExportFormatContract):
+    name, keeps_payloads = "bids", False
+
+    def read(self, folder: Path, recording: str) -> Columns:
+        words = motion(folder, "D01A", int(recording[-1]))
+        fields = {"left_stylus_z": "left_sent_z", "board_tilt": "theta", "ball_velocity": "vp", "phase": "phase"}
+        return {field: numbers(words[name], TICK[field]) for name, field in fields.items()}
 
 
 def issues(folder: Path) -> list[dict[str, Any]]:

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from exported import ATTEMPTS, ODD, START_NS, make_rows, same_bits, write
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -30,6 +29,7 @@ from netboard.recording.export.tabular import write_dictionary
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.channels import CHANNELS
 from netboard.recording.format.summary import attempts_along, find_attempts
+from netboard.testing.difficult_recording import ATTEMPTS, ODD, START_NS, make_rows, same_bits, write
 
 
 @pytest.fixture(scope="module")

@@ -8,10 +8,10 @@ import h5py
 import numpy as np
 import pytest
 from dyads import dyad, make_session
-from exported import make_rows, same_bits, write
 
 from made_recordings import recorded, two_trials
 from netboard.base.errors import RecordingError
+from netboard.testing.difficult_recording import make_rows, same_bits, write
 
 pynwb = pytest.importorskip("pynwb")
 
@@ -20,6 +20,7 @@ from netboard.recording.export.formats import export  # noqa: E402
 from netboard.recording.export.runs import devices_of  # noqa: E402
 from netboard.recording.files.reader import Recording  # noqa: E402
 from netboard.task.trials.state_machine import Phase  # noqa: E402
+from netboard.testing.export_format import Columns, ExportFormatContract  # noqa: E402
 
 LEFT_TO_THE_LAB = {"check_experimenter_exists", "check_institution"}
 
@@ -38,6 +39,17 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def path_of(folder: Path, subject: str, run: int) -> Path:
     return folder / f"sub-{subject}" / f"sub-{subject}_ses-D07S2_run-{run:02d}_behavior.nwb"
+
+
+class TestNwb(ExportFormatContract):
+    name = "nwb"
+
+    def read(self, folder: Path, recording: str) -> Columns:
+        (path,) = folder.glob(f"sub-D01A/*run-{int(recording[-1]):02d}*.nwb")
+        with h5py.File(path) as file:
+            behavior = file["processing/behavior"]
+            z = behavior["Position/left_stylus/data"][:, 2]
+            return {"left_sent_z": z, "theta": behavior["board/board_tilt/data"][:]}
 
 
 @pytest.mark.slow

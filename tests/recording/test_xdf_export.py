@@ -21,6 +21,7 @@ from netboard.recording.export import xdf
 from netboard.recording.export.lsl_streams import COLUMNS, EVENTS, MARKERS, STREAMS, TICKS, samples, seconds
 from netboard.recording.files.provenance import provenance
 from netboard.recording.files.writer import RecordingWriter
+from netboard.testing.export_format import Columns, ExportFormatContract
 
 MS = 1_000_000
 START_NS = 9_007_199_254_740_993  # no float64 is this number
@@ -64,6 +65,14 @@ def export(path: Path, folder: Path) -> Path:
 def streams_of(file: Path, *, dejitter: bool = False, synchronise: bool = True) -> dict[str, dict[str, Any]]:
     found, _ = pyxdf.load_xdf(file, dejitter_timestamps=dejitter, synchronize_clocks=synchronise)
     return {stream["info"]["name"][0]: stream for stream in found}
+
+
+class TestXdf(ExportFormatContract):
+    name = "xdf"
+
+    def read(self, folder: Path, recording: str) -> Columns:
+        values = streams_of(folder / f"{recording}.xdf")["netboard.ticks"]["time_series"]
+        return {name: values[:, k] for k, name in enumerate(COLUMNS) if TICK[name].kind == "f"}
 
 
 @pytest.mark.parametrize("synchronise", [True, False])

@@ -5,17 +5,15 @@ register backends in the entry-point group ``netboard.devices``. deploy/udev/70-
 because udev cannot import them; a test compares the two.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from importlib import import_module
-from importlib.metadata import EntryPoint, entry_points
 from inspect import isabstract
 from typing import Protocol, runtime_checkable
 
+from netboard.base import plugins
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.device_kind import DeviceKind
 from netboard.base.errors import ConfigError, DeviceNotFound, RecordingError
-from netboard.base.nearest import did_you_mean
 from netboard.devices.contract.device import Device
 
 GROUP = "netboard.devices"
@@ -87,31 +85,19 @@ BACKENDS = {
 
 def names() -> tuple[str, ...]:
     """Return the names of all backends, sorted."""
-    return tuple(sorted({*BACKENDS, *(point.name for point in _plugins())}))
+    return plugins.names(GROUP, BACKENDS)
 
 
 def find(name: str) -> type[Device]:
     """Return the class of a backend."""
-    targets = [BACKENDS[name].target] if name in BACKENDS else []
-    targets += [point.value for point in _plugins() if point.name == name]
-    if not targets:
-        others = ", ".join(names()) + did_you_mean(name, names())
-        raise DeviceNotFound(f"this machine has no device backend {name!r}; it has: {others}")
-    if len(targets) > 1:
-        found = " and ".join(targets)
-        raise DeviceNotFound(f"this machine has {len(targets)} device backends {name!r}: {found}; expected one")
-    target = targets[0]
-    module, _, attribute = target.partition(":")
-    try:
-        backend = getattr(import_module(module), attribute)
-    except Exception as error:  # the code of another package may raise anything
-        why = f"{type(error).__name__}: {error}"
-        raise DeviceNotFound(f"the device backend {name!r} ({target}) cannot be loaded: {why}") from error
+    targets = {name: backend.target for name, backend in BACKENDS.items()}
+    backend = plugins.load(GROUP, name, targets, "device backend", DeviceNotFound)
     if not (isinstance(backend, type) and issubclass(backend, Device)):
-        raise DeviceNotFound(f"the device backend {name!r} ({target}) is not a netboard.devices.contract.device.Device")
+        expected = "expected a netboard.devices.contract.device.Device"
+        raise DeviceNotFound(f"the device backend {name!r} is {backend!r}, {expected}")
     if isabstract(backend):
         lacks = ", ".join(sorted(backend.__abstractmethods__))
-        raise DeviceNotFound(f"the device backend {name!r} ({target}) must implement {lacks}")
+        raise DeviceNotFound(f"the device backend {name!r} ({backend.__module__}) must implement {lacks}")
     return backend
 
 
@@ -164,8 +150,3 @@ def check(config: Config) -> None:
             problems.append(str(error))
     if problems:
         raise ConfigError("\n".join(problems))
-
-
-def _plugins() -> Iterable[EntryPoint]:
-    """Third-party backends."""
-    return entry_points(group=GROUP)

@@ -14,12 +14,11 @@ from glob import escape
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from pkgutil import resolve_name
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
+from netboard.base import plugins
 from netboard.base.errors import ConfigError, NetboardError, writing
 from netboard.base.files.new import refuse_existing
-from netboard.base.nearest import one_of
 from netboard.recording.format.disk import lock
 
 Progress = Callable[[str, int, int], None]
@@ -43,42 +42,80 @@ class Format:
     """An export format."""
 
     name: str
-    writer: str  # module in this package and its function, as ``module:function``; imported when needed
+    writer: str  # its function, as ``module:function``; imported when needed
     # What is written, and who reads it, for the documentation.
     about: str
     readers: str
     extra: str = ""  # optional dependency group of netboard that it needs; empty for none
 
 
+PACKAGE = "netboard.recording.export"
+"""Package of netboard's own writers."""
+
 FORMATS = {
     one.name: one
     for one in (
         Format(
             "parquet",
-            "tabular:write_parquet",
+            f"{PACKAGE}.tabular:write_parquet",
             "typed, compressed columns",
             "pandas, polars, R's arrow, DuckDB, MATLAB's `parquetread`; long studies",
             "parquet",
         ),
         Format(
             "csv",
-            "tabular:write_csv",
+            f"{PACKAGE}.tabular:write_csv",
             "text: UTF-8, commas; seven to nine times as large as Parquet",
             "everything else",
         ),
         Format(
             "mat",
-            "matlab:write",
+            f"{PACKAGE}.matlab:write",
             "MATLAB version 5, a struct for each table",
             "MATLAB, GNU Octave, `scipy.io.loadmat`",
         ),
-        Format("bids", "bids:write", "a [Motion-BIDS](bids-nwb.md) dataset", "BIDS tools, MNE-BIDS, archives"),
-        Format("nwb", "nwb:write", "an [NWB](bids-nwb.md) file for each person and run", "PyNWB, DANDI, MatNWB", "nwb"),
-        Format("xdf", "xdf:write", "[XDF 1.0](lsl.md), as LabRecorder would write it", "pyxdf, EEGLAB, MNE, SigViewer"),
-        Format("xdf-lsl", "xdf:write", "another name of `xdf`", "the same programs"),
+        Format(
+            "bids",
+            f"{PACKAGE}.bids:write",
+            "a [Motion-BIDS](bids-nwb.md) dataset",
+            "BIDS tools, MNE-BIDS, archives",
+        ),
+        Format(
+            "nwb",
+            f"{PACKAGE}.nwb:write",
+            "an [NWB](bids-nwb.md) file for each person and run",
+            "PyNWB, DANDI, MatNWB",
+            "nwb",
+        ),
+        Format(
+            "xdf",
+            f"{PACKAGE}.xdf:write",
+            "[XDF 1.0](lsl.md), as LabRecorder would write it",
+            "pyxdf, EEGLAB, MNE, SigViewer",
+        ),
     )
 }
-"""Registry of the export formats by name. A new format is one entry."""
+"""Registry of netboard's own export formats by name. A new format is one entry."""
+
+GROUP = "netboard.export_formats"
+"""Entry-point group of the formats of other packages; each entry names its writer."""
+
+Writer = Callable[[Sequence[Path], Path, Progress], None]
+"""Writes recordings into an empty folder."""
+
+
+def names() -> tuple[str, ...]:
+    """Return the names of all export formats, sorted."""
+    return plugins.names(GROUP, FORMATS)
+
+
+def writer_of(name: str) -> Writer:
+    """Return the function that writes a format; raise `ConfigError` if there is none."""
+    targets = {one.name: one.writer for one in FORMATS.values()}
+    found = plugins.load(GROUP, name, targets, "export format", ConfigError)
+    if not callable(found):
+        raise ConfigError(f"the export format {name!r} is {found!r}, expected a function(recordings, folder, progress)")
+    return cast(Writer, found)
 
 
 def export(recordings: Sequence[Path], name: str, folder: Path, progress: Progress) -> None:
@@ -87,10 +124,7 @@ def export(recordings: Sequence[Path], name: str, folder: Path, progress: Progre
     Raises `ConfigError` if the folder exists, and `RecordingError` if it cannot be written or a recording cannot be
     read. Nothing is left behind then.
     """
-    if name not in FORMATS:
-        raise ConfigError(f"--to {name}: expected {one_of(name, FORMATS)}")
-    write: Callable[[Sequence[Path], Path, Progress], None]
-    write = resolve_name(f"netboard.recording.export.{FORMATS[name].writer}")
+    write = writer_of(name)
     with new_folder(folder) as part:
         write(recordings, part, _over_all(len(recordings), progress))
 

@@ -91,7 +91,7 @@ def plan_in(header: Header, config: Config) -> Plan | None:
 
 def _study_of(header: Header) -> Study | None:
     """Return the study of a journal: its own text, or the built-in one of an older journal; None if it is unknown."""
-    text = header.study_text or (library.text_of(header.study) if header.study in library.NAMES else "")
+    text = header.study_text or (library.text_of(header.study) if header.study in library.names() else "")
     study = parse_study(text, f"the study {header.study} in the journal") if text else None
     return study if study is not None and digest_of_study(study) == header.study_digest else None
 

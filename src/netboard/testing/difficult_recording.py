@@ -1,4 +1,7 @@
-"""A recording with difficult content for exports: random bits, all outcomes, unusual texts, and a gap."""
+"""A recording with difficult content for exports: random bits, all outcomes, unusual texts, and a gap.
+
+An export must keep every bit of it, signed zeros, subnormal numbers and the payloads of NaNs included.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,4 +1,7 @@
-"""Tests that every device backend must pass; each backend's test class derives from `DeviceContract`."""
+"""Tests that every device backend must pass; each backend's test class derives from `DeviceContract`.
+
+Run them first with a mock of the vendor's library, then against the hardware with no hand on the stylus.
+"""
 
 import contextlib
 from abc import ABC, abstractmethod
@@ -35,7 +38,7 @@ class DeviceContract(ABC):
         pytest.skip("this device cannot be unplugged")
 
     @pytest.fixture
-    def device(self):
+    def device(self) -> Iterator[Device]:
         device = self.make(Config())
         yield device
         device.close()
