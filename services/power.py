@@ -35,8 +35,8 @@ def power(
     ] = None,
     dyads: Annotated[str, typer.Option(metavar="N,N", help="Numbers of dyads.")] = "4,8,12,16,24",
     trials: Annotated[
-        str, typer.Option(metavar="N,N", help="First trials of each condition, in groups of 30; default: all.")
-    ] = "0",
+        str, typer.Option(metavar="N,N", help="First trials of each condition, in groups of 30; or all.")
+    ] = "all",
     studies: Studies = 200,
     seed: CohortSeed = 1,
     alpha: Annotated[float, typer.Option(min=0.0001, max=0.5, help="Significance level, two-sided.")] = 0.05,
@@ -68,7 +68,7 @@ def power(
         load_study(study, settings),
         settings,
         dyads=whole_numbers_of("--dyads", dyads, 2),
-        trials=whole_numbers_of("--trials", trials, 0),
+        trials=(0,) if trials == "all" else whole_numbers_of("--trials", trials, 1),
         studies=studies,
         seed=seed,
         alpha=alpha,

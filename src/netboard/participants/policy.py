@@ -1,4 +1,4 @@
-"""Identity of a policy: of what moves a hand that no person moves.
+"""Identity of a policy: which program moves a hand in place of a person, and with which parameters.
 
 It is recorded, so that the behaviour of a partner can be reproduced. The same policy has the same identity in an agent,
 in the server as a robot partner, and in a rehearsal.

@@ -15,9 +15,10 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from numba import literal_unroll
 from numpy.typing import NDArray
 
-from netboard.base.compiled import borrowed, inlined, specialised
+from netboard.base.compiled import borrowed, inlined
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError
 from netboard.base.tables.declared import number_of
@@ -90,18 +91,11 @@ _TRIAL = TICK_WORDS["trial"]
 _STATE_NAMES = tuple(STATE.names or ())
 
 
+@inlined
 def _keep(row: Any, s: Any) -> None:
-    """Copy the state into the row."""
-    for name in _STATE_NAMES:
+    """Copy the state into the row, one assignment for each field: a kernel finds fields by constant names only."""
+    for name in literal_unroll(_STATE_NAMES):
         row[name] = s[name]
-
-
-@specialised(_keep)
-def _keep_compiled(row: Any, s: Any) -> Any:
-    """Write one assignment for each field: a kernel finds the fields of a record by constant names only."""
-    made: dict[str, Any] = {}
-    exec("def keep(row, s):\n" + "".join(f"    row[{name!r}] = s[{name!r}]\n" for name in _STATE_NAMES), made)
-    return made["keep"]
 
 
 @cache

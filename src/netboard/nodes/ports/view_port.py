@@ -44,46 +44,52 @@ class ViewPort:
         """Whether anybody has subscribed to a view."""
         return any(publisher.wanted() for publisher in self._views.values())
 
-    def due(self, now_ms: int) -> int:
-        """Return when to call `show` next, given the present elapsed time [ms]."""
-        return max(self._due_ms, now_ms) + 1
+    def due(self, elapsed_ms: int) -> int:
+        """Return when to call `show` next [ms]."""
+        return max(self._due_ms, elapsed_ms) + 1
 
     def renew(self) -> None:
         """Forget the last views, because a new block changes everything."""
         self._shown_ms = dict.fromkeys(SIDES, -VIEW_REPEAT_MS)
 
     def show(
-        self, now_ms: int, curtain: Curtain, words: Any, best: float | None, rest: float | None, pause: int = Pause.NONE
+        self,
+        elapsed_ms: int,
+        curtain: Curtain,
+        words: Any,
+        best: float | None,
+        rest: float | None,
+        pause: int = Pause.NONE,
     ) -> None:
         """Publish the stations' views if they are due; each if somebody subscribes to it, and it has changed.
 
         Only what a station may see counts as a change: otherwise the times of its views would reveal when the partner's
         hand moves.
 
-        ``now_ms``: elapsed time by which views are due [ms]; in a live session, the number of the following tick.
+        ``elapsed_ms``: time since the start of the session, in ticks of 1 ms [ms].
         ``words``: row of the tick as words. ``best``, ``rest``, ``pause``: as in `netboard.stage.curtain.view_of`.
         """
-        if now_ms <= self._due_ms:
+        if elapsed_ms <= self._due_ms:
             return
-        self._due_ms = now_ms - now_ms % self._every + self._every
-        if now_ms - self._asked_ms >= ASK_MS:
-            self._asked_ms = now_ms
+        self._due_ms = elapsed_ms - elapsed_ms % self._every + self._every
+        if elapsed_ms - self._asked_ms >= ASK_MS:
+            self._asked_ms = elapsed_ms
             self._subscribed = [side for side, publisher in self._views.items() if publisher.wanted()]
         numbers = nan if best is None else best, now_ns(), nan if rest is None else rest, int(pause)
         for side in self._subscribed:
-            self._show_to(side, now_ms, curtain.stations[side], words, *numbers)
+            self._show_to(side, elapsed_ms, curtain.stations[side], words, *numbers)
 
     def _show_to(
-        self, side: Side, now_ms: int, curtain: Any, words: Any, best: float, sent_ns: int, rest: float, pause: int
+        self, side: Side, elapsed_ms: int, curtain: Any, words: Any, best: float, sent_ns: int, rest: float, pause: int
     ) -> None:
         """Publish a station's view if it has changed, or has not been sent for long."""
-        at_any_rate, seq = now_ms - self._shown_ms[side] >= VIEW_REPEAT_MS, self._seq[side]
+        at_any_rate, seq = elapsed_ms - self._shown_ms[side] >= VIEW_REPEAT_MS, self._seq[side]
         size = self._write_view(
             self._frame, curtain, words, self._content[side], at_any_rate, best, sent_ns, seq, rest, pause
         )
         if size:
             self._views[side].send(self._frame[:size].tobytes())
-            self._shown_ms[side], self._seq[side] = now_ms, seq + 1
+            self._shown_ms[side], self._seq[side] = elapsed_ms, seq + 1
 
     def close(self) -> None:
         """Close both publishers."""

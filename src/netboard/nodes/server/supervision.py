@@ -1,7 +1,7 @@
 """The supervisor of a block: decides which command the stage gets when no operator has given one.
 
 Peers come and go, the log falls behind: each tick, all of it becomes one `Cause` and one line for operators.
-Pure: it gets everything as arguments and only decides.
+It keeps what it has seen so far, such as since when everything has been ready. It knows no clock and no peers.
 """
 
 from dataclasses import dataclass

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from netboard.base.compiled import inlined, specialised
 from netboard.physics.arithmetic.vectors import State, joined, places, plus, speeds
-from netboard.physics.arithmetic.written import listed
 from netboard.physics.hands.extrapolation import drives
 from netboard.physics.methods.phi import phi
 from netboard.physics.methods.semilinear import pushed, remainder, times
@@ -148,8 +147,15 @@ def _write_both(hands: Any) -> Any:
     """Select the implementation at compile time."""
     if isinstance(hands, types.UniTuple):
         return lambda hands: (3, (hands[0] + hands[4], hands[1] + hands[5], hands[2] + hands[6], hands[3] + hands[7]))
-    sums = [f"hands[0][hands[1], {node}, 0] + hands[0][hands[1], {node}, 1]" for node in range(4)]
-    return eval(f"lambda hands: (7, {listed(sums)})")
+    return lambda hands: (
+        7,
+        (
+            hands[0][hands[1], 0, 0] + hands[0][hands[1], 0, 1],
+            hands[0][hands[1], 1, 0] + hands[0][hands[1], 1, 1],
+            hands[0][hands[1], 2, 0] + hands[0][hands[1], 2, 1],
+            hands[0][hands[1], 3, 0] + hands[0][hands[1], 3, 1],
+        ),
+    )
 
 
 def exact_tables(scene: Any, parts: Parts, length: int, h: float) -> NDArray[np.float64]:

@@ -5,8 +5,9 @@ order of trials that the trial state machine cannot produce is damage.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import astuple, replace
 from itertools import pairwise
+from math import isnan
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -73,8 +74,13 @@ def _wrong_list(attempts: Sequence[Attempt], listed: Sequence[Attempt]) -> Itera
     if listed and attempts and listed[-1].outcome == "unfinished" and attempts[-1].outcome in _BY_COMMAND:
         # Older loggers listed the last attempt so, too, if a command ended it in the last tick.
         attempts = (*attempts[:-1], replace(attempts[-1], outcome="unfinished"))
-    if repr(tuple(attempts)) != repr(tuple(listed)):  # compare as text: there, a NaN completion time equals itself
+    if list(map(_comparable, attempts)) != list(map(_comparable, listed)):
         yield f"{plural(len(listed), 'attempt is', 'attempts are')} listed, expected the {len(attempts)} in the ticks"
+
+
+def _comparable(attempt: Attempt) -> tuple[object, ...]:
+    """Return the values of an attempt; a completion time that is no number is None, which equals itself."""
+    return tuple(None if isinstance(value, float) and isnan(value) else value for value in astuple(attempt))
 
 
 def _wrong_targets(config: Config, attempts: Sequence[Attempt]) -> Iterator[str]:
@@ -108,7 +114,9 @@ def _wrong_forces(block: Block, seen: Walk) -> Iterator[str]:
 def _wrong_counts(seen: Walk, attempts: Sequence[Attempt]) -> Iterator[str]:
     """Compare the trial state machine's count of successes with the attempts, where no tick is missing."""
     last = seen.last[0]
-    counted = int(last["successes"]) + (int(last["event"]) == Cause.HELD) - int(seen.first[0]["successes"])
+    counted = int(last["successes"]) - int(seen.first[0]["successes"])
+    if int(last["event"]) == Cause.HELD:  # it is counted in the next tick
+        counted += 1
     found = sum(attempt.outcome == "success" for attempt in attempts)
     if not seen.missing and counted != found:
         yield f"the trial state machine counted {plural(counted, 'success')}, and there are {found}"
@@ -125,11 +133,12 @@ def check_done(config: Config, rows: NDArray[Any], goes_on: Callable[[], bool]) 
         ends = ends[:0]  # the block was over, and was reopened for repeats
     row = ends[-1] if len(ends) else rows[-1]
     over = int(row["event"]) == Cause.LAST
-    finished = over and int(row["phase"]) != Phase.FAILED
-    done = int(row["trial"]) - (not (finished or int(row["event"]) == Cause.HELD))
+    current, extra = int(row["trial"]), int(row["extra"])
+    is_current_done = (over and int(row["phase"]) != Phase.FAILED) or int(row["event"]) == Cause.HELD
+    done = current if is_current_done else current - 1
     # A veto in the last tick of a trial may make it the last one.
-    vetoed = int(row["command"]) == Cause.VETO and int(row["extra"]) > 0
-    wanted = block.trials + int(row["extra"]) - vetoed
+    is_vetoed = int(row["command"]) == Cause.VETO and extra > 0
+    wanted = block.trials + (extra - 1 if is_vetoed else extra)
     timed = 0 < ticks(block.duration) <= int(row["block_ticks"]) + 1
     condition = block.label or f"{block.configuration}, force {block.force}"
     failed = plural(int(row["failures"]), "failed attempt")
