@@ -1,4 +1,4 @@
-"""A fake of the vendor's libHD, compiled from tests/devices/fake_libhd.c, and its controls."""
+"""A fake of the vendor's libHD, compiled from src/netboard/benchmarks/loop/stand_in_libhd.c, and its controls."""
 
 import atexit
 import ctypes
@@ -15,10 +15,11 @@ from time import monotonic, sleep
 
 import pytest
 
+import netboard
 from netboard.base.config import Config, Side
 from netboard.devices.touch.device import OpenHaptics
 
-SOURCE = Path(__file__).parent / "devices" / "fake_libhd.c"
+SOURCE = Path(netboard.__file__).parent / "benchmarks" / "loop" / "stand_in_libhd.c"
 
 FIRST, SECOND = "40512001", "40512002"
 """Serial numbers of the two fake devices, "Default Device" and "Right Device"."""
@@ -47,10 +48,10 @@ def fake_library() -> Path:
 
 
 class Fake:
-    """Controls of the fake library."""
+    """Controls of the fake library, or of a copy of it."""
 
-    def __init__(self) -> None:
-        self.path = str(fake_library())
+    def __init__(self, path: Path | None = None) -> None:
+        self.path = str(path or fake_library())
         self.calls = ctypes.CDLL(self.path)  # without the GIL: its servo thread may need it
         triple = c_double * 3
         self.calls.fake_ticks.restype = c_long

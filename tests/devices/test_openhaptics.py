@@ -315,8 +315,8 @@ def test_recoverable_error_makes_the_device_unready_for_a_while(
     assert f"HD_{code.name} (0x{code:04x}, internal 4, handle" in caplog.text
     fake.wait()
     assert not device.read(now + 1).ready
-    assert device._tired_ns == now
-    device._tired_ns = now - REST_NS
+    assert device._state[0]["rested_ns"] == now + REST_NS
+    device._state["rested_ns"] = now
     assert device.read(monotonic_ns()).ready
 
 
@@ -402,9 +402,7 @@ def test_expired_force_is_cut_and_resumes_only_after_zero_force(open_device: Ope
     device.write(0.0, 0.0, 1.0)
     fake.wait()
     assert fake.motor_force() == (0.0, 1.0, 0.0)
-    assert device._servo is not None
-    device._servo.put((0.0, 1.0, 0.0), monotonic_ns() - 201 * MS)  # as if the last force had been written 201 ms ago
-    fake.wait()
+    fake.wait(300)  # longer than the timeout of 200 ms
     assert fake.motor_force() == (0.0, 0.0, 0.0)
     assert not device.read(monotonic_ns()).ready
     device.write(0.0, 0.0, 1.0)

@@ -162,5 +162,5 @@ def _loop(servo: Servo, count: int) -> None:
     pacer = Pacer(now_ns())
     for _ in range(count):
         pacer.wait()
-        servo.result()
-        servo.put((0.0, 0.0, 0.0), now_ns())
+        servo.take()
+        servo.put((0.0, 0.0, 0.0))

@@ -10,19 +10,22 @@ Rule 4: a device limits forces only to what its motors can deliver; the limits t
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from math import isfinite
 from pathlib import Path
-from typing import Any, NamedTuple, Self, TypeVar, final
+from typing import NamedTuple, Self, TypeVar, final
 
-from numpy.typing import NDArray
+import numpy as np
 
 from netboard.base import settings
+from netboard.base.compiled import machine_code
 from netboard.base.config import Config, Side
 from netboard.base.device_kind import DeviceKind
 from netboard.base.errors import DeviceError
 from netboard.devices.contract import profile, velocity
+from netboard.devices.contract.access import PLACEMENT, CompiledAccess, in_scene_frame, placed_access
+from netboard.devices.contract.estimators import Estimator
 from netboard.devices.contract.profile import Profile
 from netboard.participants.device_models import resolved
 
@@ -96,18 +99,6 @@ class Reading(NamedTuple):
     ready: bool
 
 
-class CompiledAccess(NamedTuple):
-    """Kernels that access an open device, so that compiled code can run ticks without Python.
-
-    A device has them only if its access cannot fail. ``parts`` is the first argument of each.
-    """
-
-    parts: tuple[NDArray[Any], ...]
-    read: Callable[..., tuple[int, float, float, float, float, float, float, int, bool]]  # (parts, now_ns): a `Reading`
-    write: Callable[..., None]  # (parts, fx, fy, fz): sets the force on the hand [N]
-    live: Callable[..., None]  # (parts, now_ns): called right after a force was set
-
-
 class Device(ABC):
     """A haptic device. Backends derive from this class and are final.
 
@@ -128,8 +119,9 @@ class Device(ABC):
         self._profiles = Path(config.agents.profiles)
         self._assumed = resolved(config.virtual)
         self._info: DeviceInfo | None = None
-        self._estimator: velocity.Estimator | None = None
-        self._placed = True
+        self._estimator: Estimator | None = None
+        self._placement = np.zeros(1, PLACEMENT)
+        self._in_scene_frame = machine_code(in_scene_frame, self._placement, 0, *(0.0,) * 6, 0, False)
 
     @final
     def read_options(self, cls: type[O]) -> O:
@@ -166,8 +158,8 @@ class Device(ABC):
         except BaseException:
             self._close()
             raise
-        self._placed = placed and not self.in_scene
         self._info = self._restricted(info) if restricted else info
+        self._set_placement(self._info.workspace, placed=placed and not self.in_scene)
         self._estimator = velocity.make(self.agent.velocity, self._info.resolution)
         return self._info
 
@@ -182,9 +174,9 @@ class Device(ABC):
     @property
     @final
     def compiled(self) -> CompiledAccess | None:
-        """Compiled access to the open device, if its readings need no mapping and no estimate of the velocity."""
-        plain = self.profile is None and self._estimator is None and self._placed and not self.agent.zero
-        return self._compiled() if plain else None
+        """Compiled access to the open device, in the scene's frame; None if its backend has none."""
+        own = self._compiled()
+        return None if own is None else placed_access(own, self._placement, self._estimator)
 
     @final
     def read(self, now_ns: int) -> Reading:
@@ -196,17 +188,10 @@ class Device(ABC):
         if self._info is None:
             raise ValueError("a closed device cannot be read")
         reading = self._read(now_ns)
-        box = self._info.workspace
-        if box is not None and reading.ready and not box.holds(reading.x, reading.y, reading.z):
-            reading = reading._replace(ready=False)
         if self._estimator is not None:
             vx, vy, vz = self._estimator.update(reading.stamp_ns, reading.x, reading.y, reading.z)
             reading = reading._replace(vx=vx, vy=vy, vz=vz)
-        if not self._placed:
-            return reading
-        if self.profile is not None:
-            reading = _mapped(reading, self.profile.placement)
-        return reading._replace(z=reading.z - self.agent.zero) if self.agent.zero else reading
+        return Reading(*self._in_scene_frame(self._placement, *reading))
 
     @final
     def write(self, fx: float, fy: float, fz: float) -> None:
@@ -258,11 +243,16 @@ class Device(ABC):
         # Forces are not scaled, so a larger movement in the scene takes a smaller mass.
         return replace(info, workspace=workspace, details=details, mass=own.mass / scale, damping=own.damping / scale)
 
-    def _compiled(self) -> CompiledAccess | None:
-        """Return the compiled access in the device's own frame, if there is any.
+    def _set_placement(self, workspace: Box | None, *, placed: bool) -> None:
+        """Set the transform from the device's own frame to the scene's."""
+        place = self.profile.placement if placed and self.profile is not None else profile.Placement()
+        p = self._placement[0]
+        p["limited"], p["box"] = workspace is not None, workspace or (0.0,) * 6
+        p["zero"], p["scale"] = (place.zero_x, place.zero_y, place.zero_z), place.scale
+        p["lowered"] = self.agent.zero if placed else 0.0
 
-        It reports the device ready only within the workspace.
-        """
+    def _compiled(self) -> CompiledAccess | None:
+        """Return the compiled access in the device's own frame, if there is any."""
         return None
 
     @abstractmethod
@@ -280,16 +270,3 @@ class Device(ABC):
     @abstractmethod
     def _close(self) -> None:
         """Release the device; its force is already zero unless it was unreachable."""
-
-
-def _mapped(reading: Reading, place: profile.Placement) -> Reading:
-    """Transform a reading from the device's own frame to the scene's."""
-    s = place.scale
-    return reading._replace(
-        x=(reading.x - place.zero_x) * s,
-        y=(reading.y - place.zero_y) * s,
-        z=(reading.z - place.zero_z) * s,
-        vx=reading.vx * s,
-        vy=reading.vy * s,
-        vz=reading.vz * s,
-    )

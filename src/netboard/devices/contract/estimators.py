@@ -10,13 +10,14 @@ Rule 3: after a gap longer than `GAP_NS` a filter restarts from the slope over t
 Rule 4: after a position that is not finite a filter restarts at zero velocity.
 """
 
+from collections.abc import Callable
 from math import isfinite
-from typing import final
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import kernel
+from netboard.base.compiled import kernel, machine_code
 from netboard.base.tick import TICK_SECONDS
 
 WINDOW_NS = 15_000_000
@@ -50,8 +51,97 @@ _JERK_NOISE = np.array([[1 / 20, 1 / 8, 1 / 6], [1 / 8, 1 / 3, 1 / 2], [1 / 6, 1
 """Process noise covariance of one tick for white jerk of density 1."""
 
 
+SLOPE = np.dtype(
+    [
+        ("span_ns", "<i8"),  # length of the window [ns]
+        ("count", "<i8"),  # positions so far [1]
+        ("stamps", "<i8", (CAPACITY,)),  # times of the last ones, a ring buffer [ns]
+        ("places", "<f8", (CAPACITY, 3)),  # these positions [m]
+    ]
+)
+"""State of a window."""
+
+
+@kernel
+def slope_velocity(state: Any, stamp_ns: int, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Add a position to an array of one `SLOPE`, and return the slope along each axis [m/s]."""
+    s = state[0]
+    stamps, places = s["stamps"], s["places"]
+    size = len(stamps)
+    last = (s["count"] - 1) % size
+    if s["count"] == 0 or stamp_ns > stamps[last]:
+        s["count"] += 1
+        last = (s["count"] - 1) % size
+        stamps[last] = stamp_ns
+    places[last, 0], places[last, 1], places[last, 2] = x, y, z
+    if s["count"] == 1:
+        return 0.0, 0.0, 0.0
+    back = 1
+    while back < min(s["count"], size) - 1 and stamps[last] - stamps[(last - back) % size] < s["span_ns"]:
+        back += 1
+    newest, oldest = places[last], places[(last - back) % size]
+    dt = (stamps[last] - stamps[(last - back) % size]) * 1e-9
+    return (newest[0] - oldest[0]) / dt, (newest[1] - oldest[1]) / dt, (newest[2] - oldest[2]) / dt
+
+
+FILTER = np.dtype(
+    [
+        ("gains", "<f8", (3,)),  # shares of an error of prediction [1]
+        ("count", "<i8"),  # positions so far [1]
+        ("stamps", "<i8", (2,)),  # times of the previous position and of the newest [ns]
+        ("states", "<f8", (2, 3, 3)),  # their position, velocity and acceleration along each axis
+    ]
+)
+"""State of an alpha-beta-gamma filter."""
+
+
+@kernel
+def filtered_velocity(state: Any, stamp_ns: int, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Predict from the previous state, correct by a position; an array of one `FILTER`; return the velocity [m/s]."""
+    f = state[0]
+    stamps, states, gains = f["stamps"], f["states"], f["gains"]
+    if f["count"] == 0 or stamp_ns > stamps[1]:
+        stamps[0] = stamps[1]
+        for axis in range(3):
+            for order in range(3):
+                states[0, axis, order] = states[1, axis, order]
+        stamps[1] = stamp_ns
+        f["count"] += 1
+    count, since_ns, place = f["count"], stamps[1] - stamps[0], (x, y, z)
+    dt = since_ns * 1e-9
+    span = max(dt, MIN_INTERVAL)
+    for axis in range(3):
+        p, v, a = states[0, axis, 0], states[0, axis, 1], states[0, axis, 2]
+        if count == 1 or not isfinite(p):
+            p, v, a = place[axis], 0.0, 0.0
+        elif count == 2 or since_ns > GAP_NS:
+            p, v, a = place[axis], (place[axis] - p) / dt, 0.0
+        else:
+            p, v = p + dt * (v + 0.5 * dt * a), v + dt * a
+            error = place[axis] - p
+            p, v, a = p + gains[0] * error, v + gains[1] * error / span, a + gains[2] * error / (span * span)
+        states[1, axis, 0], states[1, axis, 1], states[1, axis, 2] = p, v, a
+    return states[1, 0, 1], states[1, 1, 1], states[1, 2, 1]
+
+
+class Estimator:
+    """Estimator of velocity from positions.
+
+    ``kernel``: adds a position to the ``state``, an array of one record, and returns the velocity.
+    """
+
+    def __init__(self, kernel: Callable[..., tuple[float, float, float]], state: NDArray[Any]) -> None:
+        self.kernel, self.state = kernel, state
+        self._update = machine_code(kernel, state, 0, 0.0, 0.0, 0.0)
+
+    @final
+    def update(self, stamp_ns: int, x: float, y: float, z: float) -> tuple[float, float, float]:
+        """Add a position [m] and return the velocity estimate [m/s]; one not later than the newest replaces it."""
+        return self._update(self.state, stamp_ns, x, y, z)
+
+
 @final
-class Window:
+class Window(Estimator):
     """Slope over a fixed window, from its oldest position to the newest.
 
     The window starts at the newest position that is at least `span_ns` older than the latest, or at the oldest stored
@@ -61,49 +151,13 @@ class Window:
     """
 
     def __init__(self, span_ns: int) -> None:
-        self._span_ns = span_ns
-        self._stamps_ns = np.zeros(CAPACITY, np.int64)
-        self._places = np.zeros((CAPACITY, 3))
-        self._count = 0
-
-    def update(self, stamp_ns: int, x: float, y: float, z: float) -> tuple[float, float, float]:
-        """Add a position and return the velocity estimate; one not later than the newest replaces it."""
-        self._count, vx, vy, vz = _windowed(
-            self._stamps_ns, self._places, self._count, self._span_ns, stamp_ns, (x, y, z)
-        )
-        return vx, vy, vz
-
-
-@kernel
-def _windowed(
-    stamps: NDArray[np.int64],
-    places: NDArray[np.float64],
-    count: int,
-    span_ns: int,
-    stamp_ns: int,
-    place: tuple[float, ...],
-) -> tuple[int, float, float, float]:
-    """Add a position to the ring buffer; return the number of positions and the slope along each axis."""
-    size = len(stamps)
-    last = (count - 1) % size
-    if count == 0 or stamp_ns > stamps[last]:
-        count += 1
-        last = (count - 1) % size
-        stamps[last] = stamp_ns
-    for axis in range(3):
-        places[last, axis] = place[axis]
-    if count == 1:
-        return count, 0.0, 0.0, 0.0
-    back = 1
-    while back < min(count, size) - 1 and stamps[last] - stamps[(last - back) % size] < span_ns:
-        back += 1
-    newest, oldest = places[last], places[(last - back) % size]
-    dt = (stamps[last] - stamps[(last - back) % size]) * 1e-9
-    return count, (newest[0] - oldest[0]) / dt, (newest[1] - oldest[1]) / dt, (newest[2] - oldest[2]) / dt
+        state = np.zeros(1, SLOPE)
+        state["span_ns"] = span_ns
+        super().__init__(slope_velocity, state)
 
 
 @final
-class Observer:
+class Observer(Estimator):
     """Alpha-beta-gamma filter: predicts with constant acceleration and corrects by fixed gains.
 
     Its memory is a number of samples, not a duration: the gains do not depend on the sample interval.
@@ -113,48 +167,9 @@ class Observer:
     """
 
     def __init__(self, gains: tuple[float, float, float]) -> None:
-        self._gains = gains
-        self._stamps_ns = np.zeros(2, np.int64)
-        self._states = np.zeros((2, 3, 3))
-        self._count = 0
-
-    def update(self, stamp_ns: int, x: float, y: float, z: float) -> tuple[float, float, float]:
-        """Add a position and return the velocity estimate; one not later than the newest replaces it."""
-        self._count, vx, vy, vz = _observed(
-            self._stamps_ns, self._states, self._count, self._gains, stamp_ns, (x, y, z)
-        )
-        return vx, vy, vz
-
-
-@kernel
-def _observed(
-    stamps: NDArray[np.int64],
-    states: NDArray[np.float64],
-    count: int,
-    gains: tuple[float, float, float],
-    stamp_ns: int,
-    place: tuple[float, ...],
-) -> tuple[int, float, float, float]:
-    """Predict from the previous state (row 0), correct into the current one (row 1); return the count and velocity."""
-    if count == 0 or stamp_ns > stamps[1]:
-        stamps[0], states[0] = stamps[1], states[1]
-        stamps[1] = stamp_ns
-        count += 1
-    since_ns = stamps[1] - stamps[0]
-    dt = since_ns * 1e-9
-    span = max(dt, MIN_INTERVAL)
-    for axis in range(3):
-        x, v, a = states[0, axis, 0], states[0, axis, 1], states[0, axis, 2]
-        if count == 1 or not isfinite(x):
-            x, v, a = place[axis], 0.0, 0.0
-        elif count == 2 or since_ns > GAP_NS:
-            x, v, a = place[axis], (place[axis] - x) / dt, 0.0
-        else:
-            x, v = x + dt * (v + 0.5 * dt * a), v + dt * a
-            error = place[axis] - x
-            x, v, a = x + gains[0] * error, v + gains[1] * error / span, a + gains[2] * error / (span * span)
-        states[1, axis, 0], states[1, axis, 1], states[1, axis, 2] = x, v, a
-    return count, states[1, 0, 1], states[1, 1, 1], states[1, 2, 1]
+        state = np.zeros(1, FILTER)
+        state["gains"] = gains
+        super().__init__(filtered_velocity, state)
 
 
 def alpha_beta_gains() -> tuple[float, float, float]:

@@ -11,13 +11,14 @@ comparison.
 """
 
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import inlined, kernel, machine_code
+from netboard.base.compiled import inlined, kernel
 from netboard.devices.contract import estimators
+from netboard.devices.contract.estimators import Estimator
 from netboard.physics.arithmetic.simd import gathered, lane, lanes_at, larger, put, smaller, where_within
 
 SAMPLES = 9
@@ -96,41 +97,28 @@ WINDOW = np.dtype(
 
 @kernel
 def windowed_velocity(window: Any, stamp_ns: int, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Add a position to an array of one `WINDOW`, and return the velocity x, y, z; see `Velocimeter.update` [m/s]."""
+    """Add a position to an array of one `WINDOW`, and return the velocity x, y, z; see `Estimator.update` [m/s]."""
     w = window[0]
     newest = gathered((x, y, z), AXES)
     w["count"], velocity = _windowed(w["stamps"], w["places"], w["count"], w["band"], stamp_ns, newest)
     return lane(velocity, 0), lane(velocity, 1), lane(velocity, 2)
 
 
-class Estimator(Protocol):
-    """Estimator of velocity from positions."""
-
-    def update(self, stamp_ns: int, x: float, y: float, z: float) -> tuple[float, float, float]:
-        """Add a position and return the velocity estimate [m/s]."""
-
-
-class Velocimeter:
-    """Adaptive-windowing estimator of stylus velocity.
+@final
+class Velocimeter(Estimator):
+    """Adaptive-windowing estimator of stylus velocity; the velocity is 0 until the second position.
 
     ``resolution``: size of one encoder step, 0 for none [m].
     """
 
     def __init__(self, resolution: float) -> None:
-        self.window = np.zeros(1, WINDOW)
-        self.window["band"] = SLACK * resolution
-        self._windowed_velocity = machine_code(windowed_velocity, self.window, 0, 0.0, 0.0, 0.0)
-
-    def update(self, stamp_ns: int, x: float, y: float, z: float) -> tuple[float, float, float]:
-        """Add a position [m] and return the velocity estimate [m/s]; 0 until the second position.
-
-        A position that is not later than the newest one replaces it.
-        """
-        return self._windowed_velocity(self.window, stamp_ns, x, y, z)
+        window = np.zeros(1, WINDOW)
+        window["band"] = SLACK * resolution
+        super().__init__(windowed_velocity, window)
 
     def forget(self) -> None:
         """Forget all positions."""
-        self.window["count"] = 0
+        self.state["count"] = 0
 
 
 KINDS: Mapping[str, Callable[[float], Estimator]] = {

@@ -22,7 +22,11 @@ side.
 """
 
 from math import isfinite
+from typing import Any
 
+import numpy as np
+
+from netboard.base.compiled import kernel
 from netboard.base.tick import TICK_SECONDS
 
 STORED = 2e-3
@@ -41,25 +45,76 @@ REMEMBERED = 256
 """Number of samples whose height is stored [1]."""
 
 
+PASSIVITY = np.dtype(
+    [
+        ("on", "<i8"),  # 1: forces pass the controller
+        ("energy", "<f8"),  # into the network minus out of it [J]
+        ("force", "<f8"),  # last commanded force [N]
+        ("answered", "<f8"),  # height of the sample that it answers [m]
+        ("height", "<f8"),  # height of the stylus then [m]
+        ("open", "<i8"),  # 1: these three are known
+        ("heights", "<f8", (REMEMBERED,)),  # of the last samples [m]
+    ]
+)
+"""State of the observer and controller of one hand."""
+
+
+@kernel
+def restart(passivity: Any) -> None:
+    """Restart at zero energy, at a time without force."""
+    p = passivity[0]
+    p["energy"] = p["force"] = p["answered"] = p["height"] = 0.0
+    p["open"] = 0
+
+
+@kernel
+def remember_height(passivity: Any, seq: int, height: float) -> None:
+    """Store the height of the stylus in a sample [m]."""
+    passivity[0]["heights"][seq % REMEMBERED] = height
+
+
+@kernel
+def passive_force(passivity: Any, force: float, seq: int, height: float, velocity: float, rendered: float) -> float:
+    """Limit a commanded force; see `Passivity.step`."""
+    p = passivity[0]
+    answered = p["heights"][seq % REMEMBERED]
+    if p["open"]:
+        given = 0.5 * (force + p["force"]) * (answered - p["answered"])
+        p["energy"] = min(p["energy"] + given - rendered * (height - p["height"]), STORED)
+    if not isfinite(p["energy"]):
+        restart(passivity)  # the safety chain handles non-finite values
+    p["force"], p["answered"], p["height"], p["open"] = force, answered, height, 1
+    if p["energy"] >= 0.0:
+        return force
+    slow = abs(velocity) < SLOW
+    missing = MAX_DAMPING if slow else -p["energy"] / (velocity * velocity * TICK_SECONDS)
+    limited = force - min(missing, MAX_DAMPING) * velocity
+    return 0.0 if p["energy"] < -STORED and not slow and limited * velocity > 0.0 else limited
+
+
 class Passivity:
-    """Passivity observer and controller of one hand.
+    """Passivity observer and controller of one hand; kernels take its ``state``."""
 
-    ``energy``: energy into the network minus energy out of it; below zero the network has generated energy [J].
-    """
+    def __init__(self, *, on: bool = True) -> None:
+        self.state = np.zeros(1, PASSIVITY)
+        self.state["on"] = on
 
-    def __init__(self) -> None:
-        self._heights = [0.0] * REMEMBERED
-        self.reset()
+    @property
+    def energy(self) -> float:
+        """Energy into the network minus energy out of it; below zero the network has generated energy [J]."""
+        return float(self.state[0]["energy"])
+
+    @energy.setter
+    def energy(self, energy: float) -> None:
+        self.state[0]["energy"] = energy
 
     def reset(self) -> None:
         """Restart at zero energy, at a time without force."""
-        self.energy = 0.0
-        self._force = self._answered = self._height = 0.0
-        self._open = False
+        restart(self.state)
 
     def remember(self, seq: int, height: float) -> None:
         """Store the height of the stylus in a sample [m]."""
-        self._heights[seq % REMEMBERED] = height
+        remember_height(self.state, seq, height)
 
     def step(self, force: float, seq: int, height: float, velocity: float, rendered: float) -> float:
         """Limit the server's latest commanded force; return the wanted force for the safety chain [N].
@@ -67,16 +122,4 @@ class Passivity:
         ``seq``: number of the sample that the force answers. ``height``, ``velocity``: of the stylus now [m, m/s].
         ``rendered``: force on the hand since the previous step [N].
         """
-        answered = self._heights[seq % REMEMBERED]
-        if self._open:
-            given = 0.5 * (force + self._force) * (answered - self._answered)
-            self.energy = min(self.energy + given - rendered * (height - self._height), STORED)
-        if not isfinite(self.energy):
-            self.reset()  # the safety chain handles non-finite values
-        self._force, self._answered, self._height, self._open = force, answered, height, True
-        if self.energy >= 0.0:
-            return force
-        slow = abs(velocity) < SLOW
-        missing = MAX_DAMPING if slow else -self.energy / (velocity * velocity * TICK_SECONDS)
-        limited = force - min(missing, MAX_DAMPING) * velocity
-        return 0.0 if self.energy < -STORED and not slow and limited * velocity > 0.0 else limited
+        return passive_force(self.state, force, seq, height, velocity, rendered)

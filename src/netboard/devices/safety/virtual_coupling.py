@@ -11,6 +11,7 @@ at most `REACH`: beyond that time the board has responded to the hands, and its 
 longer extrapolation makes a light hand less stable, not more (docs/explanation/coupling.md).
 """
 
+from netboard.base.compiled import kernel
 from netboard.devices.contract.device import Reading
 from netboard.network.protocol.motion import Point
 
@@ -23,6 +24,15 @@ def hand_force(point: Point, received_ns: int, reading: Reading) -> float:
 
     ``received_ns``: when the point was received, used if the server does not know the agent's clock.
     """
-    age = (reading.stamp_ns - (point.stamp_ns or received_ns)) * 1e-9
-    ahead = min(max(age, -REACH), REACH)
-    return point.k * (point.z + ahead * point.vz - reading.z) + point.c * (point.vz - reading.vz)
+    made_ns = point.stamp_ns or received_ns
+    return coupling_force(point.k, point.c, point.z, point.vz, reading.stamp_ns - made_ns, reading.z, reading.vz)
+
+
+@kernel
+def coupling_force(k: float, c: float, place: float, rate: float, age_ns: int, z: float, vz: float) -> float:
+    """Return the force of the virtual coupling on the hand [N].
+
+    ``place``, ``rate``: of the control point, ``age_ns`` before the reading ``z``, ``vz`` [m, m/s].
+    """
+    ahead = min(max(age_ns * 1e-9, -REACH), REACH)
+    return k * (place + ahead * rate - z) + c * (rate - vz)

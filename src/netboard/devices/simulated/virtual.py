@@ -28,7 +28,8 @@ from netboard.base.compiled import inlined, kernel, machine_code
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
 from netboard.base.tick import NEVER_NS, TICK_NS
-from netboard.devices.contract.device import Box, CompiledAccess, Device, DeviceInfo, Reading
+from netboard.devices.contract.access import CompiledAccess, Fields, within
+from netboard.devices.contract.device import Box, Device, DeviceInfo, Reading
 from netboard.devices.contract.velocity import Velocimeter, windowed_velocity
 from netboard.participants.device_models import resolved
 from netboard.participants.hand import STEP, STEP_NS, advance_hand, make_hand
@@ -72,18 +73,6 @@ def encoded(state: Any, rest: float, stop: float, step: float) -> tuple[float, f
     return _quantised(x, y, z, step)
 
 
-@inlined
-def within(limit: float, fx: float, fy: float, fz: float) -> tuple[float, float, float]:
-    """Scale a force down to a limit [N]."""
-    if abs(fx) + abs(fy) + abs(fz) <= limit:  # no vector is longer than the sum of its parts, and roots take long
-        return fx, fy, fz
-    size = np.hypot(np.hypot(fx, fy), fz)
-    if size <= limit:
-        return fx, fy, fz
-    share = limit / size
-    return fx * share, fy * share, fz * share
-
-
 DEVICE = np.dtype(
     [
         ("time_ns", "<i8"),  # time up to which the hand has been simulated, or NEVER_NS [ns]
@@ -125,7 +114,7 @@ def live(parts: Any, now_ns: int) -> None:
 
 
 @kernel
-def read(parts: Any, now_ns: int) -> tuple[int, float, float, float, float, float, float, int, bool]:
+def read(parts: Any, now_ns: int) -> tuple[bool, Fields]:
     """Read the stylus, after a simulation up to now unless the last one was within a millisecond."""
     device, window, state, _, _, _, _ = parts
     d = device[0]
@@ -135,9 +124,7 @@ def read(parts: Any, now_ns: int) -> tuple[int, float, float, float, float, floa
     rest = max(now_ns - d["time_ns"], 0) * 1e-9
     x, y, z = encoded(state, rest, d["stop"], d["step"])
     vx, vy, vz = windowed_velocity(window, now_ns, x, y, z)
-    # Rounded to whole steps, a position at the stop may lie up to a step beyond it.
-    reach = d["stop"] + d["step"]
-    return now_ns, x, y, z, vx, vy, vz, 0, abs(x) <= reach and abs(y) <= reach and abs(z) <= reach
+    return True, (now_ns, x, y, z, vx, vy, vz, 0, True)
 
 
 @kernel
@@ -219,7 +206,7 @@ class VirtualTouch(Device):
         self._late = DelayLine(self._read_delay_ns) if self._read_delay_ns > 0 else None
         self._coming: deque[tuple[int, NDArray[np.float64]]] = deque()
         self._ideal = self._heat is None and self._read_delay_ns == self._write_delay_ns == 0
-        self._parts = (self._state, self._velocimeter.window, *self._hand.parts)
+        self._parts = (self._state, self._velocimeter.state, *self._hand.parts)
         self._advance_to = machine_code(advance_to, self._parts, 0)
         self._live = machine_code(live, self._parts, 0)
         self._read_ideal = machine_code(read, self._parts, 0)
@@ -279,7 +266,8 @@ class VirtualTouch(Device):
 
     def _read(self, now_ns: int) -> Reading:
         if self._ideal:
-            return Reading(*self._read_ideal(self._parts, now_ns))
+            _, fields = self._read_ideal(self._parts, now_ns)
+            return Reading(*fields)
         time_ns = int(self._device["time_ns"])
         if time_ns == NEVER_NS or now_ns - time_ns >= TICK_NS:
             self._apply_written(now_ns if time_ns == NEVER_NS else time_ns)

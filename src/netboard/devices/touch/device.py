@@ -1,8 +1,8 @@
 """Backend ``openhaptics``: Touch, Touch X, Phantom and related devices, through the vendor's library.
 
 The vendor's servo thread reads the stylus and renders the force once per millisecond (`netboard.devices.touch.servo`).
-The device returns the servo's latest reading and sets its next force. Only this module converts axes and units: the
-vendor has x right, y up, z towards the user, in mm; the scene has x out of the screen, y right, z up, in m.
+The device returns the servo's latest reading and sets its next force, by the kernels of
+`netboard.devices.touch.access`. With a servo in C, compiled code may call them without Python.
 
 A device is ready while its stylus is out of the inkwell, no motor has reported an error recently and no force has been
 cut. Every reported error is named in a message. Errors caused by a hand or a hot motor make the device temporarily not
@@ -13,19 +13,25 @@ Options (``agents.<side>.options``): see `Options`. How to set it up: docs/how-t
 
 import logging
 from dataclasses import dataclass, replace
-from math import hypot
 from time import monotonic_ns
 from typing import Annotated, Literal, final
 
+import numpy as np
+
+from netboard.base.compiled import machine_code
 from netboard.base.config import Config, Side
-from netboard.base.errors import DeviceLost, DeviceTimeout
+from netboard.base.errors import DeviceLost, DeviceNotFound, DeviceTimeout
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
+from netboard.base.tick import NEVER_NS
+from netboard.devices.contract.access import CompiledAccess
 from netboard.devices.contract.device import Device, DeviceInfo, Found, Reading
+from netboard.devices.touch import access
+from netboard.devices.touch.access import DEVICE, LIBRARY, SAMPLE
 from netboard.devices.touch.api import Error, Fault
 from netboard.devices.touch.find import calibrate, candidates, describe, enable, find, present
 from netboard.devices.touch.library import OpenDevice, Rig, rig_of
-from netboard.devices.touch.servo import PythonServo, Servo, Vector, wait_ticks
-from netboard.devices.touch.shim import ShimServo
+from netboard.devices.touch.servo import PythonServo, Servo, wait_ticks
+from netboard.devices.touch.shim import ShimServo, shim
 
 log = logging.getLogger(__name__)
 
@@ -65,18 +71,30 @@ class Options:
     name: Annotated[str, about("name of the device in the vendor's set-up tool; empty: the default names")] = ""
     library: Annotated[str, about("file of the vendor's library; empty to look for libHD.so or HD.dll")] = ""
     servo: Annotated[
-        Literal["python", "c"],
+        Literal["auto", "c", "python"],
         about(
-            "what runs in the servo thread: python works everywhere; c needs a compiler and does not wait for the "
-            "interpreter"
+            "what runs in the servo thread: c needs a C compiler; it does not wait for the interpreter, and only with "
+            "it can the agent's ticks run in compiled code; auto is c where it can be compiled, otherwise python"
         ),
-    ] = "python"
+    ] = "auto"
     force_timeout_ms: Annotated[float, about("age at which the servo loop zeroes a force", "ms", ge=2, le=200)] = 20.0
     resolution: Annotated[float, about("size of one encoder step at the stylus", "m", ge=0, le=0.01)] = 0.055e-3
 
 
 SERVOS: dict[str, type[PythonServo] | type[ShimServo]] = {"python": PythonServo, "c": ShimServo}
 """Implementations of the servo, by the option ``servo``."""
+
+
+def servo_kind(option: str) -> str:
+    """Return the key of `SERVOS` for the option ``servo``; log why ``auto`` is not C."""
+    if option != "auto":
+        return option
+    try:
+        shim()
+    except DeviceNotFound as error:
+        log.warning("the servo callback and the agent's ticks run in Python, which is slower: %s", error)
+        return "python"
+    return "c"
 
 
 @final
@@ -89,10 +107,13 @@ class OpenHaptics(Device):
         self._rig: Rig | None = None
         self._opened: OpenDevice | None = None
         self._servo: Servo | None = None
-        self._max_force = 0.0
         self._lost = False
-        self._tired_ns: int | None = None
+        self._state = np.zeros(1, DEVICE)
         self._reported_ns: dict[int, int] = {}
+        library, sample = np.zeros(1, LIBRARY), np.zeros(1, SAMPLE)
+        self._has_stalled = machine_code(access.has_stalled, library, self._state, sample, 0)
+        self._reading_of = machine_code(access.reading_of, library, self._state, sample, 0)
+        self._to_motors = machine_code(access.to_motors, self._state, 0.0, 0.0, 0.0)
 
     @classmethod
     def present(cls, config: Config) -> tuple[Found, ...]:
@@ -104,14 +125,16 @@ class OpenHaptics(Device):
         return present(rig, list(dict.fromkeys([*names, *candidates("")])))
 
     def _open(self) -> DeviceInfo:
-        self._lost, self._tired_ns, self._reported_ns = False, None, {}
+        self._lost, self._reported_ns = False, {}
+        self._state["rested_ns"], self._state["stall_ns"] = NEVER_NS, STALL_NS
+        kind = servo_kind(self._options.servo)
         self._rig = rig = rig_of(self._options.library)
         try:
             with rig.paused():
                 self._opened = opened = find(rig, self._options.serial, self._options.name)
                 info = describe(rig.library, opened, self._options.resolution)
                 timeout_ns = round(self._options.force_timeout_ms * 1e6)
-                self._servo = servo = SERVOS[self._options.servo](rig.library, opened.handle, timeout_ns)
+                self._servo = servo = SERVOS[kind](rig.library, opened.handle, timeout_ns)
                 rig.schedule(opened, servo)
             self._first_ticks(rig, servo, opened)
             # Before the force is switched on: calibrating makes the position jump (OpenHaptics Programmer's Guide).
@@ -122,8 +145,9 @@ class OpenHaptics(Device):
         except BaseException:
             self._release()
             raise
-        self._max_force = info.max_force
-        return replace(info, details={**info.details, "servo": self._options.servo, **limits})
+        self._state["max_force"] = info.max_force
+        self._state["servo"] = servo.address if isinstance(servo, ShimServo) else 0
+        return replace(info, details={**info.details, "servo": kind, **limits})
 
     def _first_ticks(self, rig: Rig, servo: Servo, opened: OpenDevice) -> None:
         """Wait until the servo runs, and check its errors."""
@@ -138,33 +162,25 @@ class OpenHaptics(Device):
         assert self._rig is not None
         assert self._opened is not None
         assert self._servo is not None
-        since_ns = self._rig.since_ns
+        library, sample = self._rig.state, self._servo.sample
         # Before the errors: those of a tick are there when its result is, so none of them can be missed.
-        result = self._servo.result()
+        self._servo.take()
         self._judge(self._rig.faults(self._opened), now_ns)
-        assert result is not None  # open() waited for the first one
-        if since_ns is not None and now_ns - max(result.stamp_ns, since_ns) > STALL_NS:
+        if self._has_stalled(library, self._state, sample, now_ns):
             self._lost = True
-            late_ms = (now_ns - result.stamp_ns) * 1e-6
+            late_ms = (now_ns - int(sample[0]["stamp_ns"])) * 1e-6
             raise DeviceTimeout(f"the servo loop of the haptic device has stalled for {late_ms:.0f} ms")
-        tired = self._tired_ns is not None and now_ns - self._tired_ns < REST_NS
-        ready = since_ns is not None and not (result.docked or result.cut or tired)
-        right, up, near = result.position
-        to_right, upwards, nearer = result.velocity
-        return Reading(
-            min(result.stamp_ns, now_ns),
-            *(1e-3 * near, 1e-3 * right, 1e-3 * up),
-            *(1e-3 * nearer, 1e-3 * to_right, 1e-3 * upwards),
-            result.buttons,
-            ready,
-        )
+        return Reading(*self._reading_of(library, self._state, sample, now_ns))
 
     def _write(self, fx: float, fy: float, fz: float) -> None:
         assert self._servo is not None
-        size = hypot(fx, fy, fz)
-        share = 1.0 if size <= self._max_force else self._max_force / size
-        force: Vector = (fy * share, fz * share, fx * share)
-        self._servo.put(force, monotonic_ns())
+        self._servo.put(self._to_motors(self._state, fx, fy, fz))
+
+    def _compiled(self) -> CompiledAccess | None:
+        rig, servo = self._rig, self._servo
+        if rig is None or not isinstance(servo, ShimServo):
+            return None
+        return CompiledAccess((rig.state, self._state, servo.sample), access.read, access.write, access.live)
 
     def _close(self) -> None:
         lost = self._lost
@@ -184,7 +200,7 @@ class OpenHaptics(Device):
                 log.warning("the haptic device reports %s", fault)
             self._reported_ns[fault.code] = now_ns
         if faults:
-            self._tired_ns = now_ns
+            self._state["rested_ns"] = now_ns + REST_NS
         if fatal:
             self._lost = True
             kind = DeviceTimeout if all(fault.code in LATE for fault in fatal) else DeviceLost

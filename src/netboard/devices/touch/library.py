@@ -19,7 +19,11 @@ from ctypes import c_void_p
 from dataclasses import dataclass, field
 from time import monotonic_ns
 
+import numpy as np
+
 from netboard.base.errors import DeviceError, DeviceNotFound, DeviceTimeout
+from netboard.base.tick import NEVER_NS
+from netboard.devices.touch.access import LIBRARY
 from netboard.devices.touch.api import (
     CALLBACK,
     DEFAULT_PRIORITY,
@@ -57,12 +61,18 @@ class Rig:
 
     def __init__(self, library: Library) -> None:
         self.library = library
-        self.since_ns: int | None = None  # time at which the scheduler was started; None while it is stopped [ns]
+        self.state = np.zeros(1, LIBRARY)  # of which kernels need to know
+        self.state["since_ns"] = NEVER_NS
         self._devices: dict[int, OpenDevice] = {}
         self._changing = threading.RLock()
         self._routing = threading.Lock()
         self._paused = 0
         atexit.register(self.clear)
+
+    @property
+    def runs(self) -> bool:
+        """Whether the scheduler runs."""
+        return bool(self.state[0]["since_ns"] != NEVER_NS)
 
     def uses(self, name: str) -> bool:
         """Return True if a device with this name is open here."""
@@ -96,6 +106,7 @@ class Rig:
         if handle == INVALID_HANDLE or handle in self._devices:
             raise DeviceNotFound("the library returned no device and no error")
         opened = self._devices[handle] = OpenDevice(name, handle)
+        self._count_devices()
         hd.calls.hdMakeCurrentDevice(handle)
         return opened
 
@@ -146,7 +157,9 @@ class Rig:
             for other in tuple(self._devices.values()):
                 if other.servo is not None:
                     self._assign([self.library.fault(*raw) for raw in other.servo.faults()])
-        return [opened.faults.popleft() for _ in range(len(opened.faults))]
+            taken = [opened.faults.popleft() for _ in range(len(opened.faults))]
+            self._note_kept()
+        return taken
 
     def release(self, opened: OpenDevice) -> bool:
         """Release a device; do nothing if it is released.
@@ -162,6 +175,7 @@ class Rig:
                     self.library.calls.hdUnschedule(opened.scheduled)
                 self.library.calls.hdDisableDevice(opened.handle)
                 del self._devices[opened.handle]
+                self._count_devices()
                 for fault in self.library.drain():
                     if fault.handle in self._devices:
                         self._assign([fault])
@@ -176,8 +190,8 @@ class Rig:
 
     def _zero(self, servo: Servo) -> bool:
         """Set zero force and wait until it has reached the motors; return whether it has."""
-        servo.put((0.0, 0.0, 0.0), monotonic_ns())
-        return self.since_ns is not None and wait_ticks(servo, SETTLE_TICKS, SETTLE_NS)
+        servo.put((0.0, 0.0, 0.0))
+        return self.runs and wait_ticks(servo, SETTLE_TICKS, SETTLE_NS)
 
     def _assign(self, faults: list[Fault]) -> None:
         """Assign errors to their devices; an error of unknown origin goes to all."""
@@ -185,10 +199,18 @@ class Rig:
             owner = self._devices.get(fault.handle)
             for opened in [owner] if owner else tuple(self._devices.values()):
                 opened.faults.append(fault)
+        self._note_kept()
+
+    def _note_kept(self) -> None:
+        """Note whether errors are kept for a device, so that compiled code leaves them to Python."""
+        self.state["kept"] = any(opened.faults for opened in tuple(self._devices.values()))
+
+    def _count_devices(self) -> None:
+        self.state["devices"] = len(self._devices)
 
     def _stop(self) -> None:
-        if self.since_ns is not None:
-            self.since_ns = None
+        if self.runs:
+            self.state["since_ns"] = NEVER_NS
             self.library.calls.hdStopScheduler()
             self._assign(self.library.drain())
 
@@ -197,7 +219,7 @@ class Rig:
         if self._paused or not any(opened.scheduled is not None for opened in self._devices.values()):
             return
         self.library.calls.hdStartScheduler()
-        self.since_ns = monotonic_ns()
+        self.state["since_ns"] = monotonic_ns()
         self._assign(self.library.drain())
 
 

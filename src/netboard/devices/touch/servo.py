@@ -1,7 +1,7 @@
 """The servo callback of one device, run by the vendor once per millisecond: read, take the force, write it.
 
 A servo knows only the vendor's frame (x right, y up, z towards the user; mm). In each tick it publishes a
-`TickResult` and renders the force that was set last, through one slot in each direction. Neither side waits.
+result (`SAMPLE`) and renders the force that was set last, through one slot in each direction. Neither side waits.
 
 Rule 1: a force older than the timeout is cut to zero. It stays cut, and every result reports this, until a zero force
 is set; so the force cannot return with a step.
@@ -16,6 +16,10 @@ from ctypes import byref, c_double, c_int32, c_ubyte, c_void_p
 from time import monotonic_ns
 from typing import Any, NamedTuple, Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.devices.touch.access import SAMPLE
 from netboard.devices.touch.api import CALLBACK, MAX_ERRORS, After, Library, Parameter
 
 Vector = tuple[float, float, float]
@@ -26,19 +30,6 @@ SETTLE_TICKS = 2
 """Number of ticks after which a force that was set has reached the motors [1]."""
 
 KEPT_FAULTS = 256
-
-
-class TickResult(NamedTuple):
-    """Result of one tick."""
-
-    tick: int
-    stamp_ns: int  # time at which the position was read [ns]
-    # Position and velocity in the vendor's frame [mm, mm/s].
-    position: Vector
-    velocity: Vector
-    buttons: int
-    docked: bool
-    cut: bool
 
 
 class Entry(NamedTuple):
@@ -55,11 +46,15 @@ class Servo(Protocol):
     def entry(self) -> Entry:
         """Callback to schedule."""
 
-    def put(self, force: Vector, stamp_ns: int) -> None:
-        """Set the force from the next tick on [N], in the vendor's frame, with its time stamp [ns]."""
+    @property
+    def sample(self) -> NDArray[Any]:
+        """Result that was taken last, an array of one `SAMPLE`."""
 
-    def result(self) -> TickResult | None:
-        """Return the latest result; None before the first tick."""
+    def put(self, force: Vector) -> None:
+        """Set the force from the next tick on [N], in the vendor's frame."""
+
+    def take(self) -> None:
+        """Take the newest result into `sample`."""
 
     def faults(self) -> list[Raw]:
         """Return the errors since the last call, oldest tick first."""
@@ -82,7 +77,8 @@ class PythonServo:
         self._buttons, self._docked = c_int32(), c_ubyte()
         self._force: tuple[Vector, int] = ((0.0, 0.0, 0.0), 0)
         self._cut = False
-        self._result: TickResult | None = None
+        self.sample = np.zeros(1, SAMPLE)
+        self._result = self.sample[0].item()
         self._ticks = 0
         self._faults: deque[Raw] = deque(maxlen=KEPT_FAULTS)
         self._entry = Entry(CALLBACK(self._tick), c_void_p())
@@ -92,13 +88,13 @@ class PythonServo:
         """Callback to schedule."""
         return self._entry
 
-    def put(self, force: Vector, stamp_ns: int) -> None:
-        """Set the force from the next tick on [N], in the vendor's frame, with its time stamp [ns]."""
-        self._force = (force, stamp_ns)
+    def put(self, force: Vector) -> None:
+        """Set the force from the next tick on [N], in the vendor's frame."""
+        self._force = (force, monotonic_ns())
 
-    def result(self) -> TickResult | None:
-        """Return the latest result; None before the first tick."""
-        return self._result
+    def take(self) -> None:
+        """Take the newest result into `sample`."""
+        self.sample[0] = self._result
 
     def faults(self) -> list[Raw]:
         """Return the errors since the last call, oldest tick first."""
@@ -123,13 +119,13 @@ class PythonServo:
                 break
             self._faults.append((error.code, error.internal, error.handle))
         self._ticks += 1
-        self._result = TickResult(
+        self._result = (
             self._ticks,
             stamp_ns,
             (position[0], position[1], position[2]),
             (velocity[0], velocity[1], velocity[2]),
             self._buttons.value,
-            bool(self._docked.value),
+            self._docked.value != 0,
             self._cut,
         )
         return After.CALLBACK_CONTINUE
@@ -157,5 +153,5 @@ def wait_ticks(servo: Servo, count: int, patience_ns: int) -> bool:
 
 def ticks_of(servo: Servo) -> int:
     """Return the number of ticks of a servo so far [1]."""
-    result = servo.result()
-    return 0 if result is None else result.tick
+    servo.take()
+    return int(servo.sample[0]["tick"])

@@ -14,6 +14,7 @@
 #include <time.h>
 
 enum { SLOTS = 16, WORDS = 9, FAULTS = 64, MOST_ERRORS = 64, TRIES = 8 };
+enum { MACHINE_CLOCK = -1 };
 enum { CALLBACK_DONE = 0, CALLBACK_CONTINUE = 1 };
 enum {
     CURRENT_BUTTONS = 0x2000,
@@ -39,7 +40,7 @@ struct library { /* function addresses; Calls in shim.py */
     struct error_info (*get_error)(void);
 };
 
-struct sample { /* ShimResult in shim.py */
+struct sample { /* SAMPLE in access.py */
     int64_t tick;
     int64_t stamp_ns;
     double position[3];
@@ -61,6 +62,7 @@ struct ring {
 
 struct servo {
     struct library hd;
+    int64_t simulated_ns; /* simulated time, or MACHINE_CLOCK */
     uint32_t handle;
     int64_t timeout_ns;
     int64_t ticks;
@@ -79,6 +81,10 @@ static int64_t now_ns(void) {
     struct timespec now;
     clock_gettime(CLOCK_MONOTONIC, &now); /* the clock of Python's time.monotonic_ns */
     return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
+}
+
+static int64_t time_of(const struct servo *servo) {
+    return servo->simulated_ns == MACHINE_CLOCK ? now_ns() : servo->simulated_ns;
 }
 
 static void put(struct ring *ring, const void *content, size_t words) {
@@ -127,23 +133,30 @@ static void choose(struct servo *servo, int64_t at_ns, double out[3]) {
     for (int i = 0; i < 3; i++) out[i] = servo->cut ? 0 : force->f[i];
 }
 
-/* --- called by Python ------------------------------------------------------------------------------------------ */
+/* --- called by Python and by compiled kernels ------------------------------------------------------------------ */
 
 size_t servo_size(void) { return sizeof(struct servo); }
 
 void servo_prepare(struct servo *servo, const struct library *hd, uint32_t handle, int64_t timeout_ns) {
     memset(servo, 0, sizeof *servo);
     servo->hd = *hd;
+    servo->simulated_ns = MACHINE_CLOCK;
     servo->handle = handle;
     servo->timeout_ns = timeout_ns;
 }
 
-void servo_put(struct servo *servo, double x, double y, double z, int64_t stamp_ns) {
-    struct force force = {{x, y, z}, stamp_ns};
+void servo_simulate(struct servo *servo, int64_t time_ns) { servo->simulated_ns = time_ns; }
+
+void servo_put(struct servo *servo, double x, double y, double z) {
+    struct force force = {{x, y, z}, time_of(servo)};
     put(&servo->forces, &force, sizeof force / 8);
 }
 
 int servo_take(struct servo *servo, struct sample *out) { return take(&servo->samples, out, WORDS); }
+
+int servo_has_fault(struct servo *servo) {
+    return atomic_load_explicit(&servo->faults_made, memory_order_acquire) != servo->faults_taken;
+}
 
 int servo_next_fault(struct servo *servo, struct error_info *out) {
     uint64_t made = atomic_load_explicit(&servo->faults_made, memory_order_acquire);
@@ -161,7 +174,7 @@ uint32_t servo_tick(void *data) {
     double force[3];
     uint8_t docked = 0;
     servo->hd.begin_frame(servo->handle);
-    now.stamp_ns = now_ns();
+    now.stamp_ns = time_of(servo);
     servo->hd.get_doubles(CURRENT_POSITION, now.position);
     servo->hd.get_doubles(CURRENT_VELOCITY, now.velocity);
     servo->hd.get_integers(CURRENT_BUTTONS, &now.buttons);

@@ -15,19 +15,20 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from ctypes import POINTER, byref, c_double, c_int, c_int16, c_int32, c_int64, c_size_t, c_uint32, c_uint64, c_void_p
+from ctypes import POINTER, byref, c_double, c_int, c_int64, c_size_t, c_uint32, c_uint64, c_void_p
 from functools import cache
 from pathlib import Path
-from typing import cast
 
 import numpy as np
+from llvmlite import binding
 from numpy.typing import NDArray
 
 from netboard.base import kernel_cache
 from netboard.base.errors import DeviceNotFound
 from netboard.base.files.sealed import Damaged, unsealed, write_sealed
+from netboard.devices.touch.access import SAMPLE
 from netboard.devices.touch.api import CALLBACK, ErrorInfo, Library
-from netboard.devices.touch.servo import Entry, Raw, TickResult, Vector
+from netboard.devices.touch.servo import Entry, Raw, Vector
 
 log = logging.getLogger(__name__)
 
@@ -52,20 +53,6 @@ class Calls(ctypes.Structure):
     """Addresses of `CALLED`; ``struct library`` in the shim."""
 
     _fields_ = tuple((name, c_void_p) for name in CALLED)
-
-
-class ShimResult(ctypes.Structure):
-    """Result of a tick; ``struct sample`` in the shim."""
-
-    _fields_ = (
-        ("tick", c_int64),
-        ("stamp_ns", c_int64),
-        ("position", c_double * 3),
-        ("velocity", c_double * 3),
-        ("buttons", c_int32),
-        ("docked", c_int16),
-        ("cut", c_int16),
-    )
 
 
 class WatchState(ctypes.Structure):
@@ -99,12 +86,16 @@ def servo_library(path: Path) -> ctypes.PyDLL:
     library.servo_size.restype = c_size_t
     library.servo_prepare.argtypes = (c_void_p, POINTER(Calls), c_uint32, c_int64)
     library.servo_prepare.restype = None
-    library.servo_put.argtypes = (c_void_p, c_double, c_double, c_double, c_int64)
+    library.servo_put.argtypes = (c_void_p, c_double, c_double, c_double)
     library.servo_put.restype = None
-    library.servo_take.argtypes = (c_void_p, POINTER(ShimResult))
+    library.servo_simulate.argtypes = (c_void_p, c_int64)
+    library.servo_simulate.restype = None
+    library.servo_take.argtypes = (c_void_p, c_void_p)
     library.servo_take.restype = c_int
     library.servo_next_fault.argtypes = (c_void_p, POINTER(ErrorInfo))
     library.servo_next_fault.restype = c_int
+    for name in ("servo_take", "servo_has_fault", "servo_put"):  # kernels call these (`netboard.devices.touch.access`)
+        binding.add_symbol(f"netboard_{name}", ctypes.cast(getattr(library, name), c_void_p).value)
     return library
 
 
@@ -162,42 +153,42 @@ def _compiler() -> list[str]:
 class ShimServo:
     """Callback in C. It does not need the interpreter lock.
 
-    ``timeout_ns``: age above which a force is cut to zero [ns].
+    ``timeout_ns``: age above which a force is cut to zero [ns]. Kernels take its ``address`` in memory.
     """
 
     def __init__(self, library: Library, handle: int, timeout_ns: int) -> None:
         made = shim()
         self._room = ctypes.create_string_buffer(made.servo_size())
-        self._at = ctypes.addressof(self._room)
+        self.address = ctypes.addressof(self._room)
         calls = Calls(*map(library.address, CALLED))
-        made.servo_prepare(self._at, byref(calls), handle, timeout_ns)
+        made.servo_prepare(self.address, byref(calls), handle, timeout_ns)
         self._put, self._take, self._next_fault = made.servo_put, made.servo_take, made.servo_next_fault
-        self._seen: TickResult | None = None
-        self._entry = Entry(ctypes.cast(made.servo_tick, CALLBACK), c_void_p(self._at))
+        self._simulate = made.servo_simulate
+        self.sample = np.zeros(1, SAMPLE)
+        self._entry = Entry(ctypes.cast(made.servo_tick, CALLBACK), c_void_p(self.address))
 
     @property
     def entry(self) -> Entry:
         """Callback to schedule."""
         return self._entry
 
-    def put(self, force: Vector, stamp_ns: int) -> None:
-        """Set the force from the next tick on [N], in the vendor's frame, with its time stamp [ns]."""
-        self._put(self._at, *force, stamp_ns)
+    def put(self, force: Vector) -> None:
+        """Set the force from the next tick on [N], in the vendor's frame."""
+        self._put(self.address, *force)
 
-    def result(self) -> TickResult | None:
-        """Return the latest result; None before the first tick."""
-        seen = ShimResult()
-        if self._take(self._at, byref(seen)):
-            position, velocity = cast(Vector, tuple(seen.position)), cast(Vector, tuple(seen.velocity))
-            docked, cut = bool(seen.docked), bool(seen.cut)
-            self._seen = TickResult(seen.tick, seen.stamp_ns, position, velocity, seen.buttons, docked, cut)
-        return self._seen
+    def take(self) -> None:
+        """Take the newest result into `sample`; keep the last one if the servo is overwriting it."""
+        self._take(self.address, self.sample.ctypes.data)
+
+    def simulate(self, time_ns: int) -> None:
+        """Let the servo run in simulated time, which is now this [ns]."""
+        self._simulate(self.address, time_ns)
 
     def faults(self) -> list[Raw]:
         """Return the errors since the last call, oldest tick first."""
         found: list[Raw] = []
         error = ErrorInfo()
-        while self._next_fault(self._at, byref(error)):
+        while self._next_fault(self.address, byref(error)):
             found.append((error.code, error.internal, error.handle))
         return found
 

@@ -27,23 +27,20 @@ from netboard.base.terminal.logs import RateLimitedLog
 from netboard.base.tick import TICK_NS
 from netboard.devices.contract import registry
 from netboard.devices.contract.device import Device, DeviceInfo, Reading
-from netboard.devices.safety.chain import Guard, Safety
-from netboard.devices.safety.fixture import lateral_force
+from netboard.devices.safety.arming import Arming
+from netboard.devices.safety.chain import Safety
 from netboard.devices.safety.passivity import Passivity
-from netboard.devices.safety.virtual_coupling import hand_force
 from netboard.network import keys
 from netboard.network.protocol.joining import Hello
 from netboard.network.protocol.messages import PROTOCOL_VERSION
-from netboard.network.protocol.motion import Force, Point, Safeguard
 from netboard.network.transport import channels, fastpath, sockets
-from netboard.nodes.agent import motion_link
-from netboard.nodes.agent.motion_link import BEAT, FORCE, POINT, Link
+from netboard.nodes.agent.motion_link import FORCE, POINT, Link
 from netboard.nodes.agent.rendered_buffer import RenderedRing
+from netboard.nodes.agent.rules import LIMITED, RuleKernels, Rules, rules_of
 from netboard.nodes.agent.undisturbed import (
     ANSWER_NS,
     ANSWERED,
     LATE,
-    LIMITED,
     NEVER_DUE_NS,
     NO_READING,
     NOT_BEGUN,
@@ -52,8 +49,6 @@ from netboard.nodes.agent.undisturbed import (
     Begun,
     Kernel,
     Progress,
-    Rules,
-    await_limited_force,
     run_of,
     shifted,
 )
@@ -67,10 +62,6 @@ MAX_TICKS = 20
 
 SEARCH_INTERVAL_NS = 500_000_000
 """Interval at which the agent looks for a lost device [ns]."""
-
-_NOT_READY = int(Safeguard.NOT_READY)
-_STOPPED = int(Safeguard.STOPPED)
-_UNSENT = 2**62  # number of a sample that is not sent yet
 
 
 class StylusSource(Protocol):
@@ -117,16 +108,16 @@ class Agent:
         self._device = device
         self._safety = Safety(config.safety, device.info.max_force, device.info.continuous_force)
         self._fixture = config.fixture
-        self._passivity = Passivity() if config.safety.passivity else None
+        self._passivity = Passivity(on=config.safety.passivity)
+        self._arming = Arming(device.agent.stop_buttons, device.agent.consent_buttons)
+        self._rules = self._current_rules()
         self._source = source
         self._seq = 0
         self._safeguards = 0
-        # Of an emergency stop at the device that the server may not know yet: the first sample that tells it of it.
-        self._stop_seq: int | None = None
         self._rendered = 0.0
         self._shift_ns = 0
         self._ring = RenderedRing()
-        self._await_limited_force = await_limited_force
+        self._kernels = RuleKernels(self._link.frame, self._rules)
         self._shifted = machine_code(shifted, 0, 0)
 
     def run(self, stopping: Callable[[], bool]) -> None:
@@ -157,11 +148,6 @@ class Agent:
     def _warm(self) -> None:
         """Compile or load the kernels, so that the first tick is not late."""
         self._link.warm()
-        nowhere = fastpath.FastPath(None).record
-        chain = Safety(self._config.safety, 0.0, 0.0).chain
-        self._await_limited_force = machine_code(
-            await_limited_force, nowhere, self._link.frame, motion_link.empty(), chain, 0, False, *(0.0,) * 7
-        )
         self._undisturbed_ticks()
 
     def _serve(self, stopping: Callable[[], bool]) -> None:
@@ -170,19 +156,19 @@ class Agent:
         while not stopping():
             pacer.wait()
             begun, reading = NOTHING_BEGUN, None
-            # A run does not note which sample first reports an emergency stop; only `_send` does.
-            if run is not None and self._stop_seq is None:
+            if run is not None:
                 begun, reading = self._run_undisturbed(run, pacer)
             pacer.shift(self._tick(pacer.due_ns + TICK_NS, begun, reading))
         self._device.write(0.0, 0.0, 0.0)
 
     def _undisturbed_ticks(self) -> Kernel | None:
         """Return the function that runs undisturbed ticks of the connected device, if it has compiled access."""
-        access, mine, fixture = self._device.compiled, self._device.agent, self._fixture
-        if access is None or self._passivity is not None:
-            return None
-        rules = Rules(fixture.stiffness, fixture.damping, mine.stop_buttons, mine.consent_buttons)
-        return run_of(access, self._link, self._ring, self._safety, rules)
+        access = self._device.compiled
+        return None if access is None else run_of(access, self._link, self._ring, self._rules)
+
+    def _current_rules(self) -> Rules:
+        """Return the rules with the present safety chain, which is a new one after a loss of the device."""
+        return rules_of(self._safety, self._arming, self._passivity, self._fixture)
 
     def _run_undisturbed(self, run: Kernel, pacer: Pacer) -> tuple[Begun, Reading | None]:
         """Run ticks until one needs single steps; return what has been done of that one, and its reading.
@@ -230,9 +216,8 @@ class Agent:
             log.info("the device is back: %s", held_by(introduced.details).text)
             lost, self._safety = self._safety, Safety(self._config.safety, info.max_force, info.continuous_force)
             self._safety.keep_mean_of(lost)
-            # The new chain is only disarmed, so the server could arm it before it knows of the emergency stop.
-            if self._stop_seq is not None:
-                self._safety.stop()
+            self._arming.keep_stop(self._safety)
+            self._rules = self._current_rules()
             self._link.introduce(introduced)
             return
 
@@ -246,7 +231,6 @@ class Agent:
         if reading is None:
             reading = self._device.read(now_ns())
         if begun.stage < SENT:
-            self._arm(reading)
             self._send(reading)
         alone = self._link.kind == POINT
         if alone:
@@ -268,12 +252,10 @@ class Agent:
 
     def _await(self, reading: Reading, until_ns: int, alone: bool) -> bool:
         """Wait for an answer until a time [ns], and render its force unless this agent computes it alone."""
-        link, fixture = self._link, self._fixture
-        hand = (fixture.stiffness, fixture.damping, reading.x, reading.y, reading.vx, reading.vy, reading.vz)
-        limits = not alone and self._passivity is None
+        link = self._link
         while True:
-            came, fx, fy, fz, safeguards = self._await_limited_force(
-                link.fast, link.frame, link.state, self._safety.chain, until_ns, limits, *hand
+            came, fx, fy, fz, safeguards = self._kernels.await_limited_force(
+                link.fast, link.frame, link.state, self._rules, until_ns, not alone, *reading[:7], self._rendered
             )
             if came == LIMITED:
                 self._write(fx, fy, fz, safeguards)
@@ -305,45 +287,10 @@ class Agent:
                 self._link.block = ""
             self._source.step(now_ns(), self._link.kind in (FORCE, POINT))
 
-    def _arm(self, reading: Reading) -> None:
-        """Arm the device only while the server allows it and commands no force.
-
-        If the connection is lost during a trial, the device stays disarmed until the trial has been paused and resumed.
-        An emergency stop lasts until the server knows of it: from then on the server forbids arming.
-        """
-        buttons, mine = reading.buttons, self._device.agent
-        if buttons & mine.stop_buttons:
-            self._safety.stop()
-            self._stop_seq = _UNSENT
-            return
-        if not reading.ready or buttons & mine.consent_buttons != mine.consent_buttons:
-            self._disarm()
-            self._safeguards |= _NOT_READY
-            return
-        if self._link.kind == BEAT:
-            if not self._link.may_arm:
-                self._disarm()
-            elif self._safety.guard is Guard.DISARMED:
-                self._safety.arm()
-
-    def _disarm(self) -> None:
-        """Disarm the device, unless that would clear an emergency stop of which the server may not know."""
-        if self._stop_seq is not None and self._link.answered_seq >= self._stop_seq:
-            self._stop_seq = None
-        if self._stop_seq is None:
-            self._safety.disarm()
-
     def _render(self, reading: Reading) -> None:
         """Render the newest commanded or own force and the fixture's force, through the safety chain."""
-        message = self._link.newest
-        fz = message.force if isinstance(message, Force) else 0.0
-        if isinstance(message, Point):
-            fz = hand_force(message, self._link.answer_ns, reading)
-        elif self._passivity is not None:
-            fz = self._limited(self._passivity, reading)
-        fx, fy = lateral_force(reading, self._fixture)
-        velocity = (reading.vx, reading.vy, reading.vz)
-        self._write(*self._safety.step(now_ns(), (fx, fy, fz), self._link.received_ns, velocity))
+        state, now = self._link.state, now_ns()
+        self._write(*self._kernels.limited_force(state, self._rules, now, *reading[:7], self._rendered))
 
     def _write(self, fx: float, fy: float, fz: float, safeguards: int) -> None:
         """Hand a limited force to the device."""
@@ -352,21 +299,11 @@ class Agent:
         self._rendered = fz
         self._safeguards |= safeguards
 
-    def _limited(self, passivity: Passivity, reading: Reading) -> float:
-        """Return the commanded force, limited by the passivity controller."""
-        message = self._link.newest
-        if not isinstance(message, Force):
-            passivity.reset()
-            return 0.0
-        return passivity.step(message.force, message.stylus_seq, reading.z, reading.vz, self._rendered)
-
     def _send(self, reading: Reading) -> None:
-        """Send the sample, with the safeguards and the rendered force since the last one."""
-        if self._passivity is not None:
-            self._passivity.remember(self._seq, reading.z)
-        # The first sample with the pressed button does not tell of the stop: its safeguards are those before it.
-        if self._stop_seq == _UNSENT and self._safeguards & _STOPPED:
-            self._stop_seq = self._seq
+        """Arm or disarm the device, and send the sample, with the safeguards and the force since the last one."""
+        self._safeguards = self._kernels.apply_reading(
+            self._link.state, self._rules, self._seq, reading.z, reading.buttons, reading.ready, self._safeguards
+        )
         self._link.send(self._seq, reading, self._safeguards, self._rendered)
         self._ring.add(self._seq, reading.stamp_ns, self._rendered, self._safeguards)
         self._seq += 1

@@ -231,11 +231,6 @@ class Link:
         return self._lead_ns[0]
 
     @property
-    def answered_seq(self) -> int:
-        """Number of the sample that the newest answer answers, -1 for none [1]."""
-        return -1 if self.kind == NONE else int(self.state[0]["words"][_SEQ])
-
-    @property
     def answer_ns(self) -> int:
         """When the newest answer was received, 0 for never [ns]."""
         return self._heard_ns[0]

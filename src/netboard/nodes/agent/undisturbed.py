@@ -1,44 +1,24 @@
 """Undisturbed ticks of an agent, in one compiled call from reading the stylus to the rendered force.
 
 In a loop that sleeps most of the time a line of Python takes several microseconds, and a tick in single steps needs
-some hundred lines. While the device stays armed and its user wants nothing else, ticks need no Python, if the device
-can be accessed by compiled code. Python takes over when the stylus source is due, and for everything else: messages in
-another form, a long silence of the server, a button, a device that is not ready. It then continues the tick with the
-single steps of `netboard.nodes.agent.agent`, which follow the same rules.
+some hundred lines. If the device can be accessed by compiled code, most ticks need no Python. Python takes over when
+the stylus source is due, and for everything else: messages in another form, a long silence of the server, a fault of
+the device. It then continues the tick with the single steps of `netboard.nodes.agent.agent`. Both call the same kernels
+(`netboard.nodes.agent.rules`): no rule is written here.
 """
 
-from collections.abc import Callable
 from functools import cache, partial
-from typing import Any, NamedTuple, TypeAlias
-
-import numpy as np
+from typing import Any, NamedTuple
 
 from netboard.base.clock import CATCH_UP_TICKS
 from netboard.base.compiled import composed, inlined, kernel, machine_code, waiting
 from netboard.base.tick import LEAD_NS, TICK_NS
-from netboard.devices.contract.device import CompiledAccess
-from netboard.devices.safety.chain import Guard, Safety, limit
-from netboard.devices.safety.fixture import fixture_force
+from netboard.devices.contract.access import CompiledAccess, Fields, Kernel
 from netboard.network.protocol.joining import HELLO_INTERVAL_NS
 from netboard.network.transport import fastpath
-from netboard.nodes.agent.motion_link import (
-    BEAT,
-    COMMANDED,
-    FORCE,
-    MAY_ARM,
-    NEWER,
-    POINT,
-    Link,
-    close_loop,
-    send_sample,
-    wait_for_answer,
-)
+from netboard.nodes.agent.motion_link import POINT, Link, close_loop, send_sample
 from netboard.nodes.agent.rendered_buffer import RenderedRing, remember
-
-Kernel: TypeAlias = Callable[..., Any]
-
-Fields: TypeAlias = tuple[int, float, float, float, float, float, float, int, bool]
-"""Fields of a reading (`netboard.devices.contract.device.Reading`)."""
+from netboard.nodes.agent.rules import LIMITED, Rules, apply_reading, await_limited_force, limited_force
 
 SHIFT_SHARE = 0.02
 """Share of the phase error that is corrected with each message [1]."""
@@ -49,24 +29,12 @@ MAX_SHIFT_NS = 5_000
 ANSWER_NS = TICK_NS - TICK_NS // 4
 """Time for which a tick waits for its first answer, before the stylus source runs [ns]."""
 
-LIMITED = -5
-"""Result of `await_limited_force` beside those of `wait_for_answer`: a limited force is ready [1]."""
-
 NEVER_DUE_NS = 2**62
 """When a stylus source is due that waits for a signal of its file only [ns]."""
 
-NOT_BEGUN, READ, SENT, LATE, ANSWERED = range(5)
-"""How far a tick has come: nothing is done; the stylus is read; the sample is sent; no answer came within `ANSWER_NS`;
-an answer's force is rendered."""
-
-
-class Rules(NamedTuple):
-    """What an agent does in its undisturbed ticks."""
-
-    stiffness: float  # of the fixture [N/m]
-    damping: float  # of the fixture [N s/m]
-    stop_buttons: int  # bit masks
-    consent_buttons: int
+NOT_BEGUN, SENT, LATE, ANSWERED = range(4)
+"""How far a tick has come: nothing is done; the sample is sent; no answer came within `ANSWER_NS`; an answer's force is
+rendered."""
 
 
 class Progress(NamedTuple):
@@ -90,7 +58,6 @@ NOTHING_BEGUN = Begun(NOT_BEGUN, fastpath.NOTHING, 0)
 NO_READING: Fields = (0, *(0.0,) * 6, 0, False)
 
 _BEHIND_NS = CATCH_UP_TICKS * TICK_NS
-_DISARMED = int(Guard.DISARMED)
 
 
 @inlined
@@ -112,50 +79,9 @@ def shifted(shift_ns: int, lead_ns: int) -> int:
     return _limited_shift(shift_ns + phase_shift(lead_ns))
 
 
-@kernel
-def _limited_force(
-    link: Any, chain: Any, now_ns: int, k: float, c: float, x: float, y: float, vx: float, vy: float, vz: float
-) -> tuple[int, float, float, float, int]:
-    """Pass the newest commanded force through the safety chain; see `await_limited_force`."""
-    state = link[0]
-    fz = state["words"].view(np.float64)[COMMANDED] if state["kind"] == FORCE else 0.0
-    fx, fy = fixture_force(k, c, x, vx), fixture_force(k, c, y, vy)
-    safeguards = limit(chain, now_ns, fx, fy, fz, state["received_ns"], vx, vy, vz)
-    ready = chain[0]
-    return LIMITED, ready["fx"], ready["fy"], ready["fz"], safeguards
-
-
-@waiting
-def await_limited_force(
-    fast: Any,
-    frame: Any,
-    link: Any,
-    chain: Any,
-    until_ns: int,
-    limits: bool,
-    k: float,
-    c: float,
-    x: float,
-    y: float,
-    vx: float,
-    vy: float,
-    vz: float,
-) -> tuple[int, float, float, float, int]:
-    """Wait for an answer as `wait_for_answer` does, and pass a commanded force through the safety chain, in one call.
-
-    ``limits``: whether to limit a force here; otherwise Python does it. ``k``, ``c``: of the fixture [N/m, N s/m].
-    ``x`` to ``vz``: of the stylus. Returns `LIMITED`, the force x, y, z [N] and the safeguards; or a result of
-    `wait_for_answer` and zeros.
-    """
-    came = wait_for_answer(fast, frame, link, until_ns)
-    if came != NEWER or not limits or link[0]["kind"] == POINT:
-        return came, 0.0, 0.0, 0.0, 0
-    return _limited_force(link, chain, fastpath.now_ns(fast), k, c, x, y, vx, vy, vz)
-
-
-def _read(parts: Any, now_ns: int) -> Fields:
+def _read(parts: Any, now_ns: int) -> tuple[bool, Fields]:
     """Stand for the reading of a device."""
-    return now_ns, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, False
+    return False, (now_ns, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, False)
 
 
 def _write(parts: Any, fx: float, fy: float, fz: float) -> None:
@@ -167,22 +93,14 @@ def _live(parts: Any, now_ns: int) -> None:
 
 
 @kernel
-def _may_begin(state: Any, guard: int, now_ns: int, due_ns: int) -> bool:
+def _may_begin(state: Any, now_ns: int, due_ns: int) -> bool:
     """Return whether the next tick may run without Python, as far as is known before the reading."""
-    allowed_to_arm = state["kind"] == BEAT and state["words"][MAY_ARM] != 0
     return bool(
         now_ns - due_ns <= _BEHIND_NS
         and state["in_session"]
-        and (state["kind"] == FORCE or (allowed_to_arm and guard != _DISARMED))
+        and state["kind"] != POINT  # an own force does not wait for an answer
         and now_ns - state["heard_ns"] < HELLO_INTERVAL_NS
     )
-
-
-@kernel
-def _is_in_order(rules: Rules, reading: Fields) -> bool:
-    """Return whether a device may stay armed."""
-    buttons, ready, consent = reading[7], reading[8], rules.consent_buttons
-    return bool(ready and buttons & consent == consent and not buttons & rules.stop_buttons)
 
 
 def _run(
@@ -202,7 +120,7 @@ def _run(
     source has been advanced; or `NOTHING_BEGUN`. ``stop``: number of the sample before which the run ends.
     ``source_ns``, ``source_file``: when Python must advance the stylus source [ns], or the file that signals it.
     """
-    fast, frame, sample, link, rows, chain = motion
+    fast, frame, sample, link, rows = motion
     due_ns, seq, safeguards, rendered = progress
     stage, came, shift_ns = begun
     state, now_ns = link[0], fastpath.now_ns(fast)
@@ -210,23 +128,23 @@ def _run(
     until_ns = due_ns + TICK_NS + shift_ns
     while True:
         if stage == NOT_BEGUN:
-            if seq >= stop or not _may_begin(state, chain[0]["guard"], now_ns, due_ns):
+            if seq >= stop or not _may_begin(state, now_ns, due_ns):
                 break
-            reading = _read(parts, now_ns)
-            stage = READ
-            if not _is_in_order(rules, reading):
+            found, reading = _read(parts, now_ns)
+            if not found:
                 break
-            stamp_ns, x, y, z, vx, vy, vz, buttons, _ = reading
+            stamp_ns, x, y, z, vx, vy, vz, buttons, ready = reading
+            safeguards = apply_reading(link, rules, seq, z, buttons, ready, safeguards)
             remember(rows, seq, stamp_ns, rendered, safeguards)
             sample_of = (seq, stamp_ns, x, y, z, vx, vy, vz, buttons, safeguards, rendered)
             if send_sample(fast, sample, link, *sample_of) == fastpath.FAILED:
                 came = fastpath.FAILED
             stage, seq, safeguards, until_ns = SENT, seq + 1, 0, due_ns + ANSWER_NS
         is_source_due = False
-        _, x, y, _, vx, vy, vz, _, _ = reading
-        hand = rules.stiffness, rules.damping, x, y, vx, vy, vz
+        stamp_ns, x, y, z, vx, vy, vz, _, _ = reading
+        hand = stamp_ns, x, y, z, vx, vy, vz
         while came == fastpath.NOTHING and not is_source_due:
-            came, fx, fy, fz, bits = await_limited_force(fast, frame, link, chain, until_ns, True, *hand)
+            came, fx, fy, fz, bits = await_limited_force(fast, frame, link, rules, until_ns, True, *hand, rendered)
             now_ns = fastpath.now_ns(fast)
             is_first = stage == SENT
             if came == LIMITED:
@@ -244,7 +162,7 @@ def _run(
         if is_source_due or came != fastpath.NOTHING:
             break
         if stage == LATE:
-            _, fx, fy, fz, bits = _limited_force(link, chain, now_ns, *hand)
+            fx, fy, fz, bits = limited_force(link, rules, now_ns, *hand, rendered)
             _write(parts, fx, fy, fz)
             close_loop(link, now_ns)
             rendered, safeguards = fz, safeguards | bits
@@ -258,12 +176,12 @@ def _composed(read: Kernel, write: Kernel, live: Kernel) -> Kernel:
     return composed(_run, waiting, _read=read, _write=write, _live=live)
 
 
-def run_of(access: CompiledAccess, link: Link, ring: RenderedRing, safety: Safety, rules: Rules) -> Kernel:
+def run_of(access: CompiledAccess, link: Link, ring: RenderedRing, rules: Rules) -> Kernel:
     """Compile the undisturbed ticks of an agent, or load them from the cache.
 
     Returns a function of the other arguments of `_run`.
     """
-    motion = link.fast, link.frame, link.sample, link.state, ring.rows, safety.chain
+    motion = link.fast, link.frame, link.sample, link.state, ring.rows
     fixed_arguments = motion, access.parts, rules
     run = _composed(access.read, access.write, access.live)
     others = Progress(0, 0, 0, 0.0), NOTHING_BEGUN, NO_READING, 0, 0, 0

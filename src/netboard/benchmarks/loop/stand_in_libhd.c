@@ -1,8 +1,9 @@
-/* A fake of the vendor's libHD: the same ABI, a servo thread at 1 kHz, and two simulated devices.
+/* A stand-in for the vendor's libHD: the same ABI, a servo thread at 1 kHz, and two simulated devices.
 
-   Each device has a stylus of 45 g on a spring and a damper, as if a hand held it. The rules of frames, handles,
-   names and the scheduler are checked; a violation puts an error on the stack. Tests control the library by the
-   functions fake_*, read the log of calls, and can make any function fail. The library does not depend on netboard. */
+   Each device has a stylus of 45 g on a spring and a damper, as if a hand held it; FAKE_LIBHD_SWAY sets how far the
+   hand sways up and down, in mm. The rules of frames, handles, names and the scheduler are checked; a violation puts
+   an error on the stack. Tests control the library by the functions fake_*, read the log of calls, and can make any
+   function fail. The library does not depend on netboard. `netboard bench loop --device touch` uses it, too. */
 
 #include <errno.h>
 #include <locale.h>
@@ -33,7 +34,7 @@ enum {
 enum { FORCE_OUTPUT = 0x4000, CLAMPING, RAMPING, FORCE_LIMIT, ONE_FRAME, VELOCITY_LIMIT = 0x2606, IMPULSE_LIMIT = 0x2607 };
 enum { CALIBRATION_OK = 0x5000, NEEDS_UPDATE, NEEDS_MANUAL_INPUT, STYLE_INKWELL = 4 };
 
-static const double MASS = 0.045, STIFFNESS = 150, DAMPING = 5, STEP = 1e-3, MOST = 3.3, LASTING = 0.88;
+static const double MASS = 0.045, STIFFNESS = 150, DAMPING = 5, STEP = 1e-3, SWAY_HZ = 0.5, MOST = 3.3, LASTING = 0.88;
 
 struct device {
     const char *name, *serial, *model;
@@ -59,9 +60,12 @@ static HHD next_handle = 1;
 static volatile int running;
 static volatile long ticks;
 static pthread_t servo;
-static int in_servo_thread(void) { return running && pthread_equal(pthread_self(), servo); }
+static volatile int stepping; /* a test runs a tick of the servo */
+static double sway;           /* amplitude of the hand [mm] */
+static int in_servo_thread(void) { return running && (stepping || pthread_equal(pthread_self(), servo)); }
 
 static pthread_mutex_t lock; /* recursive; never held while a callback runs */
+static pthread_mutex_t ticking = PTHREAD_MUTEX_INITIALIZER; /* held while a tick runs */
 static char call_log[LOG_SIZE];
 static size_t logged;
 static char failing[64];
@@ -379,6 +383,7 @@ void hdUpdateCalibration(HDenum style) {
 /* --- scheduler -------------------------------------------------------------------------------------------------- */
 
 static void live(struct device *d) {
+    if (sway) d->rest[1] = sway * sin(2 * M_PI * SWAY_HZ * STEP * (double)ticks);
     for (int i = 0; i < 3; i++) {
         if (d->placed) break;
         double force = d->rendered[i] - 1e-3 * (STIFFNESS * (d->x[i] - d->rest[i]) + DAMPING * d->v[i]);
@@ -420,7 +425,9 @@ static void *serve(void *nothing) {
         due.tv_nsec += 1000000;
         if (due.tv_nsec >= 1000000000) due.tv_sec++, due.tv_nsec -= 1000000000;
         while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &due, NULL) == EINTR) {}
+        pthread_mutex_lock(&ticking);
         if (!stalled) tick();
+        pthread_mutex_unlock(&ticking);
         double behind = seconds() - (due.tv_sec + 1e-9 * due.tv_nsec);
         if (behind > 0.02) clock_gettime(CLOCK_MONOTONIC, &due);
     }
@@ -518,6 +525,8 @@ void fake_reset(void) {
         devices[i].state = CALIBRATION_OK;
         devices[i].style = STYLE_INKWELL;
     }
+    const char *distance = getenv("FAKE_LIBHD_SWAY");
+    sway = distance ? atof(distance) : 0;
     stacked = stalled = pinned_errors = refuses_null = failing_after = 0;
     logged = 0;
     call_log[0] = failing[0] = 0;
@@ -527,7 +536,35 @@ void fake_reset(void) {
 
 long fake_ticks(void) { return ticks; }
 int fake_running(void) { return running; }
-void fake_stall(int on) { stalled = on; }
+
+/* Stop the ticks, or let them go on; no tick runs when this returns. */
+void fake_stall(int on) {
+    pthread_mutex_lock(&ticking);
+    stalled = on;
+    pthread_mutex_unlock(&ticking);
+}
+
+/* Count the ticks of a stalled servo from 0, with all styluses at rest at their origins. */
+void fake_restart(void) {
+    ENTER;
+    ticks = 0;
+    for (int i = 0; i < DEVICES; i++) {
+        memset(devices[i].x, 0, sizeof devices[i].x);
+        memset(devices[i].v, 0, sizeof devices[i].v);
+        memset(devices[i].rest, 0, sizeof devices[i].rest);
+    }
+    LEAVE;
+}
+
+/* Run one tick of a stalled servo in this thread. */
+void fake_step(void) {
+    pthread_mutex_lock(&ticking);
+    stepping = 1;
+    tick();
+    stepping = 0;
+    pthread_mutex_unlock(&ticking);
+}
+
 void fake_refuse_null(int on) { refuses_null = on; }
 void fake_pin_errors(int on) { pinned_errors = on; }
 char fake_decimal_point(void) { return localeconv()->decimal_point[0]; }
