@@ -61,6 +61,7 @@ class Fake:
         self.calls.fake_motor_force.argtypes = (c_char_p, triple)
         self.calls.fake_error.argtypes = (c_uint32, c_int32, c_uint32)
         self.calls.fake_fail.argtypes = (c_char_p, c_uint32, c_int)
+        self.calls.fake_sway.argtypes = (c_double,)
         self.calls.fake_call_log.argtypes = (c_char_p, ctypes.c_size_t)
         self._triple = triple
         self._names: list[bytes] = []

@@ -19,7 +19,12 @@ RealTime = Annotated[bool, typer.Option("--realtime/--no-realtime", help="Real-t
 Displays = Annotated[int, typer.Option(min=0, metavar="N", help="Displays per dyad, rendered without a screen.")]
 
 
-@benchmark(app, "netboard bench loop --quick", "netboard bench loop --displays 2 --dyads 1,2,4,8,16 --skips")
+@benchmark(
+    app,
+    "netboard bench loop --quick",
+    "netboard bench loop --device touch",
+    "netboard bench loop --displays 2 --dyads 1,2,4,8,16 --skips",
+)
 def loop(
     options: "Options",
     seconds: Annotated[
@@ -29,6 +34,10 @@ def loop(
     curve: Curve = False,
     realtime: RealTime = True,
     displays: Displays = 0,
+    device: Annotated[
+        Literal["virtual", "touch"],
+        typer.Option(help="Device of the agents; touch: a Touch with a stand-in for the vendor's library."),
+    ] = "virtual",
     dyads: Annotated[
         str | None, typer.Option(metavar="NUMBERS", help="Also load a server with these numbers of dyads, as 1,2,4,8.")
     ] = None,
@@ -37,7 +46,7 @@ def loop(
     """Sample-to-force latency in real time, compared with a bare echo and a bare timer: latency, jitter, cost."""
     from netboard.benchmarks.loop import bench
 
-    setting = bench.Setting(transport, curve, realtime, displays)
+    setting = bench.Setting(transport, curve, realtime, displays, device)
     bench.loop(setting, seconds, bench.read_dyads(dyads), options, skips=skips)
 
 

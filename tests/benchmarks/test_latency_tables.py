@@ -80,7 +80,7 @@ def test_loop_is_compared_with_baselines_by_the_median_of_rounds() -> None:
     assert least[0] == pytest.approx(1.1, rel=1e-4)
     assert largest[0] == pytest.approx(2.0, rel=1e-4)
     assert medians[3:] == (0.0, pytest.approx(1.5), pytest.approx(1.2))
-    assert verdicts(part) == [True, True, True, True, False, True]
+    assert verdicts(part) == [False, True, True, True, False, True]
     assert [name.partition(",")[0] for name in names[:3]] == ["sample to force / echo"] * 3
     late = ratios_part(measured(290_000, late_ns=TICK_NS + 1))
     assert late.rows[3][1] == pytest.approx(100_000)
@@ -246,7 +246,7 @@ def test_dyad_counts_are_parsed_and_validated() -> None:
 def test_setting_is_converted_to_a_configuration() -> None:
     config = Setting("ipc", True, False, 2).config
     assert (config.network.transport, config.network.curve, config.realtime.scheduling) == ("ipc", "on", False)
-    assert str(Setting("ipc", True, False, 2)) == "ipc, keys, usual scheduling, displays: 2"
+    assert str(Setting("ipc", True, False, 2)) == "virtual, ipc, keys, usual scheduling, displays: 2"
 
 
 def test_dyads_have_their_own_ports_folders_and_ids(tmp_path: Path) -> None:

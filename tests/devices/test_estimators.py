@@ -14,6 +14,7 @@ from netboard.devices.contract.estimators import (
     FORGET,
     GAP_NS,
     JERK,
+    Estimator,
     Observer,
     Window,
     alpha_beta,
@@ -23,7 +24,7 @@ from netboard.devices.contract.estimators import (
     kalman,
     kalman_gains,
 )
-from netboard.devices.contract.velocity import KINDS, Estimator, Velocimeter, make
+from netboard.devices.contract.velocity import KINDS, Velocimeter, make
 
 STEP = 0.055e-3
 MS = 1_000_000

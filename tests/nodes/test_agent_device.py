@@ -307,7 +307,7 @@ def test_tick_ends_although_the_server_floods_the_agent_with_undecodable_frames(
     with sockets.open_context() as context:
         rig = Rig(context)
         frames = iter(range(1_000_000))
-        rig.agent._await_limited_force = lambda *_: (1 + next(frames) % 2, 0.0, 0.0, 0.0, 0)
+        rig.agent._kernels.await_limited_force = lambda *_: (1 + next(frames) % 2, 0.0, 0.0, 0.0, 0)
         rig.agent._tick(now_ns() + TICK_NS)
         rig.agent._link.leave("done")
         rig.server.router.close_after_goodbye()

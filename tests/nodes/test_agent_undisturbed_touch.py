@@ -78,7 +78,6 @@ class Touch(SteppedAgent):
 @pytest.fixture
 def make(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Touch]]:
     """Makes agents of the stand-in in a session; each has a copy of the library."""
-    monkeypatch.setenv("FAKE_LIBHD_SWAY", "15")
     monkeypatch.setattr(touch_library, "SETTLE_NS", 0)  # a stepped servo takes no zero force while it is awaited
     every: list[Touch] = []
     with sockets.open_context() as context:
@@ -89,6 +88,7 @@ def make(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[.
             shutil.copy(fake_library(), path)
             fake = Fake(path)
             fake.reset()
+            fake.calls.fake_sway(15.0)
             made = Touch(context, config, fake, compiled=compiled)
             every.append(made)
             made.step()

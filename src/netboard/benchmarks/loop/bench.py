@@ -34,6 +34,7 @@ from netboard.benchmarks.loop.scale import (
 )
 from netboard.benchmarks.loop.skips import measure_skips, skips_part, tick_part
 from netboard.benchmarks.loop.soak import measure_soak, memory_part, minutes_part, records_part
+from netboard.benchmarks.loop.stand_in import DISCLAIMER, DeviceName, with_device
 from netboard.benchmarks.loop.timing import draw_histograms, histogram_part
 from netboard.benchmarks.loop.usage import Costs, add_costs
 from netboard.stage.stage import make_stage
@@ -60,11 +61,12 @@ class Setting:
     curve: bool = False
     real_time: bool = True
     displays: int = 0
+    device: DeviceName = "virtual"
 
     @property
     def config(self) -> Config:
         """Return the configuration for this setting."""
-        plain = Config()
+        plain = with_device(Config(), self.device)
         return replace(
             plain,
             network=replace(plain.network, transport=self.transport, curve="on" if self.curve else "off"),
@@ -73,7 +75,12 @@ class Setting:
 
     def __str__(self) -> str:
         keys, scheduling = "keys" if self.curve else "no keys", "real-time" if self.real_time else "usual"
-        return f"{self.transport}, {keys}, {scheduling} scheduling, displays: {self.displays}"
+        return f"{self.device}, {self.transport}, {keys}, {scheduling} scheduling, displays: {self.displays}"
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """Return the lines at the head of the results."""
+        return (str(self),) if self.device == "virtual" else (str(self), DISCLAIMER)
 
 
 def read_dyads(text: str | None) -> tuple[int, ...]:
@@ -112,7 +119,7 @@ def loop(
             folder.save("loop", lambda: draw_histograms(series, f"Stylus to force: {setting}"))
 
     settings = {**asdict(setting), "seconds": seconds, "rounds": rounds, "dyads": list(dyads)}
-    run("loop", study, options, settings, lines=[str(setting)])
+    run("loop", study, options, settings, lines=setting.lines)
 
 
 def _light_peer_parts(

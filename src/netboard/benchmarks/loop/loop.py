@@ -22,6 +22,7 @@ from netboard.benchmarks.harness.running import Tell
 from netboard.benchmarks.harness.workers import Worker, Workers
 from netboard.benchmarks.loop import baselines
 from netboard.benchmarks.loop.rig import Dyads, dyad_configs, write_configs
+from netboard.benchmarks.loop.stand_in import AGENT
 from netboard.benchmarks.loop.timing import (
     HEADS,
     LoopTiming,
@@ -88,7 +89,8 @@ def measure_loop(config: Config, folder: Path, displays: int, seconds: float, ro
     measured, spare = dyad_configs(config, folder, 2)
     costs: Costs = {}
     found: list[Round] = []
-    with Workers() as workers, Dyads([measured], folder, displays) as processes:
+    agent = AGENT if config.agents.left.device == "openhaptics" else ()
+    with Workers() as workers, Dyads([measured], folder, displays, agent) as processes:
         others = Baselines(spare, folder, workers, round(seconds / rounds * 1e9) // TICK_NS)
         for number in range(rounds):
             report = _progress(tell, number, rounds)
@@ -156,7 +158,7 @@ class Baselines:
         return found
 
 
-MAX_RATIOS = {"50 %": 1.3, "99 %": 1.5, "99.9 %": 1.2}
+MAX_RATIOS = {"50 %": 1.15, "99 %": 1.3, "99.9 %": 1.2}
 """Largest ratios of the loop to an echo, at each percentile [1]."""
 
 MANY = 100_000
@@ -196,7 +198,8 @@ def ratios_part(found: Measured) -> Part:
 
 def _ratios(one: Round, timing: LoopTiming) -> dict[str, float]:
     _, *ratios = ratio_row("", _concatenated(timing.latency_ns), one.echo_ns)
-    spent = {name: cost.core_share for name, cost in one.costs.items()}
+    # Without other threads: the servo of a haptic device belongs to its vendor's library.
+    spent = {name: cost.share_of(LOOP, TRANSPORT) for name, cost in one.costs.items()}
     agents, peers = sum(spent[f"{side} agent"] for side in SIDES), sum(spent[f"peer {side}"] for side in SIDES)
     return {
         **{f"sample to force / echo, {at} [1]": float(ratio) for at, ratio in zip(MAX_RATIOS, ratios, strict=False)},

@@ -15,7 +15,7 @@ from pathlib import Path
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES, Config, resolve
 from netboard.base.errors import NetboardError
-from netboard.benchmarks.harness.rig import ACTIVE, Rig, add_dyad_keys
+from netboard.benchmarks.harness.rig import ACTIVE, Rig, Route, add_dyad_keys
 from netboard.benchmarks.loop.usage import Usage, read_usage
 from netboard.network import keys
 from netboard.network.protocol.control import Status
@@ -42,14 +42,19 @@ class Period:
 
 
 class Dyads(ExitStack):
-    """The processes of some dyads on one server; leaving the context ends them."""
+    """The processes of some dyads on one server; leaving the context ends them.
 
-    def __init__(self, configs: Sequence[Config], folder: Path, displays: int) -> None:
+    - `agent`: what the command of an agent begins with.
+    """
+
+    def __init__(self, configs: Sequence[Config], folder: Path, displays: int, agent: tuple[str, ...] = ()) -> None:
         super().__init__()
         self._rigs: list[Rig] = []
         for config in configs:
             (folder / config.session.dyad).mkdir(exist_ok=True)
-            self._rigs.append(self.enter_context(Rig(folder / config.session.dyad, config)))
+            network = config.network
+            routes = {f"{side} agent": Route(network.host, network.port, agent) for side in SIDES} if agent else {}
+            self._rigs.append(self.enter_context(Rig(folder / config.session.dyad, config, routes=routes)))
         self.callback(self.resume)
         first, *others = self._rigs
         first.start("server", "server", *(word for rig in others for word in ("-c", str(rig.file))))

@@ -1,7 +1,6 @@
 /* A stand-in for the vendor's libHD: the same ABI, a servo thread at 1 kHz, and two simulated devices.
 
-   Each device has a stylus of 45 g on a spring and a damper, as if a hand held it; FAKE_LIBHD_SWAY sets how far the
-   hand sways up and down, in mm. The rules of frames, handles, names and the scheduler are checked; a violation puts
+   Each device has a stylus of 45 g on a spring and a damper, as if a hand held it, which sways up and down by SWAY, in mm. The rules of frames, handles, names and the scheduler are checked; a violation puts
    an error on the stack. Tests control the library by the functions fake_*, read the log of calls, and can make any
    function fail. The library does not depend on netboard. `netboard bench loop --device touch` uses it, too. */
 
@@ -61,7 +60,10 @@ static volatile int running;
 static volatile long ticks;
 static pthread_t servo;
 static volatile int stepping; /* a test runs a tick of the servo */
-static double sway;           /* amplitude of the hand [mm] */
+#ifndef SWAY
+#define SWAY 0
+#endif
+static double sway = SWAY; /* amplitude of the hand [mm] */
 static int in_servo_thread(void) { return running && (stepping || pthread_equal(pthread_self(), servo)); }
 
 static pthread_mutex_t lock; /* recursive; never held while a callback runs */
@@ -525,8 +527,6 @@ void fake_reset(void) {
         devices[i].state = CALIBRATION_OK;
         devices[i].style = STYLE_INKWELL;
     }
-    const char *distance = getenv("FAKE_LIBHD_SWAY");
-    sway = distance ? atof(distance) : 0;
     stacked = stalled = pinned_errors = refuses_null = failing_after = 0;
     logged = 0;
     call_log[0] = failing[0] = 0;
@@ -543,6 +543,8 @@ void fake_stall(int on) {
     stalled = on;
     pthread_mutex_unlock(&ticking);
 }
+
+void fake_sway(double amplitude) { sway = amplitude; }
 
 /* Count the ticks of a stalled servo from 0, with all styluses at rest at their origins. */
 void fake_restart(void) {

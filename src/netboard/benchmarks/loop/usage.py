@@ -85,6 +85,10 @@ class Cost:
         """Return the share of a core that the process used [1]."""
         return total(self.spent.values()).seconds / self.seconds
 
+    def share_of(self, *kinds: str) -> float:
+        """Return the share of a core that threads of some kinds used [1]."""
+        return sum(self.spent[kind].seconds for kind in kinds) / self.seconds
+
 
 Costs = dict[str, Cost]
 

@@ -23,8 +23,8 @@ from netboard.base.config import Config
 from netboard.base.tick import TICK_NS, TICK_SECONDS
 from netboard.benchmarks.harness.results import Folder, Part, Value
 from netboard.benchmarks.harness.running import Tell
-from netboard.devices.contract.estimators import WINDOW_NS, alpha_beta_gains, kalman_gains
-from netboard.devices.contract.velocity import KINDS, Estimator
+from netboard.devices.contract.estimators import WINDOW_NS, Estimator, alpha_beta_gains, kalman_gains
+from netboard.devices.contract.velocity import KINDS
 from netboard.participants.device_models import MODELS
 
 Array = NDArray[np.float64]

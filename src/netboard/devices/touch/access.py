@@ -15,6 +15,9 @@ from netboard.base.compiled import kernel
 from netboard.base.tick import NEVER_NS
 from netboard.devices.contract.access import Fields, within
 
+SYMBOL = "netboard_"
+"""What the names of the shim's functions begin with where kernels call them."""
+
 SAMPLE = np.dtype(
     [
         ("tick", "<i8"),  # number of the servo's tick, 0 before the first
@@ -47,12 +50,16 @@ DEVICE = np.dtype(
 )
 """State of an open device."""
 
-# Functions of the shim; `netboard.devices.touch.shim` tells the compiler their addresses.
-_servo_take = types.ExternalFunction("netboard_servo_take", types.int32(types.intp, types.intp))
-_servo_has_fault = types.ExternalFunction("netboard_servo_has_fault", types.int32(types.intp))
-_servo_put = types.ExternalFunction(
-    "netboard_servo_put", types.void(types.intp, types.float64, types.float64, types.float64)
-)
+
+def _shim_function(name: str, returns: Any, *arguments: Any) -> Any:
+    """Make a function of the shim callable from kernels; `netboard.devices.touch.shim` tells its address."""
+    return types.ExternalFunction(f"{SYMBOL}{name}", returns(*arguments))
+
+
+_FLOAT: Any = types.float64
+_servo_take = _shim_function("servo_take", types.int32, types.intp, types.intp)
+_servo_has_fault = _shim_function("servo_has_fault", types.int32, types.intp)
+_servo_put = _shim_function("servo_put", types.void, types.intp, _FLOAT, _FLOAT, _FLOAT)
 
 
 @kernel
@@ -77,7 +84,7 @@ def reading_of(library: Any, device: Any, sample: Any, now_ns: int) -> Fields:
         1e-3 * rate[2],
         1e-3 * rate[0],
         1e-3 * rate[1],
-        np.int64(s["buttons"]),
+        0 + s["buttons"],  # widened to 64 bits, as the buttons of every reading
         bool(ready),
     )
 

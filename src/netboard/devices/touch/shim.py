@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from netboard.base import kernel_cache
 from netboard.base.errors import DeviceNotFound
 from netboard.base.files.sealed import Damaged, unsealed, write_sealed
-from netboard.devices.touch.access import SAMPLE
+from netboard.devices.touch.access import SAMPLE, SYMBOL
 from netboard.devices.touch.api import CALLBACK, ErrorInfo, Library
 from netboard.devices.touch.servo import Entry, Raw, Vector
 
@@ -95,27 +95,25 @@ def servo_library(path: Path) -> ctypes.PyDLL:
     library.servo_next_fault.argtypes = (c_void_p, POINTER(ErrorInfo))
     library.servo_next_fault.restype = c_int
     for name in ("servo_take", "servo_has_fault", "servo_put"):  # kernels call these (`netboard.devices.touch.access`)
-        binding.add_symbol(f"netboard_{name}", ctypes.cast(getattr(library, name), c_void_p).value)
+        binding.add_symbol(f"{SYMBOL}{name}", ctypes.cast(getattr(library, name), c_void_p).value)
     return library
 
 
-def build(folder: Path) -> Path:
-    """Compile the shim into a folder, unless it is there already."""
-    command = [*_compiler(), *FLAGS]
-    state = hashlib.sha256(SOURCE.read_bytes() + " ".join((*command, platform.machine())).encode())
-    kept = folder / f"servo_shim-{state.hexdigest()[:16]}.so"
+def build(folder: Path, source: Path = SOURCE, *options: str) -> Path:
+    """Compile the shim, or another library in C, into a folder, unless it is there already."""
+    command, name = [*_compiler(), *FLAGS, *options], source.stem
+    state = hashlib.sha256(source.read_bytes() + " ".join((*command, platform.machine())).encode())
+    kept = folder / f"{name}-{state.hexdigest()[:16]}.so"
     if _is_sound(kept):
         return kept
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=folder) as scratch:
             fresh = Path(scratch) / kept.name
-            _compile(command, fresh)
+            _compile(command, source, fresh)
             write_sealed(kept, fresh.read_bytes())
     except OSError as error:
-        raise DeviceNotFound(
-            f"the servo callback in C cannot be kept in {folder}: {error}; {NO_COMPILER_HINT}"
-        ) from error
+        raise DeviceNotFound(f"{name} in C cannot be kept in {folder}: {error}; {NO_COMPILER_HINT}") from error
     return kept
 
 
@@ -131,13 +129,13 @@ def _is_sound(kept: Path) -> bool:
     return True
 
 
-def _compile(command: list[str], library: Path) -> None:
+def _compile(command: list[str], source: Path, library: Path) -> None:
     """Run the compiler."""
-    command = [*command, "-o", str(library), str(SOURCE)]
+    command = [*command, "-o", str(library), str(source)]
     done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
     if done.returncode or not library.is_file():
         why = (done.stderr.strip().splitlines() or ["it does not say why"])[0]
-        raise DeviceNotFound(f"the servo callback in C cannot be compiled by {command[0]}: {why}; {NO_COMPILER_HINT}")
+        raise DeviceNotFound(f"{source.stem} in C cannot be compiled by {command[0]}: {why}; {NO_COMPILER_HINT}")
 
 
 def _compiler() -> list[str]:

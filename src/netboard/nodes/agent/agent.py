@@ -26,6 +26,7 @@ from netboard.base.process.resources import NAME
 from netboard.base.terminal.logs import RateLimitedLog
 from netboard.base.tick import TICK_NS
 from netboard.devices.contract import registry
+from netboard.devices.contract.access import Kernel
 from netboard.devices.contract.device import Device, DeviceInfo, Reading
 from netboard.devices.safety.arming import Arming
 from netboard.devices.safety.chain import Safety
@@ -47,7 +48,6 @@ from netboard.nodes.agent.undisturbed import (
     NOTHING_BEGUN,
     SENT,
     Begun,
-    Kernel,
     Progress,
     run_of,
     shifted,

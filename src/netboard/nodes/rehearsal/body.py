@@ -17,9 +17,9 @@ from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import TICK_NS, TICK_WORDS
+from netboard.devices.contract.access import within
 from netboard.devices.contract.velocity import AXES, SAMPLES, SLACK, make_windowed
 from netboard.devices.safety.fixture import fixture_force
-from netboard.devices.simulated.virtual import within
 from netboard.network.protocol.motion import Safeguard
 from netboard.participants.cable import CABLES, TIP
 from netboard.participants.device_models import resolved
