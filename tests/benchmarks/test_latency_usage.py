@@ -3,6 +3,7 @@
 import os
 import sys
 import threading
+from pathlib import Path
 
 import pytest
 
@@ -15,6 +16,7 @@ from netboard.benchmarks.loop.usage import (
     Cost,
     ThreadUsage,
     Usage,
+    _read_thread,
     add_costs,
     kind_of,
     parse_thread,
@@ -85,3 +87,9 @@ def test_usage_of_this_process_includes_its_threads() -> None:
 def test_missing_process_is_reported() -> None:
     with pytest.raises(NetboardError, match="process 999999999"):
         read_usage(999_999_999)
+
+
+@linux
+def test_thread_that_ends_while_it_is_read_is_left_out() -> None:
+    """As the servo thread of a haptic device does that is opened again."""
+    assert _read_thread(os.getpid(), 999_999_999, Path("/proc/self/task/999999999"), 100) is None

@@ -128,20 +128,23 @@ def read_usage(process: int) -> Usage:
     here = Path("/proc") / str(process)
     clock_hz = os.sysconf("SC_CLK_TCK")
     try:
-        threads = dict(
-            _read_thread(process, int(folder.name), folder, clock_hz) for folder in (here / "task").iterdir()
-        )
+        found = (_read_thread(process, int(folder.name), folder, clock_hz) for folder in (here / "task").iterdir())
+        threads = dict(one for one in found if one is not None)
         return Usage(now_ns(), threads, resident_memory(process))
     except OSError as error:
         raise NetboardError(f"cannot tell what process {process} uses: {error}") from error
 
 
-def _read_thread(process: int, thread: int, folder: Path, clock_hz: int) -> tuple[tuple[int, str], ThreadUsage]:
+def _read_thread(process: int, thread: int, folder: Path, clock_hz: int) -> tuple[tuple[int, str], ThreadUsage] | None:
+    """Return the usage of a thread; None if it has ended meanwhile, as the servo of a device that is lost."""
     schedstat = folder / "schedstat"
-    name, spent = parse_thread(
-        (folder / "stat").read_text(),
-        schedstat.read_text() if schedstat.exists() else "",
-        (folder / "status").read_text(),
-        clock_hz,
-    )
+    try:
+        name, spent = parse_thread(
+            (folder / "stat").read_text(),
+            schedstat.read_text() if schedstat.exists() else "",
+            (folder / "status").read_text(),
+            clock_hz,
+        )
+    except (FileNotFoundError, ProcessLookupError):
+        return None
     return (thread, kind_of(process, thread, name)), spent
