@@ -16,7 +16,7 @@ from netboard.network.protocol.joining import Goodbye
 from netboard.network.protocol.motion import Force, Heartbeat, Safeguard, Stylus
 from netboard.network.transport import sockets
 from netboard.network.transport.fastpath import NO_FILE
-from netboard.nodes.agent.undisturbed import ANSWERED, NEVER_DUE_NS, NOT_BEGUN, NOTHING_BEGUN
+from netboard.nodes.agent.undisturbed import ANSWERED, NEVER_DUE_NS, NOT_BEGUN, NOTHING_BEGUN, Begun, Progress
 from netboard.participants.submovement import Submovement
 
 TICKS = 3000
@@ -196,3 +196,30 @@ def test_position_that_is_not_a_number_is_not_ready_in_both_ways(make: Callable[
         assert newest.rendered == 0.0
         assert one.agent._safety.guard in {Guard.FAULT, Guard.DISARMED}
     assert both[0].state() == both[1].state()
+
+
+def test_whole_run_is_followed_by_another_without_single_steps(
+    make: Callable[..., Simulated], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Unless the server was silent: the single steps tell when it answers again."""
+    one = make(config_of())
+    agent, calls = one.agent, list[str]()
+
+    def run(progress: Progress, begun: Begun, reading: Any, stop: int, *source: int) -> tuple[Progress, Begun, Any]:
+        calls.append("run")
+        whole = len(calls) < 3
+        return progress._replace(seq=stop if whole else progress.seq), begun, reading
+
+    def tick(*_: Any) -> int:
+        calls.append("single steps")
+        return 0
+
+    monkeypatch.setattr(agent, "_undisturbed_ticks", lambda: run)
+    monkeypatch.setattr(agent, "_tick", tick)
+    ends = iter([False, False, False, True])
+    agent._serve(lambda: next(ends))
+    assert calls == ["run", "run", "run", "single steps"]
+    agent._link.server_silent = True
+    ends = iter([False, True])
+    agent._serve(lambda: next(ends))
+    assert calls[4:] == ["single steps"]

@@ -156,8 +156,12 @@ class Agent:
         while not stopping():
             pacer.wait()
             begun, reading = NOTHING_BEGUN, None
-            if run is not None:
+            if run is not None and not self._link.server_silent:
+                first = self._seq
                 begun, reading = self._run_undisturbed(run, pacer)
+                if begun.stage == NOT_BEGUN and self._seq - first == MAX_TICKS:
+                    pacer.shift(-TICK_NS)  # no tick needs single steps: `wait` comes to the same tick again
+                    continue
             pacer.shift(self._tick(pacer.due_ns + TICK_NS, begun, reading))
         self._device.write(0.0, 0.0, 0.0)
 

@@ -206,7 +206,7 @@ class Link:
         self.refusal = ""  # why the server has refused this agent for `REFUSED_NS`, so that it gives up
         self._refused = ""
         self._refused_since_ns = self._refused_ns = -REFUSAL_GAP_NS
-        self._server_silent = False  # whether it fell silent during the session
+        self.server_silent = False  # whether it fell silent during the session
         self._invalid_messages = RateLimitedLog(log)
 
     @property
@@ -272,12 +272,12 @@ class Link:
             self._path.raise_failure("motion")
         if stamp_ns - max(self.answer_ns, self._hello_ns) >= HELLO_INTERVAL_NS:
             self._hello_ns = stamp_ns
-            if self._session and not self._server_silent:
-                self._server_silent = True
+            if self._session and not self.server_silent:
+                self.server_silent = True
                 log.warning("the server has been silent for %g s: waiting for it", HELLO_INTERVAL_NS * 1e-9)
             sockets.send_or_renew(self._socket, self._hello)
-        elif self._server_silent and self.answer_ns > self._hello_ns:
-            self._server_silent = False
+        elif self.server_silent and self.answer_ns > self._hello_ns:
+            self.server_silent = False
             log.info("the server answers again")
 
     def receive(self, until_ns: int = 0) -> bool:
