@@ -5,7 +5,7 @@ BIN := .venv/bin
 LIMIT := timeout --signal=ABRT --kill-after=30s 40m
 SETUP := deploy/setup.sh pyproject.toml requirements/constraints.txt
 
-.PHONY: help demo test test-all test-random test-parallel test-quiet test-quick lint imports types docs docs-check wheel lock clean tree
+.PHONY: help demo test test-all test-random test-parallel test-quiet test-quick lint imports types evidence docs docs-check wheel lock clean tree
 .DEFAULT_GOAL := help
 
 help: ## list what can be made
@@ -52,10 +52,15 @@ imports: .venv/.ready-to-develop tree ## who may import whom
 types: .venv/.ready-to-develop tree ## types
 	MYPYPATH=build/tree $(BIN)/mypy
 
-# Neither tool above knows that services/ is netboard.services: give them one tree, as a wheel has.
+evidence: .venv/.ready-to-develop ## what proves netboard, by item: ARGS="faults --quick"; without, the list of items
+	PYTHONPATH=tests $(BIN)/python -m evidence $(ARGS)
+
+# Neither tool above knows that services/ is netboard.services: give them one tree, as a wheel has. The evidence for
+# netboard is checked as the product is; its tests are not.
 tree:
 	rm -rf build/tree && mkdir -p build/tree
 	cp -Rp src/netboard build/tree/netboard && cp -Rp services build/tree/netboard/services
+	cp -Rp tests/evidence build/tree/evidence && find build/tree/evidence -name 'test_*.py' -delete
 
 docs: .venv/.ready-to-develop ## write the generated pages of docs/
 	$(BIN)/python docs/generate.py
@@ -69,7 +74,7 @@ wheel: .venv/.ready-to-develop ## dist/netboard-*.whl
 
 lock: ## write requirements/constraints.txt anew, with the newest versions that pyproject.toml allows
 	python3.11 -m venv --clear build/lock
-	build/lock/bin/python -m pip install --quiet --disable-pip-version-check '.[analysis,bench,dask,dev,devices,fuzz,lsl,notebook,nwb,parquet]'
+	build/lock/bin/python -m pip install --quiet --disable-pip-version-check '.[analysis,dask,dev,devices,evidence,fuzz,lsl,notebook,nwb,parquet]'
 	sed -n '/^#/p' requirements/constraints.txt > build/lock/head
 	build/lock/bin/python -m pip freeze --exclude netboard | LC_ALL=C sort -f -u | cat build/lock/head - > requirements/constraints.txt
 

@@ -6,8 +6,8 @@
 A page holds generated text between ``<!-- generated: NAME -->`` and ``<!-- end of NAME -->``; the rest is written by
 hand. The state diagram comes from the table of the trial state machine, the configuration reference from the
 dataclasses, the command reference from the commands, so they cannot differ from the program. Tables of measurements
-come from the results of `netboard bench` and `netboard power`, copied unchanged to docs/data/, and the evidence for the
-measures from the marks of their tests.
+come from the results of `make evidence`, `netboard bench` and `netboard power`, copied unchanged to docs/data/, and the
+evidence for the measures from the marks of their tests.
 """
 
 import json
@@ -208,31 +208,32 @@ def study_machine(study: str) -> Callable[[], str]:
 
 PHYSICS = (
     *("expect", "left-out", "growth", "holds", "frontier"),
-    *("ratios-physics", "ratios-dense", "mujoco", "tick", "skips"),
+    *("ratios-physics", "ratios-dense", "mujoco", "tick"),
 )
-"""Tables of `netboard bench physics` that are in the page on accuracy."""
+"""Tables of `make evidence ARGS=physics` that are in the page on accuracy."""
 
 STABILITY = (
     *("tick-limits", "map-coupling-summary", "map-inertia-summary", "stiff-forces", "large-tilts"),
     *("energy-drift", "ball-at-ends", "perfect-rest", "odd-hands", "soak"),
 )
-"""Tables of `netboard bench stability` that are in the page on that."""
+"""Tables of `make evidence ARGS=stability` that are in the page on that."""
 
-LOOP = ("ratios", "latency", "lateness", "costs", "scale", "shared", "waiting", "skips", "stage")
-"""Tables of `netboard bench loop` that are in the page on latency."""
+LOOP, DYADS = ("ratios", "latency", "lateness", "costs"), ("scale", "shared", "waiting")
+"""Tables of `netboard bench loop`, and of `make evidence ARGS=dyads`, that are in the page on latency."""
 
 
 def loop_in_short() -> str:
     """Write what the loop can do on the machine on which it was measured, as two limits of the README."""
 
-    def column(part: str, name: str) -> dict[Any, Any]:
-        table = part_of("loop", part)
+    def column(part: str, name: str, study: str = "loop") -> dict[Any, Any]:
+        table = part_of(study, part)
         return {row[0]: row[table["columns"].index(name)] for row in table["rows"]}
 
-    latency, cost, held = "sample to force", column("costs", "all [%]"), column("scale", "holds")
+    latency, cost, held = "sample to force", column("costs", "all [%]"), column("scale", "holds", "dyads")
     median, rare = (column("latency", quantile)[latency] for quantile in ("50 % [ms]", "99.9 % [ms]"))
     ratio = column("ratios", "median")[f"{latency} / echo, 50 % [1]"]
     dyads = max(number for number, holds in held.items() if holds)
+    of_core = column("scale", "all [%]", "dyads")[dyads]
     limits = f"""
 It is not hard real time.** Python on a stock kernel misses some deadlines of the 1 kHz loop; every deadline miss is
 counted and recorded. With server, agents and logger on one virtual machine of two cores, the median sample-to-force
@@ -241,7 +242,7 @@ same size. One sample in a thousand took longer than {rare:.2g} ms ([all results
 sample arrives for 50 ms, the server pauses the trial. The operator resumes it, or the server itself with
 `--autostart`. Measure your own machines with `netboard doctor` and `netboard bench loop`.
 
-One core serves {dyads} dyads** ({column("scale", "all [%]")[dyads]:.0f} % of the core). With agents and logger on the
+One core serves {dyads} dyads** ({of_core:.0f} % of the core). With agents and logger on the
 same machine, the server of one dyad uses {cost["server"]:.0f} % of a core; the minimal round trip uses
 {cost["echo"]:.0f} %."""
     return "\n".join(
@@ -254,19 +255,19 @@ SOAK = ("records", "memory", "minutes", "costs")
 """Those of `netboard bench soak`."""
 
 FAULTS = ("processes", "links", "peers", "devices", "machines")
-"""Those of `netboard bench faults`."""
+"""Those of `make evidence ARGS=faults`."""
 
 RECOVERY = ("damage", "kills")
-"""Those of `netboard bench recovery`."""
+"""Those of `make evidence ARGS=recovery`."""
 
 RECORDING = ("size", "columns", "headroom", "writing", "stalls", "reading")
 """Those of `netboard bench recording`."""
 
 ANALYSIS = ("costs", "scaling", "memory", "whole")
-"""Those of `netboard bench analysis`."""
+"""Those of `make evidence ARGS=analysis`."""
 
 VELOCITY = ("estimators", "delays")
-"""Those of `netboard bench velocity`."""
+"""Those of `make evidence ARGS=velocity`."""
 
 
 def device_models() -> str:
@@ -313,7 +314,7 @@ def friction_laws() -> str:
 
 
 COUPLING = ("delays", "limits", "releases", "remedies", "transparency", "everyday")
-"""Those of `netboard bench coupling`."""
+"""Those of `make evidence ARGS=coupling`."""
 
 
 def analysis_evidence() -> str:
@@ -329,16 +330,16 @@ def analysis_evidence() -> str:
 
 
 SENSITIVITY = ("about", "readings", "pairs", "concerned", "paths", "statements", "disturbances", "forms")
-"""Those of `netboard bench analysis --sensitivity`; its headlines are in the page on the analysis."""
+"""Those of `make evidence ARGS=sensitivity`; its headlines are in the page on the analysis."""
 
 CALIBRATION = ("about", "false-positives", "power", "interaction", "differences")
-"""Those of `netboard bench analysis --calibration`."""
+"""Those of `make evidence ARGS=calibration`."""
 
 POWER = ("about", "power", "false-positives", "precision")
 """Those of `netboard power`."""
 
 PARTICIPANTS = ("others", "predictions", "ablations", "slowing", "speed")
-"""Those of `netboard bench participants`."""
+"""Those of `make evidence ARGS=participants`."""
 
 GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "state diagram": ("reference/trial-state-machine.md", state_diagram),
@@ -358,6 +359,7 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     **{name: ("explanation/stability.md", study_part("stability", name)) for name in STABILITY},
     "loop machine": ("explanation/latency.md", study_machine("loop")),
     **{f"loop-{name}": ("explanation/latency.md", study_part("loop", name)) for name in LOOP},
+    **{f"loop-{name}": ("explanation/latency.md", study_part("dyads", name)) for name in DYADS},
     "loop in short": ("../README.md", loop_in_short),
     "soak machine": ("explanation/latency.md", study_machine("soak")),
     **{f"soak-{name}": ("explanation/latency.md", study_part("soak", name)) for name in SOAK},

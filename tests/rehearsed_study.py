@@ -3,10 +3,10 @@
 from functools import cache
 from pathlib import Path
 
+from evidence.analysis.rehearsed_study import rehearse_study
 from netboard.analysis.extraction.recordings import Measured, measure
 from netboard.analysis.extraction.settings import Readings
 from netboard.base.config import Config
-from netboard.benchmarks.analysis.rehearsed_study import rehearse_study
 from netboard.nodes.rehearsal.jobs import jobs_of, rehearse_all
 from netboard.recording.export.runs import runs_of
 from netboard.task.plans.plan import blocks_of, shortened

@@ -69,6 +69,7 @@ BREACHES = (
     ("nodes.hidden", "import hid", "Only devices/ imports device libraries"),
     ("recording.leak", "import netboard.nodes.server.session", "Arrows"),
     ("devices.leak", "import netboard.network.transport.sockets", "A device"),
+    ("benchmarks.loop.leak", "import evidence.faults.bench", "The product"),
     ("stage_two", "X = 1", "Arrows"),
 )
 """A module that must not be, what it imports, and how the name of the contract begins that forbids it."""

@@ -49,7 +49,7 @@ def test_page_without_its_marks_is_refused(generate: ModuleType) -> None:
 
 def test_measured_forces_are_those_of_every_condition() -> None:
     (part,) = json.loads((ROOT / "docs" / "data" / "forces.json").read_text(encoding="utf-8"))["parts"]
-    assert sorted(row[0] for row in part["rows"]) == sorted(FORCES), "copy the results of: netboard bench forces"
+    assert sorted(row[0] for row in part["rows"]) == sorted(FORCES), "copy the results of: make evidence ARGS=forces"
 
 
 def anchors(page: Path) -> set[str]:

@@ -9,7 +9,7 @@ from netboard.services.bench import processes, simulations
 
 app = typer.Typer(
     name="bench",
-    help="Measure netboard on this machine: the physics, the loop from stylus to force, long runs.",
+    help="Measure netboard on this machine: the physics, the loop from stylus to force, long runs, recording.",
     no_args_is_help=True,
 )
 for module in (simulations, processes):

@@ -23,7 +23,7 @@ Displays = Annotated[int, typer.Option(min=0, metavar="N", help="Displays per dy
     app,
     "netboard bench loop --quick",
     "netboard bench loop --device touch",
-    "netboard bench loop --displays 2 --dyads 1,2,4,8,16 --skips",
+    "netboard bench loop --displays 2",
 )
 def loop(
     options: "Options",
@@ -38,16 +38,12 @@ def loop(
         Literal["virtual", "touch"],
         typer.Option(help="Device of the agents; touch: a Touch with a stand-in for the vendor's library."),
     ] = "virtual",
-    dyads: Annotated[
-        str | None, typer.Option(metavar="NUMBERS", help="Also load a server with these numbers of dyads, as 1,2,4,8.")
-    ] = None,
-    skips: Annotated[bool, typer.Option("--skips", help="Also measure the savings in simple scenes.")] = False,
 ) -> None:
     """Sample-to-force latency in real time, compared with a bare echo and a bare timer: latency, jitter, cost."""
     from netboard.benchmarks.loop import bench
 
     setting = bench.Setting(transport, curve, realtime, displays, device)
-    bench.loop(setting, seconds, bench.read_dyads(dyads), options, skips=skips)
+    bench.loop(setting, seconds, options)
 
 
 @benchmark(app, "netboard bench servo --quick", "netboard bench servo --library /opt/libHD.so -o results")
@@ -84,32 +80,6 @@ def soak(
     return bench.soak(bench.Setting(transport, curve, realtime, displays), minutes, dyads, options)
 
 
-@benchmark(app, "netboard bench fuzz --quick", "netboard bench fuzz --frames 1000000 -o results")
-def fuzz(
-    options: "Options",
-    frames: Annotated[
-        int | None,
-        typer.Option(min=100, metavar="N", help="Malformed frames per codec and socket; default: a million."),
-    ] = None,
-) -> int:
-    """Malformed frames for the codec and every socket: no crash, no hang, no growth, no changed force."""
-    from netboard.benchmarks.faults.fuzz import main
-
-    return main(frames, options)
-
-
-@benchmark(app, "netboard bench faults --quick", "netboard bench faults --case server-killed -o results")
-def faults(
-    options: "Options",
-    case: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Only this fault; repeat for several.")] = None,
-    listing: Annotated[bool, typer.Option("--list", help="List the faults, and stop.")] = False,
-) -> int:
-    """Faults in real processes (kill, stop, cut the network, fill the disk), and how the system reacts."""
-    from netboard.benchmarks.faults import bench
-
-    return bench.list_cases() if listing else bench.main(case or (), options)
-
-
 @benchmark(app, "netboard bench display --quick", "netboard bench display --set display.width=1920")
 def display(
     options: "Options",
@@ -128,15 +98,6 @@ def display(
     from netboard.benchmarks.loop.display import main
 
     main(settings, seconds, options)
-
-
-@benchmark(app, "netboard bench recovery --quick", "netboard bench recovery -o results")
-def recovery(options: "Options") -> int:
-    """Recovery of recordings that were cut, altered or killed while being written, checked to the bit."""
-    from netboard.benchmarks.harness.running import run
-    from netboard.benchmarks.recording.recovery_bench import study
-
-    return 0 if all(verdict.holds for verdict in run("recovery", study, options)) else 1
 
 
 @benchmark(app, "netboard bench recording --quick", "netboard bench recording -o results")

@@ -116,6 +116,22 @@ def test_changed_script_is_compiled_again(script: Path, tmp_path: Path) -> None:
     assert run(script, tmp_path / "cache") == ("6.0 0", "")
 
 
+@pytest.mark.skipif("NUMBA_DISABLE_JIT" in os.environ, reason="nothing is compiled")
+def test_kernel_of_another_package_is_compiled_again_when_one_that_it_calls_has_changed(tmp_path: Path) -> None:
+    package = tmp_path / "plugged"
+    (package / "room").mkdir(parents=True)
+    inner, outer = SCRIPT.split("@kernel\ndef outer")
+    (package / "inner.py").write_text(inner, encoding="utf-8")
+    imports = "from netboard.base.compiled import kernel\nfrom plugged.inner import inner\n"
+    (package / "room" / "outer.py").write_text(f"{imports}@kernel\ndef outer{outer}", encoding="utf-8")
+    script = tmp_path / "started.py"
+    script.write_text("import plugged.room.outer", encoding="utf-8")
+    assert run(script, tmp_path / "cache") == ("4.0 0", "")
+    assert run(script, tmp_path / "cache") == ("4.0 1", "")
+    (package / "inner.py").write_text(inner.replace("x + 1.0", "x + 2.0"), encoding="utf-8")
+    assert run(script, tmp_path / "cache") == ("6.0 0", "")
+
+
 def test_examination_names_each_damaged_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     write_sealed(tmp_path / "a.nbc", b"code")

@@ -1,4 +1,4 @@
-"""Tables of the loop benchmarks: ratios, claims, failures and growth."""
+"""Tables of the loop benchmarks: ratios, claims and growth."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from netboard.base.config import SIDES, Config
-from netboard.base.errors import ConfigError
 from netboard.base.tick import TICK, TICK_NS
 from netboard.benchmarks.harness.results import Part
-from netboard.benchmarks.loop.bench import MAX_DYADS, Setting, read_dyads
+from netboard.benchmarks.loop.bench import Setting
 from netboard.benchmarks.loop.loop import (
     Measured,
     Round,
@@ -21,8 +20,6 @@ from netboard.benchmarks.loop.loop import (
     ratios_part,
 )
 from netboard.benchmarks.loop.rig import dyad_configs, write_configs
-from netboard.benchmarks.loop.scale import Served, holds, idle_part, scale_part, shared_part
-from netboard.benchmarks.loop.skips import AT_REST, CASES, FULL, NO_FEEDBACK, NO_PEERS, skips_part
 from netboard.benchmarks.loop.soak import RecordedDyad, growth, memory_part, minutes_part, records_part, stays_prompt
 from netboard.benchmarks.loop.timing import TickTiming, loop_timing
 from netboard.benchmarks.loop.usage import LOOP, OTHER, TRANSPORT, Cost, ThreadUsage, Usage
@@ -116,59 +113,6 @@ def test_costs_are_percentages_of_a_core_and_counts_per_tick() -> None:
     assert (sleeps, wakes, preemptions) == (pytest.approx(0.5), pytest.approx(1.0), pytest.approx(0.0015))
 
 
-def served(share: float, late: int = 0, active: float = 1.0, **counts: float) -> Served:
-    late_ns = np.zeros(COUNT, np.int64)
-    late_ns[:late] = TICK_NS
-    return Served(cost(share), counts, TickTiming(late_ns, 0), active, np.zeros(COUNT, np.int64))
-
-
-def test_server_holds_while_ticks_are_on_time_and_trials_continue() -> None:
-    assert holds(served(0.9, late=COUNT // 50))
-    assert not holds(served(0.9, late=COUNT // 50 + 1))
-    assert not holds(served(0.9, active=0.9))
-
-
-def test_scaling_verdict_requires_linear_cost_and_held_dyads() -> None:
-    linear = scale_part({count: served(0.02 + 0.08 * count) for count in (1, 2, 4, 8)})
-    assert verdicts(linear) == [True, True]
-    assert "2.00 % + 8.00 % a dyad" in linear.verdicts[1].found
-    steep = scale_part({count: served(0.05 * count**1.3) for count in (1, 2, 4, 8)})
-    assert verdicts(steep) == [True, False]
-    broken = scale_part({1: served(0.1), 4: served(0.4), 8: served(0.8, late=COUNT // 2)})
-    assert verdicts(broken) == [False, True]
-    assert broken.verdicts[0].found == "4 dyads, not 8"
-    assert [row[-1] for row in broken.rows] == [True, True, False]
-    assert verdicts(scale_part({1: served(0.1)})) == []
-    assert all(len(row) == len(linear.columns) for row in linear.rows)
-
-
-def test_many_dyads_on_all_cores_should_be_in_time_and_in_trials() -> None:
-    part = shared_part(8, served(1.2, late=COUNT // 200))
-    assert verdicts(part) == [True]
-    assert len(part.rows[0]) == len(part.columns)
-    assert verdicts(shared_part(8, served(1.2, late=COUNT // 50))) == [False]
-    assert verdicts(shared_part(8, served(1.2, active=0.9))) == [False]
-
-
-def test_waiting_dyads_should_cost_little() -> None:
-    found = {"agents, loggers, no trial": served(0.4), "no peers": served(0.02)}
-    assert verdicts(idle_part(8, found)) == [True]
-    assert verdicts(idle_part(2, found)) == [False]
-
-
-def test_skips_table_reports_the_saved_work() -> None:
-    found = {name: served(0.1, forces=2000.0, beats=0.0, views=222.0) for name in CASES}
-    found[NO_FEEDBACK] = served(0.11, forces=2000.0)
-    assert verdicts(skips_part(found)) == [False, False, False, False]
-    found[NO_FEEDBACK] = served(0.08, beats=500.0)
-    found[AT_REST] = served(0.09, beats=500.0, views=40.0)
-    found[NO_PEERS] = served(0.001)
-    part = skips_part(found)
-    assert verdicts(part) == [True, True, True, True]
-    assert part.rows[0][0] == FULL
-    assert all(len(row) == len(part.columns) for row in part.rows)
-
-
 # --- soak ----------------------------------------------------------------------------------------------------------
 
 
@@ -233,14 +177,6 @@ def test_memory_may_grow_during_warm_up_only() -> None:
 
 
 # --- settings ------------------------------------------------------------------------------------------------------
-
-
-def test_dyad_counts_are_parsed_and_validated() -> None:
-    assert read_dyads("1,2, 16") == (1, 2, 16)
-    assert read_dyads(None) == ()
-    for wrong in ("1,,2", "two", "0", "1;2", f"{MAX_DYADS + 1}", "-1"):
-        with pytest.raises(ConfigError, match="--dyads"):
-            read_dyads(wrong)
 
 
 def test_setting_is_converted_to_a_configuration() -> None:

@@ -4,7 +4,7 @@
     python tests/fuzz/fuzz_codec.py -runs=1000000
 
 The arguments are libFuzzer's options and corpus folders; new inputs are saved in the first folder. Half of the frames
-are libFuzzer's mutations, half come from `netboard.benchmarks.faults.malformed_frames`. A frame that fails is written
+are libFuzzer's mutations, half come from `evidence.faults.malformed_frames`. A frame that fails is written
 to a file ``crash-...``; give that file as an argument to try the frame again.
 """
 
@@ -17,7 +17,7 @@ import atheris
 with atheris.instrument_imports(include=["netboard.network.protocol.codec"]):
     from reference_decoder import decode_with_both
 
-from netboard.benchmarks.faults.malformed_frames import MalformedFrames
+from evidence.faults.malformed_frames import MalformedFrames
 
 FRAMES = Path(__file__).parent.parent / "data" / "frames"
 MALFORMED = MalformedFrames([path.read_bytes() for path in sorted(FRAMES.glob("*.bin"))], seed=1)

@@ -7,7 +7,7 @@
 mutation puts lies into it: counts that are huge, negative or of another kind, deep nesting, missing and repeated fields
 and records, numbers of thousands of digits, cut texts, chunks that expand or do not unpack. Every command that opens a
 recording then runs in a process of its own. It must end in bounded time and memory with an exit code that it documents,
-without a traceback, and say in plain lines what is wrong. Unlike damage (`netboard bench recovery`), no checksum
+without a traceback, and say in plain lines what is wrong. Unlike damage (`make evidence ARGS=recovery`), no checksum
 reveals such a file. The seed determines the files.
 """
 

@@ -14,8 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from reference_decoder import bits, decode_with_both
 
+from evidence.faults.malformed_frames import NESTING_DEPTH, MalformedFrames, valid_frames
 from netboard.base.errors import WireError
-from netboard.benchmarks.faults.malformed_frames import NESTING_DEPTH, MalformedFrames, valid_frames
 from netboard.network.protocol import fixed
 from netboard.network.protocol.codec import decode
 from netboard.network.protocol.messages import KINDS, Message

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from skewed import SkewedClock
 
+from evidence.faults.relay import Impairment, relay_to_server
 from netboard.base.clock import now_ns
 from netboard.base.config import Side
-from netboard.benchmarks.faults.relay import Impairment, relay_to_server
 from netboard.benchmarks.harness.rig import TIMEOUT, Rig, Route
 from netboard.network.protocol.motion import Safeguard
 from netboard.network.protocol.records import ClockRecord

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 import sampling
-from netboard.benchmarks.faults.bench import choose, run_all
-from netboard.benchmarks.faults.cases import RELAYED, Case
+from evidence.faults.bench import choose, run_all
+from evidence.faults.cases import RELAYED, Case
 
 pytestmark = [pytest.mark.integration, pytest.mark.quiet, pytest.mark.slow, pytest.mark.timeout(900)]
 

@@ -1,11 +1,11 @@
-"""The socket parts of ``netboard bench fuzz``, with a thousand malformed messages for every socket."""
+"""The socket parts of the evidence from fuzzing, with a thousand malformed messages for every socket."""
 
 from pathlib import Path
 
 import pytest
 
-from netboard.benchmarks.faults.fuzz_peers import peer_parts
-from netboard.benchmarks.faults.fuzz_server import server_parts
+from evidence.faults.fuzz_peers import peer_parts
+from evidence.faults.fuzz_server import server_parts
 from netboard.benchmarks.harness.results import Part
 
 pytestmark = [pytest.mark.integration, pytest.mark.quiet, pytest.mark.slow, pytest.mark.timeout(240)]

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
+from evidence.loop.scale import LightPeers, Peers
 from netboard.benchmarks.harness.running import Options
 from netboard.benchmarks.loop.bench import Setting, loop, soak
-from netboard.benchmarks.loop.scale import LightPeers, Peers
 from netboard.benchmarks.loop.stand_in import DeviceName
 
 pytestmark = [pytest.mark.integration, pytest.mark.quiet, pytest.mark.slow, pytest.mark.timeout(240)]
@@ -23,7 +23,7 @@ def parts_of(file: Path) -> dict[str, dict[str, Any]]:
 @pytest.mark.parametrize("device", ["virtual", "touch"])
 def test_loop_benchmark_measures_the_loop_and_its_baselines(tmp_path: Path, device: DeviceName) -> None:
     folder, file = tmp_path / "found", tmp_path / "found.json"
-    loop(Setting(device=device), 1.0, (), Options(folder, file, quick=True))
+    loop(Setting(device=device), 1.0, Options(folder, file, quick=True))
     assert file.read_text() == (folder / "results.json").read_text()
     assert {path.suffix for path in folder.iterdir()} >= {".csv", ".json"}
     assert (folder / "loop.png").exists() == (find_spec("matplotlib") is not None)

@@ -11,10 +11,10 @@ import pytest
 from fake_router import WELCOME, FakeRouter, hello
 from motion_rig import MotionRig
 
+from evidence.faults.malformed_frames import MalformedFrames, valid_frames
 from fakes import STATUS, Answers, FakeClock
 from netboard.base.config import SIDES
 from netboard.base.tick import TICK
-from netboard.benchmarks.faults.malformed_frames import MalformedFrames, valid_frames
 from netboard.network.protocol.codec import encode
 from netboard.network.protocol.control import COMMANDS, Command, StatusRequest
 from netboard.network.protocol.joining import Goodbye, Pong

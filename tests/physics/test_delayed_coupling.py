@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from evidence.coupling.boundary import largest_stiffness, passive_stiffness, ruled_stiffness
 from netboard.base.tables.scene import Physics
-from netboard.benchmarks.coupling.boundary import largest_stiffness, passive_stiffness, ruled_stiffness
 from netboard.physics.stability.delayed_coupling import (
     FIXED,
     End,

@@ -11,7 +11,7 @@ from scipy.integrate import quad
 from scipy.linalg import expm
 from trajectories import scene_of
 
-from netboard.benchmarks.physics.collocation import cardinals, gauss_nodes, integrals
+from evidence.physics.collocation import cardinals, gauss_nodes, integrals
 from netboard.physics.methods.phi import phi, phi_decimals
 from netboard.physics.scene.linear import scene_matrix
 

@@ -15,7 +15,7 @@ from netboard.base.config import Config, parse
 from netboard.base.errors import RecordingError
 from netboard.base.tables.rig import Recording as Settings
 from netboard.base.tick import TICK, TICK_NS
-from netboard.benchmarks.coupling.forces import FIRST_MOVEMENT, record
+from netboard.benchmarks.recording.movement import FIRST_MOVEMENT, record
 from netboard.network.protocol.records import TickRecord
 from netboard.recording.files.container import Container
 from netboard.recording.files.reader import Recording

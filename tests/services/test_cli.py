@@ -45,7 +45,7 @@ COMMANDS = (
 )
 GOLDEN = Path(__file__).parents[1] / "data" / "recordings" / "format-4.mcap"
 
-BENCHES = ("physics", "stability", "loop", "servo", "soak", "faults", "fuzz", "recovery", "recording")
+BENCHES = ("physics", "stability", "loop", "servo", "soak", "display", "recording")
 
 
 @pytest.fixture(autouse=True)
@@ -580,7 +580,7 @@ def test_missing_library_is_reported_with_its_install_command(
         ("keys init --set network.keys=FILE/keys", "FILE/keys"),
         ("keys add console --to FILE", "FILE"),
         (f"replay {GOLDEN} --screenshot FILE/new.png", "FILE/new.png"),
-        ("bench forces -o FILE/new", "FILE/new"),
+        ("bench physics -o FILE/new", "FILE/new"),
         ("import hands.csv --simulate -o FILE/new", "FILE/new"),
         ("import --manifest study.toml -o FILE/new", "FILE/new"),
     ],

@@ -149,7 +149,7 @@ class KernelCache:
     def __init__(self, function: Any) -> None:
         self._function = function
         self._name = f"{function.__module__}.{function.__qualname__}"
-        self._source = _text_of(function.__code__.co_filename)
+        self._source = _text_of(function.__module__, function.__code__.co_filename)
 
     @property
     def cache_path(self) -> str:
@@ -202,10 +202,18 @@ class KernelCache:
 
 
 @cache
-def _text_of(path: str) -> bytes:
-    """Return a source file as it was when its first kernel was declared; empty if there is none."""
+def _text_of(module: str, path: str) -> bytes:
+    """Return a source file as it was when its first kernel was declared; empty if there is none.
+
+    The folder's name tells the version of netboard only: a kernel of another package may call any other kernel there.
+    """
+    package = module.partition(".")[0]
     try:
-        return Path(path).read_bytes()
+        text = Path(path).read_bytes()
+        if package in {"netboard", module}:
+            return text
+        others = sorted(path for place in sys.modules[package].__path__ for path in Path(place).rglob("*.py"))
+        return text + b"".join(path.read_bytes() for path in others)
     except (OSError, ValueError):
         return b""
 

@@ -4,7 +4,7 @@ The file is complete after each part, so an interrupted benchmark leaves the par
 """
 
 import shutil
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -28,6 +28,24 @@ def timed(run: Callable[[], object]) -> float:
     start = perf_counter()
     run()
     return perf_counter() - start
+
+
+SLICE = 0.004
+"""Minimum duration of a turn; a fast solver runs several times in it [s]."""
+
+
+def in_turns(runs: Sequence[Callable[[], object]], repeats: int, budget: float) -> list[list[float]]:
+    """Time runs, each once before any is timed again."""
+    times: list[list[float]] = [[] for _ in runs]
+    for turn in range(repeats):
+        for one, taken in zip(runs, times, strict=True):
+            if turn == 0 or sum(taken) < budget:
+                taken.append(timed(one))
+                in_slice = taken[-1]
+                while in_slice < SLICE:
+                    taken.append(timed(one))
+                    in_slice += taken[-1]
+    return times
 
 
 WIDTH = 160

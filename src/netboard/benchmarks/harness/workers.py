@@ -5,6 +5,7 @@ so with the process that started it.
 """
 
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -19,7 +20,7 @@ END_SECONDS = 5.0
 
 
 class Worker:
-    """Handle of a worker process."""
+    """Handle of a worker process, which finds the modules that this one does."""
 
     def __init__(self, module: str, *arguments: str, log: Path) -> None:
         self._name = f"{module.rpartition('.')[2]} {' '.join(arguments[:-1])}".strip()
@@ -30,6 +31,7 @@ class Worker:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=file,
+                env={**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
                 text=True,
                 start_new_session=True,
             )

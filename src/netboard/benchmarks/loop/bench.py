@@ -5,14 +5,14 @@ real rates. Other load on the machine affects the results; it is noted.
 """
 
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Literal
 
 from netboard.base.config import Config
-from netboard.base.errors import ConfigError, NetboardError
+from netboard.base.errors import NetboardError
 from netboard.benchmarks.harness.results import Folder, Part
 from netboard.benchmarks.harness.running import Options, Tell, run
 from netboard.benchmarks.loop.loop import (
@@ -23,16 +23,6 @@ from netboard.benchmarks.loop.loop import (
     measure_loop,
     ratios_part,
 )
-from netboard.benchmarks.loop.scale import (
-    LightPeers,
-    idle_part,
-    measure_idle,
-    measure_scale,
-    measure_shared,
-    scale_part,
-    shared_part,
-)
-from netboard.benchmarks.loop.skips import measure_skips, skips_part, tick_part
 from netboard.benchmarks.loop.soak import measure_soak, memory_part, minutes_part, records_part
 from netboard.benchmarks.loop.stand_in import DISCLAIMER, DeviceName, with_device
 from netboard.benchmarks.loop.timing import draw_histograms, histogram_part
@@ -47,8 +37,6 @@ TURN_SECONDS, QUICK_TURN_SECONDS = 6.0, 2.0
 
 MINUTES, QUICK_MINUTES = 30.0, 0.5
 """Default duration of a soak test [min]."""
-
-MAX_DYADS = 256
 
 Transport = Literal["tcp", "ipc"]
 
@@ -83,30 +71,16 @@ class Setting:
         return (str(self),) if self.device == "virtual" else (str(self), DISCLAIMER)
 
 
-def read_dyads(text: str | None) -> tuple[int, ...]:
-    """Parse the numbers of dyads, as in ``1,2,4``."""
-    try:
-        numbers = tuple(int(number) for number in text.split(",")) if text else ()
-    except ValueError:
-        numbers = (0,)
-    if not all(0 < number <= MAX_DYADS for number in numbers):
-        raise ConfigError(f"--dyads: found {text}, expected numbers from 1 to {MAX_DYADS} with commas between")
-    return numbers
-
-
-def loop(
-    setting: Setting, seconds: float | None, dyads: Sequence[int], options: Options, *, skips: bool = False
-) -> None:
+def loop(setting: Setting, seconds: float | None, options: Options) -> None:
     """Run ``netboard bench loop``.
 
     - `seconds`: duration of each measurement; None for the default [s].
-    - `dyads`: numbers of dyads for which a server is measured; empty to skip that part [1].
     """
     seconds = seconds or (QUICK_SECONDS if options.quick else SECONDS)
     rounds = max(1, round(seconds / (QUICK_TURN_SECONDS if options.quick else TURN_SECONDS)))
 
     def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
-        with _scratch_folder(setting, folder, tell) as scratch:
+        with scratch_folder(setting.config, folder, tell) as scratch:
             found = measure_loop(setting.config, scratch, setting.displays, seconds, rounds, tell)
             series = loop_series(found)
             yield ratios_part(found)
@@ -114,28 +88,10 @@ def loop(
             yield lateness_part(found)
             yield costs_part(found.costs)
             yield histogram_part(series[0] | series[1])
-            if dyads or skips:
-                yield from _light_peer_parts(scratch, setting.config, dyads, seconds / rounds, tell, skips=skips)
             folder.save("loop", lambda: draw_histograms(series, f"Stylus to force: {setting}"))
 
-    settings = {**asdict(setting), "seconds": seconds, "rounds": rounds, "dyads": list(dyads)}
+    settings = {**asdict(setting), "seconds": seconds, "rounds": rounds}
     run("loop", study, options, settings, lines=setting.lines)
-
-
-def _light_peer_parts(
-    folder: Path, config: Config, dyads: Sequence[int], seconds: float, tell: Tell, *, skips: bool
-) -> Iterator[Part]:
-    """Measure a server with lightweight peers."""
-    with LightPeers(folder) as light_peers:
-        if dyads:
-            found = measure_scale(config, light_peers, dyads, seconds, tell)
-            yield scale_part(found)
-            yield shared_part(max(dyads), measure_shared(config, folder, max(dyads), seconds, tell))
-            most = max(found)
-            yield idle_part(most, measure_idle(config, light_peers, most, seconds, tell))
-        if skips:
-            yield skips_part(measure_skips(config, light_peers, seconds, tell))
-            yield tick_part(config)
 
 
 def soak(setting: Setting, minutes: float | None, dyads: int, options: Options) -> int:
@@ -143,7 +99,7 @@ def soak(setting: Setting, minutes: float | None, dyads: int, options: Options) 
     minutes = minutes or (QUICK_MINUTES if options.quick else MINUTES)
 
     def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
-        with _scratch_folder(setting, folder, tell) as scratch:
+        with scratch_folder(setting.config, folder, tell) as scratch:
             found = measure_soak(setting.config, scratch, dyads, setting.displays, 60 * minutes, tell)
             yield records_part(found.dyads)
             yield memory_part(found.samples)
@@ -158,7 +114,7 @@ def soak(setting: Setting, minutes: float | None, dyads: int, options: Options) 
 
 
 @contextmanager
-def _scratch_folder(setting: Setting, folder: Folder, tell: Tell) -> Iterator[Path]:
+def scratch_folder(config: Config, folder: Folder, tell: Tell) -> Iterator[Path]:
     """Compile the kernels; yield a folder for recordings and logs, which is removed if the study succeeds."""
     if not Path("/proc/self/task").exists():
         raise NetboardError("the resource use of processes is read from /proc, which this system does not have")
@@ -166,6 +122,6 @@ def _scratch_folder(setting: Setting, folder: Folder, tell: Tell) -> Iterator[Pa
     shutil.rmtree(scratch, ignore_errors=True)
     scratch.mkdir()
     tell("compiling the kernels", 0.0)
-    make_stage(setting.config).warm()
+    make_stage(config).warm()
     yield scratch
     shutil.rmtree(scratch)

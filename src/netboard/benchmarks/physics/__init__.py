@@ -1,1 +1,1 @@
-"""Work and precision of the integrators, beside other libraries."""
+"""Cost of a live tick, and the test problem of the studies of physics and stability."""

@@ -21,10 +21,8 @@ from netboard.base.tables.experiment import Task
 from netboard.base.tables.scene import Geometry, Physics
 from netboard.base.tick import TICK, TICK_NS, TICK_SECONDS
 from netboard.benchmarks.harness.results import Part
-from netboard.benchmarks.harness.running import timed
-from netboard.benchmarks.physics.batch import LANES, in_blocks, make_batch, scene_blocks
+from netboard.benchmarks.harness.running import in_turns, timed
 from netboard.benchmarks.physics.problem import STATE_NAMES, Array, Problem, multiples, styluses_at
-from netboard.benchmarks.physics.work_precision import in_turns
 from netboard.physics.arithmetic.trig import sincos
 from netboard.physics.methods.catalogue import NUMBER
 from netboard.physics.methods.march import make_grid, make_march
@@ -38,9 +36,6 @@ COUNT = 5_000
 
 CALLS = 20_000
 """Calls from Python [1]."""
-
-MANY, MANY_TICKS = 1024, 20
-"""Simulations in a batch, and its ticks in one timing [1]."""
 
 STAGES = 4
 """Right-hand sides in a step of RK4 [1]."""
@@ -91,7 +86,6 @@ def _make_right_sides(PARTS: Parts) -> tuple[Callable[..., float], Callable[...,
 FLOOR = "lower bound: latency of four right-hand sides"
 STEP, LIVE_TICK = "one RK4 step alone", "the server's tick: samples, extrapolation, forces, trial, step"
 CALL, FIRST_CALL = "called from Python: median", "first tick after warming up"
-BATCH = f"a tick of {MANY} simulations in a batch"
 
 
 def measure_tick(problem: Problem, repeats: int) -> tuple[dict[str, float], bool]:
@@ -112,12 +106,11 @@ def measure_tick(problem: Problem, repeats: int) -> tuple[dict[str, float], bool
         partial(chain, problem.first, 0.1, 0.2, problem.scene, COUNT),
         partial(beside, states, 0.1, 0.2, problem.scene, out),
         lambda: march(problem.first, still, lengths, ones, grid.kinds, grid.tables, problem.scene, np.empty((0, 6))),
-        _many(problem),
         lambda: stage.advance(state.copy(), rows, 0, COUNT),
     ]
     for run in runs:
         run()
-    latency, throughput, right_latency, right_throughput, step, many, tick = (
+    latency, throughput, right_latency, right_throughput, step, tick = (
         min(taken) / COUNT * 1e9 for taken in in_turns(runs, repeats, 10.0)
     )
     calls = _calls(stage, problem)
@@ -133,13 +126,12 @@ def measure_tick(problem: Problem, repeats: int) -> tuple[dict[str, float], bool
         "called from Python: 99th percentile": float(np.percentile(calls, 99)),
         "called from Python: worst": max(calls),
         FIRST_CALL: first_call,
-        BATCH: many * COUNT / MANY_TICKS,
     }
     return costs, late
 
 
-MAX_FLOORS, MAX_CALL, MAX_THOUSAND = 2.0, 1000.0, 15_000.0
-"""Largest cost of a tick: compiled, over its lower bound; called from Python; in a batch of a thousand [1, ns, ns]."""
+MAX_FLOORS, MAX_CALL = 2.0, 1000.0
+"""Largest cost of a tick: compiled, over its lower bound; called from Python [1, ns]."""
 
 
 def tick_part(problems: Sequence[Problem], repeats: int) -> Part:
@@ -161,26 +153,7 @@ def tick_part(problems: Sequence[Problem], repeats: int) -> Part:
             f"{costs[CALL]:.0f} ns, the median",
         )
         part.claim(f"{problem.model}: the first tick compiles nothing", not late, f"{costs[FIRST_CALL] / 1e3:.0f} us")
-        part.claim(
-            f"{problem.model}: a tick of 1000 simulations takes at most {MAX_THOUSAND / 1e3:g} us",
-            costs[BATCH] * 1000 / MANY <= MAX_THOUSAND,
-            f"{costs[BATCH] / 1e3:.1f} us for {MANY}",
-        )
     return part
-
-
-def _many(problem: Problem) -> Callable[[], object]:
-    """Return a function that runs some ticks of a batch of simulations."""
-    step = make_batch(problem.parts, 6, False)
-    first = in_blocks(np.tile(np.array(problem.first), (MANY, 1)))
-    hands, scenes = np.zeros((len(first), 8, LANES)), scene_blocks(problem.scene)
-
-    def ticks() -> None:
-        x = first.copy()
-        for _ in range(MANY_TICKS):
-            step(x, hands, scenes, TICK_SECONDS)
-
-    return ticks
 
 
 def _first_tick(problem: Problem) -> tuple[Stage, float, bool]:
@@ -254,11 +227,3 @@ def live_state(stage: Stage, problem: Problem, age_ns: int = 0) -> NDArray[Any]:
     for i, side in enumerate(SIDES):
         state[f"{side}_seen_ns"], state[f"{side}_seen_vz"] = TICK_NS - age_ns, before[0, i]
     return state
-
-
-def live_run(problem: Problem, hold: str, age_ns: int = 0) -> tuple[Array, Array]:
-    """Run a problem by the server's ticks, from samples at 1 kHz; return states and commanded forces [SI, N]."""
-    stage, rows = live_stage(problem, hold), live_rows(problem, age_ns)
-    stage.advance(live_state(stage, problem, age_ns), rows, 0, len(rows))
-    states = np.stack([rows[name] for name in STATE_NAMES], axis=1)
-    return states, np.stack([rows["left_coupling"], rows["right_coupling"]], axis=1)

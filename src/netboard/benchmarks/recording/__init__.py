@@ -1,1 +1,1 @@
-"""Robustness of recordings, and the cost of writing and reading them."""
+"""Cost of writing and reading recordings."""

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from netboard.base.config import Config, resolve
 from netboard.base.tick import TICK_NS
-from netboard.benchmarks.coupling.forces import FIRST_MOVEMENT, record
+from netboard.benchmarks.recording.movement import FIRST_MOVEMENT, record
 from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.records import EventRecord, TickRecord
 from netboard.recording.files.provenance import provenance

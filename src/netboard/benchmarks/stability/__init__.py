@@ -1,1 +1,1 @@
-"""Stability limits of the integration methods and of the loop with each velocity estimator."""
+"""Stability limits of the integration methods."""

@@ -9,30 +9,24 @@ from functools import partial
 
 import numpy as np
 
-from netboard.base.config import Config
 from netboard.benchmarks.harness.results import Folder, Part
 from netboard.benchmarks.harness.running import Options, Tell, run
-from netboard.benchmarks.stability.corrupted_samples import corrupted_samples
 from netboard.benchmarks.stability.maps import PLANES, draw_map, make_map, map_parts, tick_limits
 from netboard.benchmarks.stability.rest import energy_drift, perfect_rest
 from netboard.benchmarks.stability.runs import STUDIED
-from netboard.benchmarks.stability.soak import soak
 from netboard.benchmarks.stability.stress import ball_at_ends, large_tilts, stiff_forces
 
 SCALES = tuple(float(scale) for scale in np.geomspace(1.0, 1000.0, 7))
 QUICK_SCALES = (1.0, 1000.0)
 QUICK_METHODS = ("semi_implicit", "verlet", "rk4", "etdrk4")
 
-SOAK_STEPS = 1_000_000_000
-QUICK_SOAK_STEPS = 10_000_000
 
-
-def main(options: Options, *, soak_too: bool) -> None:
+def main(options: Options) -> None:
     """Run the study."""
-    run("stability", partial(study, soak_too=soak_too), options, {"soak": soak_too})
+    run("stability", study, options)
 
 
-def study(folder: Folder, tell: Tell, *, quick: bool, soak_too: bool) -> Iterator[Part]:
+def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
     """Run the parts of the study, one after the other."""
     methods = QUICK_METHODS if quick else STUDIED
     yield tick_limits(methods, tell)
@@ -45,7 +39,3 @@ def study(folder: Folder, tell: Tell, *, quick: bool, soak_too: bool) -> Iterato
     yield energy_drift(100_000 if quick else 10_000_000, methods, tell)
     yield ball_at_ends(tell=tell)
     yield perfect_rest(20_000 if quick else 200_000, methods, tell)
-    tell("corrupted samples", 0.0)
-    yield corrupted_samples(Config())
-    if soak_too:
-        yield soak(QUICK_SOAK_STEPS if quick else SOAK_STEPS, tell=tell)

@@ -1,0 +1,99 @@
+"""False positive rate and power of the tests in simulated studies: p-values, random errors and tables."""
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from evidence.analysis import calibration
+from evidence.analysis.calibration import (
+    DYADS,
+    EFFECT,
+    ERRORS,
+    METHODS,
+    QUICK,
+    STUDIES,
+    TERMS,
+    TRIALS,
+    Setting,
+    differences_part,
+    p_of_differences,
+    settings,
+    share,
+    simulated,
+    table_part,
+)
+from netboard.analysis.statistics.contrasts import paired_t_test
+from netboard.analysis.statistics.exact_tests import permutation_test
+from netboard.analysis.statistics.factors import paper_factors
+from netboard.analysis.statistics.models import log_time_model
+from netboard.services.cli import app
+
+
+@pytest.mark.parametrize("errors", ["normal", "skewed"])
+def test_p_values_equal_those_of_the_analysis(errors: str) -> None:
+    setting, seed = Setting(4, errors, 0.3), (3, 1)
+    found = simulated(setting, 2, seed)
+    rng = np.random.default_rng(seed)
+    dyad, performer, haptics_on, trial = (index.ravel() for index in np.indices((4, 3, 2, TRIALS)))
+    for number in range(2):
+        times = calibration._drawn(rng, setting)
+        for place, effect in enumerate((0.0, EFFECT)):
+            log = times.ravel() + effect * (haptics_on - 0.5)
+            factors = paper_factors(haptics_on == 1, performer == 2)
+            model = log_time_model(np.exp(log), dyad, performer, factors, trial + 1)
+            haptics = model.effect("haptics")
+            expected = [haptics.p, *(haptics.by(method).p for method in METHODS[1:3])]
+            assert found[place, 0, :3, number] == pytest.approx(expected, rel=1e-4)
+            levels = times.mean(axis=3) + effect * np.array([-0.5, 0.5])
+            gaps = 0.5 * (levels[:, :2].mean(axis=1) + levels[:, 2]) @ np.array([-1.0, 1.0])
+            assert found[place, 0, 3, number] == pytest.approx(paired_t_test(gaps).p)
+            assert found[place, 0, 4, number] == pytest.approx(permutation_test(gaps).p)
+        interaction = log_time_model(np.exp(times.ravel()), dyad, performer, factors, trial + 1).effect(TERMS[1])
+        assert found[0, 1, 2, number] == pytest.approx(interaction.by("Kenward-Roger").p, rel=1e-4)
+
+
+def test_studies_depend_only_on_the_seed() -> None:
+    setting = Setting(4, "t4", 0.08)
+    one, again, other = (simulated(setting, 2, seed) for seed in ((1, 0), (1, 0), (1, 100)))
+    assert np.array_equal(one, again)
+    assert not np.array_equal(one, other)
+
+
+@pytest.mark.parametrize("errors", list(ERRORS))
+def test_errors_have_variance_one_and_mean_zero(errors: str) -> None:
+    drawn = ERRORS[errors](np.random.default_rng(1), (400_000,))
+    assert drawn.mean() == pytest.approx(0.0, abs=0.01)
+    assert drawn.std() == pytest.approx(1.0, abs=0.05)
+
+
+def test_successive_trials_are_correlated_under_ar_errors() -> None:
+    rng = np.random.default_rng(2)
+    times = np.concatenate([calibration._drawn(rng, Setting(16, "AR(.5)", 0.0)) for _ in range(8)])
+    left = times - times.mean(axis=3, keepdims=True)
+    assert (left[..., 1:] * left[..., :-1]).mean() / (left**2).mean() == pytest.approx(0.45, abs=0.06)
+
+
+@pytest.mark.slow
+def test_permutation_test_is_liberal_for_skewed_differences_only() -> None:
+    skewed, normal = (p_of_differences(8, errors, 3000, (1,))[1] for errors in ("skewed", "normal"))
+    assert (skewed <= 0.05).mean() > 0.12
+    assert (normal <= 0.05).mean() == pytest.approx(0.047, abs=0.016)
+    assert "skewed" in {row[1] for row in differences_part(400).rows}
+
+
+def test_table_has_a_row_for_each_setting_and_confidence_intervals() -> None:
+    counts = {setting: np.full((2, len(TERMS), len(METHODS)), 100.0) for setting in settings()}
+    part = table_part(counts, 2000, 0, 0)
+    assert len(part.rows) == len(DYADS) * len(ERRORS) * 2
+    assert part.rows[0] == (4, "normal", "0.08", *(["0.050 (0.041-0.060)"] * 5))
+    assert part.holds
+    assert share(0, 60) == "0.000 (0.000-0.060)"
+    assert not table_part({setting: found + 100 for setting, found in counts.items()}, 2000, 0, 0).holds
+    assert QUICK < STUDIES
+
+
+@pytest.mark.parametrize("option", [["--sensitivity"], ["--workers", "2"], ["recordings"]])
+def test_calibration_takes_no_recordings(option: list[str]) -> None:
+    result = CliRunner().invoke(app, ["bench", "analysis", "--calibration", *option])
+    assert result.exit_code != 0
+    assert "it simulates its own studies" in str(result.exception) + result.output

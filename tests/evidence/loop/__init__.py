@@ -1,0 +1,1 @@
+"""Many dyads at one server, with lightweight peers."""

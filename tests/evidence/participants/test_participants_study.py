@@ -1,0 +1,135 @@
+"""The validation of the simulated participants: statistics on synthetic trials, and the quick benchmark."""
+
+import json
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evidence.participants import fit
+from evidence.participants.bench import ABLATIONS, Prediction, studies, study
+from evidence.participants.paper import STATEMENTS, Sample, Statement
+from evidence.participants.trials import ATTEMPT, Performance, Population, perform
+from netboard.benchmarks.harness.running import Options, run
+
+
+def attempts_of_dyad(dyad: int = 1, trials: int = 18) -> np.ndarray:
+    """Make attempts of a dyad: each participant alone, then both; first without and then with haptic feedback."""
+    parts, rng = [], np.random.default_rng(dyad)
+    for performer, level in (("A", 5.0), ("B", 3.0), ("dyad", 3.5)):
+        for haptics in (False, True):
+            rows = np.zeros(trials, ATTEMPT)
+            rows["dyad"], rows["performer"], rows["haptics"], rows["success"] = dyad, performer, haptics, True
+            # A dyad gains a second by haptic feedback; every performer gets 0.1 s faster with each trial.
+            rows["completion"] = level - (performer == "dyad") * haptics + 0.1 * np.arange(trials)[::-1]
+            rows["cooperative"] = 0.5 + 0.1 * haptics
+            rows["delay"], rows["delays"] = 0.2 * (2 - haptics), 2
+            rows["distance"] = (1 + np.arange(trials)[::-1] // 3) * np.tile([-1.0, 0.0, 1.0], trials // 3)
+            rows["velocity"], rows["peaks"] = rng.normal(0.1, 0.02, trials), 3
+            parts.append(rows)
+    return np.concatenate(parts)
+
+
+def named(text: str) -> Statement:
+    (one,) = (one for one in STATEMENTS if one.name == text)
+    return one
+
+
+def test_statements_recover_the_effects_of_synthetic_trials() -> None:
+    sample = Sample(np.concatenate([attempts_of_dyad(1), attempts_of_dyad(2)]))
+    # The first three of eighteen trials have 1.7, 1.6 and 1.5 s more than the last, averaged over A and B.
+    assert named("completion time [s], bimanual, first 30").of(sample) == pytest.approx(4.0 + 1.6)
+    assert named("completion time [s], bimanual, last 30").of(sample) == pytest.approx(4.0 + 0.1)
+    assert named("completion time [s], dyadic, last - first").of(sample) == pytest.approx(-1.5)
+    assert named("dyads faster than alone, haptics on").of(sample) == 2
+    assert named("dyads faster than alone, haptics off").of(sample) == 2
+    assert named("cooperative share, dyadic, haptics on - off").of(sample) == pytest.approx(0.1)
+    assert named("delay [ms], dyadic, haptics off").of(sample) == pytest.approx(200.0)
+    assert named("delay [ms], dyadic, haptics on - off").of(sample) == pytest.approx(-100.0)
+    # Distances of the first group are +-6, those of the last +-1.
+    assert named("variance of distance, dyadic, log(last/first)").of(sample) == pytest.approx(-2 * np.log(6))
+
+
+def test_failed_attempts_are_left_out() -> None:
+    rows = attempts_of_dyad()
+    rows["success"][::3] = False
+    rows["completion"][::3] = 1e6
+    sample = Sample(rows)
+    assert sample.rows.size == rows.size - 36
+    assert named("completion time [s], bimanual, last 30").of(sample) < 10.0
+
+
+def test_study_draws_a_dyad_of_each_starting_condition() -> None:
+    pool = [attempts_of_dyad(dyad) for dyad in range(1, 9)]
+    drawn = studies(pool, 50)
+    assert len(drawn) == 50
+    assert {tuple(sorted((one.dyads - 1) % 4)) for one in drawn} == {(0, 1, 2, 3)}
+    assert len({tuple(one.dyads) for one in drawn}) > 8
+    with pytest.raises(ValueError, match="found 6 dyads, expected a multiple of 4"):
+        studies(pool[:6], 1)
+
+
+def test_prediction_reports_whether_the_result_is_reproduced() -> None:
+    values = np.linspace(0.0, 100.0, 1001)
+    low, high = (
+        Prediction(Statement("", lambda _: 0.0, 2.4), values),
+        Prediction(Statement("", lambda _: 0.0, 97.4), values),
+    )
+    assert low.interval == pytest.approx((50.0, 2.5, 97.5))
+    assert (low.inside, high.inside) == (False, True)
+    assert (low.reproduced, high.reproduced) == ("NO", "yes")
+    for shift, word in ((-10.0, "yes"), (-40.0, "unclear"), (-60.0, "NO")):
+        above = Prediction(Statement("", lambda _: 0.0, sense=1), values + shift)
+        assert above.reproduced == word
+
+
+def test_each_ablation_removes_one_part() -> None:
+    usual = ABLATIONS["full model"]
+    for name, person in ABLATIONS.items():
+        changed = [key for key in person.__slots__ if getattr(person, key) != getattr(usual, key)]
+        assert len(changed) == (name != "full model")
+
+
+def test_fit_uses_only_bimanual_blocks_without_haptic_feedback() -> None:
+    for job in fit.ends_of(Population(), 1):
+        block = job.config.block
+        assert (block.configuration, block.force, block.trials) == ("bimanual", "none", 30)
+        assert list(job.people) == [block.performer]
+    practice = [job.people[job.config.block.performer].practice for job in fit.ends_of(Population(), 1)]
+    assert practice[1] > 600
+    assert practice[3] > 600
+    assert fit.scaled((1.0,) * 5, fit.START) == fit.START
+    assert fit.scaled((1e-3, 2.0, 1.0, 1.0, 1.0), fit.START) == replace(
+        fit.START, novice=1.0, position_noise=0.006, velocity_noise=0.02, tilt_noise_deg=0.5
+    )
+
+
+@pytest.mark.slow
+def test_simulated_dyad_is_reproducible() -> None:
+    jobs = Population(trials=1).jobs(1)[8:9]
+    one, again = perform(jobs, 1), perform(jobs, 1)
+    assert one.attempts.tobytes() == again.attempts.tobytes()
+    assert one.given_up == 0
+    done = one.attempts[one.attempts["success"]]
+    assert done.size == 1
+    shares = [float(done[name][0]) for name in ("cooperative", "competitive", "single", "still")]
+    assert sum(shares) == pytest.approx(1.0)
+
+
+@pytest.mark.slow
+def test_study_writes_predictions_ablations_and_comparisons(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pools = iter([attempts_of_dyad(dyad) for dyad in range(1, 5)] * 2)
+    monkeypatch.setattr(
+        "evidence.participants.bench._performances",
+        lambda *_: (Performance(next(pools), given_up=0) for _ in range(4)),
+    )
+    run("participants", partial(study, 3, 4, 1), Options(tmp_path / "found", tmp_path / "found.json", quick=True))
+    parts = {part["name"]: part for part in json.loads((tmp_path / "found.json").read_text())["parts"]}
+    assert set(parts) == {"predictions", "others", "ablations", "speed"}
+    alone, one, batch = (dict(zip(parts["speed"]["columns"], row, strict=True)) for row in parts["speed"]["rows"])
+    assert alone["/ stage alone"] == 1.0
+    assert alone["ticks"] < one["ticks"] < batch["ticks"]
+    assert len(parts["predictions"]["rows"]) == len(parts["ablations"]["rows"]) > len(STATEMENTS)
+    assert (tmp_path / "found" / "participants.png").stat().st_size > 10_000

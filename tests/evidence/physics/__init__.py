@@ -1,0 +1,1 @@
+"""Work and precision of the integrators, compared with other libraries."""

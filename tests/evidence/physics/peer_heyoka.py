@@ -1,0 +1,91 @@
+"""heyoka (https://bluescarni.github.io/heyoka.py): an adaptive Taylor method, compiled for the problem.
+
+It is the fastest library in the comparison, and with 80 bits it gives the reference. The hands are part of its
+expressions, so their cost cannot be subtracted by counting calls. It follows from a second system with constant drives,
+run for the same number of steps.
+"""
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evidence.physics.reference import derivatives, push_and_turn
+from evidence.physics.work_precision import Solution, Solver
+from netboard.benchmarks.physics.problem import STATE_NAMES, Problem
+
+LIBRARY = "heyoka"
+TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-14)
+COARSE = (1e-3, 1e-6, 1e-9, 1e-12)
+TIGHTEST = 1e-19
+"""Tolerance of the reference, about the last bit of 80 [1]."""
+
+_ALONE = (0.0, 0.0, 0.0, 0.0, 1e-3, 0.0)
+"""First state of a run without hands: the ball a little off the centre, so that no term vanishes."""
+
+
+def precise(problem: Problem) -> NDArray[np.longdouble]:
+    """Solve a problem with 80 bits."""
+    integrator = _make(problem, TIGHTEST, np.longdouble)
+    states: NDArray[np.longdouble] = integrator.propagate_grid(problem.times.astype(np.longdouble))[-1]
+    return states
+
+
+def solvers(problem: Problem, coarse: bool) -> list[Solver]:
+    """Return the solvers under comparison."""
+    return [_solver(problem, tolerance) for tolerance in (COARSE if coarse else TOLERANCES)]
+
+
+def _make(problem: Problem, tolerance: float, kind: type = float, hands: bool = True) -> Any:
+    """Compile an integrator; without hands, their drives are parameters with value 0."""
+    import heyoka
+
+    x = heyoka.make_vars(*STATE_NAMES)
+    push, turn = heyoka.par[0], heyoka.par[1]
+    if hands:
+        push, turn = push_and_turn(problem.waves.tolist(), heyoka.time, heyoka.sin)
+    rates = derivatives(problem.physics, x, push, turn, heyoka.sin, heyoka.cos)
+    first: NDArray[Any] = np.array(problem.first if hands else _ALONE, dtype=kind)
+    return heyoka.taylor_adaptive([*zip(x, rates, strict=True)], state=first, tol=kind(tolerance), fp_type=kind)
+
+
+def _solver(problem: Problem, tolerance: float) -> Solver:
+    """Return a solver; its integrators are compiled when it first runs."""
+    made: dict[str, Any] = {}
+
+    def integrator() -> Any:
+        if "whole" not in made:
+            made["whole"] = _make(problem, tolerance)
+        return _rewound(made["whole"], problem.first)
+
+    def alone() -> object:
+        return made["alone"]()
+
+    def bare() -> int:
+        steps: int = integrator().propagate_until(problem.duration)[3]
+        return steps
+
+    def dense() -> NDArray[np.float64]:
+        states: NDArray[np.float64] = integrator().propagate_grid(problem.times)[-1]
+        return states
+
+    def solve() -> Solution:
+        states = np.ascontiguousarray(dense())
+        steps = bare()
+        alone = _make(problem, tolerance, hands=False)
+        made["alone"] = partial(_run_alone, alone, problem.duration, problem.duration / steps)
+        return Solution(states, 1, steps, 0)
+
+    return Solver(LIBRARY, "Taylor", f"tol {tolerance:.0e}", solve, bare, True, alone, dense=dense)
+
+
+def _rewound(integrator: Any, state: tuple[float, ...]) -> Any:
+    integrator.time = 0.0
+    integrator.state[:] = state
+    return integrator
+
+
+def _run_alone(integrator: Any, duration: float, longest: float) -> object:
+    """Run an integrator without hands, in steps no longer than those it made with them."""
+    return _rewound(integrator, _ALONE).propagate_until(duration, max_delta_t=longest)

@@ -1,0 +1,1 @@
+"""A thousand million steps, corrupted samples, and the estimators of velocity."""
