@@ -157,12 +157,16 @@ def other_meaning(hit: Hit) -> tuple[str, str] | None:
     return None
 
 
+FOLDERS = ("src", "services", "tests/evidence")
+"""Folders of the modules."""
+
+
 def texts() -> dict[str, str]:
     """The text of each file with prose for users or developers, by its path."""
     paths = [ROOT / name for name in ("README.md", "CHANGELOG.md", "CONTRIBUTING.md")]
     paths += [page for page in sorted((ROOT / "docs").rglob("*.md")) if "decisions" not in page.parts]
     paths += [*sorted((ROOT / "docs").glob("*.py")), *sorted((ROOT / "src" / "netboard").rglob("*.md"))]
-    paths += [path for folder in ("src", "services") for path in sorted((ROOT / folder).rglob("*.py"))]
+    paths += [path for folder in FOLDERS for path in sorted((ROOT / folder).rglob("*.py"))]
     return {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for path in paths}
 
 
