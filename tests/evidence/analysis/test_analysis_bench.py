@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from evidence.__main__ import app
 from evidence.analysis import costs, speed_bench
 from evidence.analysis.costs import TablesCost, Time
 from evidence.analysis.speed_bench import SHARES, Row, _row, _scaling, line
-from netboard.services.cli import app
 from rehearsed_study import small_study
 
 pytest.importorskip("pyarrow")
@@ -68,7 +68,7 @@ def test_benchmark_writes_every_table(tmp_path: Path, monkeypatch: pytest.Monkey
     monkeypatch.setattr(speed_bench, "SHARES", (0.5, 1.0))
     (made := tmp_path / "made").mkdir()
     small_study(made)
-    words = ["bench", "analysis", str(made), "-o", "out", "--workers", "1", "--json", "analysis.json"]
+    words = ["analysis", str(made), "-o", "out", "--workers", "1", "--json", "analysis.json"]
     result = CliRunner().invoke(app, words)
     assert result.exit_code == 0, result.output
     parts = {part["name"]: part for part in json.loads(Path("analysis.json").read_text())["parts"]}

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from evidence.analysis import calibration
 from evidence.analysis.calibration import (
@@ -26,7 +25,6 @@ from netboard.analysis.statistics.contrasts import paired_t_test
 from netboard.analysis.statistics.exact_tests import permutation_test
 from netboard.analysis.statistics.factors import paper_factors
 from netboard.analysis.statistics.models import log_time_model
-from netboard.services.cli import app
 
 
 @pytest.mark.parametrize("errors", ["normal", "skewed"])
@@ -90,10 +88,3 @@ def test_table_has_a_row_for_each_setting_and_confidence_intervals() -> None:
     assert share(0, 60) == "0.000 (0.000-0.060)"
     assert not table_part({setting: found + 100 for setting, found in counts.items()}, 2000, 0, 0).holds
     assert QUICK < STUDIES
-
-
-@pytest.mark.parametrize("option", [["--sensitivity"], ["--workers", "2"], ["recordings"]])
-def test_calibration_takes_no_recordings(option: list[str]) -> None:
-    result = CliRunner().invoke(app, ["bench", "analysis", "--calibration", *option])
-    assert result.exit_code != 0
-    assert "it simulates its own studies" in str(result.exception) + result.output
