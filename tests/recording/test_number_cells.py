@@ -5,7 +5,7 @@ from math import inf, isnan, nan
 import numpy as np
 import pytest
 
-from netboard.recording.importing.cells import Rule, WrongCell, numbers_in, whole_numbers_in
+from netboard.recording.importing.cells import Rule, WrongCell, numbers_in, plain_rows, whole_numbers_in
 
 LITERALS = ["1_1", "0.0_1", "٣", "0x10", "True", "1 2", "1,5", "1e", "infinity"]
 NUMBERS: dict[Rule, dict[str, float]] = {
@@ -78,3 +78,21 @@ def test_columns_of_a_parquet_file_follow_the_same_rules() -> None:
         numbers_in(np.array([1.0, nan]), "complete")
     with pytest.raises(WrongCell):
         numbers_in(np.array([1.0, inf], np.float32), "measured")
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_plain_lines_are_read_as_their_cells_one_by_one(separator: str) -> None:
+    cells = ["1.5", "-2E-3", " 7 ", "+.5", "5.", "1e-400", "0.1234567890123456789"]
+    lines = [separator.join(cells) + "\r\n", "\n", separator.join(reversed(cells))]
+    found = plain_rows(lines, separator)
+    assert found is not None
+    assert found.tolist() == [list(map(float, cells)), list(map(float, reversed(cells)))]
+
+
+@pytest.mark.parametrize("word", [*WRONG_NUMBERS["complete"], "1e5e", "--1", "1.2.3", "- 1", "1+1", ".", "e5", " "])
+def test_line_with_a_wrong_cell_is_not_read_as_plain(word: str) -> None:
+    assert plain_rows(["1;2\n", f"3;{word}\n"], ";") is None
+
+
+def test_rows_of_another_length_are_not_read_as_plain() -> None:
+    assert plain_rows(["1,2\n", "3\n"], ",") is None

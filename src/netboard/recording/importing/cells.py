@@ -29,6 +29,9 @@ _PLAIN: dict[Rule, bytes] = {
 }
 """Characters of cells of which Python's own reader, which is faster, takes what ours takes."""
 
+_PLAIN_LINE = b"0123456789+-.eE \r\n"
+"""Characters of lines of which NumPy's reader, which is faster still, takes what ours takes of `complete` cells."""
+
 _MOST_WHOLE = 2.0**53
 """Largest float of which every smaller whole number is exact [1]."""
 
@@ -39,6 +42,17 @@ class WrongCell(Exception):
     def __init__(self, place: int) -> None:
         super().__init__(place)
         self.place = place
+
+
+def plain_rows(lines: Sequence[str], separator: str) -> NDArray[np.float64] | None:
+    """Return lines of a table as rows of finite numbers; None if a cell may be none, or if rows differ in length."""
+    if not _consist_of(lines, _PLAIN_LINE + separator.encode()):
+        return None
+    with suppress(ValueError):
+        found = np.loadtxt(lines, np.float64, comments=None, delimiter=separator, ndmin=2)
+        if np.isfinite(found).all():
+            return found
+    return None
 
 
 def numbers_in(cells: Sequence[Any] | NDArray[Any], rule: Rule) -> NDArray[np.float64]:

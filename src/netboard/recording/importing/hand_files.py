@@ -54,6 +54,8 @@ def read_hands(path: Path, gaps: str = "refuse") -> Hands:
 
 def _read(file: TableFile) -> NDArray[np.float64]:
     _require_columns(file)
+    if (plain := file.plain_numbers(HAND_COLUMNS)) is not None:
+        return plain
     parts = [np.empty((0, len(HAND_COLUMNS)))]
     for portion in file.portions(HAND_COLUMNS):
         parts.append(np.stack([portion.numbers(name, UNITS[name], "complete") for name in HAND_COLUMNS], axis=1))

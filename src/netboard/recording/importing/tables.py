@@ -20,7 +20,7 @@ from netboard.base.files.cells import QUOTE, text_of_cell
 from netboard.base.files.text import open_text
 from netboard.base.tick import TICK, TICK_NS
 from netboard.recording.export.formats import library
-from netboard.recording.importing.cells import Rule, WrongCell, numbers_in, whole_numbers_in
+from netboard.recording.importing.cells import Rule, WrongCell, numbers_in, plain_rows, whole_numbers_in
 from netboard.recording.importing.columns import COLUMNS, mapped, scales
 
 ROWS = 1000
@@ -33,6 +33,9 @@ SHORTENED = re.compile(r"[+-]?[0-9]+(?:\.[0-9]*)?[eE][+-]?[0-9]+")
 """A number as a spreadsheet writes one of many digits."""
 
 UNSAVED = "import the table as netboard exported it, without saving it in a spreadsheet, which rounds numbers"
+
+BLOCK = 2**18
+"""Characters of a table that are read at once if it has numbers only [1]."""
 
 _REPLACEABLE = ("time",)
 """Columns that a table may lack if its sample rate is known."""
@@ -114,6 +117,24 @@ class TableFile:
             raise ConfigError(f"{self.path}: is not a table: {error}") from error
         except OSError as error:
             raise unreadable(self.path, error) from error
+
+    def plain_numbers(self, names: Sequence[str]) -> NDArray[np.float64] | None:
+        """Return columns of a text table that has numbers only, several times faster than `portions`.
+
+        None for a file that has, or may have, anything else: `portions` then says where.
+        """
+        if self._read != self._csv:
+            return None
+        places = [self.names.index(name) for name in names]
+        parts = [np.empty((0, len(self.names)))]
+        with open_text(self.path) as file:
+            file.readline()
+            while lines := file.readlines(BLOCK):
+                rows = plain_rows(lines, self.separator) if any(map(str.strip, lines)) else parts[0][:0]
+                if rows is None or rows.shape[1] != len(self.names):
+                    return None
+                parts.append(rows)
+        return np.concatenate(parts)[:, places]
 
     def _csv_names(self) -> list[str]:
         with open_text(self.path) as file:
