@@ -49,7 +49,7 @@ def recover(
             try:
                 require_finished(file)
                 if is_whole(file):
-                    typer.echo(f"{file}: is whole, so there is nothing to recover; no file was written")
+                    typer.echo(f"{file}: is complete and undamaged; no file was written")
                 else:
                     _print_reports(file, recover_any(file, output))
             except NetboardError as error:

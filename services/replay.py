@@ -57,50 +57,79 @@ def replay(
     """
     ways = {"--verify": verify, "--headless": headless, "--serve": serve, "--markers": markers}
     chosen = [name for name, wanted in ways.items() if wanted]
-    if len(chosen) > 1:
-        raise ConfigError(f"{' and '.join(chosen)}: expected one of them")
-    for name, given in (("--screenshot", screenshot is not None), ("--offscreen", offscreen)):
-        if chosen and given:
-            raise ConfigError(f"{name}: found with {chosen[0]}, which opens no window; expected one of them")
-    if chosen and not serve and at is not None:
-        raise ConfigError(f"--at: found with {chosen[0]}, which begins at the start; expected one of them")
+    window_only = {"--screenshot": screenshot is not None, "--offscreen": offscreen}
+    _refuse_contradictions(chosen, [name for name, given in window_only.items() if given], at)
     if len(recordings) > (1 if chosen else 2):
         raise ConfigError(f"replay: found {len(recordings)} recordings, expected one, or two to show side by side")
     path = recordings[0]
-    from netboard.base.process.stopping import Stopping
-    from netboard.base.terminal.output import plain_console
-
-    console = plain_console()
     if verify:
-        from netboard.recording.files.reader import Recording
-        from netboard.recording.integrity.verification import verify_recording
-        from netboard.recording.replay.text import verification_line
-
-        with Recording(path) as recording:
-            result = verify_recording(recording)
-        console.print(verification_line(result))
-        raise typer.Exit(0 if result.identical else 1)
+        raise typer.Exit(0 if _verify(path) else 1)
     if headless:
+        from netboard.base.process.stopping import Stopping
         from netboard.nodes.replay.replay import print_events
 
         with Stopping() as stopping:
             print_events(path, speed, stopping, print)
     elif markers:
-        from netboard.recording.replay.loading import load_with_progress
-        from netboard.recording.replay.text import marks_table
-
-        console.print(marks_table(load_with_progress(path)))
+        _list_markers(path)
     elif serve:
         from netboard.nodes.replay.replay_server import serve_recording
 
         serve_recording(path, load(config, overrides).network, speed, at, insecure=insecure)
     else:
-        from netboard.base.process.display_server import choose_screen
-        from netboard.recording.replay.loading import load_with_progress
+        _show(recordings, station, speed, screenshot, sync, at, offscreen=offscreen)
 
-        choose_screen(offscreen)
-        from netboard.windows.replay.player import run
 
-        loaded = [load_with_progress(path) for path in recordings]
-        with Stopping() as stopping:
-            run(loaded, station, stopping, speed, screenshot, sync, at)
+def _refuse_contradictions(chosen: list[str], window_only: list[str], at: float | None) -> None:
+    """Refuse options that exclude each other; ``chosen``: ways to replay other than in a window."""
+    if len(chosen) > 1:
+        raise ConfigError(f"{' and '.join(chosen)}: expected one of them")
+    for name in window_only if chosen else ():
+        raise ConfigError(f"{name}: found with {chosen[0]}, which opens no window; expected one of them")
+    if chosen and chosen != ["--serve"] and at is not None:
+        raise ConfigError(f"--at: found with {chosen[0]}, which begins at the start; expected one of them")
+
+
+def _verify(path: Path) -> bool:
+    """Compute every tick again, print the result, and return whether all are identical."""
+    from netboard.base.terminal.output import plain_console
+    from netboard.recording.files.reader import Recording
+    from netboard.recording.integrity.verification import verify_recording
+    from netboard.recording.replay.text import verification_line
+
+    with Recording(path) as recording:
+        result = verify_recording(recording)
+    plain_console().print(verification_line(result))
+    return result.identical
+
+
+def _list_markers(path: Path) -> None:
+    """Print the trials and events with their times."""
+    from netboard.base.terminal.output import plain_console
+    from netboard.recording.replay.loading import load_with_progress
+    from netboard.recording.replay.text import marks_table
+
+    plain_console().print(marks_table(load_with_progress(path)))
+
+
+def _show(
+    recordings: list[Path],
+    station: Side,
+    speed: float,
+    screenshot: Path | None,
+    sync: Literal["time", "trial"],
+    at: float | None,
+    *,
+    offscreen: bool,
+) -> None:
+    """Show one recording, or two side by side, in the participants' display."""
+    from netboard.base.process.display_server import choose_screen
+    from netboard.base.process.stopping import Stopping
+    from netboard.recording.replay.loading import load_with_progress
+
+    choose_screen(offscreen)
+    from netboard.windows.replay.player import run
+
+    loaded = [load_with_progress(path) for path in recordings]
+    with Stopping() as stopping:
+        run(loaded, station, stopping, speed, screenshot, sync, at)

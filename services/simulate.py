@@ -11,6 +11,29 @@ from netboard.services.values import numbers_of
 app = typer.Typer()
 
 
+Inputs = Annotated[
+    list[str],
+    typer.Option(
+        "--input",
+        "-i",
+        metavar="FILE",
+        help="Recorded hands (.csv or .parquet) with the columns t, z_left, v_left, z_right, v_right in s, m and "
+        "m/s, at any rate; or a folder or a pattern. Repeat for several.",
+    ),
+]
+Output = Annotated[
+    str,
+    typer.Option(
+        "--output",
+        "-o",
+        metavar="FILE|FOLDER",
+        help="Result (.csv or .parquet) with the columns t, z, vz, theta, omega, p, vp, f_left, f_right in SI "
+        "units. The forces are those of the hands on the board, + = up; the hands feel the opposite. For several "
+        "inputs, a folder, or a name in which {} stands for the name of the input.",
+    ),
+]
+
+
 @app.command(
     epilog=examples(
         "netboard simulate --input stylus.csv --output out.csv",
@@ -21,27 +44,8 @@ app = typer.Typer()
     ),
 )
 def simulate(
-    inputs: Annotated[
-        list[str],
-        typer.Option(
-            "--input",
-            "-i",
-            metavar="FILE",
-            help="Recorded hands (.csv or .parquet) with the columns t, z_left, v_left, z_right, v_right in s, m and "
-            "m/s, at any rate; or a folder or a pattern. Repeat for several.",
-        ),
-    ],
-    output: Annotated[
-        str,
-        typer.Option(
-            "--output",
-            "-o",
-            metavar="FILE|FOLDER",
-            help="Result (.csv or .parquet) with the columns t, z, vz, theta, omega, p, vp, f_left, f_right in SI "
-            "units. The forces are those of the hands on the board, + = up; the hands feel the opposite. For several "
-            "inputs, a folder, or a name in which {} stands for the name of the input.",
-        ),
-    ],
+    inputs: Inputs,
+    output: Output,
     more: Annotated[
         list[str] | None, typer.Argument(metavar="FILE", help="More inputs, so that --input hands/*.csv works.")
     ] = None,

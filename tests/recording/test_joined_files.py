@@ -171,7 +171,7 @@ def test_sound_file_is_not_copied(tmp_path: Path, files: tuple[Path, Path]) -> N
     (tmp_path / "a.mcap").write_bytes(files[0].read_bytes())
     answer = CliRunner().invoke(app, ["recover", str(tmp_path / "a.mcap")])
     assert (answer.exit_code, [file.name for file in tmp_path.iterdir()]) == (0, ["a.mcap"])
-    assert "a.mcap: is whole" in answer.stdout
+    assert "a.mcap: is complete and undamaged" in answer.stdout
 
 
 # --- files that older versions made, and readers -----------------------------------------------------------------

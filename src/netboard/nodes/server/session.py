@@ -436,10 +436,8 @@ class Session:
             state.supervisor.paused_by_operator(state.operators.pause_by)
         if first or not self._control.requests:
             return first  # an operator's command that arrives at the same time waits for the next tick
-        if phase in (Phase.SUCCEEDED, Phase.FAILED) and self._control.requests[0].command.name in (
-            *CAUSES,
-            PAUSE_AFTER,
-        ):
+        about_trial = self._control.requests[0].command.name in (*CAUSES, PAUSE_AFTER)
+        if about_trial and phase in (Phase.SUCCEEDED, Phase.FAILED):
             return Cause.NONE  # this tick would refuse it
         return self._requests.handle_command(self._control.requests.pop(0))
 

@@ -96,10 +96,12 @@ def require_finished(path: Path) -> None:
 
 
 def is_whole(path: Path) -> bool:
-    """Return whether a file is one finished recording in which nothing is damaged, so there is nothing to recover."""
+    """Return whether a file is one finished recording that all commands can read to its end."""
     try:
         with Recording(path) as recording:
             recording.check()
+            recording.attempts()
+            recording.remarks()
             for _ in recording.batches(names=("tick",)):
                 pass
             recording.gaps()

@@ -157,7 +157,7 @@ class Showing(QObject):
     def _with_grip(self, picture: Picture, view: View | None) -> Picture:
         """Add the player's own hand, if there is a player; without a board, only the hint how to play.
 
-        After the end there is nothing to play, and a hint that asks for something replaces the request to wait.
+        After the end the grip is not drawn. A hint that asks for something replaces the request to wait.
         """
         if self._player is None or picture.state is PictureState.FINISHED:
             return picture
