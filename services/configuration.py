@@ -24,6 +24,7 @@ def check(
     from netboard.base.config import digest
     from netboard.devices.contract import registry
     from netboard.devices.setup.profiles import require_profiles
+    from netboard.network.keys import require_keys
     from netboard.nodes.server.blocks import unrelated_in
     from netboard.recording.format.disk import require_writable
     from netboard.stage.stage import make_stage
@@ -36,6 +37,7 @@ def check(
         lambda: make_stage(settings),
         lambda: registry.check(settings),
         lambda: require_profiles(Path(settings.agents.profiles)),
+        lambda: require_keys(settings.network),
         lambda: load_words(settings.display.language),
         lambda: unrelated_in(settings.block.unrelated) if settings.block.unrelated else None,
         lambda: require_writable(Path(settings.recording.directory), "[recording] directory"),

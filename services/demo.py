@@ -54,7 +54,7 @@ def demo(
     if study is not None:
         load_study(study)  # refused before any process starts
         demo_options.append("session.pilot=true")
-    settings = load(config, [*demo_options, *(overrides or ())])
+    settings = load(config, [*demo_options, *(overrides or ())], "the options of netboard demo")
     from netboard.nodes.operator.demo import run
     from netboard.nodes.server.planned import StudySession
 

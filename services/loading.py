@@ -21,8 +21,11 @@ DEFAULT_FILE = Path("netboard.toml")
 """Configuration that is used without ``--config``, if it exists."""
 
 
-def load(file: Path | None, overrides: Sequence[str] | None = None) -> "Config":
-    """Read the configuration from a file, else from ``netboard.toml`` if it exists, else take the defaults."""
+def load(file: Path | None, overrides: Sequence[str] | None = None, given: str = "--set") -> "Config":
+    """Read the configuration from a file, else from ``netboard.toml`` if it exists, else take the defaults.
+
+    ``given``: options of the command line that gave the overrides, for error messages.
+    """
     from netboard.base.config import parse, require_effective, require_short_names
 
     if file is None and DEFAULT_FILE.exists():
@@ -31,8 +34,8 @@ def load(file: Path | None, overrides: Sequence[str] | None = None) -> "Config":
     if file is not None:
         missing = f"no such file; create it with: {shell_command('netboard', 'config', 'init', file)}"
         source, text = str(file), read_text(file, missing)
-    config = parse(text, source, overrides or ())
-    origin = f"{source} with --set" if overrides else source
+    config = parse(text, source, overrides or (), given)
+    origin = f"{source} with {given}" if overrides else source
     require_short_names(config.session, origin)
     require_effective(config, origin)
     return config

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from made_study import Block, made_study, random_blocks
+from netboard.analysis.topics.groups import short_last_group
 from netboard.analysis.topics.result import TopicResults
 from netboard.analysis.topics.strategy import EVERYBODY, TeamStrategy, strategy
 
@@ -72,6 +73,15 @@ def test_groups_have_the_configured_size() -> None:
     assert small.first.tolist() == [1, 4]
     assert large.first.tolist() == [1, 5]
     assert [ellipse.count for ellipse in large.ellipses] == [12, 6]
+
+
+@pytest.mark.parametrize(("size", "says"), [(3, ""), (4, "The last group has only 2 trials (5 to 6)")])
+def test_short_last_group_is_named(size: int, says: str) -> None:
+    found = strategy(made_study(BLOCKS, f"summaries.group={size}"))
+    notes = [one.note for one in found.results if one.group.endswith("last group vs first")]
+    assert all(says in note and ("last group" in note) == bool(says) for note in notes)
+    (one,) = found.parts
+    assert short_last_group(int(one.first[-1]), int(one.last[-1]), size) == says + "." * bool(says)
 
 
 def test_group_with_too_few_trials_has_no_variance() -> None:

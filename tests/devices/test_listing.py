@@ -158,7 +158,7 @@ NUMBERS = ({"serial": "A"}, {"serial": "B"})
     ("serials", "options", "colours", "words"),
     [
         (("", ""), PORTS, ("green", "green"), CLEAR),
-        (("A", "A"), PORTS, ("green", "green"), CLEAR),
+        (("A", "A"), PORTS, ("yellow", "yellow"), "so both use one profile, A"),
         (("A", "B"), NUMBERS, ("green", "green"), CLEAR),
         (("A", "A"), ({"serial": "A"}, {"serial": "A"}), ("red", "red"), CHANCE),
         (("A", "A"), ({}, {}), ("red", "red"), CHANCE),
@@ -190,6 +190,7 @@ def test_side_is_green_only_if_one_device_fits_it_and_not_the_other(
     assert tuple(one.colour for one in found) == colours
     assert all(words in one.found for one in found)
     assert all(("[agents.<side>.options]" in one.advice) == (one.colour == "red") for one in found if words)
+    assert all(("[agents] profiles" in one.advice) == (one.colour == "yellow") for one in found)
 
 
 @pytest.mark.parametrize(

@@ -408,4 +408,4 @@ def test_import_command_summarises_the_import(tmp_path: Path) -> None:
 
 
 def test_exported_table_is_named_as_such() -> None:
-    assert [*in_words([Imported(Path("S01.mcap"), "as exported", 3, ())])] == ["S01.mcap: 3 ticks, as exported"]
+    assert [*in_words([Imported(Path("S01.mcap"), "a copy", 3, ())])] == ["S01.mcap: 3 ticks, a copy"]

@@ -12,7 +12,7 @@ from netboard.base.config import parse
 from netboard.base.tick import TICK
 from netboard.network.protocol.motion import Safeguard
 from netboard.network.protocol.records import ClockRecord, EventRecord, FrameRecord
-from netboard.recording.format.summary import Gap, find_attempts, find_gaps, spread, summarise
+from netboard.recording.format.summary import Gap, find_attempts, find_gaps, spread, summarise, with_emergency_stops
 from netboard.recording.integrity.trial_check import _wrong_list
 from netboard.stage.stage import make_stage
 from netboard.task.trials.state_machine import Cause, Phase
@@ -40,6 +40,18 @@ def test_percentiles_of_a_known_distribution() -> None:
     assert (found.count, found.p50, found.p99, found.largest) == pytest.approx((1001, 0.5, 0.99, 1.0))
     assert found.p999 == pytest.approx(0.999)
     assert math.isnan(spread(np.empty(0, np.int64)).p50)
+
+
+def test_emergency_stop_is_told_from_another_fault_by_the_events() -> None:
+    rows = ticks(60)
+    for first, attempt in ((10, 1), (40, 2)):
+        rows["phase"][first : first + 10] = Phase.RUNNING
+        rows["attempt"][first - 3 :] = attempt
+        rows["event"][first + 9] = Cause.FAULT
+    details = {"trial": "1", "attempt": "2", "outcome": "emergency_stop", "flags": ""}
+    events = [EventRecord(0, 20, 0, "attempt_ended", details | {"attempt": "1", "outcome": "paused"})]
+    found = with_emergency_stops(find_attempts(rows), [*events, EventRecord(1, 50, 0, "attempt_ended", details)])
+    assert [one.outcome for one in found] == ["fault", "emergency_stop"]
 
 
 def test_attempts_are_found_with_their_outcomes() -> None:

@@ -378,6 +378,12 @@ def test_contradictory_play_options_are_refused(words: str, problem: str) -> Non
     assert problem in result.stderr
 
 
+def test_contradiction_with_the_demos_own_options_is_not_blamed_on_set() -> None:
+    result = runner.invoke(app, ["demo", "--bimanual", "--no-displays", "--set", "block.left=robot"])
+    assert result.exit_code == 2
+    assert result.stderr.startswith("netboard: defaults with the options of netboard demo: [block] left, right: ")
+
+
 def test_playing_without_a_screen_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM"):
         monkeypatch.delenv(name, raising=False)
@@ -477,6 +483,21 @@ def test_config_check_refuses_unknown_devices_and_options_of_both_sides() -> Non
     left, right = result.stderr.splitlines()
     assert "[agents.left] device: this machine has no device backend 'vitual'; it has: " in left
     assert right.startswith("[agents.right.options] stifness: unknown key; did you mean stiffness")
+
+
+@pytest.mark.parametrize("file", ["authorized.toml", "server.key", "agent.left.key"])
+def test_config_check_refuses_keys_that_a_server_or_an_agent_would_refuse(file: str) -> None:
+    check = ["config", "check", "--set", "network.curve=on"]
+    assert runner.invoke(app, check).exit_code == 0, "there are no keys yet"
+    for words in (["init"], ["add", "agent", "left"]):
+        assert runner.invoke(app, ["keys", *words]).exit_code == 0
+    assert runner.invoke(app, check).exit_code == 0
+    path = Path(Config().network.keys) / file
+    path.write_text("secret = 1\n", encoding="utf-8")
+    result = runner.invoke(app, check)
+    assert result.exit_code == 2
+    assert f"{path}: " in result.stderr
+    assert runner.invoke(app, ["config", "check"]).exit_code == 0, "keys are not in use on one machine"
 
 
 def test_name_too_long_for_a_recording_is_refused() -> None:

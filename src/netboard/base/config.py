@@ -74,13 +74,15 @@ class Config:
 ADAPTER: TypeAdapter[Config] = TypeAdapter(Config)
 
 
-def parse(text: str, source: str = "netboard.toml", overrides: Sequence[str] = ()) -> Config:
+def parse(text: str, source: str = "netboard.toml", overrides: Sequence[str] = (), given: str = "--set") -> Config:
     """Validate a TOML text and parse it into a `Config`.
 
     Parameters
     ----------
     overrides : sequence of str
         Settings as ``table.key=value`` that take precedence over those of the text.
+    given : str
+        Options of the command line that gave them, for error messages.
 
     Raises
     ------
@@ -89,7 +91,7 @@ def parse(text: str, source: str = "netboard.toml", overrides: Sequence[str] = (
         other. The message has a line for every problem.
     """
     config = read(ADAPTER, Config, text, source, overrides)
-    origin = f"{source} with --set" if overrides else source
+    origin = f"{source} with {given}" if overrides else source
     problems = [f"{origin}: {problem}" for problem in contradictions(config)]
     if problems:
         raise ConfigError("\n".join(problems))

@@ -273,6 +273,19 @@ def key_files(folder: Path) -> list[tuple[str, str, str]]:
     return found
 
 
+def require_keys(network: Network) -> None:
+    """Refuse keys that a server or a peer here would refuse; a folder that is not there yet has none."""
+    folder = Path(network.keys)
+    if not encrypted(network) or not folder.exists():
+        return
+    if not folder.is_dir():
+        raise ConfigError(f"[network] keys: {folder}: is not a folder")
+    _refuse_open(folder)
+    key_files(folder)
+    if (folder / LIST).exists():
+        read_list(folder)
+
+
 def fingerprint(public: str) -> str:
     """Return the fingerprint of a public key: the beginning of its SHA-256."""
     digest = hashlib.sha256(public.encode()).hexdigest()

@@ -31,7 +31,7 @@ from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import RecordingError
 from netboard.base.tick import TICK_SECONDS
 from netboard.recording.files.reader import Recording
-from netboard.recording.format.summary import Attempt, from_release
+from netboard.recording.format.summary import Attempt, from_release, with_emergency_stops
 
 RATE = 1 / TICK_SECONDS
 """Sampling rate [Hz]."""
@@ -93,7 +93,8 @@ class Block:
         if config.physics.balls == 0:
             raise RecordingError(f"{recording.path}: its scene has no ball, so it contains no trials; leave it out")
         columns = recording.columns(*columns_for(readings)) if columns is None else columns
-        attempts = from_release(recording.attempts(), columns["tick"], columns["run_ticks"])
+        attempts = with_emergency_stops(recording.attempts(), recording.events())
+        attempts = from_release(attempts, columns["tick"], columns["run_ticks"])
         return cls(config, readings, columns, attempts, mechanics_of(config, recording))
 
     def again(self, readings: Readings, **columns: NDArray[np.float64]) -> "Block":

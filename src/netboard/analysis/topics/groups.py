@@ -23,6 +23,7 @@ from netboard.analysis.extraction.tables import ATTEMPT_KEY
 from netboard.analysis.measures.performance import ENDS, trial_times, window_sizes
 from netboard.analysis.statistics.estimates import ROUNDING, Estimate, Range, mean_interval
 from netboard.analysis.topics.result import Result, cached
+from netboard.base.plural import plural
 from netboard.base.tables.forces import CONDITIONS
 from netboard.task.studies.factors import level_text
 
@@ -388,6 +389,12 @@ class Windows:
     def note(self) -> str:
         """Both notes, each once."""
         return "; ".join(dict.fromkeys(filter(None, (self.ends_note, self.group_note))))
+
+
+def short_last_group(first: int, last: int, size: int) -> str:
+    """Return a sentence about a last group with fewer trials than the others; empty if it is whole."""
+    count = last - first + 1
+    return f"The last group has only {plural(count, 'trial')} ({first} to {last})." if count < size else ""
 
 
 def windows_of(study: Study) -> Windows:

@@ -30,7 +30,16 @@ from netboard.analysis.topics.figure import (
     titled,
     trial_ticks,
 )
-from netboard.analysis.topics.groups import counted, estimate, estimated, interval_text, teams, windows_of
+from netboard.analysis.topics.groups import (
+    Windows,
+    counted,
+    estimate,
+    estimated,
+    interval_text,
+    short_last_group,
+    teams,
+    windows_of,
+)
 from netboard.analysis.topics.learning import series_of
 from netboard.analysis.topics.result import Result, TopicResults, plain
 from netboard.analysis.topics.units import read_in
@@ -87,7 +96,7 @@ def strategy(study: Study) -> TopicResults[TeamStrategy]:
     if len(filled) > 1:
         filled = {EVERYBODY: trials, **filled}
     found = (_team(study, team, rows) for team, rows in filled.items())
-    return TopicResults.of(found, partial(_results, windows=windows_of(study).group_note))
+    return TopicResults.of(found, partial(_results, windows=windows_of(study)))
 
 
 def _team(study: Study, team: str, rows: pd.DataFrame) -> TeamStrategy:
@@ -139,7 +148,9 @@ def _spread(spreads: pd.DataFrame, name: str, unit: str) -> Spread:
     )
 
 
-def _results(found: TeamStrategy, windows: str) -> Iterator[Result]:
+def _results(found: TeamStrategy, windows: Windows) -> Iterator[Result]:
+    short = short_last_group(int(found.first[-1]), int(found.last[-1]), windows.group)
+    last_note = "; ".join(filter(None, (windows.group_note, short.removesuffix("."))))
     groups = [f"{found.team}, {trials(*pair)}" for pair in zip(found.first, found.last, strict=True)]
     for group, one in zip(groups, found.ellipses, strict=True):
         note = "of all performers' trials pooled" if one.count >= FEWEST else f"fewer than {FEWEST} trials"
@@ -147,12 +158,13 @@ def _results(found: TeamStrategy, windows: str) -> Iterator[Result]:
     ends = f"{found.team}, last group vs first"
     if len(found.ellipses) > 1:
         first, last = found.ellipses[0], found.ellipses[-1]
-        change, count, note = last.area - first.area, first.count + last.count, "of all performers' trials pooled"
+        change, count = last.area - first.area, first.count + last.count
+        note = "; ".join(filter(None, ("of all performers' trials pooled", short.removesuffix("."))))
         yield plain(TOPIC, "change of the area of the ellipse", ends, change, "m2/s", count, "trial", note)
     for spread in found.spreads:
         for group, mean in zip(groups, spread.means, strict=True):
-            yield estimated(TOPIC, spread.quantity, group, mean, spread.unit, windows)
-        yield estimated(TOPIC, f"change of {spread.quantity}", ends, spread.change, spread.unit, windows)
+            yield estimated(TOPIC, spread.quantity, group, mean, spread.unit, windows.group_note)
+        yield estimated(TOPIC, f"change of {spread.quantity}", ends, spread.change, spread.unit, last_note)
 
 
 def trials(first: int, last: int) -> str:
@@ -294,9 +306,12 @@ def _caption(study: Study, teams: tuple[TeamStrategy, ...]) -> str:
         for team, count in zip(teams, counts, strict=True)
     )
     intervals = interval_text(mean for team in teams for one in team.spreads for mean in one.means)
+    longest = max(teams, key=lambda team: int(team.last[-1]))
+    short = short_last_group(int(longest.first[-1]), int(longest.last[-1]), windows.group)
     return (
         f"Ball at the onset of the first braking movement, in groups of {windows.group} trials of a condition. Above: "
         f"mean and ellipse of all trials of a group; axes: principal components, {extent}. Below: variances within "
         "performers; thin lines: averages of each dyad; thick lines: means over dyads, with bands of "
         f"{intervals}. {sentence(each)}{f' {sentence(windows.group_note)}' if windows.group_note else ''}"
+        f"{f' {short}' if short else ''}"
     )

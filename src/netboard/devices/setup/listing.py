@@ -236,7 +236,22 @@ def _judged(side: Side, mine: Choice, other: Choice, missing: Colour) -> Finding
         return Finding(title, "red", f"{chance}: which of them is used is chance", select)
     if _is_shared(mine, other) and (missing == "red" or mine.options):
         return Finding(title, missing, f"{mine.words}: both sides would use it", f"each needs one: {select}")
+    if serial := _shared_serial(mine, other):
+        return Finding(
+            title,
+            "yellow",
+            f"{mine.words}: the other side's device has the same serial number, so both use one profile, {serial}",
+            "run each agent with a configuration file of its own, with a folder of its own in [agents] profiles",
+        )
     return Finding(title, "green", mine.words)
+
+
+def _shared_serial(mine: Choice, other: Choice) -> str:
+    """Return the serial number of two different devices, which selects their profile; empty if it differs."""
+    if mine.backend != other.backend or len(mine.fitting) != 1 or len(other.fitting) != 1:
+        return ""
+    serial = mine.fitting[0].serial
+    return serial if mine.fitting != other.fitting and serial == other.fitting[0].serial else ""
 
 
 def _is_shared(mine: Choice, other: Choice) -> bool:

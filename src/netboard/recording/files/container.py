@@ -39,6 +39,7 @@ from netboard.recording.format.claims import (
     MAX_STAMP_NS,
     MetadataRecord,
     require_chunk,
+    shown,
 )
 
 _FOOTER = struct.Struct("<BQQQI")
@@ -253,7 +254,7 @@ def _require_once(names: Sequence[str], what: str) -> None:
     """Refuse records of which two have the same name, as those of two recordings."""
     for name, count in Counter(names).items():
         if count > 1:
-            raise RecordingError(f"it has {count} records of {what} {name}")
+            raise RecordingError(f"it has {count} records of {what} {shown(name)}")
 
 
 def _stream(body: bytes) -> ReadDataStream:

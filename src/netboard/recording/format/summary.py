@@ -24,7 +24,7 @@ from netboard.network.protocol.records import (
     kind_of_peer,
 )
 from netboard.recording.format.backfill import unknown_ticks
-from netboard.task.trials.state_machine import BALL_FREE, TABLE, Cause, Phase
+from netboard.task.trials.state_machine import BALL_FREE, EMERGENCY_STOP, TABLE, Cause, Phase
 
 T = TypeVar("T")
 
@@ -161,6 +161,16 @@ def turns_along(portions: Iterable[NDArray[Any]]) -> NDArray[Any]:
         ends = np.concatenate([[True], turns]) | np.concatenate([turns, [True]])
         kept.append(rows[ends])
     return joined(kept)
+
+
+def with_emergency_stops(attempts: Sequence[Attempt], events: Iterable[EventRecord]) -> tuple[Attempt, ...]:
+    """Return attempts with the outcome of those that an emergency stop ended: only the server's events name it."""
+    ended = (event.details for event in events if event.name == "attempt_ended")
+    stopped = {(of["trial"], of["attempt"]) for of in ended if of.get("outcome") == EMERGENCY_STOP}
+    return tuple(
+        replace(one, outcome=EMERGENCY_STOP) if (str(one.trial), str(one.attempt)) in stopped else one
+        for one in attempts
+    )
 
 
 def from_release(

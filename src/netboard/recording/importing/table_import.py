@@ -73,6 +73,14 @@ class Imported:
     notes: tuple[str, ...]
 
 
+_DERIVED = {
+    "ticks": "a copy of an exported table, bit for bit",
+    "measured": "derived from the measurements of another program",
+    "simulated": "derived from measured hands: board, ball and trials are simulated",
+}
+"""What a made recording is, in words, by its metadata ``imported``."""
+
+
 def in_words(done: Sequence[Imported]) -> Iterator[str]:
     """Describe the new recordings, then the notes on them, each once."""
     for found in done:
@@ -135,7 +143,7 @@ def import_table(
     }
     pieces = (rows[first : first + PIECE] for first in range(0, rows.size, PIECE))
     made = _save(pieces, folder, config, origin, utc_ns, progress, total=rows.size)
-    return Imported(made, origin["imported"], rows.size, tuple(notes))
+    return Imported(made, _DERIVED[origin["imported"]], rows.size, tuple(notes))
 
 
 def _import_ticks(
@@ -148,9 +156,8 @@ def _import_ticks(
     examined = ExaminedTicks(path, None if origin["imported"] == "measured" else beside or config, source)
     made = _save(examined.pieces(), folder, beside or config, origin, utc_ns, progress, examined.remarks)
     notes = [f"no configurations/{path.stem}.toml beside its folder: it is given {GIVEN}"] * (beside is None)
-    what = {"ticks": "as exported"}.get(origin["imported"], origin["imported"])
-    exact = not [*examined.remarks()]
-    return Imported(made, what if exact else "imported, not bit-exact", examined.count, (*notes, *examined.notes()))
+    what = _DERIVED[origin["imported"]] if not [*examined.remarks()] else "a copy of an exported table, not bit-exact"
+    return Imported(made, what, examined.count, (*notes, *examined.notes()))
 
 
 def require_task(path: Path, columns: Collection[str], options: ImportOptions) -> None:
