@@ -310,7 +310,7 @@ def exported(rehearsed: Path, tmp_path: Path) -> Path:
 def test_rounded_numbers_of_exported_ticks_are_said_at_the_import(exported: Path, tmp_path: Path) -> None:
     done = import_table(resaved(exported, rounded, first=3001), tmp_path, CONFIG, ImportOptions(), UTC_NS, quiet)
     first, note = in_words([done])
-    assert first.endswith("ticks, imported, not bit-exact")
+    assert first.endswith("a copy of an exported table, imported, not bit-exact")
     assert re.search(rf'not bit-exact: {re.escape(str(exported))}: line 3\d\d\d, column \w+: found "', note), note
     assert "without saving it in a spreadsheet" in note
     for replay in (False, True):
@@ -396,7 +396,10 @@ def test_import_command_summarises_the_import(tmp_path: Path) -> None:
     (path,) = (tmp_path / "made").iterdir()
     assert path.name.startswith("S01_D77_block01_")
     printed = " ".join(result.output.split())
-    assert "3996 ticks, measured 800 samples, 200 a second columns left out: mood missing columns, NaN" in printed
+    assert (
+        "3996 ticks, derived from the measurements of another program 800 samples, 200 a second columns left out: mood missing columns, NaN"
+        in printed
+    )
     assert "left_force" in printed
     result = CliRunner().invoke(app, ["info", str(path)])
     assert result.exit_code == 0, result.output

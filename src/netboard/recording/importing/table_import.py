@@ -156,7 +156,11 @@ def _import_ticks(
     examined = ExaminedTicks(path, None if origin["imported"] == "measured" else beside or config, source)
     made = _save(examined.pieces(), folder, beside or config, origin, utc_ns, progress, examined.remarks)
     notes = [f"no configurations/{path.stem}.toml beside its folder: it is given {GIVEN}"] * (beside is None)
-    what = _DERIVED[origin["imported"]] if not [*examined.remarks()] else "a copy of an exported table, not bit-exact"
+    what = (
+        _DERIVED[origin["imported"]]
+        if not [*examined.remarks()]
+        else "a copy of an exported table, imported, not bit-exact"
+    )
     return Imported(made, what, examined.count, (*notes, *examined.notes()))
 
 
