@@ -1,7 +1,7 @@
 """Fuzzing of the structure of files: recordings, journals, tables and keys that are well formed, and lie.
 
     python tests/fuzz/hostile_files.py --quick    # a sample of files and commands: within a minute
-    python tests/fuzz/hostile_files.py -o results # every field and every limit, each command with each kind: 25 minutes
+    python tests/fuzz/hostile_files.py -o results # every field and every limit, each command with each kind
 
 `lies` makes the files. A command that opens one runs in a process of its own. It must end in bounded time and memory
 with an exit code that it documents, without a traceback, and say in plain lines what is wrong. Unlike damage (`make

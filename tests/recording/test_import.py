@@ -397,8 +397,8 @@ def test_import_command_summarises_the_import(tmp_path: Path) -> None:
     assert path.name.startswith("S01_D77_block01_")
     printed = " ".join(result.output.split())
     assert (
-        "3996 ticks, derived from the measurements of another program 800 samples, 200 a second columns left out: mood missing columns, NaN"
-        in printed
+        "3996 ticks, derived from the measurements of another program 800 samples, 200 a second columns left out: "
+        "mood missing columns, NaN" in printed
     )
     assert "left_force" in printed
     result = CliRunner().invoke(app, ["info", str(path)])
