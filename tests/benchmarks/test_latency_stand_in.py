@@ -10,6 +10,7 @@ import pytest
 from libhd import fake_library
 from netboard.base.config import Config
 from netboard.base.device_kind import DeviceKind
+from netboard.base.errors import NetboardError
 from netboard.benchmarks.loop import stand_in
 from netboard.benchmarks.loop.bench import Setting
 from netboard.benchmarks.loop.stand_in import SWAY_MM, StandInTouch, with_device
@@ -32,6 +33,12 @@ def test_agents_of_both_sides_get_a_touch_of_the_library() -> None:
     assert config.agents.left.options["name"] != config.agents.right.options["name"]
     assert config.agents.left.options["library"] == config.agents.right.options["library"]
     assert with_device(Config(), "virtual") == Config()
+
+
+def test_missing_compiler_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CC", "no-such-compiler")
+    with pytest.raises(NetboardError, match=r"the stand-in .* needs a compiler.*no-such-compiler.*install"):
+        with_device(Config(), "touch")
 
 
 @pytest.mark.parametrize("servo", ["c", "python"])

@@ -85,6 +85,28 @@ def test_missing_shim_releases_the_device(fake: Fake, monkeypatch: pytest.Monkey
     assert fake.call_log() == [f"init {FIRST}", f"disable {FIRST}"]
 
 
+def test_default_servo_is_in_c_and_its_device_has_compiled_access(fake: Fake) -> None:
+    device = make_device(fake)
+    assert device.open().details["servo"] == "c"
+    assert device.compiled is not None
+    device.close()
+
+
+def test_default_servo_is_in_python_without_a_compiler(
+    fake: Fake, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def refused(_: Path) -> Path:
+        raise DeviceNotFound("no compiler")
+
+    shim.shim.cache_clear()
+    monkeypatch.setattr(shim, "build", refused)
+    device = make_device(fake)
+    assert device.open().details["servo"] == "python"
+    assert device.compiled is None
+    assert "run in Python, which is slower: no compiler" in caplog.text
+    device.close()
+
+
 @pytest.mark.parametrize("kind", [None, PythonServo, shim.ShimServo])
 def test_watch_records_start_and_end_of_each_callback(
     fake: Fake, kind: type | None, monkeypatch: pytest.MonkeyPatch

@@ -18,12 +18,13 @@ from netboard.base import kernel_cache
 from netboard.base.compiled import kernel
 from netboard.base.config import Config, Side
 from netboard.base.device_kind import DeviceKind
+from netboard.base.errors import NetboardError
 from netboard.devices.contract import registry
 from netboard.devices.contract.access import CompiledAccess, Fields
 from netboard.devices.contract.device import Device, DeviceInfo, Reading
 from netboard.devices.touch import access
 from netboard.devices.touch.device import OpenHaptics
-from netboard.devices.touch.shim import build
+from netboard.devices.touch.shim import INSTALL_HINT, CannotCompile, compiled_library
 
 SOURCE = Path(__file__).with_name("stand_in_libhd.c")
 
@@ -80,7 +81,10 @@ def with_device(config: Config, device: DeviceName) -> Config:
     """Return a configuration whose agents have this device; for a Touch the stand-in is compiled."""
     if device == "virtual":
         return config
-    library = str(build(kernel_cache.folder(), SOURCE, *FLAGS))
+    try:
+        library = str(compiled_library(kernel_cache.folder(), SOURCE, *FLAGS))
+    except CannotCompile as error:
+        raise NetboardError(f"the stand-in for the library of a Touch {error}; {INSTALL_HINT}") from error
     left, right = (
         replace(agent, device="openhaptics", options={"library": library, "name": name, "servo": "c"})
         for agent, name in ((config.agents.left, "Default Device"), (config.agents.right, "Right Device"))

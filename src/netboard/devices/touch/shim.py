@@ -24,7 +24,7 @@ from llvmlite import binding
 from numpy.typing import NDArray
 
 from netboard.base import kernel_cache
-from netboard.base.errors import DeviceNotFound
+from netboard.base.errors import DeviceNotFound, NetboardError
 from netboard.base.files.sealed import Damaged, unsealed, write_sealed
 from netboard.devices.touch.access import SAMPLE, SYMBOL
 from netboard.devices.touch.api import CALLBACK, ErrorInfo, Library
@@ -39,7 +39,8 @@ COMPILERS = ("cc", "gcc", "clang")
 
 FLAGS = ("-O2", "-std=gnu11", "-shared", "-fPIC")
 
-NO_COMPILER_HINT = 'install a C compiler (Debian, Ubuntu: gcc and libc6-dev), or set the option servo = "python"'
+INSTALL_HINT = "install a C compiler (Debian, Ubuntu: gcc and libc6-dev)"
+NO_COMPILER_HINT = f'{INSTALL_HINT}, or set the option servo = "python"'
 
 
 CALLED = (
@@ -99,8 +100,20 @@ def servo_library(path: Path) -> ctypes.PyDLL:
     return library
 
 
-def build(folder: Path, source: Path = SOURCE, *options: str) -> Path:
-    """Compile the shim, or another library in C, into a folder, unless it is there already."""
+def build(folder: Path) -> Path:
+    """Compile the shim into a folder, unless it is there already."""
+    try:
+        return compiled_library(folder, SOURCE)
+    except CannotCompile as error:
+        raise DeviceNotFound(f"the servo callback in C {error}; {NO_COMPILER_HINT}") from error
+
+
+class CannotCompile(NetboardError):
+    """A library in C cannot be compiled here; the message continues its name."""
+
+
+def compiled_library(folder: Path, source: Path, *options: str) -> Path:
+    """Compile a library in C into a folder, unless it is there already; raise `CannotCompile`."""
     command, name = [*_compiler(), *FLAGS, *options], source.stem
     state = hashlib.sha256(source.read_bytes() + " ".join((*command, platform.machine())).encode())
     kept = folder / f"{name}-{state.hexdigest()[:16]}.so"
@@ -113,7 +126,7 @@ def build(folder: Path, source: Path = SOURCE, *options: str) -> Path:
             _compile(command, source, fresh)
             write_sealed(kept, fresh.read_bytes())
     except OSError as error:
-        raise DeviceNotFound(f"{name} in C cannot be kept in {folder}: {error}; {NO_COMPILER_HINT}") from error
+        raise CannotCompile(f"cannot be kept in {folder}: {error}") from error
     return kept
 
 
@@ -135,7 +148,7 @@ def _compile(command: list[str], source: Path, library: Path) -> None:
     done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
     if done.returncode or not library.is_file():
         why = (done.stderr.strip().splitlines() or ["it does not say why"])[0]
-        raise DeviceNotFound(f"{source.stem} in C cannot be compiled by {command[0]}: {why}; {NO_COMPILER_HINT}")
+        raise CannotCompile(f"cannot be compiled by {command[0]}: {why}")
 
 
 def _compiler() -> list[str]:
@@ -145,7 +158,7 @@ def _compiler() -> list[str]:
         if shutil.which(command[0]):
             return command
     tried = " ".join(named) or ", ".join(COMPILERS)
-    raise DeviceNotFound(f"the servo callback in C needs a compiler, and there is none ({tried}); {NO_COMPILER_HINT}")
+    raise CannotCompile(f"needs a compiler, and there is none ({tried})")
 
 
 class ShimServo:
