@@ -237,21 +237,21 @@ def loop_in_short() -> str:
     touch, simulated = (
         [found[f"sample to force / echo, {at} [1]"] for at in ("50 %", "99 %", "99.9 %")] for found in ratios.values()
     )
-    held = column("scale", "holds", "dyads")
+    server, held = ratios["loop-touch"]["CPU of the server / echo [1]"], column("scale", "holds", "dyads")
     dyads = max(number for number, holds in held.items() if holds)
     of_core = column("scale", "all [%]", "dyads")[dyads]
     limits = f"""
 It is not hard real time.** Python on a stock kernel misses some deadlines of the 1 kHz loop; every deadline miss is
 counted and recorded. With server, agents and logger on one busy virtual machine of two cores, the median
 sample-to-force latency of a Touch was {touch[0]:.2f} times that of a minimal ZeroMQ round trip with messages of the
-same size, and its 99 % and 99.9 % quantiles {touch[1]:.2f} and {touch[2]:.2f} times. With the simulated device they were
-{simulated[0]:.2f}, {simulated[1]:.2f} and {simulated[2]:.2f} times ([all results](docs/explanation/latency.md)). The
+same size, and its 99 % and 99.9 % quantiles {touch[1]:.2f} and {touch[2]:.2f} times. With the simulated device they
+were {simulated[0]:.2f}, {simulated[1]:.2f} and {simulated[2]:.2f} times ([all results](docs/explanation/latency.md)). The
 Touch was a stand-in for the vendor's library; nothing has been measured on a real one, whose servo adds up to 1 ms in
 each direction. If no sample arrives for 50 ms, the server pauses the trial. The operator resumes it, or the server
 itself with `--autostart`. Measure your own machines with `netboard doctor` and `netboard bench loop`.
 
 One core serves {dyads} dyads** ({of_core:.0f} % of the core). With agents and logger on the same machine, the server of
-one dyad uses {ratios["loop-touch"]["CPU of the server / echo [1]"]:.1f} times the CPU time of the minimal round trip."""
+one dyad uses {server:.1f} times the CPU time of the minimal round trip."""
     return "\n".join(
         textwrap.fill(limit.strip(), 127, initial_indent="- **", subsequent_indent="  ")
         for limit in limits.split("\n\n")
