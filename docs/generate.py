@@ -245,9 +245,9 @@ It is not hard real time.** Python on a stock kernel misses some deadlines of th
 counted and recorded. With server, agents and logger on one busy virtual machine of two cores, the median
 sample-to-force latency of a Touch was {touch[0]:.2f} times that of a minimal ZeroMQ round trip with messages of the
 same size, and its 99 % and 99.9 % quantiles {touch[1]:.2f} and {touch[2]:.2f} times. With the simulated device they
-were {simulated[0]:.2f}, {simulated[1]:.2f} and {simulated[2]:.2f} times ([all results](docs/explanation/latency.md)). The
-Touch was a stand-in for the vendor's library; nothing has been measured on a real one, whose servo adds up to 1 ms in
-each direction. If no sample arrives for 50 ms, the server pauses the trial. The operator resumes it, or the server
+were {simulated[0]:.2f}, {simulated[1]:.2f} and {simulated[2]:.2f} times ([all results](docs/explanation/latency.md)).
+The Touch was a stand-in for the vendor's library; nothing has been measured on a real one, whose servo adds up to 1 ms
+in each direction. If no sample arrives for 50 ms, the server pauses the trial. The operator resumes it, or the server
 itself with `--autostart`. Measure your own machines with `netboard doctor` and `netboard bench loop`.
 
 One core serves {dyads} dyads** ({of_core:.0f} % of the core). With agents and logger on the same machine, the server of
