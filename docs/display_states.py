@@ -18,7 +18,7 @@ from netboard.base.tables.experiment import Block, Session
 from netboard.base.tables.rig import Display
 from netboard.stage.view import View
 from netboard.windows.participant.language import load_words
-from netboard.windows.participant.scene import Picture
+from netboard.windows.participant.scene import DisplayPicture
 from netboard.windows.participant.screens import blank, compose
 from netboard.windows.participant.window import BoardWindow, application
 
@@ -36,12 +36,12 @@ VIEW = View(
 )
 
 
-def of(words: object = EN, config: Config = CONFIG, result: str = "", **changes: object) -> Picture:
+def of(words: object = EN, config: Config = CONFIG, result: str = "", **changes: object) -> DisplayPicture:
     """Compose the display of a view that differs from the usual one."""
     return compose(replace(VIEW, **changes), config, words, result)  # type: ignore[arg-type]
 
 
-def states() -> dict[str, Picture]:
+def states() -> dict[str, DisplayPicture]:
     """Every state, by what it is called."""
     both = {"left": 0.012, "right": -0.006}
     level = {"phase": "levelling", "left": 0.004}

@@ -16,7 +16,6 @@ import sys
 import textwrap
 from collections.abc import Callable, Iterator
 from dataclasses import fields
-from importlib import import_module
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any
@@ -28,7 +27,8 @@ from netboard.base.settings import Key, tables, to_toml
 from netboard.base.tables.forces import CONDITIONS
 from netboard.base.tables.scene import FRICTION
 from netboard.base.tables.simulated import PARTICIPANT_SOURCES
-from netboard.devices.contract.registry import BACKENDS
+from netboard.devices.falcon.device import FalconOptions
+from netboard.devices.spacemouse import SpaceMouseOptions
 from netboard.nodes.rehearsal.population import VARIED
 from netboard.participants.device_models import MODELS, DeviceModel
 from netboard.recording.export.formats import FORMATS
@@ -79,12 +79,11 @@ def configuration() -> str:
     return "\n\n".join(sections)
 
 
-def device_options(backend: str) -> Callable[[], str]:
+def device_options(options: type) -> Callable[[], str]:
     """Return what writes the table of a device backend's own options."""
 
     def write() -> str:
-        module = import_module(BACKENDS[backend].target.partition(":")[0])
-        (table,) = tables(module.Options)
+        (table,) = tables(options)
         head = "| option | default | unit | values | what it is |\n|---|---|---|---|---|"
         return "\n".join([head, *map(_key_row, table.keys)])
 
@@ -351,7 +350,8 @@ PARTICIPANTS = ("others", "predictions", "ablations", "slowing", "speed")
 GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "state diagram": ("reference/trial-state-machine.md", state_diagram),
     "edge table": ("reference/trial-state-machine.md", edge_table),
-    **{f"options of {name}": (f"how-to/{name}.md", device_options(name)) for name in ("falcon", "spacemouse")},
+    "options of falcon": ("how-to/falcon.md", device_options(FalconOptions)),
+    "options of spacemouse": ("how-to/spacemouse.md", device_options(SpaceMouseOptions)),
     "configuration": ("reference/configuration.md", configuration),
     "force conditions": ("explanation/forces.md", force_conditions),
     "laws of friction": ("explanation/physics.md", friction_laws),

@@ -10,7 +10,7 @@ import tempfile
 from pathlib import Path
 
 from netboard.analysis.extraction.settings import Readings
-from netboard.analysis.extraction.trials import Block
+from netboard.analysis.extraction.trials import BlockData
 from netboard.analysis.topics.figure import as_bytes
 from netboard.analysis.topics.trial import PANELS, panel
 from netboard.base.config import Config
@@ -31,7 +31,7 @@ def main() -> None:
         (job,) = jobs_of(plan[-1:], 1, 2, Path(name))
         (run,) = runs_of([Path(rehearse(job).recording)])
         with Recording(run.path) as recording:
-            block = Block.of(recording, run.config, Readings())
+            block = BlockData.of(recording, run.config, Readings())
     take = next(take for take in block.takes() if take.attempt.trial == TRIAL and take.attempt.outcome == "success")
     for part in PANELS:
         (IMAGES / f"measure-{part}.png").write_bytes(as_bytes(panel(take, part), "png"))

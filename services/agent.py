@@ -22,7 +22,7 @@ def agent(side: HandSide, config: ConfigFile = None, overrides: Overrides = None
     from netboard.base.terminal.logs import log_to_stderr
     from netboard.devices.contract import registry
     from netboard.network.transport import sockets
-    from netboard.nodes.agent.agent import Agent
+    from netboard.nodes.agent.agent import AgentNode
     from netboard.nodes.agent.stylus_source import stylus_source_of
 
     log_to_stderr(f"agent {side}")
@@ -34,4 +34,4 @@ def agent(side: HandSide, config: ConfigFile = None, overrides: Overrides = None
         sockets.open_context(io_priority(granted, Priority.AGENT)) as context,
         registry.make(side, settings) as device,
     ):
-        Agent(settings, side, device, context, stylus_source_of(settings, device, context)).run(stopping)
+        AgentNode(settings, side, device, context, stylus_source_of(settings, device, context)).run(stopping)

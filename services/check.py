@@ -44,11 +44,11 @@ def check(
     from netboard.recording.files.locate import each_once
     from netboard.recording.integrity.checking import check as check_file
     from netboard.recording.integrity.report_text import as_data, in_total, in_words, with_conflicts
-    from netboard.recording.integrity.severity import EXIT_CODES, Report
+    from netboard.recording.integrity.severity import EXIT_CODES, CheckReport
 
     files = each_once(recordings_in(recordings))
     console = plain_console()
-    reports: list[Report] = []
+    reports: list[CheckReport] = []
     began = time.perf_counter()
     screen = plain_console(stderr=True)
     with progress_bars(screen, MofNCompleteColumn(), "{task.fields[ticks]}") as progress:

@@ -46,14 +46,14 @@ def cohort(
     import time
 
     from netboard.analysis.cohort.folder import make_cohort
-    from netboard.analysis.cohort.virtual import Design
+    from netboard.analysis.cohort.virtual import VirtualDesign
     from netboard.analysis.cohort.workers import Runner
     from netboard.base.process.stopping import interrupted_by_stop_signals
     from netboard.base.process.workers import cores
     from netboard.base.terminal.bars import telling
     from netboard.base.terminal.output import plain_console
 
-    design = Design(load_study(study, settings), settings, dyads, seed, keep_trials=trials is not None)
+    design = VirtualDesign(load_study(study, settings), settings, dyads, seed, keep_trials=trials is not None)
     began = time.perf_counter()
     with interrupted_by_stop_signals(), telling() as tell:
         runner = Runner(tell, workers or cores(), dask)

@@ -11,7 +11,7 @@ from netboard.services.options import Overrides, RecordingFile, SettingsFile, ex
 
 if TYPE_CHECKING:
     from netboard.analysis.extraction.settings import Readings
-    from netboard.analysis.extraction.trials import Take
+    from netboard.analysis.extraction.trials import AttemptData
 
 app = typer.Typer()
 
@@ -62,15 +62,15 @@ def draw(path: Path, trial: int, attempt: int | None, readings: "Readings", outp
     return f"{output}: {picture.title} of {path.name}"
 
 
-def _find(path: Path, trial: int, attempt: int | None, readings: "Readings") -> "Take":
+def _find(path: Path, trial: int, attempt: int | None, readings: "Readings") -> "AttemptData":
     """Find an attempt that can be measured."""
-    from netboard.analysis.extraction.trials import Block
+    from netboard.analysis.extraction.trials import BlockData
     from netboard.recording.export.runs import runs_of
     from netboard.recording.files.reader import Recording
 
     (run,) = runs_of([path])
     with Recording(path) as recording:
-        block = Block.of(recording, run.config, readings)
+        block = BlockData.of(recording, run.config, readings)
     takes = [take for take in block.takes() if take.attempt.trial == trial]
     found = [take for take in takes if attempt in (None, take.attempt.attempt)]
     if not found:

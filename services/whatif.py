@@ -11,7 +11,7 @@ from netboard.base.files.figure import refuse_figure, save_figure
 from netboard.services.options import JsonObject, Model, Overrides, RecordingFile, changes_of, examples
 
 if TYPE_CHECKING:
-    from netboard.recording.counterfactual.what_if import Comparison, WhatIf
+    from netboard.recording.counterfactual.what_if import AttemptComparison, WhatIf
 
 app = typer.Typer()
 
@@ -78,7 +78,7 @@ def whatif(
         save_figure(draw(found, changes, shown), figure, 100)
 
 
-def attempt_at(found: "WhatIf", trial: int, path: Path) -> "Comparison":
+def attempt_at(found: "WhatIf", trial: int, path: Path) -> "AttemptComparison":
     """Return the last attempt at a trial."""
     attempts = [one for one in found.comparisons if one.then.trial == trial]
     if not attempts:

@@ -9,7 +9,7 @@ import numpy as np
 from made_study import Block, declared, random_trial, rows_of
 from netboard.analysis.extraction.recordings import BLOCKS
 from netboard.analysis.extraction.settings import Readings
-from netboard.analysis.extraction.study import Study, study_of
+from netboard.analysis.extraction.study import StudyData, study_of
 from netboard.base.tables.experiment import Design
 from netboard.base.tables.outcomes import Declaration
 from netboard.task.studies.declaration import declaration_text
@@ -32,7 +32,7 @@ def crossed_study(
     trials: int = 4,
     between: Sequence[str] = (),
     seed: int = 0,
-) -> Study:
+) -> StudyData:
     """Cross all factors within each dyad, but for those between dyads, whose levels the dyads have in turn."""
     chance = np.random.default_rng(seed)
     found = []

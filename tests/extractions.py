@@ -10,7 +10,7 @@ import pandas as pd
 from netboard.analysis.extraction.cache import Cache, PathTable
 from netboard.analysis.extraction.running import Extraction, extract
 from netboard.analysis.extraction.settings import Readings
-from netboard.analysis.extraction.study import Study, study_of
+from netboard.analysis.extraction.study import StudyData, study_of
 from netboard.analysis.extraction.workers import WorkerPool, processes
 from netboard.recording.export.formats import Progress
 
@@ -36,11 +36,11 @@ def extracted(
         return replace(found, paths=dict(found.paths))
 
 
-def study_from(found: Extraction, readings: Readings | None = None) -> Study:
+def study_from(found: Extraction, readings: Readings | None = None) -> StudyData:
     return study_of(found.measured, readings or Readings(), found.paths)
 
 
-def assert_same(one: Study, other: Study) -> None:
+def assert_same(one: StudyData, other: StudyData) -> None:
     for name in ("blocks", "trials", "movements", "exclusions"):
         pd.testing.assert_frame_equal(getattr(one, name), getattr(other, name), check_exact=True)
     assert set(one.paths) == set(other.paths)

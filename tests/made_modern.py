@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from made_study import Block, made_study, random_movement, random_trial
 from netboard.analysis.extraction.attempts import MODERN
 from netboard.analysis.extraction.details import PATHS
-from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.study import StudyData
 from netboard.recording.format.channels import DTYPES
 
 Path = Mapping[str, NDArray[np.float64]]
@@ -75,7 +75,7 @@ def modern_blocks(
     return blocks
 
 
-def modern_study(blocks: Sequence[Block], *overrides: str) -> Study:
+def modern_study(blocks: Sequence[Block], *overrides: str) -> StudyData:
     """Join recordings; in dyadic ones participant A sits at the left."""
     study = made_study(blocks, *overrides)
     together = (study.blocks["configuration"] == "dyadic") & (study.blocks["left_by"] == study.blocks["dyad"])
@@ -83,7 +83,7 @@ def modern_study(blocks: Sequence[Block], *overrides: str) -> Study:
     return replace(study, blocks=study.blocks.assign(left_by=left))
 
 
-def with_paths(study: Study, draw: Callable[[pd.Series], Path]) -> Study:
+def with_paths(study: StudyData, draw: Callable[[pd.Series], Path]) -> StudyData:
     """Give every trial that counts a path."""
     drawn: dict[str, list[pd.DataFrame]] = {name: [] for name in study.blocks["recording"]}
     for _, trial in study.counted.iterrows():
@@ -102,6 +102,6 @@ def with_paths(study: Study, draw: Callable[[pd.Series], Path]) -> Study:
     )
 
 
-def without_paths(study: Study) -> Study:
+def without_paths(study: StudyData) -> StudyData:
     """Take the paths away."""
     return replace(study, paths={name: paths.iloc[:0] for name, paths in study.paths.items()})

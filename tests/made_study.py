@@ -9,7 +9,7 @@ import numpy as np
 from netboard.analysis.extraction.conditions import factors_text
 from netboard.analysis.extraction.recordings import BLOCKS, FIELDS, Measured
 from netboard.analysis.extraction.settings import Readings, parse
-from netboard.analysis.extraction.study import Study, study_of
+from netboard.analysis.extraction.study import StudyData, study_of
 from netboard.analysis.extraction.tables import columns_of
 from netboard.base.config import Config
 from netboard.base.tables.experiment import TECHNICAL, Design
@@ -82,7 +82,7 @@ def declared(block: Block, number: int, design: Design) -> Measured:
     return replace(found, blocks=rows_of(BLOCKS, [row]))
 
 
-def made_study(blocks: Sequence[Block], *overrides: str) -> Study:
+def made_study(blocks: Sequence[Block], *overrides: str) -> StudyData:
     """Join recordings, with settings such as ``summaries.ends=2``."""
     readings: Readings = parse("", overrides=overrides)
     return study_of([measured(block, number) for number, block in enumerate(blocks, start=1)], readings)

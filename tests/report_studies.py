@@ -10,7 +10,7 @@ import pandas as pd
 from made_study import Row, rows_of
 from netboard.analysis.extraction.recordings import BLOCKS, FIELDS, Measured
 from netboard.analysis.extraction.settings import Readings
-from netboard.analysis.extraction.study import Study, study_of
+from netboard.analysis.extraction.study import StudyData, study_of
 from netboard.analysis.topics.result import Result, table_of
 
 
@@ -74,7 +74,7 @@ def block(
     )
 
 
-def small_study(readings: Readings | None = None, **changes: Any) -> Study:
+def small_study(readings: Readings | None = None, **changes: Any) -> StudyData:
     """One dyad: each alone, with and without forces, and both together."""
     plans: list[dict[str, Any]] = [
         {"configuration": "bimanual", "force": force, "performer": who, "left_by": who, "right_by": who}
@@ -91,7 +91,7 @@ def small_study(readings: Readings | None = None, **changes: Any) -> Study:
     return study_of(measured, readings or Readings())
 
 
-def provenance_of(study: Study, **changes: Any) -> dict[str, Any]:
+def provenance_of(study: StudyData, **changes: Any) -> dict[str, Any]:
     """Where it comes from: files named after the recordings, with the SHA-256 of their names."""
     return {
         "recordings": {

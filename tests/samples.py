@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.config import Config
-from netboard.base.tables.rig import Recording
+from netboard.base.tables.rig import RecordingSettings
 from netboard.base.tick import TICK
 from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.records import ClockRecord, EventRecord, FrameRecord, TickRecord
@@ -54,8 +54,8 @@ def metadata(config_text: str = CONFIG_TEXT) -> dict[str, str]:
     return provenance(Welcome(SESSION, 1, 7, config_text), Config(), 1, OPENED_NS, 42)
 
 
-def new_writer(path: Path, settings: Recording | None = None) -> RecordingWriter:
-    settings = settings or Recording(flush_ms=200.0)  # several chunks, although the sample is short
+def new_writer(path: Path, settings: RecordingSettings | None = None) -> RecordingWriter:
+    settings = settings or RecordingSettings(flush_ms=200.0)  # several chunks, although the sample is short
     return RecordingWriter(path, metadata(), CONFIG_TEXT, settings, OPENED_NS)
 
 
@@ -70,7 +70,7 @@ def fill(writer: RecordingWriter, rows: NDArray[Any], first: int = 0) -> int:
     return now
 
 
-def write_recording(path: Path, rows: NDArray[Any], settings: Recording | None = None) -> Path:
+def write_recording(path: Path, rows: NDArray[Any], settings: RecordingSettings | None = None) -> Path:
     """Write a finished recording."""
     writer = new_writer(path, settings)
     writer.finish(fill(writer, rows))

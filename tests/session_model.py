@@ -20,7 +20,7 @@ from netboard.task.journal.entries import (
     Veto,
 )
 from netboard.task.journal.outcome import AttemptOutcome
-from netboard.task.journal.progress import Progress, progress_of
+from netboard.task.journal.progress import SessionProgress, progress_of
 from netboard.task.trials.repeats import wants_repeat
 from netboard.task.trials.state_machine import Outcome
 
@@ -56,7 +56,7 @@ class Server:
     """One run of the server, from the progress that a journal records."""
 
     def __init__(
-        self, chance: random.Random, run: str, progress: Progress, rules: Quality, plan: tuple[Planned, ...]
+        self, chance: random.Random, run: str, progress: SessionProgress, rules: Quality, plan: tuple[Planned, ...]
     ) -> None:
         self.chance, self.run, self.rules, self.plan = chance, run, rules, plan
         self.start = progress
@@ -79,7 +79,7 @@ class Server:
                 break
         yield Ended("the session is over")
 
-    def _block(self, block: Planned, now: Progress) -> Iterator[Entry]:
+    def _block(self, block: Planned, now: SessionProgress) -> Iterator[Entry]:
         trial, attempt, repeats, ticks = now.trial, now.attempt, now.repeats, now.block_ticks
         yield BlockBegan(block.number, trial, attempt, self.run, self.tick)
         while trial <= block.trials + repeats.extra:
@@ -130,7 +130,7 @@ def was_skipped_in_a_pause(before: tuple[AttemptOutcome, ...], row: AttemptOutco
     return row.outcome == "skipped" and (row.attempt == 0 or row[:3] in [other[:3] for other in before])
 
 
-def check(entries: list[Entry], progress: Progress, plan: tuple[Planned, ...] = PLAN) -> None:
+def check(entries: list[Entry], progress: SessionProgress, plan: tuple[Planned, ...] = PLAN) -> None:
     """Check what must hold wherever a journal ends."""
     begun = [(e.block, e.trial, e.attempt) for e in entries if isinstance(e, AttemptBegan)]
     assert len(set(begun)) == len(begun), "numbers were given twice"

@@ -9,7 +9,7 @@ import pandas as pd
 
 from made_modern import modern_blocks, modern_study, with_paths
 from made_study import Block
-from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.study import StudyData
 
 LACKS = (
     *("no_success", "no_falls", "all_flagged", "one_condition", "one_dyad", "one_trial"),
@@ -20,7 +20,7 @@ LACKS = (
 """What a study may lack, or have too much of."""
 
 
-def lacking(lacks: Sequence[str], seed: int, dyads: int = 2, trials: int = 3) -> Study:
+def lacking(lacks: Sequence[str], seed: int, dyads: int = 2, trials: int = 3) -> StudyData:
     """Make a study that lacks some of `LACKS`."""
     chance = np.random.default_rng(seed)
     blocks = [block for block in modern_blocks(seed, dyads, trials) if _kept(block, lacks)] or modern_blocks(
@@ -90,7 +90,7 @@ def _attempt(row: dict[str, Any], lacks: Sequence[str], chance: np.random.Genera
     return row
 
 
-def _with_lines(study: Study) -> Study:
+def _with_lines(study: StudyData) -> StudyData:
     """Give every trial a path of a ball that goes to the target, as long as it took."""
 
     def path(trial: pd.Series) -> dict[str, np.ndarray]:

@@ -9,7 +9,7 @@ from two_hands import minimum_jerk, rolled, two_hands
 from netboard.analysis.measures.motion import (
     FAST,
     SLOW,
-    Motion,
+    FilteredMotion,
     Trial,
     ball_speed,
     find_completion,
@@ -22,7 +22,7 @@ HANDS = two_hands([(0.5, 0.4, 0.01), (1.2, 0.3, -0.012)], [(0.55, 0.4, -0.01), (
 BALL, BALL_RATE = rolled(HANDS.theta, HANDS.rate, -0.15)
 
 
-def filtered(**options: object) -> Motion:
+def filtered(**options: object) -> FilteredMotion:
     return motion(HANDS.rate, HANDS.left_z, HANDS.right_z, HANDS.theta, BALL, **options)  # type: ignore[arg-type]
 
 

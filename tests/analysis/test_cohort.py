@@ -13,11 +13,11 @@ from netboard.analysis.cohort.folder import Cohort, make_cohort
 from netboard.analysis.cohort.planning import Request, answer
 from netboard.analysis.cohort.power import performer_means
 from netboard.analysis.cohort.rows import KEPT
-from netboard.analysis.cohort.virtual import LAST_SEED, Design, jobs_of_dyad
+from netboard.analysis.cohort.virtual import LAST_SEED, VirtualDesign, jobs_of_dyad
 from netboard.analysis.cohort.workers import Runner
 from netboard.analysis.extraction.recordings import measure
 from netboard.analysis.extraction.settings import Readings
-from netboard.analysis.extraction.study import Study as Tables
+from netboard.analysis.extraction.study import StudyData as Tables
 from netboard.analysis.extraction.study import study_of
 from netboard.analysis.topics.measures import levels
 from netboard.base.config import Config
@@ -39,7 +39,7 @@ levels.off.block.force = "none"
 performers = "dyad"
 """
 
-DESIGN = Design(parse_study(PLAN, "short"), Config(), dyads=2, seed=3, keep_trials=True)
+DESIGN = VirtualDesign(parse_study(PLAN, "short"), Config(), dyads=2, seed=3, keep_trials=True)
 
 
 def check_progress(what: str, done: int, total: int) -> None:
@@ -122,7 +122,7 @@ def test_every_study_has_its_own_seed_and_results(cohort: Cohort) -> None:
         ),
     ],
 )
-def test_resuming_a_cohort_with_other_settings_is_refused(cohort: Cohort, design: Design, words: str) -> None:
+def test_resuming_a_cohort_with_other_settings_is_refused(cohort: Cohort, design: VirtualDesign, words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         make_cohort(design, 3, cohort.folder, RUNNER, resume=True)
 
@@ -134,7 +134,7 @@ def test_existing_folder_is_not_overwritten_and_missing_one_not_resumed(cohort: 
         make_cohort(DESIGN, 3, tmp_path / "none", RUNNER, resume=True)
 
 
-def invalid_designs() -> Iterator[tuple[Design, int, str]]:
+def invalid_designs() -> Iterator[tuple[VirtualDesign, int, str]]:
     yield DESIGN, 0, "--studies: found 0, expected 1"
     ball = replace(DESIGN.config, physics=replace(DESIGN.config.physics, balls=0))
     yield replace(DESIGN, config=ball), 1, "balls: found 0, expected 1 or more"
@@ -144,7 +144,7 @@ def invalid_designs() -> Iterator[tuple[Design, int, str]]:
 
 @pytest.mark.parametrize(("design", "studies", "words"), list(invalid_designs()))
 def test_invalid_designs_are_refused_before_any_file_is_written(
-    tmp_path: Path, design: Design, studies: int, words: str
+    tmp_path: Path, design: VirtualDesign, studies: int, words: str
 ) -> None:
     with pytest.raises(ConfigError, match=words):
         make_cohort(design, studies, tmp_path / "new", RUNNER)

@@ -9,7 +9,7 @@ from scipy import stats
 
 from made_modern import modern_blocks, modern_study
 from made_study import Block, made_study, times
-from netboard.analysis.topics.contrasts import Comparison, comparisons, picture, questions_of
+from netboard.analysis.topics.contrasts import ContrastResult, comparisons, picture, questions_of
 from netboard.analysis.topics.measures import MEASURES
 from netboard.analysis.topics.result import TopicResults, table_of
 
@@ -17,7 +17,7 @@ ON_IN_DYADS = "dyadic, haptics on vs off"
 COMPARED = [measure for measure in MEASURES if measure.compared]
 
 
-def comparison(found: TopicResults[Comparison], measure: str, question: str) -> Comparison:
+def comparison(found: TopicResults[ContrastResult], measure: str, question: str) -> ContrastResult:
     (only,) = [one for one in found.parts if one.measure.name == measure and one.question.name == question]
     return only
 
@@ -30,12 +30,12 @@ def halve_times_with_haptics(row: dict[str, float], configuration: str, force: s
 
 
 @pytest.fixture(scope="module")
-def found() -> TopicResults[Comparison]:
+def found() -> TopicResults[ContrastResult]:
     return comparisons(modern_study(modern_blocks(change=halve_times_with_haptics)))
 
 
 @pytest.mark.slow
-def test_study_with_two_forces_and_configurations_has_five_contrasts(found: TopicResults[Comparison]) -> None:
+def test_study_with_two_forces_and_configurations_has_five_contrasts(found: TopicResults[ContrastResult]) -> None:
     assert [one.name for one in questions_of(modern_study(modern_blocks()))] == [
         "bimanual, haptics on vs off",
         ON_IN_DYADS,
@@ -57,14 +57,16 @@ def test_study_with_two_forces_and_configurations_has_five_contrasts(found: Topi
         ("haptics on vs off, dyadic vs bimanual", 0.5),
     ],
 )
-def test_completion_times_are_compared_by_ratio(found: TopicResults[Comparison], question: str, ratio: float) -> None:
+def test_completion_times_are_compared_by_ratio(
+    found: TopicResults[ContrastResult], question: str, ratio: float
+) -> None:
     one = comparison(found, "completion time", question)
     assert one.difference.value == pytest.approx(ratio)
     assert one.bootstrap.value == pytest.approx(ratio)
     assert one.unit == "1"
 
 
-def test_statistics_of_differences_0_1_2_and_3_equal_hand_computed_values(found: TopicResults[Comparison]) -> None:
+def test_statistics_of_differences_0_1_2_and_3_equal_hand_computed_values(found: TopicResults[ContrastResult]) -> None:
     one = comparison(found, "velocity peaks", ON_IN_DYADS)
     assert one.contrast.differences == pytest.approx((0.0, 1.0, 2.0, 3.0))
     assert one.difference.value == pytest.approx(1.5)
@@ -80,7 +82,7 @@ def test_statistics_of_differences_0_1_2_and_3_equal_hand_computed_values(found:
 
 @pytest.mark.slow
 @pytest.mark.sampled(2, of="contrasts")
-def test_p_values_are_corrected_within_their_family(found: TopicResults[Comparison]) -> None:
+def test_p_values_are_corrected_within_their_family(found: TopicResults[ContrastResult]) -> None:
     """With four dyads, the least possible p times the tests of the family is far above 1."""
     assert all(one.corrected == 1.0 for one in found.parts if np.isfinite(one.contrast.permutation.p))
     many = comparisons(modern_study(modern_blocks(dyads=11, trials=2, change=halve_times_with_haptics)))
@@ -92,7 +94,7 @@ def test_p_values_are_corrected_within_their_family(found: TopicResults[Comparis
     assert all(one.corrected >= one.contrast.permutation.p for one in many.parts)
 
 
-def test_permutation_p_is_noted_with_its_assumption_and_the_skewness(found: TopicResults[Comparison]) -> None:
+def test_permutation_p_is_noted_with_its_assumption_and_the_skewness(found: TopicResults[ContrastResult]) -> None:
     table = table_of(found.results)
     p = table[table["quantity"].str.endswith(("p, permutation test", "p, Holm"))]
     assert len(p)

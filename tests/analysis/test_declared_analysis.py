@@ -11,19 +11,19 @@ from statsmodels.stats.anova import AnovaRM
 
 from declared_study import DECLARED, TWO, crossed_study
 from made_study import made_study, random_blocks
-from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.study import StudyData
 from netboard.analysis.statistics.exact_tests import permutation_test
 from netboard.analysis.topics.declared import DeclaredAnalysis, NoAnalysis, declared_analysis, equivalence_interval
 from netboard.analysis.topics.primary import picture, primary
 
 
-def analysed(study: Study) -> DeclaredAnalysis:
+def analysed(study: StudyData) -> DeclaredAnalysis:
     found = declared_analysis(study)
     assert isinstance(found, DeclaredAnalysis)
     return found
 
 
-def cells_of(study: Study, column: str = "completion", *, log: bool = True) -> pd.DataFrame:
+def cells_of(study: StudyData, column: str = "completion", *, log: bool = True) -> pd.DataFrame:
     """Mean of each dyad in each combination of levels, computed from the table of trials alone."""
     rows = study.counted.assign(value=np.log(study.counted[column]) if log else study.counted[column])
     keys = ["dyad", *(name for name in rows if name.startswith("factor_"))]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from made_study import Block, made_study, times
-from netboard.analysis.extraction.study import Study
-from netboard.analysis.topics.dyads import Comparison, dyads
+from netboard.analysis.extraction.study import StudyData
+from netboard.analysis.topics.dyads import DyadComparison, dyads
 
 
 def blocks(*levels: tuple[float, float, float], force: str = "full") -> list[Block]:
@@ -18,7 +18,7 @@ def blocks(*levels: tuple[float, float, float], force: str = "full") -> list[Blo
     return made
 
 
-def of_time(study: Study, force: str = "full") -> Comparison:
+def of_time(study: StudyData, force: str = "full") -> DyadComparison:
     (only,) = [one for one in dyads(study).parts if (one.quantity.column, one.condition.force) == ("completion", force)]
     return only
 

@@ -6,7 +6,7 @@ from scipy import stats
 from statsmodels.stats.multitest import multipletests
 
 from made_modern import modern_blocks, modern_study
-from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.study import StudyData
 from netboard.analysis.report.numbers import families_grid
 from netboard.analysis.topics.contrasts import comparisons
 from netboard.analysis.topics.models import fits
@@ -15,17 +15,17 @@ from netboard.analysis.topics.testing import HOLM, UNCORRECTED, FamilyOfTests, f
 
 
 @pytest.fixture(scope="module")
-def study() -> Study:
+def study() -> StudyData:
     return modern_study(modern_blocks(dyads=4, trials=5))
 
 
 @pytest.fixture(scope="module")
-def found(study: Study) -> dict[str, FamilyOfTests]:
+def found(study: StudyData) -> dict[str, FamilyOfTests]:
     return {one.name: one for one in families(study).parts}
 
 
 def test_contrasts_of_a_family_of_measures_are_corrected_together(
-    study: Study, found: dict[str, FamilyOfTests]
+    study: StudyData, found: dict[str, FamilyOfTests]
 ) -> None:
     parts = comparisons(study).parts
     for measures in ("performance", "coordination", "forces"):
@@ -41,7 +41,7 @@ def test_contrasts_of_a_family_of_measures_are_corrected_together(
         assert family.corrected_least_p == min(1.0, 0.125 * len(tested))
 
 
-def test_other_tests_are_exploratory(study: Study, found: dict[str, FamilyOfTests]) -> None:
+def test_other_tests_are_exploratory(study: StudyData, found: dict[str, FamilyOfTests]) -> None:
     others = {name: one for name, one in found.items() if "permutation" not in name}
     assert {one.correction for one in others.values()} == {UNCORRECTED}
     signs = others["contrasts, all measures: sign tests"]
@@ -54,7 +54,7 @@ def test_other_tests_are_exploratory(study: Study, found: dict[str, FamilyOfTest
         assert family.below == sum(p < 0.05 for p in family.p)
 
 
-def test_table_of_tests_states_number_smallest_p_and_correction(study: Study) -> None:
+def test_table_of_tests_states_number_smallest_p_and_correction(study: StudyData) -> None:
     shown = families_grid(table_of(families(study).results))
     rows = {str(row[0]): row[1:] for row in shown.rows}
     tests = sum(1 for one in comparisons(study).parts if one.measure.family == "forces")

@@ -17,7 +17,7 @@ from made_recordings import recorded, two_trials
 from netboard.analysis.extraction import running
 from netboard.analysis.extraction.cache import Cache
 from netboard.analysis.extraction.settings import Readings, parse
-from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.study import StudyData
 from netboard.analysis.extraction.workers import dask, processes
 from netboard.base.config import Config
 from netboard.base.config import parse as parse_config
@@ -39,7 +39,7 @@ def no_workers(recordings: Sequence[Path]) -> Iterator[Executor]:
 
 
 @pytest.fixture(scope="module")
-def alone(recordings: tuple[Path, ...]) -> Study:
+def alone(recordings: tuple[Path, ...]) -> StudyData:
     return study_from(extracted(recordings, Readings()))
 
 
@@ -58,7 +58,7 @@ def test_interruption_ends_the_processes_at_once(recordings: tuple[Path, ...]) -
     assert isinstance(asked[0].exception(), BrokenExecutor)
 
 
-def test_tables_do_not_depend_on_file_order_or_processes(recordings: tuple[Path, ...], alone: Study) -> None:
+def test_tables_do_not_depend_on_file_order_or_processes(recordings: tuple[Path, ...], alone: StudyData) -> None:
     reports: list[tuple[str, int, int]] = []
     found = extracted(recordings[::-1], Readings(), processes(2), None, lambda *words: reports.append(words))
     assert [source.run.path for source in found.sources] == list(recordings)
@@ -70,7 +70,7 @@ def test_tables_do_not_depend_on_file_order_or_processes(recordings: tuple[Path,
     assert_same(study_from(found), alone)
 
 
-def test_cached_tables_equal_measured_tables(recordings: tuple[Path, ...], alone: Study, tmp_path: Path) -> None:
+def test_cached_tables_equal_measured_tables(recordings: tuple[Path, ...], alone: StudyData, tmp_path: Path) -> None:
     cache = Cache(tmp_path)
     some = extracted(recordings[:2], Readings(), HERE, cache)
     assert [source.cached for source in some.sources] == [False, False]
@@ -82,7 +82,9 @@ def test_cached_tables_equal_measured_tables(recordings: tuple[Path, ...], alone
     assert_same(study_from(kept), alone)
 
 
-def test_changed_exclusions_reuse_cached_measures(recordings: tuple[Path, ...], alone: Study, tmp_path: Path) -> None:
+def test_changed_exclusions_reuse_cached_measures(
+    recordings: tuple[Path, ...], alone: StudyData, tmp_path: Path
+) -> None:
     cache = Cache(tmp_path)
     extracted(recordings, Readings(), HERE, cache)
     stricter = parse("[exclusions]\nwarm_up = 1")
@@ -109,7 +111,7 @@ def test_changed_byte_invalidates_the_cache(recordings: tuple[Path, ...], tmp_pa
 
 @pytest.mark.parametrize("skip", [False, True])
 def test_copies_count_once_whatever_they_are_called(
-    recordings: tuple[Path, ...], alone: Study, tmp_path: Path, skip: bool
+    recordings: tuple[Path, ...], alone: StudyData, tmp_path: Path, skip: bool
 ) -> None:
     export(recordings, "csv", tmp_path / "out", lambda *progress: None)
     table = tmp_path / "out" / "ticks" / f"{recordings[1].stem}.csv"

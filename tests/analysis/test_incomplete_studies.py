@@ -10,17 +10,17 @@ from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
 from made_study import SMALL, made_study, random_blocks
-from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.study import StudyData
 from netboard.analysis.report.folder import write_tables
 from netboard.analysis.report.html import write_report
 from netboard.analysis.topics.everything import NOT_COMPUTED, PICTURES, drawn, results_in, results_of
-from netboard.analysis.topics.figure import Picture, as_bytes
+from netboard.analysis.topics.figure import TopicFigure, as_bytes
 from netboard.analysis.topics.groups import windows_of
 from report_studies import provenance_of
 from thinned_study import LACKS, lacking
 
 
-def check_attempts(study: Study) -> None:
+def check_attempts(study: StudyData) -> None:
     """Check that every attempt counts, failed, or is excluded for a reason, and that counted trials have a time."""
     keys = ["recording", "trial", "attempt"]
     out = set(study.exclusions[keys].itertuples(index=False, name=None))
@@ -31,7 +31,7 @@ def check_attempts(study: Study) -> None:
     assert (study.exclusions["why"] != "").all()
 
 
-def check_analysis(study: Study, folder: Path) -> None:
+def check_analysis(study: StudyData, folder: Path) -> None:
     """Make all tables, figures and the report of a study, and check that no error left any out."""
     check_attempts(study)
     results = results_of(study)
@@ -80,7 +80,7 @@ def test_randomly_incomplete_study_has_all_results(lacks: set[str], seed: int, d
 def test_failed_results_and_figures_are_replaced_by_the_reason() -> None:
     study = made_study(random_blocks(dyads=1, trials=3), *SMALL)
 
-    def breaks(study: Study) -> Picture:
+    def breaks(study: StudyData) -> TopicFigure:
         raise ValueError("Axis limits cannot be NaN or Inf")
 
     picture = drawn(study, breaks)

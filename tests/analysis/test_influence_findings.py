@@ -8,14 +8,14 @@ import pandas as pd
 import pytest
 
 from made_modern import Path, modern_blocks, modern_study, with_paths, without_paths
-from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.study import StudyData
 from netboard.analysis.topics import influence
 from netboard.analysis.topics.influence import Influence, influences
 
 SAMPLES = 120
 
 
-def study_with_a_leader(weight: float, seed: int = 1) -> Study:
+def study_with_a_leader(weight: float, seed: int = 1) -> StudyData:
     """Dyads whose right hand repeats the left hand's movement 40 ms later, plus noise of its own."""
     chance = np.random.default_rng(seed)
 
@@ -31,12 +31,12 @@ def study_with_a_leader(weight: float, seed: int = 1) -> Study:
     return with_paths(modern_study(blocks), draw)
 
 
-def changed_paths(study: Study, change: Callable[[pd.DataFrame], pd.DataFrame]) -> dict[str, pd.DataFrame]:
+def changed_paths(study: StudyData, change: Callable[[pd.DataFrame], pd.DataFrame]) -> dict[str, pd.DataFrame]:
     """Change the paths of every recording."""
     return {name: change(paths) for name, paths in study.paths.items()}
 
 
-def influence_of(study: Study, direction: str) -> Influence:
+def influence_of(study: StudyData, direction: str) -> Influence:
     (only,) = [one for one in influences(study).parts if one.direction == direction]
     return only
 

@@ -6,11 +6,11 @@ import pytest
 
 from made_modern import Path, modern_study, with_paths, without_paths
 from made_study import Block
-from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.study import StudyData
 from netboard.analysis.topics.paths import MeanPath, mean_paths
 
 
-def course_of(study: Study, quantity: str) -> MeanPath:
+def course_of(study: StudyData, quantity: str) -> MeanPath:
     (only,) = [one for one in mean_paths(study).parts if one.quantity == quantity]
     return only
 
@@ -29,7 +29,7 @@ def straight(trial: pd.Series) -> Path:
     }
 
 
-def study_of(*numbers: int, duration: float = 2.0) -> Study:
+def study_of(*numbers: int, duration: float = 2.0) -> StudyData:
     """Dyads with these numbers of trials, whose targets alternate between the sides."""
     blocks = [
         Block(

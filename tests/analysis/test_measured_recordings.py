@@ -11,7 +11,7 @@ from netboard.analysis.extraction.exclusions import NO_RELEASE
 from netboard.analysis.extraction.recordings import FIELDS, Measured, measure
 from netboard.analysis.extraction.settings import Readings, parse
 from netboard.analysis.extraction.study import study_of
-from netboard.analysis.extraction.trials import RATE, Block
+from netboard.analysis.extraction.trials import RATE, BlockData
 from netboard.analysis.measures.peaks import velocity_peaks
 from netboard.base.errors import RecordingError
 from netboard.recording.export.runs import runs_of
@@ -72,7 +72,7 @@ def test_peaks_equal_those_of_speed_filtered_by_scipy(folder: Path) -> None:
     path = sorted(folder.glob("*.mcap"))[0]
     run = runs_of([path])[0]
     with Recording(path) as recording:
-        block = Block.of(recording, run.config, Readings())
+        block = BlockData.of(recording, run.config, Readings())
         p = recording.columns("p")["p"]
     take = next(block.takes())
     stop = block.placed[block.placed > take.trial.stop][0]

@@ -9,9 +9,9 @@ import pytest
 
 from made_modern import modern_blocks, modern_study
 from made_study import Block, made_study, times
-from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.study import StudyData
 from netboard.analysis.extraction.tables import Group, number
-from netboard.analysis.extraction.trials import Take
+from netboard.analysis.extraction.trials import AttemptData
 from netboard.analysis.topics.measures import (
     MEASURES,
     Levels,
@@ -109,7 +109,7 @@ def test_delays_use_only_cooperative_movements_of_counted_trials() -> None:
 def test_column_that_a_function_does_not_measure_is_named() -> None:
     group = Group((number("tilt", "", "rad"), number("turns", "", "1")), lambda take: {"tilt": 0.1})
     with pytest.raises(RuntimeError, match=r"analysis/extraction/attempts\.py: lacks turns; expected .* tilt, turns"):
-        group.of(cast("Take", None))
+        group.of(cast("AttemptData", None))
 
 
 def test_measure_of_an_unknown_column_is_refused() -> None:
@@ -146,7 +146,7 @@ def test_levels_do_not_depend_on_the_names_of_dyads() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("of", ["trial", "movement", "attempt"])
 def test_study_without_attempts_has_no_levels(of: str) -> None:
-    study: Study = made_study([Block("D01", "D01", "dyadic", "full", [])])
+    study: StudyData = made_study([Block("D01", "D01", "dyadic", "full", [])])
     assert overview(study).parts == ()
     assert len(rows_of(study, of)) == 0  # type: ignore[arg-type]
     assert all(len(levels(study, measure)) == 0 for measure in measures_of(study))

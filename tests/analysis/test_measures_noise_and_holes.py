@@ -26,7 +26,7 @@ from netboard.analysis.measures.interaction import (
     work,
 )
 from netboard.analysis.measures.lags import lag_of, peak_delay, windowed_lags
-from netboard.analysis.measures.motion import Motion, Trial, ball_speed, find_completion, motion, placements
+from netboard.analysis.measures.motion import FilteredMotion, Trial, ball_speed, find_completion, motion, placements
 from netboard.analysis.measures.movements import classify, mean_shares, movement_times
 from netboard.analysis.measures.passive import (
     Gains,
@@ -79,7 +79,7 @@ def assert_equal_or_nan(measure: Callable[..., object], missing: list[int], *sig
         np.testing.assert_allclose(found[number], whole[number], rtol=1e-9, atol=1e-12)
 
 
-def disturbed(seed: int, deviation: float = 5e-5) -> Motion:
+def disturbed(seed: int, deviation: float = 5e-5) -> FilteredMotion:
     """The filtered movements with 50 um of noise on each stylus, as of a device's position sensor."""
     noise = np.random.default_rng(seed).normal(0, deviation, (3, HANDS.times.size))
     left, right = HANDS.left_z + noise[0], HANDS.right_z + noise[1]
@@ -89,7 +89,7 @@ def disturbed(seed: int, deviation: float = 5e-5) -> Motion:
 CLEAN = disturbed(0, 0.0)
 
 
-def turns(of: Motion) -> Segments:
+def turns(of: FilteredMotion) -> Segments:
     return board_segments(of.omega, of.theta, RATE)
 
 
@@ -246,7 +246,7 @@ def test_noise_and_holes_add_no_placements(seed: int, missing: list[int]) -> Non
 @pytest.mark.evidence("disturbance", motion, ball_speed, of="holes")
 @given(st.lists(st.integers(1, 3000), min_size=1, max_size=4))
 def test_holes_in_a_recording_stay_local(missing: list[int]) -> None:
-    def filtered(ball: np.ndarray, left: np.ndarray, *, unfilled: bool = True) -> Motion:
+    def filtered(ball: np.ndarray, left: np.ndarray, *, unfilled: bool = True) -> FilteredMotion:
         return motion(RATE, left if unfilled else bridge(left, RATE), HANDS.right_z, HANDS.theta, ball)
 
     found = filtered(with_holes(BALL, missing), with_holes(HANDS.left_z, missing))

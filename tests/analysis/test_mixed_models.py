@@ -18,7 +18,7 @@ from statsmodels.genmod.generalized_linear_model import GLM
 
 from netboard.analysis.statistics.effects import Model
 from netboard.analysis.statistics.estimates import t_interval
-from netboard.analysis.statistics.factors import INTERCEPT, PRACTICE, Factor, paper_factors
+from netboard.analysis.statistics.factors import INTERCEPT, PRACTICE, FixedFactor, paper_factors
 from netboard.analysis.statistics.models import MOST, count_model, log_time_model, share_model
 from netboard.analysis.statistics.random_effects import AT_ZERO
 
@@ -702,8 +702,8 @@ def with_masses(labels: Labels) -> dict[str, Any]:
     named = np.array(["light", "middle", "heavy"])[labels["order"] % 3]
     arguments = given(labels)
     numeric, categorical = (
-        Factor("mass", grams, numeric=True, unit="g"),
-        Factor("mass", named, ("light", "middle", "heavy")),
+        FixedFactor("mass", grams, numeric=True, unit="g"),
+        FixedFactor("mass", named, ("light", "middle", "heavy")),
     )
     return {"numeric": arguments | {"factors": (*arguments["factors"], numeric)}} | {
         "categorical": arguments | {"factors": (*arguments["factors"], categorical)}
@@ -747,7 +747,7 @@ def test_changing_the_reference_level_changes_only_signs(model: Any, sample: Any
     labels = plan(6, 12)
     arguments = with_masses(labels)["categorical"]
     haptics, configuration, mass = arguments["factors"]
-    turned = Factor("mass", mass.values, ("heavy", "light", "middle"))
+    turned = FixedFactor("mass", mass.values, ("heavy", "light", "middle"))
     values = sample(labels, Truth(), 32)
     one = model(values, **arguments)
     other = model(values, **arguments | {"factors": (haptics, configuration, turned)})
@@ -761,7 +761,7 @@ def test_changing_the_reference_level_changes_only_signs(model: Any, sample: Any
 @every_model
 def test_factor_between_dyads_costs_a_degree_of_freedom(model: Any, sample: Any) -> None:
     labels = plan(6, 12)
-    group = Factor("group", np.where(np.unique(labels["dyads"], return_inverse=True)[1] % 2, "trained", "novice"))
+    group = FixedFactor("group", np.where(np.unique(labels["dyads"], return_inverse=True)[1] % 2, "trained", "novice"))
     arguments = given(labels)
     values = sample(labels, Truth(), 33)
     found = model(values, **arguments | {"factors": (*arguments["factors"], group)})
@@ -775,12 +775,12 @@ def test_undeclared_levels_and_duplicate_factors_are_named() -> None:
     labels = plan(2, 3)
     arguments, times = given(labels), times_of(labels, Truth(), 34)
     haptics = arguments["factors"][0]
-    other = Factor("haptics", haptics.values, ("off", "full"))
+    other = FixedFactor("haptics", haptics.values, ("off", "full"))
     with pytest.raises(ValueError, match="haptics: one of off, full is expected, found on"):
         log_time_model(times, **arguments | {"factors": (other,)})
     with pytest.raises(ValueError, match="a name of its own"):
         log_time_model(times, **arguments | {"factors": (haptics, haptics)})
-    holes = Factor("mass", np.where(labels["order"] == 1, np.nan, 1.0), numeric=True)
+    holes = FixedFactor("mass", np.where(labels["order"] == 1, np.nan, 1.0), numeric=True)
     with pytest.raises(ValueError, match="mass: a number for each trial is expected, found nan"):
         log_time_model(times, **arguments | {"factors": (holes,)})
 

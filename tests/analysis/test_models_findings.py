@@ -10,7 +10,7 @@ from scipy import stats
 from made_modern import modern_blocks, modern_study
 from made_study import Block, declared, made_study, times
 from netboard.analysis.extraction.settings import Readings
-from netboard.analysis.extraction.study import Study, study_of
+from netboard.analysis.extraction.study import StudyData, study_of
 from netboard.analysis.statistics.factors import paper_factors
 from netboard.analysis.statistics.models import log_time_model
 from netboard.analysis.topics.models import Fits, fits, picture
@@ -18,7 +18,7 @@ from netboard.analysis.topics.result import table_of
 from netboard.base.tables.experiment import Design
 
 
-def _columns(study: Study) -> tuple[Any, ...]:
+def _columns(study: StudyData) -> tuple[Any, ...]:
     rows = study.counted
     return (
         *(rows[name] for name in ("completion", "dyad", "performer")),
@@ -136,7 +136,7 @@ def test_falls_absent_from_one_condition_have_a_finite_odds_ratio() -> None:
     assert "none failed in one condition (haptics on, configuration dyadic)" in row["note"]
 
 
-def falls_of(number: int) -> Study:
+def falls_of(number: int) -> StudyData:
     """Six dyads with some falls, in the first dyads' bimanual trials with haptics on."""
     blocks, left = list(modern_blocks(dyads=6, trials=8)), number
     for place, one in enumerate(blocks):

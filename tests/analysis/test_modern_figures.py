@@ -16,12 +16,12 @@ from matplotlib.text import Text
 from made_modern import Path, modern_blocks, modern_study, with_paths
 from made_study import Block, declared, made_study, random_block, times
 from netboard.analysis.extraction.settings import Readings
-from netboard.analysis.extraction.study import Study, study_of
+from netboard.analysis.extraction.study import StudyData, study_of
 from netboard.analysis.topics import contrasts, delay, influence, models, passive
 from netboard.analysis.topics.contrasts import comparisons
 from netboard.analysis.topics.everything import MODERN as FOUND
 from netboard.analysis.topics.everything import MODERN_FIGURES as MODERN
-from netboard.analysis.topics.figure import STYLE, Picture, as_bytes
+from netboard.analysis.topics.figure import STYLE, TopicFigure, as_bytes
 from netboard.analysis.topics.influence import influences
 from netboard.analysis.topics.leadership import leaders
 from netboard.analysis.topics.measures import overview
@@ -47,12 +47,12 @@ def any_path(trial: pd.Series) -> Path:
 
 
 @pytest.fixture(scope="module")
-def study() -> Study:
+def study() -> StudyData:
     return with_paths(modern_study(modern_blocks(trials=5)), any_path)
 
 
 @pytest.fixture(scope="module")
-def unusual() -> Study:
+def unusual() -> StudyData:
     """Five forces, and a robot and a still hand as partners."""
     chance = np.random.default_rng(1)
     others = [
@@ -64,12 +64,12 @@ def unusual() -> Study:
 
 
 @pytest.fixture(scope="module")
-def drawn(study: Study) -> dict[str, Picture]:
+def drawn(study: StudyData) -> dict[str, TopicFigure]:
     """All figures by name."""
     return {picture.name: picture for picture in (draw(study) for draw in MODERN)}
 
 
-def figure_of(picture: Picture) -> Figure:
+def figure_of(picture: TopicFigure) -> Figure:
     assert picture.figure is not None
     return picture.figure
 
@@ -80,7 +80,7 @@ def points(axes: Axes, label: str) -> np.ndarray:
     return np.column_stack(only.get_data())
 
 
-def panel(picture: Picture, title: str) -> Axes:
+def panel(picture: TopicFigure, title: str) -> Axes:
     titles = {axes: axes.get_title("left").replace("\n", " ") for axes in figure_of(picture).axes}
     (only,) = [axes for axes, found in titles.items() if found.endswith(title)]
     return only
@@ -88,7 +88,7 @@ def panel(picture: Picture, title: str) -> Axes:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
-def test_every_numeric_axis_has_a_unit(name: str, drawn: dict[str, Picture]) -> None:
+def test_every_numeric_axis_has_a_unit(name: str, drawn: dict[str, TopicFigure]) -> None:
     figure = figure_of(drawn[name])
     labels = [axis.get_label_text() for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)]
     numbers = [label for label in labels if label not in ("", "dyad")]
@@ -97,16 +97,16 @@ def test_every_numeric_axis_has_a_unit(name: str, drawn: dict[str, Picture]) -> 
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_captions_state_the_number_of_dyads(name: str, drawn: dict[str, Picture]) -> None:
+def test_captions_state_the_number_of_dyads(name: str, drawn: dict[str, TopicFigure]) -> None:
     assert re.search(r"n = 4|of 4 dyads", drawn[name].caption)
 
 
-def test_figures_are_named_after_their_modules(drawn: dict[str, Picture]) -> None:
+def test_figures_are_named_after_their_modules(drawn: dict[str, TopicFigure]) -> None:
     assert list(drawn) == NAMES
 
 
 @pytest.mark.parametrize("name", ["measures", "differences"])
-def test_titles_of_small_panels_are_no_wider_than_the_panel(name: str, drawn: dict[str, Picture]) -> None:
+def test_titles_of_small_panels_are_no_wider_than_the_panel(name: str, drawn: dict[str, TopicFigure]) -> None:
     figure = figure_of(drawn[name])
     with mpl.rc_context(STYLE):
         figure.draw_without_rendering()
@@ -116,7 +116,7 @@ def test_titles_of_small_panels_are_no_wider_than_the_panel(name: str, drawn: di
 
 
 @pytest.fixture(scope="module")
-def masses() -> Study:
+def masses() -> StudyData:
     """Dyads with balls of three masses: a factor that makes the names of conditions long."""
     found, chance = [], np.random.default_rng(3)
     names, values = ("light", "middle", "heavy"), (0.02, 0.05, 0.08)
@@ -135,7 +135,7 @@ def masses() -> Study:
 
 
 @pytest.mark.parametrize("draw", [delay.picture, influence.picture])
-def test_names_of_conditions_do_not_overlap(draw: Callable[[Study], Picture], masses: Study) -> None:
+def test_names_of_conditions_do_not_overlap(draw: Callable[[StudyData], TopicFigure], masses: StudyData) -> None:
     figure = figure_of(draw(masses))
     with mpl.rc_context(STYLE):
         figure.draw_without_rendering()
@@ -145,7 +145,7 @@ def test_names_of_conditions_do_not_overlap(draw: Callable[[Study], Picture], ma
             assert all(one.x1 < next_one.x0 for one, next_one in pairwise(boxes)), [one.get_text() for one in shown]
 
 
-def test_axis_of_ratios_has_several_ticks_in_a_narrow_range(masses: Study) -> None:
+def test_axis_of_ratios_has_several_ticks_in_a_narrow_range(masses: StudyData) -> None:
     axes = figure_of(models.picture(masses)).axes[0]
     low, high = axes.get_xlim()
     assert high < 3 * low
@@ -154,7 +154,7 @@ def test_axis_of_ratios_has_several_ticks_in_a_narrow_range(masses: Study) -> No
 
 @pytest.mark.parametrize("draw", [influence.picture, passive.picture])
 def test_figures_are_reproducible_to_the_byte(
-    draw: Callable[[Study], Picture], drawn: dict[str, Picture], study: Study
+    draw: Callable[[StudyData], TopicFigure], drawn: dict[str, TopicFigure], study: StudyData
 ) -> None:
     again = draw(study)
     assert as_bytes(figure_of(again), "svg") == as_bytes(figure_of(drawn[again.name]), "svg")
@@ -163,7 +163,7 @@ def test_figures_are_reproducible_to_the_byte(
 @pytest.mark.slow
 @pytest.mark.parametrize("draw", MODERN)
 @pytest.mark.sampled(1)
-def test_unusual_studies_are_drawn(draw: Callable[[Study], Picture], unusual: Study) -> None:
+def test_unusual_studies_are_drawn(draw: Callable[[StudyData], TopicFigure], unusual: StudyData) -> None:
     assert as_bytes(figure_of(draw(unusual)), "png").startswith(b"\x89PNG")
 
 
@@ -172,7 +172,7 @@ def test_unusual_studies_are_drawn(draw: Callable[[Study], Picture], unusual: St
 @pytest.mark.parametrize("trials", [[], times(3.0), [{"outcome": "fell"}]])
 @pytest.mark.sampled(9)
 def test_figure_that_cannot_be_drawn_states_the_reason(
-    draw: Callable[[Study], Picture], trials: list[dict[str, float]]
+    draw: Callable[[StudyData], TopicFigure], trials: list[dict[str, float]]
 ) -> None:
     picture = draw(made_study([Block("D01", "D01", "dyadic", "full", trials)]))
     assert picture.caption
@@ -183,7 +183,9 @@ def test_figure_that_cannot_be_drawn_states_the_reason(
 @pytest.mark.slow
 @pytest.mark.parametrize("find", FOUND)
 @pytest.mark.sampled(1)
-def test_results_of_unusual_studies_have_units_and_notes(find: Callable[[Study], object], unusual: Study) -> None:
+def test_results_of_unusual_studies_have_units_and_notes(
+    find: Callable[[StudyData], object], unusual: StudyData
+) -> None:
     table = table_of(find(unusual).results)  # type: ignore[attr-defined]
     assert len(table)
     assert not table.duplicated(["topic", "quantity", "group"]).any()
@@ -192,7 +194,7 @@ def test_results_of_unusual_studies_have_units_and_notes(find: Callable[[Study],
     assert (table.loc[table["value"].isna() | (table["n"] == 0), "note"] != "").all()
 
 
-def test_measures_figure_shows_the_levels(study: Study, drawn: dict[str, Picture]) -> None:
+def test_measures_figure_shows_the_levels(study: StudyData, drawn: dict[str, TopicFigure]) -> None:
     picture = drawn["measures"]
     for one in overview(study).parts:
         axes, unit = panel(picture, one.measure.name), read_in(one.measure.unit, one.measure.name)
@@ -205,7 +207,7 @@ def test_measures_figure_shows_the_levels(study: Study, drawn: dict[str, Picture
 
 
 @pytest.mark.slow
-def test_contrasts_figure_shows_effect_sizes_and_p(study: Study, drawn: dict[str, Picture]) -> None:
+def test_contrasts_figure_shows_effect_sizes_and_p(study: StudyData, drawn: dict[str, TopicFigure]) -> None:
     picture = drawn["contrasts"]
     assert "assumes that the differences are distributed symmetrically" in picture.caption
     axes = dict(zip(("forces", "configuration", "interaction"), figure_of(picture).axes, strict=True))
@@ -225,7 +227,7 @@ def test_contrasts_figure_shows_effect_sizes_and_p(study: Study, drawn: dict[str
     assert "corrected by Holm's method" in picture.caption
 
 
-def test_differences_figure_shows_the_dyads(study: Study, drawn: dict[str, Picture]) -> None:
+def test_differences_figure_shows_the_dyads(study: StudyData, drawn: dict[str, TopicFigure]) -> None:
     picture = drawn["differences"]
     for one in comparisons(study).parts:
         axes = panel(picture, one.measure.name)
@@ -237,7 +239,7 @@ def test_differences_figure_shows_the_dyads(study: Study, drawn: dict[str, Pictu
         assert points(axes, one.question.name)[:, 1] == pytest.approx([unit.scale * one.difference.value])
 
 
-def test_models_figure_shows_ratios_and_residuals(study: Study, drawn: dict[str, Picture]) -> None:
+def test_models_figure_shows_ratios_and_residuals(study: StudyData, drawn: dict[str, TopicFigure]) -> None:
     picture, found = drawn["models"], fits(study)
     terms = panel(picture, "ratios of the models' terms")
     shown = [fit for fit in found.fits if fit.model.fitted]
@@ -260,7 +262,7 @@ def test_models_of_one_condition_are_not_drawn() -> None:
     assert picture.caption.startswith("No model has more than one condition. Completion time: haptics: left out")
 
 
-def test_leadership_figure_is_signed_and_centred_on_zero(study: Study, drawn: dict[str, Picture]) -> None:
+def test_leadership_figure_is_signed_and_centred_on_zero(study: StudyData, drawn: dict[str, TopicFigure]) -> None:
     picture = drawn["leadership"]
     for lead in leaders(study).parts:
         axes, scale = panel(picture, f"  {lead.measure.name}"), 1000.0 if lead.measure.unit == "s" else 1.0
@@ -269,7 +271,7 @@ def test_leadership_figure_is_signed_and_centred_on_zero(study: Study, drawn: di
         assert low == -high
 
 
-def test_influence_figure_shows_dyads_and_surrogates(study: Study, drawn: dict[str, Picture]) -> None:
+def test_influence_figure_shows_dyads_and_surrogates(study: StudyData, drawn: dict[str, TopicFigure]) -> None:
     axes = figure_of(drawn["influence"]).axes[0]
     lines = {line.get_label(): line.get_ydata() for line in axes.lines}
     for place, one in enumerate(influences(study).parts):
@@ -282,13 +284,15 @@ def test_influence_figure_shows_dyads_and_surrogates(study: Study, drawn: dict[s
         np.testing.assert_array_equal(lines[names[1]], one.chance.surrogates)
 
 
-def test_influence_caption_says_whether_all_exchanges_were_made(study: Study, drawn: dict[str, Picture]) -> None:
+def test_influence_caption_says_whether_all_exchanges_were_made(
+    study: StudyData, drawn: dict[str, TopicFigure]
+) -> None:
     assert "share of all exchanges of partners" in drawn["influence"].caption
     some = [replace(one, chance=replace(one.chance, exact=False)) for one in influences(study).parts if one.chance]
     assert "share of randomly drawn exchanges of partners" in influence._caption(some)
 
 
-def test_passive_figure_shows_effect_and_passive_partner(study: Study, drawn: dict[str, Picture]) -> None:
+def test_passive_figure_shows_effect_and_passive_partner(study: StudyData, drawn: dict[str, TopicFigure]) -> None:
     picture = drawn["passive"]
     axes = figure_of(picture).axes[0]
     found = controls(study).parts
@@ -301,7 +305,7 @@ def test_passive_figure_shows_effect_and_passive_partner(study: Study, drawn: di
     assert ("95 % bootstrap intervals" in picture.caption) == bool(shown_shares)
 
 
-def test_paths_figure_shows_means_and_bands(study: Study, drawn: dict[str, Picture]) -> None:
+def test_paths_figure_shows_means_and_bands(study: StudyData, drawn: dict[str, TopicFigure]) -> None:
     picture = drawn["paths"]
     for one in mean_paths(study).parts:
         means = [
@@ -321,7 +325,7 @@ def test_paths_figure_shows_means_and_bands(study: Study, drawn: dict[str, Pictu
         assert heights.max() == pytest.approx(scale * one.high.max())
 
 
-def test_quality_figure_shows_every_block_and_dyad(study: Study, drawn: dict[str, Picture]) -> None:
+def test_quality_figure_shows_every_block_and_dyad(study: StudyData, drawn: dict[str, TopicFigure]) -> None:
     blocks = find_quality(study).blocks
     picture = drawn["quality"]
     fell, excluded = (

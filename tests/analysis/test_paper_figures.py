@@ -10,14 +10,14 @@ from matplotlib.figure import Figure
 
 from made_study import SMALL, Block, made_study, random_block, random_blocks, times
 from netboard.analysis.extraction.details import THRESHOLDS
-from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.study import StudyData
 from netboard.analysis.topics import classes, delay, dyads, learning, strategy
 from netboard.analysis.topics.classes import classes as find_classes
 from netboard.analysis.topics.delay import delay as find_delay
 from netboard.analysis.topics.dyads import dyads as find_dyads
 from netboard.analysis.topics.everything import PAPER_FIGURES as PAPER
 from netboard.analysis.topics.everything import pictures
-from netboard.analysis.topics.figure import Picture, as_bytes
+from netboard.analysis.topics.figure import TopicFigure, as_bytes
 from netboard.analysis.topics.groups import CLASSES
 from netboard.analysis.topics.learning import learning as find_learning
 from netboard.analysis.topics.strategy import strategy as find_strategy
@@ -26,12 +26,12 @@ FORCES = ("full", "partner_only", "environment_only", "none", "unrelated")
 
 
 @pytest.fixture(scope="module")
-def study() -> Study:
+def study() -> StudyData:
     return made_study(random_blocks(), *SMALL)
 
 
 @pytest.fixture(scope="module")
-def unusual() -> Study:
+def unusual() -> StudyData:
     """Five forces, and a robot and a still hand as partners."""
     chance = np.random.default_rng(1)
     others = [
@@ -42,7 +42,7 @@ def unusual() -> Study:
     return made_study([*random_blocks(forces=FORCES), *others], *SMALL)
 
 
-def figure_of(picture: Picture) -> Figure:
+def figure_of(picture: TopicFigure) -> Figure:
     assert picture.figure is not None
     return picture.figure
 
@@ -53,17 +53,17 @@ def lines(axes: Axes, label: str) -> np.ndarray:
     return np.column_stack(only.get_data())
 
 
-def panels(picture: Picture) -> Iterator[Axes]:
+def panels(picture: TopicFigure) -> Iterator[Axes]:
     yield from figure_of(picture).axes
 
 
-def titled(picture: Picture, title: str) -> Axes:
+def titled(picture: TopicFigure, title: str) -> Axes:
     (only,) = [axes for axes in panels(picture) if axes.get_title("left").endswith(f"$  {title}")]
     return only
 
 
 @pytest.mark.parametrize("draw", PAPER)
-def test_every_axis_has_a_label_with_a_unit(draw: Callable[[Study], Picture], study: Study) -> None:
+def test_every_axis_has_a_label_with_a_unit(draw: Callable[[StudyData], TopicFigure], study: StudyData) -> None:
     """Inner panels share the labels of the outer ones, and names of conditions need no unit."""
     for axes in panels(draw(study)):
         for axis in (axes.xaxis, axes.yaxis):
@@ -76,7 +76,7 @@ def test_every_axis_has_a_label_with_a_unit(draw: Callable[[Study], Picture], st
 
 
 @pytest.mark.parametrize("draw", PAPER)
-def test_captions_state_n_and_the_kind_of_interval(draw: Callable[[Study], Picture], study: Study) -> None:
+def test_captions_state_n_and_the_kind_of_interval(draw: Callable[[StudyData], TopicFigure], study: StudyData) -> None:
     caption = draw(study).caption
     assert re.search(r"[Nn] = \d", caption)
     assert re.search(r"95 % confidence intervals \((t|Wilson|t on the log scale(; t)?)\)", caption)
@@ -86,7 +86,7 @@ def test_captions_state_n_and_the_kind_of_interval(draw: Callable[[Study], Pictu
 @pytest.mark.slow
 @pytest.mark.parametrize("draw", PAPER)
 @pytest.mark.sampled(2)
-def test_figures_are_reproducible_to_the_byte(draw: Callable[[Study], Picture], study: Study) -> None:
+def test_figures_are_reproducible_to_the_byte(draw: Callable[[StudyData], TopicFigure], study: StudyData) -> None:
     first, second = (as_bytes(figure_of(draw(study)), "svg") for _ in range(2))
     assert first == second
 
@@ -94,12 +94,12 @@ def test_figures_are_reproducible_to_the_byte(draw: Callable[[Study], Picture], 
 @pytest.mark.slow
 @pytest.mark.parametrize("draw", PAPER)
 @pytest.mark.sampled(2)
-def test_study_with_other_conditions_is_drawn(draw: Callable[[Study], Picture], unusual: Study) -> None:
+def test_study_with_other_conditions_is_drawn(draw: Callable[[StudyData], TopicFigure], unusual: StudyData) -> None:
     assert len(as_bytes(figure_of(draw(unusual)), "svg")) > 10_000
 
 
 @pytest.mark.parametrize("draw", PAPER)
-def test_figure_without_data_states_the_reason(draw: Callable[[Study], Picture]) -> None:
+def test_figure_without_data_states_the_reason(draw: Callable[[StudyData], TopicFigure]) -> None:
     picture = draw(made_study([Block("D01", "D01", "dyadic", "none", [{"outcome": "fell"}])]))
     assert picture.figure is None
     assert picture.caption.startswith("No ")
@@ -109,19 +109,19 @@ def test_figure_without_data_states_the_reason(draw: Callable[[Study], Picture])
 @pytest.mark.parametrize("draw", PAPER)
 @pytest.mark.parametrize("trials", [1, 4])
 @pytest.mark.sampled(3)
-def test_single_dyad_with_few_trials_is_drawn_or_skipped(draw: Callable[[Study], Picture], trials: int) -> None:
+def test_single_dyad_with_few_trials_is_drawn_or_skipped(draw: Callable[[StudyData], TopicFigure], trials: int) -> None:
     picture = draw(made_study(random_blocks(dyads=1, trials=trials)))
     assert picture.figure is None or as_bytes(picture.figure, "svg")
 
 
 @pytest.mark.slow
-def test_figures_have_unique_names(study: Study) -> None:
+def test_figures_have_unique_names(study: StudyData) -> None:
     names = [picture.name for picture in pictures(study)]
     assert len(set(names)) == len(names)
     assert names[:6] == ["primary", "learning", "dyads", "classes", "strategy", "delay"]
 
 
-def test_learning_figure_shows_the_results(study: Study) -> None:
+def test_learning_figure_shows_the_results(study: StudyData) -> None:
     picture = learning.picture(study)
     time, peaks = figure_of(picture).axes[0], figure_of(picture).axes[2]
     one = find_learning(study).parts[0]
@@ -136,7 +136,7 @@ def test_learning_figure_shows_the_results(study: Study) -> None:
         assert f"{course.ends.first.mean:.2f} ± {course.ends.first.deviation:.2f}" in texts[0]
 
 
-def test_stacked_areas_equal_the_class_durations(study: Study) -> None:
+def test_stacked_areas_equal_the_class_durations(study: StudyData) -> None:
     axes = figure_of(learning.picture(study)).axes[0]
     one = find_learning(study).parts[0]
     tops = [area.get_paths()[0].vertices[:, 1].max() for area in axes.collections]
@@ -144,7 +144,7 @@ def test_stacked_areas_equal_the_class_durations(study: Study) -> None:
     np.testing.assert_allclose(tops, stacked.max(axis=1))
 
 
-def test_dyads_figure_shows_the_points(study: Study) -> None:
+def test_dyads_figure_shows_the_points(study: StudyData) -> None:
     axes = titled(dyads.picture(study), "completion time")
     for one in find_dyads(study).parts:
         if one.quantity.column == "completion":
@@ -155,7 +155,7 @@ def test_dyads_figure_shows_the_points(study: Study) -> None:
 
 
 @pytest.mark.slow
-def test_dyads_figure_shows_the_gains(study: Study) -> None:
+def test_dyads_figure_shows_the_gains(study: StudyData) -> None:
     axes = figure_of(dyads.picture(study)).axes[2]
     names = [label.get_text() for label in axes.get_yticklabels()]
     found = [one for one in find_dyads(study).parts if one.quantity.column == "completion"]
@@ -168,7 +168,7 @@ def test_dyads_figure_shows_the_gains(study: Study) -> None:
         assert values[1][0] == one.gain.value
 
 
-def test_class_bars_show_the_mean_shares(study: Study) -> None:
+def test_class_bars_show_the_mean_shares(study: StudyData) -> None:
     axes = titled(classes.picture(study), "mean shares")
     widths = {bars.get_label(): bars.patches[0].get_width() for bars in axes.containers}
     begins = {bars.get_label(): bars.patches[0].get_x() for bars in axes.containers}
@@ -180,7 +180,7 @@ def test_class_bars_show_the_mean_shares(study: Study) -> None:
             assert widths[f"_{one.condition.name}: {name}"] == pytest.approx(100 * mean.value)
 
 
-def test_class_dots_show_means_intervals_and_dyads(study: Study) -> None:
+def test_class_dots_show_means_intervals_and_dyads(study: StudyData) -> None:
     picture = classes.picture(study)
     for name in CLASSES:
         axes = titled(picture, name)
@@ -195,7 +195,7 @@ def test_class_dots_show_means_intervals_and_dyads(study: Study) -> None:
         )
 
 
-def test_strategy_figure_shows_ellipses_and_variances(study: Study) -> None:
+def test_strategy_figure_shows_ellipses_and_variances(study: StudyData) -> None:
     picture = strategy.picture(study)
     for team in find_strategy(study).parts:
         axes = titled(picture, "all participants and dyads" if team.team == "all" else team.team)
@@ -216,7 +216,7 @@ def test_generalised_variance_has_its_own_panel() -> None:
     assert "[cm⁴/s²]" in titled(picture, "generalised variance").get_ylabel()
 
 
-def test_delay_figure_shows_the_results(study: Study) -> None:
+def test_delay_figure_shows_the_results(study: StudyData) -> None:
     axes = figure_of(delay.picture(study)).axes
     for one in find_delay(study).parts:
         for panel, found in zip(axes, (one.as_set, one.own_peak, one.signed), strict=True):
@@ -239,7 +239,7 @@ def test_caption_warns_that_intervals_over_movements_are_too_narrow() -> None:
     assert "n = 54 movements" in picture.caption
 
 
-def test_conditions_differ_in_marker_shape_or_fill(unusual: Study) -> None:
+def test_conditions_differ_in_marker_shape_or_fill(unusual: StudyData) -> None:
     axes = titled(dyads.picture(unusual), "completion time")
     looks = {
         line.get_label(): (line.get_marker(), line.get_markerfacecolor() == "white")

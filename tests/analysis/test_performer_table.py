@@ -7,7 +7,7 @@ import pytest
 
 from made_study import Block, made_study, times
 from netboard.analysis.extraction.settings import Readings
-from netboard.analysis.extraction.study import Study, study_of
+from netboard.analysis.extraction.study import StudyData, study_of
 from netboard.analysis.topics.performers import PEOPLE, people_of
 from netboard.analysis.topics.result import cached
 from rehearsed_study import measured, rehearse
@@ -16,13 +16,13 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
-def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
+def study(tmp_path_factory: pytest.TempPathFactory) -> StudyData:
     where = tmp_path_factory.mktemp("study")
     rehearse(where)
     return study_of(measured(where, Readings()), Readings())
 
 
-def test_table_lists_all_performers_with_their_partners(study: Study) -> None:
+def test_table_lists_all_performers_with_their_partners(study: StudyData) -> None:
     people = people_of(study)
     assert list(people) == [field.name for field in (*PEOPLE, *study.factor_fields)]
     assert set(people["factor_haptics"]) == {"on", "off"}
@@ -37,7 +37,7 @@ def test_table_lists_all_performers_with_their_partners(study: Study) -> None:
     assert set(people.loc[people["configuration"] == "dyadic", "partner"]) == {""}
 
 
-def test_row_summarises_the_performers_own_trials(study: Study) -> None:
+def test_row_summarises_the_performers_own_trials(study: StudyData) -> None:
     for row in people_of(study).to_dict("records"):
         chosen = (study.trials["performer"] == row["performer"]) & (study.trials["condition"] == row["condition"])
         own = study.trials[chosen]
@@ -82,7 +82,7 @@ def test_participant_in_two_dyads_has_a_partner_in_each() -> None:
     ]
 
 
-def test_excluded_trials_are_in_no_mean(study: Study) -> None:
+def test_excluded_trials_are_in_no_mean(study: StudyData) -> None:
     cached = study.trials["counts"] * (study.trials["trial"] > 2)
     fewer = people_of(replace(study, trials=study.trials.assign(counts=cached)))
     assert set(fewer["trials"]) == {1}
@@ -90,8 +90,8 @@ def test_excluded_trials_are_in_no_mean(study: Study) -> None:
     assert fewer["completion_sd"].isna().all()
 
 
-def test_costly_results_are_computed_once_per_study(study: Study) -> None:
-    asked: list[Study] = []
+def test_costly_results_are_computed_once_per_study(study: StudyData) -> None:
+    asked: list[StudyData] = []
     find = cached(lambda one: asked.append(one) or len(asked))  # type: ignore[func-returns-value]
     other = replace(study)
     assert [find(study), find(study), find(other), find(study), find(other)] == [1, 1, 2, 1, 2]

@@ -14,7 +14,7 @@ from statsmodels.stats.proportion import proportion_confint
 from typer.testing import CliRunner
 
 from made_study import made_study, random_blocks
-from netboard.analysis.cohort.power import PERMUTATION, T_TEST, Differences, Rate, Scale, differences, powers
+from netboard.analysis.cohort.power import PERMUTATION, T_TEST, Differences, PowerRate, Scale, differences, powers
 from netboard.analysis.cohort.report import Assumptions, draw, flat, sentence, write
 from netboard.analysis.cohort.rows import group_rows
 from netboard.analysis.statistics.contrasts import condition_contrast
@@ -90,7 +90,7 @@ def test_interval_width_of_ratios_is_a_ratio() -> None:
 
 @pytest.mark.parametrize(("hits", "total"), [(0, 10), (7, 10), (200, 200)])
 def test_monte_carlo_interval_equals_wilson(hits: int, total: int) -> None:
-    found = Rate.of(hits, total)
+    found = PowerRate.of(hits, total)
     assert (found.low, found.high) == pytest.approx(proportion_confint(hits, total, method="wilson"), abs=1e-12)
 
 
@@ -156,8 +156,8 @@ def test_results_state_their_assumptions(tmp_path: Path) -> None:
 
 def test_sentence_names_the_number_of_dyads_whose_power_is_surely_enough() -> None:
     """A power of 0.81 from 100 studies may be one of 0.72: the how-to takes the lower limit."""
-    one = replace(next(powers([drawn()], [8])), dyads=8, power=Rate.of(81, 100))
-    two = replace(one, dyads=12, power=Rate.of(95, 100))
+    one = replace(next(powers([drawn()], [8])), dyads=8, power=PowerRate.of(81, 100))
+    two = replace(one, dyads=12, power=PowerRate.of(95, 100))
     assert one.power.low < 0.8 < two.power.low
     assert sentence([one, two], ASSUMED).startswith("With 12 dyads")
     assert "lower limit is below 0.8 with each simulated number" in sentence([one], ASSUMED)

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from netboard.analysis.extraction.devices import Mechanics, at, mechanics_of
+from netboard.analysis.extraction.devices import DeviceMechanics, at, mechanics_of
 from netboard.base.config import Config
 from netboard.participants.device_models import MODELS, resolved
 
@@ -28,7 +28,7 @@ class FakeRecording:
         return tuple(self.joined)
 
 
-def found(config: Config, recording: Any) -> dict[str, Mechanics | None]:
+def found(config: Config, recording: Any) -> dict[str, DeviceMechanics | None]:
     return {side: at(held, 0) for side, held in mechanics_of(config, recording).items()}
 
 
@@ -49,8 +49,8 @@ def test_identified_mechanics_take_precedence_over_the_model() -> None:
         "profile_friction": "0.3 +- 0.02 N",
     }
     both = found(with_device("openhaptics"), FakeRecording([touch("left", **profile), touch("right")]))
-    assert both["left"] == Mechanics(0.05, 0.2, 0.3)
-    assert both["right"] == Mechanics(0.045, 0.1, 0.26)
+    assert both["left"] == DeviceMechanics(0.05, 0.2, 0.3)
+    assert both["right"] == DeviceMechanics(0.045, 0.1, 0.26)
 
 
 @pytest.mark.parametrize(("name", "model"), [("Touch X", "touch_x"), ("Falcon", "falcon"), ("PHANTOM Omni", "omni")])
@@ -58,14 +58,14 @@ def test_model_is_recognised_by_the_name_of_the_device(name: str, model: str) ->
     joined = Joined({"side": "left", "device": "openhaptics", "model": name})
     known = MODELS[model]
     left = found(with_device("openhaptics"), FakeRecording([joined]))["left"]
-    assert left == Mechanics(known.mass, known.damping, known.friction)
+    assert left == DeviceMechanics(known.mass, known.damping, known.friction)
 
 
 def test_simulated_devices_use_the_configured_mechanics() -> None:
     config = Config()
     config = replace(config, virtual=replace(config.virtual, model="falcon", friction=0.4))
     own = resolved(config.virtual)
-    expected = Mechanics(own.mass, own.damping, 0.4)
+    expected = DeviceMechanics(own.mass, own.damping, 0.4)
     for recording in (
         FakeRecording(),
         FakeRecording(metadata={"rehearsed": "true"}),
@@ -91,4 +91,4 @@ def test_device_replaced_in_a_block_counts_from_then_on() -> None:
     left = mechanics_of(with_device("openhaptics"), FakeRecording([first, second]))["left"]  # type: ignore[arg-type]
     touch_model, falcon = MODELS["touch"], MODELS["falcon"]
     for tick, model in ((0, touch_model), (4999, touch_model), (5000, falcon), (9000, falcon)):
-        assert at(left, tick) == Mechanics(model.mass, model.damping, model.friction)
+        assert at(left, tick) == DeviceMechanics(model.mass, model.damping, model.friction)

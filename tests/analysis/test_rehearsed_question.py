@@ -8,7 +8,7 @@ from scipy import stats
 
 from netboard.analysis.extraction.recordings import measure
 from netboard.analysis.extraction.settings import Readings
-from netboard.analysis.extraction.study import Study, study_of
+from netboard.analysis.extraction.study import StudyData, study_of
 from netboard.analysis.report.html import write_report
 from netboard.analysis.topics.primary import picture, primary
 from netboard.analysis.topics.result import table_of
@@ -40,7 +40,7 @@ DYADS = 4
 
 
 @pytest.fixture(scope="module")
-def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
+def study(tmp_path_factory: pytest.TempPathFactory) -> StudyData:
     folder = tmp_path_factory.mktemp("rehearsed")
     for dyad in range(1, DYADS + 1):
         rehearse_all(jobs_of(blocks_of(Config(), parse_study(STUDY), 1, dyad), 1, dyad, folder), 1)
@@ -49,7 +49,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
 
 
 @pytest.mark.slow
-def test_head_has_the_interaction_of_an_independent_computation(study: Study, tmp_path: Path) -> None:
+def test_head_has_the_interaction_of_an_independent_computation(study: StudyData, tmp_path: Path) -> None:
     results = table_of(primary(study).results)
     page = read_page(write_report(tmp_path, study, results, [picture(study)], provenance_of(study)))
     (head,) = [one for one in page.all("section") if one["aria-labelledby"] == "question"]

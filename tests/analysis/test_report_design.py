@@ -5,7 +5,7 @@ from typing import Any
 from made_study import Block, Row, declared, made_study, measured, rows_of, times
 from netboard.analysis.extraction.recordings import BLOCKS, FIELDS, Measured
 from netboard.analysis.extraction.settings import Readings, parse
-from netboard.analysis.extraction.study import Study, study_of
+from netboard.analysis.extraction.study import StudyData, study_of
 from netboard.analysis.report.design import design
 from netboard.analysis.report.grids import Grid
 from netboard.base.tables.experiment import Design
@@ -22,7 +22,7 @@ def changed(found: Measured, **values: Any) -> Measured:
     return Measured(rows_of(BLOCKS, [row | values]), trials, found.movements, found.paths)
 
 
-def with_practice(*overrides: str, kind: str = "practice") -> Study:
+def with_practice(*overrides: str, kind: str = "practice") -> StudyData:
     """Two dyads that practise with haptics on, alone, and begin with haptics on and with haptics off."""
     found = []
     for dyad, forces in (("D01", ("full", "none")), ("D02", ("none", "full"))):

@@ -13,12 +13,12 @@ from scipy import stats
 
 from declared_study import DECLARED, TWO, crossed_study
 from netboard.analysis.extraction.settings import Exclusions, Filters, Readings
-from netboard.analysis.extraction.study import Study, study_of
+from netboard.analysis.extraction.study import StudyData, study_of
 from netboard.analysis.report.answer import compatible
 from netboard.analysis.report.html import write_report
 from netboard.analysis.topics import primary
 from netboard.analysis.topics.everything import drawn
-from netboard.analysis.topics.figure import Picture, new_figure
+from netboard.analysis.topics.figure import TopicFigure, new_figure
 from netboard.analysis.topics.result import table_of
 from netboard.base.errors import NetboardError
 from pages import Element, read_page
@@ -27,15 +27,17 @@ from report_studies import block, few_results, provenance_of, sha256_of, small_s
 NOTHING = table_of([])
 
 
-def picture(name: str = "learning", points: int = 5) -> Picture:
+def picture(name: str = "learning", points: int = 5) -> TopicFigure:
     """A figure with markers and clipping, whose SVG refers to ids."""
     figure, (axes,) = new_figure(2.0)
     axes.plot(np.arange(points), np.random.default_rng(1).random(points), "o-", label="people & others")
     axes.legend()
-    return Picture(name, f"The {name}", f"What {name} is; n = 4 dyads.", figure)
+    return TopicFigure(name, f"The {name}", f"What {name} is; n = 4 dyads.", figure)
 
 
-def written(folder: Path, study: Study, pictures: Sequence[Picture] = (), results: pd.DataFrame = NOTHING) -> Element:
+def written(
+    folder: Path, study: StudyData, pictures: Sequence[TopicFigure] = (), results: pd.DataFrame = NOTHING
+) -> Element:
     return read_page(write_report(folder, study, results, pictures, provenance_of(study)))
 
 
@@ -142,7 +144,7 @@ def test_tables_have_captions_and_headings(whole: Element) -> None:
 
 
 def test_a_missing_figure_is_a_sentence_and_has_no_number_and_no_caption(tmp_path: Path) -> None:
-    missing = Picture("dyads", "Dyads and partners", "No participant performed alone.", None)
+    missing = TopicFigure("dyads", "Dyads and partners", "No participant performed alone.", None)
     page = written(tmp_path, small_study(), [picture("learning"), missing, picture("delay")])
     figures = section(page, "figures")
     assert [one.text.partition(" What")[0] for one in figures.all("figcaption")] == ["Figure 1.", "Figure 2."]
@@ -325,7 +327,7 @@ def test_hostile_names_are_escaped(tmp_path: Path) -> None:
     readings = Readings(exclusions=Exclusions(trials=(f"{HOSTILE}/1: {HOSTILE}",)))
     study = study_of([block(HOSTILE, **names)], readings)
     origin = provenance_of(study, left_out=[{"file": HOSTILE, "why": HOSTILE}], command=HOSTILE)
-    evil = Picture("learning", HOSTILE, HOSTILE, picture().figure)
+    evil = TopicFigure("learning", HOSTILE, HOSTILE, picture().figure)
     path = write_report(tmp_path, study, few_results().assign(group=HOSTILE, note=HOSTILE), [evil], origin)
     text = path.read_text(encoding="utf-8")
     page = read_page(path)

@@ -7,7 +7,7 @@ import pytest
 
 from netboard.analysis.extraction.recordings import measure
 from netboard.analysis.extraction.settings import Readings, parse
-from netboard.analysis.extraction.trials import Block, columns_for
+from netboard.analysis.extraction.trials import BlockData, columns_for
 from netboard.base.tick import TICK
 from netboard.network.protocol.motion import Safeguard
 from netboard.recording.export.runs import runs_of
@@ -50,7 +50,7 @@ def test_streamed_columns_equal_those_of_the_recording(recordings: tuple[Path, .
     (run,) = runs_of(recordings[:1])
     measured = measure(run, readings)
     with Recording(run.path) as recording:
-        block = Block.of(recording, run.config, readings)
+        block = BlockData.of(recording, run.config, readings)
     assert measured.blocks["ticks"][0] == block.samples
     apart = [take.completion for take in block.takes()]
     assert measured.trials["completion"].tolist() == apart

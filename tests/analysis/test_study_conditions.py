@@ -7,7 +7,7 @@ from made_study import Block, made_study, measured, rows_of, times
 from netboard.analysis.extraction.conditions import factor_read, factors_text, settings_text
 from netboard.analysis.extraction.recordings import BLOCKS
 from netboard.analysis.extraction.settings import Readings
-from netboard.analysis.extraction.study import Study, study_of
+from netboard.analysis.extraction.study import StudyData, study_of
 from netboard.analysis.topics.contrasts import questions_of
 from netboard.analysis.topics.groups import conditions
 from netboard.base.config import Config
@@ -17,7 +17,7 @@ from netboard.base.tables.forces import Force
 TRIALS = 6
 
 
-def study_with(configs: Iterable[Config]) -> Study:
+def study_with(configs: Iterable[Config]) -> StudyData:
     """Make a study of one block of each configuration."""
     found = []
     for number, config in enumerate(configs, start=1):

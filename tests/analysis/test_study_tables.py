@@ -11,7 +11,7 @@ from made_study import measured as made_block
 from netboard.analysis.extraction.exclusions import NO_COMPLETION, excluded
 from netboard.analysis.extraction.recordings import Measured
 from netboard.analysis.extraction.settings import Exclusions, Readings, parse
-from netboard.analysis.extraction.study import FIELDS_IN_STUDY, Study, notes, study_of
+from netboard.analysis.extraction.study import FIELDS_IN_STUDY, StudyData, notes, study_of
 from netboard.base.errors import ConfigError
 from netboard.base.tables.experiment import TECHNICAL
 from rehearsed_study import measured, rehearse
@@ -24,7 +24,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return where
 
 
-def study(folder: Path, *words: str) -> Study:
+def study(folder: Path, *words: str) -> StudyData:
     readings = parse("", overrides=words)
     return study_of(measured(folder, Readings()), readings)
 

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from netboard.analysis.extraction.details import delays_of
 from netboard.analysis.extraction.recordings import Measured
 from netboard.analysis.extraction.settings import Readings, parse
-from netboard.analysis.extraction.trials import Block, Take
+from netboard.analysis.extraction.trials import AttemptData, BlockData
 from netboard.analysis.topics.figure import as_bytes
 from netboard.analysis.topics.trial import PANELS, panel, sheet
 from netboard.base.errors import NetboardError
@@ -30,10 +30,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def takes(folder: Path) -> list[Take]:
+def takes(folder: Path) -> list[AttemptData]:
     (run,) = runs_of(sorted(folder.glob("*.mcap")))
     with Recording(run.path) as recording:
-        return list(Block.of(recording, run.config, Readings()).takes())
+        return list(BlockData.of(recording, run.config, Readings()).takes())
 
 
 @pytest.fixture(scope="module")
@@ -41,11 +41,11 @@ def tables(folder: Path) -> Measured:
     return measured(folder, Readings())[0]
 
 
-def axes_of(take: Take, name: str) -> Axes:
+def axes_of(take: AttemptData, name: str) -> Axes:
     return panel(take, name).axes[0]
 
 
-def test_every_axis_has_a_unit_and_every_panel_a_title(takes: list[Take]) -> None:
+def test_every_axis_has_a_unit_and_every_panel_a_title(takes: list[AttemptData]) -> None:
     for take in takes:
         figure = sheet(take).figure
         assert figure is not None
@@ -56,7 +56,7 @@ def test_every_axis_has_a_unit_and_every_panel_a_title(takes: list[Take]) -> Non
             assert ": " in axes.get_title(loc="left")
 
 
-def test_titles_state_the_numbers_of_the_tables(takes: list[Take], tables: Measured) -> None:
+def test_titles_state_the_numbers_of_the_tables(takes: list[AttemptData], tables: Measured) -> None:
     for row, take in enumerate(takes):
         titles = {name: axes_of(take, name).get_title(loc="left") for name in PANELS}
         number = {name: column[row] for name, column in tables.trials.items()}
@@ -71,7 +71,7 @@ def test_titles_state_the_numbers_of_the_tables(takes: list[Take], tables: Measu
 
 @pytest.mark.parametrize("threshold", ["slower_side", "own_peak"])
 @pytest.mark.parametrize("velocity", ["own_direction", "magnitude"])
-def test_delay_panel_follows_the_settings(takes: list[Take], threshold: str, velocity: str) -> None:
+def test_delay_panel_follows_the_settings(takes: list[AttemptData], threshold: str, velocity: str) -> None:
     words = (f"delays.threshold={threshold}", f"delays.velocity={velocity}")
     readings = parse("", overrides=words)
     take = next(replace(one, block=one.block.again(readings)) for one in takes if delays_of(one)[0].cooperative.any())
@@ -88,7 +88,7 @@ def test_delay_panel_follows_the_settings(takes: list[Take], threshold: str, vel
     assert f"of {whose} (lines), largest movement" in axes.get_title(loc="left")
 
 
-def test_peaks_panel_marks_all_peaks(takes: list[Take], tables: Measured) -> None:
+def test_peaks_panel_marks_all_peaks(takes: list[AttemptData], tables: Measured) -> None:
     for row, take in enumerate(takes):
         drawn = [line for line in axes_of(take, "peaks").lines if line.get_marker() == "o"]
         assert [len(line.get_xdata()) for line in drawn] == [
@@ -97,7 +97,7 @@ def test_peaks_panel_marks_all_peaks(takes: list[Take], tables: Measured) -> Non
         ]
 
 
-def test_sheet_is_reproducible_to_the_byte(takes: list[Take]) -> None:
+def test_sheet_is_reproducible_to_the_byte(takes: list[AttemptData]) -> None:
     one, other = (as_bytes(panel(takes[0], "peaks"), "svg") for _ in range(2))
     assert one == other
     assert b"<text" in one

@@ -12,7 +12,7 @@ from pydantic import TypeAdapter
 
 from netboard.base.config import Config, digest, parse, require_effective, resolve, template
 from netboard.base.errors import ConfigError
-from netboard.base.settings import Key, Table, about, read, tables, to_toml
+from netboard.base.settings import Key, SettingsTable, about, read, tables, to_toml
 from netboard.base.tables.experiment import Session
 from netboard.base.tables.rig import Agent, Agents
 from netboard.base.tables.scene import Physics
@@ -20,7 +20,7 @@ from netboard.task.studies.study import Study
 
 ALL = [(table, key) for table in tables(Config) for key in table.keys]
 QUANTITIES = [(table, key) for table, key in ALL if key.unit]
-NAMED = {"ids": lambda part: part.name if isinstance(part, Table | Key) else str(part)}
+NAMED = {"ids": lambda part: part.name if isinstance(part, SettingsTable | Key) else str(part)}
 
 
 def problems(text: str, *overrides: str) -> list[str]:
@@ -116,14 +116,14 @@ def test_digest_distinguishes_configurations() -> None:
 
 
 @pytest.mark.parametrize(("table", "key"), ALL, **NAMED)
-def test_wrong_type_error_names_table_key_and_expected_type(table: Table, key: Key) -> None:
+def test_wrong_type_error_names_table_key_and_expected_type(table: SettingsTable, key: Key) -> None:
     (problem,) = problems(f"[{table.name}]\n{key.name} = [[1]]")
     if not isinstance(key.default, dict):
         assert problem == f"rig.toml: [{table.name}] {key.name}: found a list, expected {key.expected} ({key.text})"
 
 
 @pytest.mark.parametrize(("table", "key"), QUANTITIES, **NAMED)
-def test_values_beyond_limits_and_infinity_are_refused(table: Table, key: Key) -> None:
+def test_values_beyond_limits_and_infinity_are_refused(table: SettingsTable, key: Key) -> None:
     limits = re.findall(r"(>=|>|<=|<) (\S+)", key.limits)
     assert len(limits) == 2
     for sign, bound in limits:

@@ -7,7 +7,7 @@ import pytest
 
 from netboard.base.config import Config
 from netboard.base.tables.rig import Display, Network
-from netboard.benchmarks.loop.display import Shown, height_at, lateness
+from netboard.benchmarks.loop.display import ShownFrames, height_at, lateness
 from netboard.network.transport.ports import free_port
 
 NONE = np.zeros(0, np.int64)
@@ -17,7 +17,7 @@ NONE = np.zeros(0, np.int64)
 def test_display_delay_is_estimated(late_ms):
     painted = np.arange(0, 5_000_000_000, 16_666_667)
     heights = np.array([height_at(int(at - late_ms * 1e6))[0] for at in painted])
-    delay, off = lateness(Shown(NONE, NONE, NONE, painted, heights, 0.0, 0))
+    delay, off = lateness(ShownFrames(NONE, NONE, NONE, painted, heights, 0.0, 0))
     assert delay * 1e3 == pytest.approx(late_ms, abs=0.02)
     assert off < 5e-4
 

@@ -8,10 +8,10 @@ import pytest
 
 from netboard.base.config import SIDES, Config
 from netboard.base.tick import TICK, TICK_NS
-from netboard.benchmarks.harness.results import Part
+from netboard.benchmarks.harness.results import ResultPart
 from netboard.benchmarks.loop.bench import Setting
 from netboard.benchmarks.loop.loop import (
-    Measured,
+    MeasuredLoop,
     Round,
     costs_part,
     latency_part,
@@ -55,7 +55,7 @@ def stamps_with(loops_ns: Sequence[int], late_ns: int = 0) -> Stamps:
     return stamps_from({name: ticks[name] for name in COLUMNS})
 
 
-def measured(*loops_ns: int, echo_ns: int = 200_000, late_ns: int = 0, agent: float = 0.1) -> Measured:
+def measured(*loops_ns: int, echo_ns: int = 200_000, late_ns: int = 0, agent: float = 0.1) -> MeasuredLoop:
     """One round for each duration of the loop."""
     stamps = stamps_with(loops_ns, late_ns)
     timer = TickTiming(np.zeros(COUNT, np.int64), 0)
@@ -63,10 +63,10 @@ def measured(*loops_ns: int, echo_ns: int = 200_000, late_ns: int = 0, agent: fl
     costs |= {f"{side} agent": cost(agent) for side in SIDES} | {f"peer {side}": cost(0.05) for side in SIDES}
     spans = [(k * COUNT * TICK_NS, (k + 1) * COUNT * TICK_NS) for k in range(len(loops_ns))]
     rounds = [Round(span, np.full(2 * COUNT, echo_ns), timer, costs) for span in spans]
-    return Measured(rounds, stamps, loop_timing(stamps, spans), {"server": cost(0.1, 0.05)})
+    return MeasuredLoop(rounds, stamps, loop_timing(stamps, spans), {"server": cost(0.1, 0.05)})
 
 
-def verdicts(part: Part) -> list[bool]:
+def verdicts(part: ResultPart) -> list[bool]:
     return [verdict.holds for verdict in part.verdicts]
 
 

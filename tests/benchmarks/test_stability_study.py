@@ -13,11 +13,11 @@ from netboard.base.errors import ConfigError
 from netboard.base.tables.scene import Physics
 from netboard.base.tick import TICK_SECONDS
 from netboard.benchmarks.harness.machine import describe
-from netboard.benchmarks.harness.results import Folder, Part, Verdict, new_folder, show
+from netboard.benchmarks.harness.results import BenchVerdict, Folder, ResultPart, new_folder, show
 from netboard.benchmarks.physics.problem import hermite_drives, styluses_at
 from netboard.benchmarks.stability.maps import (
     PLANES,
-    Cell,
+    MapCell,
     draw_map,
     largest_scale,
     map_parts,
@@ -114,9 +114,13 @@ def test_board_at_rest_reaches_zero_without_denormals() -> None:
 # --- what is written ---------------------------------------------------------------------------------------------
 
 
-def part_of(holds: bool) -> Part:
-    return Part(
-        "lengths", "Lengths", ("what", "length [m]"), [("one", 0.5), ("none", math.inf)], [Verdict("a", holds, "b")]
+def part_of(holds: bool) -> ResultPart:
+    return ResultPart(
+        "lengths",
+        "Lengths",
+        ("what", "length [m]"),
+        [("one", 0.5), ("none", math.inf)],
+        [BenchVerdict("a", holds, "b")],
     )
 
 
@@ -154,7 +158,7 @@ def test_stability_map_is_summarised_and_drawn(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     plane = PLANES[0]
     cells = [
-        Cell(method, across, down, theory, nonlinear)
+        MapCell(method, across, down, theory, nonlinear)
         for method, theory, nonlinear in (("rk4", 1e-3, 1.01e-3), ("euler", 1e-3, 0.8e-3), ("etdrk4", math.inf, 0.2))
         for down in (1.0, 10.0)
         for across in (1.0, 10.0)

@@ -67,7 +67,7 @@ class ReferenceSafety:
         self._fail(Safeguard.DEVICE_LOST)
 
     def step(self, now_ns: int, wanted: Vector, fresh_ns: int | None, velocity: Vector) -> Limited:
-        """Limit one wanted force, as `netboard.devices.safety.chain.Safety.step` does."""
+        """Limit one wanted force, as `netboard.devices.safety.chain.SafetyChain.step` does."""
         dt = 0.0 if self._now_ns is None else max(now_ns - self._now_ns, 0) * 1e-9
         # A caller whose clock steps back gains no ramp or slew from it.
         self._now_ns = now_ns if self._now_ns is None else max(now_ns, self._now_ns)

@@ -10,13 +10,13 @@ from netboard.base.tables.rig import Safety
 from netboard.devices.contract.device import DeviceInfo, Reading
 from netboard.devices.contract.profile import Mechanics
 from netboard.devices.setup import checkup
-from netboard.devices.setup.loop import Driver, Track, track_of, watch
+from netboard.devices.setup.loop import DeviceRun, Driver, track_of, watch
 from netboard.participants.submovement import Submovement
 
 INFO = DeviceInfo("it", "1", 3.3, 0.88, 5.5e-5)
 
 
-def track(n: int = 3000, **other: object) -> Track:
+def track(n: int = 3000, **other: object) -> DeviceRun:
     t = np.arange(n) * 1e-3
     parts: dict = {
         "begun": t,
@@ -29,10 +29,10 @@ def track(n: int = 3000, **other: object) -> Track:
         "written": t,
         "force": np.zeros((n, 3)),
     }
-    return Track(**{**parts, **other})
+    return DeviceRun(**{**parts, **other})
 
 
-def finding(name: str, recorded: Track, info: DeviceInfo = INFO) -> Finding:
+def finding(name: str, recorded: DeviceRun, info: DeviceInfo = INFO) -> Finding:
     return next(each for each in checkup.examine(recorded, info) if each.name == name)
 
 

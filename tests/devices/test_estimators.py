@@ -16,7 +16,7 @@ from netboard.devices.contract.estimators import (
     JERK,
     Estimator,
     Observer,
-    Window,
+    WindowEstimator,
     alpha_beta,
     alpha_beta_gains,
     chai3d,
@@ -184,7 +184,7 @@ def test_window_is_limited_to_its_capacity() -> None:
 
 
 def test_window_starts_at_the_newest_position_older_than_its_span() -> None:
-    estimator = Window(10 * MS)
+    estimator = WindowEstimator(10 * MS)
     heights = {0: 0.0, 4: 0.001, 5: 0.003, 12: 0.0, 15: 0.004}
     for t, z in heights.items():
         found = estimator.update(t * MS, 0.0, 0.0, z)[2]

@@ -19,7 +19,7 @@ from netboard.devices.contract.device import Device
 from netboard.devices.falcon import device as backend
 from netboard.devices.falcon import ftdi
 from netboard.devices.falcon.kinematics import CENTRE
-from netboard.devices.falcon.serial_protocol import GREEN, HOME, RED, Answer, answer_in, frame_of
+from netboard.devices.falcon.serial_protocol import GREEN, HOME, RED, FalconReply, answer_in, frame_of
 from netboard.testing.device import MS, DeviceContract
 
 NORMAL = [(9, 1), (3, 0x2), (0, 1), (0, 2)]
@@ -107,7 +107,7 @@ def test_frame_encodes_forces_and_flags() -> None:
 def test_response_decodes_to_counts_homing_and_buttons(counts: tuple, homed: int, buttons: int) -> None:
     frame = bytearray(frame_of(counts, 0))
     frame[13] = 0x41 + (homed << 4 | buttons)
-    assert answer_in(bytes(frame)) == Answer(counts, homed == 7, buttons)
+    assert answer_in(bytes(frame)) == FalconReply(counts, homed == 7, buttons)
 
 
 @given(st.binary(min_size=14, max_size=14))

@@ -9,8 +9,8 @@ from netboard.base.errors import DeviceError, NetboardError
 from netboard.base.tables.rig import Safety
 from netboard.devices.setup import excitation
 from netboard.devices.setup.excitation import Chirp
-from netboard.devices.setup.identification import Estimate, Identified, Motion, identify
-from netboard.devices.setup.loop import Track
+from netboard.devices.setup.identification import AxisRun, Identified, ParameterEstimate, identify
+from netboard.devices.setup.loop import DeviceRun
 
 MODELS = [
     (0.045, 0.1, 0.26),
@@ -26,11 +26,11 @@ MODELS = [
 """Mass [kg], damping [N s/m], friction [N]."""
 
 
-def run(config: Config, chirp: Chirp | None = None) -> Track:
+def run(config: Config, chirp: Chirp | None = None) -> DeviceRun:
     return excitation.run(virtual(config), SimulatedTime(), chirp or Chirp(), config.safety)
 
 
-def within(estimate: Estimate, true: float, share: float, slack: float = 0.0) -> bool:
+def within(estimate: ParameterEstimate, true: float, share: float, slack: float = 0.0) -> bool:
     return abs(estimate.value - true) <= share * true + slack
 
 
@@ -62,7 +62,7 @@ def test_held_device_parameters_are_identified_within_5_percent(mass: float, dam
 
 
 @pytest.fixture(scope="module")
-def motion() -> Motion:
+def motion() -> AxisRun:
     return excitation.motion_of(run(configured()))
 
 
@@ -73,27 +73,27 @@ def check_touch_parameters(result: Identified) -> None:
 
 
 @pytest.mark.slow
-def test_delay_is_identified(motion: Motion) -> None:
+def test_delay_is_identified(motion: AxisRun) -> None:
     result = identify(motion._replace(written=motion.written - 0.003), held=False)
     check_touch_parameters(result)
     assert result.delay.value == pytest.approx(0.003, abs=2e-4)
 
 
 @pytest.mark.slow
-def test_constant_weight_is_identified_as_load(motion: Motion) -> None:
+def test_constant_weight_is_identified_as_load(motion: AxisRun) -> None:
     result = identify(motion._replace(force=motion.force + 0.1), held=False)
     check_touch_parameters(result)
     assert result.load.value == pytest.approx(-0.1, abs=1e-3)
 
 
 @pytest.mark.slow
-def test_missing_readings_do_not_bias_the_identification(motion: Motion) -> None:
+def test_missing_readings_do_not_bias_the_identification(motion: AxisRun) -> None:
     kept = np.random.default_rng(1).random(len(motion.time)) > 0.1
     check_touch_parameters(identify(motion._replace(time=motion.time[kept], place=motion.place[kept]), held=False))
 
 
 @pytest.mark.slow
-def test_noise_widens_the_confidence_intervals_around_the_true_values(motion: Motion) -> None:
+def test_noise_widens_the_confidence_intervals_around_the_true_values(motion: AxisRun) -> None:
     noise = 2e-4 * np.random.default_rng(1).standard_normal(len(motion.place))
     plain, noisy = identify(motion, held=False), identify(motion._replace(place=motion.place + noise), held=False)
     check_touch_parameters(noisy)
@@ -108,8 +108,8 @@ def test_identification_of_a_stationary_stylus_is_rejected() -> None:
         excitation.identified(run(configured(friction=4.0)), held=False)
 
 
-def test_identification_of_a_short_run_is_rejected(motion: Motion) -> None:
-    short = Motion(*(values[:2000] for values in motion))
+def test_identification_of_a_short_run_is_rejected(motion: AxisRun) -> None:
+    short = AxisRun(*(values[:2000] for values in motion))
     with pytest.raises(NetboardError, match="too short"):
         identify(short, held=False)
 

@@ -17,10 +17,10 @@ from netboard.base.errors import ConfigError
 from netboard.devices.contract import profile
 from netboard.devices.contract.device import Device, Reading
 from netboard.devices.contract.profile import Identity, Placement, Profile
-from netboard.devices.mouse import MAX_FORCE, SILENCE_TIMEOUT_NS, MouseStylus, Options, follow
+from netboard.devices.mouse import MAX_FORCE, SILENCE_TIMEOUT_NS, MouseOptions, MouseStylus, follow
 from netboard.testing.device import MS, DeviceContract
 
-RATE = 1.0 / Options().smoothing
+RATE = 1.0 / MouseOptions().smoothing
 heights = st.floats(-0.2, 0.2)
 pauses = st.floats(1e-4, 0.2)
 
@@ -85,7 +85,7 @@ def test_stylus_lags_a_uniformly_moving_pointer_by_two_time_constants() -> None:
     for k in range(1000):
         z, vz = follow(z, vz, 1e-4 * k, 1e-4 * (k + 1), 1e-3, RATE)
     assert vz == pytest.approx(0.1, rel=1e-12)
-    assert 0.1 - z == pytest.approx(0.1 * 2.0 * Options().smoothing, rel=1e-9)
+    assert 0.1 - z == pytest.approx(0.1 * 2.0 * MouseOptions().smoothing, rel=1e-9)
 
 
 @settings(deadline=None)
@@ -117,7 +117,7 @@ def test_path_solves_the_equation_of_motion() -> None:
 @given(st.lists(st.tuples(st.floats(-2, 2), st.floats(-9, 9), st.integers(1, 60)), min_size=1, max_size=12))
 def test_stylus_stays_within_speed_limit_and_reach(turns: list[tuple[float, float, int]]) -> None:
     device, now = opened(), 0
-    most, reach = Options().max_speed, Options().reach
+    most, reach = MouseOptions().max_speed, MouseOptions().reach
     for z, force, milliseconds in turns:
         device.point(z, now * MS)
         device.write(0.0, 0.0, force)

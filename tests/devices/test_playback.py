@@ -9,7 +9,7 @@ import pytest
 
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError, DeviceNotFound, RecordingError
-from netboard.base.tables.rig import Recording
+from netboard.base.tables.rig import RecordingSettings
 from netboard.base.tick import TICK
 from netboard.devices.contract.device import Device, Reading
 from netboard.devices.simulated.playback import Playback, Track, read_csv, read_track
@@ -60,7 +60,7 @@ def record(path: Path) -> tuple[Path, np.ndarray]:
         rows[name][700:704] = rows[name][699]  # a repeated sample
     text = '[session]\nname = "S01"\n'
     about = provenance(Welcome("3f2a9c1e00000000", 1, 7, text), config, 1, S, 42)
-    writer = RecordingWriter(path, about, text, Recording(), S)
+    writer = RecordingWriter(path, about, text, RecordingSettings(), S)
     for k, row in enumerate(rows):
         writer.write(TickRecord(row.tobytes()), k, S + k * MS)
     writer.finish(S + len(rows) * MS)

@@ -19,7 +19,7 @@ from netboard.devices.safety.chain import (
     TABLE,
     Guard,
     Limited,
-    Safety,
+    SafetyChain,
     Trip,
 )
 from netboard.network.protocol.motion import Safeguard
@@ -36,7 +36,7 @@ class Bench:
     """A safety chain stepped at 1 kHz, with a server that sends a force every tick unless it is cut off."""
 
     def __init__(self, limits: Limits = LIMITS, device: float = 3.3, lasting: float = 3.3) -> None:
-        self.chain = Safety(limits, device, lasting)
+        self.chain = SafetyChain(limits, device, lasting)
         self.now = 0
         self.fresh_ns: int | None = None
         self.history: list[Limited] = []
@@ -371,7 +371,7 @@ limit = st.builds(
 @settings(max_examples=200)
 @given(limit, st.floats(0.1, 10.0), st.floats(0.1, 10.0), st.lists(moment, max_size=25))
 def test_safety_rules_hold_for_any_input_sequence(limits: Limits, device: float, lasting: float, moments: list) -> None:
-    chain, now, last = Safety(limits, device, lasting), 0, STILL
+    chain, now, last = SafetyChain(limits, device, lasting), 0, STILL
     for action, dt, wanted, age, speed, times in moments:
         before = chain.guard
         if action == "arm":
@@ -408,7 +408,7 @@ def test_compiled_chain_matches_the_plain_python_reference(
     limits: Limits, device: float, lasting: float, moments: list
 ) -> None:
     """Bit for bit, in every state and fault, also if the clock steps back."""
-    pair, now = (Safety(limits, device, lasting), ReferenceSafety(limits, device, lasting)), 0
+    pair, now = (SafetyChain(limits, device, lasting), ReferenceSafety(limits, device, lasting)), 0
     for action, dt, wanted, age, speed, times in moments:
         if action:
             first, second = (getattr(chain, CALLS[action])() for chain in pair)
@@ -428,7 +428,7 @@ def test_compiled_chain_matches_the_reference_on_recorded_traffic(side: str) -> 
     with Recording(DATA / "format-3.mcap") as recording:
         ticks = recording.ticks()
     limits, forces, rng = replace(LIMITS, arm_time=0.01, arm_gate=5.0), [], np.random.default_rng(3)
-    pair = Safety(limits, 3.3, 0.88), ReferenceSafety(limits, 3.3, 0.88)
+    pair = SafetyChain(limits, 3.3, 0.88), ReferenceSafety(limits, 3.3, 0.88)
     fresh_ns = None
     for tick in ticks:
         now, fz, vz = int(tick["time_ns"]), float(tick[f"{side}_force"]), float(tick[f"{side}_sent_vz"])

@@ -15,7 +15,7 @@ from netboard.services.guard import Guarded
 from netboard.services.options import Workers
 
 if TYPE_CHECKING:
-    from netboard.benchmarks.harness.running import Options, Study
+    from netboard.benchmarks.harness.running import BenchStudy, Options
 
 app = typer.Typer(
     cls=Guarded,
@@ -57,7 +57,7 @@ def _register(name: str, module: str, text: str) -> None:
     def item(options: "Options") -> int:
         from netboard.benchmarks.harness.running import run
 
-        study: Study = import_module(f"evidence.{module}").study
+        study: BenchStudy = import_module(f"evidence.{module}").study
         return 0 if all(verdict.holds for verdict in run(name, study, options)) else 1
 
     item.__name__, item.__doc__ = name, text

@@ -29,7 +29,7 @@ from typing import Annotated
 import typer
 from lies import KINDS, Case, cases, unchanged, written
 
-from netboard.benchmarks.harness.results import Folder, Part
+from netboard.benchmarks.harness.results import Folder, ResultPart
 from netboard.benchmarks.harness.running import Options, Tell, run
 
 MAX_SECONDS, MAX_MB = 60.0, 700.0
@@ -274,7 +274,7 @@ def warm_up(scratch: Path, *, quick: bool) -> None:
 # --- tables ----------------------------------------------------------------------------------------------------------
 
 
-def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
+def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[ResultPart]:
     """Run the commands on the files and tabulate how they ended."""
     planned = [turn for kind in KINDS for turn in turns(kind, cases(kind, QUICK_FILES if quick else None), quick=quick)]
     tell(f"{len({id(case) for case, _ in planned})} files, {len(planned)} commands", 0)
@@ -296,9 +296,9 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
     yield part
 
 
-def table(found: Sequence[Result], name: str, heading: str, key: Callable[[Result], str]) -> Part:
+def table(found: Sequence[Result], name: str, heading: str, key: Callable[[Result], str]) -> ResultPart:
     """Tabulate results by a property of theirs."""
-    part = Part(
+    part = ResultPart(
         f"hostile-{name}",
         "Files that lie about themselves, and how the commands that opened them ended",
         f"{heading} | files [1] | commands [1] | read [1] | refused, and said so [1] | faults [1] | longest [s] | "

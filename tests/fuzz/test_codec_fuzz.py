@@ -169,7 +169,7 @@ def test_the_memory_for_malformed_frames_is_bounded_by_their_length() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("form", "kind"), [(fixed.STYLUS, Stylus), (fixed.FORCE, Force)])
-def test_the_fixed_form_reader_agrees_with_the_codec(form: fixed.Form, kind: type[Message]) -> None:
+def test_the_fixed_form_reader_agrees_with_the_codec(form: fixed.FixedForm, kind: type[Message]) -> None:
     rng = random.Random(4)
     words = np.zeros(1, fixed.fields_of(kind))
     numbers = words.view(np.int64)
@@ -182,7 +182,7 @@ def test_the_fixed_form_reader_agrees_with_the_codec(form: fixed.Form, kind: typ
     assert taken > FRAME_COUNT // 100
 
 
-def fixed_frame(form: fixed.Form, kind: type[Message], rng: random.Random) -> bytes:
+def fixed_frame(form: fixed.FixedForm, kind: type[Message], rng: random.Random) -> bytes:
     """Return a frame of the fixed form with random numbers."""
     words = np.frombuffer(rng.randbytes(8 * len(form.markers)), np.int64)
     frame = np.zeros(form.size, np.uint8)

@@ -6,7 +6,7 @@ import pytest
 
 from evidence.faults.fuzz_peers import peer_parts
 from evidence.faults.fuzz_server import server_parts
-from netboard.benchmarks.harness.results import Part
+from netboard.benchmarks.harness.results import ResultPart
 
 pytestmark = [pytest.mark.integration, pytest.mark.quiet, pytest.mark.slow, pytest.mark.timeout(240)]
 
@@ -19,7 +19,7 @@ def ignore_progress(text: str, share: float) -> None:
     """Discard a progress report."""
 
 
-def failed_claims(parts: list[Part]) -> list[str]:
+def failed_claims(parts: list[ResultPart]) -> list[str]:
     """Return the claims that do not hold, except the one about timing."""
     verdicts = [verdict for part in parts for verdict in part.verdicts]
     return [f"{v.claim}: {v.found}" for v in verdicts if not v.holds and v.claim != TIMING_CLAIM]

@@ -17,7 +17,7 @@ from netboard.network.protocol.motion import Force, Heartbeat, Point, Stylus
 _FORMS = [(kind, fixed.form_of(kind)) for kind in (Stylus, Force, Point, Heartbeat)]
 
 
-def written(message: Message, form: fixed.Form) -> bytes:
+def written(message: Message, form: fixed.FixedForm) -> bytes:
     """The message in its fixed form."""
     words = np.zeros(len(form.markers), np.int64)
     words.view(np.dtype(fixed.fields_of(type(message))))[0] = astuple(message)  # type: ignore[call-overload]
@@ -27,7 +27,7 @@ def written(message: Message, form: fixed.Form) -> bytes:
 
 
 @pytest.mark.parametrize(("kind", "form"), _FORMS)
-def test_fixed_form_and_codec_read_each_frame_alike(kind: type, form: fixed.Form) -> None:
+def test_fixed_form_and_codec_read_each_frame_alike(kind: type, form: fixed.FixedForm) -> None:
     @settings(max_examples=100, deadline=None)
     @given(messages_of(kind))
     def check(message: Message) -> None:
@@ -39,7 +39,7 @@ def test_fixed_form_and_codec_read_each_frame_alike(kind: type, form: fixed.Form
     check()
 
 
-def read(frame: bytes, kind: type, form: fixed.Form) -> Message | None:
+def read(frame: bytes, kind: type, form: fixed.FixedForm) -> Message | None:
     """The message in a frame of the fixed form, None if the frame has another form."""
     words = np.zeros(len(form.markers), np.int64)
     if not fixed.read(frame, form, words):
@@ -50,7 +50,7 @@ def read(frame: bytes, kind: type, form: fixed.Form) -> Message | None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "form"), _FORMS)
-def test_frame_with_a_changed_byte_reads_as_in_the_codec_or_not_at_all(kind: type, form: fixed.Form) -> None:
+def test_frame_with_a_changed_byte_reads_as_in_the_codec_or_not_at_all(kind: type, form: fixed.FixedForm) -> None:
     @settings(max_examples=200, deadline=None)
     @given(st.integers(0, form.size - 1), st.integers(0, 255), messages_of(kind))
     def check(place: int, byte: int, message: Message) -> None:

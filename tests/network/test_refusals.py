@@ -7,7 +7,7 @@ from netboard.network.transport.refusal_count import (
     MAX_REPORTS,
     OTHER_REASONS,
     OTHERS,
-    RefusalCount,
+    RefusalCounter,
 )
 
 SECOND = 1_000_000_000
@@ -18,7 +18,7 @@ def details(reason: str, peer: str = "x") -> dict[str, str]:
 
 
 def test_refusals_are_reported_at_once_then_less_often_and_in_total_last() -> None:
-    count = RefusalCount()
+    count = RefusalCounter()
     reported = []
     for millisecond in range(10_000):
         count.count(("x", "why"), details("why"))
@@ -30,7 +30,7 @@ def test_refusals_are_reported_at_once_then_less_often_and_in_total_last() -> No
 
 
 def test_single_burst_of_refusals_is_reported_in_full() -> None:
-    count = RefusalCount()
+    count = RefusalCounter()
     for _ in range(400):
         count.count(("x", "why"), details("why"))
         count.reports(0)
@@ -38,7 +38,7 @@ def test_single_burst_of_refusals_is_reported_in_full() -> None:
 
 
 def test_number_of_reports_is_limited_and_none_is_lost() -> None:
-    count = RefusalCount()
+    count = RefusalCounter()
     for number in range(60):
         count.count((str(number),), details("why", str(number)))
     reported: list[dict[str, str]] = []
@@ -51,7 +51,7 @@ def test_number_of_reports_is_limited_and_none_is_lost() -> None:
 
 
 def test_kinds_and_reasons_beyond_the_maximum_are_counted_together() -> None:
-    count = RefusalCount()
+    count = RefusalCounter()
     for number in range(4 * MAX_KINDS):
         count.count((str(number),), {"channel": "log"} | details(f"why {number}", str(number)))
     rest = count.final_reports()
@@ -63,7 +63,7 @@ def test_kinds_and_reasons_beyond_the_maximum_are_counted_together() -> None:
 
 
 def test_excess_unknown_peers_are_counted_by_channel_and_reason() -> None:
-    count = RefusalCount()
+    count = RefusalCounter()
     for number in range(400):
         count.count((str(number),), {"channel": "motion"} | details("its key is not known here", str(number)))
     rest = count.final_reports()

@@ -13,7 +13,7 @@ from typing import Any
 
 from netboard.network.protocol import codec
 from netboard.network.protocol.joining import ROLES
-from netboard.network.protocol.messages import CHOICES, KINDS, Kind
+from netboard.network.protocol.messages import CHOICES, KINDS, MessageKind
 from netboard.network.protocol.motion import Safeguard
 
 PROTOCOL = Path(codec.__file__).with_name("PROTOCOL.md")
@@ -66,7 +66,7 @@ def _listed(roles: tuple[str, ...]) -> str:
     return f"{', '.join(others)} and {last}" if others else last
 
 
-def section(number: int, kind: Kind) -> str:
+def section(number: int, kind: MessageKind) -> str:
     """Section of one message."""
     names = [field.name for field in dataclasses.fields(kind.message)]
     text, meanings = described(kind.message, names)

@@ -20,8 +20,8 @@ from netboard.network.protocol.motion import Force, Heartbeat
 from netboard.network.transport import channels, sockets
 from netboard.nodes.agent import agent as agent_module
 from netboard.nodes.agent import motion_link
-from netboard.nodes.agent.agent import Agent, StylusSource
-from netboard.nodes.agent.undisturbed import NOTHING_BEGUN, Begun
+from netboard.nodes.agent.agent import AgentNode, StylusSource
+from netboard.nodes.agent.agent_runs import NOTHING_BEGUN, Begun
 
 START_NS = 10**9
 
@@ -82,7 +82,7 @@ class SteppedAgent:
         connect = sockets.motion_agent
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(sockets, "motion_agent", lambda where, _, name: connect(where, endpoint, name))
-            self.agent = Agent(config, "left", device, context, source)
+            self.agent = AgentNode(config, "left", device, context, source)
         self.agent._warm()
         self.device, self._memory = device, memory
         self.pacer, self.fast = Pacer(START_NS), self.agent._link.fast

@@ -11,8 +11,8 @@ from netboard.network.transport import sockets
 from netboard.network.transport.ports import free_port
 from netboard.nodes.ports.control_port import CommandRequest
 from netboard.nodes.server.planned import Planned, StudySession
-from netboard.nodes.server.session import Session
-from netboard.nodes.server.undisturbed import ALL_FINE
+from netboard.nodes.server.server_runs import ALL_FINE
+from netboard.nodes.server.session import DyadSession
 from netboard.task.studies.study import parse_study
 from netboard.task.trials.state_machine import Phase
 
@@ -51,7 +51,7 @@ class SteppedSession:
         )
         config = parse("", "rig", (*own, *SETTINGS, *settings))
         self.planned = Planned(config, parse_study(STUDY), StudySession("small", 1))
-        self.session = Session(*self.planned.begin(), context, None, autostart=autostart)
+        self.session = DyadSession(*self.planned.begin(), context, None, autostart=autostart)
         self.state = self.session._state
         self.state.ports.motion.find_missing = lambda now_ns, needed: []  # type: ignore[method-assign]
         self.state.ports.control.is_present = lambda who: True  # type: ignore[method-assign]

@@ -23,7 +23,7 @@ from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
 from netboard.network.protocol.motion import Heartbeat, Safeguard, Stylus
 from netboard.network.transport import channels, sockets
 from netboard.network.transport.ports import free_port
-from netboard.nodes.agent.agent import Agent
+from netboard.nodes.agent.agent import AgentNode
 
 TIMEOUT = 60.0
 """Timeout, far above the usual time even on a busy machine [s]."""
@@ -109,7 +109,7 @@ class Rig:
         self.device = Pluggable("left", self.config)
         self.device.open()
         self.server = Server(context, self.config)
-        self.agent = Agent(self.config, "left", self.device, context)
+        self.agent = AgentNode(self.config, "left", self.device, context)
 
     def run(self, *script: Step) -> None:
         steps = list(script)

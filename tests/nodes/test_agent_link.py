@@ -14,7 +14,7 @@ from netboard.network.protocol.joining import HELLO_FIRST, HELLO_INTERVAL_NS, Go
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
 from netboard.network.protocol.motion import Force, Heartbeat, Point
 from netboard.network.transport import channels, sockets
-from netboard.nodes.agent.motion_link import REFUSAL_GAP_NS, REFUSED_NS, REMEMBERED, Link
+from netboard.nodes.agent.motion_link import REFUSAL_GAP_NS, REFUSED_NS, REMEMBERED, MotionLink
 from netboard.nodes.ports.refusals import TOO_MANY_MESSAGES
 
 TIMEOUT_NS = 10_000_000_000
@@ -28,7 +28,7 @@ class Pair:
     def __init__(self, context: sockets.Context) -> None:
         endpoint = channels.Endpoint("inproc://motion")
         self.router = sockets.motion_server(context, endpoint)
-        self.link = Link(sockets.motion_agent(context, endpoint, "agent"), HELLO, TIMEOUT_NS)
+        self.link = MotionLink(sockets.motion_agent(context, endpoint, "agent"), HELLO, TIMEOUT_NS)
         self.link.warm()
         self.send(0, now_ns())
         received = self.router.receive()

@@ -29,7 +29,7 @@ from netboard.task.journal.entries import (
     read_lines,
 )
 from netboard.task.journal.outcome import AttemptOutcome
-from netboard.task.journal.progress import Progress, progress_of
+from netboard.task.journal.progress import SessionProgress, progress_of
 from netboard.task.trials.state_machine import TABLE, Cause, Phase
 from session_model import HEADER, PLAN, Planned, check
 
@@ -116,7 +116,7 @@ def entries_of(path: Path) -> list[Entry]:
     return list(read_lines(path.read_bytes(), str(path)).entries)
 
 
-def progress_in(path: Path) -> Progress:
+def progress_in(path: Path) -> SessionProgress:
     return progress_of(HEADER, entries_of(path), PLAN, str(path))
 
 

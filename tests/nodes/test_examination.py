@@ -13,11 +13,11 @@ from netboard.base.config import Config
 from netboard.base.errors import ConfigError, NetboardError
 from netboard.base.finding import Finding
 from netboard.base.process import display_server
-from netboard.base.tables.rig import Network, Recording
+from netboard.base.tables.rig import Network, RecordingSettings
 from netboard.network import keys
 from netboard.network.protocol.joining import Welcome
 from netboard.nodes.doctor import disk, network, system, timing
-from netboard.nodes.doctor.report import Effort, Report, examine
+from netboard.nodes.doctor.report import DoctorReport, Effort, examine
 from netboard.nodes.doctor.timing import WakeUps
 from netboard.recording.files.provenance import doctor_report_path, provenance
 from netboard.services.cli import app
@@ -57,7 +57,7 @@ def test_percentiles_are_returned_in_microseconds() -> None:
 
 
 def test_disk_checks_use_the_recording_folder(tmp_path: Path) -> None:
-    settings = Recording(directory=str(tmp_path / "not" / "yet" / "there"))
+    settings = RecordingSettings(directory=str(tmp_path / "not" / "yet" / "there"))
     assert disk.nearest(Path(settings.directory)) == tmp_path
     progress: list[float] = []
     finding = disk.speed(settings, 4, progress.append)
@@ -70,7 +70,7 @@ def test_disk_checks_use_the_recording_folder(tmp_path: Path) -> None:
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write everywhere")
 def test_read_only_folder_is_red(tmp_path: Path) -> None:
     tmp_path.chmod(0o500)
-    finding = disk.speed(Recording(directory=str(tmp_path)), 1, ignore_progress)
+    finding = disk.speed(RecordingSettings(directory=str(tmp_path)), 1, ignore_progress)
     tmp_path.chmod(0o700)
     assert finding.colour == "red"
 
@@ -80,7 +80,7 @@ def test_nearly_full_disk_is_red(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         free = 10**9
 
     monkeypatch.setattr("netboard.nodes.doctor.disk.shutil.disk_usage", lambda folder: Usage)
-    finding = disk.space(Recording(directory=str(tmp_path)))
+    finding = disk.space(RecordingSettings(directory=str(tmp_path)))
     assert finding.colour == "red"
     assert "1.0 GB free" in finding.found
 
@@ -169,8 +169,8 @@ GREEN, YELLOW, RED = (
 )
 
 
-def report(*findings: Finding) -> Report:
-    return Report("2026-01-02T03:04:05+00:00", {"platform": "made up"}, findings)
+def report(*findings: Finding) -> DoctorReport:
+    return DoctorReport("2026-01-02T03:04:05+00:00", {"platform": "made up"}, findings)
 
 
 def test_report_has_a_one_line_summary() -> None:

@@ -14,7 +14,7 @@ from netboard.network.transport import sockets
 from netboard.network.transport.ports import free_port
 from netboard.nodes.server.attempts import Attempts
 from netboard.nodes.server.blocks import BlockSequence
-from netboard.nodes.server.session import Session
+from netboard.nodes.server.session import DyadSession
 from netboard.nodes.server.state import RING_ROWS
 from netboard.nodes.server.tick_clock import NO_PEER_TICKS
 from netboard.stage.stage import make_stage
@@ -29,9 +29,9 @@ def config() -> Config:
 
 
 @pytest.fixture
-def session(config: Config) -> Iterator[Session]:
+def session(config: Config) -> Iterator[DyadSession]:
     with sockets.open_context() as context:
-        session = Session(BlockSequence([config]), Attempts(), context, None, autostart=True)
+        session = DyadSession(BlockSequence([config]), Attempts(), context, None, autostart=True)
         session.begin(DUE, {})
         yield session
         session.records.end()
@@ -39,13 +39,13 @@ def session(config: Config) -> Iterator[Session]:
         session._log.close()
 
 
-def records(session: Session) -> list[TickRecord | EventRecord]:
+def records(session: DyadSession) -> list[TickRecord | EventRecord]:
     ring = session._log.ring
     return [decode(frame) for frame in ring.batch(0, ring.next, 2**30).records]
 
 
 @pytest.mark.parametrize("rounds", [(1, 1, 1), (NO_PEER_TICKS, 1, 7), (RING_ROWS - 1, 50), (RING_ROWS,)])
-def test_batched_idle_ticks_equal_single_ticks(session: Session, config: Config, rounds: tuple[int, ...]) -> None:
+def test_batched_idle_ticks_equal_single_ticks(session: DyadSession, config: Config, rounds: tuple[int, ...]) -> None:
     for count in rounds:
         session._idle_ticks(session._clock.due_ns + (count - 1) * TICK_NS)
     rows = np.zeros(sum(rounds), TICK)
@@ -62,7 +62,7 @@ def test_batched_idle_ticks_equal_single_ticks(session: Session, config: Config,
     assert session._clock.due_ns == DUE + len(rows) * TICK_NS
 
 
-def test_session_is_alone_only_without_any_peer(session: Session) -> None:
+def test_session_is_alone_only_without_any_peer(session: DyadSession) -> None:
     state = session._state
     assert state.alone
     state.ports.control._peers[b"console"] = None  # type: ignore[assignment]
@@ -71,7 +71,7 @@ def test_session_is_alone_only_without_any_peer(session: Session) -> None:
 
 
 @pytest.mark.parametrize("required", [True, False])
-def test_records_are_kept_from_the_start_of_a_trial_that_needs_a_logger(session: Session, required: bool) -> None:
+def test_records_are_kept_from_the_start_of_a_trial_that_needs_a_logger(session: DyadSession, required: bool) -> None:
     block = session._state.block
     network = replace(block.config.network, require_logger=required)
     session._state.block = replace(block, config=replace(block.config, network=network))

@@ -8,7 +8,7 @@ from log_rig import L, Rig, close_rig
 
 from fakes import Answers, FakeClock
 from netboard.base.config import Config, parse, resolve
-from netboard.base.tables.rig import Recording as Settings
+from netboard.base.tables.rig import RecordingSettings as Settings
 from netboard.network.protocol.codec import encode
 from netboard.network.protocol.control import Command, StatusRequest
 from netboard.network.protocol.joining import Hello, Pong, Refusal, Welcome

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fakes import FakeClock, FakeLogLink, FakeLogServer
-from netboard.base.tables.rig import Recording as Settings
+from netboard.base.tables.rig import RecordingSettings as Settings
 from netboard.base.tick import TICK
 from netboard.network.protocol.codec import encode
 from netboard.network.protocol.joining import Ping, Refusal, Welcome

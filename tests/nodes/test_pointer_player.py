@@ -16,7 +16,7 @@ from netboard.network.protocol.messages import Message
 from netboard.network.protocol.motion import Felt, Pointer
 from netboard.network.transport import channels, sockets
 from netboard.network.transport.ports import free_port
-from netboard.nodes.agent.stylus_source import Player, stylus_source_of
+from netboard.nodes.agent.stylus_source import PlayerSource, stylus_source_of
 
 pytestmark = pytest.mark.integration
 
@@ -31,7 +31,7 @@ class Station:
         self.device = MouseStylus("left", config)
         self.device.open()
         player = stylus_source_of(config, self.device, context)
-        assert isinstance(player, Player)
+        assert isinstance(player, PlayerSource)
         self.player = player
         where = channels.addresses(config.network)
         self.pointer = sockets.pointer_sender(context, where.pointer("left"))

@@ -13,7 +13,7 @@ from netboard.network.protocol.joining import Goodbye, Ping, Pong
 from netboard.network.protocol.records import ClockRecord, kind_of_peer
 from netboard.nodes.ports.control_port import ControlPort
 from netboard.recording.integrity.clock_check import check_clocks, connections_of
-from netboard.recording.integrity.severity import Finding, Severity, worst
+from netboard.recording.integrity.severity import CheckFinding, Severity, worst
 
 MS = 1_000_000
 HOUSEKEEPING_MS = 10
@@ -62,7 +62,7 @@ class ControlRig:
             if self.now_ms % 1000 == 0:
                 self.records += self.port.clock_records(len(self.records))
 
-    def findings(self, records: list[ClockRecord]) -> list[Finding]:
+    def findings(self, records: list[ClockRecord]) -> list[CheckFinding]:
         return [*check_clocks(records, 0.5, None)]
 
 

@@ -10,7 +10,7 @@ from netboard.base.config import Config
 from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant, VirtualDevice
 from netboard.nodes.rehearsal import block as rehearsed
-from netboard.nodes.rehearsal.block import START_TICK, Rehearsal, Summary
+from netboard.nodes.rehearsal.block import START_TICK, BlockSummary, Rehearsal
 from netboard.nodes.rehearsal.closed_loop import person_at
 from netboard.participants.hand import CAPACITY
 from netboard.recording.integrity.verification import verify
@@ -28,7 +28,7 @@ def with_block(**keys: Any) -> Config:
 
 def play(
     config: Config, size: int = 1000, people: dict[str, Participant] = DEFAULT_PEOPLE
-) -> tuple[np.ndarray, Summary]:
+) -> tuple[np.ndarray, BlockSummary]:
     rehearsal = Rehearsal(config, people)
     rows = np.concatenate([piece.copy() for piece in rehearsal.pieces(size)])
     return rows, rehearsal.summary()

@@ -23,7 +23,7 @@ from netboard.network.transport import channels, sockets
 from netboard.nodes.agent.rendered_buffer import RenderedRing
 from netboard.nodes.ports.control_port import MAX_PEERS
 from netboard.nodes.ports.log_port import LogPort
-from netboard.nodes.ports.peer import Peer
+from netboard.nodes.ports.peer import ProbedPeer
 from netboard.nodes.server.block_changes import PAGE_TICKS
 from netboard.nodes.server.record_keeping import FRAMES_AT_ONCE
 from netboard.nodes.server.session import FEED_TICKS
@@ -314,7 +314,7 @@ def test_status_of_a_long_block_with_many_peers_fits_its_message(stepped: Steppe
         for number in range(most):
             introduction = Hello(role, side, PROTOCOL_VERSION, "\U0001f40c" * 1000, "1" * 1000, {})
             name = f"{role} {number}".encode()
-            stepped.state.ports.control._peers[name] = Peer(introduction, now_ns())
+            stepped.state.ports.control._peers[name] = ProbedPeer(introduction, now_ns())
     stepped.state.ports.control.refusals._count.totals.update({f"{'x' * 8000}{number}": 1 for number in range(8)})
     said = decode(encode(stepped.session._answers.status()))
     assert isinstance(said, Status)

@@ -14,7 +14,7 @@ from netboard.base.tables.experiment import Block
 from netboard.network.protocol.joining import Hello
 from netboard.network.protocol.messages import PROTOCOL_VERSION
 from netboard.network.transport import sockets
-from netboard.nodes.ports.peer import Peer
+from netboard.nodes.ports.peer import ProbedPeer
 from netboard.nodes.server.session import HOUSEKEEPING_TICKS
 from netboard.nodes.server.stand_ins import AWAITING_WORDS, KNOWN, Confirmations, stand_ins
 from netboard.task.trials.state_machine import Phase
@@ -103,7 +103,7 @@ def test_display_that_nobody_sees_is_a_stand_in(real: SteppedSession) -> None:
     real.do("confirm", LEFT)
     for name, platform in ((b"first", "xcb"), (b"newest", "offscreen")):
         hello = Hello("display", "right", PROTOCOL_VERSION, "lab:2", "0", {"platform": platform})
-        control._peers[name] = Peer(hello, now_ns())
+        control._peers[name] = ProbedPeer(hello, now_ns())
     real.tick(HOUSEKEEPING_TICKS)
     assert control.platforms == {"right": "offscreen"}
     assert real.state.missing == (f"{AWAITING_WORDS}: right display off screen",)

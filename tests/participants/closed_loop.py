@@ -12,7 +12,7 @@ import numpy as np
 
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.tick import TICK, TICK_NS
-from netboard.devices.safety.chain import Guard, Safety
+from netboard.devices.safety.chain import Guard, SafetyChain
 from netboard.devices.safety.fixture import lateral_force
 from netboard.devices.simulated.virtual import VirtualTouch
 from netboard.network.protocol.motion import Safeguard
@@ -68,7 +68,7 @@ def play(config: Config, max_seconds: float) -> BlockResult:
     row = rows[0]
     devices = {side: VirtualTouch(side, config) for side in SIDES}
     infos = {side: devices[side].open() for side in SIDES}
-    chains = {side: Safety(config.safety, infos[side].max_force, infos[side].continuous_force) for side in SIDES}
+    chains = {side: SafetyChain(config.safety, infos[side].max_force, infos[side].continuous_force) for side in SIDES}
     for chain in chains.values():
         chain.arm()
     controllers = make_controllers(config)

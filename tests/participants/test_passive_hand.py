@@ -13,7 +13,7 @@ from closed_loop import make_controllers, play, with_block
 from numpy.typing import NDArray
 from scipy.signal import butter, filtfilt
 
-from netboard.analysis.extraction.devices import Mechanics
+from netboard.analysis.extraction.devices import DeviceMechanics
 from netboard.analysis.measures.movements import classify, movement_times
 from netboard.analysis.measures.passive import Gains, PassiveHand, passive_partner
 from netboard.base.config import Config
@@ -46,7 +46,7 @@ def test_passive_hand_with_the_device_matches_the_full_simulation(
     gains = Gains(*gains_of(parts_of(config.physics), pack_scene(config.physics)[0])[1][1:])
     person, device = config.participant, resolved(config.virtual)
     arm = PassiveHand(person.arm_mass, person.arm_damping, stiffness)
-    holding = arm.holding(*astuple(Mechanics(device.mass, device.damping, device.friction)))
+    holding = arm.holding(*astuple(DeviceMechanics(device.mass, device.damping, device.friction)))
     without, held = (passive_partner(left, p, RATE, hand, gains) for hand in (arm, holding))
     expected = cooperative_share(left, right)
     assert np.ptp(held) == pytest.approx(np.ptp(right), rel=0.35)

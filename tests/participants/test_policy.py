@@ -7,7 +7,7 @@ from pathlib import Path
 
 from netboard.base.config import Config
 from netboard.base.tables.simulated import Participant
-from netboard.nodes.rehearsal.jobs import Job, rehearse
+from netboard.nodes.rehearsal.jobs import RehearsalJob, rehearse
 from netboard.nodes.server.robot import Robot
 from netboard.participants.policy import identity_of
 from netboard.recording.files.reader import Recording
@@ -27,7 +27,7 @@ def test_policy_identity_agrees_between_server_and_rehearsal(tmp_path: Path) -> 
     config = Config(participant=PERSON)
     config = replace(config, block=replace(config.block, right="robot", trials=1))
     robot = Robot(config, "right")
-    result = rehearse(Job(config, {"A": PERSON, "B": PERSON}, "0" * 32, tmp_path, begun_ns=1))
+    result = rehearse(RehearsalJob(config, {"A": PERSON, "B": PERSON}, "0" * 32, tmp_path, begun_ns=1))
     with Recording(Path(result.recording)) as recording:
         metadata = recording.metadata
     assert robot.identity == {name: metadata[f"A_{name}"] for name in robot.identity}

@@ -10,7 +10,7 @@ from evidence.coupling.boundary import largest_stiffness, passive_stiffness, rul
 from netboard.base.tables.scene import Physics
 from netboard.physics.stability.delayed_coupling import (
     FIXED,
-    End,
+    BoardEnd,
     Loop,
     Mechanism,
     delayed,
@@ -75,7 +75,7 @@ def test_largest_stable_delay_at_a_wall(
 def test_largest_stable_delay_with_a_moving_end(
     stylus: tuple[float, float], end: tuple[float, float, float], server: int, both: int
 ) -> None:
-    loop = Loop(Mechanism(*stylus), End(*end))
+    loop = Loop(Mechanism(*stylus), BoardEnd(*end))
     assert largest_delay(loop) == server
     distant_dyad = replace(loop, at="both")
     assert is_stable(delayed(distant_dyad, both, both))
@@ -108,7 +108,7 @@ def test_virtual_device_with_many_substeps_approaches_the_exact_motion() -> None
 
 
 def test_undelayed_sample_is_not_extrapolated() -> None:
-    moving = Loop(BARE_STYLUS, End(0.005, 0.0, 70.0), window=1)
+    moving = Loop(BARE_STYLUS, BoardEnd(0.005, 0.0, 70.0), window=1)
     assert growth(moving) == pytest.approx(growth(replace(moving, reach=0.1)))
 
 
@@ -132,7 +132,7 @@ def test_largest_round_trip_is_capped_and_negative_if_never_stable() -> None:
 
 def test_loop_ends_follow_from_the_board_configuration() -> None:
     ends = ends_of(Physics())
-    assert ends["heave"] == End(0.005, 0.0, 70.0)
+    assert ends["heave"] == BoardEnd(0.005, 0.0, 70.0)
     assert ends["tilt"].mass == pytest.approx(0.0032)
     assert set(ends_of(Physics(board="hinged"))) == {"tilt"}
     assert set(ends_of(Physics(board="level"))) == {"heave"}

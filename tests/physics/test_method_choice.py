@@ -12,7 +12,7 @@ from trajectories import scene_of, trajectory
 
 from netboard.base.errors import ConfigError
 from netboard.base.tables.scene import Physics
-from netboard.physics.stability.method_choice import MAX_SUBSTEPS, Choice, choose
+from netboard.physics.stability.method_choice import MAX_SUBSTEPS, MethodChoice, choose
 
 H = 1e-3
 METHODS = ("euler", "semi_implicit", "heun", "verlet", "midpoint", "rk4", "etd2rk", "etdrk4", "dop853")
@@ -47,7 +47,7 @@ def test_stiffness_and_damping_determine_method_and_substeps(scales: tuple[float
 def test_paper_scene_uses_one_rk4_step_per_tick() -> None:
     """The fastest pole is rotational, 500 /s; the slowest at a tilt of 35 degrees is the other rotational one."""
     choice = choose(Physics(), H)
-    assert choice == Choice("rk4", 1, choice.radius, choice.stiffness, choice.reason)
+    assert choice == MethodChoice("rk4", 1, choice.radius, choice.stiffness, choice.reason)
     assert choice.stiffness == pytest.approx(0.5)
     assert choice.radius == pytest.approx(math.exp(-0.125), abs=1e-5)
     assert choice.reason.startswith("A tick is 0.5 of the board's shortest time constants: rk4 in 1 step")
@@ -191,7 +191,7 @@ def test_lagrangian_stiffness_depends_on_the_range_of_the_ball() -> None:
     assert near < 0.5 * bare
 
 
-def largest_displacement(physics: Physics, choice: Choice, seconds: float, free: bool, p: float) -> float:
+def largest_displacement(physics: Physics, choice: MethodChoice, seconds: float, free: bool, p: float) -> float:
     """Largest displacement of the board from rest, with hands that tilt it by 5 degrees [m]."""
     scene = scene_of(free=free, **{key: getattr(physics, key) for key in physics.__dataclass_fields__})
     start = (0.0, 0.0, 0.0, 0.0, *(p, 0.0) * physics.balls)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.config import Config, resolve
-from netboard.base.tables.rig import Recording
+from netboard.base.tables.rig import RecordingSettings
 from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.records import ClockRecord, EventRecord, TickRecord
 from netboard.recording.files.provenance import provenance
@@ -61,7 +61,7 @@ def _record(
     text = resolve(config)
     utc_ns = UTC_NS + minute * MINUTE_NS
     metadata = provenance(Welcome(session, 1, welcome, text), config, 1, utc_ns, opened_monotonic)
-    writer = RecordingWriter(path, metadata, text, Recording(), utc_ns)
+    writer = RecordingWriter(path, metadata, text, RecordingSettings(), utc_ns)
     records = [
         EventRecord(0, -1, START_NS, "agent_joined", JOINED),
         *(ClockRecord(k, peer, 0, 0, 0, 0, *estimate, 0.0) for k, (peer, *estimate) in enumerate(clocks)),

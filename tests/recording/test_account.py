@@ -11,14 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from netboard.base.errors import RecordingError
-from netboard.base.tables.rig import Recording as Settings
+from netboard.base.tables.rig import RecordingSettings as Settings
 from netboard.base.tick import TICK
 from netboard.network.protocol.codec import encode
 from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.records import BLOCK_BEGAN, EventRecord, LogBatch, TickRecord
 from netboard.recording.files.container import Container
 from netboard.recording.files.writer import RecordingWriter
-from netboard.recording.integrity.account import Account, NumberRange, Pause, account_of, parts_of
+from netboard.recording.integrity.account import Account, NumberRange, PauseRecord, account_of, parts_of
 from netboard.recording.recovery.recover import recover
 from netboard.recording.recovery.spill import Spill
 from netboard.recording.recovery.spilled import recover_any
@@ -234,10 +234,10 @@ def test_pauses_are_listed_with_their_causes(tmp_path: Path) -> None:
     log[log.index(events[120]) - 1] = TickRecord(row.tobytes())
     account = account_of([write_part(tmp_path / "a.mcap", log, range(len(log)))])
     assert account.pauses == (
-        Pause(50, "no sample from the left agent"),
-        Pause(80, "the operator"),
-        Pause(120, "the stage: a value was not finite, or the board stood upright"),
-        Pause(150, ""),
+        PauseRecord(50, "no sample from the left agent"),
+        PauseRecord(80, "the operator"),
+        PauseRecord(120, "the stage: a value was not finite, or the board stood upright"),
+        PauseRecord(150, ""),
     )
     assert not account.sound
 

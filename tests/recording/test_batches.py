@@ -13,14 +13,14 @@ from mcap.reader import make_reader
 
 from netboard.base.config import Config, parse
 from netboard.base.errors import RecordingError
-from netboard.base.tables.rig import Recording as Settings
+from netboard.base.tables.rig import RecordingSettings as Settings
 from netboard.base.tick import TICK, TICK_NS
 from netboard.benchmarks.recording.movement import FIRST_MOVEMENT, record
 from netboard.network.protocol.records import TickRecord
 from netboard.recording.files.container import Container
 from netboard.recording.files.reader import Recording
 from netboard.recording.files.writer import RecordingWriter
-from netboard.recording.format.batches import PLACES, PLACES_NAME, Layout, attempt_values, attempts_of, pack
+from netboard.recording.format.batches import PLACES, PLACES_NAME, BatchLayout, attempt_values, attempts_of, pack
 from netboard.recording.format.channels import CHANNELS, PLOTTED_EVERY
 from netboard.recording.format.predictions import CONSTANTS, UNKNOWN, constants_of
 from netboard.recording.format.summary import find_attempts
@@ -37,7 +37,7 @@ def message(rows: np.ndarray, constants: dict[str, float] = DEFAULT, **other: ob
     return bytes(msgpack.packb(values | other))
 
 
-def read(layout: Layout, *messages: bytes) -> np.ndarray:
+def read(layout: BatchLayout, *messages: bytes) -> np.ndarray:
     columns = layout.decode(messages, TICK.names)
     rows = np.zeros(len(columns["tick"]), TICK)
     for name, column in columns.items():
@@ -53,15 +53,15 @@ ROW = st.lists(WORDS, min_size=len(TICK.names), max_size=len(TICK.names))
 @given(st.lists(ROW, min_size=1, max_size=5), st.sampled_from((UNKNOWN, DEFAULT)))
 def test_batch_round_trip_preserves_any_bits(words: list[list[int]], constants: dict[str, float]) -> None:
     rows = np.array(words, np.int64).view(TICK)[:, 0]
-    assert read(Layout(SCHEMA), message(rows, constants)).tobytes() == rows.tobytes()
+    assert read(BatchLayout(SCHEMA), message(rows, constants)).tobytes() == rows.tobytes()
 
 
 def test_batches_decoded_together_equal_batches_decoded_alone() -> None:
     rows = random_rows(17)
     other = DEFAULT | {"left_k": 7.0, "moves": 0.0}
     messages = [message(rows[:5]), message(rows[5:6], other), message(rows[6:], UNKNOWN)]
-    assert read(Layout(SCHEMA), *messages).tobytes() == rows.tobytes()
-    found = Layout(SCHEMA).decode(messages, ("left_rendered",))
+    assert read(BatchLayout(SCHEMA), *messages).tobytes() == rows.tobytes()
+    found = BatchLayout(SCHEMA).decode(messages, ("left_rendered",))
     assert list(found) == ["left_rendered"]
     assert found["left_rendered"].tobytes() == rows["left_rendered"].tobytes()
 
@@ -83,7 +83,7 @@ def test_unknown_prediction_formula_is_refused() -> None:
     schema = json.loads(SCHEMA)
     schema["predictions"]["left_z"] = "__import__('os').abort()"
     with pytest.raises(RecordingError, match="left_z is predicted as"):
-        Layout(json.dumps(schema).encode())
+        BatchLayout(json.dumps(schema).encode())
 
 
 def test_reordered_missing_and_extra_columns_are_read_by_name() -> None:
@@ -93,7 +93,7 @@ def test_reordered_missing_and_extra_columns_are_read_by_name() -> None:
     places = [TICK.names.index(column["name"]) for column in kept]
     planes = np.frombuffer(pack(rows, DEFAULT), np.uint8).reshape(len(TICK.names), 8, 5)[places]
     extra = {"name": "grip", "type": "<f8", "differences": 3, "unit": "N", "description": "of a later version"}
-    layout = Layout(json.dumps(schema | {"columns": [*kept, extra]}).encode())
+    layout = BatchLayout(json.dumps(schema | {"columns": [*kept, extra]}).encode())
     data = message(rows, columns=planes.tobytes() + bytes(8 * 5))
     found = read(layout, data)
     assert not found["completion"].any()
@@ -104,20 +104,20 @@ def test_reordered_missing_and_extra_columns_are_read_by_name() -> None:
 @pytest.mark.parametrize("wrong", [{"count": 6}, {"count": "5"}, {"columns": b"12"}, {"columns": None}])
 def test_inconsistent_batch_is_refused(wrong: dict[str, object]) -> None:
     with pytest.raises(RecordingError, match="contradicts"):
-        Layout(SCHEMA).decode([message(random_rows(5), **wrong)], ("tick",))
+        BatchLayout(SCHEMA).decode([message(random_rows(5), **wrong)], ("tick",))
 
 
 @pytest.mark.parametrize("wrong", [1, [1.0], ["1"] * len(CONSTANTS), []])
 def test_batch_with_invalid_constants_is_refused(wrong: object) -> None:
     values = msgpack.unpackb(message(random_rows(5))) | {"constants": wrong}
     with pytest.raises(RecordingError, match="contradict the schema"):
-        Layout(SCHEMA).decode([msgpack.packb(values)], ("tick",))
+        BatchLayout(SCHEMA).decode([msgpack.packb(values)], ("tick",))
 
 
 @pytest.mark.parametrize("schema", [b"", b"{}", b'{"columns": [1]}', b'{"columns": [{"name": "z", "type": "<i8"}]}'])
 def test_schema_without_valid_columns_is_refused(schema: bytes) -> None:
     with pytest.raises(RecordingError, match="column"):
-        Layout(schema)
+        BatchLayout(schema)
 
 
 @pytest.fixture

@@ -9,7 +9,15 @@ import pytest
 from rich.console import Console
 
 import rehearsed
-from netboard.recording.integrity.catalogue import Entry, Filter, entry_of, files_in, in_order, with_check, with_trials
+from netboard.recording.integrity.catalogue import (
+    CatalogueEntry,
+    Filter,
+    entry_of,
+    files_in,
+    in_order,
+    with_check,
+    with_trials,
+)
 from netboard.recording.integrity.report_text import sessions_table
 from netboard.task.trials.state_machine import Cause, Phase
 
@@ -89,7 +97,7 @@ def test_blocks_are_listed_by_number_and_their_parts_by_time(folder: Path) -> No
     assert [(one.block, one.opened) for one in listed] == places
 
 
-def printed(entry: Entry, folder: Path, width: int = 200) -> str:
+def printed(entry: CatalogueEntry, folder: Path, width: int = 200) -> str:
     console = Console(file=StringIO(), width=width)
     console.print(sessions_table([entry], folder))
     assert isinstance(console.file, StringIO)

@@ -19,7 +19,7 @@ from netboard.recording.files.reader import Recording
 from netboard.recording.format.summary import Attempt
 from netboard.recording.integrity import checking
 from netboard.recording.integrity.checking import CHECKS, check
-from netboard.recording.integrity.severity import Report, Severity
+from netboard.recording.integrity.severity import CheckReport, Severity
 from netboard.recording.recovery.journal_file import journal_path
 from netboard.recording.recovery.recover import recover
 from netboard.task.journal.entries import AttemptBegan, AttemptEnded, BlockBegan, Entry, Header, Opened, line_of
@@ -27,7 +27,7 @@ from netboard.task.journal.entries import AttemptBegan, AttemptEnded, BlockBegan
 pytestmark = pytest.mark.slow
 
 
-def findings_text(report: Report, severity: Severity = Severity.DAMAGE) -> str:
+def findings_text(report: CheckReport, severity: Severity = Severity.DAMAGE) -> str:
     return " | ".join(finding.text for finding in report.findings if finding.severity == severity)
 
 

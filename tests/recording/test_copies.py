@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from netboard.base.errors import RecordingError
-from netboard.base.tables.rig import Recording as Settings
+from netboard.base.tables.rig import RecordingSettings as Settings
 from netboard.recording.files.copies import Conflict, Copy, each_recording_once, repeats_among
 from netboard.recording.files.reader import Recording
 from netboard.recording.files.writer import RecordingWriter

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from netboard.base.errors import RecordingError
-from netboard.base.tables.rig import Recording as Settings
+from netboard.base.tables.rig import RecordingSettings as Settings
 from netboard.recording.files.reader import Recording
 from netboard.recording.format import partfile
 from netboard.recording.format.disk import (

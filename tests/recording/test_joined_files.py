@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from typer.testing import CliRunner
 
 from netboard.base.errors import RecordingError
-from netboard.base.tables.rig import Recording as Settings
+from netboard.base.tables.rig import RecordingSettings as Settings
 from netboard.recording.files.provenance import SEQUENCE, MetadataName
 from netboard.recording.files.reader import Recording
 from netboard.recording.files.writer import RecordingWriter

@@ -15,7 +15,7 @@ from netboard.base.config import Config
 from netboard.base.tables.experiment import Block, Quality, Task
 from netboard.network.protocol.records import EventRecord
 from netboard.recording.integrity.checking import check
-from netboard.recording.integrity.severity import Report, Severity
+from netboard.recording.integrity.severity import CheckReport, Severity
 from netboard.task.journal.entries import AttemptEnded, Ended, Opened, Resumed
 from netboard.task.trials.state_machine import Cause, Phase
 
@@ -39,7 +39,7 @@ KINDS = {
 }
 
 
-def findings_text(report: Report, severity: Severity = Severity.DAMAGE) -> str:
+def findings_text(report: CheckReport, severity: Severity = Severity.DAMAGE) -> str:
     return " | ".join(finding.text for finding in report.findings if finding.severity == severity)
 
 
@@ -62,7 +62,7 @@ def made_of(config: Config = CONFIG, **given: int) -> Session:
     return session_of(config, Operated(config, None, {}).rows(), **given)
 
 
-def report_on(folder: Path, made: Session) -> Report:
+def report_on(folder: Path, made: Session) -> CheckReport:
     (path,) = write(folder, made)
     return check(path)
 
@@ -182,7 +182,7 @@ def test_time_jump_that_differs_from_the_reported_stall_is_damage(tmp_path: Path
     assert "1 tick is not 1 ms after the one before: 2000" in findings_text(report_on(tmp_path, made))
 
 
-def lossy(folder: Path, losses: tuple[int, ...], noted: int) -> Report:
+def lossy(folder: Path, losses: tuple[int, ...], noted: int) -> CheckReport:
     """Check a session whose server stood still at tick 2000, while some records in a row were lost."""
     made = made_of(stood_still=2000)
     place = next(k for k, r in enumerate(made.records) if isinstance(r, EventRecord) and r.name == "stood_still")

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from netboard.base.errors import ConfigError, NetboardError
 from netboard.recording.files.reader import Recording
-from netboard.recording.importing.study_import import UNNAMED, Job, examine, import_one, run
+from netboard.recording.importing.study_import import UNNAMED, ImportJob, examine, import_one, run
 from netboard.recording.importing.table_import import Imported
 from netboard.recording.integrity.checking import check
 from netboard.recording.integrity.severity import Severity
@@ -161,7 +161,7 @@ def test_table_that_fails_late_does_not_stop_the_other_imports(study: Path) -> N
     assert sorted(path.suffix for path in Path("out").iterdir()) == [".mcap"] * 3
 
 
-def killed_at_the_third(job: Job, unnamed: Path) -> Imported:
+def killed_at_the_third(job: ImportJob, unnamed: Path) -> Imported:
     """A worker that is killed in the middle of a recording."""
     if job.source.name == "b1.csv" and job.source.parent.name == "D02":
         (unnamed / f"{job.path.name}.part").write_bytes(b"half a recording")

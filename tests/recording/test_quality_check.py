@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from netboard.base.config import Config, resolve
 from netboard.base.tables.experiment import Quality
-from netboard.base.tables.rig import Recording
+from netboard.base.tables.rig import RecordingSettings
 from netboard.base.tick import TICK, TICK_SECONDS
 from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.motion import Safeguard
@@ -61,7 +61,7 @@ def frames() -> list[FrameRecord]:
 def path(tmp_path: Path) -> Path:
     welcome = Welcome("a1b2c3d4", 1, 0, resolve(CONFIG))
     metadata = provenance(welcome, CONFIG, 1, OPENED_NS, 0)
-    writer = RecordingWriter(tmp_path / "S01.mcap", metadata, welcome.config, Recording(), OPENED_NS)
+    writer = RecordingWriter(tmp_path / "S01.mcap", metadata, welcome.config, RecordingSettings(), OPENED_NS)
     rows, shown = session(), frames()
     records = sorted(
         [(int(row["tick"]), TickRecord(row.tobytes())) for row in rows]

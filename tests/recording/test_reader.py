@@ -11,7 +11,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from netboard.base.errors import RecordingError
-from netboard.base.tables.rig import Recording as Settings
+from netboard.base.tables.rig import RecordingSettings as Settings
 from netboard.base.tick import TICK
 from netboard.network.protocol.records import ClockRecord, EventRecord, FrameRecord
 from netboard.recording.files.container import Container

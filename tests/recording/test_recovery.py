@@ -21,7 +21,7 @@ from typer.testing import CliRunner
 
 from netboard.base.errors import ConfigError, RecordingError
 from netboard.base.process.stopping import STOP_SIGNALS
-from netboard.base.tables.rig import Recording as Settings
+from netboard.base.tables.rig import RecordingSettings as Settings
 from netboard.base.tick import TICK
 from netboard.network.protocol.records import BLOCK_BEGAN, EventRecord
 from netboard.recording.export.runs import runs_of

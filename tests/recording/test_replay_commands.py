@@ -11,10 +11,10 @@ from netboard.base.errors import NetboardError
 from netboard.network.protocol.control import COMMANDS, REPLAY_COMMANDS
 from netboard.nodes.server.operators import CAUSES
 from netboard.recording.replay.commands import KEYS, KNOWN, ReplayCommand, in_words, run_command
-from netboard.recording.replay.position import Playback
+from netboard.recording.replay.position import ReplayPosition
 
 RECORDING = loaded_recording(two_trials())
-START = Playback(RECORDING.length, 2.0)
+START = ReplayPosition(RECORDING.length, 2.0)
 NOW = 0.0
 
 

@@ -19,7 +19,7 @@ from netboard.recording.files.reader import Recording
 from netboard.recording.timing.causes import CAUSES
 from netboard.recording.timing.evidence import runs
 from netboard.recording.timing.stamps import COLUMNS, UNKNOWN, stamps_from
-from netboard.recording.timing.trace import Trace, trace
+from netboard.recording.timing.trace import TimingTrace, trace
 from netboard.services.cli import app
 
 LIMIT = 500_000
@@ -27,7 +27,7 @@ AT = 400 * MS
 runner = CliRunner()
 
 
-def traced(staged: Staged, *events: EventRecord) -> Trace:
+def traced(staged: Staged, *events: EventRecord) -> TimingTrace:
     rows = staged.rows()
     return trace(stamps_from({name: rows[name] for name in COLUMNS}, events, staged.backfill(rows, 7)), LIMIT)
 

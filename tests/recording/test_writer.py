@@ -15,7 +15,7 @@ from mcap.stream_reader import StreamReader
 
 from netboard.base.config import Config, parse, require_short_names
 from netboard.base.errors import ConfigError, RecordingError
-from netboard.base.tables.rig import Recording
+from netboard.base.tables.rig import RecordingSettings
 from netboard.base.tick import TICK
 from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.records import EventRecord, TickRecord
@@ -97,7 +97,7 @@ def test_file_name_must_end_in_mcap(tmp_path: Path) -> None:
 
 
 def test_only_flushed_records_are_durable(tmp_path: Path) -> None:
-    writer = new_writer(tmp_path / "a.mcap", Recording(flush_ms=200.0))
+    writer = new_writer(tmp_path / "a.mcap", RecordingSettings(flush_ms=200.0))
     assert writer.durable is None
     assert not writer.is_due(OPENED_NS + 10_000 * MS)
     writer.write(TickRecord(ROWS[0].tobytes()), 40, OPENED_NS + MS)
@@ -116,7 +116,7 @@ def test_only_flushed_records_are_durable(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("chunk_bytes", [2048, 8192, 65_536])
 def test_chunks_stay_within_their_size(tmp_path: Path, chunk_bytes: int) -> None:
-    path = write_recording(tmp_path / "a.mcap", ROWS, Recording(chunk_bytes=chunk_bytes, flush_ms=5000.0))
+    path = write_recording(tmp_path / "a.mcap", ROWS, RecordingSettings(chunk_bytes=chunk_bytes, flush_ms=5000.0))
     with path.open("rb") as file:
         chunks = [r for r in StreamReader(file, emit_chunks=True).records if isinstance(r, Chunk)]
     # The first chunk holds the channels and schemas too.
@@ -125,7 +125,7 @@ def test_chunks_stay_within_their_size(tmp_path: Path, chunk_bytes: int) -> None
 
 
 def test_full_chunk_is_written_at_once(tmp_path: Path) -> None:
-    writer = new_writer(tmp_path / "a.mcap", Recording(chunk_bytes=4096, flush_ms=5000.0))
+    writer = new_writer(tmp_path / "a.mcap", RecordingSettings(chunk_bytes=4096, flush_ms=5000.0))
     sizes = []
     for number, row in enumerate(ROWS[:20]):
         writer.write(TickRecord(row.tobytes()), number, OPENED_NS)
@@ -361,16 +361,16 @@ def test_wall_clock_before_1970_or_after_2262_is_refused_in_words(tmp_path: Path
     with pytest.raises(RecordingError, match="expected a time from 1970 to 2262"):
         provenance(Welcome(SESSION, 1, 7, CONFIG_TEXT), Config(), 1, opened_ns, 42)
     with pytest.raises(RecordingError, match=r"a\.mcap: cannot store a log time of .*, expected a time from 1970"):
-        RecordingWriter(tmp_path / "a.mcap", metadata(), CONFIG_TEXT, Recording(), opened_ns, repeatable=True)
+        RecordingWriter(tmp_path / "a.mcap", metadata(), CONFIG_TEXT, RecordingSettings(), opened_ns, repeatable=True)
     assert not list(tmp_path.iterdir())
 
 
 def test_log_time_of_a_record_before_1970_is_refused_in_words(tmp_path: Path) -> None:
-    writer = RecordingWriter(tmp_path / "a.mcap", metadata(), CONFIG_TEXT, Recording(), OPENED_NS)
+    writer = RecordingWriter(tmp_path / "a.mcap", metadata(), CONFIG_TEXT, RecordingSettings(), OPENED_NS)
     with pytest.raises(RecordingError, match="cannot store a log time of -1e-09 s after 1970"):
         writer.write(EventRecord(0, -1, -1, "early", {}), 0, -1)
     writer.abandon()
-    writer = RecordingWriter(tmp_path / "b.mcap", metadata(), CONFIG_TEXT, Recording(), OPENED_NS)
+    writer = RecordingWriter(tmp_path / "b.mcap", metadata(), CONFIG_TEXT, RecordingSettings(), OPENED_NS)
     writer.write(EventRecord(0, -1, -(2**63), "early", {}), 0, OPENED_NS)  # its own time may be any
     writer.finish(OPENED_NS)
     with Reader(tmp_path / "b.mcap") as recording:

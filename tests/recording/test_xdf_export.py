@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from netboard.base.config import Config, resolve
 from netboard.base.errors import RecordingError
-from netboard.base.tables.rig import Recording
+from netboard.base.tables.rig import RecordingSettings
 from netboard.base.tick import TICK
 from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.records import EventRecord, TickRecord
@@ -41,7 +41,7 @@ def write_recording(path: Path, rows: NDArray[Any], event_at: Sequence[int] = ()
     """Write a recording with events after some of its rows, and return these."""
     text = resolve(Config())
     welcome = Welcome("3f2a9c1e00000000", 1, 7, text)
-    writer = RecordingWriter(path, provenance(welcome, Config(), 1, UTC_NS, 42), text, Recording(), UTC_NS)
+    writer = RecordingWriter(path, provenance(welcome, Config(), 1, UTC_NS, 42), text, RecordingSettings(), UTC_NS)
     events = []
     number = 0
     for place, row in enumerate(rows):

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 from netboard.analysis.extraction.recordings import measure
 from netboard.analysis.extraction.settings import Readings, parse
-from netboard.analysis.extraction.study import Study, study_of
+from netboard.analysis.extraction.study import StudyData, study_of
 from netboard.analysis.report.design import design
 from netboard.analysis.report.folder import write_tables
 from netboard.analysis.topics.contrasts import comparisons
@@ -64,12 +64,12 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, ...]:
 
 
 @pytest.fixture(scope="module")
-def study(recordings: tuple[Path, ...]) -> Study:
+def study(recordings: tuple[Path, ...]) -> StudyData:
     return study_of([measure(run, Readings()) for run in runs_of(recordings)], Readings())
 
 
 @pytest.fixture(scope="module")
-def tables(study: Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def tables(study: StudyData, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("analysis") / "tables"
     write_tables(folder, study, results_of(study, (quality, comparisons, fits)), [])
     return folder
@@ -139,7 +139,7 @@ def test_data_dictionary_has_the_unit_of_every_numeric_factor(tables: Path) -> N
     assert "heavy (0.05 kg)" in described["trials"]["columns"]["factor_mass"]["description"]
 
 
-def test_no_condition_pools_levels_of_a_factor(study: Study) -> None:
+def test_no_condition_pools_levels_of_a_factor(study: StudyData) -> None:
     names = {condition.name for condition in conditions(study)}
     assert len(names) == 2 * 2 * 2 * 2
     assert set(study.counted["condition"]) <= names
@@ -147,7 +147,7 @@ def test_no_condition_pools_levels_of_a_factor(study: Study) -> None:
         assert all(trials[column].nunique() == 1 for column in COLUMNS)
 
 
-def test_figures_state_the_factors_pooled_over(study: Study) -> None:
+def test_figures_state_the_factors_pooled_over(study: StudyData) -> None:
     fewer, console_text = bounded(study)
     assert len(conditions(fewer)) <= 6
     assert console_text.startswith("Pooled over gain (weak (0.5), strong (1)); ")
@@ -155,7 +155,7 @@ def test_figures_state_the_factors_pooled_over(study: Study) -> None:
     assert fewer.trials[list(COLUMNS)].equals(study.trials[list(COLUMNS)])
 
 
-def test_models_have_numeric_factors_as_terms_with_units(study: Study) -> None:
+def test_models_have_numeric_factors_as_terms_with_units(study: StudyData) -> None:
     (times, *_) = fits(study).fits
     names = {effect.name for effect in times.model.effects}
     assert {"mass per 0.01 kg", "gain per 0.1", "age per 10 y", "haptics: partner's force vs haptics on"} <= names
@@ -163,20 +163,20 @@ def test_models_have_numeric_factors_as_terms_with_units(study: Study) -> None:
     assert not any("[" in name for name in names)
 
 
-def test_each_level_is_compared_with_the_first_within_conditions(study: Study) -> None:
+def test_each_level_is_compared_with_the_first_within_conditions(study: StudyData) -> None:
     names = {comparison.question.name for comparison in comparisons(study).parts}
     assert any(name.startswith("mass heavy (0.05 kg) vs light (0.02 kg), dyadic") for name in names)
     assert any(name.startswith("gain strong (1) vs weak (0.5), dyadic") for name in names)
 
 
-def test_report_lists_the_factors(study: Study) -> None:
+def test_report_lists_the_factors(study: StudyData) -> None:
     rows = {row[0]: row for row in design(study).factors.rows}
     assert rows["mass [kg]"][1:] == ("between blocks", "numeric", "light (0.02 kg), heavy (0.05 kg)", "yes")
     assert rows["gain [1]"][1] == "within blocks"
     assert rows["age [y]"][1] == "between dyads"
 
 
-def test_practice_is_excluded_by_role_and_listed(study: Study) -> None:
+def test_practice_is_excluded_by_role_and_listed(study: StudyData) -> None:
     practice = study.trials[study.trials["role"] == "practice"]
     assert len(practice)
     assert not practice["counts"].any()

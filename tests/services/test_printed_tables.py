@@ -20,11 +20,11 @@ import rehearsed
 from netboard import services
 from netboard.base.finding import Finding
 from netboard.base.terminal.output import GAP, WIDEST_NAMES, FittedTable
-from netboard.benchmarks.harness.results import Part, show
+from netboard.benchmarks.harness.results import ResultPart, show
 from netboard.devices.contract.device import Reading
 from netboard.devices.contract.profile import Placement
 from netboard.devices.setup.identification import Identified
-from netboard.devices.setup.listing import BackendState, ListedDevice, Listing
+from netboard.devices.setup.listing import BackendState, DeviceListing, ListedDevice
 from netboard.devices.setup.words import (
     findings_table,
     identified_table,
@@ -64,7 +64,7 @@ RESULTS = [
     for block, level in enumerate(("light", "heavy", "light again"), start=1)
 ]
 VERDICTS = [Verdict(trial, attempt, 0, 1, Cause.FELL, nan, tuple(FLAGS)) for trial in (1, 12) for attempt in (1, 2, 3)]
-LISTING = Listing(
+LISTING = DeviceListing(
     devices=(
         *(
             ListedDevice("Touch (formerly PHANTOM Omni)", f"2011270{k}", f"0483:572{k}", f"usb 1-{k}", ("pyusb",))
@@ -76,7 +76,7 @@ LISTING = Listing(
     remarks=(),
 )
 FINDINGS = [Finding(f"timer slack of process {k}", "yellow", "50 us, expected 1 us", ADVICE) for k in range(3)]
-PART = Part(
+PART = ResultPart(
     "forces",
     "What a force condition costs [N]",
     ("condition of force and method of integration", "seconds", "what happens", "error [m]"),

@@ -16,7 +16,7 @@ from netboard.base.errors import ConfigError, NetboardError
 from netboard.network.transport import channels, sockets
 from netboard.network.transport.ports import free_port
 from netboard.nodes.operator import launcher
-from netboard.nodes.operator.launcher import Ended, Launcher
+from netboard.nodes.operator.launcher import EndedProcess, Launcher
 from netboard.services import up
 from netboard.services.cli import app
 
@@ -138,7 +138,7 @@ def test_end_of_one_process_stops_the_others(
     class RecordingLauncher(Launcher):
         """A launcher that records which processes it stops."""
 
-        def stop(self, *names: str) -> list[Ended]:
+        def stop(self, *names: str) -> list[EndedProcess]:
             stopped.append(names)
             return super().stop(*names)
 

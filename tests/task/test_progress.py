@@ -34,7 +34,7 @@ from netboard.task.journal.entries import (
     line_of,
     read_lines,
 )
-from netboard.task.journal.progress import Progress, progress_of, resume_words
+from netboard.task.journal.progress import SessionProgress, progress_of, resume_words
 from netboard.task.journal.same_session import changed_plan, changes, require_same_people, require_same_plan
 from netboard.task.trials.repeats import Repeats, wants_repeat
 from session_model import HEADER, PLAN, Planned, check, entries_of_run
@@ -47,7 +47,7 @@ def written(entries: list[Entry], header: Header = HEADER) -> bytes:
     return b"".join(line_of(entry, AT) for entry in (header, *entries))
 
 
-def progress_after(*entries: Entry, plan: tuple[Planned, ...] = PLAN) -> Progress:
+def progress_after(*entries: Entry, plan: tuple[Planned, ...] = PLAN) -> SessionProgress:
     return progress_of(HEADER, [Opened("r1", {}), *entries], plan)
 
 

@@ -7,13 +7,13 @@ import pytest
 
 from netboard.base.config import Config, parse
 from netboard.base.tables.experiment import Session
-from netboard.windows.operator.form_fields import Entry, as_json, first_entry, problems
+from netboard.windows.operator.form_fields import FormAnswers, as_json, first_entry, problems
 
-GOOD = Entry("S03", "P05", "P06", "right", "left", "left", consent=True, pilot=False)
+GOOD = FormAnswers("S03", "P05", "P06", "right", "left", "left", consent=True, pilot=False)
 
 
 def test_form_answers_are_valid_session_settings() -> None:
-    assert {field.name for field in fields(Entry)} <= {field.name for field in fields(Session)}
+    assert {field.name for field in fields(FormAnswers)} <= {field.name for field in fields(Session)}
     answers = json.loads(as_json(GOOD))
     text = "[session]\n" + "\n".join(f"{name} = {json.dumps(value)}" for name, value in answers.items())
     assert parse(text).session == replace(Config().session, **answers)

@@ -28,7 +28,7 @@ from netboard.task.trials.state_machine import Phase
 from netboard.windows.operator import words
 from netboard.windows.operator.changes import RecentCounts, StatusHistory, minutes_left
 from netboard.windows.operator.commands import COMMANDS, CONFIRMING, RELEASING, STOP_KEYS, refusal
-from netboard.windows.operator.lamps import SESSION_LAMPS, Level, alarm, ended, limits_of, session_lamps
+from netboard.windows.operator.lamps import SESSION_LAMPS, LampLevel, alarm, ended, limits_of, session_lamps
 from netboard.windows.operator.stations import STATION_LAMPS, station_lamps
 from netboard.windows.operator.words import Tone
 
@@ -55,7 +55,7 @@ def test_every_status_has_the_same_lamps_with_tips_and_texts(status: Status) -> 
         lamps = station_lamps(status, NONE, side, LIMITS)
         assert tuple(lamp.name for lamp in lamps) == STATION_LAMPS
         assert all(lamp.tip for lamp in lamps)
-        assert all(lamp.words for lamp in lamps if lamp.level is not Level.OFF)
+        assert all(lamp.words for lamp in lamps if lamp.level is not LampLevel.OFF)
     lamps = session_lamps(status, 0.0, NONE, LIMITS)
     assert tuple(lamp.name for lamp in lamps) == SESSION_LAMPS
 
@@ -63,15 +63,15 @@ def test_every_status_has_the_same_lamps_with_tips_and_texts(status: Status) -> 
 @pytest.mark.parametrize(
     ("total", "recently", "level", "text"),
     [
-        (0, 0, Level.GOOD, "0 in total"),
-        (9_999, 0, Level.GOOD, "9999 in total"),
-        (123_456, 0, Level.GOOD, "123k in total"),
-        (12_345_678, 0, Level.GOOD, "12M in total"),
-        (123_456, 3, Level.WATCH, "3 in 10 s"),
-        (123_456, 40_000, Level.BAD, "40k in 10 s"),
+        (0, 0, LampLevel.GOOD, "0 in total"),
+        (9_999, 0, LampLevel.GOOD, "9999 in total"),
+        (123_456, 0, LampLevel.GOOD, "123k in total"),
+        (12_345_678, 0, LampLevel.GOOD, "12M in total"),
+        (123_456, 3, LampLevel.WATCH, "3 in 10 s"),
+        (123_456, 40_000, LampLevel.BAD, "40k in 10 s"),
     ],
 )
-def test_deadline_misses_fit_into_their_lamp(total: int, recently: int, level: Level, text: str) -> None:
+def test_deadline_misses_fit_into_their_lamp(total: int, recently: int, level: LampLevel, text: str) -> None:
     counts = replace(NONE, late_ticks=recently)
     lamp = of(session_lamps(replace(RUNNING, late_ticks=total), 0.0, counts, LIMITS), "Deadline misses")
     assert (lamp.level, lamp.words) == (level, text)
@@ -83,40 +83,40 @@ def test_deadline_misses_fit_into_their_lamp(total: int, recently: int, level: L
 def test_all_lamps_are_good_without_a_fault() -> None:
     lamps = [*(lamp for side in SIDES for lamp in station_lamps(RUNNING, NONE, side, LIMITS))]
     lamps += session_lamps(RUNNING, 0.1, NONE, LIMITS)
-    assert {lamp.level for lamp in lamps} == {Level.GOOD}
+    assert {lamp.level for lamp in lamps} == {LampLevel.GOOD}
     assert words.worst([("", lamp) for lamp in lamps]).words == ""
 
 
 @pytest.mark.parametrize(
     ("name", "level", "text", "changes"),
     [
-        ("Device", Level.BAD, "lost", {"safeguards": int(Safeguard.DEVICE_LOST)}),
-        ("Device", Level.WATCH, "not ready", {"safeguards": int(Safeguard.NOT_READY)}),
-        ("Device", Level.WATCH, "v0.0.1", {"version": "0.0.1"}),
-        ("Link", Level.BAD, "silent", {"age": 0.2}),
-        ("Link", Level.WATCH, "500 Hz", {"rate": 500.0}),
-        ("Round trip", Level.WATCH, "1.20 ms", {"round_trip": 0.0012}),
-        ("Round trip", Level.WATCH, "unknown", {"round_trip": math.nan}),
-        ("Clock", Level.BAD, "unknown", {"clock_bound": math.nan}),
-        ("Clock", Level.BAD, "\u00b10.60 ms", {"clock_bound": 0.0006}),
-        ("Clock", Level.WATCH, "\u00b10.30 ms", {"clock_bound": 0.0003}),
-        ("Sample", Level.BAD, "none", {"sample_age": math.nan}),
-        ("Sample", Level.BAD, "60 ms old", {"sample_age": 0.06}),
-        ("Sample", Level.WATCH, "20 ms old", {"sample_age": 0.02}),
-        ("Drops", Level.WATCH, "1 drop", {"lost_ticks": 1}),
-        ("Drops", Level.WATCH, "3 drops", {"lost_ticks": 3}),
-        ("Drops", Level.BAD, "500 drops", {"lost_ticks": 500}),
-        ("Force", Level.WATCH, "AT LIMIT +0.31 N", {"safeguards": int(Safeguard.CLAMPED)}),
-        ("Force", Level.WATCH, "SLEW +0.31 N", {"safeguards": int(Safeguard.SLEWED)}),
-        ("Force", Level.WATCH, "LIMITED +0.31 N", {"clipped_ticks": 900}),
-        ("Safety", Level.BAD, "STOPPED", {"safeguards": int(Safeguard.STOPPED | Safeguard.STALE)}),
-        ("Safety", Level.BAD, "too fast", {"safeguards": int(Safeguard.TOO_FAST | Safeguard.ARMED)}),
-        ("Safety", Level.WATCH, "arming", {"safeguards": int(Safeguard.RAMPING | Safeguard.ARMED)}),
-        ("Safety", Level.WATCH, "not armed", {"safeguards": 0}),
+        ("Device", LampLevel.BAD, "lost", {"safeguards": int(Safeguard.DEVICE_LOST)}),
+        ("Device", LampLevel.WATCH, "not ready", {"safeguards": int(Safeguard.NOT_READY)}),
+        ("Device", LampLevel.WATCH, "v0.0.1", {"version": "0.0.1"}),
+        ("Link", LampLevel.BAD, "silent", {"age": 0.2}),
+        ("Link", LampLevel.WATCH, "500 Hz", {"rate": 500.0}),
+        ("Round trip", LampLevel.WATCH, "1.20 ms", {"round_trip": 0.0012}),
+        ("Round trip", LampLevel.WATCH, "unknown", {"round_trip": math.nan}),
+        ("Clock", LampLevel.BAD, "unknown", {"clock_bound": math.nan}),
+        ("Clock", LampLevel.BAD, "\u00b10.60 ms", {"clock_bound": 0.0006}),
+        ("Clock", LampLevel.WATCH, "\u00b10.30 ms", {"clock_bound": 0.0003}),
+        ("Sample", LampLevel.BAD, "none", {"sample_age": math.nan}),
+        ("Sample", LampLevel.BAD, "60 ms old", {"sample_age": 0.06}),
+        ("Sample", LampLevel.WATCH, "20 ms old", {"sample_age": 0.02}),
+        ("Drops", LampLevel.WATCH, "1 drop", {"lost_ticks": 1}),
+        ("Drops", LampLevel.WATCH, "3 drops", {"lost_ticks": 3}),
+        ("Drops", LampLevel.BAD, "500 drops", {"lost_ticks": 500}),
+        ("Force", LampLevel.WATCH, "AT LIMIT +0.31 N", {"safeguards": int(Safeguard.CLAMPED)}),
+        ("Force", LampLevel.WATCH, "SLEW +0.31 N", {"safeguards": int(Safeguard.SLEWED)}),
+        ("Force", LampLevel.WATCH, "LIMITED +0.31 N", {"clipped_ticks": 900}),
+        ("Safety", LampLevel.BAD, "STOPPED", {"safeguards": int(Safeguard.STOPPED | Safeguard.STALE)}),
+        ("Safety", LampLevel.BAD, "too fast", {"safeguards": int(Safeguard.TOO_FAST | Safeguard.ARMED)}),
+        ("Safety", LampLevel.WATCH, "arming", {"safeguards": int(Safeguard.RAMPING | Safeguard.ARMED)}),
+        ("Safety", LampLevel.WATCH, "not armed", {"safeguards": 0}),
     ],
 )
 def test_station_lamp_shows_the_level_and_text_of_a_fault(
-    name: str, level: Level, text: str, changes: dict[str, object]
+    name: str, level: LampLevel, text: str, changes: dict[str, object]
 ) -> None:
     lamp = of(left(**changes), name)
     assert (lamp.level, lamp.words) == (level, text)
@@ -129,16 +129,21 @@ def test_tip_of_arming_states_no_duration_because_each_agent_sets_its_own() -> N
 
 
 def test_latency_lamp_compares_the_loop_latency_with_its_stable_limit() -> None:
-    for late, level in ((0.002, Level.GOOD), (0.005, Level.WATCH), (0.009, Level.BAD), (math.nan, Level.OFF)):
+    for late, level in (
+        (0.002, LampLevel.GOOD),
+        (0.005, LampLevel.WATCH),
+        (0.009, LampLevel.BAD),
+        (math.nan, LampLevel.OFF),
+    ):
         status = replace(RUNNING, loops=(LoopStatus("agent.left", late, 0.0085),))
         assert of(station_lamps(status, NONE, "left", LIMITS), "Latency").level is level
 
 
 def test_absent_device_is_bad_only_if_the_server_waits_for_it() -> None:
     status = STATES["waiting"]
-    assert of(station_lamps(status, NONE, "right", LIMITS), "Device").level is Level.BAD
+    assert of(station_lamps(status, NONE, "right", LIMITS), "Device").level is LampLevel.BAD
     unneeded = replace(status, waiting_for=())
-    assert of(station_lamps(unneeded, NONE, "right", LIMITS), "Device").level is Level.OFF
+    assert of(station_lamps(unneeded, NONE, "right", LIMITS), "Device").level is LampLevel.OFF
 
 
 def test_drops_and_deadline_misses_count_recent_ones_only() -> None:
@@ -165,14 +170,14 @@ def test_server_lamp_and_advice_name_why_a_peer_is_refused_now() -> None:
     recent = history.add(104.0, replace(waiting, refused=refused))
     assert recent.refused == (why,)
     lamp = of(session_lamps(waiting, 0.0, recent, LIMITS), "Server")
-    assert (lamp.level, lamp.words) == (Level.WATCH, "refuses a peer")
+    assert (lamp.level, lamp.words) == (LampLevel.WATCH, "refuses a peer")
     assert why in lamp.tip
     assert f"; the server refuses a peer: {why}" in words.advice(waiting, "", recent.refused).words
     assert why not in words.advice(IDLE, "", recent.refused).words
     for second in range(105, 116):
         recent = history.add(float(second), replace(waiting, refused=refused))
     assert recent.refused == ()
-    assert of(session_lamps(waiting, 0.0, recent, LIMITS), "Server").level is Level.GOOD
+    assert of(session_lamps(waiting, 0.0, recent, LIMITS), "Server").level is LampLevel.GOOD
 
 
 def test_minutes_left_on_the_disk_follow_the_growth_of_the_recording() -> None:
@@ -194,20 +199,20 @@ def test_status_history_estimates_the_minutes_left_from_growth() -> None:
         recent = history.add(float(second), replace(RUNNING, recordings=grown))
     assert recent.minutes == pytest.approx(12.0)
     lamp = of(session_lamps(replace(RUNNING, recordings=grown), 0.0, recent, LIMITS), "Disk")
-    assert (lamp.level, lamp.words) == (Level.BAD, "12 min, 720.0 MB")
+    assert (lamp.level, lamp.words) == (LampLevel.BAD, "12 min, 720.0 MB")
     assert math.isnan(history.add(42.0, replace(RUNNING, recordings=())).minutes)
 
 
 @pytest.mark.parametrize(
     ("age", "level", "said"),
     [
-        (0.45, Level.GOOD, "MB"),
-        (SLOW_SYNC_S + 0.1, Level.WATCH, "SLOW 0.7 s"),
-        (2.0, Level.WATCH, "SLOW 2.0 s"),
-        (STALLED_SYNC_S + 5.0, Level.BAD, "STALLED 8 s"),
+        (0.45, LampLevel.GOOD, "MB"),
+        (SLOW_SYNC_S + 0.1, LampLevel.WATCH, "SLOW 0.7 s"),
+        (2.0, LampLevel.WATCH, "SLOW 2.0 s"),
+        (STALLED_SYNC_S + 5.0, LampLevel.BAD, "STALLED 8 s"),
     ],
 )
-def test_recording_lamp_says_how_long_the_disk_takes(age: float, level: Level, said: str) -> None:
+def test_recording_lamp_says_how_long_the_disk_takes(age: float, level: LampLevel, said: str) -> None:
     status = replace(RUNNING, recordings=(RecordingStatus("file", age, 1000, 10**11),))
     lamp = of(session_lamps(status, 0.0, NONE, LIMITS), "Recording")
     assert lamp.level is level
@@ -224,13 +229,13 @@ def test_alarm_when_a_trial_runs_without_a_recording() -> None:
         for recordings in ((), stalled):
             status = replace(RUNNING, phase=phase, recordings=recordings)
             assert "NOT RECORDING" in alarm(status, 0.0, NONE, False)
-            assert of(session_lamps(status, 0.0, NONE, LIMITS), "Recording").level is Level.BAD
+            assert of(session_lamps(status, 0.0, NONE, LIMITS), "Recording").level is LampLevel.BAD
     assert of(session_lamps(replace(RUNNING, recordings=()), 0.0, NONE, LIMITS), "Recording").words == "NO LOGGER"
     assert alarm(RUNNING, 0.0, NONE, False) == ""
     assert alarm(replace(IDLE, recordings=()), 0.0, NONE, False) == ""
     two = replace(RUNNING, recordings=(*RUNNING.recordings, *stalled))
     assert alarm(two, 0.0, NONE, False) == ""
-    assert of(session_lamps(two, 0.0, NONE, LIMITS), "Recording").level is Level.WATCH
+    assert of(session_lamps(two, 0.0, NONE, LIMITS), "Recording").level is LampLevel.WATCH
 
 
 def test_alarms_for_lost_server_full_disk_and_emergency_stop() -> None:
@@ -253,15 +258,15 @@ def test_ended_session_raises_no_alarm_and_names_no_key(status: Status, goodbye:
 
 
 def test_server_silent_for_almost_a_second_is_link_lost() -> None:
-    assert of(session_lamps(RUNNING, 0.99, NONE, LIMITS), "Server").level is Level.BAD
-    assert of(session_lamps(RUNNING, 0.2, NONE, LIMITS), "Server").level is Level.GOOD
+    assert of(session_lamps(RUNNING, 0.99, NONE, LIMITS), "Server").level is LampLevel.BAD
+    assert of(session_lamps(RUNNING, 0.2, NONE, LIMITS), "Server").level is LampLevel.GOOD
     assert words.headline(RUNNING, 0.99).words == "LINK LOST"
-    assert {lamp.level for lamp in session_lamps(RUNNING, 0.99, NONE, LIMITS)[1:]} == {Level.OFF}
+    assert {lamp.level for lamp in session_lamps(RUNNING, 0.99, NONE, LIMITS)[1:]} == {LampLevel.OFF}
     assert of(session_lamps(None, math.inf, NONE, LIMITS), "Server").words == "not found"
 
 
 def test_deadline_miss_lamp_uses_recent_misses() -> None:
-    for recently, level in ((0, Level.GOOD), (3, Level.WATCH), (21, Level.BAD)):
+    for recently, level in ((0, LampLevel.GOOD), (3, LampLevel.WATCH), (21, LampLevel.BAD)):
         assert (
             of(session_lamps(RUNNING, 0.0, RecentCounts(late_ticks=recently), LIMITS), "Deadline misses").level is level
         )
@@ -269,7 +274,7 @@ def test_deadline_miss_lamp_uses_recent_misses() -> None:
 
 def test_missing_consent_is_bad_except_in_a_pilot() -> None:
     unasked = replace(RUNNING, consent=False)
-    assert of(session_lamps(unasked, 0.0, NONE, LIMITS), "Session").level is Level.BAD
+    assert of(session_lamps(unasked, 0.0, NONE, LIMITS), "Session").level is LampLevel.BAD
     assert of(session_lamps(STATES["pilot"], 0.0, NONE, LIMITS), "Session").words == "pilot"
 
 
@@ -379,12 +384,12 @@ def test_keys_are_unique_and_the_commands_are_those_of_the_protocol() -> None:
 
 
 def test_stand_ins_of_a_real_session_are_faults_until_they_are_confirmed() -> None:
-    for state, level in (("simulated", Level.BAD), ("confirmed", Level.WATCH)):
+    for state, level in (("simulated", LampLevel.BAD), ("confirmed", LampLevel.WATCH)):
         lamps = {lamp.name: lamp for lamp in station_lamps(STATES[state], NONE, "right", LIMITS)}
         assert (lamps["Device"].words, lamps["Device"].level) == ("simulated", level)
         assert (lamps["Display"].words, lamps["Display"].level) == ("off screen", level)
     left = station_lamps(STATES["simulated"], NONE, "left", LIMITS)[0]
-    assert (left.level, left.words) == (Level.GOOD, "Touch")
+    assert (left.level, left.words) == (LampLevel.GOOD, "Touch")
     assert "serial 4711" in left.tip
 
 
@@ -475,7 +480,7 @@ def test_replay_has_its_own_banner_and_raises_only_the_no_reply_alarm() -> None:
     assert words.banner(replay).tone not in (Tone.PLAIN, Tone.WATCH), "a replay looks like a real session or a pilot"
     assert words.advice(replay, "lab0:5550").words == replay.notice
     assert "may control a replay" in words.commander(replay, "me").words
-    assert {lamp.level for lamp in session_lamps(replay, 0.0, NONE, LIMITS)[1:]} == {Level.OFF}
+    assert {lamp.level for lamp in session_lamps(replay, 0.0, NONE, LIMITS)[1:]} == {LampLevel.OFF}
     assert alarm(replay, 0.0, NONE, unconfirmed=True) == ""
     assert "NO REPLY FROM THE SERVER" in alarm(replay, 60.0, NONE, unconfirmed=False)
     assert possible(replay) == possible(replace(replay, phase="idle")) == {"pause", "resume", "next", "end"}
@@ -484,5 +489,5 @@ def test_replay_has_its_own_banner_and_raises_only_the_no_reply_alarm() -> None:
 def test_logger_without_a_file_yet_is_ready_and_its_disk_lamp_is_off():
     waiting = replace(IDLE, opened=False, recordings=(RecordingStatus("", math.nan, 0, 0),))
     lamps = session_lamps(waiting, 0.0, NONE, LIMITS)
-    assert (of(lamps, "Recording").level, of(lamps, "Recording").words) == (Level.GOOD, "ready")
-    assert of(lamps, "Disk").level is Level.OFF
+    assert (of(lamps, "Recording").level, of(lamps, "Recording").words) == (LampLevel.GOOD, "ready")
+    assert of(lamps, "Disk").level is LampLevel.OFF

@@ -15,7 +15,7 @@ from netboard.network.protocol.joining import Goodbye
 from netboard.network.transport import sockets
 from netboard.nodes.ports.emergency import RELEASE, STOP
 from netboard.windows.operator.commands import COMMANDS, RELEASING, refusal
-from netboard.windows.operator.lamps import SILENT, Level, limits_of
+from netboard.windows.operator.lamps import SILENT, LampLevel, limits_of
 
 pytestmark = pytest.mark.slow
 
@@ -446,16 +446,16 @@ def test_problems_of_the_form_do_not_squeeze_its_fields(console: ConsoleRig) -> 
 
 def test_silent_server_turns_the_server_lamp_red_until_it_answers(console: ConsoleRig) -> None:
     lamp = console.window.session.widgets[0]
-    console.until(lambda: lamp.lamp.level is Level.GOOD)
+    console.until(lambda: lamp.lamp.level is LampLevel.GOOD)
     console.server.silent = True
-    console.until(lambda: lamp.lamp.level is Level.BAD)
+    console.until(lambda: lamp.lamp.level is LampLevel.BAD)
     assert console.window.headline.text() == "LINK LOST"
     assert "NO REPLY" in console.window.alarm.text()
     enabled = {button.command.name for button in console.window.bar.buttons if button.isEnabled()}
     assert enabled == {"pause", "disarm", "note"}, "the others would be refused as late"
-    assert {widget.lamp.level for widget in console.window.stations.columns["left"]} == {Level.OFF}
+    assert {widget.lamp.level for widget in console.window.stations.columns["left"]} == {LampLevel.OFF}
     console.server.silent = False
-    console.until(lambda: lamp.lamp.level is Level.GOOD)
+    console.until(lambda: lamp.lamp.level is LampLevel.GOOD)
     assert console.window.headline.text() == "RUNNING"
 
 

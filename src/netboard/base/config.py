@@ -28,7 +28,7 @@ from netboard.base.tables.rig import (
     Fixture,
     Network,
     Realtime,
-    Recording,
+    RecordingSettings,
     Safety,
 )
 from netboard.base.tables.scene import FRICTION, Geometry, Physics, friction_rate
@@ -68,7 +68,7 @@ class Config:
     virtual: VirtualDevice = field(default_factory=VirtualDevice)
     participant: Participant = field(default_factory=Participant)
     display: Display = field(default_factory=Display)
-    recording: Recording = field(default_factory=Recording)
+    recording: RecordingSettings = field(default_factory=RecordingSettings)
 
 
 ADAPTER: TypeAdapter[Config] = TypeAdapter(Config)

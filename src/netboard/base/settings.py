@@ -42,7 +42,7 @@ _CHOICE = re.compile('"([^"]*)"')
 _SIGNS = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
 
 
-class Form(NamedTuple):
+class TextForm(NamedTuple):
     """Form of a text.
 
     Attributes
@@ -60,11 +60,11 @@ class Form(NamedTuple):
 MAX_LABEL = 80
 """Largest length of a name; two of them fit the name of a recording [1]."""
 
-LABEL = Form("^[A-Za-z0-9_-]+$", f"of at most {MAX_LABEL} letters, digits, - and _, such as D03")
+LABEL = TextForm("^[A-Za-z0-9_-]+$", f"of at most {MAX_LABEL} letters, digits, - and _, such as D03")
 """Form of a name that is part of the names of files and columns; in an old recording it may be longer."""
 
 
-def about(text: str, unit: str = "", *, form: Form | None = None, **limits: Any) -> FieldInfo:
+def about(text: str, unit: str = "", *, form: TextForm | None = None, **limits: Any) -> FieldInfo:
     """Describe one key.
 
     Parameters
@@ -138,7 +138,7 @@ class Key:
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Table:
+class SettingsTable:
     """One table of settings.
 
     Attributes
@@ -164,18 +164,18 @@ class Table:
         return ".".join(self.path)
 
 
-def tables(cls: type[Any], path: Path = ()) -> tuple[Table, ...]:
+def tables(cls: type[Any], path: Path = ()) -> tuple[SettingsTable, ...]:
     """Return the tables of a dataclass of dataclasses, each before the tables within it."""
     return _tables(cls, path)  # type: ignore[arg-type]  # mypy doubts that a class can be hashed
 
 
 @functools.cache
-def _tables(cls: type[Any], path: Path) -> tuple[Table, ...]:
+def _tables(cls: type[Any], path: Path) -> tuple[SettingsTable, ...]:
     hints = get_type_hints(cls, include_extras=True)
     fields = dataclasses.fields(cls)
     inner = [f.name for f in fields if dataclasses.is_dataclass(hints[f.name])]
     keys = tuple(_key(f, hints[f.name]) for f in fields if f.name not in inner)
-    table = Table(path, (cls.__doc__ or "").strip(), keys, tuple(inner))
+    table = SettingsTable(path, (cls.__doc__ or "").strip(), keys, tuple(inner))
     return (table, *(one for name in inner for one in tables(hints[name], (*path, name))))
 
 
@@ -309,7 +309,7 @@ def _adapter(cls: Any) -> TypeAdapter[Any]:
 def _checked(
     adapter: TypeAdapter[T],
     values: dict[str, Any],
-    known: dict[Path, Table],
+    known: dict[Path, SettingsTable],
     source_of: Callable[[Path], str] | None,
     base: Path = (),
 ) -> T:
@@ -324,7 +324,7 @@ def _checked(
         raise ConfigError("\n".join(problems.values())) from None
 
 
-def _override(values: dict[str, Any], word: str, known: dict[Path, Table]) -> Path:
+def _override(values: dict[str, Any], word: str, known: dict[Path, SettingsTable]) -> Path:
     """Put one ``table.key=value`` into the values read from the file; give the path of the key."""
     if not word.isascii() and word != word.encode(errors="replace").decode():
         raise ConfigError(f"--set {word.encode(errors='replace').decode()}: expected text in UTF-8")
@@ -350,12 +350,12 @@ def _value_of(word: str) -> Any:
         return word
 
 
-def _find(table: Table | None, name: str) -> Key | None:
+def _find(table: SettingsTable | None, name: str) -> Key | None:
     """Find the key of that name, if there is one."""
     return next((key for key in table.keys if key.name == name), None) if table else None
 
 
-def _explain(detail: ErrorDetails, known: dict[Path, Table], base: Path) -> tuple[Path, str]:
+def _explain(detail: ErrorDetails, known: dict[Path, SettingsTable], base: Path) -> tuple[Path, str]:
     """Put one of pydantic's errors into words: the path it is about, and the problem."""
     path = (*base, *(str(step) for step in detail["loc"]))
     found = detail["input"]
@@ -371,7 +371,7 @@ def _explain(detail: ErrorDetails, known: dict[Path, Table], base: Path) -> tupl
     return path, f"[{'.'.join(path)}]: found {_show(found)}, expected a table"
 
 
-def _unknown(path: Path, found: Any, known: dict[Path, Table]) -> str:
+def _unknown(path: Path, found: Any, known: dict[Path, SettingsTable]) -> str:
     """Report an unknown key, with the most similar known one."""
     *parent, name = path
     table = known[tuple(parent)]
@@ -392,7 +392,7 @@ def _unknown(path: Path, found: Any, known: dict[Path, Table]) -> str:
     return f"{where}: unknown {kind}; {hint}"
 
 
-def _described(table: Table, name: str) -> list[Key]:
+def _described(table: SettingsTable, name: str) -> list[Key]:
     """Find the keys that a name describes, as ``mass`` and ``board_mass`` do M, the mass of the board."""
     words = set(name.casefold().split("_"))
     texts = [(key, re.findall(r"[a-z]+", key.text.casefold())) for key in table.keys]
@@ -456,7 +456,7 @@ def write_template(cls: type[Any]) -> str:
     return "\n".join(lines).lstrip("\n") + "\n"
 
 
-def _table_lines(table: Table, values: dict[str, Any], *, comments: bool) -> list[str]:
+def _table_lines(table: SettingsTable, values: dict[str, Any], *, comments: bool) -> list[str]:
     """Write one table, with a further table for each key whose value is one."""
     if not values:
         return []

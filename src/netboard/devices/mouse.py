@@ -13,7 +13,7 @@ obeys both limits too.
 
 The agent passes on where the player points, because devices know no network.
 
-Options (``agents.<side>.options``): see `Options`.
+Options (``agents.<side>.options``): see `MouseOptions`.
 """
 
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
-class Options:
+class MouseOptions:
     """Options of the mouse."""
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
@@ -75,7 +75,7 @@ class MouseStylus(Device):
 
     def __init__(self, side: Side, config: Config) -> None:
         super().__init__(side, config)
-        self._options = self.read_options(Options)
+        self._options = self.read_options(MouseOptions)
         self._written = (0.0, 0.0, 0.0)
         self._reset()
 

@@ -62,7 +62,7 @@ Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
-class Options:
+class SpaceMouseOptions:
     """Options of the SpaceMouse."""
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
@@ -83,7 +83,7 @@ class SpaceMouse(Device):
 
     def __init__(self, side: Side, config: Config) -> None:
         super().__init__(side, config)
-        self._options = self.read_options(Options)
+        self._options = self.read_options(SpaceMouseOptions)
         self._hid: Any = None
         self._reset()
 

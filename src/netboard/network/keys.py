@@ -51,7 +51,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
-class Peer:
+class KeyedPeer:
     """A peer's entry in the server's list."""
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
@@ -73,7 +73,7 @@ class _List:
     """Contents of ``authorized.toml``."""
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
-    peer: tuple[Peer, ...] = ()
+    peer: tuple[KeyedPeer, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +143,7 @@ class KeyRing:
         self.secret = _read_key(key_path(folder, SERVER), HOW_TO_INIT).secret
         self._list = folder / LIST
         self._stamp: tuple[int, int, int] | None = None
-        self._peers: dict[str, Peer] = {}
+        self._peers: dict[str, KeyedPeer] = {}
         self._problem = ""
         self._reread()
         if self._problem:
@@ -173,7 +173,7 @@ class KeyRing:
         """Return the fingerprint of a public key."""
         return fingerprint(key)
 
-    def _find(self, key: str) -> tuple[Peer | None, str]:
+    def _find(self, key: str) -> tuple[KeyedPeer | None, str]:
         """Return the owner of a key, and why the key is invalid; empty if it is valid."""
         self._reread()
         peer = self._peers.get(key)
@@ -212,7 +212,7 @@ def init(folder: Path) -> Path:
     return path
 
 
-def add(folder: Path, role: Role, side: str, to: Path) -> tuple[Peer, Path]:
+def add(folder: Path, role: Role, side: str, to: Path) -> tuple[KeyedPeer, Path]:
     """Make a peer's key and authorise it. ``to``: folder for its file; created if missing."""
     if (role in ROLES_WITH_SIDE) != (side in SIDES):
         raise ConfigError(f"{role}: expected a side, left or right" if not side else f"{role}: has no side")
@@ -223,7 +223,7 @@ def add(folder: Path, role: Role, side: str, to: Path) -> tuple[Peer, Path]:
             names = (role_and_side(role, side) + (f"-{number}" if number > 1 else "") for number in count(1))
             name = next(name for name in names if name not in taken)
             public, secret = authenticator.new_keys()
-            peer = Peer(name, role, side, public, _now())  # type: ignore[arg-type]
+            peer = KeyedPeer(name, role, side, public, _now())  # type: ignore[arg-type]
             _make_folder(to)
             path = key_path(to, peer.role_and_side)
             _write_key(path, _KeyFile(name, peer.created, secret, authenticator.public_of(server.secret)))
@@ -233,7 +233,7 @@ def add(folder: Path, role: Role, side: str, to: Path) -> tuple[Peer, Path]:
     return peer, path
 
 
-def revoke(folder: Path, name: str) -> Peer:
+def revoke(folder: Path, name: str) -> KeyedPeer:
     """Revoke a peer's key."""
     with _changed_list(folder) as peers:
         valid = [peer for peer in peers if peer.revoked is None]
@@ -245,7 +245,7 @@ def revoke(folder: Path, name: str) -> Peer:
         return revoked
 
 
-def read_list(folder: Path) -> tuple[Peer, ...]:
+def read_list(folder: Path) -> tuple[KeyedPeer, ...]:
     """Read the list of peers."""
     path = folder / LIST
     peers = _parse(path, _read(path, HOW_TO_INIT), _LIST_ADAPTER).peer
@@ -301,7 +301,7 @@ def key_path(folder: Path, name: str) -> Path:
 
 
 @contextmanager
-def _changed_list(folder: Path) -> Iterator[list[Peer]]:
+def _changed_list(folder: Path) -> Iterator[list[KeyedPeer]]:
     """Lock the list for a change, and write it at the end, completely or not at all."""
     new = folder / f"{LIST}.new"
     _write_new(new, "", "already exists: another command is changing the list; if none is running, remove this file")
@@ -315,7 +315,7 @@ def _changed_list(folder: Path) -> Iterator[list[Peer]]:
         new.unlink(missing_ok=True)
 
 
-def _list_text(peers: Iterable[Peer]) -> str:
+def _list_text(peers: Iterable[KeyedPeer]) -> str:
     return LIST_HEAD + "".join(
         f"\n[[peer]]\nname = {to_toml(peer.name)}\nrole = {to_toml(peer.role)}\nside = {to_toml(peer.side)}\n"
         f"public = {to_toml(peer.public)}\ncreated = {peer.created.isoformat()}\n"

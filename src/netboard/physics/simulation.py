@@ -16,7 +16,7 @@ from netboard.base.tables.scene import Physics, friction_rate
 from netboard.physics.arithmetic.vectors import State
 from netboard.physics.hands.sampled import Hands, Held, drives_along, hold_hands, styluses_along
 from netboard.physics.methods.catalogue import METHODS, NUMBER
-from netboard.physics.methods.march import Grid, forces_along, make_grid, run
+from netboard.physics.methods.march import TimeGrid, forces_along, make_grid, run
 from netboard.physics.scene.energy import Powers, StoredEnergy, stored_along, work_along
 from netboard.physics.scene.linear import board_matrix
 from netboard.physics.scene.parameters import Parts, pack_scene, parts_of, state_length
@@ -301,7 +301,7 @@ def _make_timeline(held: Held, dt: float) -> _Timeline:
     return _Timeline(scale, knots, np.searchsorted(knots, rows), rows / scale)
 
 
-def _make_grid(line: _Timeline, steps: Steps, parts: Parts, length: int, scene: NDArray[Any]) -> Grid:
+def _make_grid(line: _Timeline, steps: Steps, parts: Parts, length: int, scene: NDArray[Any]) -> TimeGrid:
     """Divide the intervals into steps."""
     lengths = np.diff(line.knots) / line.scale
     counts = np.maximum(np.ceil(lengths / steps.longest - 1e-6), steps.substeps)
@@ -320,9 +320,9 @@ def _make_grid(line: _Timeline, steps: Steps, parts: Parts, length: int, scene: 
     return make_grid(steps.method, lengths, counts.astype(np.int64), parts, length, scene)
 
 
-def _cut(grid: Grid, first: int, last: int) -> Grid:
+def _cut(grid: TimeGrid, first: int, last: int) -> TimeGrid:
     """Return a section of the steps."""
-    return Grid(grid.lengths[first:last], grid.counts[first:last], grid.kinds[first:last], grid.tables)
+    return TimeGrid(grid.lengths[first:last], grid.counts[first:last], grid.kinds[first:last], grid.tables)
 
 
 def _check_finite(states: NDArray[np.float64], times: NDArray[np.float64], steps: Steps, longest: float) -> None:

@@ -39,7 +39,7 @@ from netboard.physics.scene.rendering import (
     rendering_of,
     scale_in,
 )
-from netboard.physics.stability.method_choice import Choice, choose
+from netboard.physics.stability.method_choice import MethodChoice, choose
 from netboard.stage.styluses import KNOWN_EXTRAPOLATIONS, drives, sense_left, sense_right
 from netboard.stage.trial_steps import decide, take_transition
 from netboard.task.trials.state_machine import RULES, Cause, Phase, first_target, is_active, is_free, pack_rules
@@ -188,7 +188,7 @@ class Stage:
     """
 
     book: NDArray[Any]
-    choice: Choice
+    choice: MethodChoice
     tables: NDArray[np.float64]
     ticks: Callable[..., None]
     first_target: int

@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.config import Config, resolve
-from netboard.base.tables.rig import Recording
+from netboard.base.tables.rig import RecordingSettings
 from netboard.base.tick import TICK
 from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.records import ClockRecord, EventRecord, FrameRecord, TickRecord
 from netboard.recording.files.provenance import provenance
 from netboard.recording.files.writer import RecordingWriter
+from netboard.recording.format.channels import Record
 from netboard.task.trials.state_machine import Cause, Phase
 
 MS = 1_000_000
@@ -75,9 +76,9 @@ def write(
     text = resolve(config or Config())
     welcome = Welcome("3f2a9c1e00000000", 1, 7, text)
     writer = RecordingWriter(
-        path, provenance(welcome, Config(), part, UTC_NS, 42), text, Recording(chunk_bytes=8192), UTC_NS
+        path, provenance(welcome, Config(), part, UTC_NS, 42), text, RecordingSettings(chunk_bytes=8192), UTC_NS
     )
-    records = [
+    records: list[Record] = [
         EventRecord(0, -1, START_NS - MS, "note", {"text": ODD}),
         ClockRecord(0, "agent.left", START_NS, 5, 6, START_NS + 1500 * 1000, 2**62 + 1, 3, float("nan")),
         FrameRecord(0, "left", 3, 2**61 + 1, 2**61 + 3, 0),

@@ -17,7 +17,7 @@ from scipy import stats
 
 from netboard.analysis.statistics.effects import between_dyad_freedom, contrasts_of
 from netboard.analysis.statistics.exact_tests import permutation_p
-from netboard.analysis.statistics.factors import Design, design_of, paper_factors
+from netboard.analysis.statistics.factors import ModelDesign, design_of, paper_factors
 from netboard.analysis.statistics.random_effects import random_effects
 from netboard.analysis.statistics.restricted import restricted_fit
 from netboard.analysis.statistics.small_samples import (
@@ -27,7 +27,7 @@ from netboard.analysis.statistics.small_samples import (
 )
 from netboard.base.process.workers import cores
 from netboard.benchmarks.harness.processes import fresh_processes
-from netboard.benchmarks.harness.results import Folder, Part
+from netboard.benchmarks.harness.results import Folder, ResultPart
 from netboard.benchmarks.harness.running import Tell
 
 Array = NDArray[np.float64]
@@ -148,7 +148,7 @@ def _drawn(rng: np.random.Generator, setting: Setting) -> Array:
 class _Model:
     """The parts of the mixed model that all studies of a size share."""
 
-    design: Design
+    design: ModelDesign
     sources: list[Array]
     rows: tuple[Array, ...]
 
@@ -203,7 +203,7 @@ Counts = dict[Setting, Array]
 """Number of rejections in each setting, shape (no effect and effect, terms, methods)."""
 
 
-def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
+def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[ResultPart]:
     """Simulate studies and tabulate the rejections."""
     studies = QUICK if quick else STUDIES
     counts = rejections(studies, tell)
@@ -237,9 +237,9 @@ def _count_rejections(setting: Setting, studies: int, seed: tuple[int, ...]) -> 
     return np.asarray((simulated(setting, studies, seed) <= LEVEL).sum(axis=-1), dtype=float)
 
 
-def about_part(studies: int) -> Part:
+def about_part(studies: int) -> ResultPart:
     """Tabulate the parameters of the simulation."""
-    return Part(
+    return ResultPart(
         "about",
         "Simulated studies",
         "quantity | value",
@@ -265,13 +265,13 @@ TITLES = {
 }
 
 
-def table_part(counts: Counts, studies: int, place: int, term: int) -> Part:
+def table_part(counts: Counts, studies: int, place: int, term: int) -> ResultPart:
     """Tabulate the share of studies in which each test rejects.
 
     - `place`, `term`: 0 without an effect, 1 with `EFFECT`; index of the term in `TERMS` [1].
     """
     name, title = TITLES[place, term]
-    part = Part(name, title, ("dyads", "errors", "SD of effect [log]", *METHODS))
+    part = ResultPart(name, title, ("dyads", "errors", "SD of effect [log]", *METHODS))
     for setting, found in counts.items():
         cells = [share(int(count), studies) for count in found[place, term]]
         part.add(setting.dyads, setting.errors, f"{setting.slopes:g}", *cells)
@@ -280,9 +280,9 @@ def table_part(counts: Counts, studies: int, place: int, term: int) -> Part:
     return part
 
 
-def differences_part(samples: int) -> Part:
+def differences_part(samples: int) -> ResultPart:
     """Tabulate the false positive rate of the paired tests for differences of dyads with mean 0."""
-    part = Part(
+    part = ResultPart(
         "differences",
         f"False positives of tests of dyads' differences, {samples} samples for each row",
         ("dyads", "differences", *METHODS[3:]),
@@ -309,7 +309,7 @@ def share(count: int, of: int) -> str:
     return f"{count / of:.3f} ({found.low:.3f}-{found.high:.3f})"
 
 
-def _claim_not_liberal(part: Part, counts: Counts, studies: int) -> None:
+def _claim_not_liberal(part: ResultPart, counts: Counts, studies: int) -> None:
     """Check that the tests of the mixed model are not liberal with normal errors."""
     normal = [found[0, 0] / studies for setting, found in counts.items() if setting.errors == "normal"]
     # With --quick, .05 and .075 do not differ significantly: allow for the Monte Carlo error.

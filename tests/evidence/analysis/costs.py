@@ -14,7 +14,7 @@ from tempfile import TemporaryDirectory
 from netboard.analysis.extraction.cache import Cache, PathTable
 from netboard.analysis.extraction.running import Extraction, extract
 from netboard.analysis.extraction.settings import Readings
-from netboard.analysis.extraction.study import Study, study_of
+from netboard.analysis.extraction.study import StudyData, study_of
 from netboard.analysis.extraction.workers import processes
 from netboard.base.process.resources import peak_memory
 from netboard.recording.export.formats import new_folder
@@ -110,7 +110,7 @@ def cost_of_report(recordings: Sequence[Path], cache: Path, folder: Path) -> tup
     return watch.read(), peak_memory()
 
 
-def _tables(recordings: Sequence[Path], workers: int, cache: Path, paths: Path) -> tuple[Extraction, Study]:
+def _tables(recordings: Sequence[Path], workers: int, cache: Path, paths: Path) -> tuple[Extraction, StudyData]:
     """Measure recordings, or take their measures from the cache, and join them."""
     extracted = extract(recordings, Readings(), processes(workers), Cache(cache), PathTable(paths), lambda *_: None)
     return extracted, study_of(extracted.measured, Readings(), extracted.paths)

@@ -8,7 +8,7 @@ import numpy as np
 
 from evidence.analysis.disturbances import DISTURBANCES
 from evidence.analysis.remeasuring import Remeasured
-from netboard.benchmarks.harness.results import Part
+from netboard.benchmarks.harness.results import ResultPart
 
 MEASURES = (
     ("completion", "completion [ms]", 1e3),
@@ -60,13 +60,13 @@ def shift(found: Sequence[Remeasured], number: int, name: str) -> Shift:
     return Shift(float(differences.mean()), float(differences.std(ddof=1)), int(differences.size), lost)
 
 
-def disturbances_part(found: Sequence[Remeasured]) -> Part:
+def disturbances_part(found: Sequence[Remeasured]) -> ResultPart:
     """Tabulate mean and standard deviation of the differences."""
     means = []
     for name, _, factor in MEASURES:
         undisturbed = np.concatenate([one.undisturbed[0][name] for one in found])
         means.append(f"{factor * np.nanmean(undisturbed):.3g}" if np.isfinite(undisturbed).any() else "none")
-    part = Part(
+    part = ResultPart(
         "disturbances",
         "Effect of disturbances on an attempt's measures: mean (standard deviation); "
         "L: share of attempts without a value",
@@ -101,9 +101,9 @@ def _cell(one: Shift, factor: float) -> str:
     return f"{bias:+.{max(digits, 0)}f} ({deviation:.{max(digits, 0)}f}){lost}"
 
 
-def all_disturbances_part(found: Sequence[Remeasured]) -> Part:
+def all_disturbances_part(found: Sequence[Remeasured]) -> ResultPart:
     """List the differences of all measures in SI units."""
-    part = Part(
+    part = ResultPart(
         "disturbances-all",
         "Effect of disturbances on all measures, in SI units",
         "disturbance | size | settings | measure | mean | bias | SD | attempts | lost",

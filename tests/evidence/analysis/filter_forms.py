@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.signal import butter, filtfilt, sosfiltfilt
 
 from netboard.analysis.extraction.trials import RATE
-from netboard.benchmarks.harness.results import Part
+from netboard.benchmarks.harness.results import ResultPart
 
 ORDERS = (2, 5, 10)
 """Filter orders of one pass [1]."""
@@ -58,9 +58,9 @@ def _forms(piece: NDArray[np.float64]) -> Iterator[Form]:
             yield Form(order, cutoff, radius, float(numerator.sum() / denominator.sum()), float(error))
 
 
-def forms_part(recordings: Sequence[Sequence[Form]]) -> Part:
+def forms_part(recordings: Sequence[Sequence[Form]]) -> ResultPart:
     """Tabulate the largest error over recordings, of each order and cutoff."""
-    part = Part(
+    part = ResultPart(
         "forms",
         "A3: filters in transfer-function form, compared with second-order sections, on recorded ball positions",
         "order of a pass | cutoff [Hz] | largest pole [1] | gain at 0 Hz [1] | "

@@ -11,7 +11,7 @@ from evidence.analysis.ground_truth import Known, block
 from netboard.analysis.extraction.recordings import Measured, measure
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.study import study_of
-from netboard.benchmarks.harness.results import Folder, Part
+from netboard.benchmarks.harness.results import Folder, ResultPart
 from netboard.benchmarks.harness.running import Tell
 from netboard.recording.export.runs import runs_of
 from netboard.recording.files.offline_writer import BlockWriter
@@ -28,7 +28,7 @@ UNITS = {"entries": "1", "peaks": "1", "overshoots": "1", "overshoot": "m", "pow
 """Units of the measures other than times, by the last word of their names."""
 
 
-def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
+def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[ResultPart]:
     """Write recordings of synthetic trials, measure them as an analysis does, and compare."""
     blocks, trials = QUICK if quick else WHOLE
     known: list[Known] = []
@@ -51,7 +51,7 @@ def measured_block(folder: Path, trials: int, seed: int) -> tuple[list[Known], M
     return known, measure(runs_of([writer.path])[0], Readings())
 
 
-def table(known: list[Known], found: list[Measured]) -> Part:
+def table(known: list[Known], found: list[Measured]) -> ResultPart:
     """Tabulate the errors of each measure."""
     counted = sum(len(study_of([one], Readings()).counted) for one in found)
     trials = {
@@ -66,7 +66,7 @@ def table(known: list[Known], found: list[Measured]) -> Part:
     rows.append(_row("peaks, none near the completion", peaks[clear], trials["peaks"][clear], "1"))
     rows += _movements(known, found)
     recorded = int((trials["completion_source"] == "recording").sum())
-    return Part(
+    return ResultPart(
         "truth",
         f"Measures of {len(known)} synthetic trials with known values; {counted} included, {recorded} of them with the "
         "completion time from the recording, because their hold is one sample short",

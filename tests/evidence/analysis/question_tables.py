@@ -10,8 +10,8 @@ from evidence.analysis import multiverse
 from evidence.analysis.multiverse import HEADLINES
 from evidence.analysis.open_questions import QUESTIONS, Alternative, Question
 from evidence.analysis.reported_numbers import STATEMENTS, Numbers
-from netboard.analysis.extraction.study import Study
-from netboard.benchmarks.harness.results import Part, Value
+from netboard.analysis.extraction.study import StudyData
+from netboard.benchmarks.harness.results import ResultPart, Value
 
 Singles = Sequence[tuple[Question, Alternative, Numbers]]
 """The reported numbers with one alternative at a time."""
@@ -52,9 +52,9 @@ def signed(share: float) -> str:
     return f"{100 * share:+.0f} %" if abs(share) >= 0.1 else f"{100 * share:+.2g} %"
 
 
-def numbers_part(default: Numbers, singles: Singles) -> Part:
+def numbers_part(default: Numbers, singles: Singles) -> ResultPart:
     """Tabulate every number with its range over the likely alternatives, one at a time."""
-    part = Part(
+    part = ResultPart(
         "numbers",
         "Reported numbers, and their ranges over the likely alternatives, one at a time",
         "number | unit | default | minimum | maximum",
@@ -68,9 +68,9 @@ def numbers_part(default: Numbers, singles: Singles) -> Part:
     return part
 
 
-def alternatives_part(default: Numbers, singles: Singles) -> Part:
+def alternatives_part(default: Numbers, singles: Singles) -> ResultPart:
     """Tabulate, for each alternative to a question, the number that it changes most."""
-    part = Part(
+    part = ResultPart(
         "readings",
         "Effect of each alternative on the reported numbers",
         "id | question | default | alternative | largest change | changed by 1 %",
@@ -121,7 +121,7 @@ def _comparable(name: str, default: Numbers, found: Numbers) -> bool:
     return math.isfinite(before.value) and math.isfinite(after.value) and before.unit == after.unit and not rare
 
 
-def headlines_part(default: Numbers, singles: Singles) -> Part:
+def headlines_part(default: Numbers, singles: Singles) -> ResultPart:
     """Tabulate the headline numbers with each alternative that changes one of them."""
     rows: list[tuple[Value, ...]] = [
         ("", "default", *(f"{factor * default[name].value:.3g}" for name, _, factor in HEADLINES))
@@ -134,7 +134,7 @@ def headlines_part(default: Numbers, singles: Singles) -> Part:
                 for (name, _, factor), share in zip(HEADLINES, shares, strict=True)
             ]
             rows.append((one.name, other.name, *cells))
-    return Part(
+    return ResultPart(
         "headlines",
         "Headline numbers with each alternative that changes one of them by 0.1 %; empty: as by default",
         ("id", "alternative", *(label.replace("\n", " ") for _, label, _ in HEADLINES)),
@@ -142,9 +142,9 @@ def headlines_part(default: Numbers, singles: Singles) -> Part:
     )
 
 
-def moved_part(default: Numbers, singles: Singles) -> Part:
+def moved_part(default: Numbers, singles: Singles) -> ResultPart:
     """List all numbers that an alternative changes."""
-    part = Part(
+    part = ResultPart(
         "moved",
         "All numbers that an alternative changes by 1 %",
         "id | alternative | number | unit | default | with the alternative | change",
@@ -158,12 +158,12 @@ def moved_part(default: Numbers, singles: Singles) -> Part:
     return part
 
 
-def pairs_part(default: Numbers, singles: Singles, pairs: Sequence[tuple[Question, Question, Numbers]]) -> Part:
+def pairs_part(default: Numbers, singles: Singles, pairs: Sequence[tuple[Question, Question, Numbers]]) -> ResultPart:
     """Tabulate the joint effect of two alternatives and their interaction.
 
     - `pairs`: two questions, and the numbers with the first alternative of both.
     """
-    part = Part(
+    part = ResultPart(
         "pairs",
         "Two alternatives at once; interaction: the joint change minus both single changes",
         "two alternatives | number | default | first alone | second alone | both | interaction",
@@ -182,9 +182,9 @@ def pairs_part(default: Numbers, singles: Singles, pairs: Sequence[tuple[Questio
     return part
 
 
-def paths_part(default: Numbers, paths: Sequence[dict[str, float]], count: int) -> Part:
+def paths_part(default: Numbers, paths: Sequence[dict[str, float]], count: int) -> ResultPart:
     """Tabulate percentiles of the headline numbers over the paths."""
-    part = Part(
+    part = ResultPart(
         "paths",
         f"Headline numbers on random paths, drawn from {count:.3g}",
         "number | default | minimum | 5 % | median | 95 % | maximum | paths below the default | paths",
@@ -199,12 +199,12 @@ def paths_part(default: Numbers, paths: Sequence[dict[str, float]], count: int) 
     return part
 
 
-def statements_part(default: Numbers, singles: Singles, paths: Sequence[dict[str, float]]) -> Part:
+def statements_part(default: Numbers, singles: Singles, paths: Sequence[dict[str, float]]) -> ResultPart:
     """Tabulate how often each statement of the paper holds for the participants of the study."""
     plain = values_of(default)
     one = multiverse.count_holding([values_of(found) for _, _, found in singles])
     every = multiverse.count_holding(paths)
-    part = Part(
+    part = ResultPart(
         "statements",
         "Which statements of the paper hold for these participants",
         "statement | default | one alternative at a time | paths | of",
@@ -215,9 +215,9 @@ def statements_part(default: Numbers, singles: Singles, paths: Sequence[dict[str
     return part
 
 
-def affected_part(base: Study, whole_ball: Study) -> Part:
+def affected_part(base: StudyData, whole_ball: StudyData) -> ResultPart:
     """Tabulate the shares of trials that questions A24 and B5 affect."""
-    part = Part(
+    part = ResultPart(
         "concerned",
         "Trials that questions A24 and B5 affect",
         "condition | trials | A24: first movement the wrong way | no braking movement | "

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from netboard.base.config import Config
-from netboard.nodes.rehearsal.jobs import Job, jobs_of, rehearse_all
+from netboard.nodes.rehearsal.jobs import RehearsalJob, jobs_of, rehearse_all
 from netboard.task.plans.plan import blocks_of, shortened
 from netboard.task.studies.study import paper_study
 
@@ -36,7 +36,7 @@ def rehearse_study(
     return tuple(sorted(folder.glob("*.mcap")))
 
 
-def _jobs(folder: Path, dyad: int, blocks: int, trials: int) -> Iterator[Job]:
+def _jobs(folder: Path, dyad: int, blocks: int, trials: int) -> Iterator[RehearsalJob]:
     """Yield the blocks of a dyad, an hour apart."""
     plan = list(shortened(blocks_of(Config(), paper_study(), SEED, dyad), None, trials))
     chosen = [plan[k] for k in np.unique(np.linspace(0, len(plan) - 1, blocks).round().astype(int))]

@@ -18,7 +18,7 @@ from netboard.analysis.extraction.details import MOVEMENTS, THRESHOLDS, movement
 from netboard.analysis.extraction.recordings import Measured, measure
 from netboard.analysis.extraction.settings import Readings, measured_with
 from netboard.analysis.extraction.tables import PLACE, Columns, Group, columns_of
-from netboard.analysis.extraction.trials import Block, Take
+from netboard.analysis.extraction.trials import AttemptData, BlockData
 from netboard.analysis.topics.groups import CLASSES
 from netboard.base.config import SIDES
 from netboard.benchmarks.harness.processes import fresh_processes
@@ -66,14 +66,14 @@ class Remeasured:
     forms: tuple[Form, ...]
 
 
-def read_block(run: Run, readings: Readings) -> Block:
+def read_block(run: Run, readings: Readings) -> BlockData:
     """Read a recording with all columns that any setting needs."""
     everything = replace(readings, filters=replace(readings.filters, velocity="device"))
     with Recording(run.path) as recording:
-        return Block.of(recording, run.config, everything).again(readings)
+        return BlockData.of(recording, run.config, everything).again(readings)
 
 
-def update_measures(base: Measured, takes: Sequence[Take], groups: tuple[Group, ...] = PAPER) -> Measured:
+def update_measures(base: Measured, takes: Sequence[AttemptData], groups: tuple[Group, ...] = PAPER) -> Measured:
     """Replace the paper's measures by those of other takes, and copy all else from `base`."""
     fields = tuple(field for group in groups for field in group.fields)
     rows = [{name: value for group in groups for name, value in group.of(take).items()} for take in takes]
@@ -124,9 +124,9 @@ def remeasure(request: Request) -> Remeasured:
     return Remeasured(base, others, undisturbed, disturbed, forms)
 
 
-def _disturbed(request: Request, base: Measured, block: Block) -> tuple[tuple[Columns, ...], tuple[Columns, ...]]:
+def _disturbed(request: Request, base: Measured, block: BlockData) -> tuple[tuple[Columns, ...], tuple[Columns, ...]]:
     groups = (*PAPER, *_SMOOTHNESS)
-    references: dict[Readings, tuple[Block, list[Take], Columns]] = {}
+    references: dict[Readings, tuple[BlockData, list[AttemptData], Columns]] = {}
     undisturbed, disturbed = [], []
     for number, (disturbance, readings) in enumerate(zip(request.disturbances, request.disturbed_by, strict=True)):
         if readings not in references:
@@ -144,7 +144,7 @@ def _disturbed(request: Request, base: Measured, block: Block) -> tuple[tuple[Co
     return tuple(undisturbed), tuple(disturbed)
 
 
-def disturbable_columns(block: Block) -> Columns:
+def disturbable_columns(block: BlockData) -> Columns:
     """Return the recorded columns that a disturbance may change."""
     names = ("theta", "p", *(f"{side}_used_{what}" for side in SIDES for what in ("z", "vz")))
     return {name: block.raw(name) for name in names}

@@ -10,7 +10,7 @@ from math import nan
 
 from evidence.analysis.open_questions import Family
 from netboard.analysis.extraction.details import THRESHOLDS
-from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.study import StudyData
 from netboard.analysis.topics.classes import classes
 from netboard.analysis.topics.delay import delay
 from netboard.analysis.topics.dyads import dyads
@@ -40,7 +40,7 @@ Numbers = dict[str, Number]
 """Reported numbers by name [SI]."""
 
 
-def numbers(study: Study, default: Numbers | None = None) -> Numbers:
+def numbers(study: StudyData, default: Numbers | None = None) -> Numbers:
     """Compute all reported numbers, in an order that depends only on the conditions of the study.
 
     - `default`: numbers with the default settings; those of a condition that has no trial become NaN.
@@ -51,7 +51,7 @@ def numbers(study: Study, default: Numbers | None = None) -> Numbers:
     return found
 
 
-def _learning(study: Study) -> Iterator[tuple[str, Number]]:
+def _learning(study: StudyData) -> Iterator[tuple[str, Number]]:
     """Yield means and standard deviations of the first and the last trials."""
     for team in learning(study).parts:
         for course in team.courses:
@@ -62,7 +62,7 @@ def _learning(study: Study) -> Iterator[tuple[str, Number]]:
                 yield f"SD of {name}", Number(family, found.deviation, course.quantity.unit, "spread")
 
 
-def _dyads(study: Study) -> Iterator[tuple[str, Number]]:
+def _dyads(study: StudyData) -> Iterator[tuple[str, Number]]:
     """Yield the number of dyads that are better than the mean of their two participants."""
     for one in dyads(study).parts:
         name = "faster" if one.quantity.column == "completion" else "smoother"
@@ -73,13 +73,13 @@ def _dyads(study: Study) -> Iterator[tuple[str, Number]]:
         )
 
 
-def _shares(study: Study) -> Iterator[tuple[str, Number]]:
+def _shares(study: StudyData) -> Iterator[tuple[str, Number]]:
     for one in classes(study).parts:
         for name, mean in zip(CLASSES, one.means, strict=True):
             yield f"{name} share, {one.condition.label}", Number("shares", mean.value, "1")
 
 
-def _delays(study: Study) -> Iterator[tuple[str, Number]]:
+def _delays(study: StudyData) -> Iterator[tuple[str, Number]]:
     """Yield the delays at each threshold, and half the width of their confidence intervals."""
     for one in delay(study).parts:
         for percent, mean in zip(THRESHOLDS, one.as_set.means, strict=True):
@@ -91,7 +91,7 @@ def _delays(study: Study) -> Iterator[tuple[str, Number]]:
             )
 
 
-def _strategies(study: Study) -> Iterator[tuple[str, Number]]:
+def _strategies(study: StudyData) -> Iterator[tuple[str, Number]]:
     """Yield mean distance and velocity at the first braking movement."""
     trials = counted(study)
     for one in conditions(study):
@@ -101,7 +101,7 @@ def _strategies(study: Study) -> Iterator[tuple[str, Number]]:
             yield f"braking {quantity}, {one.label}", Number("strategy", mean, unit)
 
 
-def _spreads(study: Study) -> Iterator[tuple[str, Number]]:
+def _spreads(study: StudyData) -> Iterator[tuple[str, Number]]:
     """Yield the ellipses of the first and last groups of trials, and the ratios of their variances."""
     standardised = study.readings.summaries.scaling == "standardised"
     for team in strategy(study).parts:

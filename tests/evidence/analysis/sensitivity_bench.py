@@ -26,13 +26,13 @@ from evidence.analysis.open_questions import (
 from evidence.analysis.remeasuring import Remeasured, Request, remeasure_all
 from evidence.analysis.reported_numbers import Numbers, numbers
 from netboard.analysis.extraction.settings import Readings
-from netboard.analysis.extraction.study import Study, study_of
+from netboard.analysis.extraction.study import StudyData, study_of
 from netboard.analysis.measures.performance import window_sizes
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError, RecordingError
 from netboard.base.process.workers import cores
 from netboard.benchmarks.harness import running
-from netboard.benchmarks.harness.results import Folder, Part
+from netboard.benchmarks.harness.results import Folder, ResultPart
 from netboard.benchmarks.harness.running import Options, Tell
 from netboard.nodes.rehearsal import session as rehearsal
 from netboard.nodes.rehearsal.jobs import jobs_of
@@ -157,7 +157,7 @@ def recordings_to_disturb(runs: Sequence[Run]) -> set[Path]:
     return set(first.values())
 
 
-def study(recordings: Sequence[Path], folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
+def study(recordings: Sequence[Path], folder: Folder, tell: Tell, *, quick: bool) -> Iterator[ResultPart]:
     """Measure all variants and tabulate their effects."""
     variants = variants_of(recordings, quick=quick)
     found = _measured(variants, tell)
@@ -185,7 +185,7 @@ def study(recordings: Sequence[Path], folder: Folder, tell: Tell, *, quick: bool
     yield forms_part([one.forms for one in disturbed])
 
 
-def _study(found: Sequence[Remeasured], measured: Readings, summarised: Readings | None = None) -> Study:
+def _study(found: Sequence[Remeasured], measured: Readings, summarised: Readings | None = None) -> StudyData:
     """Return the study with other settings, and with other summaries of the same measures if they are given."""
     return study_of([one.others[measured] for one in found], summarised or measured)
 
@@ -218,10 +218,10 @@ def _paths(variants: Variants, found: Sequence[Remeasured], default: Numbers, te
     return values
 
 
-def about_part(variants: Variants, base: Study, found: Sequence[Remeasured]) -> Part:
+def about_part(variants: Variants, base: StudyData, found: Sequence[Remeasured]) -> ResultPart:
     """Tabulate the data and settings of the study."""
     attempts = sum(len(one.undisturbed[0]["completion"]) for one in found if one.undisturbed)
-    return Part(
+    return ResultPart(
         "about",
         "Data and settings",
         "quantity | value",

@@ -28,7 +28,7 @@ from evidence.analysis.costs import (
 from evidence.analysis.rehearsed_study import rehearse_study
 from netboard.base.process.workers import cores
 from netboard.benchmarks.harness.processes import in_fresh_process
-from netboard.benchmarks.harness.results import Folder, Part
+from netboard.benchmarks.harness.results import Folder, ResultPart
 from netboard.benchmarks.harness.running import Options, Tell, run
 from netboard.recording.files.locate import find_recordings
 
@@ -96,7 +96,7 @@ def main(given: Path | None, workers: int | None, options: Options) -> None:
 
 def study(
     recordings: Sequence[Path] | None, workers: int, folder: Folder, tell: Tell, *, quick: bool
-) -> Iterator[Part]:
+) -> Iterator[ResultPart]:
     """Measure the costs of an analysis; without recordings, of a rehearsed study."""
     size = QUICK if quick else WHOLE
     with TemporaryDirectory() as name:
@@ -134,10 +134,10 @@ def _row(recordings: Sequence[Path], workers: int, cache: Path, rounds: int) -> 
     return Row(len(recordings), reading, uncached, in_fresh_process(cost_of_tables, recordings, workers, cache))
 
 
-def _costs(rows: Sequence[Row], workers: int) -> Part:
+def _costs(rows: Sequence[Row], workers: int) -> ResultPart:
     times = ("reading alone [s]", "uncached [s]", "cached [s]")
     ratios = ("uncached / reading [1]", "cached / reading [1]", "uncached, x real time [1]")
-    return Part(
+    return ResultPart(
         "costs",
         "From recordings to the tables of the study: elapsed time with "
         f"{workers} process{'' if workers == 1 else 'es'}",
@@ -160,14 +160,14 @@ def _times(row: Row) -> tuple[Time, Time, Time]:
     return row.reading, row.uncached.time, row.cached.time
 
 
-def _scaling(rows: Sequence[Row]) -> Part:
+def _scaling(rows: Sequence[Row]) -> ResultPart:
     """Fit straight lines to CPU time against the number of attempts."""
     trials = [row.uncached.trials for row in rows]
     names = ("reading alone", "uncached", "cached")
     series = zip(names, zip(*(_times(row) for row in rows), strict=True), strict=True)
     fits = {name: line(trials, [time.cpu for time in times]) for name, times in series}
     slope, _, explained = fits["uncached"]
-    part = Part(
+    part = ResultPart(
         "scaling",
         "CPU time: straight lines fitted to these shares",
         "part | whole study [s] | slope [ms per attempt] | intercept [s] | R2 [1]",
@@ -191,11 +191,11 @@ def line(x: Sequence[float], y: Sequence[float]) -> tuple[float, float, float]:
     return float(fit.slope), float(fit.intercept), float(fit.rvalue**2) if any(one != y[0] for one in y) else 1.0
 
 
-def _memory(rows: Sequence[Row]) -> Part:
+def _memory(rows: Sequence[Row]) -> ResultPart:
     hours = [row.uncached.data / 3600 for row in rows]
     growth, start, _ = line(hours, [row.uncached.peak for row in rows])
     first, last = rows[0].uncached.worker_peak, rows[-1].uncached.worker_peak
-    part = Part(
+    part = ResultPart(
         "memory",
         "Peak memory of the processes",
         "recordings | data [h] | worker [MB] | main process, uncached [MB] | main process, cached [MB]",
@@ -217,8 +217,8 @@ def _memory(rows: Sequence[Row]) -> Part:
     return part
 
 
-def _whole(row: Row, report: Time, peak: float) -> Part:
-    return Part(
+def _whole(row: Row, report: Time, peak: float) -> ResultPart:
+    return ResultPart(
         "whole",
         "A whole analysis",
         "part | elapsed time [s] | CPU time [s] | peak memory [MB]",
@@ -232,10 +232,10 @@ def _whole(row: Row, report: Time, peak: float) -> Part:
     )
 
 
-def _command(first: Time, second: Time) -> Part:
+def _command(first: Time, second: Time) -> ResultPart:
     """Tabulate the cost of the whole command, for the first run and an identical second one."""
     share = second.cpu / first.cpu
-    part = Part(
+    part = ResultPart(
         "again",
         "netboard analyse, the whole command",
         "run | elapsed time [s] | CPU time [s]",

@@ -22,7 +22,7 @@ from made_recordings import recorded as written
 from made_recordings import two_trials
 from netboard.analysis.extraction.recordings import measure
 from netboard.analysis.extraction.settings import Readings
-from netboard.analysis.extraction.trials import Block
+from netboard.analysis.extraction.trials import BlockData
 from netboard.recording.export.runs import Run, runs_of
 from netboard.recording.files.reader import Recording
 from rehearsed_study import rehearse
@@ -73,7 +73,7 @@ def test_signals_are_refiltered_only_if_filters_or_data_change(run: Run) -> None
 
 def test_device_velocities_must_be_read_first(run: Run) -> None:
     with Recording(run.path) as recording:
-        block = Block.of(recording, run.config, Readings())
+        block = BlockData.of(recording, run.config, Readings())
     with pytest.raises(ValueError, match=r"filters\.velocity=device"):
         block.again(readings_of(("filters.velocity=device",)))
 

@@ -24,7 +24,7 @@ from evidence.analysis.sensitivity_bench import (
 )
 from netboard.base.config import Config
 from netboard.base.errors import RecordingError
-from netboard.benchmarks.harness.results import Folder, Part
+from netboard.benchmarks.harness.results import Folder, ResultPart
 from netboard.task.plans.plan import blocks_of, shortened
 from netboard.task.studies.study import paper_study
 from rehearsed_study import rehearse
@@ -47,7 +47,7 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 
 @pytest.fixture(scope="module")
-def parts(recordings: list[Path], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Part]:
+def parts(recordings: list[Path], tmp_path_factory: pytest.TempPathFactory) -> dict[str, ResultPart]:
     folder = Folder(tmp_path_factory.mktemp("results") / "new")
     shares: list[float] = []
     found = {
@@ -64,7 +64,7 @@ def parts(recordings: list[Path], tmp_path_factory: pytest.TempPathFactory) -> d
 
 @pytest.mark.slow
 @whole
-def test_every_alternative_has_a_row(parts: dict[str, Part]) -> None:
+def test_every_alternative_has_a_row(parts: dict[str, ResultPart]) -> None:
     rows = [(row[0], row[3]) for row in parts["readings"].rows]
     expected = [(one.name, other.name) for one in QUESTIONS for other in one.alternatives]
     assert [row for row in rows if row[1] != "none"] == expected
@@ -73,7 +73,7 @@ def test_every_alternative_has_a_row(parts: dict[str, Part]) -> None:
 
 @pytest.mark.slow
 @whole
-def test_alternatives_change_the_expected_numbers(parts: dict[str, Part]) -> None:
+def test_alternatives_change_the_expected_numbers(parts: dict[str, ResultPart]) -> None:
     assert parts["readings"].holds
     moved = {(row[0], row[2]): (row[4], row[5]) for row in parts["moved"].rows}
     before, after = moved["A7", "peaks, dyadic, last"]
@@ -90,7 +90,7 @@ def test_alternatives_change_the_expected_numbers(parts: dict[str, Part]) -> Non
 
 @pytest.mark.slow
 @whole
-def test_numbers_lie_within_their_ranges(parts: dict[str, Part]) -> None:
+def test_numbers_lie_within_their_ranges(parts: dict[str, ResultPart]) -> None:
     names = [row[0] for row in parts["numbers"].rows]
     assert {name for name, _, _ in HEADLINES} <= set(names)
     assert len(set(names)) == len(names)
@@ -101,7 +101,7 @@ def test_numbers_lie_within_their_ranges(parts: dict[str, Part]) -> None:
 
 @pytest.mark.slow
 @whole
-def test_joint_effect_is_the_sum_of_single_effects_and_interaction(parts: dict[str, Part]) -> None:
+def test_joint_effect_is_the_sum_of_single_effects_and_interaction(parts: dict[str, ResultPart]) -> None:
     assert parts["pairs"].rows
     for _, _, base, one, other, both, joint in parts["pairs"].rows:
         assert both == pytest.approx(one + other - base + joint)
@@ -109,7 +109,7 @@ def test_joint_effect_is_the_sum_of_single_effects_and_interaction(parts: dict[s
 
 @pytest.mark.slow
 @whole
-def test_paths_and_statements_cover_all_paths(parts: dict[str, Part]) -> None:
+def test_paths_and_statements_cover_all_paths(parts: dict[str, ResultPart]) -> None:
     assert [row[-1] for row in parts["paths"].rows[:2]] == [16, 16]
     for _, _, least, low, middle, high, most, _, _ in parts["paths"].rows:
         assert np.isnan(least) or least <= low <= middle <= high <= most
@@ -118,7 +118,7 @@ def test_paths_and_statements_cover_all_paths(parts: dict[str, Part]) -> None:
 
 @pytest.mark.slow
 @whole
-def test_every_disturbance_has_a_row_and_every_measure_a_column(parts: dict[str, Part]) -> None:
+def test_every_disturbance_has_a_row_and_every_measure_a_column(parts: dict[str, ResultPart]) -> None:
     rows = {(row[0], row[1]): row[2:] for row in parts["disturbances"].rows}
     assert len(rows) == len(DISTURBANCES) + 1
     assert all(len(row) == len(MEASURES) for row in rows.values())

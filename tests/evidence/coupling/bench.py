@@ -13,7 +13,7 @@ import numpy as np
 from evidence.coupling import boundary, remedies
 from evidence.coupling.boundary import HANDS, MAPS, STIFFEST, Limit, ruled_stiffness
 from netboard.base.tables.scene import Physics
-from netboard.benchmarks.harness.results import Folder, Part
+from netboard.benchmarks.harness.results import Folder, ResultPart
 from netboard.benchmarks.harness.running import Tell
 
 QUICK_HANDS = ("bare stylus", "hand")
@@ -23,7 +23,7 @@ FELT_DELAYS, QUICK_FELT_DELAYS = (0, 1, 5, 20), (20,)
 EVERYDAY_DELAYS, QUICK_EVERYDAY_DELAYS = (0, 1, 5), (0,)
 
 
-def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
+def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[ResultPart]:
     """Run the parts of the study, one after the other."""
     hands = QUICK_HANDS if quick else tuple(HANDS)
     yield boundary.delays_part(hands, tell)

@@ -16,7 +16,7 @@ from netboard.base.config import Config
 from netboard.base.tables.scene import Physics
 from netboard.base.tables.simulated import VirtualDevice
 from netboard.base.tick import TICK_SECONDS
-from netboard.benchmarks.harness.results import Part
+from netboard.benchmarks.harness.results import ResultPart
 from netboard.benchmarks.harness.running import Tell
 from netboard.devices.safety.virtual_coupling import REACH
 from netboard.physics.stability.delayed_coupling import (
@@ -223,9 +223,9 @@ def limits(hands: Sequence[str], delays: Sequence[int], tell: Tell, precision: f
     return found
 
 
-def limits_part(found: Sequence[Limit]) -> Part:
+def limits_part(found: Sequence[Limit]) -> ResultPart:
     """Tabulate stability limits."""
-    part = Part(
+    part = ResultPart(
         "limits",
         f"Largest stable stiffness with 2 N s/m, up to {STIFFEST:g} N/m, for equal delays both ways",
         "coupling at | end | hand | one way [ms] | theory, real device [N/m] | theory, virtual [N/m] | "
@@ -259,10 +259,10 @@ def _stiffness(k: float) -> str:
     return f"> {STIFFEST:g}" if math.isinf(k) else f"{k:.4g}"
 
 
-def delays_part(hands: Sequence[str], tell: Tell) -> Part:
+def delays_part(hands: Sequence[str], tell: Tell) -> ResultPart:
     """Find the maximum stable delay of the paper's virtual coupling for each hand."""
     physics = Physics()
-    part = Part(
+    part = ResultPart(
         "delays",
         "Largest stable delay one way, 200 N/m and 2 N s/m",
         "coupling at | end | hand | theory, real device [ms] | theory, virtual [ms] | and so it is simulated",

@@ -18,7 +18,7 @@ from netboard.base.config import SIDES, Config, Side
 from netboard.base.tables.rig import Agent, Agents, Fixture
 from netboard.base.tables.scene import Physics
 from netboard.base.tick import START_NS, TICK, TICK_NS, TICK_WORDS
-from netboard.devices.safety.chain import Guard, Safety
+from netboard.devices.safety.chain import Guard, SafetyChain
 from netboard.devices.safety.passivity import Passivity
 from netboard.devices.safety.virtual_coupling import hand_force
 from netboard.devices.simulated.virtual import VirtualTouch
@@ -69,7 +69,7 @@ class Station:
         self.answers: deque[NDArray[np.uint8]] = deque()
         self._delay = delay
         most = self.device.open().max_force
-        self._safety = Safety(config.safety, most, most)  # a run is too short to wear motors
+        self._safety = SafetyChain(config.safety, most, most)  # a run is too short to wear motors
         self._passivity = Passivity() if config.safety.passivity else None
         self._newest: Force | Point | None = None
         self._force = np.zeros(len(fixed.FORCE.markers), np.int64)

@@ -17,7 +17,7 @@ from netboard.base.config import SIDES, Config
 from netboard.base.tables import forces
 from netboard.base.tables.forces import FORCES, Force
 from netboard.base.tick import STATE, TICK_SECONDS
-from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict
+from netboard.benchmarks.harness.results import BenchVerdict, Folder, ResultPart, Value
 from netboard.benchmarks.harness.running import Tell
 from netboard.benchmarks.recording.movement import FIRST_MOVEMENT, SECOND_MOVEMENT, Rows, record
 from netboard.stage.stage import make_stage
@@ -32,7 +32,7 @@ SETTLED = 100
 """Ticks after which the transient of the start has decayed; only later ticks are compared [1]."""
 
 
-def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
+def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[ResultPart]:
     """Run the movement under all conditions."""
     count = QUICK_TICKS if quick else TICKS
     tell("a movement, and another one", 0.0)
@@ -66,7 +66,7 @@ def forces_of(rows: Rows) -> NDArray[np.float64]:
     return np.stack([rows["left_force"], rows["right_force"]], axis=1)
 
 
-def conditions_part(found: dict[Force, Rows]) -> Part:
+def conditions_part(found: dict[Force, Rows]) -> ResultPart:
     """Return mean and largest forces, and the claims about them."""
     rows: list[tuple[Value, ...]] = []
     for force, ticks in found.items():
@@ -75,10 +75,10 @@ def conditions_part(found: dict[Force, Rows]) -> Part:
         mean = felt.mean(axis=0)
         rows.append((force, *mean.tolist(), *rms.tolist(), float(np.abs(felt).max())))
     heads = (*(f"mean, {side} [N]" for side in SIDES), *(f"rms, {side} [N]" for side in SIDES), "largest [N]")
-    return Part("conditions", "What both hands feel of one movement", ("", *heads), rows, _verdicts(found))
+    return ResultPart("conditions", "What both hands feel of one movement", ("", *heads), rows, _verdicts(found))
 
 
-def _verdicts(found: dict[Force, Rows]) -> list[Verdict]:
+def _verdicts(found: dict[Force, Rows]) -> list[BenchVerdict]:
     states = {b"".join(ticks[name].tobytes() for name in STATE.names or ()) for ticks in found.values()}
     left = residual(found)
     rms, largest = float(np.sqrt(np.mean(left**2))), float(np.abs(left).max())
@@ -86,14 +86,16 @@ def _verdicts(found: dict[Force, Rows]) -> list[Verdict]:
     nothing = not forces_of(found["none"]).any()
     alike = bool(np.array_equal(forces_of(found["unrelated"])[SETTLED:], recorded[SETTLED:]))
     return [
-        Verdict("board, ball and trial are bit-identical in all conditions", len(states) == 1, f"{len(states)} result"),
-        Verdict(
+        BenchVerdict(
+            "board, ball and trial are bit-identical in all conditions", len(states) == 1, f"{len(states)} result"
+        ),
+        BenchVerdict(
             "partner_only + environment_only equals full except for damping and inertia",
             rms < 0.02,
             f"difference: rms {1e3 * rms:.1f} mN, maximum {1e3 * largest:.1f} mN",
         ),
-        Verdict("the unrelated force is the recorded one", alike, "to the bit" if alike else "they differ"),
-        Verdict("none renders no force", nothing, "0 N" if nothing else "a force is not 0"),
+        BenchVerdict("the unrelated force is the recorded one", alike, "to the bit" if alike else "they differ"),
+        BenchVerdict("none renders no force", nothing, "0 N" if nothing else "a force is not 0"),
     ]
 
 

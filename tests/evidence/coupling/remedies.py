@@ -26,7 +26,7 @@ from netboard.base.tables.rig import Safety
 from netboard.base.tables.scene import Physics
 from netboard.base.tables.simulated import VirtualDevice
 from netboard.base.tick import START_NS, TICK_NS, TICK_SECONDS
-from netboard.benchmarks.harness.results import Part, Value
+from netboard.benchmarks.harness.results import ResultPart, Value
 from netboard.benchmarks.harness.running import Tell
 from netboard.devices.simulated.virtual import VirtualTouch
 from netboard.participants.device_models import resolved
@@ -117,9 +117,9 @@ def smooth(share: float) -> float:
     return s * s * s * (10.0 - 15.0 * s + 6.0 * s * s)
 
 
-def releases_part(delays: Sequence[int], tell: Tell) -> Part:
+def releases_part(delays: Sequence[int], tell: Tell) -> ResultPart:
     """Release a bare stylus with several delays."""
-    part = Part(
+    part = ResultPart(
         "releases",
         "A bare stylus let go 10 mm from rest, 200 N/m and 2 N s/m, encoder steps and limits on: swing in the last "
         "second, or time to rest",
@@ -228,9 +228,9 @@ def make_loop(name: str, device: VirtualDevice, delay: int) -> Loop:
 # --- releases ----------------------------------------------------------------------------------------------------
 
 
-def remedies_part(delays: Sequence[int], tell: Tell) -> Part:
+def remedies_part(delays: Sequence[int], tell: Tell) -> ResultPart:
     """Release a bare stylus with each method."""
-    part = Part(
+    part = ResultPart(
         "remedies",
         "A bare stylus let go 10 mm from rest at a fixed end, 200 N/m and 2 N s/m: time to rest, or swing in the last "
         "second",
@@ -272,9 +272,9 @@ def rendered(name: str, delay: int, frequency: float) -> tuple[float, float]:
     return float(ratio.real), float(ratio.imag / (2.0 * math.pi * frequency))
 
 
-def transparency_part(delays: Sequence[int], tell: Tell) -> Part:
+def transparency_part(delays: Sequence[int], tell: Tell) -> ResultPart:
     """Measure the stiffness and damping that the virtual coupling renders to a hand."""
-    part = Part(
+    part = ResultPart(
         "transparency",
         "Stiffness and damping felt at a fixed end by a hand that moves 5 mm either way [N/m, N s/m]; ideal: 200, 2.00",
         ("one way [ms]", "frequency [Hz]", *NAMES),
@@ -304,9 +304,9 @@ PAUSE = 200
 """Rest of the hand after a movement [ms]."""
 
 
-def everyday_part(delays: Sequence[int], tell: Tell) -> Part:
+def everyday_part(delays: Sequence[int], tell: Tell) -> ResultPart:
     """Measure the effect of passivity control on forces in ordinary movements, on the paper's board."""
-    part = Part(
+    part = ResultPart(
         "everyday",
         "Movements of 5 to 20 mm by both hands on the paper's board: force with passivity control less force without",
         "one way [ms] | force, rms [N] | difference, rms, of that [1] | largest difference [N]",

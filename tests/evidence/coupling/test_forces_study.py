@@ -9,7 +9,7 @@ import pytest
 from evidence.coupling import forces
 from netboard.base.config import Config
 from netboard.benchmarks.harness.running import Options, run
-from netboard.benchmarks.recording.movement import FIRST_MOVEMENT, SECOND_MOVEMENT, Movement, record
+from netboard.benchmarks.recording.movement import FIRST_MOVEMENT, SECOND_MOVEMENT, RecordedMovement, record
 from netboard.task.trials.state_machine import Cause
 
 
@@ -25,7 +25,7 @@ def test_quick_study_writes_results_and_all_claims_hold(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("movement", [FIRST_MOVEMENT, SECOND_MOVEMENT])
-def test_hands_move_the_ball_smoothly_into_its_target(movement: Movement) -> None:
+def test_hands_move_the_ball_smoothly_into_its_target(movement: RecordedMovement) -> None:
     rows = record(forces._config("full"), movement, forces.TICKS)
     assert (rows["event"] == Cause.HELD).any()
     for side in ("left", "right"):

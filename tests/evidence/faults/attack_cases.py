@@ -21,7 +21,7 @@ from evidence.faults.evidence import Evidence, between
 from evidence.faults.sites import GUESTS, Setup, Site
 from netboard.base.clock import now_ns
 from netboard.base.tick import LATE_NS
-from netboard.benchmarks.harness.results import Value, Verdict
+from netboard.benchmarks.harness.results import BenchVerdict, Value
 from netboard.benchmarks.harness.workers import Workers
 from netboard.network import keys
 from netboard.network.protocol.codec import decode, encode
@@ -187,11 +187,11 @@ def _misses_in(evidence: Evidence, periods: Sequence[tuple[int, int]]) -> Deadli
     return DeadlineMisses(len(late_ns), int(runs.sum()), float(np.sum(runs.astype(float) ** 2)), pauses, latest)
 
 
-def no_more_misses(evidence: Evidence) -> Verdict:
+def no_more_misses(evidence: Evidence) -> BenchVerdict:
     """Check that the attack on the server causes no more deadline misses than that on the sink, beyond chance."""
     claim = f"deadline misses grow by a factor of {RATIO:g} at most, beyond chance (3 standard deviations)"
     if "calm" not in evidence.window.facts:
-        return Verdict(claim, False, "the attack was not made")
+        return BenchVerdict(claim, False, "the attack was not made")
     _, on_sink, on_server = deadline_misses(evidence)
     scale = RATIO * on_server.ticks / max(on_sink.ticks, 1)
     deviation = sqrt(on_server.variance + scale**2 * (on_sink.variance + 1))
@@ -199,30 +199,32 @@ def no_more_misses(evidence: Evidence) -> Verdict:
     found = (
         f"{on_server.misses} in {on_server.ticks} ticks, {on_sink.misses} in {on_sink.ticks} with the attack on a sink"
     )
-    return Verdict(claim, good, found)
+    return BenchVerdict(claim, good, found)
 
 
-def no_more_pauses(evidence: Evidence) -> Verdict:
+def no_more_pauses(evidence: Evidence) -> BenchVerdict:
     """Check that the attack on the server causes no more pauses than occur without it in the same recording.
 
     A pause does not count if an agent stalled at the same time: then the machine stalled, not only the server.
     """
     claim = "the attack on the server adds no pause"
     if "calm" not in evidence.window.facts:
-        return Verdict(claim, False, "the attack was not made")
+        return BenchVerdict(claim, False, "the attack was not made")
     without, on_sink, on_server = deadline_misses(evidence)
     most = max(without.pauses, on_sink.pauses)
     start_ns, stop_ns = int(evidence.window.facts["begun_ns"]), int(evidence.window.facts["over_ns"])
     during = [pause for pause in evidence.rig.pauses if start_ns <= pause.at_ns < stop_ns]
     stalls = sum(agent_stalled(pause, evidence.stalls) for pause in during)
     found = f"{on_server.pauses} pauses, {stalls} of them while an agent stalled too; at most {most} without the attack"
-    return Verdict(claim, on_server.pauses - stalls <= most, found)
+    return BenchVerdict(claim, on_server.pauses - stalls <= most, found)
 
 
-def joins_in_time(evidence: Evidence) -> Verdict:
+def joins_in_time(evidence: Evidence) -> BenchVerdict:
     """Check that peers with a valid key join in time."""
     slowest = float(evidence.window.facts.get("join with", JOIN_TIMEOUT_S))
-    return Verdict(f"a peer with a valid key joins within {JOIN_S:g} s", slowest < JOIN_S, f"at most {slowest:.3f} s")
+    return BenchVerdict(
+        f"a peer with a valid key joins within {JOIN_S:g} s", slowest < JOIN_S, f"at most {slowest:.3f} s"
+    )
 
 
 def figures(evidence: Evidence) -> tuple[Value, ...]:

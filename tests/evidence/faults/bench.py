@@ -23,7 +23,7 @@ from evidence.faults.sites import Setup, Site, open_site
 from netboard.base.clock import now_ns
 from netboard.base.errors import ConfigError, NetboardError
 from netboard.base.terminal.output import FittedTable, plain_console
-from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict
+from netboard.benchmarks.harness.results import BenchVerdict, Folder, ResultPart, Value
 from netboard.benchmarks.harness.running import Options, Tell, run
 
 COLUMNS = (
@@ -71,7 +71,7 @@ class Outcome:
     """
 
     case: Case
-    verdicts: tuple[Verdict, ...] = ()
+    verdicts: tuple[BenchVerdict, ...] = ()
     figures: tuple[Value, ...] = ("", "", "", "", "", "")
     facts: tuple[tuple[str, str], ...] = ()
     refusal: str = ""
@@ -90,7 +90,7 @@ def main(names: Sequence[str], options: Options) -> int:
     outcomes: list[Outcome] = []
     results: dict[str, object] = {}
 
-    def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
+    def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[ResultPart]:
         def tell_case(name: str) -> None:
             tell(name, len(outcomes) / len(chosen))
 
@@ -178,7 +178,7 @@ def run_in_site(setup: Setup, cases: Sequence[Case], folder: Path, quick: bool, 
         try:
             site.start()
         except NetboardError as error:
-            return [Outcome(case, (Verdict("a trial begins", False, str(error)),)) for case in cases]
+            return [Outcome(case, (BenchVerdict("a trial begins", False, str(error)),)) for case in cases]
         for case in cases:
             tell(case.name)
             windows.append(inject(case, site))
@@ -254,7 +254,7 @@ def figures(case: Case, evidence: Evidence) -> tuple[Value, ...]:
     )
 
 
-def parts_of(outcomes: Sequence[Outcome]) -> list[Part]:
+def parts_of(outcomes: Sequence[Outcome]) -> list[ResultPart]:
     """Write outcomes as tables."""
     order = [case.name for case in CASES]
     found = []
@@ -263,7 +263,7 @@ def parts_of(outcomes: Sequence[Outcome]) -> list[Part]:
         if mine:
             columns = attack_cases.COLUMNS if part == attack_cases.PART else COLUMNS
             rows: list[tuple[Value, ...]] = [(o.case.name, *_padded(o, len(columns) - 2), _holds_text(o)) for o in mine]
-            found.append(Part(part, title, columns, rows, [_verdict(o) for o in mine if not o.refusal]))
+            found.append(ResultPart(part, title, columns, rows, [_verdict(o) for o in mine if not o.refusal]))
     return found
 
 
@@ -278,14 +278,14 @@ def _holds_text(outcome: Outcome) -> str:
     return "yes" if outcome.holds else "NO"
 
 
-def _verdict(outcome: Outcome) -> Verdict:
+def _verdict(outcome: Outcome) -> BenchVerdict:
     """Return a case that was run as one checked claim, with its failures or results."""
     claim = f"{outcome.case.name}: {outcome.case.done}: {outcome.case.expected}"
     failed = [verdict for verdict in outcome.verdicts if not verdict.holds]
     if failed:
-        return Verdict(claim, False, "; ".join(f"NOT {verdict.claim}: {verdict.found}" for verdict in failed))
+        return BenchVerdict(claim, False, "; ".join(f"NOT {verdict.claim}: {verdict.found}" for verdict in failed))
     repeated = f"; repeated {outcome.repetitions} times" if outcome.repetitions else ""
-    return Verdict(claim, True, "; ".join(verdict.found for verdict in outcome.verdicts) + repeated)
+    return BenchVerdict(claim, True, "; ".join(verdict.found for verdict in outcome.verdicts) + repeated)
 
 
 def about(outcomes: Sequence[Outcome], quick: bool) -> dict[str, object]:

@@ -24,13 +24,13 @@ from evidence.faults.evidence import (
 )
 from netboard.base.config import SIDES, Side
 from netboard.base.tick import TICK_NS
-from netboard.benchmarks.harness.results import Verdict
+from netboard.benchmarks.harness.results import BenchVerdict
 from netboard.network.protocol.motion import Safeguard
 from netboard.nodes.ports import emergency
 from netboard.recording.integrity.severity import Severity
 from netboard.task.trials.state_machine import Phase
 
-Check: TypeAlias = Callable[[Evidence], Verdict]
+Check: TypeAlias = Callable[[Evidence], BenchVerdict]
 
 STALE_NS = 8_000_000
 """Age above which a force that is not renewed is examined [ns]."""
@@ -76,7 +76,7 @@ class Falls:
     sides: tuple[Side, ...]
     to_zero: bool
 
-    def __call__(self, evidence: Evidence) -> Verdict:
+    def __call__(self, evidence: Evidence) -> BenchVerdict:
         """Return the result of the check."""
         stale = evidence.limits.stale_after_ms * 1e-3 + TICK
         claim = f"the force begins to fall within {stale * 1e3:g} ms of the last fresh one"
@@ -85,13 +85,13 @@ class Falls:
         for side in self.sides:
             fades_here = fades_of(evidence, side)
             if not fades_here:
-                return Verdict(claim, False, f"{side}: it was renewed all the time")
+                return BenchVerdict(claim, False, f"{side}: it was renewed all the time")
             good &= all(fade.held <= stale + fade.stalled for fade in fades_here)
             first, *more = fades_here
             gone = stale + FADE_TIME + first.stalled + _already_late(evidence, first)
             good &= not self.to_zero or first.zero <= gone
             found.append(f"{side} {first}" + (f" and {len(more)} times more" if more else ""))
-        return Verdict(claim, good, ", ".join(found))
+        return BenchVerdict(claim, good, ", ".join(found))
 
 
 def falls(*sides: Side, to_zero: bool = True) -> Falls:
@@ -117,42 +117,42 @@ def largest_step(evidence: Evidence, cut: Side | None) -> float:
 
 
 @deferred
-def within_slew_limit(evidence: Evidence, cut: Side | None = None) -> Verdict:
+def within_slew_limit(evidence: Evidence, cut: Side | None = None) -> BenchVerdict:
     """Check that no force exceeds the slew limit; on one side a fault may cut it to zero."""
     slew = evidence.limits.max_slew
     claim = f"no step of the force is larger than {slew:g} N/s allow"
     worst = largest_step(evidence, cut)
     cuts = sum(cuts_to_zero(trace, slew).size for trace in evidence.traces[cut]) if cut else 0
     found = f"at most {worst:.2f} of it" + (f", cut to zero at once {cuts} times" if cut else "")
-    return Verdict(claim + (", except to nothing" if cut else ""), worst <= 1.0 + 1e-9, found)
+    return BenchVerdict(claim + (", except to nothing" if cut else ""), worst <= 1.0 + 1e-9, found)
 
 
 @deferred
-def paused(evidence: Evidence, *reasons: str) -> Verdict:
+def paused(evidence: Evidence, *reasons: str) -> BenchVerdict:
     """Check that the trial is paused, that the reason is recorded, and that the trial is repeated."""
     claim = f"the trial is paused ({' or '.join(reasons)}), marked and repeated"
     mine = [pause for pause in evidence.pauses if any(reason in pause.reason for reason in reasons)]
     if not mine:
-        return Verdict(claim, False, f"pauses: {_described(evidence.pauses)}")
+        return BenchVerdict(claim, False, f"pauses: {_described(evidence.pauses)}")
     repeated = all(pause.repeated for pause in evidence.pauses if pause.next_attempt is not None)
     resumed = mine[-1].next_attempt is not None or evidence.pauses[-1].next_attempt is not None
-    return Verdict(claim, repeated and resumed, _described(evidence.pauses))
+    return BenchVerdict(claim, repeated and resumed, _described(evidence.pauses))
 
 
-def continues(evidence: Evidence) -> Verdict:
+def continues(evidence: Evidence) -> BenchVerdict:
     """Check that no trial is paused, except by the machine itself."""
     return _undisturbed("the trial goes on", evidence.pauses, evidence.window_stalls)
 
 
 @deferred
-def may_pause(evidence: Evidence, *reasons: str) -> Verdict:
+def may_pause(evidence: Evidence, *reasons: str) -> BenchVerdict:
     """Check that the trial goes on, or is paused for one of these reasons and repeated."""
     if not [pause for pause in evidence.pauses if any(reason in pause.reason for reason in reasons)]:
         return continues(evidence)
     return paused(*reasons)(evidence)
 
 
-def no_force_in_pauses(evidence: Evidence) -> Verdict:
+def no_force_in_pauses(evidence: Evidence) -> BenchVerdict:
     """Check that no vertical force is rendered from shortly after a pause until the trial resumes."""
     claim = "while the trial is paused no hand is given a vertical force"
     late = evidence.limits.stale_after_ms * 1e-3 + TICK + FADE_TIME
@@ -167,21 +167,21 @@ def no_force_in_pauses(evidence: Evidence) -> Verdict:
             rows = between(trace, from_ns, to_ns)[SLEW_DOWN_STEPS:]
             checked += rows.size
             largest = max(largest, float(np.max(np.abs(rows["fz"]), initial=0.0)))
-    return Verdict(claim, largest == 0.0, f"at most {largest:.3g} N in {checked} forces")
+    return BenchVerdict(claim, largest == 0.0, f"at most {largest:.3g} N in {checked} forces")
 
 
-def ticks_accounted(evidence: Evidence) -> Verdict:
+def ticks_accounted(evidence: Evidence) -> BenchVerdict:
     """Check that the recordings account for every tick: recorded, or listed as lost with its cause."""
     return _accounted(evidence.rig)
 
 
-def nothing_lost(evidence: Evidence) -> Verdict:
+def nothing_lost(evidence: Evidence) -> BenchVerdict:
     """Check that no tick is lost."""
     lost = evidence.rig.lost_ticks
-    return Verdict("no tick is lost", lost == 0 and _accounted(evidence.rig).holds, f"{lost} lost")
+    return BenchVerdict("no tick is lost", lost == 0 and _accounted(evidence.rig).holds, f"{lost} lost")
 
 
-def _accounted(dyad: DyadRecordings) -> Verdict:
+def _accounted(dyad: DyadRecordings) -> BenchVerdict:
     claim = "every tick is recorded, or listed as lost with its cause"
     accounts = dyad.accounts
     unexplained = [stretch for one in accounts for stretch in (*one.unexplained, *one.unexplained_records)]
@@ -189,20 +189,20 @@ def _accounted(dyad: DyadRecordings) -> Verdict:
     causes = sorted({stretch.cause for one in accounts for stretch in one.lost})
     found += f" ({'; '.join(causes)})" if causes else ""
     found += f", unexplained: {unexplained}" if unexplained else ""
-    return Verdict(claim, bool(accounts) and all(one.sound for one in accounts), found)
+    return BenchVerdict(claim, bool(accounts) and all(one.sound for one in accounts), found)
 
 
 @deferred
-def recorded(evidence: Evidence, name: str, *words: str) -> Verdict:
+def recorded(evidence: Evidence, name: str, *words: str) -> BenchVerdict:
     """Check that an event is recorded with these words in its details."""
     claim = f"recorded: {name}" + (f" ({', '.join(words)})" if words else "")
     texts = [" ".join(event.details.values()) for event in evidence.events if event.name == name]
     good = any(all(word in text for word in words) for text in texts)
-    return Verdict(claim, good, f"{len(texts)} times" + (f": {texts[-1]}" if texts else ""))
+    return BenchVerdict(claim, good, f"{len(texts)} times" + (f": {texts[-1]}" if texts else ""))
 
 
 @deferred
-def no_force_if_failing(evidence: Evidence, side: Side, *, to_the_end: bool) -> Verdict:
+def no_force_if_failing(evidence: Evidence, side: Side, *, to_the_end: bool) -> BenchVerdict:
     """Check that no force was written to a device that returned invalid readings, or did not answer.
 
     The first force may be the write by which the agent detects that its device does not answer.
@@ -214,15 +214,15 @@ def no_force_if_failing(evidence: Evidence, side: Side, *, to_the_end: bool) -> 
     rows = trace[failing[1:] if failing.size > 1 else failing]
     largest = float(np.max(np.abs([rows["fx"], rows["fy"], rows["fz"]]), initial=0.0))
     found = f"at most {largest:.3g} N in {rows.size} writes"
-    return Verdict(f"the {side} device is handed no force while it fails", rows.size > 0 and largest == 0.0, found)
+    return BenchVerdict(f"the {side} device is handed no force while it fails", rows.size > 0 and largest == 0.0, found)
 
 
-def emergency_stopped(evidence: Evidence) -> Verdict:
+def emergency_stopped(evidence: Evidence) -> BenchVerdict:
     """Check that an emergency stop reaches both devices with the next tick, and holds until it is released."""
     events = {event.name: event.time_ns for event in evidence.events}
     claim = "both forces go to zero by the slew limit from the next tick on, and stay there until released"
     if not {emergency.STOP, emergency.RELEASE} <= set(events):
-        return Verdict(claim, False, "no stop and release are recorded")
+        return BenchVerdict(claim, False, "no stop and release are recorded")
     way_down = evidence.limits.max_force / evidence.limits.max_slew
     good, found = True, []
     for side in SIDES:
@@ -231,19 +231,19 @@ def emergency_stopped(evidence: Evidence) -> Verdict:
         last = (int(felt[-1]) - events[emergency.STOP]) * 1e-9 if felt.size else 0.0
         good &= last <= way_down + STOP_LATENCY
         found.append(f"{side} zero {last * 1e3:.1f} ms after the stop")
-    return Verdict(claim, good, ", ".join(found))
+    return BenchVerdict(claim, good, ", ".join(found))
 
 
 @deferred
-def safeguard_reported(evidence: Evidence, side: Side, guard: Safeguard) -> Verdict:
+def safeguard_reported(evidence: Evidence, side: Side, guard: Safeguard) -> BenchVerdict:
     """Check that an agent has reported the action of its safety chain."""
     ticks = int(np.count_nonzero(evidence.ticks[f"{side}_safeguards"] & guard.value))
     name = str(guard.name).lower().replace("_", " ")
-    return Verdict(f"the {side} agent reports: {name}", ticks > 0, f"in {ticks} ticks")
+    return BenchVerdict(f"the {side} agent reports: {name}", ticks > 0, f"in {ticks} ticks")
 
 
 @deferred
-def rendered_known(evidence: Evidence, side: Side) -> Verdict:
+def rendered_known(evidence: Evidence, side: Side) -> BenchVerdict:
     """Check that the recorded force is that written to the device, and unknown at a few ticks only."""
     claim = f"the {side} force is recorded as the device was handed it, and unknown in {UNKNOWN_TICKS} ticks at most"
     recorded_forces = evidence.ticks[f"{side}_rendered"]
@@ -253,7 +253,7 @@ def rendered_known(evidence: Evidence, side: Side) -> Verdict:
     differing = ~_was_handed(handed, times, recorded_forces[known])
     count = int(np.count_nonzero(~known))
     found = f"{int(np.count_nonzero(differing))} of {times.size} ticks hold another force, {count} are unknown"
-    return Verdict(claim, times.size > 0 and not differing.any() and count <= UNKNOWN_TICKS, found)
+    return BenchVerdict(claim, times.size > 0 and not differing.any() and count <= UNKNOWN_TICKS, found)
 
 
 def _was_handed(handed: NDArray[Any], times: NDArray[np.int64], forces: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -269,27 +269,27 @@ def _was_handed(handed: NDArray[Any], times: NDArray[np.int64], forces: NDArray[
 
 
 @deferred
-def frames_shown(evidence: Evidence, station: Side) -> Verdict:
+def frames_shown(evidence: Evidence, station: Side) -> BenchVerdict:
     """Check that a display shows frames at the end."""
     painted = evidence.rig.painted_ns[station]
     stop = evidence.window.stop_ns
     count = int(np.count_nonzero((painted > stop - LATELY_NS) & (painted < stop)))
-    return Verdict(f"the {station} display shows frames again", count > 0, f"{count} in the last second")
+    return BenchVerdict(f"the {station} display shows frames again", count > 0, f"{count} in the last second")
 
 
 @deferred
-def fact_contains(evidence: Evidence, fact: str, wanted: str) -> Verdict:
+def fact_contains(evidence: Evidence, fact: str, wanted: str) -> BenchVerdict:
     """Check that a fact noted during the fault contains the expected text."""
     found = evidence.window.facts.get(fact, "nothing")
-    return Verdict(f"{fact}: {wanted}", wanted in found, found)
+    return BenchVerdict(f"{fact}: {wanted}", wanted in found, found)
 
 
-def recovered(evidence: Evidence) -> Verdict:
+def recovered(evidence: Evidence) -> BenchVerdict:
     """Check that the fault was injected as intended and that everything recovered."""
-    return Verdict("a trial is on again", not evidence.window.trouble, evidence.window.trouble or "it is")
+    return BenchVerdict("a trial is on again", not evidence.window.trouble, evidence.window.trouble or "it is")
 
 
-def no_damage(evidence: Evidence) -> Verdict:
+def no_damage(evidence: Evidence) -> BenchVerdict:
     """Check that `netboard check` calls no recording damaged: missing ticks are listed."""
     claim = "netboard check calls no recording damaged"
     damage = [
@@ -298,7 +298,7 @@ def no_damage(evidence: Evidence) -> Verdict:
         for finding in report.findings
         if finding.severity == Severity.DAMAGE
     ]
-    return Verdict(claim, not damage, "; ".join(damage) or f"netboard check: {verdict_of(evidence)}")
+    return BenchVerdict(claim, not damage, "; ".join(damage) or f"netboard check: {verdict_of(evidence)}")
 
 
 def verdict_of(evidence: Evidence) -> str:
@@ -306,18 +306,18 @@ def verdict_of(evidence: Evidence) -> str:
     return _SEVERITIES[max((report.severity for report in evidence.reports), default=Severity.SOUND)]
 
 
-def neighbour_unaffected(evidence: Evidence) -> Verdict:
+def neighbour_unaffected(evidence: Evidence) -> BenchVerdict:
     """Check that the fault leaves the other dyad unaffected: no pause, no lost tick, no added latency."""
     claim = "the other dyad does not notice"
     other, window = evidence.neighbour, evidence.window
     if other is None:
-        return Verdict(claim, True, "there is none")
+        return BenchVerdict(claim, True, "there is none")
     mine = [pause for pause in other.pauses if window.start_ns <= pause.at_ns < window.stop_ns]
     calm = _undisturbed(claim, mine, evidence.window_stalls)
     now = (other.ticks["time_ns"] >= window.start_ns) & (other.ticks["time_ns"] < window.stop_ns)
     sound = _accounted(other)
     found = f"ticks late by {_late(other.ticks[now])}, at all times {_late(other.ticks)}; {calm.found}"
-    return Verdict(claim, calm.holds and sound.holds, found if sound.holds else f"{found}; {sound.found}")
+    return BenchVerdict(claim, calm.holds and sound.holds, found if sound.holds else f"{found}; {sound.found}")
 
 
 def _late(ticks: NDArray[Any]) -> str:
@@ -338,10 +338,10 @@ def disturbed(evidence: Evidence) -> str:
     return next((pause.reason for pause in just_before if _excused(pause, evidence.stalls)), "")
 
 
-def _undisturbed(claim: str, found: list[Pause], stalls: NDArray[np.int64]) -> Verdict:
+def _undisturbed(claim: str, found: list[Pause], stalls: NDArray[np.int64]) -> BenchVerdict:
     excused = [pause for pause in found if _excused(pause, stalls)]
     text = f"pauses: {_described(found)}" + (f", {len(excused)} of them the machine's fault" if excused else "")
-    return Verdict(claim, len(excused) == len(found), text)
+    return BenchVerdict(claim, len(excused) == len(found), text)
 
 
 def _excused(pause: Pause, stalls: NDArray[np.int64]) -> bool:

@@ -27,7 +27,7 @@ from netboard.network.protocol.records import EventRecord
 from netboard.recording.files.reader import Recording
 from netboard.recording.integrity.account import Account, account_of
 from netboard.recording.integrity.checking import check
-from netboard.recording.integrity.severity import Report
+from netboard.recording.integrity.severity import CheckReport
 from netboard.recording.recovery.spilled import recover_any
 from netboard.task.trials.state_machine import Cause, Phase
 
@@ -193,7 +193,7 @@ class DyadRecordings:
     pauses: tuple[Pause, ...]
     accounts: tuple[Account, ...]
     painted_ns: Mapping[Side, NDArray[np.int64]]
-    reports: tuple[Report, ...] = ()
+    reports: tuple[CheckReport, ...] = ()
 
     @property
     def lost_ticks(self) -> int:
@@ -217,7 +217,7 @@ class Evidence:
     stalls: NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 2), np.int64))
 
     @property
-    def reports(self) -> tuple[Report, ...]:
+    def reports(self) -> tuple[CheckReport, ...]:
         """Result of `netboard check` for each file, including the other dyad's."""
         return (*self.rig.reports, *(self.neighbour.reports if self.neighbour is not None else ()))
 

@@ -18,7 +18,7 @@ from evidence.faults.fuzz_server import MAX_GROWTH, server_parts
 from evidence.faults.malformed_frames import MalformedFrames, valid_frames
 from netboard.base.errors import WireError
 from netboard.base.process.resources import resident_memory
-from netboard.benchmarks.harness.results import Folder, Part, Value
+from netboard.benchmarks.harness.results import Folder, ResultPart, Value
 from netboard.benchmarks.harness.running import Options, Tell, run
 from netboard.network.protocol.codec import decode, encode
 
@@ -43,7 +43,7 @@ def main(frames: int | None, options: Options) -> int:
     return 0 if all(verdict.holds for verdict in verdicts) else 1
 
 
-def study(count: int, folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
+def study(count: int, folder: Folder, tell: Tell, *, quick: bool) -> Iterator[ResultPart]:
     """Run the three parts."""
     yield codec_part(count, tell)
     yield from server_parts(folder.path / "server", count, tell)
@@ -85,7 +85,7 @@ class CodecCounts:
             self.errors.append(f"encoding and decoding changes the message of {frame[:64].hex()}")
 
 
-def codec_part(count: int, tell: Tell) -> Part:
+def codec_part(count: int, tell: Tell) -> ResultPart:
     """Decode malformed frames with garbage collection off, as in the loops that use the codec."""
     counts = CodecCounts()
     before = resident_memory()
@@ -102,7 +102,7 @@ def codec_part(count: int, tell: Tell) -> Part:
     growth = resident_memory() - before
     slowest = counts.slowest * 1e3
     row: tuple[Value, ...] = (count, counts.accepted, counts.refused, counts.size / count, slowest, growth * 1e-6)
-    part = Part(
+    part = ResultPart(
         "codec",
         "Malformed frames for the codec",
         "frames [1] | messages [1] | refused [1] | mean size [bytes] | slowest [ms] | growth [MB]",

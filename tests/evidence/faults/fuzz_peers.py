@@ -27,7 +27,7 @@ from netboard.base.config import SIDES, Config, Side, resolve
 from netboard.base.errors import NetboardError
 from netboard.base.tables.rig import Network
 from netboard.base.tick import TICK
-from netboard.benchmarks.harness.results import Part, Verdict
+from netboard.benchmarks.harness.results import BenchVerdict, ResultPart
 from netboard.benchmarks.harness.rig import TIMEOUT, Rig
 from netboard.benchmarks.harness.running import Tell
 from netboard.network.protocol.codec import encode
@@ -280,7 +280,7 @@ class PeerGroup:
         return sum(min(self.server.malformed[channel], count) for channel in self.channels)
 
 
-def peer_parts(folder: Path, count: int, tell: Tell) -> Iterator[Part]:
+def peer_parts(folder: Path, count: int, tell: Tell) -> Iterator[ResultPart]:
     """Connect real peers to hostile servers."""
     tell("peers: starting", 0.0)
     groups = [PeerGroup(folder / side, side) for side in SIDES]
@@ -300,9 +300,9 @@ def peer_parts(folder: Path, count: int, tell: Tell) -> Iterator[Part]:
         tell("peers: checking the results", 1.0)
         codes = _stop(groups)
     verdicts = [
-        Verdict("every process keeps running, and ends with exit code 0", not any(codes.values()), f"{codes}"),
+        BenchVerdict("every process keeps running, and ends with exit code 0", not any(codes.values()), f"{codes}"),
         *(_same_force(group, start_ns, stop_ns) for group in groups),
-        Verdict("the display continues to show frames", frames_shown > 0, f"{frames_shown} frames"),
+        BenchVerdict("the display continues to show frames", frames_shown > 0, f"{frames_shown} frames"),
         _recorded(groups[0]),
     ]
     yield _peers_part(groups, connections, verdicts)
@@ -380,10 +380,10 @@ def _memory(groups: Sequence[PeerGroup]) -> dict[str, float]:
     return {name: size for group in groups for name, size in group.rig.memory().items()}
 
 
-def _peers_part(groups: Sequence[PeerGroup], connections: int, verdicts: list[Verdict]) -> Part:
+def _peers_part(groups: Sequence[PeerGroup], connections: int, verdicts: list[BenchVerdict]) -> ResultPart:
     """Tabulate the malformed messages that each socket received."""
     left, right = (group.server.malformed for group in groups)
-    return Part(
+    return ResultPart(
         "peers",
         "Malformed messages for agents, displays and loggers",
         "socket | messages [1]",
@@ -400,22 +400,24 @@ def _peers_part(groups: Sequence[PeerGroup], connections: int, verdicts: list[Ve
     )
 
 
-def _same_force(group: PeerGroup, start_ns: int, stop_ns: int) -> Verdict:
+def _same_force(group: PeerGroup, start_ns: int, stop_ns: int) -> BenchVerdict:
     """Check that the device was sent the constant force of the server only."""
     traces = read_traces(group.rig.folder, group.side)
     forces = np.concatenate([np.empty(0), *(between(trace, start_ns, stop_ns)["fz"] for trace in traces)])
     others = int(np.sum(forces != FORCE))
     claim = f"the {group.side} device is sent no other force than the commanded one"
-    return Verdict(claim, forces.size > 0 and others == 0, f"{others} of {forces.size} forces differ from {FORCE:g} N")
+    return BenchVerdict(
+        claim, forces.size > 0 and others == 0, f"{others} of {forces.size} forces differ from {FORCE:g} N"
+    )
 
 
-def _recorded(group: PeerGroup) -> Verdict:
+def _recorded(group: PeerGroup) -> BenchVerdict:
     """Check that the recording has every tick of the server."""
     claim = "every tick of the server is recorded"
     paths = group.rig.recordings()
     if len(paths) != 1:
-        return Verdict(claim, False, f"{len(paths)} recordings")
+        return BenchVerdict(claim, False, f"{len(paths)} recordings")
     with Recording(paths[0]) as recording:
         ticks = recording.ticks()["tick"]
     complete = np.array_equal(ticks, np.arange(group.server.ticks))
-    return Verdict(claim, complete, f"{ticks.size} of {group.server.ticks} ticks")
+    return BenchVerdict(claim, complete, f"{ticks.size} of {group.server.ticks} ticks")

@@ -28,7 +28,7 @@ from netboard.base.config import SIDES
 from netboard.base.errors import NetboardError
 from netboard.base.tables.rig import Network
 from netboard.base.tick import LATE_NS, TICK_NS
-from netboard.benchmarks.harness.results import Part
+from netboard.benchmarks.harness.results import ResultPart
 from netboard.benchmarks.harness.rig import Rig
 from netboard.benchmarks.harness.running import Tell
 from netboard.network.protocol.codec import encode
@@ -244,7 +244,7 @@ Period: TypeAlias = tuple[str, Window]
 """What was sent in a period of a trial, and when."""
 
 
-def server_parts(folder: Path, count: int, tell: Tell, quiet: float = QUIET_SECONDS) -> Iterator[Part]:
+def server_parts(folder: Path, count: int, tell: Tell, quiet: float = QUIET_SECONDS) -> Iterator[ResultPart]:
     """Send malformed messages to every socket of a real server."""
     folder.mkdir(parents=True)
     settings, environment = tampered(folder.resolve())
@@ -315,7 +315,7 @@ def _fuzz_in_trial(rig: Rig, clients: Sequence[FuzzingClient], non_zmq: NonZmqCl
     rig.require_running()
 
 
-def _sockets_part(events: Sequence[EventRecord], clients: Sequence[FuzzingClient], non_zmq: NonZmqClient) -> Part:
+def _sockets_part(events: Sequence[EventRecord], clients: Sequence[FuzzingClient], non_zmq: NonZmqClient) -> ResultPart:
     """Tabulate the messages sent to each socket and the refusals that the server reports."""
     refused = refusals(events)
     totals: dict[str, list[int]] = {}
@@ -324,7 +324,7 @@ def _sockets_part(events: Sequence[EventRecord], clients: Sequence[FuzzingClient
         for i, number in enumerate((client.sent, client.malformed, client.connection.connections)):
             total[i] += number
     streams = non_zmq.sent // len(totals)
-    part = Part(
+    part = ResultPart(
         "server-sockets",
         "Malformed messages for the sockets of a server",
         "socket | messages [1] | malformed [1] | reported refusals [1] | connections [1] | without ZeroMQ [1]",
@@ -344,12 +344,12 @@ def _sockets_part(events: Sequence[EventRecord], clients: Sequence[FuzzingClient
     return part
 
 
-def _trial_part(rig: Rig, path: Path, periods: Sequence[Period]) -> Part:
+def _trial_part(rig: Rig, path: Path, periods: Sequence[Period]) -> ResultPart:
     """Tabulate deadline misses and pauses in each period, and check the recording."""
     taken = read_recordings([path])
     with Recording(path) as recording:
         verification = verify_recording(recording)
-    part = Part(
+    part = ResultPart(
         "server-trial",
         "The trial while malformed messages arrive",
         "sent | ticks [1] | late [1] | late, per 1000 [1] | ticks after a gap [1] | pauses [1]",
@@ -374,10 +374,10 @@ def _trial_part(rig: Rig, path: Path, periods: Sequence[Period]) -> Part:
     return part
 
 
-def memory_part(name: str, title: str, before: dict[str, float], after: dict[str, float]) -> Part:
+def memory_part(name: str, title: str, before: dict[str, float], after: dict[str, float]) -> ResultPart:
     """Tabulate the memory of the processes before and after a test."""
     most = max(after[process] - before[process] for process in before)
-    part = Part(
+    part = ResultPart(
         name,
         title,
         "process | before [MB] | after [MB] | growth [MB]",

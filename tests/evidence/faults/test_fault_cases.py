@@ -10,7 +10,7 @@ from evidence.faults.rigs import tampered
 from evidence.faults.sites import PACE, Setup
 from netboard.base.config import parse
 from netboard.base.errors import ConfigError
-from netboard.benchmarks.harness.results import Verdict
+from netboard.benchmarks.harness.results import BenchVerdict
 
 
 def test_case_names_are_unique_and_every_part_has_cases() -> None:
@@ -55,7 +55,7 @@ def test_case_that_cannot_run_here_is_reported(tmp_path) -> None:
 
 
 def test_case_holds_if_all_checks_hold_and_the_table_names_failures() -> None:
-    good, bad = Verdict("it falls", True, "after 10 ms"), Verdict("it is gentle", False, "1.2 of it")
+    good, bad = BenchVerdict("it falls", True, "after 10 ms"), BenchVerdict("it is gentle", False, "1.2 of it")
     sound = Outcome(CASES[0], (good, good), (10.0, 60.0, 0.5, 1, 0))
     broken = Outcome(CASES[1], (good, bad))
     (part,) = parts_of([broken, sound])

@@ -35,8 +35,8 @@ from netboard.base.tick import TICK
 from netboard.network.protocol.motion import Safeguard
 from netboard.network.protocol.records import EventRecord
 from netboard.recording.integrity.account import Account, NumberRange
-from netboard.recording.integrity.account import Pause as Told
-from netboard.recording.integrity.severity import Finding, Report, Severity
+from netboard.recording.integrity.account import PauseRecord as Told
+from netboard.recording.integrity.severity import CheckFinding, CheckReport, Severity
 from netboard.task.trials.state_machine import Phase
 
 MS = 1_000_000
@@ -267,8 +267,8 @@ def test_neighbouring_dyad_must_be_unaffected() -> None:
 
 
 def test_damaged_recording_fails_every_case(tmp_path: Path) -> None:
-    lossy = Report(tmp_path / "a.mcap", (Finding(Severity.LOSS, "stopped", "trials"),))
-    broken = Report(tmp_path / "b.mcap", (Finding(Severity.DAMAGE, "no clock does this", "clocks"),))
+    lossy = CheckReport(tmp_path / "a.mcap", (CheckFinding(Severity.LOSS, "stopped", "trials"),))
+    broken = CheckReport(tmp_path / "b.mcap", (CheckFinding(Severity.DAMAGE, "no clock does this", "clocks"),))
     good = evidence(rig=taken(reports=(lossy,)))
     assert no_damage(good).holds
     assert verdict_of(good) == "losses"

@@ -4,10 +4,10 @@ from collections import Counter
 from dataclasses import replace
 
 from evidence.faults.bench import CASES, MAX_REPETITIONS, Outcome, repetitions_line, without_repeated
-from netboard.benchmarks.harness.results import Verdict
+from netboard.benchmarks.harness.results import BenchVerdict
 
-SOUND = Outcome(CASES[0], (Verdict("it holds", True, "it does"),))
-FAILED = Outcome(CASES[1], (Verdict("it holds", False, "it does not"),))
+SOUND = Outcome(CASES[0], (BenchVerdict("it holds", True, "it does"),))
+FAILED = Outcome(CASES[1], (BenchVerdict("it holds", False, "it does not"),))
 SPOILED = replace(FAILED, disturbed="the server stalled for 28 ms")
 
 

@@ -14,7 +14,7 @@ from evidence.loop.scale import (
 )
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError
-from netboard.benchmarks.harness.results import Folder, Part
+from netboard.benchmarks.harness.results import Folder, ResultPart
 from netboard.benchmarks.harness.running import Options, Tell, run
 from netboard.benchmarks.loop.bench import scratch_folder
 
@@ -44,7 +44,7 @@ def read_dyads(text: str) -> tuple[int, ...]:
     return numbers
 
 
-def study(dyads: tuple[int, ...], folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
+def study(dyads: tuple[int, ...], folder: Folder, tell: Tell, *, quick: bool) -> Iterator[ResultPart]:
     """Measure a server with lightweight peers."""
     config, seconds, most = Config(), QUICK_SECONDS if quick else SECONDS, max(dyads)
     with scratch_folder(config, folder, tell) as scratch, LightPeers(scratch) as peers:

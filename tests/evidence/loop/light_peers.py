@@ -37,8 +37,8 @@ from netboard.network.protocol.messages import PROTOCOL_VERSION
 from netboard.network.protocol.motion import Safeguard
 from netboard.network.protocol.records import LogAck, LogBatch, LogRequest, TickRecord
 from netboard.network.transport import channels, fastpath, sockets
-from netboard.nodes.agent.motion_link import BEAT, FORCE, NEWER, Link, send_sample, wait_for_answer
-from netboard.nodes.agent.undisturbed import phase_shift
+from netboard.nodes.agent.agent_runs import phase_shift
+from netboard.nodes.agent.motion_link import BEAT, FORCE, NEWER, MotionLink, send_sample, wait_for_answer
 from netboard.task.trials.state_machine import is_active
 
 HEIGHT, FREQUENCY = 0.005, 0.5
@@ -81,7 +81,7 @@ class LightAgent:
         where = keys.reach(config.network, f"agent.{side}")
         self.socket = sockets.motion_agent(context, where.reach(channels.MOTION), f"agent.{side}@{NAME}")
         hello = Hello("agent", side, PROTOCOL_VERSION, NAME, version("netboard"), {})
-        self.link = link = Link(self.socket, hello, round(config.network.sample_timeout_ms * 1e6))
+        self.link = link = MotionLink(self.socket, hello, round(config.network.sample_timeout_ms * 1e6))
         self._seq = self._safeguards = 0
         self._send_moving = machine_code(_send_moving, link.fast, link.sample, link.state, 0, 0.0, 0.0, 0)
         self._take_answers = machine_code(_take_answers, link.fast, link.frame, link.state)

@@ -18,7 +18,7 @@ import numpy as np
 from evidence.loop import light_peers
 from netboard.base.clock import now_ns
 from netboard.base.config import Config
-from netboard.benchmarks.harness.results import Part, Verdict
+from netboard.benchmarks.harness.results import BenchVerdict, ResultPart
 from netboard.benchmarks.harness.rig import Rig
 from netboard.benchmarks.harness.running import Tell
 from netboard.benchmarks.harness.workers import Workers
@@ -143,7 +143,7 @@ def measure_scale(
     return found
 
 
-def scale_part(found: Mapping[int, Served]) -> Part:
+def scale_part(found: Mapping[int, Served]) -> ResultPart:
     """Tabulate the cost of many dyads on one core."""
     part = _table(
         "scale", "Dyads in trials, served by one process on one core; start of its ticks after their deadline", found
@@ -159,7 +159,7 @@ def measure_shared(config: Config, folder: Path, dyads: int, seconds: float, tel
         return light_peers.serve(on_all_cores(config), dyads, Peers(), seconds)
 
 
-def shared_part(dyads: int, served: Served) -> Part:
+def shared_part(dyads: int, served: Served) -> ResultPart:
     """Tabulate the cost of many dyads on all cores."""
     cores = len(os.sched_getaffinity(0))
     caption = f"Dyads in trials, served by one process that shares {cores} cores with their peers"
@@ -171,8 +171,8 @@ def shared_part(dyads: int, served: Served) -> Part:
     return part
 
 
-def _table(name: str, caption: str, found: Mapping[int, Served]) -> Part:
-    part = Part(
+def _table(name: str, caption: str, found: Mapping[int, Served]) -> ResultPart:
+    part = ResultPart(
         name,
         caption,
         (
@@ -206,20 +206,20 @@ def _table(name: str, caption: str, found: Mapping[int, Served]) -> Part:
     return part
 
 
-def _verdicts(found: Mapping[int, Served]) -> list[Verdict]:
+def _verdicts(found: Mapping[int, Served]) -> list[BenchVerdict]:
     shares = {count: served.cost.core_share for count, served in found.items() if holds(served)}
     most = max(shares, default=0)
     verdicts = []
     if max(found) >= MANY_DYADS:
         capacity = f"{most} dyads" + ("" if most == max(found) else f", not {max(found)}")
-        verdicts.append(Verdict(f"one core holds {MANY_DYADS} dyads", most >= MANY_DYADS, capacity))
+        verdicts.append(BenchVerdict(f"one core holds {MANY_DYADS} dyads", most >= MANY_DYADS, capacity))
     if len(shares) > 1:
         slope, base = np.polyfit(list(shares), list(shares.values()), 1)
         least = min(shares)
         growth = max(share / count for count, share in shares.items()) * least / shares[least]
         fit = f"{100 * base:.2f} % + {100 * slope:.2f} % a dyad"
         fit += f"; each costs at most {growth:.2f} times as much as {least}"
-        verdicts.append(Verdict("cost grows linearly", growth <= MAX_GROWTH, fit))
+        verdicts.append(BenchVerdict("cost grows linearly", growth <= MAX_GROWTH, fit))
     return verdicts
 
 
@@ -239,11 +239,11 @@ def measure_idle(config: Config, light_peers: LightPeers, dyads: int, seconds: f
     return found
 
 
-def idle_part(dyads: int, found: Mapping[str, Served]) -> Part:
+def idle_part(dyads: int, found: Mapping[str, Served]) -> ResultPart:
     """Tabulate the cost of idle dyads."""
     idle = found["no peers"].cost.core_share / dyads
     claim = f"a dyad without peers costs less than {MAX_IDLE:.1%} of a core"
-    part = Part(
+    part = ResultPart(
         "waiting",
         f"{dyads} idle dyads, served by one process",
         "peers | all [%] | each dyad [%]",

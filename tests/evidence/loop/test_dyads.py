@@ -7,7 +7,7 @@ from evidence.loop.bench import MAX_DYADS, read_dyads
 from evidence.loop.scale import Served, holds, idle_part, scale_part, shared_part
 from netboard.base.errors import ConfigError
 from netboard.base.tick import TICK_NS
-from netboard.benchmarks.harness.results import Part
+from netboard.benchmarks.harness.results import ResultPart
 from netboard.benchmarks.loop.timing import TickTiming
 from netboard.benchmarks.loop.usage import LOOP, OTHER, TRANSPORT, Cost, ThreadUsage
 
@@ -23,7 +23,7 @@ def cost(loop: float, transport: float = 0.0, seconds: float = 1.0) -> Cost:
     return Cost(spent, seconds)
 
 
-def verdicts(part: Part) -> list[bool]:
+def verdicts(part: ResultPart) -> list[bool]:
     return [verdict.holds for verdict in part.verdicts]
 
 

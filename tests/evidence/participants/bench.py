@@ -23,9 +23,9 @@ from evidence.participants.trials import PAPER_TRIALS, SEED, Performance, Popula
 from netboard.base.config import Config
 from netboard.base.process.workers import cores
 from netboard.base.tables.simulated import Participant
-from netboard.benchmarks.harness.results import Folder, Part
+from netboard.benchmarks.harness.results import Folder, ResultPart
 from netboard.benchmarks.harness.running import Tell
-from netboard.nodes.rehearsal.jobs import Job
+from netboard.nodes.rehearsal.jobs import RehearsalJob
 from netboard.participants.partner import haptic_weight
 
 STATES = 4
@@ -123,7 +123,7 @@ QUICK_VARIANTS = ("full model", "no information")
 
 def study(
     count: int, dyads: int | None, workers: int | None, folder: Folder, tell: Tell, *, quick: bool
-) -> Iterator[Part]:
+) -> Iterator[ResultPart]:
     """Draw `count` virtual studies from a pool of dyads, and compare them with the paper's results."""
     # A multiple of STATES, so that each starting state has as many dyads.
     pool = STATES * ceil((dyads or (QUICK_DYADS if quick else DYADS)) / STATES)
@@ -159,9 +159,11 @@ def _performances(
         yield performance
 
 
-def predictions_part(found: Sequence[Prediction], performances: Sequence[Performance], trials: int, count: int) -> Part:
+def predictions_part(
+    found: Sequence[Prediction], performances: Sequence[Performance], trials: int, count: int
+) -> ResultPart:
     """Tabulate the predictions of the full model, and whether it reproduces each result."""
-    part = Part(
+    part = ResultPart(
         "predictions",
         f"Results of the paper: {count} virtual studies of {STATES} dyads, "
         f"drawn from {len(performances)} dyads, {trials} trials a block",
@@ -197,9 +199,9 @@ def _direction(statement: Statement) -> str:
     return {1: "above 0", -1: "below 0", 0: "-"}[statement.sense]
 
 
-def ablations_part(found: dict[str, list[Prediction]]) -> Part:
+def ablations_part(found: dict[str, list[Prediction]]) -> ResultPart:
     """Tabulate each result without one part of the model: the median, and the probability of the direction."""
-    part = Part("ablations", "Median and, in brackets, probability of the direction", ("result", "paper", *found))
+    part = ResultPart("ablations", "Median and, in brackets, probability of the direction", ("result", "paper", *found))
     for k, one in enumerate(found[next(iter(found))]):
         statement = one.statement
         paper = _direction(statement) if statement.value is None else statement.value
@@ -244,9 +246,9 @@ NEWTON_PER_METRE = 25.93
 """Change of one's own force per displacement of the partner's hand, at rest, in the paper's scene [N/m]."""
 
 
-def others_part(sample: Sample, person: Participant, config: Config) -> Part:
+def others_part(sample: Sample, person: Participant, config: Config) -> ResultPart:
     """Compare parameters and behaviour with measurements and models of others."""
-    return Part(
+    return ResultPart(
         "others",
         "Comparison with measurements and models of others",
         "quantity | model | others, low | others, high | agrees | source",
@@ -300,7 +302,7 @@ CASES: dict[str, tuple[str, dict[str, Any]]] = {
 """Force condition and changed parameters of each case."""
 
 
-def slowing_part(dyads: int, trials: int, workers: int) -> Part:
+def slowing_part(dyads: int, trials: int, workers: int) -> ResultPart:
     """Tabulate why haptic feedback changes the completion time of one person: mean, and ratio to that without it.
 
     Blocks, participants and random numbers are those of the blocks without haptic feedback; only the force differs. So
@@ -308,7 +310,7 @@ def slowing_part(dyads: int, trials: int, workers: int) -> Part:
     """
     means = {name: _means(list(perform_all(_tasks(name, dyads, trials), workers))) for name in CASES}
     base = means[next(iter(CASES))]
-    part = Part(
+    part = ResultPart(
         "slowing",
         f"Effect of parts of the force on one person with both hands: {2 * dyads} participants, blocks of {trials}",
         "bimanual blocks | completion time [s] | change [%] | 95 % CI low | 95 % CI high",
@@ -321,14 +323,14 @@ def slowing_part(dyads: int, trials: int, workers: int) -> Part:
     return part
 
 
-def _tasks(name: str, dyads: int, trials: int) -> list[tuple[Sequence[Job], int]]:
+def _tasks(name: str, dyads: int, trials: int) -> list[tuple[Sequence[RehearsalJob], int]]:
     """Return the blocks of a case: the bimanual blocks without haptic feedback, with the force of the case."""
     force, keys = CASES[name]
     population = Population(replace(Participant(), **keys), trials=trials)
     return [([_with_force(job, force) for job in population.bimanual_jobs(dyad)], dyad) for dyad in range(1, dyads + 1)]
 
 
-def _with_force(job: Job, force: str) -> Job:
+def _with_force(job: RehearsalJob, force: str) -> RehearsalJob:
     return replace(job, config=replace(job.config, block=replace(job.config.block, force=force)))
 
 

@@ -23,7 +23,7 @@ from evidence.participants.trials import PAPER_TRIALS, Performance, Population, 
 from netboard.analysis.topics.delay import OVER_ALL
 from netboard.base.tables.simulated import Participant
 from netboard.benchmarks.harness.processes import fresh_processes
-from netboard.nodes.rehearsal.jobs import Job
+from netboard.nodes.rehearsal.jobs import RehearsalJob
 
 DYADS = 4
 """Number of simulated dyads [1]."""
@@ -72,7 +72,7 @@ def scaled(factors: Sequence[float], start: Participant) -> Participant:
     return replace(start, **(keys | {"novice": max(1.0, keys["novice"])}))
 
 
-def ends_of(population: Population, dyad: int) -> list[Job]:
+def ends_of(population: Population, dyad: int) -> list[RehearsalJob]:
     """Return the first and the last 30 trials of both participants alone with haptic feedback off.
 
     The last 30 trials are the second half of the last block, so as many trials of it count as practice.

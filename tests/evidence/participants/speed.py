@@ -10,10 +10,10 @@ import numpy as np
 
 from evidence.participants.trials import Population
 from netboard.base.tick import TICK_SECONDS
-from netboard.benchmarks.harness.results import Part
+from netboard.benchmarks.harness.results import ResultPart
 from netboard.benchmarks.harness.running import Tell, timed
 from netboard.nodes.rehearsal.block import Rehearsal
-from netboard.nodes.rehearsal.jobs import Job
+from netboard.nodes.rehearsal.jobs import RehearsalJob
 from netboard.stage.stage import make_stage
 
 DYADS = 4
@@ -28,7 +28,7 @@ SINGLY, BATCHED = 2000.0, 4000.0
 _ALONE = "the stage alone: one block"
 
 
-def speed_part(trials: int, rounds: int, tell: Tell) -> Part:
+def speed_part(trials: int, rounds: int, tell: Tell) -> ResultPart:
     """Time rehearsals, with ``trials`` in each block, and the stage alone; the machine should do nothing else."""
     sessions = [Population(trials=trials).jobs(dyad) for dyad in range(1, 1 + DYADS)]
     runs: dict[str, Callable[[], int]] = {
@@ -42,7 +42,7 @@ def speed_part(trials: int, rounds: int, tell: Tell) -> Part:
         tell("speed of rehearsals", number / rounds)
         for name, run in runs.items():
             taken[name].append(timed(run) / ticks[name])
-    part = Part(
+    part = ResultPart(
         "speed",
         f"Speed of rehearsals on one core: sessions of the paper, {trials} trials in a block, {rounds} rounds in turn",
         "what | ticks | a tick, median [ns] | fastest [ns] | slowest [ns] | / stage alone | x real time, median",
@@ -59,12 +59,12 @@ def speed_part(trials: int, rounds: int, tell: Tell) -> Part:
     return part
 
 
-def _rehearse(jobs: Sequence[Job]) -> int:
+def _rehearse(jobs: Sequence[RehearsalJob]) -> int:
     """Rehearse blocks; return the number of their ticks."""
     return sum(len(rows) for job in jobs for rows in Rehearsal(job.config, job.people).pieces())
 
 
-def _stage_alone(jobs: Sequence[Job]) -> Callable[[], int]:
+def _stage_alone(jobs: Sequence[RehearsalJob]) -> Callable[[], int]:
     """Return a function that computes the ticks of the first dyadic block with haptics on again."""
     job = next(one for one in jobs if one.config.block.configuration == "dyadic" and one.config.block.haptics)
     rows = np.concatenate([piece.copy() for piece in Rehearsal(job.config, job.people).pieces()])

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from netboard.analysis.cohort.block import rehearse
 from netboard.analysis.extraction.attempts import classes_of, strategy_of
 from netboard.analysis.extraction.details import delays_of
-from netboard.analysis.extraction.trials import RATE, Block
+from netboard.analysis.extraction.trials import RATE, BlockData
 from netboard.analysis.measures.cooperation import PORTIONS
 from netboard.analysis.measures.movements import movement_times
 from netboard.analysis.measures.peaks import velocity_peaks
@@ -22,7 +22,7 @@ from netboard.analysis.measures.smoothness import spectral_arc_length
 from netboard.base.config import Config
 from netboard.base.tables.simulated import Participant
 from netboard.benchmarks.harness.processes import fresh_processes
-from netboard.nodes.rehearsal.jobs import Job, jobs_of
+from netboard.nodes.rehearsal.jobs import RehearsalJob, jobs_of
 from netboard.task.plans.plan import blocks_of, shortened
 from netboard.task.studies.study import paper_study
 
@@ -70,14 +70,14 @@ class Population:
     participant: Participant = field(default_factory=Participant)
     trials: int = PAPER_TRIALS
 
-    def jobs(self, dyad: int) -> list[Job]:
+    def jobs(self, dyad: int) -> list[RehearsalJob]:
         """Return the blocks of a dyad in the paper's plan."""
         config = replace(Config(), participant=self.participant)
         plan = blocks_of(config, paper_study(), SEED, dyad)
         jobs = zip(jobs_of(plan, SEED, dyad, None), shortened(plan, None, self.trials), strict=True)
         return [replace(job, config=config) for job, config in jobs]
 
-    def bimanual_jobs(self, dyad: int) -> list[Job]:
+    def bimanual_jobs(self, dyad: int) -> list[RehearsalJob]:
         """Return those in which one participant moves both hands, with haptic feedback off."""
         blocks = [(job, job.config.block) for job in self.jobs(dyad)]
         return [job for job, block in blocks if block.configuration == "bimanual" and not block.haptics]
@@ -95,7 +95,7 @@ class Performance:
     given_up: int
 
 
-def perform(jobs: Sequence[Job], dyad: int) -> Performance:
+def perform(jobs: Sequence[RehearsalJob], dyad: int) -> Performance:
     """Simulate the blocks of a dyad."""
     parts, given_up = [], 0
     for job in jobs:
@@ -105,7 +105,7 @@ def perform(jobs: Sequence[Job], dyad: int) -> Performance:
     return Performance(np.concatenate(parts), given_up)
 
 
-def perform_all(tasks: Sequence[tuple[Sequence[Job], int]], workers: int) -> Iterator[Performance]:
+def perform_all(tasks: Sequence[tuple[Sequence[RehearsalJob], int]], workers: int) -> Iterator[Performance]:
     """Simulate the blocks of several dyads in parallel; yield their performances in order."""
     if workers == 1:
         yield from (perform(jobs, dyad) for jobs, dyad in tasks)
@@ -114,7 +114,7 @@ def perform_all(tasks: Sequence[tuple[Sequence[Job], int]], workers: int) -> Ite
         yield from pool.map(perform, *zip(*tasks, strict=True))
 
 
-def _attempts(block: Block, dyad: int) -> NDArray[Any]:
+def _attempts(block: BlockData, dyad: int) -> NDArray[Any]:
     takes = [take for take in block.takes() if take.attempt.outcome in ("success", "fell")]
     rows, conditions = np.zeros(len(takes), ATTEMPT), block.config.block
     rows["dyad"], rows["block"], rows["haptics"] = dyad, conditions.number, conditions.haptics

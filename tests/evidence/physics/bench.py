@@ -17,7 +17,7 @@ from evidence.physics.reference import errors_of, make_reference, tight
 from evidence.physics.work_precision import Row, Solver, compare, measure
 from netboard.base.errors import ConfigError
 from netboard.benchmarks.harness.machine import version_of
-from netboard.benchmarks.harness.results import Folder, Part
+from netboard.benchmarks.harness.results import Folder, ResultPart
 from netboard.benchmarks.harness.running import Options, Tell, run
 from netboard.benchmarks.physics.problem import MODELS, STARTS, Model, Problem
 from netboard.benchmarks.physics.tick_cost import tick_part
@@ -105,7 +105,7 @@ def choose_peers(asked: Sequence[str] | None, quick: bool) -> tuple[str, ...]:
     return tuple(name for name, peer in PEERS.items() if peer.available and (peer.quick or not quick))
 
 
-def study(selection: Selection, folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
+def study(selection: Selection, folder: Folder, tell: Tell, *, quick: bool) -> Iterator[ResultPart]:
     """Run all parts of the study, and draw the runs."""
     references: dict[Problem, physics_parts.Checked] = {}
     rows: list[Row] = []

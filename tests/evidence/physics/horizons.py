@@ -13,7 +13,7 @@ import numpy as np
 from evidence.physics.reference import ERRORS, Reference, largest
 from netboard.base.tables.scene import Physics
 from netboard.base.tick import TICK_SECONDS
-from netboard.benchmarks.harness.results import Part, Value
+from netboard.benchmarks.harness.results import ResultPart, Value
 from netboard.benchmarks.physics.problem import STATE_NAMES, Array, Problem, multiples, styluses_at
 from netboard.benchmarks.physics.tick_cost import live_rows, live_stage, live_state
 from netboard.physics.hands.sampled import Hands
@@ -107,24 +107,26 @@ def growth(problem: Problem) -> list[tuple[float, float, float]]:
     ]
 
 
-def expect_parts(problem: Problem, reference: Reference) -> Iterator[Part]:
+def expect_parts(problem: Problem, reference: Reference) -> Iterator[ResultPart]:
     """Yield the tables of errors by horizon, of effects that the paper's model omits, and of the ball's divergence."""
     title = "Expected errors after each duration, from samples at 1 kHz"
-    yield Part("expect", title, ("run", "horizon [s]", *ERRORS), expectations(problem, reference))
+    yield ResultPart("expect", title, ("run", "horizon [s]", *ERRORS), expectations(problem, reference))
     if problem.model == "paper":
         title = "Effects omitted by the paper's equations: differences"
-        yield Part("left-out", title, ("scene", "horizon [s]", *ERRORS), left_out(problem))
+        yield ResultPart("left-out", title, ("scene", "horizon [s]", *ERRORS), left_out(problem))
         title = f"Growth of a displacement of the ball of {NUDGE:g} m"
-        yield Part("growth", title, "horizon [s] | growth [1] | cosh(pole of the ball * horizon) [1]", growth(problem))
+        yield ResultPart(
+            "growth", title, "horizon [s] | growth [1] | cosh(pole of the ball * horizon) [1]", growth(problem)
+        )
 
 
 LIVE, OFFLINE = 1e-4, 1e-7
 """Largest claimed errors of force by sampling, live and offline [N]."""
 
 
-def holds_part(cases: Iterable[tuple[Problem, Reference]]) -> Part:
+def holds_part(cases: Iterable[tuple[Problem, Reference]]) -> ResultPart:
     """Run problems from samples: by the server's ticks with each extrapolation, and offline."""
-    part = Part(
+    part = ResultPart(
         "holds",
         "Runs from samples at 1 kHz, compared with continuous movements of the hands",
         ("problem", "hold", "run by", *ERRORS, "rms of force [N]"),

@@ -16,7 +16,7 @@ from evidence.physics.collocation import Tables, gauss_nodes, make_collocation, 
 from evidence.physics.work_precision import OURS, Solution, Solver
 from netboard.benchmarks.physics.problem import SPACING, Array, Problem, drives_at, multiples, node_times
 from netboard.physics.methods.catalogue import METHODS, NUMBER, Method
-from netboard.physics.methods.march import Grid, make_grid, make_march, run
+from netboard.physics.methods.march import TimeGrid, make_grid, make_march, run
 from netboard.physics.scene.parameters import SCENE, Parts
 
 STEPS = (0.020, 0.010, 0.005, 0.004, 0.002, 0.001, 0.0005, 0.00025)
@@ -73,7 +73,7 @@ def _divides(h: float, duration: float) -> bool:
     return abs(round(duration / h) * h - duration) < 1e-9
 
 
-def _hands(problem: Problem, method: Method, h: float) -> tuple[Grid, Array]:
+def _hands(problem: Problem, method: Method, h: float) -> tuple[TimeGrid, Array]:
     """Return the grid of steps, and the drives of the hands at the method's nodes."""
     count = round(problem.duration / h)
     grid = make_grid(method.name, np.full(count, h), np.ones(count, np.int64), problem.parts, 6, problem.scene)

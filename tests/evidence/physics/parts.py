@@ -17,7 +17,7 @@ from evidence.physics.work_precision import (
     frontier,
     least_cost,
 )
-from netboard.benchmarks.harness.results import Part, Value
+from netboard.benchmarks.harness.results import ResultPart, Value
 from netboard.benchmarks.physics.problem import Problem
 
 SURE = 1e-11
@@ -41,10 +41,10 @@ class Checked:
     apart: float
 
 
-def reference_part(found: Sequence[Checked]) -> Part:
+def reference_part(found: Sequence[Checked]) -> ResultPart:
     """List the reference solutions and their differences from independent solutions."""
     worst = max(one.apart for one in found)
-    part = Part(
+    part = ResultPart(
         "reference",
         "Reference solutions, the solvers they were checked by, and the largest values of the signals",
         ("problem", "reference", "check", "its E [1]", *ERRORS),
@@ -57,9 +57,9 @@ def reference_part(found: Sequence[Checked]) -> Part:
     return part
 
 
-def runs_part(rows: Iterable[Row]) -> Part:
+def runs_part(rows: Iterable[Row]) -> ResultPart:
     """List all runs."""
-    return Part(
+    return ResultPart(
         "runs",
         "All runs",
         (
@@ -79,9 +79,9 @@ def _all_of(row: Row) -> tuple[Value, ...]:
     return who + row.errors + costs + counts
 
 
-def steps_part(rows: Iterable[Row]) -> Part:
+def steps_part(rows: Iterable[Row]) -> ResultPart:
     """List netboard's methods with steps of one tick."""
-    return Part(
+    return ResultPart(
         "steps",
         "Netboard's methods with steps of 1 ms",
         ("problem", "method", "ns per step", "E [1]", *ERRORS),
@@ -93,10 +93,10 @@ def steps_part(rows: Iterable[Row]) -> Part:
     )
 
 
-def frontier_part(rows: Sequence[Row]) -> Part:
+def frontier_part(rows: Sequence[Row]) -> ResultPart:
     """List the Pareto-optimal runs."""
     best = [row for here in by_problem(rows).values() for row in frontier(here) if row.scaled < 1.0]
-    return Part(
+    return ResultPart(
         "frontier",
         "Pareto frontier: no run has both a smaller error and a lower cost, hands excluded",
         "problem | method | setting | E [1] | errors every [s] | physics [us/s] | whole [us/s]",
@@ -107,7 +107,7 @@ def frontier_part(rows: Sequence[Row]) -> Part:
     )
 
 
-def costs_parts(rows: Sequence[Row]) -> list[Part]:
+def costs_parts(rows: Sequence[Row]) -> list[ResultPart]:
     """List the cost of each error with each method, for each problem."""
     parts = []
     for problem, here in by_problem(rows).items():
@@ -118,7 +118,7 @@ def costs_parts(rows: Sequence[Row]) -> list[Part]:
             if min(costs) < inf:
                 table.append((f"{library} {method}", *(_short(cost) if cost < inf else "-" for cost in costs)))
         parts.append(
-            Part(
+            ResultPart(
                 f"costs-{problem.replace(', ', '-')}",
                 f"{problem}: cost of an error E, hands excluded [us per second of simulated time]",
                 ("E [1]", *_HEADS),
@@ -139,14 +139,14 @@ WHAT = {
 """Which costs are compared."""
 
 
-def ratios_parts(comparisons: Sequence[Comparison]) -> list[Part]:
+def ratios_parts(comparisons: Sequence[Comparison]) -> list[ResultPart]:
     """Return each library's lowest cost over ours at equal error; claims for the physics alone and dense states."""
     parts = []
     for what, meaning in WHAT.items():
         mine = [one for one in comparisons if one.what == what]
         if not mine:
             continue
-        part = Part(
+        part = ResultPart(
             f"ratios-{what}",
             f"Cost of the other library over the cost of netboard at equal error, {meaning}; "
             "inf: only netboard reaches this error, -: neither does",
@@ -186,12 +186,12 @@ def _least(comparisons: Sequence[Comparison]) -> str:
 
 def mujoco_part(
     rows: Sequence[Row], comparisons: Sequence[Comparison], many: Mapping[str, tuple[float, float, float]]
-) -> Part:
+) -> ResultPart:
     """Compare netboard with MuJoCo on the Lagrangian problems.
 
     - `many`: by problem, a step of one of many simulations in MuJoCo and in netboard [ns], and their difference [1].
     """
-    part = Part("mujoco", "MuJoCo", "problem | what | MuJoCo | netboard | ratio")
+    part = ResultPart("mujoco", "MuJoCo", "problem | what | MuJoCo | netboard | ratio")
     held = []
     for problem, here in by_problem(rows).items():
         ours = [row for row in here if row.library == OURS]

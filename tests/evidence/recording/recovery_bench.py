@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from netboard.base.config import Config
 from netboard.base.errors import RecordingError
 from netboard.base.tick import TICK, TICK_SECONDS
-from netboard.benchmarks.harness.results import Folder, Part, Value
+from netboard.benchmarks.harness.results import Folder, ResultPart, Value
 from netboard.benchmarks.harness.running import Tell
 from netboard.benchmarks.recording.feeding import Feeder, live_log
 from netboard.benchmarks.recording.specimen import Piece, Specimen, make_specimen
@@ -229,7 +229,7 @@ COLUMNS = (
 )
 
 
-def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
+def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[ResultPart]:
     """Recover damaged recordings, and those of killed loggers, which are in `folder`, on the disk under test."""
     # The damaged files are in memory, because thousands of them on a disk would take too long.
     with TemporaryDirectory(dir=_RAM_DISK if _RAM_DISK.exists() else None) as scratch:
@@ -237,7 +237,7 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
     yield kills_part(folder.path / "killed", tell, QUICK_KILLS if quick else KILLS)
 
 
-def damage_part(scratch: Path, tell: Tell, *, quick: bool) -> Part:
+def damage_part(scratch: Path, tell: Tell, *, quick: bool) -> ResultPart:
     """Damage a file in four ways, and recover each copy."""
     specimen = make_specimen(scratch / "whole.mcap", QUICK_TICKS if quick else TICKS)
     count, chance = QUICK_CASES if quick else CASES, np.random.default_rng(SEED)
@@ -257,7 +257,7 @@ def damage_part(scratch: Path, tell: Tell, *, quick: bool) -> Part:
             tell(f"{name}: {done + 1}", (number + 0.5) / (len(ways) + 1))
         rows.append(_row(name, found))
         faults += [f"{name}: {fault}" for one in found for fault in one.faults]
-    part = Part(
+    part = ResultPart(
         "damage",
         f"A recording of {len(specimen.rows)} ticks in {len(specimen.pieces)} chunks and {len(specimen.data)} bytes, "
         "damaged",
@@ -275,7 +275,7 @@ def damage_part(scratch: Path, tell: Tell, *, quick: bool) -> Part:
     return part
 
 
-def kills_part(folder: Path, tell: Tell, count: int) -> Part:
+def kills_part(folder: Path, tell: Tell, count: int) -> ResultPart:
     """Kill loggers, and tabulate the ticks lost."""
     log, chance = live_log(round(2e3 * MAX_KILL_TIME)), np.random.default_rng(SEED)
     found = []
@@ -286,7 +286,7 @@ def kills_part(folder: Path, tell: Tell, count: int) -> Part:
     flush = Config().recording.flush_ms
     allowed = flush + BATCH_RECORDS
     worst = max(one.lost for one in found) * TICK_SECONDS * 1e3
-    part = Part(
+    part = ResultPart(
         "kills",
         "A logger that takes a session's records over a socket, killed (SIGKILL) within "
         f"{MAX_KILL_TIME:g} s of the first",

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from netboard.base.config import SIDES, Config
 from netboard.base.tick import OUTPUT, STATE, TICK, TICK_SECONDS
-from netboard.benchmarks.harness.results import Part
+from netboard.benchmarks.harness.results import ResultPart
 from netboard.benchmarks.physics.problem import styluses_at
 from netboard.benchmarks.physics.tick_cost import sampled_rows
 from netboard.stage.stage import Stage, make_stage
@@ -138,11 +138,11 @@ def play(stage: Stage, rows: Rows, started: bool) -> Rows:
     return played
 
 
-def corrupted_samples(config: Config) -> Part:
+def corrupted_samples(config: Config) -> ResultPart:
     """Run all kinds of corrupted samples and tabulate the results."""
     stage, smooth = make_stage(config), smooth_rows()
     calm = play(stage, smooth, started=False)
-    part = Part(
+    part = ResultPart(
         "odd-hands",
         "Odd hands for half a second, through the live tick",
         "samples | not finite [1] | largest force of a coupling [N] | what it may be [N] | faults [1] | "

@@ -20,7 +20,7 @@ from evidence.stability import soak_audit, soak_dyads
 from netboard.base.compiled import fast
 from netboard.base.tables.scene import Physics
 from netboard.base.tick import TICK_SECONDS
-from netboard.benchmarks.harness.results import Part
+from netboard.benchmarks.harness.results import ResultPart
 from netboard.benchmarks.harness.running import Tell, no_progress
 from netboard.physics.scene.parameters import pack_scene, parts_of, state_length
 
@@ -139,7 +139,7 @@ def _restart(x: Any) -> int:
     return count
 
 
-def soak(steps: int, seed: int = 1, scenes: int = 256, tell: Tell = no_progress) -> Part:
+def soak(steps: int, seed: int = 1, scenes: int = 256, tell: Tell = no_progress) -> ResultPart:
     """Soak every kind of scene."""
     found = {}
     for i, (name, kind) in enumerate(soak_dyads.KINDS.items()):
@@ -147,7 +147,7 @@ def soak(steps: int, seed: int = 1, scenes: int = 256, tell: Tell = no_progress)
         share = steps // len(soak_dyads.KINDS) + 1
         found[name] = soak_kind(kind, share, seed + i, scenes, partial(tell, f"soak: {name}"))
     done, seconds = sum(one.steps for one in found.values()), sum(one.seconds for one in found.values())
-    part = Part(
+    part = ResultPart(
         "soak",
         f"Soak: {done:.4g} steps of 1 ms in {len(found) * scenes} random scenes, {seconds:.3g} s, "
         f"{sum(one.restarts for one in found.values())} balls put back; "

@@ -21,7 +21,7 @@ from scipy.linalg import expm
 
 from netboard.base.config import Config
 from netboard.base.tick import TICK_NS, TICK_SECONDS
-from netboard.benchmarks.harness.results import Folder, Part, Value
+from netboard.benchmarks.harness.results import Folder, ResultPart, Value
 from netboard.benchmarks.harness.running import Tell
 from netboard.devices.contract.estimators import WINDOW_NS, Estimator, alpha_beta_gains, kalman_gains
 from netboard.devices.contract.velocity import KINDS
@@ -227,10 +227,10 @@ def time_of(kind: str, updates: int) -> float:
     return float(best / updates)
 
 
-def figures(*, quick: bool, tell: Tell) -> Part:
+def figures(*, quick: bool, tell: Tell) -> ResultPart:
     """Measure lag, noise, errors and time of each estimator."""
     offsets, updates = (QUICK_OFFSETS, QUICK_UPDATES) if quick else (OFFSETS, UPDATES)
-    part = Part(
+    part = ResultPart(
         "estimators",
         f"Velocity from encoder steps of {TOUCH.resolution * 1e3:g} mm, read each ms",
         f"estimator | lag [ms] | rms at rest [mm/s] | rms at {SLOW.name} [mm/s] | rms at {FAST.name} [mm/s] | "
@@ -246,11 +246,11 @@ def figures(*, quick: bool, tell: Tell) -> Part:
     return part
 
 
-def delays(*, quick: bool, tell: Tell) -> Part:
+def delays(*, quick: bool, tell: Tell) -> ResultPart:
     """Find the largest stable delay of the paper's virtual coupling for a bare stylus, with each estimator."""
     physics = Config().physics
     loops = [Loop(TOUCH.mass, b, physics.k_h, physics.c_h) for b in (0.0, TOUCH.damping)]
-    part = Part(
+    part = ResultPart(
         "delays",
         f"Largest delay of {physics.k_h:g} N/m, {physics.c_h:g} N s/m on a bare stylus of {TOUCH.mass * 1e3:g} g",
         ("estimator", *(f"{how}, {loop.b:g} N s/m [ms]" for loop in loops for how in ("theory", "runs"))),
@@ -283,7 +283,7 @@ def delays(*, quick: bool, tell: Tell) -> Part:
     return part
 
 
-def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
+def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[ResultPart]:
     """Run the parts of the study, and draw their results if matplotlib is installed."""
     found = figures(quick=quick, tell=tell)
     yield found
@@ -292,7 +292,7 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
     yield late
 
 
-def draw(found: Part, late: Part) -> Any:
+def draw(found: ResultPart, late: ResultPart) -> Any:
     """Draw errors on a reach and on a sine, and for each estimator its noise and the largest stable delay."""
     from matplotlib.figure import Figure
 

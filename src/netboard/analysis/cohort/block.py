@@ -19,10 +19,10 @@ from netboard.analysis.extraction.devices import always, simulated_mechanics
 from netboard.analysis.extraction.recordings import ATTEMPT, BLOCKS, Measured, attempt_row, block_row, place_of
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.tables import columns_of
-from netboard.analysis.extraction.trials import PLACES, Block
+from netboard.analysis.extraction.trials import PLACES, BlockData
 from netboard.network.protocol.motion import Safeguard
 from netboard.nodes.rehearsal.block import Rehearsal
-from netboard.nodes.rehearsal.jobs import Job
+from netboard.nodes.rehearsal.jobs import RehearsalJob
 from netboard.recording.export.runs import Run, people_in
 from netboard.recording.files.offline_writer import REHEARSED, recording_name
 from netboard.recording.format.summary import attempts_along
@@ -44,13 +44,13 @@ class Rehearsed:
     - `given_up`: whether the block was stopped because its participants could not do it.
     """
 
-    block: Block
+    block: BlockData
     flags: Mapping[tuple[int, int], tuple[str, ...]]
     ticks: int
     given_up: bool
 
 
-def rehearse(job: Job) -> Rehearsed:
+def rehearse(job: RehearsalJob) -> Rehearsed:
     """Rehearse a block."""
     rehearsal, referee = Rehearsal(job.config, job.people), Referee(job.config, Safeguard.CLAMPED)
     parts: dict[str, list[NDArray[np.float64]]] = {name: [] for name in PLACES}
@@ -68,11 +68,11 @@ def rehearse(job: Job) -> Rehearsed:
     summary = rehearsal.summary()
     columns: dict[str, NDArray[Any]] = {name: np.concatenate(own) for name, own in parts.items()}
     columns["tick"] = np.arange(summary.ticks)  # a rehearsal lacks no tick
-    block = Block(job.config, READINGS, columns, attempts, always(simulated_mechanics(job.config)))
+    block = BlockData(job.config, READINGS, columns, attempts, always(simulated_mechanics(job.config)))
     return Rehearsed(block, flags, summary.ticks, summary.given_up)
 
 
-def measured(job: Job, place: int, found: Rehearsed) -> Measured:
+def measured(job: RehearsalJob, place: int, found: Rehearsed) -> Measured:
     """Return the tables of a rehearsed block, without paths.
 
     - `place`: place of the block among those of its dyad, from 1 [1].
@@ -88,7 +88,7 @@ def measured(job: Job, place: int, found: Rehearsed) -> Measured:
     )
 
 
-def run_of(job: Job, place: int) -> Run:
+def run_of(job: RehearsalJob, place: int) -> Run:
     """Return a block with the metadata that its recording would have; the start is its place among the blocks."""
     config, who = job.config, job.config.session
     metadata = {**REHEARSED, "session": job.session, "part": "1", "opened_utc": f"{place:06d}"}

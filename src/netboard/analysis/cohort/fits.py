@@ -16,18 +16,18 @@ import numpy as np
 import pandas as pd
 
 from netboard.analysis.cohort.folder import MANIFEST, Cohort
-from netboard.analysis.cohort.power import Power, Rate, mean_width
+from netboard.analysis.cohort.power import Power, PowerRate, mean_width
 from netboard.analysis.cohort.workers import Runner
 from netboard.analysis.extraction.conditions import factor_read
 from netboard.analysis.statistics.factors import INTERCEPT, PRACTICE
-from netboard.analysis.topics.models import Fit, fits_of, human_test_rows, trial_numbers
+from netboard.analysis.topics.models import ModelFit, fits_of, human_test_rows, trial_numbers
 from netboard.base.errors import ConfigError
 
 MODEL = "model"
 """Name of the test with the between-dyad degrees of freedom."""
 
 
-class Key(NamedTuple):
+class FitKey(NamedTuple):
     """Key of a term: number of dyads, measure, effect, and method of inference."""
 
     dyads: int
@@ -46,7 +46,7 @@ class Term:
     p: float
 
 
-def fitted(folder: Path, sizes: Sequence[int], alpha: float, trials: int, number: int) -> dict[Key, Term]:
+def fitted(folder: Path, sizes: Sequence[int], alpha: float, trials: int, number: int) -> dict[FitKey, Term]:
     """Fit all models to a virtual study with each number of dyads.
 
     - `trials`: first trials of each condition that count; 0 for all [1].
@@ -60,15 +60,15 @@ def fitted(folder: Path, sizes: Sequence[int], alpha: float, trials: int, number
         attempts = attempts[attempts["order"] <= trials]
     dyad = attempts["dyad"].str[1:].astype(int)
     factors = list(map(factor_read, packed.factors))
-    found: dict[Key, Term] = {}
+    found: dict[FitKey, Term] = {}
     for size in sizes:
         own = attempts[dyad <= size]
         for fit in fits_of(own[own["counts"] == 1], own, factors, 1.0 - alpha):
-            found |= {Key(size, fit.measure, effect, method): term for effect, method, term in _terms(fit)}
+            found |= {FitKey(size, fit.measure, effect, method): term for effect, method, term in _terms(fit)}
     return found
 
 
-def _terms(fit: Fit) -> Iterator[tuple[str, str, Term]]:
+def _terms(fit: ModelFit) -> Iterator[tuple[str, str, Term]]:
     """Yield the effects of a model, by each of its methods."""
     for effect in fit.model.effects:
         if effect.name not in (INTERCEPT, PRACTICE):
@@ -86,7 +86,7 @@ def model_powers(
     if not cohort.manifest["keep_trials"]:
         raise ConfigError(f"--models: {cohort.folder} has no trials, expected a cohort that was made with --trials")
     task = partial(fitted, cohort.folder.absolute(), tuple(sizes), alpha, trials)
-    found: dict[int, dict[Key, Term]] = {}
+    found: dict[int, dict[FitKey, Term]] = {}
     files = [cohort.folder.absolute() / MANIFEST]
     for number, terms in runner.run_all(task, range(1, studies + 1), files):
         found[number] = terms
@@ -99,7 +99,7 @@ def model_powers(
     ]
 
 
-def _truth(key: Key, each: Sequence[Mapping[Key, Term]], largest: int) -> float:
+def _truth(key: FitKey, each: Sequence[Mapping[FitKey, Term]], largest: int) -> float:
     """Return the geometric mean of an effect over all studies with the largest number of dyads."""
     values = [
         log(term.value)
@@ -111,7 +111,7 @@ def _truth(key: Key, each: Sequence[Mapping[Key, Term]], largest: int) -> float:
     return exp(float(np.mean(values))) if values else nan
 
 
-def _power(key: Key, terms: Sequence[Term | None], truth: float, alpha: float, trials: int) -> Power:
+def _power(key: FitKey, terms: Sequence[Term | None], truth: float, alpha: float, trials: int) -> Power:
     """Count rejections and misses."""
     known = [term for term in terms if term is not None]
     hits = sum(term.p <= alpha for term in known)
@@ -131,8 +131,8 @@ def _power(key: Key, terms: Sequence[Term | None], truth: float, alpha: float, t
         scale="ratio",
         effect=truth,
         deviation=nan,
-        power=Rate.of(hits, len(terms)),
-        false_positives=Rate.of(misses, len(terms)),
+        power=PowerRate.of(hits, len(terms)),
+        false_positives=PowerRate.of(misses, len(terms)),
         width=width,
         width_error=error,
     )

@@ -19,11 +19,19 @@ from typing import Any, Literal
 import pandas as pd
 
 from netboard.analysis.cohort.rows import STUDIES
-from netboard.analysis.cohort.virtual import Design, StudyTables, check, compile_kernels, jobs_of_dyad, simulate, unpack
+from netboard.analysis.cohort.virtual import (
+    StudyTables,
+    VirtualDesign,
+    check,
+    compile_kernels,
+    jobs_of_dyad,
+    simulate,
+    unpack,
+)
 from netboard.analysis.cohort.workers import CODE, Runner
 from netboard.analysis.extraction.fingerprint import fingerprint
 from netboard.analysis.extraction.store import Store
-from netboard.analysis.extraction.tables import Kind, columns_of
+from netboard.analysis.extraction.tables import TableKind, columns_of
 from netboard.base.config import resolve
 from netboard.base.errors import ConfigError, RecordingError, writing
 from netboard.base.files.new import refuse_existing
@@ -56,7 +64,7 @@ ABOUT = {
 """Meaning of a row of each table."""
 
 
-def manifest_of(design: Design) -> dict[str, Any]:
+def manifest_of(design: VirtualDesign) -> dict[str, Any]:
     """Return what determines the tables of a cohort."""
     return {
         "netboard": version("netboard"),
@@ -89,7 +97,7 @@ class Cohort:
         self._store = Store(folder / STUDIES_IN, advice="choose another --output")
 
     @classmethod
-    def create(cls, folder: Path, design: Design) -> "Cohort":
+    def create(cls, folder: Path, design: VirtualDesign) -> "Cohort":
         """Make a new folder."""
         refuse_existing(folder, ", or continue it with --resume")
         with new_folder(folder) as part:
@@ -97,7 +105,7 @@ class Cohort:
             (part / MANIFEST).write_text(text, encoding="utf-8")
         return cls(folder)
 
-    def require(self, design: Design) -> None:
+    def require(self, design: VirtualDesign) -> None:
         """Refuse to continue a cohort with other settings than those that it was begun with."""
         wanted = manifest_of(design)
         for key, words in WORDS.items():
@@ -159,7 +167,7 @@ class Cohort:
         """Write all tables, one study after the other."""
         in_file = self.get(1).fields
         fields = {"studies": STUDIES, **in_file}
-        kinds = [Kind(name, ABOUT[name], own) for name, own in fields.items()]
+        kinds = [TableKind(name, ABOUT[name], own) for name, own in fields.items()]
         write_dictionary(part, kinds, "NAME.parquet and NAME.csv: a table of all studies; trials in one of them only")
         with ExitStack() as stack:
             sheets: list[tuple[str, Any]] = []
@@ -190,7 +198,7 @@ def _shortly(found: object, wanted: object) -> tuple[str, str]:
 
 
 def make_cohort(
-    design: Design,
+    design: VirtualDesign,
     studies: int,
     folder: Path,
     runner: Runner,

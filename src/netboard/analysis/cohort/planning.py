@@ -10,7 +10,7 @@ from netboard.analysis.cohort.folder import Cohort, make_cohort
 from netboard.analysis.cohort.power import Differences, Power, differences, powers
 from netboard.analysis.cohort.report import Assumptions, by_test, distributions, parts, sentence, write
 from netboard.analysis.cohort.rows import SIZE
-from netboard.analysis.cohort.virtual import Design
+from netboard.analysis.cohort.virtual import VirtualDesign
 from netboard.analysis.cohort.workers import Runner
 from netboard.base.config import Config, digest, parse
 from netboard.base.errors import ConfigError
@@ -39,21 +39,23 @@ class Request:
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class PowerAnswer:
     """The tables of a page, and a sentence on the first contrast."""
 
     parts: list[dict[str, Any]]
     sentence: str
 
 
-def answer(request: Request, folder: Path, given: Path | None, runner: Runner) -> Answer:
+def answer(request: Request, folder: Path, given: Path | None, runner: Runner) -> PowerAnswer:
     """Compute the powers, and write them to a new folder.
 
     - `given`: folder of a cohort of the study; None simulates one, in ``cohort`` of the new folder.
     """
     refuse_existing(folder)
     if given is None:
-        design = Design(request.study, request.config, max(request.dyads), request.seed, keep_trials=request.models)
+        design = VirtualDesign(
+            request.study, request.config, max(request.dyads), request.seed, keep_trials=request.models
+        )
         cohort = make_cohort(design, request.studies, folder / "cohort", runner)
     else:
         cohort = suitable(request, given)
@@ -69,7 +71,7 @@ def answer(request: Request, folder: Path, given: Path | None, runner: Runner) -
         made["study"], made["netboard"], digest(config), made["seed"], studies, made["dyads"], request.alpha, drawn
     )
     write(folder, found, assumptions)
-    return Answer(parts(found, assumptions), sentence(next(iter(by_test(found).values())), assumptions))
+    return PowerAnswer(parts(found, assumptions), sentence(next(iter(by_test(found).values())), assumptions))
 
 
 def suitable(request: Request, folder: Path) -> Cohort:

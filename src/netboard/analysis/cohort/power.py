@@ -52,7 +52,7 @@ class Differences:
 
 
 @dataclass(frozen=True, slots=True)
-class Rate:
+class PowerRate:
     """Share of studies, with its Wilson confidence interval of 95 %.
 
     - `value`, `low`, `high`: the share, and the limits of its Monte Carlo error [1].
@@ -63,7 +63,7 @@ class Rate:
     high: float
 
     @classmethod
-    def of(cls, hits: int, total: int) -> "Rate":
+    def of(cls, hits: int, total: int) -> "PowerRate":
         """Return the rate of hits in a number of trials."""
         found = stats.binomtest(hits, total).proportion_ci(method="wilson")
         return cls(hits / total, float(found.low), float(found.high))
@@ -97,8 +97,8 @@ class Power:
     scale: Scale
     effect: float
     deviation: float
-    power: Rate
-    false_positives: Rate
+    power: PowerRate
+    false_positives: PowerRate
     width: float
     width_error: float
 
@@ -194,8 +194,8 @@ def powers(found: Sequence[Differences], sizes: Sequence[int], alpha: float = 0.
                     scale=one.scale,
                     effect=effect,
                     deviation=deviation,
-                    power=Rate.of(int((with_effect <= alpha).sum()), len(own)),
-                    false_positives=Rate.of(int((without <= alpha).sum()), len(own)),
+                    power=PowerRate.of(int((with_effect <= alpha).sum()), len(own)),
+                    false_positives=PowerRate.of(int((without <= alpha).sum()), len(own)),
                     width=width,
                     width_error=error,
                 )

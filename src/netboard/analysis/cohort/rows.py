@@ -13,7 +13,7 @@ import pandas as pd
 
 from netboard.analysis.cohort.block import TRIALS
 from netboard.analysis.extraction.details import THRESHOLDS
-from netboard.analysis.extraction.study import PLACE_IN_STUDY, Study
+from netboard.analysis.extraction.study import PLACE_IN_STUDY, StudyData
 from netboard.analysis.extraction.tables import ATTEMPT_KEY, count, number
 from netboard.analysis.measures.ellipses import groups_of
 from netboard.analysis.measures.performance import ENDS
@@ -112,12 +112,12 @@ KEPT = tuple(CohortMeasure(one, *_KEPT[one.name]) for one in MEASURES if one.nam
 """The measures of a cohort, in the order of the report."""
 
 
-def fields_of(study: Study) -> dict[str, tuple[Field, ...]]:
+def fields_of(study: StudyData) -> dict[str, tuple[Field, ...]]:
     """Return the columns of the tables of groups and of attempts, with those of the study's factors."""
     return {"groups": study.with_factor_fields(GROUPS), "trials": study.with_factor_fields(ATTEMPTS)}
 
 
-def group_rows(study: Study, number: int) -> pd.DataFrame:
+def group_rows(study: StudyData, number: int) -> pd.DataFrame:
     """Summarise the trials, attempts and movements of a study in groups.
 
     - `number`: number of the virtual study [1].
@@ -162,7 +162,7 @@ def _of_movements(rows: pd.DataFrame) -> pd.DataFrame:
     return groups.agg(movements=("delay_20", "count")).join(groups.mean())
 
 
-def attempt_rows(study: Study, number: int) -> pd.DataFrame:
+def attempt_rows(study: StudyData, number: int) -> pd.DataFrame:
     """Return all attempts of a study, with their mean delay and whether they are excluded."""
     moved = study.movements[study.movements["cooperative"] == 1]
     delays = moved["delay_20"].abs().groupby([moved[key] for key in ATTEMPT_KEY]).mean()

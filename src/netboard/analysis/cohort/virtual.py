@@ -14,7 +14,7 @@ from typing import Any
 from netboard.analysis.cohort.block import READINGS, measured, rehearse
 from netboard.analysis.cohort.rows import attempt_rows, fields_of, group_rows
 from netboard.analysis.extraction.cache import Streams
-from netboard.analysis.extraction.study import Study as Tables
+from netboard.analysis.extraction.study import StudyData as Tables
 from netboard.analysis.extraction.study import study_of
 from netboard.analysis.extraction.tables import Columns, written
 from netboard.analysis.topics.contrasts import questions_of
@@ -23,7 +23,7 @@ from netboard.base.errors import ConfigError
 from netboard.base.settings import parse_json
 from netboard.base.tick import TICK_SECONDS
 from netboard.nodes.rehearsal.block import Rehearsal
-from netboard.nodes.rehearsal.jobs import Job, jobs_of
+from netboard.nodes.rehearsal.jobs import RehearsalJob, jobs_of
 from netboard.recording.format.channels import Field
 from netboard.task.plans.plan import blocks_of
 from netboard.task.studies.study import Study
@@ -36,7 +36,7 @@ LAST_SEED = (2**31 - 1) // SPACING - 1
 
 
 @dataclass(frozen=True, slots=True)
-class Design:
+class VirtualDesign:
     """The simulated design: plan, participants, and number of dyads in each virtual study.
 
     - `config`: rig, scene and participants.
@@ -60,18 +60,18 @@ class Design:
         return self.seed * SPACING + number
 
 
-def jobs_of_dyad(config: Config, study: Study, seed: int, dyad: int) -> list[Job]:
+def jobs_of_dyad(config: Config, study: Study, seed: int, dyad: int) -> list[RehearsalJob]:
     """Return the blocks of a dyad, in order, each with its participants; nothing of them is recorded."""
     return jobs_of(blocks_of(config, study, seed, dyad), seed, dyad, None)
 
 
-def compile_kernels(jobs: Sequence[Job]) -> None:
+def compile_kernels(jobs: Sequence[RehearsalJob]) -> None:
     """Compile the kernels of blocks, or load them from the cache, by running a tick of each."""
     for job in jobs:
         next(Rehearsal(job.config, job.people).pieces(1))
 
 
-def check(design: Design, studies: int) -> None:
+def check(design: VirtualDesign, studies: int) -> None:
     """Refuse a cohort that cannot be simulated.
 
     - raises ConfigError: if there are no studies or too many, or a block of a plan has no valid configuration or cannot
@@ -89,7 +89,7 @@ def check(design: Design, studies: int) -> None:
                 raise ConfigError(f'{where}: [block] force: found "unrelated", which takes recorded forces')
 
 
-def simulate(design: Design, number: int) -> bytes:
+def simulate(design: VirtualDesign, number: int) -> bytes:
     """Simulate and measure a virtual study; return its packed tables.
 
     - `number`: number of the study in the cohort, from 1 [1].

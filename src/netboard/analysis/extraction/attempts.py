@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from netboard.analysis.extraction.devices import at
 from netboard.analysis.extraction.settings import Movements
 from netboard.analysis.extraction.tables import Group, number, words
-from netboard.analysis.extraction.trials import RATE, Take
+from netboard.analysis.extraction.trials import RATE, AttemptData
 from netboard.analysis.measures.braking import Braking, Strategy, first_braking
 from netboard.analysis.measures.interaction import effort, exchanged, force_share, interaction, supports, work
 from netboard.analysis.measures.lags import lag_of
@@ -30,7 +30,7 @@ from netboard.physics.scene.parameters import pack_scene, parts_of
 from netboard.physics.scene.rendering import gains_of
 
 
-def peaks_of(take: Take, window: Window) -> Peaks:
+def peaks_of(take: AttemptData, window: Window) -> Peaks:
     """Find the velocity peaks of the ball, as the settings say."""
     how = take.block.readings.peaks
     return velocity_peaks(
@@ -42,7 +42,7 @@ def peaks_of(take: Take, window: Window) -> Peaks:
     )
 
 
-def classes_of(take: Take) -> NDArray[np.int8]:
+def classes_of(take: AttemptData) -> NDArray[np.int8]:
     """Classify the movement of the styluses at each sample of the set window."""
     how = take.block.readings.movements
     window = take.trial.window(how.window)
@@ -50,13 +50,13 @@ def classes_of(take: Take) -> NDArray[np.int8]:
     return classify(left, right, still_below=how.still_below, at_limit=how.at_limit)
 
 
-def strategy_of(take: Take, braking: Braking) -> Strategy:
+def strategy_of(take: AttemptData, braking: Braking) -> Strategy:
     """Find the first braking movement."""
     found = take.motion
     return first_braking(take.segments, found.theta, found.p, found.vp, RATE, take.trial, braking=braking)
 
 
-def _completion(take: Take) -> dict[str, float | str]:
+def _completion(take: AttemptData) -> dict[str, float | str]:
     return {
         "completion": take.completion,
         "completion_source": take.source,
@@ -65,7 +65,7 @@ def _completion(take: Take) -> dict[str, float | str]:
     }
 
 
-def _peaks(take: Take) -> dict[str, float]:
+def _peaks(take: AttemptData) -> dict[str, float]:
     window = take.block.readings.peaks.window
     return {
         "peaks": peaks_of(take, window).count if take.knows(window) else nan,
@@ -73,13 +73,13 @@ def _peaks(take: Take) -> dict[str, float]:
     }
 
 
-def _movements(take: Take) -> dict[str, float]:
+def _movements(take: AttemptData) -> dict[str, float]:
     known = take.knows(take.block.readings.movements.window)
     times = movement_times(classes_of(take), RATE)
     return {name: getattr(times, name) if known else nan for name in times.__slots__}
 
 
-def _strategy(take: Take) -> dict[str, float]:
+def _strategy(take: AttemptData) -> dict[str, float]:
     how = take.block.readings.strategy
     kinds: dict[str, Braking] = {"braking": how.braking, "turning_back": "rotation"}
     values: dict[str, float] = {}
@@ -169,7 +169,7 @@ _LEAST = 3
 """Minimum number of samples for smoothness measures [1]."""
 
 
-def _lag(take: Take) -> dict[str, float]:
+def _lag(take: AttemptData) -> dict[str, float]:
     window = take.trial.window()
     left, right = take.motion.left_vz[window], take.motion.right_vz[window]
     if left.size < 2 * MAX_LAG * RATE:
@@ -178,14 +178,14 @@ def _lag(take: Take) -> dict[str, float]:
     return {"lag": found.delay, "lag_correlation": found.coefficient, "correlation": found.at_once}
 
 
-def _smoothness(take: Take) -> dict[str, float]:
+def _smoothness(take: AttemptData) -> dict[str, float]:
     speed = take.motion.speed[take.trial.window()]
     if speed.size < _LEAST:
         return {}
     return {"sparc": spectral_arc_length(speed, RATE), "ldlj": log_dimensionless_jerk(speed, RATE)}
 
 
-def _reactions(take: Take) -> dict[str, float]:
+def _reactions(take: AttemptData) -> dict[str, float]:
     values: dict[str, float] = {}
     for side in SIDES:
         found = reaction(getattr(take.motion, f"{side}_vz")[take.trial.window()], RATE)
@@ -193,7 +193,7 @@ def _reactions(take: Take) -> dict[str, float]:
     return values
 
 
-def _stays(take: Take) -> dict[str, float]:
+def _stays(take: AttemptData) -> dict[str, float]:
     p, sizes = take.raw("p")[take.trial.window()], take.block.config.geometry
     if not p.size:
         return {}
@@ -203,7 +203,7 @@ def _stays(take: Take) -> dict[str, float]:
     return {"in_target": stays.time, "overshoots": beyond.count, "overshoot": beyond.largest}
 
 
-def _forces(take: Take) -> dict[str, float]:
+def _forces(take: AttemptData) -> dict[str, float]:
     window, scene = take.trial.window(), take.block.config.physics
     force = {side: take.force(side, window) for side in SIDES}
     power = {side: force[side] * getattr(take.motion, f"{side}_vz")[window] for side in SIDES}
@@ -228,7 +228,7 @@ def _forces(take: Take) -> dict[str, float]:
     }
 
 
-def _passive_partner(take: Take) -> dict[str, float]:
+def _passive_partner(take: AttemptData) -> dict[str, float]:
     """Return the share of cooperative movement of a passive partner minus that of a still one, for each side.
 
     Computed without friction, and with the mechanics of the passive side's device.

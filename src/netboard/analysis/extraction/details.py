@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from netboard.analysis.extraction.tables import PLACE, Columns, count, number
-from netboard.analysis.extraction.trials import RATE, Take
+from netboard.analysis.extraction.trials import RATE, AttemptData
 from netboard.analysis.measures.cooperation import PORTIONS, Contributions, Delays, contributions, delays
 from netboard.analysis.measures.signals import lasts
 from netboard.base.config import SIDES
@@ -60,7 +60,7 @@ PATHS = (
 """Columns of the table of paths."""
 
 
-def delays_of(take: Take) -> tuple[Contributions, Delays, Delays]:
+def delays_of(take: AttemptData) -> tuple[Contributions, Delays, Delays]:
     """Return the contributions to the movements of the board that begin in an attempt, and their delays.
 
     Delays are with the set threshold, and with fractions of each side's own peak.
@@ -82,7 +82,7 @@ def delays_of(take: Take) -> tuple[Contributions, Delays, Delays]:
     return moved, as_set, delays(own, moved, found.left_vz, found.right_vz, RATE, threshold="own_peak")
 
 
-def movements(take: Take) -> Iterator[Mapping[str, Any]]:
+def movements(take: AttemptData) -> Iterator[Mapping[str, Any]]:
     """Yield the rows of the movements of the board that begin in an attempt, without the columns that locate it."""
     own = take.own_segments
     moved, as_set, of_own = delays_of(take)
@@ -104,7 +104,7 @@ def movements(take: Take) -> Iterator[Mapping[str, Any]]:
         }
 
 
-def path(take: Take) -> Columns:
+def path(take: AttemptData) -> Columns:
     """Return the rows of an attempt's path, from release to end, without the columns that locate it."""
     trial, found = take.trial, take.motion
     at = np.arange(trial.release, trial.stop, STEP)

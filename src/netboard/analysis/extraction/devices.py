@@ -15,7 +15,7 @@ from netboard.recording.format.summary import agents_of
 
 
 @dataclass(frozen=True, slots=True)
-class Mechanics:
+class DeviceMechanics:
     """Mass [kg], viscous damping [N s/m] and Coulomb friction [N] that a device adds to the hand that holds it."""
 
     mass: float
@@ -23,16 +23,16 @@ class Mechanics:
     friction: float
 
 
-Held = tuple[tuple[int, Mechanics | None], ...]
+Held = tuple[tuple[int, DeviceMechanics | None], ...]
 """The mechanics of a side's devices in turn, each with the first tick of its use."""
 
 
-def always(mechanics: Mechanics | None) -> dict[Side, Held]:
+def always(mechanics: DeviceMechanics | None) -> dict[Side, Held]:
     """Return the same mechanics for both sides and all ticks."""
     return dict.fromkeys(SIDES, ((0, mechanics),))
 
 
-def at(held: Held, tick: int) -> Mechanics | None:
+def at(held: Held, tick: int) -> DeviceMechanics | None:
     """Return the mechanics of a side's device at a tick; before the first device was there, those of that one."""
     return next((mechanics for first, mechanics in reversed(held) if first <= tick), held[0][1])
 
@@ -51,7 +51,7 @@ def mechanics_of(config: Config, recording: Recording) -> dict[Side, Held]:
     }
 
 
-def _reported_mechanics(config: Config, side: Side, details: Mapping[str, str]) -> Mechanics | None:
+def _reported_mechanics(config: Config, side: Side, details: Mapping[str, str]) -> DeviceMechanics | None:
     """Return the mechanics that an agent reported for its device."""
     model = _model_of(details.get("model", ""))
     if details.get("device", config.agents.of(side).device) == "virtual":
@@ -59,14 +59,14 @@ def _reported_mechanics(config: Config, side: Side, details: Mapping[str, str]) 
     names = ("profile_mass", "profile_damping", "profile_friction")
     own = [_number(details.get(name, "")) for name in names]
     if not any(map(isnan, own)):
-        return Mechanics(*own)
-    return None if model is None else Mechanics(model.mass, model.damping, model.friction)
+        return DeviceMechanics(*own)
+    return None if model is None else DeviceMechanics(model.mass, model.damping, model.friction)
 
 
-def simulated_mechanics(config: Config) -> Mechanics:
+def simulated_mechanics(config: Config) -> DeviceMechanics:
     """Return the mechanics of the simulated device of a configuration."""
     device = resolved(config.virtual)
-    return Mechanics(device.mass, device.damping, device.friction)
+    return DeviceMechanics(device.mass, device.damping, device.friction)
 
 
 def _model_of(name: str) -> DeviceModel | None:

@@ -17,7 +17,7 @@ from netboard.analysis.extraction.conditions import factors_text, settings_text
 from netboard.analysis.extraction.details import MOVEMENTS, PATHS, movements, path
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.tables import PLACE, Columns, Group, columns_of, count, number, words
-from netboard.analysis.extraction.trials import RATE, Block, Take, columns_for
+from netboard.analysis.extraction.trials import RATE, AttemptData, BlockData, columns_for
 from netboard.base.config import SIDES, Side
 from netboard.base.errors import RecordingError
 from netboard.base.tables.forces import CONDITIONS
@@ -118,7 +118,7 @@ def measure(run: Run, readings: Readings) -> Measured:
     name = run.path.stem
     with Recording(run.path) as recording:
         columns, verdicts = _read(recording, readings)
-        block = Block.of(recording, run.config, readings, columns)
+        block = BlockData.of(recording, run.config, readings, columns)
         unknown = _unknown(recording, columns)
         repaired = bool(recording.recovery)
     _refuse_repeats(run, block)
@@ -134,7 +134,7 @@ def measure(run: Run, readings: Readings) -> Measured:
     )
 
 
-def _refuse_repeats(run: Run, block: Block) -> None:
+def _refuse_repeats(run: Run, block: BlockData) -> None:
     """Raise an error if two attempts have the same numbers, as in an imported table: they could not be told apart."""
     counts = Counter((one.trial, one.attempt) for one in block.attempts)
     for (trial, attempt), times in counts.items():
@@ -145,7 +145,7 @@ def _refuse_repeats(run: Run, block: Block) -> None:
             )
 
 
-def place_of(name: str, take: Take) -> dict[str, Any]:
+def place_of(name: str, take: AttemptData) -> dict[str, Any]:
     """Return the columns that locate an attempt."""
     return {"recording": name, "trial": take.attempt.trial, "attempt": take.attempt.attempt}
 
@@ -174,7 +174,7 @@ def _unknown(recording: Recording, columns: Columns) -> int:
 
 
 def attempt_row(
-    name: str, take: Take, flags: Mapping[tuple[int, int], tuple[str, ...]], groups: Sequence[Group] = GROUPS
+    name: str, take: AttemptData, flags: Mapping[tuple[int, int], tuple[str, ...]], groups: Sequence[Group] = GROUPS
 ) -> dict[str, Any]:
     """Return the row of an attempt with its measures, and its quality flags by trial and attempt."""
     attempt, config = take.attempt, take.block.config
@@ -194,7 +194,7 @@ def attempt_row(
     return row
 
 
-def _paths(places: list[dict[str, Any]], takes: list[Take]) -> Columns:
+def _paths(places: list[dict[str, Any]], takes: list[AttemptData]) -> Columns:
     parts = [path(take) for take in takes]
     lengths = [len(part["time"]) for part in parts]
     whole: Columns = {}
@@ -207,7 +207,7 @@ def _paths(places: list[dict[str, Any]], takes: list[Take]) -> Columns:
     return whole
 
 
-def block_row(run: Run, block: Block, repaired: bool, unknown: int) -> dict[str, Any]:
+def block_row(run: Run, block: BlockData, repaired: bool, unknown: int) -> dict[str, Any]:
     """Return the row of a recording's block; `unknown` ticks, in both hands, have no known rendered force."""
     metadata, config = run.metadata, run.config
     return {

@@ -52,7 +52,7 @@ class Filters:
 
 
 @dataclass(frozen=True, slots=True)
-class Completion:
+class CompletionSettings:
     """Criterion of the completion."""
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
@@ -72,7 +72,7 @@ class Movements:
 
 
 @dataclass(frozen=True, slots=True)
-class Segments:
+class SegmentSettings:
     """Movements of the board."""
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
@@ -87,7 +87,7 @@ class Segments:
 
 
 @dataclass(frozen=True, slots=True)
-class Delays:
+class DelaySettings:
     """Cooperative movements, and the delay between their sides."""
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
@@ -100,7 +100,7 @@ class Delays:
 
 
 @dataclass(frozen=True, slots=True)
-class Peaks:
+class PeakSettings:
     """Peaks of the ball's speed."""
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
@@ -114,7 +114,7 @@ class Peaks:
 
 
 @dataclass(frozen=True, slots=True)
-class Strategy:
+class StrategySettings:
     """The first braking movement."""
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
@@ -192,12 +192,12 @@ class Readings:
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
     filters: Filters = field(default_factory=Filters)
-    completion: Completion = field(default_factory=Completion)
+    completion: CompletionSettings = field(default_factory=CompletionSettings)
     movements: Movements = field(default_factory=Movements)
-    segments: Segments = field(default_factory=Segments)
-    delays: Delays = field(default_factory=Delays)
-    peaks: Peaks = field(default_factory=Peaks)
-    strategy: Strategy = field(default_factory=Strategy)
+    segments: SegmentSettings = field(default_factory=SegmentSettings)
+    delays: DelaySettings = field(default_factory=DelaySettings)
+    peaks: PeakSettings = field(default_factory=PeakSettings)
+    strategy: StrategySettings = field(default_factory=StrategySettings)
     summaries: Summaries = field(default_factory=Summaries)
     exclusions: Exclusions = field(default_factory=Exclusions)
 

@@ -57,7 +57,7 @@ _RAW = ("factors", "settings")
 
 
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
-class Study:
+class StudyData:
     """All tables of a study; trials and movements with the columns of `PLACE_IN_STUDY`."""
 
     readings: Readings
@@ -118,7 +118,7 @@ class Study:
 
 def study_of(
     measured: Iterable[Measured], readings: Readings, paths: Mapping[str, pd.DataFrame] | None = None
-) -> Study:
+) -> StudyData:
     """Join the tables of recordings, at least one, in any order, and apply the exclusions of the settings.
 
     Paths are by name of the recording, if they are not in its tables.
@@ -137,10 +137,10 @@ def study_of(
     left_out = excluded(blocks, tables["trials"], readings.exclusions)
     trials = _placed(tables["trials"], blocks, left_out, readings, levels)
     blocks = blocks.assign(**_block_columns(levels))
-    return Study(readings, blocks, trials, _moved(tables["movements"], trials, levels), paths, left_out, levels)
+    return StudyData(readings, blocks, trials, _moved(tables["movements"], trials, levels), paths, left_out, levels)
 
 
-def pooled(study: Study, over: Collection[str]) -> Study:
+def pooled(study: StudyData, over: Collection[str]) -> StudyData:
     """Pool the trials of a study over factors: their levels are no longer part of conditions."""
     factors = tuple(replace(one, in_names=one.in_names and one.name not in over) for one in study.factors)
     levels = replace(study.levels, factors=factors)
@@ -292,7 +292,7 @@ NEAR = 1.5 / RATE
 """Tolerance between recorded and recomputed times: one tick, because the server counts the tick of entry [s]."""
 
 
-def notes(study: Study) -> tuple[str, ...]:
+def notes(study: StudyData) -> tuple[str, ...]:
     """Return notes on who is in a dyad, and on completion times that are not those of the samples.
 
     A recorded time replaces the computed one if the samples show no hold. Each note names the columns of the table of

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.analysis.extraction.trials import Take
+from netboard.analysis.extraction.trials import AttemptData
 from netboard.base.tables.declared import require
 from netboard.recording.format.channels import DTYPES, Field
 
@@ -26,9 +26,9 @@ class Group:
     """Measures of an attempt that are computed together; `measure` returns none if the attempt does not allow them."""
 
     fields: tuple[Field, ...]
-    measure: Callable[[Take], Mapping[str, float | int | str]]
+    measure: Callable[[AttemptData], Mapping[str, float | int | str]]
 
-    def of(self, take: Take) -> Mapping[str, float | int | str]:
+    def of(self, take: AttemptData) -> Mapping[str, float | int | str]:
         """Return the measures of an attempt; all NaN if it has none."""
         names = [field.name for field in self.fields]
         if found := self.measure(take):
@@ -62,7 +62,7 @@ def written(frame: "pd.DataFrame", fields: Sequence[Field]) -> Columns:
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class TableKind:
     """A table that is written: its name, the meaning of a row, and its columns."""
 
     name: str

@@ -18,7 +18,7 @@ from netboard.analysis.extraction.devices import Held, mechanics_of
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.measures.motion import (
     Completion,
-    Motion,
+    FilteredMotion,
     Trial,
     Window,
     find_completion,
@@ -49,11 +49,11 @@ _FILTERED = ("_seen", "placed", "fast", "slow", "whole", "forces", "_segments")
 
 
 def columns_for(readings: Readings) -> tuple[str, ...]:
-    """Return the tick columns that a `Block` needs."""
+    """Return the tick columns that a `BlockData` needs."""
     return (*_COUNTS, *PLACES, *_FORCES, *(_RATES if readings.filters.velocity == "device" else ()))
 
 
-class Block:
+class BlockData:
     """A recording, or a rehearsed block, in memory; columns [SI] are not copied, and lack forces not needed.
 
     It has all attempts, in order, and the mechanics of the devices at each side, if known.
@@ -86,7 +86,7 @@ class Block:
         config: Config,
         readings: Readings,
         columns: Mapping[str, NDArray[Any]] | None = None,
-    ) -> "Block":
+    ) -> "BlockData":
         """Return an open recording, read here and not needed afterwards; columns already read are not copied."""
         if not recording.counts["/ticks"]:
             raise RecordingError(f"{recording.path}: contains no ticks and cannot be analysed; leave it out")
@@ -97,7 +97,7 @@ class Block:
         attempts = from_release(attempts, columns["tick"], columns["run_ticks"])
         return cls(config, readings, columns, attempts, mechanics_of(config, recording))
 
-    def again(self, readings: Readings, **columns: NDArray[np.float64]) -> "Block":
+    def again(self, readings: Readings, **columns: NDArray[np.float64]) -> "BlockData":
         """Return the same recording with other settings or columns; unchanged signals are not filtered again."""
         if readings.filters.velocity == "device" and _RATES[0] not in self._columns:
             raise ValueError("the devices' velocities were not read: open the recording with filters.velocity=device")
@@ -148,7 +148,7 @@ class Block:
         how = self.readings.filters
         return LowPass(cutoff, how.order, how.order_of, how.cutoff_of, how.padding, how.pad)
 
-    def filtered(self, part: slice) -> Motion:
+    def filtered(self, part: slice) -> FilteredMotion:
         """Filter a part of the recording."""
         how = self.readings.filters
         theta, p, left, right = (self.raw(name)[part] for name in PLACES)
@@ -169,7 +169,7 @@ class Block:
         )
 
     @cached_property
-    def whole(self) -> Motion:
+    def whole(self) -> FilteredMotion:
         """The whole recording, filtered."""
         return self.filtered(slice(0, self.samples))
 
@@ -179,7 +179,7 @@ class Block:
         left, right = (self.fast(self.raw(name), RATE) for name in _FORCES)
         return left, right
 
-    def segments(self, filtered: Motion) -> Segments:
+    def segments(self, filtered: FilteredMotion) -> Segments:
         """Return the movements of the board."""
         how = self.readings.segments
         return board_segments(
@@ -203,13 +203,13 @@ class Block:
             return attempt.outcome
         return UNRELEASED if attempt.tick < self.first else ""
 
-    def takes(self) -> Iterator["Take"]:
+    def takes(self) -> Iterator["AttemptData"]:
         """Yield the measured attempts, in order."""
         for attempt in self.attempts:
             if not self.unmeasured(attempt):
                 yield self._take(attempt)
 
-    def _take(self, attempt: Attempt) -> "Take":
+    def _take(self, attempt: Attempt) -> "AttemptData":
         """Return an attempt, cut out of the recording."""
         release, stop = attempt.tick - self.first, attempt.stop - self.first
         how, sizes = self.readings, self.config.geometry
@@ -225,7 +225,7 @@ class Block:
             segments = self.segments(filtered)
         elif how.segments.ends == "trial":
             segments = _shifted(self.segments(_cut(filtered, trial)), release)
-        return Take(self, attempt, part, trial, filtered, segments, completion.time, completion.entries, source)
+        return AttemptData(self, attempt, part, trial, filtered, segments, completion.time, completion.entries, source)
 
     def _completion(self, attempt: Attempt, p: NDArray[np.float64], target: float) -> tuple[Completion, str]:
         """Find the completion of a success from the ball's samples, or else from the recording.
@@ -253,17 +253,17 @@ class Block:
 
 
 @dataclass(frozen=True)
-class Take:
+class AttemptData:
     """An attempt, with its position in the recording, and its completion time; NaN without one [s].
 
     Its `source` is the ``samples`` of the ball, or the ``recording`` if they show no hold; empty without one.
     """
 
-    block: Block
+    block: BlockData
     attempt: Attempt
     part: slice
     trial: Trial
-    motion: Motion
+    motion: FilteredMotion
     segments: Segments
     completion: float
     entries: float
@@ -291,10 +291,10 @@ class Take:
         return self.segments.of_trial(self.trial)
 
 
-def _cut(recording: Motion, trial: Trial) -> Motion:
+def _cut(recording: FilteredMotion, trial: Trial) -> FilteredMotion:
     inside = trial.window("whole")
-    arrays = {name: getattr(recording, name)[inside] for name in Motion.__slots__ if name != "rate"}
-    return Motion(rate=recording.rate, **arrays)
+    arrays = {name: getattr(recording, name)[inside] for name in FilteredMotion.__slots__ if name != "rate"}
+    return FilteredMotion(rate=recording.rate, **arrays)
 
 
 def _shifted(segments: Segments, by: int) -> Segments:

@@ -38,7 +38,7 @@ FASTEST = 2.0
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class FilteredMotion:
     """A filtered recording, or a part of one.
 
     Attributes
@@ -123,7 +123,7 @@ def motion(
     fast: LowPass = FAST,
     slow: LowPass = SLOW,
     speed: SpeedOrder = "absolute_first",
-) -> Motion:
+) -> FilteredMotion:
     """Filter a recording as the paper did.
 
     Velocities are derivatives of the filtered positions, unless stylus velocities are given.
@@ -145,7 +145,7 @@ def motion(
         raise ValueError("heights, tilt and ball must have one value each for every sample")
     left, right, tilt, ball = fast(left_z, rate), fast(right_z, rate), fast(theta, rate), fast(p, rate, placed)
     vp = derivative(ball, rate, placed)
-    return Motion(
+    return FilteredMotion(
         rate=rate,
         left_z=left,
         right_z=right,

@@ -26,7 +26,7 @@ LAST = 60
 
 
 @dataclass(frozen=True, slots=True)
-class Summary:
+class PerformanceSummary:
     """Mean and standard deviation.
 
     Attributes
@@ -44,7 +44,7 @@ class Summary:
     count: int
 
 
-def summarise(values: NDArray[np.float64], people: NDArray[Any] | None = None) -> Summary:
+def summarise(values: NDArray[np.float64], people: NDArray[Any] | None = None) -> PerformanceSummary:
     """Return mean and standard deviation over single trials; with `people`, over the means of participants or dyads."""
     known = np.isfinite(values)
     kept = values[known]
@@ -52,7 +52,7 @@ def summarise(values: NDArray[np.float64], people: NDArray[Any] | None = None) -
         labels = people[known]
         kept = np.array([kept[labels == person].mean() for person in np.unique(labels)])
     mean = float(kept.mean()) if kept.size else np.nan
-    return Summary(mean, float(kept.std(ddof=1)) if kept.size > 1 else np.nan, kept.size)
+    return PerformanceSummary(mean, float(kept.std(ddof=1)) if kept.size > 1 else np.nan, kept.size)
 
 
 def running_number(*labels: NDArray[Any]) -> NDArray[np.int64]:
@@ -141,8 +141,8 @@ class FirstAndLast:
         Summaries of the first and of the last trials.
     """
 
-    first: Summary
-    last: Summary
+    first: PerformanceSummary
+    last: PerformanceSummary
 
     @property
     def change(self) -> float:
@@ -171,7 +171,7 @@ def first_and_last(
     if 2 * count > whole > 0:
         raise ValueError(f"the first and the last {count} trials of {whole} overlap")
 
-    def part(chosen: NDArray[np.bool_]) -> Summary:
+    def part(chosen: NDArray[np.bool_]) -> PerformanceSummary:
         return summarise(values[chosen], None if people is None else people[chosen])
 
     return FirstAndLast(part(order <= count), part((order > whole - count) & (order <= whole)))

@@ -28,7 +28,7 @@ from netboard.recording.files.locate import UNFINISHED, find_recordings, find_un
 if TYPE_CHECKING:
     from netboard.analysis.extraction.running import Extraction
     from netboard.analysis.extraction.settings import Readings
-    from netboard.analysis.extraction.study import Study
+    from netboard.analysis.extraction.study import StudyData
     from netboard.analysis.extraction.workers import WorkerPool
 
 LIBRARIES = ("pandas", "pyarrow", "matplotlib", "jinja2", "statsmodels")
@@ -129,7 +129,7 @@ def _pool(chosen: AnalysisOptions) -> "WorkerPool":
     return dask(chosen.dask)
 
 
-def _in_words(study: "Study", found: "Extraction") -> Iterator[str]:
+def _in_words(study: "StudyData", found: "Extraction") -> Iterator[str]:
     """Yield what was measured, and what was excluded."""
     hours = study.blocks["duration"].sum() / 3600
     yield f"{plural(len(found.sources), 'recording')}, {hours:.2f} h"

@@ -10,7 +10,7 @@ from dataclasses import asdict
 from math import isfinite
 from typing import Any
 
-from netboard.analysis.report.grids import Cell, Column, Grid, grid_of, name, number
+from netboard.analysis.report.grids import Cell, Grid, GridColumn, grid_of, name, number
 from netboard.analysis.report.numbers import after, between, unit_of, written
 from netboard.analysis.report.wording import amount, capital, percent, plural
 from netboard.analysis.statistics.estimates import Estimate
@@ -156,14 +156,14 @@ def effects_grid(outcome: Outcome) -> Grid:
     return grid_of(f"Primary outcome, {outcome.measure.name}: the declared effects", [*_effects(outcome)])
 
 
-def _effects(outcome: Outcome) -> Iterator[dict[Column, Cell | float]]:
+def _effects(outcome: Outcome) -> Iterator[dict[GridColumn, Cell | float]]:
     for effect in outcome.effects:
         row, size = asdict(effect_result(outcome, effect, effect.counts)), asdict(size_result(outcome, effect))
         yield {
             name("Effect"): effect.name,
             number(_scale(row, effect.counts.scale)): written(row)[0],
             number(f"{percent(effect.counts.estimate.level)} CI"): between(row),
-            Column("Test"): method_name(outcome.measure.name, effect.counts.method),
+            GridColumn("Test"): method_name(outcome.measure.name, effect.counts.method),
             number("t"): amount(effect.counts.tested.statistic, 2),
             number("df"): amount(round(effect.counts.tested.free, 1)),
             number("p"): amount(effect.counts.tested.p),
@@ -181,7 +181,7 @@ def _scale(row: Mapping[str, Any], scale: str) -> str:
 def means_grid(found: DeclaredAnalysis) -> Grid:
     """Return the means of the primary outcome in the compared conditions."""
     measure, level = found.primary.measure, percent(found.declaration.level)
-    rows: list[dict[Column, Cell | float]] = []
+    rows: list[dict[GridColumn, Cell | float]] = []
     for levels in found.primary.means:
         row = asdict(mean_result(found.primary, found.crossing, levels))
         heading = f"{'Geometric mean' if measure.ratio else 'Mean'} [{unit_of(row).symbol or '1'}]"
@@ -190,7 +190,7 @@ def means_grid(found: DeclaredAnalysis) -> Grid:
                 name("Condition"): row["group"],
                 number(heading): written(row)[0],
                 number(f"{level} CI"): between(row),
-                Column("Interval"): row["interval"],
+                GridColumn("Interval"): row["interval"],
                 number("Dyads"): int(row["n"]),
             }
         )
@@ -199,15 +199,15 @@ def means_grid(found: DeclaredAnalysis) -> Grid:
 
 def sensitivity_grid(outcome: Outcome) -> Grid | None:
     """Return the effects by the methods that do not count; None if there is no other."""
-    rows: list[dict[Column, Cell | float]] = []
+    rows: list[dict[GridColumn, Cell | float]] = []
     for effect in outcome.effects:
         for by in effect.others:
             row = asdict(effect_result(outcome, effect, by))
             rows.append(
                 {
                     name("Effect"): effect.name,
-                    Column("Method"): method_name(outcome.measure.name, by.method),
-                    Column("Scale"): by.scale,
+                    GridColumn("Method"): method_name(outcome.measure.name, by.method),
+                    GridColumn("Scale"): by.scale,
                     number("Estimate"): f"{written(row)[0]}{after(unit_of(row))}",
                     number(f"{percent(by.estimate.level)} CI"): between(row),
                     number("p"): amount(by.tested.p),
@@ -218,7 +218,7 @@ def sensitivity_grid(outcome: Outcome) -> Grid | None:
 
 def secondary_grid(found: DeclaredAnalysis) -> Grid | None:
     """Return the effects on the secondary outcomes by the declared method; None if there are none."""
-    rows: list[dict[Column, Cell | float]] = []
+    rows: list[dict[GridColumn, Cell | float]] = []
     for outcome in found.secondary:
         for effect in outcome.effects:
             row = asdict(effect_result(outcome, effect, effect.counts))
@@ -226,7 +226,7 @@ def secondary_grid(found: DeclaredAnalysis) -> Grid | None:
                 {
                     name("Outcome"): outcome.measure.name,
                     name("Effect"): effect.name,
-                    Column("Scale"): effect.counts.scale,
+                    GridColumn("Scale"): effect.counts.scale,
                     number("Estimate"): f"{written(row)[0]}{after(unit_of(row))}",
                     number(f"{percent(found.declaration.level)} CI"): between(row),
                     number("p, Holm"): amount(effect.corrected),

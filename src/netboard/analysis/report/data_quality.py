@@ -6,8 +6,8 @@ from typing import Any
 import pandas as pd
 
 from netboard.analysis.extraction.exclusions import flags_of
-from netboard.analysis.extraction.study import Study
-from netboard.analysis.report.grids import Cell, Column, Grid, Link, code, grid, grid_of, name, number
+from netboard.analysis.extraction.study import StudyData
+from netboard.analysis.report.grids import Cell, CellLink, Grid, GridColumn, code, grid, grid_of, name, number
 from netboard.analysis.report.trials import anchors, flag_words, reasons
 from netboard.analysis.report.wording import amount, plural
 from netboard.task.trials.quality import FLAGS
@@ -23,7 +23,7 @@ _KINDS = (
 )
 
 
-def data_quality(study: Study, left_out: Sequence[Mapping[str, str]]) -> dict[str, list[str] | Grid]:
+def data_quality(study: StudyData, left_out: Sequence[Mapping[str, str]]) -> dict[str, list[str] | Grid]:
     """Return the sentences and the tables of the quality section, by their names in the page template."""
     return {
         "sentences": _sentences(study, len(left_out)),
@@ -34,13 +34,13 @@ def data_quality(study: Study, left_out: Sequence[Mapping[str, str]]) -> dict[st
         "unusual": _unusual(study),
         "left_out": grid(
             "Files that are left out of this study",
-            [code("File"), Column("Why")],
+            [code("File"), GridColumn("Why")],
             [(str(one["file"]), str(one["why"])) for one in left_out],
         ),
     }
 
 
-def _sentences(study: Study, left_out: int) -> list[str]:
+def _sentences(study: StudyData, left_out: int) -> list[str]:
     blocks, trials = study.blocks, study.trials
     planned, done = _blocks(study)
     missing, there = int(blocks["missing"].sum()), int(blocks["ticks"].sum())
@@ -59,7 +59,7 @@ def _sentences(study: Study, left_out: int) -> list[str]:
     ]
 
 
-def _blocks(study: Study) -> tuple[pd.Series, pd.Series]:
+def _blocks(study: StudyData) -> tuple[pd.Series, pd.Series]:
     """Return planned and completed trials of each analysed block, which may have several recordings.
 
     Blocks for practice often end after a time and not after their trials, so they are never complete.
@@ -72,25 +72,25 @@ def _blocks(study: Study) -> tuple[pd.Series, pd.Series]:
     return grouped["trials"].max(), grouped["done"].sum()
 
 
-def _recordings(study: Study) -> Grid:
+def _recordings(study: StudyData) -> Grid:
     of_each = dict(list(study.trials.groupby("recording")))
     out = pd.Series([recording for recording, _, _ in reasons(study)], dtype=object).value_counts()
-    rows: list[dict[Column, Cell | float]] = []
+    rows: list[dict[GridColumn, Cell | float]] = []
     for place, block in enumerate(study.blocks.to_dict("records"), start=1):
         mine = of_each.get(block["recording"], study.trials.iloc[:0])
         ends = mine["outcome"].value_counts()
         flags = mine["flags"].str.split().explode().dropna().value_counts()
         rows.append(
             {
-                name("Recording"): Link(block["recording"], f"r{place}"),
+                name("Recording"): CellLink(block["recording"], f"r{place}"),
                 number("Duration (s)"): block["duration"],
                 number("Ticks missing"): block["missing"],
-                Column("State"): "repaired" if block["repaired"] else "whole",
+                GridColumn("State"): "repaired" if block["repaired"] else "whole",
                 number("Trials done"): f"{int(ends.get('success', 0))} of {block['trials']}",
                 number("Attempts"): len(mine),
                 number("Fell"): int(ends.get("fell", 0)),
                 number("Timed out"): int(ends.get("timed_out", 0)),
-                Column("Quality flags"): ", ".join(
+                GridColumn("Quality flags"): ", ".join(
                     f"{flag_words(str(flag))}: {n}" for flag, n in sorted(flags.items())
                 ),
                 number("Excluded"): int(out.get(block["recording"], 0)),
@@ -99,7 +99,7 @@ def _recordings(study: Study) -> Grid:
     return grid_of("Content of each recording, and what it lacks", rows)
 
 
-def _flags(study: Study) -> Grid:
+def _flags(study: StudyData) -> Grid:
     trials = study.trials
     out = set(reasons(study))
     keys = list(zip(trials["recording"], trials["trial"], trials["attempt"], strict=True))
@@ -113,28 +113,34 @@ def _flags(study: Study) -> Grid:
             gone = sum(key in out for key, marked in zip(keys, has, strict=True) if marked)
             excludes = "yes" if word in excluding_flags else "no"
             rows.append((flag_words(word), n, gone, excludes, meaning))
-    columns = [Column("Flag"), number("Attempts"), number("Of these excluded"), Column("Excludes"), Column("Meaning")]
+    columns = [
+        GridColumn("Flag"),
+        number("Attempts"),
+        number("Of these excluded"),
+        GridColumn("Excludes"),
+        GridColumn("Meaning"),
+    ]
     caption = "Quality flags. “stuck” excludes no attempt of a simulated participant, whose hand may be still."
     return grid(caption, columns, rows)
 
 
-def _causes(study: Study) -> Grid:
+def _causes(study: StudyData) -> Grid:
     counts = study.exclusions["why"].value_counts()
     columns = [name("Why"), number("Attempts")]
     return grid("Reasons for exclusion; an attempt may have several", columns, [*counts.items()])
 
 
-def _excluded(study: Study) -> Grid:
+def _excluded(study: StudyData) -> Grid:
     known = anchors(study)
     rows = [
-        (Link(file, known[file, trial, n]) if (file, trial, n) in known else file, trial, n, "; ".join(why))
+        (CellLink(file, known[file, trial, n]) if (file, trial, n) in known else file, trial, n, "; ".join(why))
         for (file, trial, n), why in sorted(reasons(study).items())
     ]
     columns = [name("Recording"), number("Trial"), number("Attempt"), name("Why")]
     return grid("All excluded attempts, with all reasons", columns, rows)
 
 
-def _unusual(study: Study) -> Grid:
+def _unusual(study: StudyData) -> Grid:
     known = anchors(study)
     done = study.trials[study.trials["outcome"] == "success"]
     rows: list[tuple[Any, ...]] = []
@@ -142,16 +148,16 @@ def _unusual(study: Study) -> Grid:
         top = done[done[column] > (1 if column == "attempt" else 0)].nlargest(UNUSUAL, column)
         for row in top.to_dict("records"):
             recording, trial, attempt = row["recording"], int(row["trial"]), int(row["attempt"])
-            link = Link(recording, known[recording, trial, attempt])
+            link = CellLink(recording, known[recording, trial, attempt])
             value = row[column] - 1 if column == "attempt" else row[column]
             text = f"{amount(value)} {unit}".strip()
             rows.append((what, text, link, trial, attempt, "yes" if row["counts"] else "no"))
     columns = [
-        Column("What"),
+        GridColumn("What"),
         number("How much"),
         name("Recording"),
         number("Trial"),
         number("Attempt"),
-        Column("Counts"),
+        GridColumn("Counts"),
     ]
     return grid("The most unusual successful attempts: inspect them before you draw conclusions", columns, rows)

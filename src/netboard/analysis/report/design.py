@@ -7,8 +7,8 @@ from typing import Any
 import pandas as pd
 
 from netboard.analysis.extraction.conditions import STAND_INS, StudyFactor
-from netboard.analysis.extraction.study import Study
-from netboard.analysis.report.grids import Cell, Column, Grid, grid, name, number
+from netboard.analysis.extraction.study import StudyData
+from netboard.analysis.report.grids import Cell, Grid, GridColumn, grid, name, number
 from netboard.analysis.report.wording import amount, plural
 from netboard.analysis.topics.groups import CONFIGURATIONS, FORCE_LABELS, haptics_of, labels_of
 from netboard.base.config import SIDES
@@ -16,7 +16,7 @@ from netboard.task.studies.factors import level_text
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class PerformedBlock:
     """A block of a dyad: haptic condition and whether forces are felt, other levels, and the role if it is not test."""
 
     who: str
@@ -27,10 +27,10 @@ class Step:
 
 
 @dataclass(frozen=True, slots=True)
-class Design:
+class PerformedDesign:
     """Design as performed: factors, blocks and trials of conditions, counts of the haptic condition that came first."""
 
-    steps: tuple[tuple[str, tuple[Step | None, ...]], ...]
+    steps: tuple[tuple[str, tuple[PerformedBlock | None, ...]], ...]
     numbers: tuple[int, ...]
     sentences: tuple[str, ...]
     factors: Grid
@@ -38,25 +38,25 @@ class Design:
     beginnings: Grid
 
 
-def design(study: Study) -> Design:
+def design(study: StudyData) -> PerformedDesign:
     """Return the design of a study as performed."""
     blocks = study.blocks.drop_duplicates(["dyad", "block"])
     numbers = tuple(sorted({int(block) for block in blocks["block"]}))
     found = {(row["dyad"], row["block"]): _step(row, study.factors) for row in blocks.to_dict("records")}
     steps = tuple((dyad, tuple(found.get((dyad, block)) for block in numbers)) for dyad in study.dyads)
     sentences = (*_sentences(study.analysed.drop_duplicates(["dyad", "block"])), *_studies(study.blocks))
-    return Design(steps, numbers, sentences, _factors(study), _conditions(study, blocks), _beginnings(study))
+    return PerformedDesign(steps, numbers, sentences, _factors(study), _conditions(study, blocks), _beginnings(study))
 
 
-def _step(row: Mapping[Any, Any], factors: Sequence[StudyFactor]) -> Step:
+def _step(row: Mapping[Any, Any], factors: Sequence[StudyFactor]) -> PerformedBlock:
     who = "both" if row["configuration"] == "dyadic" else str(row["performer"]).removeprefix(str(row["dyad"]))
     levels = [one.text(row[one.column]) for one in factors if one.in_names and row[one.column]]
     if row["role"] not in ("", "test"):
         levels.append(row["role"])
-    return Step(who, row["configuration"], haptics_of(row["force"]), bool(row["haptics"]), tuple(levels))
+    return PerformedBlock(who, row["configuration"], haptics_of(row["force"]), bool(row["haptics"]), tuple(levels))
 
 
-def _factors(study: Study) -> Grid:
+def _factors(study: StudyData) -> Grid:
     """Return the factors that vary over the analysed blocks; one that is the haptic condition is not listed again."""
     where = {"dyad": "between dyads", "block": "between blocks", "trial": "within blocks"}
     analysed = study.analysed
@@ -74,7 +74,7 @@ def _factors(study: Study) -> Grid:
             named = "yes" if one.in_names else "no: its level follows from the other factors"
             rows.append((one.label, where[one.scope], one.of.type, levels, named))
     titles = ("It varies", "Type", "Levels", "Part of the names of conditions")
-    return grid("Factors of the blocks that are analysed.", [name("Factor"), *map(Column, titles)], rows)
+    return grid("Factors of the blocks that are analysed.", [name("Factor"), *map(GridColumn, titles)], rows)
 
 
 def _is_haptics(of_blocks: Sequence[tuple[str, ...]], forces: pd.Series) -> bool:
@@ -116,7 +116,7 @@ def _studies(blocks: pd.DataFrame) -> list[str]:
     ]
 
 
-def _conditions(study: Study, blocks: pd.DataFrame) -> Grid:
+def _conditions(study: StudyData, blocks: pd.DataFrame) -> Grid:
     trials, labels = study.trials, labels_of(study)
     rows = []
     for condition, of_it in trials.groupby("condition", sort=True):
@@ -132,7 +132,7 @@ def _conditions(study: Study, blocks: pd.DataFrame) -> Grid:
             )
         )
     columns = [
-        Column("Condition"),
+        GridColumn("Condition"),
         number("Blocks"),
         number("Performers"),
         number("Trials done"),
@@ -143,7 +143,7 @@ def _conditions(study: Study, blocks: pd.DataFrame) -> Grid:
     return grid(caption, columns, rows)
 
 
-def _beginnings(study: Study) -> Grid:
+def _beginnings(study: StudyData) -> Grid:
     """Return with which haptic condition performers began each configuration: in the plan, and in what is analysed."""
     counted = study.counted[study.counted["role"] != "catch"]
     forces = [force for force in FORCE_LABELS if force in set(study.analysed["force"])]
@@ -153,8 +153,8 @@ def _beginnings(study: Study) -> Grid:
         ways = (("planned", planned), ("trials that count", done))
         rows += [[team, what, *(int(table.get(force, {}).get(team, 0)) for force in forces)] for what, table in ways]
     columns = [
-        Column("Configuration"),
-        Column("First block"),
+        GridColumn("Configuration"),
+        GridColumn("First block"),
         *(number(f"Began with {haptics_of(force)}") for force in forces),
     ]
     return grid(
@@ -172,7 +172,7 @@ def _first_forces(rows: pd.DataFrame) -> pd.DataFrame:
     return pd.crosstab(first["configuration"], first["force"])
 
 
-def participants(study: Study, handedness: Mapping[str, str]) -> Grid:
+def participants(study: StudyData, handedness: Mapping[str, str]) -> Grid:
     """Return the table of participants."""
     people: dict[tuple[str, str], list[dict[Any, Any]]] = {}
     for row in study.blocks.to_dict("records"):
@@ -182,11 +182,11 @@ def participants(study: Study, handedness: Mapping[str, str]) -> Grid:
     columns = [
         name("Participant"),
         name("Dyad"),
-        Column("Dominant hand"),
-        Column("Seat when together"),
+        GridColumn("Dominant hand"),
+        GridColumn("Seat when together"),
         number("Recordings alone"),
         number("Recordings together"),
-        Column("Simulated"),
+        GridColumn("Simulated"),
     ]
     return grid("Participants, by pseudonym", columns, rows)
 

@@ -19,11 +19,11 @@ from netboard.analysis.extraction.exclusions import EXCLUSIONS
 from netboard.analysis.extraction.fingerprint import fingerprint
 from netboard.analysis.extraction.running import Extraction, LeftOut
 from netboard.analysis.extraction.settings import resolve
-from netboard.analysis.extraction.study import FIELDS_IN_STUDY, Study
-from netboard.analysis.extraction.tables import Kind, words, written
+from netboard.analysis.extraction.study import FIELDS_IN_STUDY, StudyData
+from netboard.analysis.extraction.tables import TableKind, words, written
 from netboard.analysis.report.html import write_report
 from netboard.analysis.topics.everything import NOT_COMPUTED, pictures, results_of
-from netboard.analysis.topics.figure import Picture, as_bytes
+from netboard.analysis.topics.figure import TopicFigure, as_bytes
 from netboard.analysis.topics.paper import COMPARISON, compare
 from netboard.analysis.topics.performers import PEOPLE, people_of
 from netboard.analysis.topics.result import RESULTS
@@ -44,18 +44,20 @@ PORTION = 20_000
 
 
 TABLES = (
-    Kind("blocks", "one recording", FIELDS_IN_STUDY["blocks"]),
-    Kind("trials", "one attempt at a trial", FIELDS_IN_STUDY["trials"]),
-    Kind("movements", "one movement of the board that begins in an attempt", FIELDS_IN_STUDY["movements"]),
-    Kind("paths", "one sample of the path of an attempt, each 20 ms", FIELDS_IN_STUDY["paths"]),
-    Kind("people", "one performer in one condition: a participant, or a dyad", PEOPLE),
-    Kind("exclusions", "one reason why an attempt is excluded", EXCLUSIONS),
-    Kind("left_out", "one recording that could not be measured, is unfinished, or is a copy of another one", LEFT_OUT),
-    Kind("results", "one reported number", RESULTS),
+    TableKind("blocks", "one recording", FIELDS_IN_STUDY["blocks"]),
+    TableKind("trials", "one attempt at a trial", FIELDS_IN_STUDY["trials"]),
+    TableKind("movements", "one movement of the board that begins in an attempt", FIELDS_IN_STUDY["movements"]),
+    TableKind("paths", "one sample of the path of an attempt, each 20 ms", FIELDS_IN_STUDY["paths"]),
+    TableKind("people", "one performer in one condition: a participant, or a dyad", PEOPLE),
+    TableKind("exclusions", "one reason why an attempt is excluded", EXCLUSIONS),
+    TableKind(
+        "left_out", "one recording that could not be measured, is unfinished, or is a copy of another one", LEFT_OUT
+    ),
+    TableKind("results", "one reported number", RESULTS),
 )
 """Tables of every analysis."""
 
-BESIDE_THE_PAPER = Kind(
+BESIDE_THE_PAPER = TableKind(
     "comparison", "one statement of the paper, and the corresponding result of the study", COMPARISON
 )
 """Optional table that compares the study with the paper."""
@@ -65,7 +67,7 @@ PLACES = "NAME.parquet and NAME.csv: a table, of all recordings; paths, which ar
 
 def write_analysis(
     folder: Path,
-    study: Study,
+    study: StudyData,
     extracted: Extraction,
     command: Sequence[str],
     progress: Progress,
@@ -96,7 +98,7 @@ def write_analysis(
 
 def write_tables(
     folder: Path,
-    study: Study,
+    study: StudyData,
     results: pd.DataFrame,
     left_out: Sequence[LeftOut],
     comparison: pd.DataFrame | None = None,
@@ -126,20 +128,20 @@ OF_TRIALS = ("blocks", "trials", "movements", "paths", "people", "exclusions")
 """Tables with factor columns."""
 
 
-def _of_study(study: Study, name: str) -> pd.DataFrame:
+def _of_study(study: StudyData, name: str) -> pd.DataFrame:
     """Return a table of the study, with its factor columns."""
     frame: pd.DataFrame = getattr(study, name)
     return study.with_factors(frame) if name == "exclusions" else frame
 
 
-def _write_paths(folder: Path, kind: Kind, study: Study) -> None:
+def _write_paths(folder: Path, kind: TableKind, study: StudyData) -> None:
     """Write the paths, as Parquet only, one recording after the other."""
     with open_parquet(folder / f"{kind.name}.parquet", kind) as put:
         for recording in study.blocks["recording"]:
             put(written(study.with_factors(study.paths[recording]), kind.fields))
 
 
-def _write_table(folder: Path, kind: Kind, frame: pd.DataFrame) -> None:
+def _write_table(folder: Path, kind: TableKind, frame: pd.DataFrame) -> None:
     """Write a table in both formats, in portions of rows."""
     for ending, open_sheet in (("parquet", open_parquet), ("csv", open_csv)):
         with open_sheet(folder / f"{kind.name}.{ending}", kind) as put:
@@ -147,7 +149,7 @@ def _write_table(folder: Path, kind: Kind, frame: pd.DataFrame) -> None:
                 put(written(frame.iloc[first : first + PORTION], kind.fields))
 
 
-def _write_pictures(folder: Path, drawn: Sequence[Picture]) -> None:
+def _write_pictures(folder: Path, drawn: Sequence[TopicFigure]) -> None:
     """Write each figure in all formats; a missing figure is replaced by the reason."""
     folder.mkdir()
     for picture in drawn:

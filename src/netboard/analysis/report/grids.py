@@ -11,7 +11,7 @@ Kind = Literal["text", "name", "number", "code"]
 
 
 @dataclass(frozen=True, slots=True)
-class Column:
+class GridColumn:
     """A column of a table."""
 
     title: str
@@ -19,14 +19,14 @@ class Column:
 
 
 @dataclass(frozen=True, slots=True)
-class Link:
+class CellLink:
     """A cell with a link to another place in the report."""
 
     text: str
     to: str
 
 
-Cell = str | Link
+Cell = str | CellLink
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,32 +34,32 @@ class Grid:
     """A table of the report."""
 
     caption: str
-    columns: tuple[Column, ...]
+    columns: tuple[GridColumn, ...]
     rows: tuple[tuple[Cell, ...], ...]
     marked: frozenset[int] = frozenset()
 
 
-def grid(caption: str, columns: Sequence[Column], rows: Sequence[Sequence[Cell | float]]) -> Grid:
+def grid(caption: str, columns: Sequence[GridColumn], rows: Sequence[Sequence[Cell | float]]) -> Grid:
     """Return a table."""
-    written = tuple(tuple(cell if isinstance(cell, str | Link) else amount(cell) for cell in row) for row in rows)
+    written = tuple(tuple(cell if isinstance(cell, str | CellLink) else amount(cell) for cell in row) for row in rows)
     return Grid(caption, tuple(columns), written)
 
 
-def grid_of(caption: str, rows: Sequence[Mapping[Column, Cell | float]]) -> Grid:
+def grid_of(caption: str, rows: Sequence[Mapping[GridColumn, Cell | float]]) -> Grid:
     """Return a table of one or more rows, each with its cells by column."""
     return grid(caption, tuple(rows[0]), [tuple(row.values()) for row in rows])
 
 
-def number(title: str) -> Column:
+def number(title: str) -> GridColumn:
     """Return a column of numbers."""
-    return Column(title, "number")
+    return GridColumn(title, "number")
 
 
-def name(title: str) -> Column:
+def name(title: str) -> GridColumn:
     """Return a column of names that others have chosen."""
-    return Column(title, "name")
+    return GridColumn(title, "name")
 
 
-def code(title: str) -> Column:
+def code(title: str) -> GridColumn:
     """Return a column of machine-readable text."""
-    return Column(title, "code")
+    return GridColumn(title, "code")

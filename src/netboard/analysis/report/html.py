@@ -22,29 +22,29 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from netboard.analysis.extraction.settings import Readings
-from netboard.analysis.extraction.study import Study, notes
+from netboard.analysis.extraction.study import StudyData, notes
 from netboard.analysis.report.data_quality import data_quality
 from netboard.analysis.report.design import design, participants
-from netboard.analysis.report.grids import Cell, Column, Grid, code, grid, name
+from netboard.analysis.report.grids import Cell, Grid, GridColumn, code, grid, name
 from netboard.analysis.report.numbers import comparison_grid, families_grid, topics
 from netboard.analysis.report.question import question
 from netboard.analysis.report.summary import few, summary
 from netboard.analysis.report.trials import HEIGHT, LEAD, LONGEST, listings, reach
 from netboard.analysis.report.wording import amount, css_text, plural, visible
 from netboard.analysis.topics import testing
-from netboard.analysis.topics.figure import Picture, as_bytes
+from netboard.analysis.topics.figure import TopicFigure, as_bytes
 from netboard.analysis.topics.primary import TOPIC
 from netboard.base.files.new import new_file
-from netboard.base.settings import Table, tables, to_toml
+from netboard.base.settings import SettingsTable, tables, to_toml
 
 NAME = "report.html"
 
 
 def write_report(
     folder: Path,
-    study: Study,
+    study: StudyData,
     results: pd.DataFrame,
-    pictures: Sequence[Picture],
+    pictures: Sequence[TopicFigure],
     provenance: Mapping[str, Any],
     comparison: pd.DataFrame | None = None,
 ) -> Path:
@@ -133,7 +133,7 @@ class Head:
     warnings: tuple[str, ...]
 
 
-def head(study: Study, provenance: Mapping[str, Any]) -> Head:
+def head(study: StudyData, provenance: Mapping[str, Any]) -> Head:
     """Return the head of a report."""
     blocks, trials = study.blocks, study.trials
     days = sorted({str(when)[:10] for when in blocks["opened_utc"]})
@@ -177,7 +177,7 @@ def settings_grids(readings: Readings) -> tuple[Grid, ...]:
     return tuple(_settings(table, readings) for table in tables(Readings) if table.keys)
 
 
-def _settings(table: Table, readings: Readings) -> Grid:
+def _settings(table: SettingsTable, readings: Readings) -> Grid:
     node: Any = readings
     for step in table.path:
         node = getattr(node, step)
@@ -188,25 +188,25 @@ def _settings(table: Table, readings: Readings) -> Grid:
         if value != default:
             marked.add(place)
         rows.append((key.name, value, unit, f"changed; default: {default}" if value != default else "", key.text))
-    columns = code("Setting"), code("Value"), Column("Unit"), code("Changed"), Column("What it decides")
+    columns = code("Setting"), code("Value"), GridColumn("Unit"), code("Changed"), GridColumn("What it decides")
     return Grid(f"[{table.name}] {table.text.splitlines()[0]}", columns, tuple(rows), frozenset(marked))
 
 
-def software_grid(study: Study, versions: Mapping[str, str]) -> Grid:
+def software_grid(study: StudyData, versions: Mapping[str, str]) -> Grid:
     """Return the table of software versions."""
     recorded = sorted(study.blocks["netboard"].unique())
     rows: list[tuple[Cell, ...]] = [("netboard, which recorded", ", ".join(recorded))]
     rows += [(package, str(version)) for package, version in versions.items()]
-    return grid("Software", [Column("What"), code("Version")], rows)
+    return grid("Software", [GridColumn("What"), code("Version")], rows)
 
 
-def recordings_grid(study: Study, known: Mapping[str, Mapping[str, Any]]) -> Grid:
+def recordings_grid(study: StudyData, known: Mapping[str, Mapping[str, Any]]) -> Grid:
     """Return the table of recordings with their SHA-256."""
     rows = []
     for recording, opened in study.blocks[["recording", "opened_utc"]].itertuples(index=False, name=None):
         file = known[recording]
         rows.append((recording, str(opened)[:19].replace("T", " "), str(file["file"]), str(file["sha256"])))
-    columns = [name("Recording"), Column("Opened (UTC)"), code("File"), code("SHA-256")]
+    columns = [name("Recording"), GridColumn("Opened (UTC)"), code("File"), code("SHA-256")]
     return grid("All recordings of the study, each with the SHA-256 of its file", columns, rows)
 
 
@@ -233,13 +233,13 @@ class Drawing:
     png: str = ""
 
 
-def drawings_of(pictures: Iterable[Picture]) -> list[Drawing]:
+def drawings_of(pictures: Iterable[TopicFigure]) -> list[Drawing]:
     """Prepare figures for the page, numbered from 1; what could not be drawn has no number."""
     number = count(1)
     return [drawing(one, 0 if one.figure is None else next(number)) for one in pictures]
 
 
-def drawing(picture: Picture, number: int) -> Drawing:
+def drawing(picture: TopicFigure, number: int) -> Drawing:
     """Prepare a figure for the page."""
     words = picture.name, visible(picture.title), visible(picture.caption)
     if picture.figure is None:

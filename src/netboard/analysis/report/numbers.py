@@ -10,7 +10,7 @@ from typing import Any
 
 import pandas as pd
 
-from netboard.analysis.report.grids import Cell, Column, Grid, grid, grid_of, name, number
+from netboard.analysis.report.grids import Cell, Grid, GridColumn, grid, grid_of, name, number
 from netboard.analysis.report.wording import NONE, amount, decimals, plural
 from netboard.analysis.topics import testing
 from netboard.analysis.topics.units import Unit, read_in
@@ -87,18 +87,18 @@ def _topic(title: str, rows: Sequence[Mapping[str, Any]]) -> Topic:
     return Topic(title, table, tuple(notes))
 
 
-def _result(row: Mapping[str, Any], notes: list[str]) -> dict[Column, Cell | float]:
+def _result(row: Mapping[str, Any], notes: list[str]) -> dict[GridColumn, Cell | float]:
     value, low, high = written(row)
     return {
-        Column("Quantity"): row["quantity"],
+        GridColumn("Quantity"): row["quantity"],
         name("Group"): row["group"],
         number("Value"): value,
         number("Low"): low,
         number("High"): high,
-        Column("Unit"): unit_of(row).symbol,
-        Column("Interval"): row["interval"],
+        GridColumn("Unit"): unit_of(row).symbol,
+        GridColumn("Interval"): row["interval"],
         number("n"): int(row["n"]),
-        Column("Of"): row["of"],
+        GridColumn("Of"): row["of"],
         number("Note"): str(notes.index(row["note"]) + 1) if row["note"] else "",
     }
 
@@ -117,7 +117,7 @@ def families_grid(results: pd.DataFrame) -> Grid:
         number("Tests"),
         number("Smallest possible p of one test"),
         number("Smallest possible p after the correction"),
-        Column("Correction for multiple tests"),
+        GridColumn("Correction for multiple tests"),
         number(f"p below {testing.LEVEL:g}, corrected as stated"),
     ]
     return grid(
@@ -135,17 +135,17 @@ def comparison_grid(comparison: pd.DataFrame) -> Grid:
     return grid_of("This study beside the paper", [_compared(row) for row in records(comparison)])
 
 
-def _compared(row: Mapping[str, Any]) -> dict[Column, Cell | float]:
+def _compared(row: Mapping[str, Any]) -> dict[GridColumn, Cell | float]:
     return {
-        Column("Figure"): row["figure"],
-        Column("Quantity"): row["quantity"],
+        GridColumn("Figure"): row["figure"],
+        GridColumn("Quantity"): row["quantity"],
         name("Group"): row["group"],
-        Column("The paper says"): row["said"],
+        GridColumn("The paper says"): row["said"],
         number("Reported"): reported(row) if isfinite(row["reported"]) else NONE,
         number("Here"): f"{written(row)[0]}{after(unit_of(row))}" if isfinite(row["value"]) else NONE,
-        Column("Interval here"): f"{between(row)} ({row['interval']})" if between(row) else "",
-        Column("Made of"): plural(int(row["n"]), row["of"]) if row["n"] else "",
-        Column("Verdict"): row["verdict"],
+        GridColumn("Interval here"): f"{between(row)} ({row['interval']})" if between(row) else "",
+        GridColumn("Made of"): plural(int(row["n"]), row["of"]) if row["n"] else "",
+        GridColumn("Verdict"): row["verdict"],
         name("Note"): row["note"],
     }
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.study import StudyData
 from netboard.analysis.extraction.tables import ATTEMPT_KEY
 from netboard.analysis.report.answer import (
     answer_sentences,
@@ -19,7 +19,7 @@ from netboard.analysis.report.answer import (
     secondary_grid,
     sensitivity_grid,
 )
-from netboard.analysis.report.grids import Cell, Column, Grid, grid_of, name, number
+from netboard.analysis.report.grids import Cell, Grid, GridColumn, grid_of, name, number
 from netboard.analysis.report.wording import amount, capital, percent, plural
 from netboard.analysis.topics import testing
 from netboard.analysis.topics.declared import DeclaredAnalysis, DeclaredFactor, NoAnalysis
@@ -30,7 +30,7 @@ from netboard.task.studies.factors import KIND
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class DeclaredAnswer:
     """Answer of the declared analysis, in sentences and tables."""
 
     sentences: tuple[str, ...]
@@ -41,34 +41,34 @@ class Answer:
 
 
 @dataclass(frozen=True, slots=True)
-class Question:
+class ReportHead:
     """Head of a report: question, declaration and design as done, in sentences; the answer, if one was declared."""
 
     text: str
     declared: tuple[str, ...]
     done: tuple[str, ...]
     conditions: Grid
-    answer: Answer | None
+    answer: DeclaredAnswer | None
 
 
-def question(study: Study, results: pd.DataFrame) -> Question:
+def question(study: StudyData, results: pd.DataFrame) -> ReportHead:
     """Return the head of the report of a study, whose results are counted where nothing is declared."""
     found = _analysis(study)
     text = " / ".join(dict.fromkeys(one.question for one in study.declarations if one.question))
     done, conditions = tuple(_done(study, found)), _conditions(study)
     if isinstance(found, NoAnalysis):
-        return Question(text, tuple(_undeclared(study, found, results)), done, conditions, None)
-    answer = Answer(
+        return ReportHead(text, tuple(_undeclared(study, found, results)), done, conditions, None)
+    answer = DeclaredAnswer(
         tuple(answer_sentences(found)),
         effects_grid(found.primary),
         means_grid(found),
         sensitivity_grid(found.primary),
         secondary_grid(found),
     )
-    return Question(text, tuple(_declared(study, found)), done, conditions, answer)
+    return ReportHead(text, tuple(_declared(study, found)), done, conditions, answer)
 
 
-def answer_lines(study: Study) -> Iterator[str]:
+def answer_lines(study: StudyData) -> Iterator[str]:
     """Yield the answer of the declared analysis for the terminal, a line for each effect; or that there is none."""
     found = _analysis(study)
     if isinstance(found, NoAnalysis):
@@ -79,7 +79,7 @@ def answer_lines(study: Study) -> Iterator[str]:
     yield from (f"  {line}" for line in effect_lines(found.primary))
 
 
-def _analysis(study: Study) -> DeclaredAnalysis | NoAnalysis:
+def _analysis(study: StudyData) -> DeclaredAnalysis | NoAnalysis:
     """Return the declared analysis; an error in it is the reason why there is none."""
     try:
         return primary(study).analysis
@@ -90,7 +90,7 @@ def _analysis(study: Study) -> DeclaredAnalysis | NoAnalysis:
 # --- declaration -----------------------------------------------------------------------------------------------------
 
 
-def _declared(study: Study, found: DeclaredAnalysis) -> Iterator[str]:
+def _declared(study: StudyData, found: DeclaredAnalysis) -> Iterator[str]:
     """Yield sentences on what was declared, and where."""
     own, outcome = found.declaration, found.primary
     assert outcome is not None  # for the type checker; the caller has asked
@@ -113,7 +113,7 @@ def _of(have: int, every: int) -> str:
     return f"all {plural(every, 'recording')}" if have == every else f"{amount(have)} of {plural(every, 'recording')}"
 
 
-def _undeclared(study: Study, found: NoAnalysis, results: pd.DataFrame) -> Iterator[str]:
+def _undeclared(study: StudyData, found: NoAnalysis, results: pd.DataFrame) -> Iterator[str]:
     """Yield sentences on a report without a declared analysis."""
     counts = results.loc[(results["topic"] == testing.TOPIC) & (results["quantity"] == testing.TESTS), "value"]
     if any(one.primary for one in study.declarations):
@@ -133,7 +133,7 @@ def _undeclared(study: Study, found: NoAnalysis, results: pd.DataFrame) -> Itera
 # --- design as done --------------------------------------------------------------------------------------------------
 
 
-def _done(study: Study, found: DeclaredAnalysis | NoAnalysis) -> Iterator[str]:
+def _done(study: StudyData, found: DeclaredAnalysis | NoAnalysis) -> Iterator[str]:
     """Yield sentences on the dyads, the trials, and the counterbalancing of the declared factors, as done."""
     blocks = study.analysed
     planned = int(blocks.groupby(["dyad", "block"])["trials"].max().sum())
@@ -184,17 +184,17 @@ def _sequences(rows: pd.DataFrame) -> pd.Series:
     return rows["performer"].where(~together, rows["dyad"])
 
 
-def _excluded(study: Study, blocks: pd.DataFrame) -> pd.Series:
+def _excluded(study: StudyData, blocks: pd.DataFrame) -> pd.Series:
     """Return the number of excluded attempts of each of these recordings."""
     every = study.exclusions.drop_duplicates(ATTEMPT_KEY)["recording"].value_counts()
     return every.reindex(blocks["recording"]).fillna(0)
 
 
-def _conditions(study: Study) -> Grid:
+def _conditions(study: StudyData) -> Grid:
     """Return the conditions as done: dyads, blocks, and trials planned, done, counted and excluded."""
     blocks, labels = study.analysed, block_labels(study)
     out = _excluded(study, blocks)
-    rows: list[dict[Column, Cell | float]] = []
+    rows: list[dict[GridColumn, Cell | float]] = []
     for condition, own in blocks.groupby("condition", sort=True):
         trials = study.trials[study.trials["recording"].isin(own["recording"])]
         done = trials.loc[trials["outcome"] == "success", ["dyad", "block", "trial"]].drop_duplicates()

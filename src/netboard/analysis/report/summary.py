@@ -13,7 +13,7 @@ from typing import Any
 import pandas as pd
 
 from netboard.analysis.extraction.conditions import STAND_INS
-from netboard.analysis.report.grids import Column, Grid, grid, name, number
+from netboard.analysis.report.grids import Grid, GridColumn, grid, name, number
 from netboard.analysis.report.numbers import after, between, records, unit_of, written
 from netboard.analysis.report.wording import amount, plural
 from netboard.analysis.statistics.exact_tests import MAX_EXACT
@@ -291,7 +291,7 @@ def _table(theme: Theme, title: str, rows: Sequence[Mapping[str, Any]]) -> Grid:
         values = [_cell(one, found[one.title]) if one.title in found else "" for one in shown]
         made_of = dict.fromkeys(plural(int(row["n"]), row["of"]) for row in found.values())
         lines.append([group, *values, "; ".join(made_of)])
-    columns = [name("Group"), *(number(_heading(one, rows)) for one in shown), Column("n")]
+    columns = [name("Group"), *(number(_heading(one, rows)) for one in shown), GridColumn("n")]
     return grid(_caption(title, rows), columns, lines)
 
 

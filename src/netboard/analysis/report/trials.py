@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.study import StudyData
 from netboard.analysis.extraction.tables import ATTEMPT_KEY
 from netboard.analysis.report.wording import amount, plural
 from netboard.analysis.topics.groups import labels_of
@@ -69,7 +69,7 @@ class Row:
 
 
 @dataclass(frozen=True, slots=True)
-class Listing:
+class AttemptListing:
     """The attempts of a recording."""
 
     anchor: str
@@ -80,13 +80,13 @@ class Listing:
     rows: tuple[Row, ...]
 
 
-def anchors(study: Study) -> dict[Key, str]:
+def anchors(study: StudyData) -> dict[Key, str]:
     """Return the anchor of every attempt in the page."""
     place = {recording: number for number, recording in enumerate(study.blocks["recording"], start=1)}
     return {(name, trial, n): f"r{place[name]}t{trial}a{n}" for name, trial, n in _keys(study.trials)}
 
 
-def listings(study: Study, files: Mapping[str, str]) -> tuple[Listing, ...]:
+def listings(study: StudyData, files: Mapping[str, str]) -> tuple[AttemptListing, ...]:
     """Return all attempts of all recordings."""
     known, paths, why = anchors(study), sparklines(study), reasons(study)
     last = study.trials.groupby(["recording", "trial"])["attempt"].max().to_dict()
@@ -128,7 +128,7 @@ def flag_words(words: str) -> str:
     return ", ".join(word.replace("_", " ") for word in str(words).split())
 
 
-def reasons(study: Study) -> dict[Key, list[str]]:
+def reasons(study: StudyData) -> dict[Key, list[str]]:
     """Return the reasons for the exclusion of attempts."""
     found: dict[Key, list[str]] = {}
     for key, why in zip(_keys(study.exclusions), study.exclusions["why"], strict=True):
@@ -136,7 +136,7 @@ def reasons(study: Study) -> dict[Key, list[str]]:
     return found
 
 
-def _listing(number: int, block: Mapping[Any, Any], condition: str, rows: list[Row]) -> Listing:
+def _listing(number: int, block: Mapping[Any, Any], condition: str, rows: list[Row]) -> AttemptListing:
     done = sum(row.outcome == "success" for row in rows)
     excluded = sum(bool(row.why) for row in rows)
     parts = [
@@ -145,7 +145,9 @@ def _listing(number: int, block: Mapping[Any, Any], condition: str, rows: list[R
     ]
     if excluded:
         parts.append(f"{plural(excluded, 'attempt')} excluded")
-    return Listing(f"r{number}", block["recording"], block["dyad"], block["performer"], "; ".join(parts), tuple(rows))
+    return AttemptListing(
+        f"r{number}", block["recording"], block["dyad"], block["performer"], "; ".join(parts), tuple(rows)
+    )
 
 
 def _keys(table: pd.DataFrame) -> list[Key]:
@@ -158,13 +160,13 @@ def _keys(table: pd.DataFrame) -> list[Key]:
 _NOTHING = Sparkline("", 1, 1, False)
 
 
-def reach(study: Study) -> float:
+def reach(study: StudyData) -> float:
     """Return the largest distance of the ball from the board's middle, rounded up to 50 mm, as range of paths [m]."""
     largest = max(float(np.nanmax(np.abs(own["p"].to_numpy()), initial=0.0)) for own in study.paths.values())
     return max(ceil(largest / 0.05 - 1e-6), 1) * 0.05
 
 
-def sparklines(study: Study) -> dict[Key, Sparkline]:
+def sparklines(study: StudyData) -> dict[Key, Sparkline]:
     """Draw the ball's path in every attempt: up is right, and time runs to the right."""
     far, found = reach(study), {}
     for paths in study.paths.values():

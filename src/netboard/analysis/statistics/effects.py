@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from netboard.analysis.statistics.estimates import Estimate
-from netboard.analysis.statistics.factors import Cell, Design, simple_effects
+from netboard.analysis.statistics.factors import Cell, ModelDesign, simple_effects
 from netboard.analysis.statistics.restricted import Moments
 from netboard.analysis.statistics.small_samples import (
     kenward_roger_covariance,
@@ -213,7 +213,7 @@ class Model:
 
 
 def effects_of(
-    design: Design,
+    design: ModelDesign,
     coefficients: NDArray[np.float64],
     covariance: NDArray[np.float64],
     *,
@@ -247,12 +247,12 @@ def _error(row: NDArray[np.float64] | None, covariance: NDArray[np.float64]) -> 
     return sqrt(variance) if variance >= 0.0 else nan
 
 
-def between_dyad_freedom(design: Design) -> float:
+def between_dyad_freedom(design: ModelDesign) -> float:
     """Return the dyads minus 1, minus the effects that vary only between dyads; 0 for too few dyads [1]."""
     return max(0.0, design.n_dyads - 1.0 - design.between)
 
 
-def contrasts_of(design: Design) -> dict[str, NDArray[np.float64] | None]:
+def contrasts_of(design: ModelDesign) -> dict[str, NDArray[np.float64] | None]:
     """Return the contrast vector of each effect by name; None if a needed coefficient is not estimable [1]."""
     place = {name: i for i, name in enumerate(design.names)}
     weights = {name: {name: 1.0} for name in design.requested} | simple_effects(design)
@@ -309,7 +309,7 @@ def _exp(x: float) -> float:
     return float(np.exp(x)) if x < 700.0 else (x if np.isnan(x) else inf)
 
 
-def diagnose(design: Design, residuals: NDArray[np.float64], fitted: NDArray[np.float64]) -> Diagnostics:
+def diagnose(design: ModelDesign, residuals: NDArray[np.float64], fitted: NDArray[np.float64]) -> Diagnostics:
     """Return the residual diagnostics of a model.
 
     Blom's quantiles: for the i-th of n residuals, that at (i - 3/8) / (n + 1/4).
@@ -332,7 +332,7 @@ def diagnose(design: Design, residuals: NDArray[np.float64], fitted: NDArray[np.
     )
 
 
-def _successive(design: Design, residuals: NDArray[np.float64]) -> float:
+def _successive(design: ModelDesign, residuals: NDArray[np.float64]) -> float:
     """Correlate the residuals of trials k and k + 1 of each performer in each condition."""
     keys = np.column_stack([design.performers, design.conditions, design.order])
     by = np.lexsort(keys.T[::-1])

@@ -24,7 +24,7 @@ MAX_VALUES = 12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Factor:
+class FixedFactor:
     """A fixed factor: an independent variable of the study, and its level in each trial.
 
     Attributes
@@ -65,7 +65,7 @@ class Factor:
         """
         return f"{level:g} {self.unit}".removesuffix(" 1") if self.numeric else str(level)
 
-    def of(self, kept: NDArray[np.generic]) -> "Factor":
+    def of(self, kept: NDArray[np.generic]) -> "FixedFactor":
         """Return the factor for some of the trials; its levels remain those of all trials.
 
         Parameters
@@ -154,7 +154,7 @@ class Cell:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Design:
+class ModelDesign:
     """Trials with a value, and the design of the model for them.
 
     Attributes
@@ -188,7 +188,7 @@ class Design:
     values: Array
     dyads: NDArray[np.int64]
     performers: NDArray[np.int64]
-    factors: tuple[Factor, ...]
+    factors: tuple[FixedFactor, ...]
     conditions: NDArray[np.int64]
     order: Array
     requested: tuple[str, ...]
@@ -209,7 +209,7 @@ class Design:
         """Number of performers [1]."""
         return len(np.unique(self.performers))
 
-    def varied(self, of: NDArray[np.int64]) -> tuple[Factor, ...]:
+    def varied(self, of: NDArray[np.int64]) -> tuple[FixedFactor, ...]:
         """Return the factors that have more than one level in some group.
 
         Parameters
@@ -220,7 +220,7 @@ class Design:
         return tuple(one for one in self.factors if _varies(np.unique(one.values, return_inverse=True)[1], of))
 
 
-def paper_factors(haptics: ArrayLike, dyadic: ArrayLike) -> tuple[Factor, Factor]:
+def paper_factors(haptics: ArrayLike, dyadic: ArrayLike) -> tuple[FixedFactor, FixedFactor]:
     """Return the paper's ``haptics`` and ``configuration``: haptics off or on, one person or two.
 
     Parameters
@@ -230,8 +230,8 @@ def paper_factors(haptics: ArrayLike, dyadic: ArrayLike) -> tuple[Factor, Factor
     """
     felt, two = (np.asarray(label).astype(bool) for label in (haptics, dyadic))
     return (
-        Factor("haptics", np.where(felt, "on", "off"), ("off", "on")),
-        Factor("configuration", np.where(two, "dyadic", "bimanual"), ("bimanual", "dyadic")),
+        FixedFactor("haptics", np.where(felt, "on", "off"), ("off", "on")),
+        FixedFactor("configuration", np.where(two, "dyadic", "bimanual"), ("bimanual", "dyadic")),
     )
 
 
@@ -239,9 +239,9 @@ def design_of(
     values: ArrayLike,
     dyads: ArrayLike,
     performers: ArrayLike,
-    factors: Sequence[Factor],
+    factors: Sequence[FixedFactor],
     order: ArrayLike,
-) -> Design:
+) -> ModelDesign:
     """Build the design from trials and labels, without columns that are constant or linearly dependent.
 
     Parameters
@@ -274,7 +274,7 @@ def design_of(
     notes += [f"{name}: identified by a single dyad" for name in single_dyad]
     columns = np.column_stack([requested[name] for name in names]) if names else np.empty((len(trial), 0))
     between = sum(name != INTERCEPT and not _varies(requested[name], dyad) for name in names)
-    return Design(
+    return ModelDesign(
         values=y[known],
         dyads=dyad,
         performers=performer,
@@ -291,7 +291,7 @@ def design_of(
     )
 
 
-def _checked(factor: Factor) -> Factor:
+def _checked(factor: FixedFactor) -> FixedFactor:
     """Fill in the levels of a factor, and check that each trial has one of them."""
     values = np.asarray(factor.values)
     if factor.numeric:
@@ -307,7 +307,7 @@ def _checked(factor: Factor) -> Factor:
     return replace(factor, values=values, levels=levels)
 
 
-def _requested(factors: Sequence[Factor], practice: Array) -> dict[str, Array]:
+def _requested(factors: Sequence[FixedFactor], practice: Array) -> dict[str, Array]:
     """Return all columns of the model, by name."""
     coded = {factor.name: factor.coded() for factor in factors}
     columns = {INTERCEPT: np.ones(len(practice))}
@@ -329,7 +329,7 @@ def interaction(one: str, other: str) -> str:
     return f"{one} x {other}"
 
 
-def simple_effects(design: Design) -> dict[str, dict[str, float]]:
+def simple_effects(design: ModelDesign) -> dict[str, dict[str, float]]:
     """Return the contrasts of a factor at each level of another, by name such as ``haptics, dyadic`` [1].
 
     Contrasts are over the columns, for all two-way interactions. For a numeric second factor: at its lowest and highest
@@ -377,7 +377,7 @@ def _varies(column: NDArray[np.generic], groups: NDArray[np.int64]) -> bool:
     )
 
 
-def _combinations(factors: Sequence[Factor], n: int) -> NDArray[np.int64]:
+def _combinations(factors: Sequence[FixedFactor], n: int) -> NDArray[np.int64]:
     """Number the observed combinations of levels, in the order of the levels, the last factor first."""
     places = [[list(one.levels).index(value) for value in one.values.tolist()] for one in reversed(factors)]
     if not n or not factors:
@@ -385,7 +385,9 @@ def _combinations(factors: Sequence[Factor], n: int) -> NDArray[np.int64]:
     return np.unique(np.column_stack(places), axis=0, return_inverse=True)[1].ravel().astype(np.int64)
 
 
-def cells_of(design: Design, factors: Sequence[Factor] | None = None, *, geometric: bool = False) -> tuple[Cell, ...]:
+def cells_of(
+    design: ModelDesign, factors: Sequence[FixedFactor] | None = None, *, geometric: bool = False
+) -> tuple[Cell, ...]:
     """Return each condition with trials; a numeric factor with more than `MAX_VALUES` values is ignored.
 
     Parameters

@@ -24,7 +24,7 @@ from netboard.analysis.statistics.effects import (
     interval_effect,
     unique,
 )
-from netboard.analysis.statistics.factors import Design, cells_of
+from netboard.analysis.statistics.factors import ModelDesign, cells_of
 from netboard.analysis.statistics.firth import Family, Penalised, firth_fit, profile_interval
 from netboard.analysis.statistics.specification import Specification, with_notes
 
@@ -34,7 +34,7 @@ _PENALISED = (
 )
 
 
-def marginal_model(fit: Specification, design: Design, family: Any) -> Model:
+def marginal_model(fit: Specification, design: ModelDesign, family: Any) -> Model:
     """Fit generalised estimating equations, with the empirical covariance between dyads."""
     if design.n_dyads < 2:
         return fit.fit_single_dyad(design, family)
@@ -64,14 +64,14 @@ def marginal_model(fit: Specification, design: Design, family: Any) -> Model:
     )
 
 
-def _dispersion(design: Design, coefficients: NDArray[np.float64]) -> float:
+def _dispersion(design: ModelDesign, coefficients: NDArray[np.float64]) -> float:
     """Return Pearson's chi-square over its degrees of freedom; 1 for Poisson counts."""
     mean = np.exp(design.columns @ coefficients)
     n, k = design.columns.shape
     return float(((design.values - mean) ** 2 / mean).sum() / (n - k))
 
 
-def over_dispersed_model(fit: Specification, design: Design, poisson: Model) -> Model:
+def over_dispersed_model(fit: Specification, design: ModelDesign, poisson: Model) -> Model:
     """Fit again with the first fit's over-dispersion, its variance beyond the mean; the Poisson fit if there is none.
 
     Parameters
@@ -88,7 +88,7 @@ def over_dispersed_model(fit: Specification, design: Design, poisson: Model) -> 
     return replace(marginal_model(named, design, families.NegativeBinomial(alpha=alpha)), alpha=alpha)
 
 
-def extreme_condition(design: Design, what: str, value: float) -> str:
+def extreme_condition(design: ModelDesign, what: str, value: float) -> str:
     """Describe a level, or two levels, in which all responses have the same extreme value; empty for none.
 
     Parameters
@@ -109,7 +109,7 @@ def extreme_condition(design: Design, what: str, value: float) -> str:
     return ""
 
 
-def penalised_model(fit: Specification, design: Design, family: Family, why: str) -> Model:
+def penalised_model(fit: Specification, design: ModelDesign, family: Family, why: str) -> Model:
     """Fit Firth's penalised likelihood: finite estimates, profile intervals adjusted for the clustering by dyads.
 
     The likelihood-ratio statistic is divided by the dispersion and compared with F of 1 and the between-dyad degrees of
@@ -143,7 +143,7 @@ def penalised_model(fit: Specification, design: Design, family: Family, why: str
     )
 
 
-def _dispersion_of_dyads(design: Design, best: Penalised, family: Family) -> float:
+def _dispersion_of_dyads(design: ModelDesign, best: Penalised, family: Family) -> float:
     """Return the variance inflation of dyads, or of trials, relative to independent trials; at least 1."""
     means = best.means
     variances = means if family == "poisson" else means * (1.0 - means)
@@ -156,7 +156,7 @@ def _dispersion_of_dyads(design: Design, best: Penalised, family: Family) -> flo
     return max(found)
 
 
-def _profiled(fit: Specification, design: Design, best: Penalised, family: Family, spread: float) -> list[Effect]:
+def _profiled(fit: Specification, design: ModelDesign, best: Penalised, family: Family, spread: float) -> list[Effect]:
     """Return all effects with profile confidence intervals."""
     free = between_dyad_freedom(design) if fit.interval == "t" else inf
     found = []

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from statsmodels.genmod import families
 
 from netboard.analysis.statistics.effects import Interval, Model
-from netboard.analysis.statistics.factors import Factor, design_of
+from netboard.analysis.statistics.factors import FixedFactor, design_of
 from netboard.analysis.statistics.marginal import (
     extreme_condition,
     marginal_model,
@@ -57,7 +57,7 @@ def log_time_model(
     times: ArrayLike,
     dyads: ArrayLike,
     performers: ArrayLike,
-    factors: Sequence[Factor],
+    factors: Sequence[FixedFactor],
     order: ArrayLike,
     *,
     slopes: Slopes = "performer",
@@ -91,7 +91,7 @@ def count_model(
     counts: ArrayLike,
     dyads: ArrayLike,
     performers: ArrayLike,
-    factors: Sequence[Factor],
+    factors: Sequence[FixedFactor],
     order: ArrayLike,
     *,
     family: Family = "poisson",
@@ -133,7 +133,7 @@ def share_model(
     failed: ArrayLike,
     dyads: ArrayLike,
     performers: ArrayLike,
-    factors: Sequence[Factor],
+    factors: Sequence[FixedFactor],
     order: ArrayLike,
     *,
     level: float = 0.95,

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.analysis.statistics.effects import Component, Diagnostics, Model, diagnose
-from netboard.analysis.statistics.factors import Design
+from netboard.analysis.statistics.factors import ModelDesign
 from netboard.analysis.statistics.restricted import restricted_fit
 from netboard.analysis.statistics.specification import Specification
 
@@ -24,14 +24,14 @@ AT_ZERO = (
 """Note for a variance that is estimated as 0."""
 
 
-def residual_deviation(design: Design) -> float:
+def residual_deviation(design: ModelDesign) -> float:
     """Return the residual standard deviation without random effects: least squares [log of the response]."""
     coefficients = np.linalg.lstsq(design.columns, design.values, rcond=None)[0]
     residuals = design.values - design.columns @ coefficients
     return sqrt(float(residuals @ residuals) / (len(residuals) - design.columns.shape[1]))
 
 
-def random_effects(design: Design, slopes: Slopes) -> tuple[dict[str, NDArray[np.float64]], tuple[str, ...]]:
+def random_effects(design: ModelDesign, slopes: Slopes) -> tuple[dict[str, NDArray[np.float64]], tuple[str, ...]]:
     """Return the random effects that these trials can identify, and notes on the others [1].
 
     Each is a matrix with a column for each dyad or performer, times the factor's. It is identifiable if its covariance
@@ -78,7 +78,7 @@ def _independent(sources: list[NDArray[np.float64]], residual: int) -> bool:
     return float(np.linalg.eigvalsh(information / np.outer(scale, scale))[0]) > 1e-9
 
 
-def mixed_model(fit: Specification, design: Design, slopes: Slopes) -> Model:
+def mixed_model(fit: Specification, design: ModelDesign, slopes: Slopes) -> Model:
     """Fit the mixed model, with a note on random effects of zero variance.
 
     Parameters
@@ -113,7 +113,7 @@ def mixed_model(fit: Specification, design: Design, slopes: Slopes) -> Model:
 
 
 def _left(
-    design: Design,
+    design: ModelDesign,
     coefficients: NDArray[np.float64],
     parts: dict[str, NDArray[np.float64]],
     variances: dict[str, float],

@@ -25,7 +25,7 @@ from netboard.analysis.statistics.effects import (
     effects_of,
     unique,
 )
-from netboard.analysis.statistics.factors import Design, cells_of
+from netboard.analysis.statistics.factors import ModelDesign, cells_of
 from netboard.analysis.statistics.restricted import Moments
 
 FEW = 20
@@ -59,7 +59,7 @@ class Specification:
 
     def model(
         self,
-        design: Design,
+        design: ModelDesign,
         coefficients: NDArray[np.float64],
         covariance: NDArray[np.float64],
         *,
@@ -104,7 +104,7 @@ class Specification:
             diagnostics=diagnostics,
         )
 
-    def _few(self, design: Design) -> tuple[str, ...]:
+    def _few(self, design: ModelDesign) -> tuple[str, ...]:
         n = design.n_dyads
         if n < 2:
             return ("one dyad: the variation between dyads is unknown, so there are no confidence intervals",)
@@ -117,12 +117,12 @@ class Specification:
         )
         return (f"{n} dyads: {what}",)
 
-    def unfitted(self, design: Design, why: str) -> Model:
+    def unfitted(self, design: ModelDesign, why: str) -> Model:
         """Return a result without a fit, and the reason."""
         nothing = np.full(len(design.names), np.nan)
         return self.model(design, nothing, np.full((len(nothing),) * 2, np.nan), converged=False, notes=(why,))
 
-    def fit_single_dyad(self, design: Design, family: Any) -> Model:
+    def fit_single_dyad(self, design: ModelDesign, family: Any) -> Model:
         """Fit a single dyad as if its trials were independent, without confidence intervals."""
         fit, notes = with_notes(lambda: GLM(design.values, design.columns, family=family).fit())
         if fit is None:
@@ -132,19 +132,19 @@ class Specification:
         return self.model(design, coefficients, unknown, converged=bool(fit.converged), notes=notes)
 
 
-def _fixed(design: Design) -> str:
+def _fixed(design: ModelDesign) -> str:
     """Return the fixed part of a model's equation; a product of factors includes their main effects."""
     pairs = [f"{a.name} x {b.name}" for a, b in combinations(design.factors, 2)]
     return " + ".join(("intercept", *(pairs or [one.name for one in design.factors]), "b log(trial)"))
 
 
-def too_few_trials(design: Design) -> str:
+def too_few_trials(design: ModelDesign) -> str:
     """Return why a design has too few trials for its effects; empty if it has enough."""
     n, k = design.columns.shape
     return "" if n > k and k else f"not fitted: {n} trials are too few for {k} effects"
 
 
-def too_few_events(design: Design, events: float, what: str) -> str:
+def too_few_events(design: ModelDesign, events: float, what: str) -> str:
     """Return why a design has too few events for its effects, at least one for each; empty if it has enough, or none.
 
     Parameters

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.study import StudyData
 from netboard.analysis.measures.movements import Average, mean_shares
 from netboard.analysis.statistics.estimates import Estimate
 from netboard.analysis.topics.figure import (
@@ -59,7 +59,7 @@ class Shares:
     means: tuple[Estimate, ...]
 
 
-def classes(study: Study) -> TopicResults[Shares]:
+def classes(study: StudyData) -> TopicResults[Shares]:
     """Return the shares of the movement classes in all conditions."""
     trials = counted(study)
     found = tuple(
@@ -120,7 +120,7 @@ _BESIDE = 0.25
 
 
 @pictured("Classes of movement")
-def picture(study: Study) -> Drawn:
+def picture(study: StudyData) -> Drawn:
     """Draw the shares of the movement classes.
 
     Bars show means over dyads; the other panels show dyads and means with confidence intervals.
@@ -205,7 +205,7 @@ def _named(axes: "Axes", found: list[Shares], at: dict[str, float]) -> None:
     axes.tick_params(axis="x", which="minor", length=0, pad=16)
 
 
-def _caption(study: Study, found: list[Shares]) -> str:
+def _caption(study: StudyData, found: list[Shares]) -> str:
     window = "from the release to the completion"
     if study.readings.movements.window == "whole":
         window = "from the release to the end of the hold"

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.study import StudyData
 from netboard.analysis.statistics.contrasts import Contrast, condition_contrast, holm
 from netboard.analysis.statistics.effect_sizes import paired_effect
 from netboard.analysis.statistics.estimates import Estimate, mean_interval
@@ -72,7 +72,7 @@ class Question:
     second: tuple[str, ...]
 
 
-def questions_of(study: Study) -> tuple[Question, ...]:
+def questions_of(study: StudyData) -> tuple[Question, ...]:
     """Return the declared contrasts for a study: between human performers, no robot and no still hand."""
     people = tuple(one for one in conditions(study) if not one.partner)
     forces = {(one.configuration, one.force, one.other_levels): one for one in people}
@@ -110,7 +110,7 @@ def _both(of: Mapping[tuple[str, str, tuple[str, ...]], T]) -> Iterator[tuple[T,
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class ContrastResult:
     """A measure in the conditions of a contrast; for a ratio measure logarithms, and the ratio as mean difference.
 
     `difference` has the t interval, `bootstrap` the bootstrap interval; `corrected` is the permutation test's p value,
@@ -136,7 +136,7 @@ class Comparison:
         return f"{self.measure.name}: {'ratio' if self.measure.ratio else 'difference'}"
 
 
-def _results(one: Comparison) -> Iterator[Result]:
+def _results(one: ContrastResult) -> Iterator[Result]:
     """Yield a difference with both confidence intervals, effect sizes and tests."""
     contrast = one.contrast
     note = "; ".join(filter(None, (one.measure.note, *contrast.notes, _left_out(contrast))))
@@ -172,11 +172,11 @@ def _symmetry(contrast: Contrast) -> str:
 
 
 @cached
-def comparisons(study: Study) -> TopicResults[Comparison]:
+def comparisons(study: StudyData) -> TopicResults[ContrastResult]:
     """Compute, for every compared measure, all contrasts that some dyad has."""
     rng = np.random.default_rng(SEED)
     questions, who = questions_of(study), performed_by(conditions(study))
-    found: list[Comparison] = []
+    found: list[ContrastResult] = []
     for measure in measures_of(study):
         if measure.compared:
             own = levels_of_performers(study, measure)
@@ -190,7 +190,7 @@ def comparisons(study: Study) -> TopicResults[Comparison]:
     return TopicResults.of(_corrected(found), _results)
 
 
-def _compare(measure: Measure, question: Question, table: pd.DataFrame, rng: np.random.Generator) -> Comparison:
+def _compare(measure: Measure, question: Question, table: pd.DataFrame, rng: np.random.Generator) -> ContrastResult:
     first, second = (_level(table, conditions) for conditions in (question.first, question.second))
     both = pd.concat([first, second])
     is_first = np.arange(len(both)) < len(first)
@@ -201,7 +201,7 @@ def _compare(measure: Measure, question: Question, table: pd.DataFrame, rng: np.
     elif question.kind != "interaction":
         difference = mean_interval(contrast.differences, measure.of_difference)
     hedges = paired_effect(contrast.differences, correction="hedges")
-    return Comparison(measure, question, contrast, difference, drawn, hedges, np.nan)
+    return ContrastResult(measure, question, contrast, difference, drawn, hedges, np.nan)
 
 
 def _level(table: pd.DataFrame, conditions: tuple[str, ...]) -> pd.Series:
@@ -210,7 +210,7 @@ def _level(table: pd.DataFrame, conditions: tuple[str, ...]) -> pd.Series:
     return first if len(conditions) == 1 else first - table[conditions[1]]
 
 
-def _corrected(found: list[Comparison]) -> tuple[Comparison, ...]:
+def _corrected(found: list[ContrastResult]) -> tuple[ContrastResult, ...]:
     """Apply Holm's correction within families of tests."""
     values = np.full(len(found), np.nan)
     for family in {one.measure.family for one in found}:
@@ -234,7 +234,7 @@ _BAND = "#F3F3F3"
 
 
 @pictured("Effects of forces and of a partner, standardised")
-def picture(study: Study) -> Drawn:
+def picture(study: StudyData) -> Drawn:
     """Draw all effect sizes.
 
     Intervals are those of the noncentral t distribution, p values those of permutation tests.
@@ -262,20 +262,25 @@ def picture(study: Study) -> Drawn:
     return figure, f"{_caption(found)} {_tests(comparisons(study).parts)}"
 
 
-def looks_of(study: Study, questions: Sequence[Question]) -> dict[str, Look]:
+def looks_of(study: StudyData, questions: Sequence[Question]) -> dict[str, Look]:
     """Return each contrast's style: that of the condition with haptics or a partner; black for interactions."""
     by_name: dict[str, Condition] = {one.name: one for one in conditions(study)}
     return {one.name: look_of(by_name[one.first[0]], BLACK if one.kind == "interaction" else "") for one in questions}
 
 
-def _reach(found: Sequence[Comparison]) -> float:
+def _reach(found: Sequence[ContrastResult]) -> float:
     """Return the limit of the axes."""
     ends = [abs(end) for one in found for end in (one.hedges.value, one.hedges.low, one.hedges.high)]
     return 1.2 * max(1.0, float(np.nanmax(ends)))
 
 
 def _panel(
-    axes: "Axes", found: Sequence[Comparison], names: Sequence[str], looks: dict[str, Look], reach: float, height: float
+    axes: "Axes",
+    found: Sequence[ContrastResult],
+    names: Sequence[str],
+    looks: dict[str, Look],
+    reach: float,
+    height: float,
 ) -> None:
     """Draw one kind of effect, a row for each measure, with corrected p values on the right."""
     questions = list(dict.fromkeys(one.question for one in found))
@@ -316,7 +321,7 @@ def _short(question: Question) -> str:
     return question.name.partition(" vs off")[0]
 
 
-def _caption(found: Sequence[Comparison]) -> str:
+def _caption(found: Sequence[ContrastResult]) -> str:
     n = span([one.contrast.n for one in found])
     return (
         f"Mean difference within dyads (n = {n}) over the standard deviation of these differences, bias-corrected "
@@ -325,7 +330,7 @@ def _caption(found: Sequence[Comparison]) -> str:
     )
 
 
-def _tests(every: Sequence[Comparison]) -> str:
+def _tests(every: Sequence[ContrastResult]) -> str:
     """Return sentences on the tests, the smallest possible p, and the correction."""
     found = [one for one in every if np.isfinite(one.corrected)]
     tests = [one.contrast.permutation for one in found]

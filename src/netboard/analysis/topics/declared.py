@@ -16,12 +16,12 @@ import pandas as pd
 from scipy import stats
 
 from netboard.analysis.extraction.conditions import StudyFactor
-from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.study import StudyData
 from netboard.analysis.statistics.contrasts import holm
 from netboard.analysis.statistics.effects import Model
 from netboard.analysis.statistics.estimates import Estimate, mean_interval, t_interval
 from netboard.analysis.statistics.exact_tests import permutation_interval
-from netboard.analysis.statistics.factors import Factor, interaction
+from netboard.analysis.statistics.factors import FixedFactor, interaction
 from netboard.analysis.statistics.models import count_model, log_time_model, share_model
 from netboard.analysis.statistics.planned import Tested, planned_effect, planned_permutation, planned_t
 from netboard.analysis.topics.groups import conditions, paired_levels, performed_by
@@ -156,7 +156,7 @@ class NotEstimable(ValueError):
 
 
 @cached
-def declared_analysis(study: Study) -> DeclaredAnalysis | NoAnalysis:
+def declared_analysis(study: StudyData) -> DeclaredAnalysis | NoAnalysis:
     """Compute the declared analysis of a study, or say why there is none."""
     declared = [one for one in study.declarations if one.primary]
     if not declared:
@@ -170,7 +170,7 @@ def declared_analysis(study: Study) -> DeclaredAnalysis | NoAnalysis:
         return NoAnalysis(f"it cannot be computed: {error}")
 
 
-def _computed(study: Study, declaration: Declaration) -> DeclaredAnalysis:
+def _computed(study: StudyData, declaration: Declaration) -> DeclaredAnalysis:
     known = {one.name: one for one in measures_of(study)}
     unknown = [one for one in (declaration.primary, *declaration.secondary) if one not in OUTCOMES]
     if unknown:
@@ -193,7 +193,7 @@ def _corrected(outcomes: Sequence[Outcome]) -> tuple[Outcome, ...]:
 # --- conditions ------------------------------------------------------------------------------------------------------
 
 
-def crossing_of(study: Study, contrast: str) -> Crossing:
+def crossing_of(study: StudyData, contrast: str) -> Crossing:
     """Return the compared conditions of a contrast."""
     known = {one.name: one for one in reversed(study.factors)}
     factors = []
@@ -240,7 +240,7 @@ def _where(rows: pd.DataFrame, columns: Sequence[str], levels: Levels) -> pd.Dat
     return rows[chosen]
 
 
-def _others(study: Study, rows: pd.DataFrame, columns: Sequence[str]) -> list[str]:
+def _others(study: StudyData, rows: pd.DataFrame, columns: Sequence[str]) -> list[str]:
     """Return the columns of other factors that vary where the compared ones, and those before, have one level each."""
     every = dict.fromkeys([*(one.column for one in study.factors), "configuration", "force", "partner"])
     kept = [*columns]
@@ -253,7 +253,7 @@ def _others(study: Study, rows: pd.DataFrame, columns: Sequence[str]) -> list[st
 # --- outcomes --------------------------------------------------------------------------------------------------------
 
 
-def outcome_of(study: Study, measure: Measure, crossing: Crossing, declaration: Declaration) -> Outcome:
+def outcome_of(study: StudyData, measure: Measure, crossing: Crossing, declaration: Declaration) -> Outcome:
     """Compute an outcome in the compared conditions, by all methods."""
     values, left_out = _values(study, measure, crossing)
     modelled = measure.name in MODELS and (declaration.method == "model" or measure.name == declaration.primary)
@@ -280,7 +280,7 @@ def _subsets(crossing: Crossing) -> Iterator[tuple[DeclaredFactor, ...]]:
         yield from combinations(crossing.factors, size)
 
 
-def _values(study: Study, measure: Measure, crossing: Crossing) -> tuple[dict[Levels, pd.Series], tuple[str, ...]]:
+def _values(study: StudyData, measure: Measure, crossing: Crossing) -> tuple[dict[Levels, pd.Series], tuple[str, ...]]:
     """Return the values of complete dyads in each combination of levels, and the dyads that are left out.
 
     A value of a ratio measure is a logarithm. A dyad has no value at levels of a factor between dyads that it has not.
@@ -382,7 +382,7 @@ def equivalence_interval(effect: DeclaredEffect) -> Estimate:
 # --- model -----------------------------------------------------------------------------------------------------------
 
 
-def _model(study: Study, measure: Measure, crossing: Crossing, level: float) -> Model:
+def _model(study: StudyData, measure: Measure, crossing: Crossing, level: float) -> Model:
     """Fit the model of all trials in the compared conditions, with the declared factors first."""
     rows = _tested(rows_of(study, measure.of))
     rows = rows[rows["condition"].isin(crossing.names)]
@@ -391,9 +391,9 @@ def _model(study: Study, measure: Measure, crossing: Crossing, level: float) -> 
     values = np.asarray(measure.values(rows), dtype=float)
     if measure.ratio:
         values = np.where(values > 0.0, values, np.nan)
-    own = [Factor(one.of.column, rows[one.of.column].to_numpy(str), one.levels[::-1]) for one in crossing.factors]
+    own = [FixedFactor(one.of.column, rows[one.of.column].to_numpy(str), one.levels[::-1]) for one in crossing.factors]
     others = _others(study, rows, [one.name for one in own])
-    further = [Factor(column, rows[column].to_numpy(str)) for column in others]
+    further = [FixedFactor(column, rows[column].to_numpy(str)) for column in others]
     fit = MODELS[measure.name][0]
     return fit(values, rows["dyad"], rows["performer"], (*own, *further), rows["order"], level=level)
 

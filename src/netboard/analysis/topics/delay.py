@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 
 from netboard.analysis.extraction.details import THRESHOLDS
-from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.study import StudyData
 from netboard.analysis.statistics.estimates import Estimate, Range
 from netboard.analysis.topics.figure import (
     Drawn,
@@ -64,7 +64,7 @@ APART = "thresholds at which the intervals do not overlap"
 
 
 @dataclass(frozen=True, slots=True)
-class Delays:
+class DelayCurves:
     """One kind of delay in a condition: of each unit, performer or dyad (rows), at each of `THRESHOLDS` [s]."""
 
     units: pd.DataFrame
@@ -83,15 +83,15 @@ class ConditionDelay:
     """
 
     condition: Condition
-    as_set: Delays
-    own_peak: Delays
-    signed: Delays
-    deviations: Delays
+    as_set: DelayCurves
+    own_peak: DelayCurves
+    signed: DelayCurves
+    deviations: DelayCurves
     movements: int
     truncated: tuple[float, ...]
 
 
-def delay(study: Study) -> TopicResults[ConditionDelay]:
+def delay(study: StudyData) -> TopicResults[ConditionDelay]:
     """Return the delays of all conditions."""
     how = study.readings.summaries
     rows = rows_of(study, "movement")
@@ -125,19 +125,21 @@ def _columns(rows: pd.DataFrame, prefix: str) -> pd.DataFrame:
     return rows[[f"{prefix}_{q}" for q in THRESHOLDS]].set_axis(list(THRESHOLDS), axis=1)
 
 
-def _as_set(place: pd.DataFrame, signed: pd.DataFrame, condition: Condition, kind: str, unit: str) -> Delays:
+def _as_set(place: pd.DataFrame, signed: pd.DataFrame, condition: Condition, kind: str, unit: str) -> DelayCurves:
     """Return absolute or signed delays, as set."""
     if kind == "absolute":
         return _delays(place, signed.abs(), condition, unit, "positive")
     return _delays(place, signed, condition, unit, "real")
 
 
-def _delays(place: pd.DataFrame, values: pd.DataFrame, condition: Condition, unit: str, within: Range) -> Delays:
+def _delays(place: pd.DataFrame, values: pd.DataFrame, condition: Condition, unit: str, within: Range) -> DelayCurves:
     performers = values.groupby([place["dyad"], place["performer"]]).mean()
     return _of_units(values, performers, condition, unit, within)
 
 
-def _of_units(single: pd.DataFrame, performers: pd.DataFrame, condition: Condition, unit: str, within: Range) -> Delays:
+def _of_units(
+    single: pd.DataFrame, performers: pd.DataFrame, condition: Condition, unit: str, within: Range
+) -> DelayCurves:
     """Average over the set units."""
     dyads = of_dyads(performers)
     person = "participant" if condition.configuration == "bimanual" else "dyad"
@@ -146,7 +148,7 @@ def _of_units(single: pd.DataFrame, performers: pd.DataFrame, condition: Conditi
         "people": (performers, person),
         "movements": (single, "movement"),
     }[unit]
-    return Delays(units, performers, dyads, tuple(estimate(units[q], within, of) for q in THRESHOLDS), within)
+    return DelayCurves(units, performers, dyads, tuple(estimate(units[q], within, of) for q in THRESHOLDS), within)
 
 
 def _results(found: tuple[ConditionDelay, ...], kind: str) -> Iterator[Result]:
@@ -210,7 +212,7 @@ _GREYS = ("#A0A0A0", "#757575", "#4A4A4A", "#000000")
 
 
 @pictured("Delay between the sides")
-def picture(study: Study) -> Drawn:
+def picture(study: StudyData) -> Drawn:
     """Draw the delays of all conditions.
 
     The panel of delays at each side's own peak has no bias from a common threshold.
@@ -223,7 +225,7 @@ def picture(study: Study) -> Drawn:
     few = len(shown) <= _FEW and fit_beside(names, 0.5)
     layout = [["set", "set"], ["own", "signed"]] if few else [["set"], ["own"], ["signed"]]
     figure, axes = new_mosaic(5.0 if few else 7.2, layout, height_ratios=[1.25, 1] if few else None)
-    panels: tuple[tuple[str, str, Callable[[ConditionDelay], Delays]], ...] = (
+    panels: tuple[tuple[str, str, Callable[[ConditionDelay], DelayCurves]], ...] = (
         ("set", f"{kind} delay, {_threshold(study)}", lambda one: one.as_set),
         ("own", f"{kind} delay, each side's own peak", lambda one: one.own_peak),
         ("signed", "signed delay, left minus right", lambda one: one.signed),
@@ -239,12 +241,12 @@ def picture(study: Study) -> Drawn:
     return figure, _caption(study, shown)
 
 
-def _threshold(study: Study) -> str:
+def _threshold(study: StudyData) -> str:
     of = "the slower side's peak" if study.readings.delays.threshold == "slower_side" else "each side's own peak"
     return f"threshold at a portion of {of}"
 
 
-def _panel(axes: "Axes", shown: list[ConditionDelay], delays: Callable[[ConditionDelay], Delays]) -> None:
+def _panel(axes: "Axes", shown: list[ConditionDelay], delays: Callable[[ConditionDelay], DelayCurves]) -> None:
     """Draw one kind of delay in each condition and at each fraction, darker for higher fractions."""
     for place, one in enumerate(shown):
         look, found = look_of(one.condition), delays(one)
@@ -296,7 +298,7 @@ def _portions(axes: "Axes", count: int) -> None:
     axes.tick_params(axis="x", which="major", length=0, pad=11)
 
 
-def _caption(study: Study, shown: list[ConditionDelay]) -> str:
+def _caption(study: StudyData, shown: list[ConditionDelay]) -> str:
     of = {"dyads": "dyads", "people": "participants alone and dyads together", "movements": "single movements"}
     unit = study.readings.summaries.intervals
     known = [(one.condition.label, one.as_set.means[0].n, one.as_set.means[0].unit) for one in shown]

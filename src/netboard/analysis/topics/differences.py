@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from netboard.analysis.extraction.study import Study
-from netboard.analysis.topics.contrasts import Comparison, Question, comparisons, looks_of
+from netboard.analysis.extraction.study import StudyData
+from netboard.analysis.topics.contrasts import ContrastResult, Question, comparisons, looks_of
 from netboard.analysis.topics.figure import NO_EFFECT, Drawn, Look, draw_dyads, draw_mean, handles, pictured, span
 from netboard.analysis.topics.groups import interval_text
 from netboard.analysis.topics.measures import COLUMNS, grid
@@ -24,7 +24,7 @@ FEW = 8
 
 
 @pictured("Effects of forces and of a partner")
-def picture(study: Study) -> Drawn:
+def picture(study: StudyData) -> Drawn:
     """Draw all differences between conditions."""
     found = comparisons(study).parts
     if not found:
@@ -50,7 +50,9 @@ def picture(study: Study) -> Drawn:
 _LETTERS = "abcdefghijklmnopqrstuvwxyz"
 
 
-def _panel(axes: "Axes", found: Sequence[Comparison], questions: Sequence[Question], looks: dict[str, Look]) -> None:
+def _panel(
+    axes: "Axes", found: Sequence[ContrastResult], questions: Sequence[Question], looks: dict[str, Look]
+) -> None:
     """Draw the differences in a measure: each dyad, and the mean."""
     measure = found[0].measure
     unit = read_in(found[0].unit, found[0].what)
@@ -68,7 +70,7 @@ def _panel(axes: "Axes", found: Sequence[Comparison], questions: Sequence[Questi
     axes.set_xlim(-0.6, len(questions) - 0.4)
 
 
-def _caption(found: Sequence[Comparison]) -> str:
+def _caption(found: Sequence[ContrastResult]) -> str:
     n = [one.contrast.n for one in found]
     intervals = interval_text(one.difference for one in found)
     return (

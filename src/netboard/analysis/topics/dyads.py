@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.study import StudyData
 from netboard.analysis.measures.performance import (
     RelativePerformance,
     better_dyads,
@@ -43,7 +43,7 @@ from netboard.analysis.topics.figure import (
 from netboard.analysis.topics.groups import (
     QUANTITIES,
     Condition,
-    Quantity,
+    PerformanceQuantity,
     conditions,
     counted,
     estimate,
@@ -61,7 +61,7 @@ TOPIC = "dyads"
 
 
 @dataclass(frozen=True, slots=True)
-class Point:
+class ParticipantPoint:
     """A participant relative to the partner and the dyad."""
 
     dyad: str
@@ -70,15 +70,15 @@ class Point:
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class DyadComparison:
     """All dyads in one haptic condition and one quantity; the mean gain is participants' mean minus dyad.
 
     Each dyad with dyadic trials and bimanual trials of both participants has two points, and one of the `gains`.
     """
 
-    quantity: Quantity
+    quantity: PerformanceQuantity
     condition: Condition
-    points: tuple[Point, ...]
+    points: tuple[ParticipantPoint, ...]
     gains: pd.Series
     gain: Estimate
     better: int
@@ -86,7 +86,7 @@ class Comparison:
     test: Test
 
 
-def dyads(study: Study) -> TopicResults[Comparison]:
+def dyads(study: StudyData) -> TopicResults[DyadComparison]:
     """Compare dyads with their participants, for each quantity and each haptic condition of the dyads."""
     trials, every = counted(study), conditions(study)
     alone = {(one.force, one.other_levels): one.name for one in every if one.configuration == "bimanual"}
@@ -105,7 +105,7 @@ def dyads(study: Study) -> TopicResults[Comparison]:
     return TopicResults.of(found, _results)
 
 
-def _points(levels: Mapping[str, pd.Series], together: str, alone: str) -> Iterator[Point]:
+def _points(levels: Mapping[str, pd.Series], together: str, alone: str) -> Iterator[ParticipantPoint]:
     """Yield the points of dyads with all three levels."""
     if together not in levels or alone not in levels:
         return
@@ -113,21 +113,21 @@ def _points(levels: Mapping[str, pd.Series], together: str, alone: str) -> Itera
         own = levels[alone][levels[alone].index.get_level_values("dyad") == dyad].droplevel("dyad")
         if len(own) == 2 and np.isfinite([both, *own]).all():
             (first, of_first), (second, of_second) = own.items()
-            yield Point(dyad, first, relative_performance(of_first, of_second, both))
-            yield Point(dyad, second, relative_performance(of_second, of_first, both))
+            yield ParticipantPoint(dyad, first, relative_performance(of_first, of_second, both))
+            yield ParticipantPoint(dyad, second, relative_performance(of_second, of_first, both))
 
 
-def _compare(quantity: Quantity, condition: Condition, points: Iterator[Point]) -> Comparison:
+def _compare(quantity: PerformanceQuantity, condition: Condition, points: Iterator[ParticipantPoint]) -> DyadComparison:
     kept = tuple(points)
     gains = pd.Series({point.dyad: point.relative.gain for point in kept}, dtype=np.float64)
     # A dyad has two consecutive points, with the same gain.
     better, known = better_dyads([point.relative for point in kept[::2]])
-    return Comparison(
+    return DyadComparison(
         quantity, condition, kept, gains, estimate(gains, "real"), better, known, sign_test(gains.to_numpy())
     )
 
 
-def _results(found: Comparison) -> Iterator[Result]:
+def _results(found: DyadComparison) -> Iterator[Result]:
     quantity, group = found.quantity, found.condition.haptics_label
     note = "" if found.known else "no dyad has trials that count in both configurations in this haptic condition"
     yield estimated(TOPIC, f"{quantity.name}: mean of the two minus dyad", group, found.gain, quantity.unit, note)
@@ -144,7 +144,7 @@ _FORCES = dict(zip(FORCES[2:], (SKY, GREEN, PINK, ORANGE, YELLOW), strict=False)
 
 
 @pictured("Dyads and their partners alone")
-def picture(study: Study) -> Drawn:
+def picture(study: StudyData) -> Drawn:
     """Draw the performance of dyads relative to their participants alone.
 
     A plane has one point for each participant; beside it are the gains of the dyads.
@@ -168,12 +168,12 @@ def picture(study: Study) -> Drawn:
     return figure, _caption(found)
 
 
-def _look(one: Comparison) -> Look:
+def _look(one: DyadComparison) -> Look:
     """Return the style: black with and without haptics; colours for parts of the force."""
     return look_of(one.condition, _FORCES.get(one.condition.force, BLACK))
 
 
-def _plane(axes: "Axes", found: list[Comparison]) -> None:
+def _plane(axes: "Axes", found: list[DyadComparison]) -> None:
     """Draw all participants, joined within a dyad, and the diagonal."""
     unit = found[0].quantity.unit if found else "1"
     every = [
@@ -218,7 +218,7 @@ def _plane(axes: "Axes", found: list[Comparison]) -> None:
     axes.set_ylabel(f"dyad - self [{unit}]")
 
 
-def _gains(axes: "Axes", found: list[Comparison]) -> None:
+def _gains(axes: "Axes", found: list[DyadComparison]) -> None:
     """Draw the gain of each dyad and their mean, a row for each haptic condition."""
     axes.axvline(0.0, **NO_EFFECT)
     for row, one in enumerate(found):
@@ -231,7 +231,7 @@ def _gains(axes: "Axes", found: list[Comparison]) -> None:
     axes.set_xlabel(f"mean of the two alone minus dyad [{found[0].quantity.unit if found else '1'}]")
 
 
-def _caption(found: list[Comparison]) -> str:
+def _caption(found: list[DyadComparison]) -> str:
     known = [(f"{one.condition.haptics_label}, {one.quantity.name}", one.known, "dyad") for one in found]
     least = [one.test.least_p for one in found if np.isfinite(one.test.least_p)]
     power = ""

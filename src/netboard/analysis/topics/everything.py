@@ -10,7 +10,7 @@ from typing import Protocol
 
 import pandas as pd
 
-from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.study import StudyData
 from netboard.analysis.topics import (
     classes,
     contrasts,
@@ -29,7 +29,7 @@ from netboard.analysis.topics import (
     strategy,
     testing,
 )
-from netboard.analysis.topics.figure import Picture, as_bytes
+from netboard.analysis.topics.figure import TopicFigure, as_bytes
 from netboard.analysis.topics.result import UNCOMPUTABLE, Result, plain, table_of
 
 NOT_COMPUTED = "not computed"
@@ -44,7 +44,7 @@ class Computed(Protocol):
         """Return the numbers to report."""
 
 
-Topic = Callable[[Study], Computed]
+Topic = Callable[[StudyData], Computed]
 
 PAPER: tuple[Topic, ...] = (learning.learning, dyads.dyads, classes.classes, strategy.strategy, delay.delay)
 """Topics of the paper, in the order of its figures 2 to 6."""
@@ -66,12 +66,12 @@ TOPICS: tuple[Topic, ...] = (primary.primary, *PAPER, *MODERN)
 """All topics; the declared analysis comes first."""
 
 
-def results_of(study: Study, topics: Sequence[Topic] = TOPICS) -> pd.DataFrame:
+def results_of(study: StudyData, topics: Sequence[Topic] = TOPICS) -> pd.DataFrame:
     """Compute the results of all topics."""
     return table_of(result for topic in topics for result in results_in(study, topic))
 
 
-def results_in(study: Study, topic: Topic) -> tuple[Result, ...]:
+def results_in(study: StudyData, topic: Topic) -> tuple[Result, ...]:
     """Compute one topic; an error becomes a result in its place, so that other topics are unaffected."""
     try:
         return topic(study).results
@@ -80,7 +80,7 @@ def results_in(study: Study, topic: Topic) -> tuple[Result, ...]:
         return (plain(_name_of(topic), NOT_COMPUTED, "", nan, "", 0, "", why),)
 
 
-def _name_of(function: Callable[[Study], object]) -> str:
+def _name_of(function: Callable[[StudyData], object]) -> str:
     """Return the name of a topic and of its figure: the module that computes and draws them."""
     return function.__module__.rpartition(".")[2]
 
@@ -98,13 +98,13 @@ PICTURES = (primary.picture, *PAPER_FIGURES, *MODERN_FIGURES)
 """All figures; that of the primary outcome comes first."""
 
 
-def pictures(study: Study) -> Iterator[Picture]:
+def pictures(study: StudyData) -> Iterator[TopicFigure]:
     """Draw all figures, one at a time; only title and caption if the study has no data for one."""
     for draw in PICTURES:
         yield drawn(study, draw)
 
 
-def drawn(study: Study, draw: Callable[[Study], Picture]) -> Picture:
+def drawn(study: StudyData, draw: Callable[[StudyData], TopicFigure]) -> TopicFigure:
     """Draw a figure; an error is reported in its place, so that all others are unaffected."""
     try:
         picture = draw(study)
@@ -113,5 +113,5 @@ def drawn(study: Study, draw: Callable[[Study], Picture]) -> Picture:
     except UNCOMPUTABLE as error:
         name = _name_of(draw)
         why = f"This figure could not be drawn ({type(error).__name__}: {error}). The tables do not depend on it."
-        return Picture(name, name.capitalize(), why, None, failed=True)
+        return TopicFigure(name, name.capitalize(), why, None, failed=True)
     return picture

@@ -18,7 +18,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import ArrayLike
 
-from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.study import StudyData
 from netboard.analysis.statistics.estimates import Estimate
 from netboard.analysis.topics.groups import Condition, bounded, simulated, teams
 from netboard.base.plural import noun, plural
@@ -78,7 +78,7 @@ STYLE: Any = {
 
 
 @dataclass(frozen=True, slots=True)
-class Picture:
+class TopicFigure:
     """A figure with title and caption; without a figure, the caption gives the reason, an error if it `failed`.
 
     The caption has the content in a sentence or two, with n, the unit of replication, and the meaning of bars and
@@ -217,7 +217,7 @@ def team_look(team: str) -> Look:
     return Look(colour, markers.get(named, "^"), colour, lines.get(named, ":"))
 
 
-def _colours(study: Study) -> dict[str, str]:
+def _colours(study: StudyData) -> dict[str, str]:
     """Return colours for teams that differ by more than configuration and partner."""
     every = teams(study)
     others = [one for one in every if one not in COLOURS and one.partition(", ")[2] not in PARTNERS]
@@ -230,16 +230,18 @@ Drawn: TypeAlias = "tuple[Figure, str] | str"
 """What a topic draws: a figure and its caption, or the reason why there is none."""
 
 
-def pictured(title: str, *, whole: bool = False) -> Callable[[Callable[[Study], Drawn]], Callable[[Study], Picture]]:
+def pictured(
+    title: str, *, whole: bool = False
+) -> Callable[[Callable[[StudyData], Drawn]], Callable[[StudyData], TopicFigure]]:
     """Decorate the drawing function of a topic, whose module names the figure: common style, and notes in the caption.
 
     Conditions are pooled to fit a figure, except in one of the `whole` study; a note names the pooled factors. Another
     note is on simulated participants.
     """
 
-    def decorate(draw: Callable[[Study], Drawn]) -> Callable[[Study], Picture]:
+    def decorate(draw: Callable[[StudyData], Drawn]) -> Callable[[StudyData], TopicFigure]:
         @wraps(draw)
-        def picture(study: Study) -> Picture:
+        def picture(study: StudyData) -> TopicFigure:
             import matplotlib as mpl
 
             shown, pooling = (study, "") if whole else bounded(study)
@@ -252,7 +254,7 @@ def pictured(title: str, *, whole: bool = False) -> Callable[[Callable[[Study], 
             figure, caption = (None, drawn) if isinstance(drawn, str) else drawn
             for note in () if figure is None else (simulated(shown), pooling):
                 caption = f"{caption} {note}".rstrip()
-            return Picture(draw.__module__.rpartition(".")[2], title, caption, figure)
+            return TopicFigure(draw.__module__.rpartition(".")[2], title, caption, figure)
 
         return picture
 

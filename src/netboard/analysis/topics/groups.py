@@ -18,7 +18,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from netboard.analysis.extraction.conditions import StudyFactor, names_of
-from netboard.analysis.extraction.study import Study, pooled, series_labels
+from netboard.analysis.extraction.study import StudyData, pooled, series_labels
 from netboard.analysis.extraction.tables import ATTEMPT_KEY
 from netboard.analysis.measures.performance import ENDS, trial_times, window_sizes
 from netboard.analysis.statistics.estimates import ROUNDING, Estimate, Range, mean_interval
@@ -46,7 +46,7 @@ def haptics_of(force: str) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Quantity:
+class PerformanceQuantity:
     """Performance measure of a trial, 0 or more; less is better."""
 
     column: str
@@ -54,7 +54,10 @@ class Quantity:
     unit: str
 
 
-QUANTITIES = (Quantity("completion", "completion time", "s"), Quantity("peaks", "number of velocity peaks", "1"))
+QUANTITIES = (
+    PerformanceQuantity("completion", "completion time", "s"),
+    PerformanceQuantity("peaks", "number of velocity peaks", "1"),
+)
 """The paper's two performance measures."""
 
 
@@ -100,7 +103,7 @@ class Condition:
 
 
 @cached
-def conditions(study: Study) -> tuple[Condition, ...]:
+def conditions(study: StudyData) -> tuple[Condition, ...]:
     """Return the conditions of a study, bimanual first, and haptics off first."""
     analysed = study.analysed
     named = [factor for factor in study.factors if factor.in_names]
@@ -120,7 +123,7 @@ def conditions(study: Study) -> tuple[Condition, ...]:
 
 
 @cached
-def bounded(study: Study) -> tuple[Study, str]:
+def bounded(study: StudyData) -> tuple[StudyData, str]:
     """Pool over as few factors as needed to fit the conditions in a figure, and say which; empty for none."""
     cells = len(conditions(study))
     named = [one for one in reversed(study.factors) if one.in_names]
@@ -136,17 +139,17 @@ def bounded(study: Study) -> tuple[Study, str]:
     return fewer, f"Pooled over {each}: the study has {cells} conditions, which tables and models distinguish."
 
 
-def of_blocks(study: Study) -> tuple[Condition, ...]:
+def of_blocks(study: StudyData) -> tuple[Condition, ...]:
     """Return the conditions of blocks, without the levels of factors that vary within them."""
     return conditions(pooled(study, [factor.name for factor in study.factors if factor.scope == "trial"]))
 
 
-def labels_of(study: Study) -> dict[str, str]:
+def labels_of(study: StudyData) -> dict[str, str]:
     """Return the label of each condition of trials or blocks, as the results name it."""
     return {one.name: one.label for one in (*of_blocks(study), *conditions(study))}
 
 
-def block_labels(study: Study) -> dict[str, str]:
+def block_labels(study: StudyData) -> dict[str, str]:
     """Return the labels of all blocks' conditions, even if not analysed or with a factor that varies within."""
     known = {one.name: one.label for one in of_blocks(study)}
     return {name: known.get(name, name) for name in study.blocks["condition"]}
@@ -165,12 +168,12 @@ def _place(condition: Condition) -> tuple[int, str, tuple[int, ...], str, int, s
     )
 
 
-def teams(study: Study) -> tuple[str, ...]:
+def teams(study: StudyData) -> tuple[str, ...]:
     """Return the teams of a study, in the order of its conditions."""
     return tuple(dict.fromkeys(condition.team for condition in conditions(study)))
 
 
-def counted(study: Study) -> pd.DataFrame:
+def counted(study: StudyData) -> pd.DataFrame:
     """Return the trials that count, with team and completion time as set.
 
     Where the time of failed attempts counts too, those in the same recording are added.
@@ -182,13 +185,13 @@ def counted(study: Study) -> pd.DataFrame:
     return rows
 
 
-def excluded(study: Study) -> NDArray[np.bool_]:
+def excluded(study: StudyData) -> NDArray[np.bool_]:
     """Return whether each attempt of a study is excluded."""
     left_out = pd.MultiIndex.from_frame(study.exclusions[ATTEMPT_KEY])
     return np.asarray(pd.MultiIndex.from_frame(study.trials[ATTEMPT_KEY]).isin(left_out))
 
 
-def _times_of_all_attempts(study: Study) -> pd.Series:
+def _times_of_all_attempts(study: StudyData) -> pd.Series:
     """Return the time of each trial that counts, including its failed attempts."""
     trials = study.trials[(study.trials["counts"] == 1) | (study.trials["outcome"] != "success")]
     found = [pd.Series(dtype=np.float64)]
@@ -357,7 +360,7 @@ def estimated(topic: str, quantity: str, group: str, found: Estimate, unit: str,
     return Result(topic, quantity, group, found.value, found.low, found.high, unit, interval, found.n, found.unit, note)
 
 
-def simulated(study: Study) -> str:
+def simulated(study: StudyData) -> str:
     """Return a sentence if participants of a study are simulated; otherwise an empty text."""
     marks = study.blocks["simulated"]
     if not len(marks) or not marks.any():
@@ -397,7 +400,7 @@ def short_last_group(first: int, last: int, size: int) -> str:
     return f"The last group has only {plural(count, 'trial')} ({first} to {last})." if count < size else ""
 
 
-def windows_of(study: Study) -> Windows:
+def windows_of(study: StudyData) -> Windows:
     """Return the windows of a study: as set, or the paper's 30, or as many as short conditions allow."""
     how = study.readings.summaries
     trials = counted(study)

@@ -19,7 +19,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from netboard.analysis.extraction.conditions import STAND_INS
-from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.study import StudyData
 from netboard.analysis.measures.information import Past, SurrogateComparison, chance_level, granger
 from netboard.analysis.statistics.estimates import mean
 from netboard.analysis.topics.figure import Drawn, fit_beside, look_of, new_mosaic, pictured
@@ -89,7 +89,7 @@ def _results(one: Influence) -> list[Result]:
 
 
 @cached
-def influences(study: Study) -> TopicResults[Influence]:
+def influences(study: StudyData) -> TopicResults[Influence]:
     """Return the influence of each partner on the other, in all conditions with two people."""
     found: list[Influence] = []
     for condition in conditions(study):
@@ -157,7 +157,7 @@ FEW = 6
 
 
 @pictured("Influence between partners")
-def picture(study: Study) -> Drawn:
+def picture(study: StudyData) -> Drawn:
     """Draw the influence between partners."""
     found = [one for one in influences(study).parts if len(one.values)]
     if not found:

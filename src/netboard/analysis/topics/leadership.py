@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from netboard.analysis.extraction.conditions import STAND_INS
-from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.study import StudyData
 from netboard.analysis.measures.lags import leadership
 from netboard.analysis.topics.figure import NO_EFFECT, Drawn, due_count, new_mosaic, pictured, titled
 from netboard.analysis.topics.groups import estimated, interval_text
@@ -42,7 +42,7 @@ QUESTIONS = (
 """Leadership measures. The index uses delays at own peaks, so moving farther does not look like moving earlier."""
 
 
-def leaders(study: Study) -> TopicResults[Levels]:
+def leaders(study: StudyData) -> TopicResults[Levels]:
     """Return the leadership by measure, then by condition; a mean other than 0 indicates a side that leads."""
     return TopicResults.of(levels_of(study, QUESTIONS), partial(_results, changed_seats(study)))
 
@@ -57,7 +57,7 @@ def _results(changed: Collection[str], lead: Levels) -> Iterator[Result]:
         yield plain("leadership", question.name, f"{group}, {dyad}", float(value), question.unit, 1, "dyad", note)
 
 
-def changed_seats(study: Study) -> tuple[str, ...]:
+def changed_seats(study: StudyData) -> tuple[str, ...]:
     """Return the dyads whose partners changed seats between analysed dyadic blocks: a side is not one participant."""
     analysed = study.analysed
     together = analysed[analysed["configuration"] == "dyadic"]
@@ -67,7 +67,7 @@ def changed_seats(study: Study) -> tuple[str, ...]:
 
 
 @pictured("Who moved first")
-def picture(study: Study) -> Drawn:
+def picture(study: StudyData) -> Drawn:
     """Draw the leadership measures."""
     found = leaders(study).parts
     if not found:
@@ -96,7 +96,7 @@ def _panel(axes: "Axes", found: Sequence[Levels], at: dict[str, float]) -> None:
     axes.set_xlim(-0.6, max(at.values()) + 0.6)
 
 
-def _caption(study: Study, found: Sequence[Levels]) -> str:
+def _caption(study: StudyData, found: Sequence[Levels]) -> str:
     own = [one for one in found if one.measure == QUESTIONS[1]]
     known = due_count([(one.condition.label, one.mean.n, "dyad") for one in own], [one.rows for one in own], "movement")
     seats = ", ".join(changed_seats(study))

@@ -14,12 +14,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from netboard.analysis.extraction.study import Study, series_labels
+from netboard.analysis.extraction.study import StudyData, series_labels
 from netboard.analysis.measures.ellipses import groups_of
 from netboard.analysis.measures.performance import (
     FirstAndLast,
     LearningCurve,
-    Summary,
+    PerformanceSummary,
     first_and_last,
     learning_curve,
 )
@@ -43,7 +43,7 @@ from netboard.analysis.topics.figure import (
 from netboard.analysis.topics.groups import (
     CLASSES,
     QUANTITIES,
-    Quantity,
+    PerformanceQuantity,
     counted,
     estimate,
     estimated,
@@ -81,7 +81,7 @@ class Course:
     series with too few trials for both ends, which are left out [1].
     """
 
-    quantity: Quantity
+    quantity: PerformanceQuantity
     curve: LearningCurve
     stages: Stages
     ends: FirstAndLast
@@ -108,7 +108,7 @@ class TeamLearning:
     trials: int
 
 
-def learning(study: Study) -> TopicResults[TeamLearning]:
+def learning(study: StudyData) -> TopicResults[TeamLearning]:
     """Return the learning of all teams."""
     trials = counted(study)
     own = {team: trials[trials["team"] == team] for team in teams(study)}
@@ -116,12 +116,12 @@ def learning(study: Study) -> TopicResults[TeamLearning]:
     return TopicResults.of(found, partial(_results, study))
 
 
-def series_of(study: Study, rows: pd.DataFrame) -> pd.Series:
+def series_of(study: StudyData, rows: pd.DataFrame) -> pd.Series:
     """Number the series (`series_labels`)."""
     return rows.groupby(series_labels(study.readings), sort=False).ngroup()
 
 
-def _learning(study: Study, team: str, rows: pd.DataFrame) -> TeamLearning:
+def _learning(study: StudyData, team: str, rows: pd.DataFrame) -> TeamLearning:
     order = rows["order"].to_numpy()
     classes = [learning_curve(rows[name].to_numpy(np.float64), order).mean for name in CLASSES]
     return TeamLearning(
@@ -135,7 +135,7 @@ def _learning(study: Study, team: str, rows: pd.DataFrame) -> TeamLearning:
     )
 
 
-def _course(study: Study, rows: pd.DataFrame, quantity: Quantity) -> Course:
+def _course(study: StudyData, rows: pd.DataFrame, quantity: PerformanceQuantity) -> Course:
     how, windows = study.readings.summaries, windows_of(study)
     values, order = rows[quantity.column].to_numpy(np.float64), rows["order"].to_numpy()
     series = series_of(study, rows)
@@ -181,7 +181,7 @@ def _stages(rows: pd.DataFrame, column: str, size: int) -> Stages:
     )
 
 
-def _results(study: Study, found: TeamLearning) -> Iterator[Result]:
+def _results(study: StudyData, found: TeamLearning) -> Iterator[Result]:
     windows = windows_of(study)
     count = windows.ends
     for course in found.courses:
@@ -199,7 +199,7 @@ def _results(study: Study, found: TeamLearning) -> Iterator[Result]:
         yield estimated(TOPIC, f"change of {name}", group, course.change, unit, note)
 
 
-def _spread(group: str, found: Summary, course: Course, note: str) -> Result:
+def _spread(group: str, found: PerformanceSummary, course: Course, note: str) -> Result:
     """Return a mean with its standard deviation as a result."""
     low, high = found.mean - found.deviation, found.mean + found.deviation
     interval = "SD" if found.count > 1 else ""
@@ -210,7 +210,7 @@ def _spread(group: str, found: Summary, course: Course, note: str) -> Result:
 
 
 @pictured("Learning")
-def picture(study: Study) -> Drawn:
+def picture(study: StudyData) -> Drawn:
     """Draw the learning of participants and dyads.
 
     Lines are means of all trials of one number, pooled over haptic conditions; points are dyads in groups of trials.
@@ -326,7 +326,7 @@ def _performers(one: TeamLearning) -> str:
     return f"{plural(one.performers, 'participant')}, " if one.team.startswith("bimanual") else ""
 
 
-def _caption(study: Study, teams: tuple[TeamLearning, ...]) -> str:
+def _caption(study: StudyData, teams: tuple[TeamLearning, ...]) -> str:
     how, windows = study.readings.summaries, windows_of(study)
     of = "trials" if how.spread == "trials" else "participants or dyads"
     people = "; ".join(

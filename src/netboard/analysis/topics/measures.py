@@ -18,7 +18,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from netboard.analysis.extraction.attempts import MODERN, PAPER
-from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.study import StudyData
 from netboard.analysis.statistics.estimates import Estimate, Range, mean_interval, t_interval
 from netboard.analysis.topics.figure import (
     Drawn,
@@ -202,7 +202,7 @@ MEASURES = (
 require("compared MEASURES in analysis/topics/measures.py", [one.name for one in MEASURES if one.compared], OUTCOMES)
 
 
-def rows_of(study: Study, of: Of) -> pd.DataFrame:
+def rows_of(study: StudyData, of: Of) -> pd.DataFrame:
     """Return the rows with a value: trials that count, their cooperative movements, or attempts.
 
     Attempts are those that succeeded or fell and are not excluded.
@@ -214,13 +214,13 @@ def rows_of(study: Study, of: Of) -> pd.DataFrame:
     return study.trials[~excluded(study) & study.trials["outcome"].isin(["success", "fell"])]
 
 
-def levels(study: Study, measure: Measure) -> pd.DataFrame:
+def levels(study: StudyData, measure: Measure) -> pd.DataFrame:
     """Return the level of each dyad in each condition (a ratio measure's logarithm), and its number of ``rows``."""
     performers = levels_of_performers(study, measure)
     return performers.groupby(["condition", "dyad"], as_index=False).agg(level=("level", "mean"), rows=("rows", "sum"))
 
 
-def levels_of_performers(study: Study, measure: Measure) -> pd.DataFrame:
+def levels_of_performers(study: StudyData, measure: Measure) -> pd.DataFrame:
     """Return the level of each performer in each condition, as `levels` those of dyads.
 
     A setting decides whether trials or seconds have equal weight in shares.
@@ -238,7 +238,7 @@ def levels_of_performers(study: Study, measure: Measure) -> pd.DataFrame:
     return sums.assign(level=sums["sum"] / sums["weight"])
 
 
-def measures_of(study: Study) -> tuple[Measure, ...]:
+def measures_of(study: StudyData) -> tuple[Measure, ...]:
     """Return `MEASURES`; with the reading ``summaries.shares = "time"``, shares are weighted by time."""
     if study.readings.summaries.shares == "trials":
         return MEASURES
@@ -261,7 +261,7 @@ class Levels:
     mean: Estimate
 
 
-def levels_of(study: Study, measures: Iterable[Measure]) -> tuple[Levels, ...]:
+def levels_of(study: StudyData, measures: Iterable[Measure]) -> tuple[Levels, ...]:
     """Return the levels of measures, with their means, in every condition that has values, by measure first."""
     found = []
     for measure in measures:
@@ -283,7 +283,7 @@ def _mean(measure: Measure, values: NDArray[np.float64], rows: int) -> Estimate:
 
 
 @cached
-def overview(study: Study) -> TopicResults[Levels]:
+def overview(study: StudyData) -> TopicResults[Levels]:
     """Return the level of every measure in every condition."""
     return TopicResults.of(levels_of(study, measures_of(study)), _results)
 
@@ -321,7 +321,7 @@ _TITLE = 20
 
 
 @pictured("All measures")
-def picture(study: Study) -> Drawn:
+def picture(study: StudyData) -> Drawn:
     """Draw all measures."""
     found = overview(study).parts
     if not found:

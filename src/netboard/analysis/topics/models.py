@@ -14,10 +14,10 @@ import numpy as np
 import pandas as pd
 
 from netboard.analysis.extraction.conditions import StudyFactor
-from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.study import StudyData
 from netboard.analysis.statistics.effects import Effect, Inference, Model
 from netboard.analysis.statistics.estimates import Estimate
-from netboard.analysis.statistics.factors import INTERCEPT, PRACTICE, Factor, paper_factors
+from netboard.analysis.statistics.factors import INTERCEPT, PRACTICE, FixedFactor, paper_factors
 from netboard.analysis.statistics.models import count_model, log_time_model, share_model
 from netboard.analysis.topics.figure import (
     BLACK,
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Fit:
+class ModelFit:
     """A model of a measure; `ratio` and `first` say what the exponential of a coefficient, and the intercept, mean."""
 
     measure: str
@@ -57,7 +57,7 @@ class Fit:
 class Fits:
     """All models."""
 
-    fits: tuple[Fit, ...]
+    fits: tuple[ModelFit, ...]
     notes: tuple[str, ...]
 
     @property
@@ -65,7 +65,7 @@ class Fits:
         """Return each term with its p value, the random effects, and the checks of the assumptions."""
         return tuple(row for fit in self.fits for row in (*self._terms(fit), *_random_effects(fit), *_checks(fit)))
 
-    def _terms(self, fit: Fit) -> Iterator[Result]:
+    def _terms(self, fit: ModelFit) -> Iterator[Result]:
         note = "; ".join((f"{fit.model.name}: {fit.model.equation}", *self.notes, *fit.model.notes))
         for effect in fit.model.effects:
             yield from _rows(fit, effect, effect, "", note)
@@ -73,7 +73,7 @@ class Fits:
                 yield from _rows(fit, effect, other, f", {other.method}", note)
 
 
-def _rows(fit: Fit, effect: Effect, inference: Effect | Inference, method: str, note: str) -> Iterator[Result]:
+def _rows(fit: ModelFit, effect: Effect, inference: Effect | Inference, method: str, note: str) -> Iterator[Result]:
     """Yield a term with its confidence interval, and its p value, by one method.
 
     A term is a factor of the response; practice is its exponent. The intercept has no p value: that the first trial
@@ -92,14 +92,14 @@ def _rows(fit: Fit, effect: Effect, inference: Effect | Inference, method: str, 
         yield plain("models", f"{fit.measure}: p{method}", effect.name, inference.p, "1", *rest)
 
 
-def _random_effects(fit: Fit) -> Iterator[Result]:
+def _random_effects(fit: ModelFit) -> Iterator[Result]:
     for component in fit.model.components:
         of = "trial" if component.name == "residual" else component.name.split(" by ")[-1]
         name, value = f"{fit.measure}: SD on the log scale", component.deviation
         yield plain("models", name, component.name, value, "1", component.levels, of)
 
 
-def _checks(fit: Fit) -> Iterator[Result]:
+def _checks(fit: ModelFit) -> Iterator[Result]:
     """Yield the diagnostic numbers with the assumptions that they check; the others are a note."""
     model = fit.model
     checks = [("correlation within dyads", model.correlation), ("Pearson's dispersion", model.dispersion)]
@@ -115,7 +115,7 @@ def _checks(fit: Fit) -> Iterator[Result]:
 
 
 @cached
-def fits(study: Study) -> Fits:
+def fits(study: StudyData) -> Fits:
     """Fit all models without robot and still hand; one that cannot be fitted gives the reason in its notes."""
     trials, attempts = (human_test_rows(rows_of(study, of)) for of in ("trial", "attempt"))
     attempts = attempts.assign(order=trial_numbers(attempts))
@@ -126,16 +126,16 @@ def fits(study: Study) -> Fits:
 
 def fits_of(
     trials: pd.DataFrame, attempts: pd.DataFrame, others: Sequence[StudyFactor], level: float = 0.95
-) -> tuple[Fit, ...]:
+) -> tuple[ModelFit, ...]:
     """Fit all models to trials that count and attempts with `trial_numbers`, with the study's further factors."""
     of_trials, of_attempts = _labels(trials, others), _labels(attempts, others)
     times = log_time_model(trials["completion"].where(trials["completion"] > 0.0), *of_trials, level=level)
     peaks = count_model(trials["peaks"], *of_trials, level=level)
     falls = share_model(attempts["outcome"] == "fell", *of_attempts, level=level)
     return (
-        Fit("completion time", "trial", "ratio", "at the first trial", times),
-        Fit("velocity peaks", "trial", "ratio", "at the first trial", peaks),
-        Fit("falls per attempt", "attempt", "ratio of odds", "odds at the first trial", falls),
+        ModelFit("completion time", "trial", "ratio", "at the first trial", times),
+        ModelFit("velocity peaks", "trial", "ratio", "at the first trial", peaks),
+        ModelFit("falls per attempt", "attempt", "ratio of odds", "odds at the first trial", falls),
     )
 
 
@@ -146,7 +146,7 @@ def human_test_rows(rows: pd.DataFrame) -> pd.DataFrame:
 
 def _labels(
     rows: pd.DataFrame, others: Sequence[StudyFactor]
-) -> tuple[pd.Series, pd.Series, tuple[Factor, ...], pd.Series]:
+) -> tuple[pd.Series, pd.Series, tuple[FixedFactor, ...], pd.Series]:
     return rows["dyad"], rows["performer"], factors_of(rows, others), rows["order"]
 
 
@@ -154,7 +154,7 @@ _COLUMNS = ("dyads", "performers", "order")
 """Names of the columns that a model has besides its factors."""
 
 
-def factors_of(rows: pd.DataFrame, others: Sequence[StudyFactor] = ()) -> tuple[Factor, ...]:
+def factors_of(rows: pd.DataFrame, others: Sequence[StudyFactor] = ()) -> tuple[FixedFactor, ...]:
     """Return the fixed factors of the models: haptics, configuration, and the study's own.
 
     Those that haptics, configuration and partner determine are left out. A factor of the study with a name that the
@@ -171,20 +171,20 @@ def factors_of(rows: pd.DataFrame, others: Sequence[StudyFactor] = ()) -> tuple[
     return (*found, *(replace(one, name=f"factor {one.name}") if one.name in taken else one for one in own))
 
 
-def _named(name: str, values: pd.Series, levels: Sequence[str]) -> Factor:
+def _named(name: str, values: pd.Series, levels: Sequence[str]) -> FixedFactor:
     """Return a categorical factor; with two levels its name gives the direction of the comparison."""
     full = f"{name}: {levels[1]} vs {levels[0]}" if len(levels) == 2 else name
-    return Factor(full, values.to_numpy(str), tuple(levels))
+    return FixedFactor(full, values.to_numpy(str), tuple(levels))
 
 
-def _own(rows: pd.DataFrame, factor: StudyFactor) -> Factor:
+def _own(rows: pd.DataFrame, factor: StudyFactor) -> FixedFactor:
     """Return a factor of the study; a numeric one has effects per decimal step of its unit that suits its range."""
     if len(set(factor.of.values)) < 2 or (rows[factor.column] == "").any():
         levels = tuple(one for one in ("", *factor.of.levels) if one in set(rows[factor.column]))
         return _named(factor.name, rows[factor.column], levels)
     step = 10.0 ** floor(log10(max(factor.of.values) - min(factor.of.values)))
     values = rows[f"{factor.column}_value"].to_numpy(float)
-    return Factor(factor.name, values, numeric=True, unit=factor.of.unit, step=step)
+    return FixedFactor(factor.name, values, numeric=True, unit=factor.of.unit, step=step)
 
 
 def trial_numbers(attempts: pd.DataFrame) -> pd.Series:
@@ -203,7 +203,7 @@ LOOKS = {
 
 
 @pictured("Models of all trials", whole=True)
-def picture(study: Study) -> Drawn:
+def picture(study: StudyData) -> Drawn:
     """Draw the models."""
     found = fits(study)
     shown = [one for one in found.fits if one.model.fitted]
@@ -223,7 +223,7 @@ def picture(study: Study) -> Drawn:
     return figure, _caption(found, shown)
 
 
-def effects_shown(fit: Fit) -> list[Effect]:
+def effects_shown(fit: ModelFit) -> list[Effect]:
     """Return the estimable terms that are ratios of conditions."""
     return [one for one in fit.model.effects if one.name not in (INTERCEPT, PRACTICE) and np.isfinite(one.ratio.value)]
 
@@ -232,7 +232,7 @@ MOST = 100.0
 """Largest ratio on the axis, and the inverse of the smallest one [1]."""
 
 
-def _terms(axes: "Axes", found: Sequence[Fit]) -> None:
+def _terms(axes: "Axes", found: Sequence[ModelFit]) -> None:
     """Draw the ratios of all models, a row for each term; the legend names the models that cannot be estimated."""
     shown = [fit for fit in found if effects_shown(fit)]
     names = list(dict.fromkeys(effect.name for fit in shown for effect in effects_shown(fit)))
@@ -279,7 +279,7 @@ def _ratio_axis(axes: "Axes") -> None:
     axes.tick_params(axis="x", labelsize=7)
 
 
-def _residuals(axes: "Axes", fit: Fit) -> None:
+def _residuals(axes: "Axes", fit: ModelFit) -> None:
     """Draw a normal Q-Q plot of the residuals."""
     found = fit.model.diagnostics
     if found is None:
@@ -299,7 +299,7 @@ def _residuals(axes: "Axes", fit: Fit) -> None:
     axes.set_ylabel("residual [SD]")
 
 
-def _caption(found: Fits, shown: Sequence[Fit]) -> str:
+def _caption(found: Fits, shown: Sequence[ModelFit]) -> str:
     fitted = "; ".join(
         f"{one.measure}: {one.model.name}, {one.model.trials} {one.of}s of {plural(one.model.dyads, 'dyad')}"
         for one in shown
@@ -323,11 +323,11 @@ def _why(model: Model) -> list[str]:
     return [note for note in model.notes if note.startswith("not ")] or list(model.notes)
 
 
-def _intervals(shown: Sequence[Fit]) -> str:
+def _intervals(shown: Sequence[ModelFit]) -> str:
     return interval_text(effect.ratio for fit in shown for effect in effects_shown(fit))
 
 
-def _beyond(shown: Sequence[Fit]) -> str:
+def _beyond(shown: Sequence[ModelFit]) -> str:
     """Return what an arrow means, if there is one."""
     ends = [end for fit in shown for one in effects_shown(fit) for end in (one.ratio.low, one.ratio.high)]
     if not any(end < 1.0 / MOST or end > MOST for end in ends):

@@ -14,7 +14,7 @@ from typing import Any, Literal
 
 import pandas as pd
 
-from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.study import StudyData
 from netboard.analysis.extraction.tables import count, number, words
 from netboard.analysis.topics.delay import APART, OVER_ALL, RISE
 from netboard.analysis.topics.everything import PAPER, results_in
@@ -165,7 +165,7 @@ LIKELY_SEARCH = 'the paper more likely had delays.search = "inside", with which 
 """Note on a delay with another search (docs/reference/measures.md has the reasons)."""
 
 
-def compare(study: Study) -> pd.DataFrame:
+def compare(study: StudyData) -> pd.DataFrame:
     """Compare a study's numbers with those of the paper."""
     found = {(one.topic, one.quantity, one.group): one for topic in PAPER for one in results_in(study, topic)}
     ends = windows_of(study).ends

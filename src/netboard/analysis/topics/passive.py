@@ -16,7 +16,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from netboard.analysis.extraction.attempts import STIFFNESSES
-from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.study import StudyData
 from netboard.analysis.statistics.estimates import Estimate, bootstrap, mean_interval, ratio_of_sums
 from netboard.analysis.topics.figure import (
     NO_EFFECT,
@@ -99,7 +99,7 @@ def _row(quantity: str, group: str, found: Estimate, note: str) -> Result:
     return estimated("passive", quantity, group, found, "1", note)
 
 
-def controls(study: Study) -> TopicResults[Control]:
+def controls(study: StudyData) -> TopicResults[Control]:
     """Compare the effect of haptic feedback with that of a passive partner.
 
     Controls come by haptic condition, then by stiffness; without friction and then with the device, if known. There are
@@ -121,7 +121,7 @@ def controls(study: Study) -> TopicResults[Control]:
     return TopicResults(tuple(found), tuple(_results(found)))
 
 
-def _friction(study: Study, condition: Condition) -> float:
+def _friction(study: StudyData, condition: Condition) -> float:
     rows = rows_of(study, "trial")
     return float(rows.loc[rows["condition"] == condition.name, "passive_friction"].mean())
 
@@ -153,7 +153,7 @@ _NONE = "The mechanical part of the effect cannot be estimated, because the effe
 
 
 @pictured("The part that a passive partner would show")
-def picture(study: Study) -> Drawn:
+def picture(study: StudyData) -> Drawn:
     """Draw the effect of haptic feedback and the passive effect.
 
     The passive effect is shown without friction, an upper bound, and with the device's friction if known.

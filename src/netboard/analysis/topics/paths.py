@@ -14,7 +14,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from netboard.analysis.extraction.details import STEP
-from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.study import StudyData
 from netboard.analysis.extraction.tables import ATTEMPT_KEY
 from netboard.analysis.extraction.trials import RATE
 from netboard.analysis.statistics.estimates import t_interval
@@ -70,7 +70,7 @@ def _results(one: MeanPath) -> Iterator[Result]:
 
 
 @cached
-def mean_paths(study: Study) -> TopicResults[MeanPath]:
+def mean_paths(study: StudyData) -> TopicResults[MeanPath]:
     """Return the mean paths of all conditions."""
     if not len(study.counted):
         return TopicResults((), ())
@@ -92,7 +92,7 @@ def joined(trials: pd.DataFrame, paths: Mapping[str, pd.DataFrame]) -> Iterator[
             yield table.assign(number=table.groupby(ATTEMPT_KEY, sort=False).ngroup(), sample=samples)
 
 
-def _mean_paths(condition: Condition, study: Study, samples: int) -> list[MeanPath]:
+def _mean_paths(condition: Condition, study: StudyData, samples: int) -> list[MeanPath]:
     trials = study.counted[study.counted["condition"] == condition.name]
     places: dict[str, list[pd.DataFrame]] = {name: [] for name in QUANTITIES}
     dyads: list[str] = []
@@ -137,7 +137,7 @@ _LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 
 
 @pictured("The course of a trial")
-def picture(study: Study) -> Drawn:
+def picture(study: StudyData) -> Drawn:
     """Draw mean paths.
 
     Trials with the target on the left are mirrored.

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from netboard.analysis.extraction.conditions import participants_of
-from netboard.analysis.extraction.study import PLACE_IN_STUDY, Study
+from netboard.analysis.extraction.study import PLACE_IN_STUDY, StudyData
 from netboard.analysis.extraction.tables import count, number, words
 from netboard.analysis.measures.movements import mean_shares
 from netboard.analysis.topics.groups import CLASSES, counted
@@ -52,7 +52,7 @@ PEOPLE = (
 """Columns of the table of performers."""
 
 
-def people_of(study: Study) -> pd.DataFrame:
+def people_of(study: StudyData) -> pd.DataFrame:
     """Average the trials of each performer in each condition."""
     factors = [field.name for field in study.factor_fields]
     keys = ["dyad", "performer", "configuration", "force", "condition", "role"]
@@ -89,7 +89,7 @@ def _common(levels: pd.Series) -> object:
     return np.nan if levels.dtype == np.float64 else ", ".join(map(str, found))
 
 
-def _partners(study: Study) -> dict[tuple[str, str], str]:
+def _partners(study: StudyData) -> dict[tuple[str, str], str]:
     """Return the partner of each participant in a dyad: the other who performed alone, or sat at the same board."""
     found: dict[tuple[str, str], str] = {}
     for dyad, blocks in study.blocks.groupby("dyad"):
@@ -99,7 +99,7 @@ def _partners(study: Study) -> dict[tuple[str, str], str]:
     return found
 
 
-def _of_trials(trials: pd.DataFrame, study: Study) -> dict[str, float]:
+def _of_trials(trials: pd.DataFrame, study: StudyData) -> dict[str, float]:
     """Average the trials that count."""
     times = trials["completion"]
     shares = mean_shares(trials[list(CLASSES)].to_numpy(np.float64), of=study.readings.summaries.shares)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.study import StudyData
 from netboard.analysis.topics.declared import (
     METHODS,
     MODELS,
@@ -30,7 +30,7 @@ from netboard.analysis.topics.figure import (
     NO_EFFECT,
     Drawn,
     Look,
-    Picture,
+    TopicFigure,
     draw_dyads,
     draw_mean,
     new_mosaic,
@@ -59,7 +59,7 @@ class Primary:
 
 
 @cached
-def primary(study: Study) -> Primary:
+def primary(study: StudyData) -> Primary:
     """Return the declared analysis of a study, with its results; none without a declaration."""
     found = declared_analysis(study)
     if isinstance(found, NoAnalysis):
@@ -117,13 +117,13 @@ EXPLORED = "completion time"
 """Measure of the figure of a study without a declared outcome."""
 
 
-def picture(study: Study) -> Picture:
+def picture(study: StudyData) -> TopicFigure:
     """Draw the primary outcome by condition, or completion times if none is declared."""
     return _exploratory(study) if isinstance(primary(study).analysis, NoAnalysis) else _declared(study)
 
 
 @pictured("Completion time by condition")
-def _exploratory(study: Study) -> Drawn:
+def _exploratory(study: StudyData) -> Drawn:
     """Draw completion times by condition."""
     (measure,) = [one for one in MEASURES if one.name == EXPLORED]
     found = levels_of(study, [measure])
@@ -143,7 +143,7 @@ def _exploratory(study: Study) -> Drawn:
 
 
 @pictured("Primary outcome", whole=True)
-def _declared(study: Study) -> Drawn:
+def _declared(study: StudyData) -> Drawn:
     """Draw the primary outcome: each dyad and the mean in each combination of levels, and the effects."""
     found = primary(study).analysis
     if isinstance(found, NoAnalysis):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.study import StudyData
 from netboard.analysis.statistics.estimates import Estimate, t_interval
 from netboard.analysis.topics.figure import Drawn, look_of, new_mosaic, pictured, titled
 from netboard.analysis.topics.groups import block_labels, estimated, excluded, of_blocks
@@ -25,7 +25,7 @@ OUTCOMES = {"success": "succeeded", "fell": "fell", "timed_out": "timed out"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Quality:
+class StudyQuality:
     """Quality of the recordings of a study.
 
     Attributes
@@ -69,11 +69,11 @@ def _count(quantity: str, group: str, value: float, n: int) -> Result:
     return plain("quality", quantity, group, float(value), "1", n, "dyad", "number of all dyads")
 
 
-def quality(study: Study) -> Quality:
+def quality(study: StudyData) -> StudyQuality:
     """Return the quality of a study's recordings."""
     reasons = study.exclusions["why"].value_counts()
     drifts = _drifts(study.counted)
-    return Quality(
+    return StudyQuality(
         blocks=_blocks(study),
         reasons={str(why): int(number) for why, number in reasons.items()},
         dyads=tuple(drifts.index),
@@ -82,7 +82,7 @@ def quality(study: Study) -> Quality:
     )
 
 
-def _blocks(study: Study) -> pd.DataFrame:
+def _blocks(study: StudyData) -> pd.DataFrame:
     """Count the attempts of each block; a block may have several recordings, or no attempt."""
     trials = study.trials.assign(
         attempts=1,
@@ -115,7 +115,7 @@ _READABLE = 30
 
 
 @pictured("What was recorded")
-def picture(study: Study) -> Drawn:
+def picture(study: StudyData) -> Drawn:
     """Draw the quality of the recordings."""
     found = quality(study)
     if not len(found.blocks):
@@ -133,7 +133,7 @@ def picture(study: Study) -> Drawn:
     return figure, _caption(found, dyads)
 
 
-def _counts(axes: "Axes", found: Quality, column: str) -> None:
+def _counts(axes: "Axes", found: StudyQuality, column: str) -> None:
     """Draw a square for each block, darker for higher counts; blocks without a recording are empty."""
     table = found.blocks.pivot(index="dyad", columns="block", values=column)
     values = table.to_numpy(float)
@@ -157,7 +157,7 @@ def _step(blocks: int) -> int:
     return max(1, blocks // 9)
 
 
-def _times(axes: "Axes", found: Quality, study: Study) -> None:
+def _times(axes: "Axes", found: StudyQuality, study: StudyData) -> None:
     """Draw the geometric mean of each block, joined within a dyad."""
     for dyad, own in found.blocks.groupby("dyad"):
         axes.plot(own["block"], own["time"], color="#BBBBBB", linewidth=0.6, zorder=1, label=f"_{dyad}")
@@ -183,7 +183,7 @@ def _times(axes: "Axes", found: Quality, study: Study) -> None:
     axes.set_ylabel("completion time [s]")
 
 
-def _caption(found: Quality, dyads: int) -> str:
+def _caption(found: StudyQuality, dyads: int) -> str:
     total = found.blocks[["attempts", "success", "fell", "timed_out", "excluded", "counts", "missing"]].sum()
     reasons = "; ".join(f"{why}: {number}" for why, number in found.reasons.items())
     return (
@@ -195,7 +195,7 @@ def _caption(found: Quality, dyads: int) -> str:
     )
 
 
-def _drift(found: Quality) -> str:
+def _drift(found: StudyQuality) -> str:
     if not np.isfinite(found.drift.value):
         return "A drift cannot be separated from the conditions."
     ends = f" ({_percent(found.drift.low)} to {_percent(found.drift.high)})" if np.isfinite(found.drift.low) else ""

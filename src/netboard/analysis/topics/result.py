@@ -13,7 +13,7 @@ from weakref import ref
 
 import pandas as pd
 
-from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.study import StudyData
 from netboard.analysis.extraction.tables import count, number, words
 
 
@@ -88,12 +88,12 @@ MAX_CACHED = 4
 """Studies whose results are cached: the reported one, and those pooled from it [1]."""
 
 
-def cached(compute: Callable[[Study], T]) -> Callable[[Study], T]:
+def cached(compute: Callable[[StudyData], T]) -> Callable[[StudyData], T]:
     """Cache a costly computation for the most recent studies, which must not be changed."""
-    newest: deque[tuple[ref[Study], T]] = deque(maxlen=MAX_CACHED)
+    newest: deque[tuple[ref[StudyData], T]] = deque(maxlen=MAX_CACHED)
 
     @wraps(compute)
-    def compute_once(study: Study) -> T:
+    def compute_once(study: StudyData) -> T:
         for reference, result in newest:
             if reference() is study:
                 return result

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.study import StudyData
 from netboard.analysis.measures.ellipses import FEWEST, Ellipse, convergence, groups_of
 from netboard.analysis.statistics.estimates import Estimate
 from netboard.analysis.topics.figure import (
@@ -64,7 +64,7 @@ POINT = ["braking_distance", "braking_velocity"]
 
 
 @dataclass(frozen=True, slots=True)
-class Spread:
+class DyadSpread:
     """One measure of spread: of each dyad (rows) in each group of trials (columns) [its unit]."""
 
     quantity: str
@@ -85,10 +85,10 @@ class TeamStrategy:
     first: NDArray[np.int64]
     last: NDArray[np.int64]
     ellipses: tuple[Ellipse, ...]
-    spreads: tuple[Spread, ...]
+    spreads: tuple[DyadSpread, ...]
 
 
-def strategy(study: Study) -> TopicResults[TeamStrategy]:
+def strategy(study: StudyData) -> TopicResults[TeamStrategy]:
     """Return the convergence of all teams pooled, if several, and of each with trials with a first braking movement."""
     trials = counted(study).dropna(subset=POINT)
     own = {team: trials[trials["team"] == team] for team in teams(study)}
@@ -99,7 +99,7 @@ def strategy(study: Study) -> TopicResults[TeamStrategy]:
     return TopicResults.of(found, partial(_results, windows=windows_of(study)))
 
 
-def _team(study: Study, team: str, rows: pd.DataFrame) -> TeamStrategy:
+def _team(study: StudyData, team: str, rows: pd.DataFrame) -> TeamStrategy:
     how, size = study.readings.summaries, windows_of(study).group
     order = rows["order"].to_numpy()
     together = convergence(_points(rows), groups_of(order, size), extent=how.extent, scaling=how.scaling)
@@ -115,7 +115,7 @@ def _points(rows: pd.DataFrame) -> NDArray[np.float64]:
     return np.asarray(rows[POINT], np.float64)
 
 
-def _of_series(study: Study, rows: pd.DataFrame) -> pd.DataFrame:
+def _of_series(study: StudyData, rows: pd.DataFrame) -> pd.DataFrame:
     """Return the spreads of each performer in each condition and group of trials."""
     parts, size = [], windows_of(study).group
     for series, own in rows.groupby(series_of(study, rows), sort=False):
@@ -131,7 +131,7 @@ def _of_series(study: Study, rows: pd.DataFrame) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True)
 
 
-def _spread(spreads: pd.DataFrame, name: str, unit: str) -> Spread:
+def _spread(spreads: pd.DataFrame, name: str, unit: str) -> DyadSpread:
     """Average one spread for each dyad, and then over dyads; its change over the series that have both ends."""
     performers = spreads.groupby(["dyad", "performer", "group"])[name].mean()
     dyads = performers.groupby(level=["dyad", "group"]).mean().unstack("group")
@@ -139,7 +139,7 @@ def _spread(spreads: pd.DataFrame, name: str, unit: str) -> Spread:
     whole = series.iloc[:, [0, -1]].dropna().groupby(level=["dyad", "performer"]).mean()
     ends = whole.groupby(level="dyad").mean()
     change = ends.iloc[:, 1] - ends.iloc[:, 0] if series.shape[1] > 1 else pd.Series(dtype=np.float64)
-    return Spread(
+    return DyadSpread(
         name,
         unit,
         dyads,
@@ -180,7 +180,7 @@ _ACROSS = 3
 
 
 @pictured("Convergence of the strategy")
-def picture(study: Study) -> Drawn:
+def picture(study: StudyData) -> Drawn:
     """Draw the convergence of the strategy.
 
     Ellipses pool all performers; variances are those within performers, averaged for each dyad.
@@ -256,7 +256,7 @@ def _spreads(axes: "Axes", teams: list[TeamStrategy], kind: int, size: int) -> N
     axes.set_ylabel(f"variance {read_in(teams[0].spreads[kind].unit).in_brackets}")
 
 
-def _draw_spread(axes: "Axes", team: TeamStrategy, spread: Spread) -> None:
+def _draw_spread(axes: "Axes", team: TeamStrategy, spread: DyadSpread) -> None:
     look, scale = team_look(team.team), read_in(spread.unit).scale
     middles = (team.first + team.last) / 2
     for dyad, values in spread.dyads.iterrows():
@@ -292,7 +292,7 @@ def _names(axes: "Axes", teams: list[TeamStrategy], kind: int) -> None:
         axes.annotate(name, (0.83, place), xycoords=("axes fraction", "data"), color=team_colour(name), va="center")
 
 
-def _caption(study: Study, teams: tuple[TeamStrategy, ...]) -> str:
+def _caption(study: StudyData, teams: tuple[TeamStrategy, ...]) -> str:
     how, windows = study.readings.summaries, windows_of(study)
     extent = {
         "middle_90": "from the 5th to the 95th percentile of the scores along each component",

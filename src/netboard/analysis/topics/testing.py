@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import isfinite, nan
 
-from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.study import StudyData
 from netboard.analysis.statistics.exact_tests import Test
 from netboard.analysis.statistics.factors import INTERCEPT
 from netboard.analysis.topics.contrasts import comparisons
@@ -53,7 +53,7 @@ class FamilyOfTests:
         return sum(p < LEVEL for p in self.p)
 
 
-def families(study: Study) -> TopicResults[FamilyOfTests]:
+def families(study: StudyData) -> TopicResults[FamilyOfTests]:
     """Return all families of tests of a study with at least one test."""
     every = (*_of_declared(study), *_of_contrasts(study), *_of_dyads(study), *_of_influence(study), *_of_models(study))
     return TopicResults.of([one for one in every if one.p], _results)
@@ -82,7 +82,7 @@ def _results(one: FamilyOfTests) -> Iterator[Result]:
             yield plain(TOPIC, quantity, one.name, value, "1", one.dyads[0], "dyad", f"correction: {one.correction}")
 
 
-def _of_declared(study: Study) -> Iterator[FamilyOfTests]:
+def _of_declared(study: StudyData) -> Iterator[FamilyOfTests]:
     found = primary(study).analysis
     if isinstance(found, NoAnalysis):
         return
@@ -101,7 +101,7 @@ def _declared(name: str, found: Sequence[ByMethod], correction: str) -> FamilyOf
     return _known(name, [one.tested.p for one in found], nan, [one.estimate.n for one in found], correction)
 
 
-def _of_contrasts(study: Study) -> Iterator[FamilyOfTests]:
+def _of_contrasts(study: StudyData) -> Iterator[FamilyOfTests]:
     parts = comparisons(study).parts
     for measures in dict.fromkeys(one.measure.family for one in parts):
         own = [one for one in parts if one.measure.family == measures]
@@ -112,12 +112,12 @@ def _of_contrasts(study: Study) -> Iterator[FamilyOfTests]:
     yield _family("contrasts, all measures: sign tests", signs, [one.p for one in signs], UNCORRECTED)
 
 
-def _of_dyads(study: Study) -> Iterator[FamilyOfTests]:
+def _of_dyads(study: StudyData) -> Iterator[FamilyOfTests]:
     tests = [one.test for one in dyads(study).parts]
     yield _family("gains of dyads: sign tests", tests, [one.p for one in tests], UNCORRECTED)
 
 
-def _of_influence(study: Study) -> Iterator[FamilyOfTests]:
+def _of_influence(study: StudyData) -> Iterator[FamilyOfTests]:
     found = [one for one in influences(study).parts if one.chance is not None]
     chances = [one.chance for one in found if one.chance is not None]
     sizes = [len(one.dyads) for one in found]
@@ -125,7 +125,7 @@ def _of_influence(study: Study) -> Iterator[FamilyOfTests]:
     yield _known("influence between partners: exchanges of partners", [one.p for one in chances], least, sizes)
 
 
-def _of_models(study: Study) -> Iterator[FamilyOfTests]:
+def _of_models(study: StudyData) -> Iterator[FamilyOfTests]:
     for fit in fits(study).fits:
         terms = [one for one in fit.model.effects if one.name != INTERCEPT]
         sizes = [fit.model.dyads] * len(terms)

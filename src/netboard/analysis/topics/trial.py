@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from netboard.analysis.extraction.attempts import classes_of, peaks_of, strategy_of
 from netboard.analysis.extraction.details import THRESHOLDS, delays_of
-from netboard.analysis.extraction.trials import RATE, Take
+from netboard.analysis.extraction.trials import RATE, AttemptData
 from netboard.analysis.measures.cooperation import SEARCH_BACK
 from netboard.analysis.measures.movements import Movement
 from netboard.analysis.measures.signals import derivative, runs
@@ -26,7 +26,7 @@ from netboard.analysis.topics.figure import (
     ORANGE,
     STYLE,
     VERMILION,
-    Picture,
+    TopicFigure,
     new_figure,
 )
 from netboard.base.config import SIDES
@@ -45,13 +45,13 @@ _KINDS = {
 _ROOM = 0.15
 
 
-def _whole(take: Take) -> tuple[slice, NDArray[np.float64]]:
+def _whole(take: AttemptData) -> tuple[slice, NDArray[np.float64]]:
     """Return the samples of an attempt, and their times."""
     window = take.trial.window("whole")
     return window, np.arange(window.stop - window.start) / RATE
 
 
-def draw_completion(axes: Axes, take: Take) -> str:
+def draw_completion(axes: Axes, take: AttemptData) -> str:
     """Draw the ball's position and the target; return the explanation."""
     window, time = _whole(take)
     half, target = take.block.config.geometry.target_width / 2, take.trial.target
@@ -66,7 +66,7 @@ def draw_completion(axes: Axes, take: Take) -> str:
     return f"{take.completion:.3f} s; from there on the ball stays in the target for {hold:g} s"
 
 
-def draw_peaks(axes: Axes, take: Take) -> str:
+def draw_peaks(axes: Axes, take: AttemptData) -> str:
     """Draw the ball's speed with its peaks; return the explanation."""
     window, time = _whole(take)
     how = take.block.readings.peaks
@@ -83,11 +83,11 @@ def draw_peaks(axes: Axes, take: Take) -> str:
     return f"{counted.count} {where}, {every.count} with the hold; grey: before the {_slow(take)} filter"
 
 
-def _slow(take: Take) -> str:
+def _slow(take: AttemptData) -> str:
     return f"{take.block.readings.filters.slow:g} Hz"
 
 
-def draw_classes(axes: Axes, take: Take) -> str:
+def draw_classes(axes: Axes, take: AttemptData) -> str:
     """Draw the styluses' velocities and a strip of the movement classes; return the explanation."""
     window, time = _whole(take)
     for side in SIDES:
@@ -111,7 +111,7 @@ def draw_classes(axes: Axes, take: Take) -> str:
     return ", ".join(texts) + f" of the time; lines: {limit:g} mm/s"
 
 
-def draw_movements(axes: Axes, take: Take) -> str:
+def draw_movements(axes: Axes, take: AttemptData) -> str:
     """Draw the board's angular velocity with its movements; return the explanation."""
     window, time = _whole(take)
     moved = delays_of(take)[0]
@@ -128,7 +128,7 @@ def draw_movements(axes: Axes, take: Take) -> str:
     return f"{count}, of which {together} cooperative (green); grey: before the {_slow(take)} filter"
 
 
-def draw_delay(axes: Axes, take: Take) -> str:
+def draw_delay(axes: Axes, take: AttemptData) -> str:
     """Draw the largest cooperative movement with the delay thresholds; return the explanation."""
     moved, found, _ = delays_of(take)
     turns = take.own_segments
@@ -155,7 +155,7 @@ def draw_delay(axes: Axes, take: Take) -> str:
     return f"left minus right {delays} ms at {at} % of {whose} (lines), largest movement"
 
 
-def draw_braking(axes: Axes, take: Take) -> str:
+def draw_braking(axes: Axes, take: AttemptData) -> str:
     """Draw the tilt with the initial and the first braking movement; return the explanation."""
     window, time = _whole(take)
     axes.axhline(0.0, color=GREY, lw=0.6)
@@ -183,7 +183,7 @@ def draw_braking(axes: Axes, take: Take) -> str:
     )
 
 
-PANELS: dict[str, tuple[str, Callable[[Axes, Take], str]]] = {
+PANELS: dict[str, tuple[str, Callable[[Axes, AttemptData], str]]] = {
     "completion": ("Completion time", draw_completion),
     "peaks": ("Number of peaks", draw_peaks),
     "classes": ("Movement classes", draw_classes),
@@ -195,7 +195,7 @@ PANELS: dict[str, tuple[str, Callable[[Axes, Take], str]]] = {
 
 
 @mpl.rc_context(STYLE)
-def panel(take: Take, name: str) -> Figure:
+def panel(take: AttemptData, name: str) -> Figure:
     """Draw one part as a figure of its own."""
     figure, (axes,) = new_figure(2.0)
     _draw(axes, take, name)
@@ -203,7 +203,7 @@ def panel(take: Take, name: str) -> Figure:
 
 
 @mpl.rc_context(STYLE)
-def sheet(take: Take) -> Picture:
+def sheet(take: AttemptData) -> TopicFigure:
     """Draw all parts on one sheet."""
     figure, places = new_figure(1.75 * len(PANELS), rows=len(PANELS))
     for axes, name in zip(places, PANELS, strict=True):
@@ -211,10 +211,10 @@ def sheet(take: Take) -> Picture:
     where = f"trial {take.attempt.trial}, attempt {take.attempt.attempt}"
     figure.suptitle(f"{where}: {take.attempt.outcome}", fontsize=9)
     caption = "How each measure of one attempt is computed; time starts at the release of the ball."
-    return Picture("trial", where, caption, figure)
+    return TopicFigure("trial", where, caption, figure)
 
 
-def _draw(axes: Axes, take: Take, name: str) -> None:
+def _draw(axes: Axes, take: AttemptData, name: str) -> None:
     """Draw a part with its title and its explanation."""
     title, draw = PANELS[name]
     explanation = draw(axes, take)

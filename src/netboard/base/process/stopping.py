@@ -34,7 +34,7 @@ STOP_WITH_PARENT = "NETBOARD_STOP_WITH_PARENT"
 """Environment variable of a process that stops when its parent ends."""
 
 
-class Supervisor:
+class ProcessSupervisor:
     """Supervisor of this process: systemd, or any other that uses sd_notify."""
 
     def __init__(self) -> None:
@@ -145,7 +145,7 @@ class Stopping:
             # A parent that suspended this process, and was killed, cannot resume it.
             libc(lambda libc: libc.prctl(PR_SET_PDEATHSIG, signal.SIGCONT, 0, 0, 0))
         self._before: dict[int, object] = {}
-        self._supervisor = Supervisor()
+        self._supervisor = ProcessSupervisor()
 
     def __call__(self) -> bool:
         """Return whether a stop was requested, or the parent process has ended."""

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import StrictBool
 
-from netboard.base.settings import FORBID_UNKNOWN_KEYS, Form, about
+from netboard.base.settings import FORBID_UNKNOWN_KEYS, TextForm, about
 
 VIEW_REPEAT_MS = 50
 """Time after which the server sends an unchanged view again, so that a display knows that the link is alive [ms]."""
@@ -19,7 +19,7 @@ MOUSE = "mouse"
 WITHOUT_FORCE = (MOUSE, "spacemouse")
 """Device backends that render no force."""
 
-CPU_LIST = Form(
+CPU_LIST = TextForm(
     "^(auto|([0-9]{1,4}(-[0-9]{1,4})?(,[0-9]{1,4}(-[0-9]{1,4})?)*)?)$",
     "with numbers and ranges of CPUs, such as 2 or 0,2-3, or auto",
 )
@@ -198,7 +198,7 @@ class Display:
 
 
 @dataclass(frozen=True, slots=True)
-class Recording:
+class RecordingSettings:
     """Where and how the logger writes."""
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS

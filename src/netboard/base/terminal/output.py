@@ -34,16 +34,16 @@ def plain_console(*, stderr: bool = False, soft_wrap: bool = False) -> Console:
 
 
 @dataclass(frozen=True, slots=True)
-class Column:
+class TableHeading:
     """Heading of a column, and whether it holds numbers, which are right-aligned and not wrapped."""
 
     heading: str
     number: bool = False
 
 
-def numbers(*headings: str) -> tuple[Column, ...]:
+def numbers(*headings: str) -> tuple[TableHeading, ...]:
     """Return columns of numbers."""
-    return tuple(Column(heading, number=True) for heading in headings)
+    return tuple(TableHeading(heading, number=True) for heading in headings)
 
 
 class FittedTable:
@@ -55,13 +55,13 @@ class FittedTable:
 
     def __init__(
         self,
-        *columns: str | Column,
+        *columns: str | TableHeading,
         rows: Iterable[Sequence[Cell]] = (),
         title: str = "",
         caption: str = "",
         header: bool = True,
     ) -> None:
-        self.columns = tuple(Column(column) if isinstance(column, str) else column for column in columns)
+        self.columns = tuple(TableHeading(column) if isinstance(column, str) else column for column in columns)
         self.title, self.caption, self.header = title, caption, header
         self.rows: list[tuple[Text, ...]] = []
         self._styles: list[str] = []

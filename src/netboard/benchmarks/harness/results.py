@@ -1,6 +1,6 @@
 """Results of a study: tables with checked claims, on the screen and in a folder.
 
-A `Verdict` is a claim and whether the measured numbers support it. The module that measures the numbers checks it.
+A `BenchVerdict` is a claim and whether the measured numbers support it. The module that measures the numbers checks it.
 """
 
 import json
@@ -17,14 +17,14 @@ from rich.text import Text
 from netboard.base.errors import writing
 from netboard.base.files.cells import CsvWriter
 from netboard.base.files.new import refuse_existing
-from netboard.base.terminal.output import Column, FittedTable
+from netboard.base.terminal.output import FittedTable, TableHeading
 from netboard.benchmarks.harness.machine import describe
 
 Value = str | float | int | bool
 
 
 @dataclass(frozen=True)
-class Verdict:
+class BenchVerdict:
     """A claim, and the result that supports or refutes it."""
 
     claim: str
@@ -32,7 +32,7 @@ class Verdict:
     found: str
 
 
-class Part:
+class ResultPart:
     """One part of a study: a table, and claims about it.
 
     - `columns`: heads of the columns, one by one or as a line with ``|`` between them.
@@ -45,7 +45,7 @@ class Part:
         title: str,
         columns: str | Iterable[str],
         rows: Iterable[tuple[Value, ...]] = (),
-        verdicts: Iterable[Verdict] = (),
+        verdicts: Iterable[BenchVerdict] = (),
         *,
         on_screen: bool = True,
     ) -> None:
@@ -59,7 +59,7 @@ class Part:
 
     def claim(self, claim: str, holds: bool, found: str) -> None:
         """Add a claim, and the result that supports or refutes it."""
-        self.verdicts.append(Verdict(claim, holds, found))
+        self.verdicts.append(BenchVerdict(claim, holds, found))
 
     @property
     def holds(self) -> bool:
@@ -87,7 +87,7 @@ class Folder:
             path.mkdir(parents=True, exist_ok=True)
         self.path = path
 
-    def write(self, parts: Sequence[Part], about: Mapping[str, Any]) -> None:
+    def write(self, parts: Sequence[ResultPart], about: Mapping[str, Any]) -> None:
         """Write a table for each part, and everything in one JSON file.
 
         - `about`: the options of the run, for the head of the JSON file.
@@ -128,24 +128,24 @@ def new_folder(name: str) -> Path:
     return path
 
 
-def show(console: Console, part: Part) -> None:
+def show(console: Console, part: ResultPart) -> None:
     """Print a part: its table and its claims."""
     head, *others = part.columns
     table = FittedTable(
-        head, *(Column(column, number=_is_numeric(part, column)) for column in others), title=part.title
+        head, *(TableHeading(column, number=_is_numeric(part, column)) for column in others), title=part.title
     )
     for row in part.rows:
         table.add_row(*map(shown, row))
     console.print(Group(table, *(_line(verdict) for verdict in part.verdicts), Text("")))
 
 
-def _is_numeric(part: Part, column: str) -> bool:
+def _is_numeric(part: ResultPart, column: str) -> bool:
     """Return whether a column holds only numbers."""
     place = part.columns.index(column)
     return all(isinstance(row[place], int | float) for row in part.rows)
 
 
-def _line(verdict: Verdict) -> Text:
+def _line(verdict: BenchVerdict) -> Text:
     word, style = ("holds", "green") if verdict.holds else ("FAILS", "bold red")
     return Text.assemble((word, style), f"  {verdict.claim}: {verdict.found}")
 

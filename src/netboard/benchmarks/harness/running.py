@@ -13,7 +13,7 @@ from typing import Any, Protocol
 from netboard.base.terminal.bars import progress_bars
 from netboard.base.terminal.output import plain_console
 from netboard.benchmarks.harness.machine import describe
-from netboard.benchmarks.harness.results import Folder, Part, Verdict, new_folder, show
+from netboard.benchmarks.harness.results import BenchVerdict, Folder, ResultPart, new_folder, show
 
 Tell = Callable[[str, float], object]
 """Callback for progress: the current step, and the share done [1]."""
@@ -52,10 +52,10 @@ WIDTH = 160
 """Minimum width of tables [characters]."""
 
 
-class Study(Protocol):
+class BenchStudy(Protocol):
     """A study, which yields its parts one by one and may save files in the folder of its results."""
 
-    def __call__(self, folder: Folder, tell: Tell, *, quick: bool) -> Iterable[Part]:
+    def __call__(self, folder: Folder, tell: Tell, *, quick: bool) -> Iterable[ResultPart]:
         """Yield the parts, of the short form if `quick`."""
 
 
@@ -79,13 +79,13 @@ class Options:
 
 def run(
     name: str,
-    study: Study,
+    study: BenchStudy,
     options: Options,
     settings: Mapping[str, Any] | None = None,
     *,
     lines: Iterable[str] = (),
     bar: bool = True,
-) -> list[Verdict]:
+) -> list[BenchVerdict]:
     """Run a study: describe the machine, show and write each part, and copy the JSON file.
 
     Return every checked claim: one that fails is a result, not an error.
@@ -100,7 +100,7 @@ def run(
     console.width = max(console.width, WIDTH)
     for line in (*describe().lines(), *lines):
         console.print(line)
-    parts: list[Part] = []
+    parts: list[ResultPart] = []
     with progress_bars(plain_console(stderr=True), shown=bar) as progress:
         task = progress.add_task("starting", total=1.0)
 

@@ -13,7 +13,7 @@ from typing import Literal
 
 from netboard.base.config import Config
 from netboard.base.errors import NetboardError
-from netboard.benchmarks.harness.results import Folder, Part
+from netboard.benchmarks.harness.results import Folder, ResultPart
 from netboard.benchmarks.harness.running import Options, Tell, run
 from netboard.benchmarks.loop.loop import (
     costs_part,
@@ -79,7 +79,7 @@ def loop(setting: Setting, seconds: float | None, options: Options) -> None:
     seconds = seconds or (QUICK_SECONDS if options.quick else SECONDS)
     rounds = max(1, round(seconds / (QUICK_TURN_SECONDS if options.quick else TURN_SECONDS)))
 
-    def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
+    def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[ResultPart]:
         with scratch_folder(setting.config, folder, tell) as scratch:
             found = measure_loop(setting.config, scratch, setting.displays, seconds, rounds, tell)
             series = loop_series(found)
@@ -98,7 +98,7 @@ def soak(setting: Setting, minutes: float | None, dyads: int, options: Options) 
     """Run ``netboard bench soak``; the exit code is 1 if anything is lost."""
     minutes = minutes or (QUICK_MINUTES if options.quick else MINUTES)
 
-    def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
+    def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[ResultPart]:
         with scratch_folder(setting.config, folder, tell) as scratch:
             found = measure_soak(setting.config, scratch, dyads, setting.displays, 60 * minutes, tell)
             yield records_part(found.dyads)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from netboard.base.clock import now_ns
 from netboard.base.config import Config
 from netboard.benchmarks.harness.processes import fresh_processes
-from netboard.benchmarks.harness.results import Folder, Part
+from netboard.benchmarks.harness.results import Folder, ResultPart
 from netboard.benchmarks.harness.running import Options, Tell, run
 from netboard.benchmarks.loop.timing import HEADS, Times, spread_rows
 from netboard.network.protocol.codec import encode
@@ -52,7 +52,7 @@ POLL_TIMEOUT_NS = 60_000_000_000
 
 
 @dataclass(frozen=True)
-class Shown:
+class ShownFrames:
     """Views that reached a screen.
 
     - `sent_to_received`, `received_to_painted`: the two parts of the latency of each frame with a new view [ns].
@@ -98,7 +98,7 @@ def send_views(config: Config, seconds: float, moving: bool) -> dict[int, int]:
     return sent
 
 
-def measure(config: Config, seconds: float, *, moving: bool) -> Shown:
+def measure(config: Config, seconds: float, *, moving: bool) -> ShownFrames:
     """Run a display for a period, with a process that sends it views."""
     application()
     with fresh_processes(1) as pool:
@@ -136,11 +136,11 @@ def _note(client: DisplayClient, frames: list[Frame]) -> None:
         client.tally.clear()
 
 
-def _shown(frames: list[Frame], sent: dict[int, int], busy: float, dropped: int) -> Shown:
+def _shown(frames: list[Frame], sent: dict[int, int], busy: float, dropped: int) -> ShownFrames:
     """Return the latencies of the frames with a new view."""
     new = [b for a, b in pairwise(frames) if b[0] != a[0] and b[0] in sent]
     painted = np.array([frame[2] for frame in frames], np.int64)
-    return Shown(
+    return ShownFrames(
         sent_to_received=np.array([came - sent[tick] for tick, came, _, _ in new], np.int64),
         received_to_painted=np.array([done - came for _, came, done, _ in new], np.int64),
         between=np.diff(painted),
@@ -151,7 +151,7 @@ def _shown(frames: list[Frame], sent: dict[int, int], busy: float, dropped: int)
     )
 
 
-def lateness(shown: Shown) -> tuple[float, float]:
+def lateness(shown: ShownFrames) -> tuple[float, float]:
     """Return the delay that best explains the drawn positions, by least squares, and the RMS residual [s, m]."""
     heights, velocities = np.array([height_at(int(at)) for at in shown.painted]).T
     errors = heights - shown.heights
@@ -170,9 +170,9 @@ def main(config: Config, seconds: float | None, options: Options) -> None:
     run("display", partial(study, config, seconds), options, settings, lines=lines, bar=False)
 
 
-def study(config: Config, seconds: float, folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
+def study(config: Config, seconds: float, folder: Folder, tell: Tell, *, quick: bool) -> Iterator[ResultPart]:
     """Measure a display that smooths views of a moving board, one that does not, and one at rest."""
-    found: dict[str, Shown] = {}
+    found: dict[str, ShownFrames] = {}
     for name, smooth, moving in (("smooth", True, True), ("views as they are", False, True), ("at rest", True, False)):
         tell(f"{name}: {seconds:g} s", len(found) / 3)
         shown = replace(config, display=replace(config.display, smooth=smooth))
@@ -181,14 +181,14 @@ def study(config: Config, seconds: float, folder: Folder, tell: Tell, *, quick: 
     yield _error_part(found, seconds)
 
 
-def _latency_part(found: dict[str, Shown]) -> Part:
+def _latency_part(found: dict[str, ShownFrames]) -> ResultPart:
     times = {}
     for name, shown in found.items():
         if shown.sent_to_received.size:
             times[f"{name}: sent to received"] = shown.sent_to_received
             times[f"{name}: received to painted"] = shown.received_to_painted
             times[f"{name}: frame to frame"] = shown.between
-    return Part(
+    return ResultPart(
         "way",
         "The way of a view, from the server's sending to the end of the painting",
         ("what", "times", *HEADS),
@@ -196,9 +196,9 @@ def _latency_part(found: dict[str, Shown]) -> Part:
     )
 
 
-def _error_part(found: dict[str, Shown], seconds: float) -> Part:
+def _error_part(found: dict[str, ShownFrames], seconds: float) -> ResultPart:
     """Return delay and error of the drawn board and the cost of painting, as a table."""
-    part = Part(
+    part = ResultPart(
         "sight",
         "Where the board was at the end of a painting, and where it was drawn",
         "what | frames [Hz] | seen late by [ms] | off by, RMS [mm] | dropped | of a core [%]",

@@ -17,7 +17,7 @@ import numpy as np
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES, Config
 from netboard.base.tick import TICK_NS, TICK_SECONDS
-from netboard.benchmarks.harness.results import Part, Value, Verdict
+from netboard.benchmarks.harness.results import BenchVerdict, ResultPart, Value
 from netboard.benchmarks.harness.running import Tell
 from netboard.benchmarks.harness.workers import Worker, Workers
 from netboard.benchmarks.loop import baselines
@@ -60,7 +60,7 @@ class Round:
 
 
 @dataclass
-class Measured:
+class MeasuredLoop:
     """All measurements.
 
     - `stamps`, `timing`: stamps of netboard's ticks, and their timing in all rounds, from the recording.
@@ -84,7 +84,7 @@ class Measured:
         return TickTiming(late_ns, sum(one.timer.skipped for one in self.rounds))
 
 
-def measure_loop(config: Config, folder: Path, displays: int, seconds: float, rounds: int, tell: Tell) -> Measured:
+def measure_loop(config: Config, folder: Path, displays: int, seconds: float, rounds: int, tell: Tell) -> MeasuredLoop:
     """Measure netboard and the baselines, interleaved."""
     measured, spare = dyad_configs(config, folder, 2)
     costs: Costs = {}
@@ -110,7 +110,7 @@ def measure_loop(config: Config, folder: Path, displays: int, seconds: float, ro
         (path,) = processes.finish()
     with Recording(path) as recording:
         stamps = stamps_of(recording)
-    return Measured(found, stamps, loop_timing(stamps, [one.span_ns for one in found]), costs)
+    return MeasuredLoop(found, stamps, loop_timing(stamps, [one.span_ns for one in found]), costs)
 
 
 def _progress(tell: Tell, number: int, rounds: int) -> Callable[[str, float], object]:
@@ -171,7 +171,7 @@ MAX_CPU = 1.4
 LOOP_NAME, ECHO_NAME = "sample to force", "echo"
 
 
-def loop_series(found: Measured) -> list[dict[str, Times]]:
+def loop_series(found: MeasuredLoop) -> list[dict[str, Times]]:
     """Return the series for histograms: the loop and the echo, the ticks and the timer."""
     return [
         {LOOP_NAME: _concatenated(found.timing.latency_ns), ECHO_NAME: found.echo_ns},
@@ -179,11 +179,11 @@ def loop_series(found: Measured) -> list[dict[str, Times]]:
     ]
 
 
-def ratios_part(found: Measured) -> Part:
+def ratios_part(found: MeasuredLoop) -> ResultPart:
     """Return the ratios of netboard to its baselines over the rounds: medians and extremes."""
     rounds = [_ratios(one, loop_timing(found.stamps, [one.span_ns])) for one in found.rounds]
     limits = [*MAX_RATIOS.values(), MAX_MISSED, MAX_CPU, MAX_CPU]
-    part = Part(
+    part = ResultPart(
         "ratios",
         f"netboard compared with its baselines, over {len(found.rounds)} rounds",
         " | median | least | largest | limit",
@@ -209,7 +209,7 @@ def _ratios(one: Round, timing: LoopTiming) -> dict[str, float]:
     }
 
 
-def latency_part(found: Measured, *, real_time: bool) -> Part:
+def latency_part(found: MeasuredLoop, *, real_time: bool) -> ResultPart:
     """Return the latency of the loop, of its parts and of the echo.
 
     - `real_time`: whether real-time scheduling was requested; then the loop should take less than a tick.
@@ -222,8 +222,8 @@ def latency_part(found: Measured, *, real_time: bool) -> Part:
         | {f"{ECHO_NAME} of the same bytes": found.echo_ns}
     )
     p999 = spread(took).p999
-    verdicts = [Verdict("99.9 % take less than a tick", p999 < TICK_SECONDS, f"{p999 * 1e3:.3f} ms")]
-    return Part(
+    verdicts = [BenchVerdict("99.9 % take less than a tick", p999 < TICK_SECONDS, f"{p999 * 1e3:.3f} ms")]
+    return ResultPart(
         "latency",
         f"Sample-to-force latency and that of an echo; {found.timing.answered:.2%} of the ticks have a latency",
         ("", "samples [1]", *HEADS),
@@ -232,10 +232,10 @@ def latency_part(found: Measured, *, real_time: bool) -> Part:
     )
 
 
-def lateness_part(found: Measured) -> Part:
+def lateness_part(found: MeasuredLoop) -> ResultPart:
     """Return the tick jitter of the server and of the timer."""
     named = {"server's ticks": found.timing.ticks, "timer alone": found.timer}
-    return Part(
+    return ResultPart(
         "lateness",
         f"Start of ticks after their deadline; late: by over {TICK_NS / 2e6:g} ms; missed: by over a tick, or never",
         ("", "ticks [1]", *HEADS, "late [1]", "missed [1]", f"missed of {MANY} [1]"),
@@ -248,7 +248,7 @@ def lateness_part(found: Measured) -> Part:
     )
 
 
-def costs_part(costs: Costs) -> Part:
+def costs_part(costs: Costs) -> ResultPart:
     """Return the resource use of every process."""
     rows: list[tuple[Value, ...]] = []
     for name, cost in costs.items():
@@ -263,7 +263,7 @@ def costs_part(costs: Costs) -> Part:
                 whole.preemptions * TICK_SECONDS / cost.seconds,
             )
         )
-    return Part(
+    return ResultPart(
         "costs",
         "CPU time of each process as a share of one core, and its context switches per tick: sleeps, and preemptions",
         (

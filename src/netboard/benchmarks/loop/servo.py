@@ -18,7 +18,7 @@ from netboard.base.errors import DeviceTimeout, NetboardError
 from netboard.base.process.realtime import steady_loop
 from netboard.base.tick import TICK_NS
 from netboard.benchmarks.harness.processes import in_fresh_process
-from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict
+from netboard.benchmarks.harness.results import BenchVerdict, Folder, ResultPart, Value
 from netboard.benchmarks.harness.running import Options, Tell, run
 from netboard.benchmarks.loop.timing import HEADS, Times, in_milliseconds, ratio_row, spread_rows
 from netboard.devices.touch import api
@@ -53,7 +53,7 @@ def main(library: str, seconds: float | None, options: Options) -> None:
     run("servo", partial(study, library, seconds), options, {"library": library, "seconds": seconds}, bar=False)
 
 
-def study(library: str, seconds: float, folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
+def study(library: str, seconds: float, folder: Folder, tell: Tell, *, quick: bool) -> Iterator[ResultPart]:
     """Measure each callback, alone and beside a busy thread."""
     found: dict[str, Times] = {}
     for load in LOADS:
@@ -65,7 +65,7 @@ def study(library: str, seconds: float, folder: Folder, tell: Tell, *, quick: bo
     yield duration_part(found)
 
 
-def lateness_part(found: Mapping[str, Times]) -> Part:
+def lateness_part(found: Mapping[str, Times]) -> ResultPart:
     """Return the tick jitter of each variant, compared with the bare tick.
 
     - `found` (shape (n, 2)): start and end of each tick, by variant [ns].
@@ -76,7 +76,7 @@ def lateness_part(found: Mapping[str, Times]) -> Part:
         for kind in (PYTHON, C):
             name, *ratios = ratio_row(f"{kind} / {BARE}{load} [1]", off[kind + load], off[BARE + load])
             rows.append((name, "", *ratios))
-    return Part(
+    return ResultPart(
         "lateness",
         f"How early or late ticks are: how far from {TICK_NS / 1e6:g} ms after the one before",
         ("callback", "ticks [1]", *HEADS),
@@ -84,7 +84,7 @@ def lateness_part(found: Mapping[str, Times]) -> Part:
     )
 
 
-def duration_part(found: Mapping[str, Times]) -> Part:
+def duration_part(found: Mapping[str, Times]) -> ResultPart:
     """Return the duration of the callbacks.
 
     - `found` (shape (n, 2)): start and end of each tick, by variant [ns].
@@ -98,8 +98,8 @@ def duration_part(found: Mapping[str, Times]) -> Part:
     for kind in (PYTHON, C):
         p999_ms = in_milliseconds(spread(took[kind + BUSY]))[2]
         claim = f"99.9 % of the callbacks in {kind} take less than a tick beside a busy thread"
-        verdicts.append(Verdict(claim, p999_ms < TICK_NS * 1e-6, f"{p999_ms:.3f} ms"))
-    return Part(
+        verdicts.append(BenchVerdict(claim, p999_ms < TICK_NS * 1e-6, f"{p999_ms:.3f} ms"))
+    return ResultPart(
         "duration",
         "For how long a callback holds the servo thread up, the wait for the interpreter included",
         ("callback", "ticks [1]", *HEADS),

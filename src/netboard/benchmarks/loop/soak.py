@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from netboard.base.config import SIDES, Config
 from netboard.base.tick import LATE_NS
-from netboard.benchmarks.harness.results import Part, Value, Verdict
+from netboard.benchmarks.harness.results import BenchVerdict, ResultPart, Value
 from netboard.benchmarks.harness.running import Tell
 from netboard.benchmarks.loop.rig import Dyads, dyad_configs
 from netboard.benchmarks.loop.timing import HEADS, Times, in_milliseconds
@@ -133,10 +133,10 @@ def read_dyad(path: Path) -> RecordedDyad:
 # --- tables --------------------------------------------------------------------------------------------------------
 
 
-def records_part(dyads: Sequence[RecordedDyad]) -> Part:
+def records_part(dyads: Sequence[RecordedDyad]) -> ResultPart:
     """Return the number of recorded ticks and losses."""
     whole = sum(one.whole for one in dyads)
-    part = Part(
+    part = ResultPart(
         "records",
         "Recorded ticks and losses",
         "dyad | ticks [1] | missing numbers [1] | records lost [1] | faults [1] | verified | size [MB]",
@@ -151,9 +151,9 @@ def records_part(dyads: Sequence[RecordedDyad]) -> Part:
     return part
 
 
-def memory_part(samples: Sequence[dict[str, Usage]]) -> Part:
+def memory_part(samples: Sequence[dict[str, Usage]]) -> ResultPart:
     """Return the memory of all processes and its growth."""
-    part = Part(
+    part = ResultPart(
         "memory", "Memory of each process", " | start [MB] | end [MB] | peak [MB] | growth after warm-up [MB/h]"
     )
     for name in samples[0]:
@@ -166,12 +166,12 @@ def memory_part(samples: Sequence[dict[str, Usage]]) -> Part:
     return part
 
 
-def _flat(name: str, slope: float, seconds: float) -> Verdict:
+def _flat(name: str, slope: float, seconds: float) -> BenchVerdict:
     """Return the claim that memory does not grow."""
     logger = name.startswith("logger")
     claim = f"memory of the {name} " + ("grows by no more than its index" if logger else "is flat")
     flat = slope < (INDEX if logger else MAX_LEAK) or slope * seconds < MIN_SEEN
-    return Verdict(claim, flat, f"{slope * seconds / 1e6:+.2f} MB in {seconds:.0f} s")
+    return BenchVerdict(claim, flat, f"{slope * seconds / 1e6:+.2f} MB in {seconds:.0f} s")
 
 
 def growth(at: NDArray[np.float64], held: NDArray[np.float64]) -> float:
@@ -179,7 +179,7 @@ def growth(at: NDArray[np.float64], held: NDArray[np.float64]) -> float:
     return float(np.polyfit(at - at[0], held, 1)[0]) if at.size > 1 else 0.0
 
 
-def minutes_part(dyads: Sequence[RecordedDyad]) -> Part:
+def minutes_part(dyads: Sequence[RecordedDyad]) -> ResultPart:
     """Return the tick jitter and the sample-to-force latency over the run."""
     start, end = min(one.time_ns[0] for one in dyads), max(one.time_ns[-1] for one in dyads) + 1
     count = max(STRETCHES, int((end - start) * 1e-9 / 60))
@@ -196,7 +196,7 @@ def minutes_part(dyads: Sequence[RecordedDyad]) -> Part:
                 *in_milliseconds(spread(loop)),
             )
         )
-    part = Part(
+    part = ResultPart(
         "minutes",
         "Tick jitter and latency over the run",
         ("from [min]", *(f"tick late, {head}" for head in HEADS), "late [1]", *(f"loop, {head}" for head in HEADS)),
@@ -212,9 +212,11 @@ def _between(since: int, until: int, series: Sequence[tuple[Times, Times]]) -> T
     return np.concatenate([values[(at >= since) & (at < until)] for at, values in series])
 
 
-def stays_prompt(what: str, p99: Sequence[float]) -> Verdict:
+def stays_prompt(what: str, p99: Sequence[float]) -> BenchVerdict:
     """Compare percentiles of the last third of the run with those of the first."""
     third = max(len(p99) // 3, 1)
     first, last = float(np.median(p99[:third])), float(np.median(p99[-third:]))
     claim = f"at the end {what} as promptly as at the start, at 99 %"
-    return Verdict(claim, last <= max(MAX_SLOWER * first, first + 0.1), f"{last:.3f} ms, at the start {first:.3f} ms")
+    return BenchVerdict(
+        claim, last <= max(MAX_SLOWER * first, first + 0.1), f"{last:.3f} ms, at the start {first:.3f} ms"
+    )

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from netboard.base.config import SIDES
 from netboard.base.tick import LATE_NS, TICK_NS
-from netboard.benchmarks.harness.results import Part, Value
-from netboard.recording.format.summary import Spread, spread
+from netboard.benchmarks.harness.results import ResultPart, Value
+from netboard.recording.format.summary import DurationSpread, spread
 from netboard.recording.timing.stamps import UNKNOWN, Mask, SideStamps, Stamps
 
 Times = NDArray[np.int64]
@@ -30,7 +30,7 @@ EDGES_NS: NDArray[np.float64] = np.geomspace(MIN_NS, MAX_NS, 1 + PER_DECADE * ro
 """Edges of the bins: from a microsecond to a second [ns]."""
 
 
-def in_milliseconds(found: Spread) -> tuple[float, float, float, float]:
+def in_milliseconds(found: DurationSpread) -> tuple[float, float, float, float]:
     """Return the percentiles of durations in milliseconds."""
     return found.p50 * 1e3, found.p99 * 1e3, found.p999 * 1e3, found.largest * 1e3
 
@@ -53,10 +53,10 @@ def histogram(times: Times) -> NDArray[np.int64]:
     return counts
 
 
-def histogram_part(named: Mapping[str, Times]) -> Part:
+def histogram_part(named: Mapping[str, Times]) -> ResultPart:
     """Return the histograms as a table: a row for each bin that is not empty in all."""
     counts = np.stack([histogram(times) for times in named.values()], axis=1)
-    return Part(
+    return ResultPart(
         "histogram",
         "How often, by duration",
         ("from [ms]", "to [ms]", *(f"{name} [1]" for name in named)),

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from functools import partial
 
-from netboard.benchmarks.harness.results import Folder, Part
+from netboard.benchmarks.harness.results import Folder, ResultPart
 from netboard.benchmarks.harness.running import Options, Tell, run
 from netboard.benchmarks.physics.problem import MODELS, Model, Problem
 from netboard.benchmarks.physics.tick_cost import tick_part
@@ -18,7 +18,9 @@ def main(model: Model | None, repeats: int | None, options: Options) -> None:
     run("physics", partial(study, problems, count), options, {"repeats": count}, bar=False)
 
 
-def study(problems: Sequence[Problem], repeats: int, folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
+def study(
+    problems: Sequence[Problem], repeats: int, folder: Folder, tell: Tell, *, quick: bool
+) -> Iterator[ResultPart]:
     """Measure a tick of each problem."""
     tell("the live tick", 0.0)
     yield tick_part(problems, repeats)

@@ -20,7 +20,7 @@ from netboard.base.config import SIDES, Config
 from netboard.base.tables.experiment import Task
 from netboard.base.tables.scene import Geometry, Physics
 from netboard.base.tick import TICK, TICK_NS, TICK_SECONDS
-from netboard.benchmarks.harness.results import Part
+from netboard.benchmarks.harness.results import ResultPart
 from netboard.benchmarks.harness.running import in_turns, timed
 from netboard.benchmarks.physics.problem import STATE_NAMES, Array, Problem, multiples, styluses_at
 from netboard.physics.arithmetic.trig import sincos
@@ -134,10 +134,10 @@ MAX_FLOORS, MAX_CALL = 2.0, 1000.0
 """Largest cost of a tick: compiled, over its lower bound; called from Python [1, ns]."""
 
 
-def tick_part(problems: Sequence[Problem], repeats: int) -> Part:
+def tick_part(problems: Sequence[Problem], repeats: int) -> ResultPart:
     """Measure the cost of a live tick and of its parts, and check it."""
     found = [measure_tick(problem, repeats) for problem in problems]
-    part = Part("tick", "Cost of a live tick [ns]", ("what", *(problem.model for problem in problems)))
+    part = ResultPart("tick", "Cost of a live tick [ns]", ("what", *(problem.model for problem in problems)))
     for name in found[0][0]:
         part.add(name, *(costs[name] for costs, _ in found))
     for problem, (costs, late) in zip(problems, found, strict=True):

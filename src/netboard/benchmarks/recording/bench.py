@@ -15,14 +15,14 @@ import zstandard
 from numpy.typing import NDArray
 
 from netboard.base.config import Config
-from netboard.benchmarks.harness.results import Folder, Part, Value
+from netboard.benchmarks.harness.results import Folder, ResultPart, Value
 from netboard.benchmarks.harness.running import Tell, timed
 from netboard.benchmarks.recording.feeding import live_log
 from netboard.benchmarks.recording.headroom import headroom_part
 from netboard.benchmarks.recording.hours import (
     FOUR,
     HOUR,
-    Session,
+    BenchSession,
     Written,
     bytes_by_channel,
     decode_upstream,
@@ -63,7 +63,7 @@ _WORD = 8
 
 
 @dataclass(frozen=True)
-class Effort:
+class BenchEffort:
     """How much is measured.
 
     - `stall_seconds`: duration of each kind of interference with the logger [s].
@@ -76,17 +76,17 @@ class Effort:
     rates: tuple[int, ...]
 
 
-WHOLE, QUICK = Effort(HOUR, 20.0, 6.0, (1, 5, 10, 15, 20, 30, 40, 60, 80)), Effort(150_000, 3.0, 2.0, (1, 20))
+WHOLE, QUICK = BenchEffort(HOUR, 20.0, 6.0, (1, 5, 10, 15, 20, 30, 40, 60, 80)), BenchEffort(150_000, 3.0, 2.0, (1, 20))
 
 
-def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
+def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[ResultPart]:
     """Measure everything, on the disk of the folder of results."""
     place, effort = folder.path, QUICK if quick else WHOLE
     (place / "session").mkdir(exist_ok=True)
     recorded, periods = record_stalls(place / "session", effort.stall_seconds, tell)
     yield stalls_part(recorded, periods)
     yield headroom_part(place / "headroom", live_log(5000), effort.rates, effort.load_seconds, tell)
-    session = Session(recorded)
+    session = BenchSession(recorded)
     yield size_part(session, place, min(MINUTE, effort.ticks), tell)
     yield columns_part(session.rows, session.config)
     path = place / "hour.mcap"
@@ -96,7 +96,7 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
     path.unlink()
 
 
-def size_part(session: Session, folder: Path, ticks: int, tell: Tell) -> Part:
+def size_part(session: BenchSession, folder: Path, ticks: int, tell: Tell) -> ResultPart:
     """Tabulate the bytes that each kind of record takes."""
     tell("bytes by channel", 0.5)
     found = bytes_by_channel(session, folder, ticks)
@@ -105,7 +105,7 @@ def size_part(session: Session, folder: Path, ticks: int, tell: Tell) -> Part:
     single.unlink()
     whole = sum(found.values())
     rows: list[tuple[Value, ...]] = [(topic, size, size * HOUR / 1e9) for topic, size in found.items()]
-    part = Part(
+    part = ResultPart(
         "size",
         f"Where the bytes go: {ticks} ticks of a session with two displays, and all that came with them",
         "channel | bytes a tick [1] | an hour [GB]",
@@ -121,7 +121,7 @@ def size_part(session: Session, folder: Path, ticks: int, tell: Tell) -> Part:
     return part
 
 
-def columns_part(rows: NDArray[Any], config: Config) -> Part:
+def columns_part(rows: NDArray[Any], config: Config) -> ResultPart:
     """Tabulate what each column costs, the most expensive first: bytes saved without it, and its bytes by itself.
 
     A column that equals others, or follows from them, costs nothing in addition, so the costs of all columns do not add
@@ -141,7 +141,7 @@ def columns_part(rows: NDArray[Any], config: Config) -> Part:
         if max(beside, alone - _empty()) > LISTED_BYTES:
             found.append((field.name, "yes" if field.name in PREDICTIONS else "no", field.differences, beside, alone))
     found.sort(key=lambda row: -row[3])
-    return Part(
+    return ResultPart(
         "columns",
         f"What each column of {len(batches)} batches costs; {len(TICK_FIELDS) - len(found)} others cost nothing",
         "column | predicted | differences | beside the others: bytes a tick [1] | alone: bytes a tick [1]",
@@ -160,11 +160,11 @@ def _empty() -> float:
     return _bytes_a_tick([np.zeros(BATCH * _WORD, np.uint8)])
 
 
-def writing_part(written: Written) -> Part:
+def writing_part(written: Written) -> ResultPart:
     """Tabulate the cost of writing, and the time the writer waits for the disk."""
     waits = [1e3 * float(value) for value in np.percentile(written.flushes, (50, 99, 99.9))]
     waited = float(written.flushes.sum())
-    part = Part(
+    part = ResultPart(
         "writing",
         f"Writing {written.ticks} ticks and all that comes with them, with {len(written.flushes)} syncs",
         "writer | a tick, syncs included [us] | without [us] | sync, 50 % [ms] | 99 % [ms] | 99.9 % [ms] | "
@@ -187,7 +187,7 @@ def writing_part(written: Written) -> Part:
     return part
 
 
-def reading_part(session: Session, path: Path, folder: Path, ticks: int, tell: Tell) -> Part:
+def reading_part(session: BenchSession, path: Path, folder: Path, ticks: int, tell: Tell) -> ResultPart:
     """Measure several ways of reading a long recording."""
     tell("reading", 0.9)
     reads = (partial(read_trial, path), partial(read_columns, path), partial(read_columns, path, FOUR))
@@ -202,7 +202,7 @@ def reading_part(session: Session, path: Path, folder: Path, ticks: int, tell: T
         size = path.stat().st_size
         messages = sum(recording.counts.values())
     hours = ticks / HOUR
-    part = Part(
+    part = ResultPart(
         "reading",
         f"Reading {ticks} ticks ({size / 1e9:.3f} GB, {messages} ticks and messages), the file in the system's cache",
         "what | time [s] | an hour [s]",

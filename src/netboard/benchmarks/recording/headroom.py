@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from netboard.benchmarks.harness.results import Part
+from netboard.benchmarks.harness.results import ResultPart
 from netboard.benchmarks.harness.running import Tell
 from netboard.benchmarks.loop.usage import read_usage, total
 from netboard.benchmarks.recording.feeding import Feeder
@@ -70,9 +70,9 @@ def measure_load(folder: Path, log: list[list[bytes]], rate: int, seconds: float
     return Load(cpu, halfway, backlog, feeder.behind_ns * 1e-9, lost)
 
 
-def headroom_part(folder: Path, log: list[list[bytes]], rates: Sequence[int], seconds: float, tell: Tell) -> Part:
+def headroom_part(folder: Path, log: list[list[bytes]], rates: Sequence[int], seconds: float, tell: Tell) -> ResultPart:
     """Raise the rate until the logger no longer keeps up."""
-    part = Part(
+    part = ResultPart(
         "headroom",
         f"A logger fed over a socket for {seconds:g} s at multiples of one dyad's rate",
         "times the rate [1] | CPU [cores] | not on disk halfway [ms] | at the end [ms] | feeder behind [ms] | "

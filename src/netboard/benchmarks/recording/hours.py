@@ -40,7 +40,7 @@ FOUR = ("tick", "theta", "p", "late_ns")
 """Columns for the measurement that reads four."""
 
 
-class Session:
+class BenchSession:
     """A real recording that can be repeated."""
 
     def __init__(self, path: Path) -> None:
@@ -91,7 +91,7 @@ class Written:
     size: int
 
 
-def write_hour(session: Session, path: Path, ticks: int, tell: Tell) -> Written:
+def write_hour(session: BenchSession, path: Path, ticks: int, tell: Tell) -> Written:
     """Write an hour, with syncs as by the logger."""
     writer = open_writer(path, session.config)
     now, resident, flushes, spent = OPENED_NS, [], [], 0.0
@@ -181,7 +181,7 @@ def _upstream_writer(path: Path, name: str, chunk_size: int, schema: bytes) -> I
         writer.finish()
 
 
-def write_messages(session: Session, path: Path, ticks: int) -> int:
+def write_messages(session: BenchSession, path: Path, ticks: int) -> int:
     """Write ticks as one message each, as format 2 did, with the upstream writer; return its size in bytes [1]."""
     with _upstream_writer(path, "tick", 65_536, CHANNELS[0].schema()) as writer:
         for number, row in enumerate(session.rows[:ticks]):
@@ -191,7 +191,7 @@ def write_messages(session: Session, path: Path, ticks: int) -> int:
     return path.stat().st_size
 
 
-def bytes_by_channel(session: Session, folder: Path, ticks: int) -> dict[str, float]:
+def bytes_by_channel(session: BenchSession, folder: Path, ticks: int) -> dict[str, float]:
     """Return the bytes per tick of each channel, found by writing it alone with the upstream writer."""
     whole = folder / "whole.mcap"
     write_hour(session, whole, ticks, no_progress)

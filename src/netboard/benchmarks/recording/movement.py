@@ -15,7 +15,7 @@ Rows = NDArray[Any]
 
 
 @dataclass(frozen=True)
-class Movement:
+class RecordedMovement:
     """A movement of two hands that moves the ball from one target to the other.
 
     - `sway`: amplitude of the common up-and-down movement [m].
@@ -29,10 +29,10 @@ class Movement:
     duration: float
 
 
-FIRST_MOVEMENT, SECOND_MOVEMENT = Movement(0.7, 0.008, 0.45, 2.4), Movement(0.4, -0.012, 0.7, 1.7)
+FIRST_MOVEMENT, SECOND_MOVEMENT = RecordedMovement(0.7, 0.008, 0.45, 2.4), RecordedMovement(0.4, -0.012, 0.7, 1.7)
 
 
-def record(config: Config, movement: Movement, count: int) -> Rows:
+def record(config: Config, movement: RecordedMovement, count: int) -> Rows:
     """Simulate a movement of two hands, and return its ticks.
 
     The hands tilt the board as the path of the ball requires, plus feedback of its deviation, because the equilibrium

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.clock import now_ns
-from netboard.benchmarks.harness.results import Part
+from netboard.benchmarks.harness.results import ResultPart
 from netboard.benchmarks.harness.rig import ACTIVE, Rig
 from netboard.benchmarks.harness.running import Tell
 from netboard.recording.files.reader import Recording
@@ -64,14 +64,14 @@ def _stop_logger(rig: Rig, seconds: float, share: float) -> None:
             time.sleep(length * (1 / share - 1))
 
 
-def stalls_part(path: Path, periods: Periods) -> Part:
+def stalls_part(path: Path, periods: Periods) -> ResultPart:
     """Compare the server's tick jitter."""
     with Recording(path) as recording:
         ticks = recording.columns("tick", "time_ns", "late_ns")
         lost = int(recording.end["lost"]) + sum(gap.count for gap in recording.gaps().get("/ticks", ()))
     late = {name: _between(ticks, *span) for name, span in periods.items()}
     p99 = [float(np.percentile(values, 99)) for values in late.values()]
-    part = Part(
+    part = ResultPart(
         "stalls",
         "How late the server's ticks were, while its logger stood still; negative: before the deadline",
         "the logger | ticks [1] | 50 % [ms] | 99 % [ms] | 99.9 % [ms] | largest [ms]",

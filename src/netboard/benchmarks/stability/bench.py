@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from netboard.benchmarks.harness.results import Folder, Part
+from netboard.benchmarks.harness.results import Folder, ResultPart
 from netboard.benchmarks.harness.running import Options, Tell, run
 from netboard.benchmarks.stability.maps import PLANES, draw_map, make_map, map_parts, tick_limits
 from netboard.benchmarks.stability.rest import energy_drift, perfect_rest
@@ -26,7 +26,7 @@ def main(options: Options) -> None:
     run("stability", study, options)
 
 
-def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
+def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[ResultPart]:
     """Run the parts of the study, one after the other."""
     methods = QUICK_METHODS if quick else STUDIED
     yield tick_limits(methods, tell)

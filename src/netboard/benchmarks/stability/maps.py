@@ -15,7 +15,7 @@ import numpy as np
 
 from netboard.base.tables.scene import Physics
 from netboard.base.tick import TICK_SECONDS
-from netboard.benchmarks.harness.results import Part
+from netboard.benchmarks.harness.results import ResultPart
 from netboard.benchmarks.harness.running import Tell, no_progress
 from netboard.benchmarks.stability.runs import (
     STUDIED,
@@ -62,7 +62,7 @@ PLANES = (Plane("coupling", "k_h", "c_h"), Plane("inertia", "M", "I"))
 
 
 @dataclass(frozen=True)
-class Cell:
+class MapCell:
     """One scene with one method.
 
     - `theory`, `nonlinear`: largest stable step; infinite if every tried step is stable [s].
@@ -106,18 +106,18 @@ def theoretical_step(physics: Physics, method: str) -> float:
     )
 
 
-def measure_cell(physics: Physics, method: str, across: float = 1.0, down: float = 1.0) -> Cell:
+def measure_cell(physics: Physics, method: str, across: float = 1.0, down: float = 1.0) -> MapCell:
     """Find the largest stable step of one scene, in theory and in runs."""
     theory = theoretical_step(physics, method)
     duration = telling_duration(method, board_matrix(physics), theory)
-    return Cell(method, across, down, theory, largest_bounded(physics, method, theory, duration))
+    return MapCell(method, across, down, theory, largest_bounded(physics, method, theory, duration))
 
 
 def make_map(
     plane: Plane, scales: Sequence[float], methods: Sequence[str] = STUDIED, tell: Tell = no_progress
-) -> list[Cell]:
+) -> list[MapCell]:
     """Measure every method in every scene of a plane."""
-    cells: list[Cell] = []
+    cells: list[MapCell] = []
     count = len(scales) ** 2
     for i, (across, down) in enumerate((across, down) for down in scales for across in scales):
         physics = scaled(Physics(), **{plane.across: across, plane.down: down})
@@ -126,17 +126,17 @@ def make_map(
     return cells
 
 
-def map_parts(plane: Plane, cells: Sequence[Cell]) -> Iterator[Part]:
+def map_parts(plane: Plane, cells: Sequence[MapCell]) -> Iterator[ResultPart]:
     """Return the parts of a map: all cells, and a summary with checked claims."""
     over = f"{plane.across}, {plane.down}"
-    yield Part(
+    yield ResultPart(
         f"map-{plane.name}",
         f"Largest stable step over {over}",
         f"method | {plane.across} x [1] | {plane.down} x [1] | theory [s] | runs [s] | runs / theory - 1 [1]",
         [(cell.method, cell.across, cell.down, cell.theory, cell.nonlinear, cell.difference) for cell in cells],
         on_screen=False,
     )
-    summary = Part(
+    summary = ResultPart(
         f"map-{plane.name}-summary",
         f"Largest stable step over {over}, x1 to x{max(cell.across for cell in cells):g}: theory and nonlinear runs",
         "method | paper's scene: theory [s] | runs [s] | smallest [s] | scenes compared | worst difference [1]",
@@ -146,7 +146,7 @@ def map_parts(plane: Plane, cells: Sequence[Cell]) -> Iterator[Part]:
     yield summary
 
 
-def _summarise(part: Part, method: str, cells: Sequence[Cell]) -> None:
+def _summarise(part: ResultPart, method: str, cells: Sequence[MapCell]) -> None:
     """Add the row and the claim of a method."""
     smallest, limited = min(cell.nonlinear for cell in cells), [cell for cell in cells if cell.counts]
     worst = max(limited, key=lambda cell: abs(cell.difference), default=None)
@@ -176,9 +176,9 @@ WAYS: dict[str, Callable[[float], dict[str, float]]] = {
 }
 
 
-def tick_limits(methods: Sequence[str] = STUDIED, tell: Tell = no_progress) -> Part:
+def tick_limits(methods: Sequence[str] = STUDIED, tell: Tell = no_progress) -> ResultPart:
     """Find the stability limit of the coupling at 1 ms steps, by theory and by runs on both sides of it."""
-    part = Part(
+    part = ResultPart(
         "tick-limits",
         f"How far the couplings may be scaled, in steps of {TICK_SECONDS:g} s",
         ("method", *(f"{way} x [1]" for way in WAYS)),
@@ -210,7 +210,7 @@ def _stable(method: str, factors: Callable[[float], dict[str, float]]) -> Callab
     return lambda scale: is_stable(method, board_matrix(scaled(Physics(), **factors(scale))), TICK_SECONDS)
 
 
-def draw_map(plane: Plane, cells: Sequence[Cell]) -> Any:
+def draw_map(plane: Plane, cells: Sequence[MapCell]) -> Any:
     """Draw a map: a row for each method, theory on the left, runs on the right."""
     from matplotlib.colors import LogNorm
     from matplotlib.figure import Figure

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from netboard.base.tables.scene import Physics
 from netboard.base.tick import TICK_SECONDS
-from netboard.benchmarks.harness.results import Part
+from netboard.benchmarks.harness.results import ResultPart
 from netboard.benchmarks.harness.running import Tell, no_progress, timed
 from netboard.benchmarks.physics.problem import hermite_drives, styluses_at
 from netboard.benchmarks.stability.maps import board_matrix
@@ -49,10 +49,10 @@ def energies(method: str, start: State, steps: int) -> Array:
     return total
 
 
-def energy_drift(steps: int = 10_000_000, methods: Sequence[str] = STUDIED, tell: Tell = no_progress) -> Part:
+def energy_drift(steps: int = 10_000_000, methods: Sequence[str] = STUDIED, tell: Tell = no_progress) -> ResultPart:
     """Measure by method whether the energy of an undamped board falls or grows."""
     heave = board_matrix(UNDAMPED)[:2, :2]
-    part = Part(
+    part = ResultPart(
         "energy-drift",
         "Change of the energy of an undamped board between hands at rest, as a share of it, steps of 1 ms",
         f"method | heave: theory, in a step [1] | found, in a step [1] | after {steps:.0e} steps [1] | "
@@ -104,13 +104,13 @@ def _drift(energy: Array) -> float:
 # --- perfect rest ------------------------------------------------------------------------------------------------
 
 
-def perfect_rest(steps: int = 100_000, methods: Sequence[str] = STUDIED, tell: Tell = no_progress) -> Part:
+def perfect_rest(steps: int = 100_000, methods: Sequence[str] = STUDIED, tell: Tell = no_progress) -> ResultPart:
     """Check that steps are not slower when the state decays to zero (denormal numbers)."""
     physics = Physics(g=0.0)
     parts, scene, length = parts_of(physics), pack_scene(physics), state_length(physics)
     times: Array = np.arange(steps + 1, dtype=np.float64) * TICK_SECONDS
     moving, still = hermite_drives(physics, times, *styluses_at(times)), np.zeros((steps, 8))
-    part = Part(
+    part = ResultPart(
         "perfect-rest",
         "A board that comes to perfect rest: nothing slows down (denormal numbers)",
         "method | largest number left [SI] | a step, moving [s] | at rest [s] | at rest / moving [1]",

@@ -65,7 +65,7 @@ _FIXED: State = (0.0, 0.0, 0.0, 0.0, FIXED_PLACE, 0.0)
 
 
 @dataclass(frozen=True)
-class Run:
+class StabilityRun:
     """A run.
 
     - `times` (shape (n,)): ends of the intervals [s].
@@ -92,7 +92,7 @@ def make_run(
     start: float = 0.0,
     spread: float = 1.0,
     free: bool = True,
-) -> Run:
+) -> StabilityRun:
     """Run the test motion; states are at the ends of intervals: single steps, or all steps of a tick.
 
     - `duration`: duration of the run, rounded down to whole intervals [s].
@@ -105,7 +105,7 @@ def make_run(
     lengths, counts = np.full(count, steps * h), np.full(count, steps, np.int64)
     grid = make_grid(method, lengths, counts, parts, len(x), scene)
     states = run(method, x, hermite_drives(physics, times, z, vz), grid, parts, scene)
-    return Run(times, states, forces_along(states, physics.k_h * z + physics.c_h * vz, parts, scene))
+    return StabilityRun(times, states, forces_along(states, physics.k_h * z + physics.c_h * vz, parts, scene))
 
 
 @cache
@@ -114,7 +114,7 @@ def _reference_reach(physics: Physics, duration: float) -> Array:
     return _reach(make_run(physics, "etdrk4", TICK_SECONDS, duration, _FIXED, free=False))
 
 
-def _reach(run_: Run) -> Array:
+def _reach(run_: StabilityRun) -> Array:
     """Return the largest magnitudes of height, tilt and their velocities in the second half of a run."""
     late: Array = np.abs(run_.states[len(run_.states) // 2 :, :4]).max(axis=0)
     return late

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from netboard.base.tables.scene import Physics
 from netboard.base.tick import TICK_SECONDS
-from netboard.benchmarks.harness.results import Part, Value
+from netboard.benchmarks.harness.results import ResultPart, Value
 from netboard.benchmarks.harness.running import Tell, no_progress
 from netboard.benchmarks.physics.problem import BALL, MODELS, styluses_at
 from netboard.benchmarks.stability.maps import board_matrix
@@ -70,9 +70,9 @@ def force_error(physics: Physics, method: str, h: float, x: State, forces: Array
     return worst if math.isfinite(worst) else math.inf
 
 
-def stiff_forces(cases: Sequence[tuple[float, float]] = STIFF, tell: Tell = no_progress) -> Part:
+def stiff_forces(cases: Sequence[tuple[float, float]] = STIFF, tell: Tell = no_progress) -> ResultPart:
     """Compare forces in stiff scenes."""
-    part = Part(
+    part = ResultPart(
         "stiff-forces",
         "Largest error of the hands' forces where couplings are stiff, against dop853 in short steps",
         (
@@ -113,13 +113,13 @@ def stiff_forces(cases: Sequence[tuple[float, float]] = STIFF, tell: Tell = no_p
 # --- large tilts -------------------------------------------------------------------------------------------------
 
 
-def large_tilts(tilts_deg: Sequence[float] = TILTS_DEG, tell: Tell = no_progress) -> Part:
+def large_tilts(tilts_deg: Sequence[float] = TILTS_DEG, tell: Tell = no_progress) -> ResultPart:
     """Compare rk4 and etdrk4, which is exact for the level board, at large tilts."""
     physics = Physics()
     z, _ = styluses_at(np.arange(0.0, DURATION, TICK_SECONDS))
     reach = float(np.abs(z[:, 1] - z[:, 0]).max()) / 2
     first: State = (0.0, 0.0, 0.0, 0.0, FIXED_PLACE, 0.0)
-    part = Part(
+    part = ResultPart(
         "large-tilts",
         "Largest error of the hands' forces where the board tilts far, steps of 1 ms",
         "hands ask for [deg] | largest tilt [deg] | rk4 [N] | etdrk4 [N]",
@@ -146,10 +146,10 @@ def large_tilts(tilts_deg: Sequence[float] = TILTS_DEG, tell: Tell = no_progress
 # --- ends of the board -------------------------------------------------------------------------------------------
 
 
-def ball_at_ends(tell: Tell = no_progress) -> Part:
+def ball_at_ends(tell: Tell = no_progress) -> ResultPart:
     """Let a ball hit stops, and check that it stays between them and no impact adds energy."""
     kinds = [(model, share) for model in MODELS for share in (0.0, 0.5, 1.0)]
-    part = Part(
+    part = ResultPart(
         "ball-at-ends",
         "A ball between stops 0.3 m from the centre, steps of 1 ms",
         "model, restitution | ticks at a stop [1] | farthest [m] | energy of those ticks [J] | "

@@ -141,7 +141,7 @@ class Estimator:
 
 
 @final
-class Window(Estimator):
+class WindowEstimator(Estimator):
     """Slope over a fixed window, from its oldest position to the newest.
 
     The window starts at the newest position that is at least `span_ns` older than the latest, or at the oldest stored
@@ -200,14 +200,14 @@ def kalman_gains(resolution: float) -> tuple[float, float, float]:
     return alpha, beta, gamma
 
 
-def difference() -> Window:
+def difference() -> WindowEstimator:
     """Return a first-difference estimator: the slope between the last two positions."""
-    return Window(0)
+    return WindowEstimator(0)
 
 
-def chai3d() -> Window:
+def chai3d() -> WindowEstimator:
     """Return CHAI3D's estimator."""
-    return Window(WINDOW_NS)
+    return WindowEstimator(WINDOW_NS)
 
 
 def alpha_beta() -> Observer:

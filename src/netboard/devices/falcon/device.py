@@ -6,9 +6,9 @@ Scene axes: out of the screen is the Falcon's z (towards the person), right its 
 `netboard.devices.falcon.kinematics.CENTRE`. Each force is sent at once. The Falcon's answer, with its encoder counts,
 is read at the next reading, whose time stamp is the time at which the frame was sent.
 
-A motor command is the torque about its arm's axis times `Options.torque_scale`, with inverted sign. The scale of 10000
-per N m is the one with which libnifalcon's authors reproduced the commands of the manufacturer's library, which takes
-newtons. They capped a command at 4095, here `MAX_COMMAND`. Ten centimetres in front of the base this cap is a
+A motor command is the torque about its arm's axis times `FalconOptions.torque_scale`, with inverted sign. The scale of
+10000 per N m is the one with which libnifalcon's authors reproduced the commands of the manufacturer's library, which
+takes newtons. They capped a command at 4095, here `MAX_COMMAND`. Ten centimetres in front of the base this cap is a
 lateral force of 8.7 to 8.9 N; the manufacturer specifies 8.9 N (two pounds). Both values are therefore plausible, but
 need a test with a spring balance. (The present libnifalcon has a limit of 30 N m instead, a command of 300000, which no
 frame can carry.) If a command exceeds the cap, all three are scaled, so that the force keeps its direction.
@@ -30,7 +30,7 @@ from netboard.devices.contract.registry import BACKENDS
 from netboard.devices.contract.velocity import Velocimeter
 from netboard.devices.falcon import firmware, ftdi, kinematics
 from netboard.devices.falcon.kinematics import CENTRE, REACH, Vector
-from netboard.devices.falcon.serial_protocol import GREEN, HOME, RED, Answer, Link
+from netboard.devices.falcon.serial_protocol import GREEN, HOME, RED, FalconLine, FalconReply
 
 ((FALCON, NAME),) = BACKENDS["falcon"].usb.items()
 """USB id and name of the device."""
@@ -51,7 +51,7 @@ REST: Vector = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Options:
+class FalconOptions:
     """Options of the Falcon."""
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
@@ -69,7 +69,7 @@ class Falcon(Device):
 
     def __init__(self, side: Side, config: Config) -> None:
         super().__init__(side, config)
-        self._options = self.read_options(Options)
+        self._options = self.read_options(FalconOptions)
         self._chip: ftdi.Chip | None = None
 
     @classmethod
@@ -89,7 +89,7 @@ class Falcon(Device):
         chip = ftdi.Chip(found, NAME)
         with contextlib.ExitStack() as undo:
             undo.callback(chip.close)
-            self._link = Link(chip)
+            self._link = FalconLine(chip)
             loaded = firmware.ensure(chip, self._link, self._options.firmware)
             self._start()
             undo.pop_all()
@@ -157,7 +157,7 @@ class Falcon(Device):
             self._chip.close()
             self._chip = None
 
-    def _locate(self, answer: Answer) -> None:
+    def _locate(self, answer: FalconReply) -> None:
         """Compute the grip's position from the encoders; keep the previous one if they give no valid pose."""
         if answer.homed != self._homed:
             self._homed = answer.homed

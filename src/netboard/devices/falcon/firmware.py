@@ -9,7 +9,7 @@ from pathlib import Path
 
 from netboard.base.errors import DeviceNotFound, DeviceTimeout
 from netboard.devices.falcon import ftdi
-from netboard.devices.falcon.serial_protocol import Link
+from netboard.devices.falcon.serial_protocol import FalconLine
 
 ATTEMPTS = 10
 """Largest number of uploads; libnifalcon's users report that the first often fails (its issues 24, 32, 45, 67) [1]."""
@@ -58,7 +58,7 @@ def image_of(name: str) -> bytes:
     return image
 
 
-def ensure(chip: ftdi.Chip, link: Link, name: str) -> str:
+def ensure(chip: ftdi.Chip, link: FalconLine, name: str) -> str:
     """Make sure that the firmware runs, and return how it was loaded."""
     chip.purge()
     link.begin()

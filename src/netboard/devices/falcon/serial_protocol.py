@@ -53,7 +53,7 @@ ATTEMPTS = 4
 """Number of consecutive lost frames after which the Falcon counts as silent [1]."""
 
 
-class Answer(NamedTuple):
+class FalconReply(NamedTuple):
     """Decoded answer of the Falcon."""
 
     encoders: tuple[int, int, int]
@@ -67,13 +67,13 @@ def frame_of(commands: tuple[int, int, int], flags: int) -> bytes:
     return bytes((BEGIN, *nibbles, flags + OFFSET, OFFSET, END))
 
 
-def answer_in(frame: bytes) -> Answer | None:
+def answer_in(frame: bytes) -> FalconReply | None:
     """Decode an answer; None if it is invalid."""
     if frame[-1] != END or not FLAGS_LOW <= frame[13] <= FLAGS_HIGH or not all(byte in NUMBERS for byte in frame[1:13]):
         return None
     flags = frame[13] - OFFSET
     encoders = (_number(frame[1:5]), _number(frame[5:9]), _number(frame[9:13]))
-    return Answer(encoders, flags & HOMED == HOMED, flags & BUTTONS)
+    return FalconReply(encoders, flags & HOMED == HOMED, flags & BUTTONS)
 
 
 def _number(nibbles: bytes) -> int:
@@ -83,7 +83,7 @@ def _number(nibbles: bytes) -> int:
     return value - 0x10000 if value & 0x8000 else value
 
 
-class Link:
+class FalconLine:
     """The serial line to a running Falcon."""
 
     def __init__(self, chip: ftdi.Chip) -> None:
@@ -104,7 +104,7 @@ class Link:
         self._frame = frame_of(commands, flags)
         self._send()
 
-    def answer(self) -> Answer:
+    def answer(self) -> FalconReply:
         """Return the newest answer; resend a frame that was not answered."""
         for _ in range(ATTEMPTS):
             if not self.awaited:
@@ -135,7 +135,7 @@ class Link:
         self._received.clear()
         self.awaited = 0
 
-    def _collect(self) -> Answer | None:
+    def _collect(self) -> FalconReply | None:
         """Receive until all expected answers have arrived; return the last one."""
         newest, quiet = None, 0
         for _ in range(MOST):
@@ -150,7 +150,7 @@ class Link:
         self.awaited = max(self.awaited, 0)
         return newest
 
-    def _frames(self) -> Iterator[Answer]:
+    def _frames(self) -> Iterator[FalconReply]:
         """Extract complete frames from the received bytes; drop bytes that belong to none."""
         received = self._received
         while True:

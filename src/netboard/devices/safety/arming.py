@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from netboard.base.compiled import kernel
-from netboard.devices.safety.chain import Guard, Safety, Trip, fail, trip
+from netboard.devices.safety.chain import Guard, SafetyChain, Trip, fail, trip
 from netboard.network.protocol.motion import Safeguard
 
 SILENT, FORBIDS, ALLOWS = range(3)
@@ -84,7 +84,7 @@ class Arming:
         self.state = np.zeros(1, ARMING)
         self.state[0] = stop_buttons, consent_buttons, KNOWN
 
-    def keep_stop(self, safety: Safety) -> None:
+    def keep_stop(self, safety: SafetyChain) -> None:
         """Stop a new chain, if the server may not know of the emergency stop: it could arm the chain before."""
         if self.state[0]["stop_seq"] != KNOWN:
             safety.stop()

@@ -12,8 +12,8 @@ change than a step of `MAX_STEP_NS`.
 Rule 2: a fault is the only exception to the slew limit. If a number is not finite or the device is lost, neither can be
 trusted with a gradual decrease, so the force is zero at once.
 Rule 3: a force that was cut returns only by the ramp. After a short outage the ramp starts from the remaining gain.
-After a velocity cut it starts from zero, behind the gate. After a long outage, a fault or disarming, only `Safety.arm`
-starts it.
+After a velocity cut it starts from zero, behind the gate. After a long outage, a fault or disarming, only
+`SafetyChain.arm` starts it.
 Rule 4: staleness affects only the vertical force, which comes over the network. The agent computes the lateral force
 itself. That force is ramped, clamped, slewed and cut like the other, but it does not fade while the network is silent.
 Rule 5: the mean force over about `MEAN_TIME` never exceeds the motors' continuous force. As the mean approaches that
@@ -284,7 +284,7 @@ def _slew(chain: Any, dt: float, fx: float, fy: float, fz: float) -> int:
 def limit(
     chain: Any, now_ns: int, fx: float, fy: float, fz: float, fresh_ns: int, vx: float, vy: float, vz: float
 ) -> int:
-    """Limit one wanted force; return the safeguards. The limited force is in the chain. See `Safety.step`."""
+    """Limit one wanted force; return the safeguards. The limited force is in the chain. See `SafetyChain.step`."""
     c = chain[0]
     before_ns = c["now_ns"]
     dt = 0.0 if before_ns == NEVER_NS else max(now_ns - before_ns, 0) * 1e-9
@@ -317,7 +317,7 @@ class Limited(NamedTuple):
     safeguards: int
 
 
-class Safety:
+class SafetyChain:
     """The safety chain of one device; the device's peak and continuous force bound the configured limits [N]."""
 
     def __init__(self, limits: Limits, max_device_force: float, continuous_device_force: float) -> None:
@@ -329,7 +329,7 @@ class Safety:
         for name in _LIMITS:
             c[name] = getattr(limits, name)
 
-    def keep_mean_of(self, before: "Safety") -> None:
+    def keep_mean_of(self, before: "SafetyChain") -> None:
         """Continue the mean force of the same motors, as when a lost device is back: they are still warm."""
         # With the time of the last step, so that the next one lets the mean decay over the time of the loss.
         for name in ("mean", "now_ns"):

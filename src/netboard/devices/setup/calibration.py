@@ -14,7 +14,7 @@ from netboard.base.errors import ConfigError, NetboardError
 from netboard.base.number import number_of
 from netboard.devices.contract.device import Box
 from netboard.devices.contract.profile import MAX_SCALE, Placement
-from netboard.devices.setup.loop import Track
+from netboard.devices.setup.loop import DeviceRun
 
 STILL = 5e-3
 """Largest movement of a stylus that counts as held still [m]."""
@@ -25,7 +25,7 @@ MIN_SIDE = 0.01
 Point = tuple[float, float, float]
 
 
-def held_at(track: Track) -> Point:
+def held_at(track: DeviceRun) -> Point:
     """Return the position at which the stylus was held: the median along each axis."""
     moved = float(np.ptp(track.place, axis=0).max())
     if moved > STILL:
@@ -37,7 +37,7 @@ def held_at(track: Track) -> Point:
     return float(x), float(y), float(z)
 
 
-def neutral_at(track: Track) -> Point:
+def neutral_at(track: DeviceRun) -> Point:
     """Return the position at which the stylus was held, where the device must be able to render forces."""
     if not track.ready.all():
         raise NetboardError(

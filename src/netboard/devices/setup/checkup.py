@@ -15,7 +15,7 @@ from netboard.base.finding import Finding, graded
 from netboard.devices.contract.device import DeviceInfo
 from netboard.devices.contract.profile import Mechanics
 from netboard.devices.safety.chain import ZERO, Vector
-from netboard.devices.setup.loop import Floats, Track, smallest_step
+from netboard.devices.setup.loop import DeviceRun, Floats, smallest_step
 
 AXES = ("x", "y", "z")
 PERIOD_MS = (1.2, 2.0, 4.0)
@@ -64,7 +64,7 @@ class Pushes(NamedTuple):
     mechanical: float  # minimum part of that time due to the stylus mass; NaN without identified mechanics [s]
 
 
-def examine(track: Track, info: DeviceInfo) -> tuple[Finding, ...]:
+def examine(track: DeviceRun, info: DeviceInfo) -> tuple[Finding, ...]:
     """Check the readings of a device."""
     return (
         _rate(track),
@@ -86,7 +86,7 @@ def push_force(level: float, t: float) -> Vector:
     return ZERO
 
 
-def pushes(track: Track, info: DeviceInfo, mechanics: Mechanics | None) -> Pushes:
+def pushes(track: DeviceRun, info: DeviceInfo, mechanics: Mechanics | None) -> Pushes:
     """Measure the latency from each pulse to the movement of the stylus."""
     fz, height = track.force[:, 2], track.place[:, 2]
     starts = np.flatnonzero((np.abs(fz[1:]) > 0.0) & (fz[:-1] == 0.0)) + 1
@@ -148,26 +148,26 @@ def _spread(values: Floats) -> tuple[str, dict[str, float]]:
     return text, {"p50_ms": p50, "p99_ms": p99, "p999_ms": p999, "largest_ms": most}
 
 
-def _rate(track: Track) -> Finding:
+def _rate(track: DeviceRun) -> Finding:
     text, figures = _spread(np.diff(track.begun))
     figures["rate_hz"] = (len(track.begun) - 1) / float(track.begun[-1] - track.begun[0])
     good = all(figures[key] <= most for key, most in zip(("p99_ms", "p999_ms", "largest_ms"), PERIOD_MS, strict=True))
     return graded("loop", good, f"{figures['rate_hz']:.1f} Hz, period {text}", "see: netboard doctor", figures)
 
 
-def _answer(track: Track) -> Finding:
+def _answer(track: DeviceRun) -> Finding:
     text, figures = _spread(track.took)
     return graded("read duration", figures["p99_ms"] <= ANSWER_MS, text, "slow to read", figures)
 
 
-def _positions(track: Track) -> Finding:
+def _positions(track: DeviceRun) -> Finding:
     new = int(np.count_nonzero(np.diff(track.time) > 0.0))
     rate = new / float(track.begun[-1] - track.begun[0])
     advice = "the device is slower than the loop, so forces are computed from older positions"
     return graded("position updates", rate >= MIN_HZ, f"{rate:.0f} Hz", advice, {"rate_hz": rate})
 
 
-def _resolution(track: Track, info: DeviceInfo) -> Finding:
+def _resolution(track: DeviceRun, info: DeviceInfo) -> Finding:
     steps = [smallest_step(track.place[:, axis]) for axis in range(3)]
     stated = f"; the device reports {info.resolution * 1e3:.4f} mm" if info.resolution else ""
     if np.ptp(track.place, axis=0).max() < TOUCHED or not np.isfinite(min(steps)):
@@ -178,7 +178,7 @@ def _resolution(track: Track, info: DeviceInfo) -> Finding:
     return graded("resolution", not coarse, f"{words} mm{stated}", advice, figures)
 
 
-def _noise(track: Track, info: DeviceInfo) -> Finding:
+def _noise(track: DeviceRun, info: DeviceInfo) -> Finding:
     spread, speed = noise_at_rest(track)
     words = ", ".join(f"{axis} {value * 1e6:.1f}" for axis, value in zip(AXES, spread, strict=True))
     text = f"{words} um; velocity {speed * 1e3:.2f} mm/s (standard deviations)"
@@ -188,26 +188,26 @@ def _noise(track: Track, info: DeviceInfo) -> Finding:
     return graded("noise at rest", not noisy, text, advice, figures)
 
 
-def _range(track: Track) -> Finding:
+def _range(track: DeviceRun) -> Finding:
     low, high = track.place.min(axis=0) * 1e3, track.place.max(axis=0) * 1e3
     words = ", ".join(f"{axis} {a:.1f} to {b:.1f}" for axis, a, b in zip(AXES, low, high, strict=True))
     moved = float((high - low).max()) * 1e-3 >= TOUCHED
     return graded("range visited", moved, f"{words} mm", "move the stylus during the test")
 
 
-def _buttons(track: Track) -> Finding:
+def _buttons(track: DeviceRun) -> Finding:
     pressed = int(np.bitwise_or.reduce(track.buttons)) if len(track.buttons) else 0
     names = [str(bit) for bit in range(pressed.bit_length()) if pressed >> bit & 1]
     return Finding("buttons", "green", f"pressed: {', '.join(names)}" if names else "none was pressed")
 
 
-def _ready(track: Track) -> Finding:
+def _ready(track: DeviceRun) -> Finding:
     share = float(track.ready.mean())
     advice = "calibrate the device, take the stylus in hand, bring it into its workspace"
     return graded("ready for forces", share > 0.0, f"{share:.0%} of the time", advice)
 
 
-def noise_at_rest(track: Track) -> tuple[NDArray[np.float64], float]:
+def noise_at_rest(track: DeviceRun) -> tuple[NDArray[np.float64], float]:
     """Return the standard deviations of the positions and of the speed in the quietest second."""
     size = min(round(QUIET * 1e3), len(track.time))
     starts: Sequence[int] = range(0, len(track.time) - size + 1, max(size // 4, 1))

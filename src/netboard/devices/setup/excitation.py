@@ -15,8 +15,8 @@ from netboard.base.errors import ConfigError, DeviceError
 from netboard.base.tables.rig import Safety as Limits
 from netboard.devices.contract.device import Device, Reading
 from netboard.devices.safety.chain import Vector
-from netboard.devices.setup.identification import Identified, Motion, identify
-from netboard.devices.setup.loop import Driver, LoopClock, Progress, Track
+from netboard.devices.setup.identification import AxisRun, Identified, identify
+from netboard.devices.setup.loop import DeviceRun, Driver, LoopClock, Progress
 
 AXIS = 2
 """Axis of the task: vertical [1]."""
@@ -76,7 +76,7 @@ def limits_of(chirp: Chirp, own: Limits) -> Limits:
     )
 
 
-def run(device: Device, clock: LoopClock, chirp: Chirp, own: Limits, progress: Progress = lambda _: None) -> Track:
+def run(device: Device, clock: LoopClock, chirp: Chirp, own: Limits, progress: Progress = lambda _: None) -> DeviceRun:
     """Move the stylus of an open device along the chirp.
 
     Raises `DeviceError` if the device has no motors, has too little room or fails; or if the stylus leaves that room or
@@ -116,12 +116,12 @@ def _check_room(device: Device, home: Vector, chirp: Chirp) -> None:
         )
 
 
-def motion_of(track: Track, axis: int = AXIS) -> Motion:
+def motion_of(track: DeviceRun, axis: int = AXIS) -> AxisRun:
     """Return one axis of a run without repeated readings."""
     fresh = np.concatenate([[True], np.diff(track.time) > 0.0])
-    return Motion(track.time[fresh], track.place[fresh, axis], track.written, track.force[:, axis])
+    return AxisRun(track.time[fresh], track.place[fresh, axis], track.written, track.force[:, axis])
 
 
-def identified(track: Track, held: bool) -> Identified:
+def identified(track: DeviceRun, held: bool) -> Identified:
     """Identify the stylus mechanics from a run."""
     return identify(motion_of(track), held)

@@ -61,7 +61,7 @@ CONFIDENCE = 0.95
 """Level of the confidence intervals [1]."""
 
 
-class Motion(NamedTuple):
+class AxisRun(NamedTuple):
     """One axis of a run."""
 
     time: Floats  # time of each position [s]
@@ -70,7 +70,7 @@ class Motion(NamedTuple):
     force: Floats  # [N]
 
 
-class Estimate(NamedTuple):
+class ParameterEstimate(NamedTuple):
     """Estimate of one parameter."""
 
     value: float
@@ -82,18 +82,18 @@ class Identified:
     """Identified mechanics of a stylus."""
 
     # Parameter estimates [kg, N s/m, N, N, s, N/m].
-    mass: Estimate
-    damping: Estimate
-    friction: Estimate
-    load: Estimate
-    delay: Estimate
-    stiffness: Estimate
+    mass: ParameterEstimate
+    damping: ParameterEstimate
+    friction: ParameterEstimate
+    load: ParameterEstimate
+    delay: ParameterEstimate
+    stiffness: ParameterEstimate
     misfit: float  # root mean square of the position residuals [m]
     travel: float  # distance between the extreme positions of the run [m]
     windows: int
 
 
-def identify(motion: Motion, held: bool) -> Identified:
+def identify(motion: AxisRun, held: bool) -> Identified:
     """Estimate mass, damping and friction.
 
     ``held``: True if a hand holds the stylus: then stiffness is estimated too, and mass and damping include the hand's.
@@ -130,7 +130,7 @@ def identify(motion: Motion, held: bool) -> Identified:
     values[free] = fit.x[: free.sum()]
     half_widths[free] = _half_widths(residuals(fit.x), slopes(fit.x), int(free.sum()), windows.count)
     mass, damping, friction, load, delay, stiffness = (
-        Estimate(float(value), float(half)) for value, half in zip(values, half_widths, strict=True)
+        ParameterEstimate(float(value), float(half)) for value, half in zip(values, half_widths, strict=True)
     )
     misfit = float(np.sqrt(np.mean(residuals(fit.x) ** 2)) * windows.unit)
     return Identified(mass, damping, friction, load, delay, stiffness, misfit, travel, windows.count)
@@ -139,7 +139,7 @@ def identify(motion: Motion, held: bool) -> Identified:
 class _Windows:
     """A run cut into windows, and the simulation of the model in all of them at once."""
 
-    def __init__(self, motion: Motion) -> None:
+    def __init__(self, motion: AxisRun) -> None:
         step = float(np.median(np.diff(motion.time)))
         length = round(WINDOW / step)
         self.count = (len(motion.time) - 1) // length
@@ -225,7 +225,7 @@ def _half_widths(residuals: Floats, slopes: csr_array, shared: int, windows: int
     return np.asarray(spread * student.ppf(0.5 + 0.5 * CONFIDENCE, windows - shared))
 
 
-def _first_guess(motion: Motion, held: bool) -> Floats:
+def _first_guess(motion: AxisRun, held: bool) -> Floats:
     """Return the solution of the weak form, with one equation per test function."""
     step = float(np.median(np.diff(motion.time)))
     times = np.arange(motion.time[0], motion.time[-1], step)
@@ -255,7 +255,7 @@ def _first_guess(motion: Motion, held: bool) -> Floats:
     return guess
 
 
-def _smoothed(motion: Motion) -> tuple[Floats, Floats]:
+def _smoothed(motion: AxisRun) -> tuple[Floats, Floats]:
     """Return positions and velocities smoothed by a moving cubic (Savitzky and Golay 1964)."""
     step = float(np.median(np.diff(motion.time)))
     smooth = savgol_filter(motion.place, SMOOTHED, 3)

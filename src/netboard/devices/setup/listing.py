@@ -64,7 +64,7 @@ class BackendState(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Listing:
+class DeviceListing:
     """All devices and backends."""
 
     devices: tuple[ListedDevice, ...]
@@ -78,7 +78,7 @@ def udev_rule(vendor: str, product: str) -> str:
     return f'SUBSYSTEM=="usb|tty|hidraw", {where}, GROUP="netboard", MODE="0660", TAG+="uaccess"'
 
 
-def listing(config: Config, root: Path = usb.ROOT) -> Listing:
+def listing(config: Config, root: Path = usb.ROOT) -> DeviceListing:
     """List all devices and backends."""
     devices, remarks = [], []
     if usb.has_sysfs(root):
@@ -92,7 +92,7 @@ def listing(config: Config, root: Path = usb.ROOT) -> Listing:
         trouble, found = _ask_backend(name, config)
         backends.append(BackendState(name, trouble))
         devices = joined(devices, name, found)
-    return Listing(tuple(devices), tuple(backends), tuple(remarks))
+    return DeviceListing(tuple(devices), tuple(backends), tuple(remarks))
 
 
 def _listed(found: Plugged, source: str) -> ListedDevice:
@@ -147,7 +147,7 @@ def _ask_backend(name: str, config: Config) -> tuple[str, tuple[Found, ...]]:
         return str(error), ()
 
 
-class Choice(NamedTuple):
+class DeviceMatch(NamedTuple):
     """The connected devices that fit the options of one side; ``options``: those that select a device."""
 
     backend: str
@@ -176,7 +176,7 @@ def configured(config: Config, missing: Colour, root: Path = usb.ROOT) -> list[F
     return [_judged("left", left, right, missing), _judged("right", right, left, missing)]
 
 
-def _choice(side: Side, config: Config, found: Listing) -> Choice:
+def _choice(side: Side, config: Config, found: DeviceListing) -> DeviceMatch:
     """Return which connected devices a side may mean."""
     agent = config.agents.of(side)
     name, backend = agent.device, registry.BACKENDS.get(agent.device)
@@ -189,7 +189,7 @@ def _choice(side: Side, config: Config, found: Listing) -> Choice:
         trouble = str(error)
     here = _of_backend(name, backend, found.devices) if backend else []
     library_only = backend is not None and backend.lists_serials
-    return Choice(name, options, tuple(each for each in here if _fits(each, options, library_only)), trouble)
+    return DeviceMatch(name, options, tuple(each for each in here if _fits(each, options, library_only)), trouble)
 
 
 def _of_backend(name: str, backend: Backend, devices: tuple[ListedDevice, ...]) -> list[ListedDevice]:
@@ -219,7 +219,7 @@ def _is_at(each: ListedDevice, path: str) -> bool:
     return path in each.nodes if path.startswith("/dev/") else True
 
 
-def _judged(side: Side, mine: Choice, other: Choice, missing: Colour) -> Finding:
+def _judged(side: Side, mine: DeviceMatch, other: DeviceMatch, missing: Colour) -> Finding:
     """Judge the device of a side; ``other``: the choice of the other side."""
     title, backend = f"{side} device", registry.BACKENDS.get(mine.backend)
     if mine.trouble:
@@ -246,7 +246,7 @@ def _judged(side: Side, mine: Choice, other: Choice, missing: Colour) -> Finding
     return Finding(title, "green", mine.words)
 
 
-def _shared_serial(mine: Choice, other: Choice) -> str:
+def _shared_serial(mine: DeviceMatch, other: DeviceMatch) -> str:
     """Return the serial number of two different devices, which selects their profile; empty if it differs."""
     if mine.backend != other.backend or len(mine.fitting) != 1 or len(other.fitting) != 1:
         return ""
@@ -254,7 +254,7 @@ def _shared_serial(mine: Choice, other: Choice) -> str:
     return serial if mine.fitting != other.fitting and serial == other.fitting[0].serial else ""
 
 
-def _is_shared(mine: Choice, other: Choice) -> bool:
+def _is_shared(mine: DeviceMatch, other: DeviceMatch) -> bool:
     """Tell whether both sides mean the same device."""
     if mine.backend != other.backend:
         return False

@@ -1,7 +1,7 @@
 """Runs one device in a loop without a server: reads it without force, or drives it through the safety chain.
 
 Time comes from `LoopClock`, so that a test can run a virtual device in simulated time. Readings and rendered forces are
-stored in a `Track`. Rule 1: a run without force writes nothing. Rule 2: every force passes the safety chain, and on
+stored in a `DeviceRun`. Rule 1: a run without force writes nothing. Rule 2: every force passes the safety chain, and on
 every exit path the force goes to zero first.
 """
 
@@ -19,7 +19,7 @@ from netboard.base.errors import DeviceError
 from netboard.base.tables.rig import Safety as Limits
 from netboard.base.tick import TICK_NS
 from netboard.devices.contract.device import Device, Reading
-from netboard.devices.safety.chain import ZERO, Guard, Safety, Vector
+from netboard.devices.safety.chain import ZERO, Guard, SafetyChain, Vector
 
 Floats = NDArray[np.float64]
 Progress = Callable[[float], None]
@@ -56,7 +56,7 @@ class RealTime:
 
 
 @dataclass(frozen=True, slots=True)
-class Track:
+class DeviceRun:
     """Readings and forces of a run."""
 
     begun: Floats  # time at which each reading was requested [s]
@@ -75,7 +75,7 @@ Row = tuple[int, int, Reading, int, Vector]
 """Start and end of a reading, the reading, time of writing the force, the force."""
 
 
-def track_of(rows: list[Row]) -> Track:
+def track_of(rows: list[Row]) -> DeviceRun:
     """Convert the rows of a loop to arrays; time starts at the first reading."""
     zero = rows[0][0] if rows else 0
     begun, ended, readings, written, forces = zip(*rows, strict=True) if rows else ((), (), (), (), ())
@@ -83,7 +83,7 @@ def track_of(rows: list[Row]) -> Track:
     def seconds(times: tuple[int, ...]) -> Floats:
         return np.asarray((np.array(times, np.int64) - zero) * 1e-9, np.float64)
 
-    return Track(
+    return DeviceRun(
         begun=seconds(begun),
         took=seconds(ended) - seconds(begun),
         time=seconds(tuple(r.stamp_ns for r in readings)),
@@ -102,7 +102,7 @@ def smallest_step(place: Floats) -> float:
     return float(steps[steps > 1e-9].min(initial=np.inf))
 
 
-def watch(device: Device, loop_clock: LoopClock, seconds: float, progress: Progress = lambda _: None) -> Track:
+def watch(device: Device, loop_clock: LoopClock, seconds: float, progress: Progress = lambda _: None) -> DeviceRun:
     """Read a device each millisecond without writing force."""
     rows: list[Row] = []
     total = round(seconds * 1e9 / TICK_NS)
@@ -122,11 +122,11 @@ class Driver:
     def __init__(self, device: Device, loop_clock: LoopClock, limits: Limits) -> None:
         self._device, self._clock = device, loop_clock
         self._limits = limits
-        self._safety = Safety(limits, device.info.max_force, device.info.continuous_force)
+        self._safety = SafetyChain(limits, device.info.max_force, device.info.continuous_force)
 
     def drive(
         self, seconds: float, force: Callable[[float, Reading], Vector], progress: Progress = lambda _: None
-    ) -> Track:
+    ) -> DeviceRun:
         """Arm the device, render forces for a duration, then release them.
 
         ``force``: wanted force on the hand [N], called with the time since arming [s] and a reading.

@@ -11,14 +11,14 @@ from netboard.base.finding import Finding
 from netboard.base.terminal.output import FittedTable, numbers
 from netboard.devices.contract.device import DeviceInfo, Reading
 from netboard.devices.contract.profile import Placement
-from netboard.devices.setup.identification import Estimate, Identified
-from netboard.devices.setup.listing import Listing
+from netboard.devices.setup.identification import Identified, ParameterEstimate
+from netboard.devices.setup.listing import DeviceListing
 
 UNITS = {"mass": "kg", "damping": "N s/m", "friction": "N", "load": "N", "delay": "ms", "stiffness": "N/m"}
 """Displayed unit of each estimate."""
 
 
-def listing_tables(found: Listing) -> RenderableType:
+def listing_tables(found: DeviceListing) -> RenderableType:
     """Format devices and backends as tables, with advice below each device that may not be opened."""
     devices = FittedTable("device", "serial", "USB", "at", "seen by", title="Devices")
     for each in found.devices:
@@ -34,7 +34,7 @@ def listing_tables(found: Listing) -> RenderableType:
     return Group(*parts, *(Text(remark, "yellow") for remark in found.remarks))
 
 
-def plain_listing(found: Listing) -> Mapping[str, object]:
+def plain_listing(found: DeviceListing) -> Mapping[str, object]:
     """Convert a listing for JSON."""
     return {
         "devices": [{**asdict(each), "advice": each.advice} for each in found.devices],
@@ -101,7 +101,7 @@ def reading_table(title: str, reading: Reading) -> FittedTable:
     return table
 
 
-def _by_name(found: Identified) -> Mapping[str, Estimate]:
+def _by_name(found: Identified) -> Mapping[str, ParameterEstimate]:
     return {name: getattr(found, name) for name in UNITS}
 
 

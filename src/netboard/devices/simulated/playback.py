@@ -9,7 +9,7 @@ vertical velocities; laterally it has positions only. A CSV file has the columns
 ``vx,vy,vz`` and ``buttons``, in any order. An invalid file raises an error with file, line and column; nothing is
 repaired silently.
 
-Options (``agents.<side>.options``): see `Options`.
+Options (``agents.<side>.options``): see `PlaybackOptions`.
 """
 
 from collections.abc import Sequence
@@ -42,7 +42,7 @@ Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
-class Options:
+class PlaybackOptions:
     """Options of the recorded stylus."""
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
@@ -64,7 +64,7 @@ class Playback(Device):
 
     def __init__(self, side: Side, config: Config) -> None:
         super().__init__(side, config)
-        self._options = self.read_options(Options)
+        self._options = self.read_options(PlaybackOptions)
         if not self._options.file:
             raise ConfigError(f"[agents.{side}.options] file: found none, expected the recording or .csv file to play")
         self._track: Track | None = None

@@ -11,7 +11,7 @@ The configuration table ``virtual`` selects the device model and further imperfe
 compliance (`netboard.participants.cable`), motor heating, delayed readings and forces. An imperfection that is not
 configured is absent and costs no time.
 
-Options (``agents.<side>.options``): see `Options`.
+Options (``agents.<side>.options``): see `VirtualOptions`.
 """
 
 from collections import deque
@@ -48,7 +48,7 @@ Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
-class Options:
+class VirtualOptions:
     """Options of the virtual device."""
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
@@ -190,7 +190,7 @@ class VirtualTouch(Device):
         super().__init__(side, config)
         virtual = config.virtual
         self._model = model = resolved(virtual)
-        held = self.read_options(Options).held
+        held = self.read_options(VirtualOptions).held
         rng = np.random.default_rng((config.block.seed, SIDES.index(side)))
         self._hand = make_hand(config.participant, virtual, rng, held)
         self._state = np.zeros(1, DEVICE)

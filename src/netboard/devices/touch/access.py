@@ -38,7 +38,7 @@ LIBRARY = np.dtype(
         ("kept", "<i8"),  # 1: errors are kept for a device
     ]
 )
-"""What the devices of a process share; see `netboard.devices.touch.library.Rig`."""
+"""What the devices of a process share; see `netboard.devices.touch.library.TouchRig`."""
 
 DEVICE = np.dtype(
     [

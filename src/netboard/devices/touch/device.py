@@ -8,7 +8,7 @@ A device is ready while its stylus is out of the inkwell, no motor has reported 
 cut. Every reported error is named in a message. Errors caused by a hand or a hot motor make the device temporarily not
 ready; all others mean that it is lost.
 
-Options (``agents.<side>.options``): see `Options`. How to set it up: docs/how-to/touch.md.
+Options (``agents.<side>.options``): see `OpenHapticsOptions`. How to set it up: docs/how-to/touch.md.
 """
 
 import logging
@@ -29,7 +29,7 @@ from netboard.devices.touch import access
 from netboard.devices.touch.access import DEVICE, LIBRARY, SAMPLE
 from netboard.devices.touch.api import Error, Fault
 from netboard.devices.touch.find import calibrate, candidates, describe, enable, find, present
-from netboard.devices.touch.library import OpenDevice, Rig, rig_of
+from netboard.devices.touch.library import OpenDevice, TouchRig, rig_of
 from netboard.devices.touch.servo import PythonServo, Servo, wait_ticks
 from netboard.devices.touch.shim import ShimServo, shim
 
@@ -63,7 +63,7 @@ LATE = frozenset({Error.TIMER_ERROR})
 
 
 @dataclass(frozen=True, slots=True)
-class Options:
+class OpenHapticsOptions:
     """Options of a device of OpenHaptics."""
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
@@ -103,8 +103,8 @@ class OpenHaptics(Device):
 
     def __init__(self, side: Side, config: Config) -> None:
         super().__init__(side, config)
-        self._options = self.read_options(Options)
-        self._rig: Rig | None = None
+        self._options = self.read_options(OpenHapticsOptions)
+        self._rig: TouchRig | None = None
         self._opened: OpenDevice | None = None
         self._servo: Servo | None = None
         self._lost = False
@@ -149,7 +149,7 @@ class OpenHaptics(Device):
         self._state["servo"] = servo.address if isinstance(servo, ShimServo) else 0
         return replace(info, details={**info.details, "servo": kind, **limits})
 
-    def _first_ticks(self, rig: Rig, servo: Servo, opened: OpenDevice) -> None:
+    def _first_ticks(self, rig: TouchRig, servo: Servo, opened: OpenDevice) -> None:
         """Wait until the servo runs, and check its errors."""
         running = wait_ticks(servo, 2, FIRST_TICK_NS)
         self._judge(rig.faults(opened), monotonic_ns())

@@ -17,7 +17,7 @@ from typing import TypeVar
 from netboard.base.errors import DeviceError, DeviceNotFound
 from netboard.devices.contract.device import Box, DeviceInfo, Found
 from netboard.devices.touch.api import Calibration, Capability, Fault, Library, Parameter, Style
-from netboard.devices.touch.library import OpenDevice, Rig
+from netboard.devices.touch.library import OpenDevice, TouchRig
 
 T = TypeVar("T")
 
@@ -93,7 +93,7 @@ def config_folders() -> list[Path]:
         return [shared]
 
 
-def find(rig: Rig, serial: str, name: str) -> OpenDevice:
+def find(rig: TouchRig, serial: str, name: str) -> OpenDevice:
     """Initialise the wanted device and make it current, while the scheduler is paused.
 
     ``name``: name of the device. With a serial number, it is tried first; without, it is the only one tried. Empty for
@@ -127,7 +127,7 @@ def find(rig: Rig, serial: str, name: str) -> OpenDevice:
     )
 
 
-def present(rig: Rig, names: list[str]) -> tuple[Found, ...]:
+def present(rig: TouchRig, names: list[str]) -> tuple[Found, ...]:
     """Initialise and release the devices one by one, with no servo and no force.
 
     ``names``: possible names of devices; a device in use by another program is not found.
@@ -207,7 +207,7 @@ def _listed(faults: list[Fault]) -> str:
     return "; ".join(map(str, faults))
 
 
-def calibrate(rig: Rig, opened: OpenDevice, pause: Callable[[float], None] = time.sleep) -> None:
+def calibrate(rig: TouchRig, opened: OpenDevice, pause: Callable[[float], None] = time.sleep) -> None:
     """Make sure that a device is calibrated, while its servo runs without force."""
     hd = rig.library.ticks
     state = _state(rig, opened)
@@ -226,7 +226,7 @@ def calibrate(rig: Rig, opened: OpenDevice, pause: Callable[[float], None] = tim
         raise DeviceError(f"the haptic device is not calibrated ({known}): {todo}; docs/how-to/touch.md")
 
 
-def _state(rig: Rig, opened: OpenDevice) -> int:
+def _state(rig: TouchRig, opened: OpenDevice) -> int:
     """Return the calibration state."""
     return rig.ask(opened, "querying its calibration", rig.library.ticks.hdCheckCalibration)
 
@@ -238,7 +238,7 @@ def _style(library: Library) -> int:
     return room.value
 
 
-def enable(rig: Rig, opened: OpenDevice) -> dict[str, str]:
+def enable(rig: TouchRig, opened: OpenDevice) -> dict[str, str]:
     """Enable force output and the library's own safeguards, while the scheduler is paused."""
     hd = rig.library
     hd.calls.hdMakeCurrentDevice(opened.handle)

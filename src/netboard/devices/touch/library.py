@@ -1,7 +1,7 @@
 """The vendor's library within a process: one scheduler, one error stack, and the devices that share them.
 
 Most processes have one device. Two devices share the scheduler, which is stopped while a device is added or removed. A
-`Rig` registers the open devices; nothing else starts or stops the scheduler.
+`TouchRig` registers the open devices; nothing else starts or stops the scheduler.
 
 Rule 1: a device is released in this order, on every path, including the interpreter's exit: zero force, scheduler
 stopped, callback unscheduled, device disabled.
@@ -34,7 +34,7 @@ from netboard.devices.touch.api import (
     Library,
     load,
 )
-from netboard.devices.touch.servo import SETTLE_TICKS, Entry, Servo, wait_ticks
+from netboard.devices.touch.servo import SETTLE_TICKS, Servo, ServoCallback, wait_ticks
 
 log = logging.getLogger(__name__)
 
@@ -56,7 +56,7 @@ class OpenDevice:
     faults: deque[Fault] = field(default_factory=deque)
 
 
-class Rig:
+class TouchRig:
     """The open devices of a process, and their scheduler."""
 
     def __init__(self, library: Library) -> None:
@@ -110,7 +110,7 @@ class Rig:
         hd.calls.hdMakeCurrentDevice(handle)
         return opened
 
-    def schedule(self, opened: OpenDevice, servo: Servo, entry: Entry | None = None) -> None:
+    def schedule(self, opened: OpenDevice, servo: Servo, entry: ServoCallback | None = None) -> None:
         """Schedule a device's callback in the servo thread, starting at the end of the current pause.
 
         ``entry``: callback to schedule in place of the servo's, such as a watch around it.
@@ -223,15 +223,15 @@ class Rig:
         self._assign(self.library.drain())
 
 
-_rigs: dict[int, Rig] = {}
+_rigs: dict[int, TouchRig] = {}
 _making = threading.Lock()
 
 
-def rig_of(path: str) -> Rig:
+def rig_of(path: str) -> TouchRig:
     """Return the rig of a library in this process; the library is loaded once."""
     library = load(path)
     with _making:
         known = library.calls._handle  # identical for the same library under any name
         if known not in _rigs:
-            _rigs[known] = Rig(library)
+            _rigs[known] = TouchRig(library)
         return _rigs[known]

@@ -32,7 +32,7 @@ SETTLE_TICKS = 2
 KEPT_FAULTS = 256
 
 
-class Entry(NamedTuple):
+class ServoCallback(NamedTuple):
     """A callback for the scheduler; its owner must keep it alive."""
 
     function: Any
@@ -43,7 +43,7 @@ class Servo(Protocol):
     """The callback of one device, and its two slots."""
 
     @property
-    def entry(self) -> Entry:
+    def entry(self) -> ServoCallback:
         """Callback to schedule."""
 
     @property
@@ -81,10 +81,10 @@ class PythonServo:
         self._result = self.sample[0].item()
         self._ticks = 0
         self._faults: deque[Raw] = deque(maxlen=KEPT_FAULTS)
-        self._entry = Entry(CALLBACK(self._tick), c_void_p())
+        self._entry = ServoCallback(CALLBACK(self._tick), c_void_p())
 
     @property
-    def entry(self) -> Entry:
+    def entry(self) -> ServoCallback:
         """Callback to schedule."""
         return self._entry
 

@@ -28,7 +28,7 @@ from netboard.base.errors import DeviceNotFound, NetboardError
 from netboard.base.files.sealed import Damaged, unsealed, write_sealed
 from netboard.devices.touch.access import SAMPLE, SYMBOL
 from netboard.devices.touch.api import CALLBACK, ErrorInfo, Library
-from netboard.devices.touch.servo import Entry, Raw, Vector
+from netboard.devices.touch.servo import Raw, ServoCallback, Vector
 
 log = logging.getLogger(__name__)
 
@@ -176,10 +176,10 @@ class ShimServo:
         self._put, self._take, self._next_fault = made.servo_put, made.servo_take, made.servo_next_fault
         self._simulate = made.servo_simulate
         self.sample = np.zeros(1, SAMPLE)
-        self._entry = Entry(ctypes.cast(made.servo_tick, CALLBACK), c_void_p(self.address))
+        self._entry = ServoCallback(ctypes.cast(made.servo_tick, CALLBACK), c_void_p(self.address))
 
     @property
-    def entry(self) -> Entry:
+    def entry(self) -> ServoCallback:
         """Callback to schedule."""
         return self._entry
 
@@ -210,12 +210,12 @@ class Watch:
     ``entry``: callback to watch; None for an empty tick.
     """
 
-    def __init__(self, entry: Entry | None, room: int) -> None:
+    def __init__(self, entry: ServoCallback | None, room: int) -> None:
         self._times = np.zeros((room, 2), np.int64)
         self._inner = entry
         callback = None if entry is None else ctypes.cast(entry.function, c_void_p)
         self._room = WatchState(callback, entry and entry.data, self._times.ctypes.data, room, 0)
-        self.entry = Entry(ctypes.cast(shim().watch_tick, CALLBACK), c_void_p(ctypes.addressof(self._room)))
+        self.entry = ServoCallback(ctypes.cast(shim().watch_tick, CALLBACK), c_void_p(ctypes.addressof(self._room)))
 
     @property
     def times(self) -> NDArray[np.int64]:

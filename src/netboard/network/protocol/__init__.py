@@ -6,7 +6,7 @@ message : type
     The dataclass of a message that has only numbers.
 frame : bytes
     Untrusted input: any bytes from any sender.
-form : netboard.network.protocol.fixed.Form
+form : netboard.network.protocol.fixed.FixedForm
     The fixed form of a message.
 role : str
     One of `netboard.network.protocol.joining.ROLES`.

@@ -24,7 +24,7 @@ from typing import Any
 import msgpack
 
 from netboard.base.errors import WireError
-from netboard.network.protocol.messages import CHOICES, KINDS, Kind, Message
+from netboard.network.protocol.messages import CHOICES, KINDS, Message, MessageKind
 
 Check = Callable[[Any], Any]
 M = typing.TypeVar("M", bound=Message)
@@ -194,7 +194,7 @@ _READ: Mapping[type, Check] = {**_PLAIN, int: _read_int, float: partial(_exactly
 _WRITE: Mapping[type, Check] = {**_PLAIN, int: _write_int, float: _write_float}
 
 
-def _compile(hint: Any, scalars: Mapping[type, Check], kind: Kind) -> Check:
+def _compile(hint: Any, scalars: Mapping[type, Check], kind: MessageKind) -> Check:
     """Make the check of one type hint of a kind of message; `scalars` has the checks of its leaves."""
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if hint in scalars:
@@ -243,7 +243,7 @@ def _getter(names: tuple[str, ...]) -> Callable[[Message], tuple[Any, ...]]:
     return lambda message: tuple(getattr(message, name) for name in names)
 
 
-def _plan(number: int, kind: Kind) -> _Plan:
+def _plan(number: int, kind: MessageKind) -> _Plan:
     message = kind.message
     hints = typing.get_type_hints(message)
     names = tuple(field.name for field in fields(message))

@@ -29,7 +29,7 @@ _MARKERS = {int: 0xD3, float: 0xCB, bool: _FALSE}  # MessagePack: int 64, float 
 _TYPES = {int: "<i8", float: "<f8", bool: "<i8"}
 
 
-class Form(NamedTuple):
+class FixedForm(NamedTuple):
     """The fixed form of a message.
 
     Attributes
@@ -47,14 +47,14 @@ class Form(NamedTuple):
     size: int
 
 
-def form_of(message: type[Message]) -> Form:
+def form_of(message: type[Message]) -> FixedForm:
     """Return the fixed form of a message of numbers only."""
     number = next(number for number, kind in KINDS.items() if kind.message is message)
     markers = [_MARKERS[hint] for hint in get_type_hints(message).values()]
     length = len(markers) + 1
     head = [0x90 | length, number] if length < 16 else [0xDC, 0, length, number]
     size = len(head) + sum(1 if marker == _FALSE else WIDE for marker in markers)
-    return Form(np.array(head, np.uint8), np.array(markers, np.uint8), size)
+    return FixedForm(np.array(head, np.uint8), np.array(markers, np.uint8), size)
 
 
 def fields_of(message: type[Message]) -> list[tuple[str, str]]:
@@ -83,7 +83,7 @@ STYLUS, FORCE, POINT, HEARTBEAT = map(form_of, (Stylus, Force, Point, Heartbeat)
 
 
 @kernel
-def read(frame: Any, form: Form, words: Any) -> bool:
+def read(frame: Any, form: FixedForm, words: Any) -> bool:
     """Read a frame of a fixed form; return False, and leave the words undefined, if it has another form.
 
     Parameters
@@ -117,7 +117,7 @@ def read(frame: Any, form: Form, words: Any) -> bool:
 
 
 @kernel
-def write(frame: Any, form: Form, words: Any) -> None:
+def write(frame: Any, form: FixedForm, words: Any) -> None:
     """Write a frame of a fixed form.
 
     Parameters

@@ -88,7 +88,7 @@ Message = (
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class MessageKind:
     """One row of `KINDS`.
 
     Attributes
@@ -117,41 +117,41 @@ _AGENT, _DISPLAY, _CONSOLE, _LOGGER = ("agent",), ("display",), ("console",), ("
 _LOGGERS = ("logger", "listener")
 _PINGED = ("display", "logger", "console", "listener")
 
-KINDS: dict[int, Kind] = {
-    1: Kind(Hello, 4096, most_pairs=32, up=ROLES),
-    2: Kind(Welcome, 262_144, down=ROLES),
-    3: Kind(Refusal, 8192, down=ROLES),  # may quote anything of a Hello
-    4: Kind(Goodbye, 4096, up=ROLES, down=ROLES),
-    5: Kind(Ping, 64, down=_PINGED),
-    6: Kind(Pong, 64, up=_PINGED),
-    10: Kind(Stylus, 256, up=_AGENT),
-    11: Kind(Force, 64, down=_AGENT),
-    12: Kind(Heartbeat, 64, down=_AGENT),
-    13: Kind(Point, 128, down=_AGENT),
-    14: Kind(BackfillRequest, 64, down=_AGENT),
-    15: Kind(Backfill, 2304, up=_AGENT),
-    20: Kind(View, 4096, down=_DISPLAY),
-    21: Kind(Frames, 8192, MAX_SHOWN, up=_DISPLAY),
-    30: Kind(LogRequest, 64, up=_LOGGERS),
-    31: Kind(LogBatch, 1_048_576, 4096, down=_LOGGERS),
-    32: Kind(LogAck, 1024, up=_LOGGER),
-    33: Kind(LogEnd, 64, down=_LOGGERS),
-    34: Kind(TickRecord, 4096),
-    35: Kind(EventRecord, 65_536, most_pairs=4096),
-    36: Kind(ClockRecord, 256),
-    37: Kind(FrameRecord, 256),
-    38: Kind(BackfillRecord, 2304),
-    50: Kind(Command, 8192, up=_CONSOLE),
-    51: Kind(StatusRequest, 16, up=_CONSOLE),
-    52: Kind(Status, 262_144, 10_240, down=_CONSOLE),
-    53: Kind(Reply, 4096, down=_CONSOLE),
-    54: Kind(OutcomesRequest, 64, up=_CONSOLE),
-    55: Kind(Outcomes, 65_536, 512, down=_CONSOLE),
-    56: Kind(TraceRequest, 64, up=_CONSOLE),
-    57: Kind(Trace, 65_536, 512, down=_CONSOLE),
-    60: Kind(Move, 128),
-    61: Kind(Pointer, 64),
-    62: Kind(Felt, 64),
+KINDS: dict[int, MessageKind] = {
+    1: MessageKind(Hello, 4096, most_pairs=32, up=ROLES),
+    2: MessageKind(Welcome, 262_144, down=ROLES),
+    3: MessageKind(Refusal, 8192, down=ROLES),  # may quote anything of a Hello
+    4: MessageKind(Goodbye, 4096, up=ROLES, down=ROLES),
+    5: MessageKind(Ping, 64, down=_PINGED),
+    6: MessageKind(Pong, 64, up=_PINGED),
+    10: MessageKind(Stylus, 256, up=_AGENT),
+    11: MessageKind(Force, 64, down=_AGENT),
+    12: MessageKind(Heartbeat, 64, down=_AGENT),
+    13: MessageKind(Point, 128, down=_AGENT),
+    14: MessageKind(BackfillRequest, 64, down=_AGENT),
+    15: MessageKind(Backfill, 2304, up=_AGENT),
+    20: MessageKind(View, 4096, down=_DISPLAY),
+    21: MessageKind(Frames, 8192, MAX_SHOWN, up=_DISPLAY),
+    30: MessageKind(LogRequest, 64, up=_LOGGERS),
+    31: MessageKind(LogBatch, 1_048_576, 4096, down=_LOGGERS),
+    32: MessageKind(LogAck, 1024, up=_LOGGER),
+    33: MessageKind(LogEnd, 64, down=_LOGGERS),
+    34: MessageKind(TickRecord, 4096),
+    35: MessageKind(EventRecord, 65_536, most_pairs=4096),
+    36: MessageKind(ClockRecord, 256),
+    37: MessageKind(FrameRecord, 256),
+    38: MessageKind(BackfillRecord, 2304),
+    50: MessageKind(Command, 8192, up=_CONSOLE),
+    51: MessageKind(StatusRequest, 16, up=_CONSOLE),
+    52: MessageKind(Status, 262_144, 10_240, down=_CONSOLE),
+    53: MessageKind(Reply, 4096, down=_CONSOLE),
+    54: MessageKind(OutcomesRequest, 64, up=_CONSOLE),
+    55: MessageKind(Outcomes, 65_536, 512, down=_CONSOLE),
+    56: MessageKind(TraceRequest, 64, up=_CONSOLE),
+    57: MessageKind(Trace, 65_536, 512, down=_CONSOLE),
+    60: MessageKind(Move, 128),
+    61: MessageKind(Pointer, 64),
+    62: MessageKind(Felt, 64),
 }
 """Messages by their numbers on the wire. Append only; 127 is the highest that MessagePack writes as one byte."""
 

@@ -2,7 +2,7 @@
 
 CURVE (ZeroMQ's RFC 26) encrypts, and at each handshake libzmq asks whether the peer's key is accepted (ZAP, RFC 27).
 The server's own loop answers, a few handshakes at a time, so no thread can hold up a tick. This module does not know
-which role a key has; a `KeyRing` does.
+which role a key has; a `KnownKeys` does.
 """
 
 import logging
@@ -16,7 +16,7 @@ import zmq
 from zmq.utils import z85
 from zmq.utils.monitor import parse_monitor_message
 
-from netboard.network.transport.refusal_count import RefusalCount
+from netboard.network.transport.refusal_count import RefusalCounter
 
 log = logging.getLogger(__name__)
 
@@ -52,7 +52,7 @@ class Credentials:
     server: str
 
 
-class KeyRing(Protocol):
+class KnownKeys(Protocol):
     """The server's key, and the role of each peer's key."""
 
     secret: str
@@ -85,12 +85,12 @@ def public_of(secret: str) -> str:
 class Authenticator:
     """Authenticates one server's peers; its port distinguishes it from other servers in the same context."""
 
-    def __init__(self, ring: KeyRing, port: int) -> None:
+    def __init__(self, ring: KnownKeys, port: int) -> None:
         self.ring = ring
         self._port = port
         self._handlers: list[_ZapHandler] = []
         self._monitors: list[_HandshakeMonitor] = []
-        self._refused = RefusalCount()
+        self._refused = RefusalCounter()
 
     @property
     def totals(self) -> dict[str, int]:

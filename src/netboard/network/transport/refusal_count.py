@@ -37,7 +37,7 @@ class _Kind:
     wait_ns: int = FIRST_WAIT_NS
 
 
-class RefusalCount:
+class RefusalCounter:
     """Counts refusals by kind."""
 
     def __init__(self) -> None:

@@ -29,16 +29,13 @@ from netboard.devices.contract import registry
 from netboard.devices.contract.access import Kernel
 from netboard.devices.contract.device import Device, DeviceInfo, Reading
 from netboard.devices.safety.arming import Arming
-from netboard.devices.safety.chain import Safety
+from netboard.devices.safety.chain import SafetyChain
 from netboard.devices.safety.passivity import Passivity
 from netboard.network import keys
 from netboard.network.protocol.joining import Hello
 from netboard.network.protocol.messages import PROTOCOL_VERSION
 from netboard.network.transport import channels, fastpath, sockets
-from netboard.nodes.agent.motion_link import FORCE, POINT, Link
-from netboard.nodes.agent.rendered_buffer import RenderedRing
-from netboard.nodes.agent.rules import LIMITED, RuleKernels, Rules, rules_of
-from netboard.nodes.agent.undisturbed import (
+from netboard.nodes.agent.agent_runs import (
     ANSWER_NS,
     ANSWERED,
     LATE,
@@ -48,10 +45,13 @@ from netboard.nodes.agent.undisturbed import (
     NOTHING_BEGUN,
     SENT,
     Begun,
-    Progress,
+    RunProgress,
     run_of,
     shifted,
 )
+from netboard.nodes.agent.motion_link import FORCE, POINT, MotionLink
+from netboard.nodes.agent.rendered_buffer import RenderedRing
+from netboard.nodes.agent.rules import LIMITED, RuleKernels, Rules, rules_of
 from netboard.nodes.ports.latency import DELAY_LIMIT, limit_ns, loops_of
 from netboard.physics.stability.delayed_coupling import Mechanism
 
@@ -86,7 +86,7 @@ class StylusSource(Protocol):
         """Advance up to now; `haptics` says whether haptic feedback is on."""
 
 
-class Agent:
+class AgentNode:
     """One device, its safety chain and its link to the server."""
 
     def __init__(
@@ -104,9 +104,9 @@ class Agent:
         self._identity: Mapping[str, str] = {} if source is None else source.identity
         introduced = introduction(side, config, device.info, self._identity)
         log.info("%s hand: %s", side, held_by(introduced.details).text)
-        self._link = Link(socket, introduced, timeout_ns)
+        self._link = MotionLink(socket, introduced, timeout_ns)
         self._device = device
-        self._safety = Safety(config.safety, device.info.max_force, device.info.continuous_force)
+        self._safety = SafetyChain(config.safety, device.info.max_force, device.info.continuous_force)
         self._fixture = config.fixture
         self._passivity = Passivity(on=config.safety.passivity)
         self._arming = Arming(device.agent.stop_buttons, device.agent.consent_buttons)
@@ -179,7 +179,7 @@ class Agent:
 
         The stylus source is advanced on the way.
         """
-        progress = Progress(pacer.due_ns, self._seq, self._safeguards, self._rendered)
+        progress = RunProgress(pacer.due_ns, self._seq, self._safeguards, self._rendered)
         begun, reading = NOTHING_BEGUN, NO_READING
         stop = self._seq + MAX_TICKS
         while True:
@@ -218,7 +218,7 @@ class Agent:
                 continue
             introduced = introduction(self._side, self._config, info, self._identity)
             log.info("the device is back: %s", held_by(introduced.details).text)
-            lost, self._safety = self._safety, Safety(self._config.safety, info.max_force, info.continuous_force)
+            lost, self._safety = self._safety, SafetyChain(self._config.safety, info.max_force, info.continuous_force)
             self._safety.keep_mean_of(lost)
             self._arming.keep_stop(self._safety)
             self._rules = self._current_rules()

@@ -183,7 +183,7 @@ def close_loop(link: Any, at_ns: int) -> None:
         state["loop_ns"] = at_ns - state["stamps"][seq % REMEMBERED]
 
 
-class Link:
+class MotionLink:
     """The agent's endpoint of the motion channel.
 
     ``timeout_ns``: age of a sample from which an answer to it is not fresh. Kernels take ``fast``, ``frame``,

@@ -10,7 +10,7 @@ import numpy as np
 from netboard.base.compiled import kernel, machine_code, waiting
 from netboard.base.tables.rig import Fixture
 from netboard.devices.safety.arming import ALLOWS, FORBIDS, SILENT, Arming, arm, note_stop
-from netboard.devices.safety.chain import Safety, limit
+from netboard.devices.safety.chain import SafetyChain, limit
 from netboard.devices.safety.fixture import fixture_force
 from netboard.devices.safety.passivity import Passivity, passive_force, remember_height, restart
 from netboard.devices.safety.virtual_coupling import coupling_force
@@ -33,7 +33,7 @@ Rules = tuple[Any, Any, Any, Any]
 """The states that the kernels below change or read: of the chain, the arming, passivity control and the fixture."""
 
 
-def rules_of(safety: Safety, arming: Arming, passivity: Passivity, fixture: Fixture) -> Rules:
+def rules_of(safety: SafetyChain, arming: Arming, passivity: Passivity, fixture: Fixture) -> Rules:
     """Return the rules of an agent, as the kernels take them."""
     spring = np.zeros(1, FIXTURE)
     spring[0] = fixture.stiffness, fixture.damping

@@ -24,7 +24,7 @@ from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.motion import Felt, Move, Pointer
 from netboard.network.transport import channels, sockets
 from netboard.network.transport.fastpath import NO_FILE, Receiver
-from netboard.nodes.agent.undisturbed import NEVER_DUE_NS
+from netboard.nodes.agent.agent_runs import NEVER_DUE_NS
 from netboard.participants.controller import Controller
 from netboard.participants.policy import SIMULATED_PARTICIPANT, identity_of
 from netboard.participants.senses import DECISION_INTERVAL, Glimpse
@@ -174,7 +174,7 @@ class SecondHand:
         self._moves.close()
 
 
-class Player:
+class PlayerSource:
     """A player at this side's display, whose pointer moves the stylus."""
 
     def __init__(self, config: Config, device: PointerDevice, context: sockets.Context) -> None:
@@ -272,8 +272,8 @@ class LiveParticipant:
         return self._moves
 
 
-def stylus_source_of(config: Config, device: Device, context: sockets.Context) -> LiveParticipant | Player | None:
+def stylus_source_of(config: Config, device: Device, context: sockets.Context) -> LiveParticipant | PlayerSource | None:
     """Return the simulated participant or player of a device; None if a real hand holds it."""
     if isinstance(device, PointerDevice):
-        return Player(config, device, context)
+        return PlayerSource(config, device, context)
     return LiveParticipant(config, device, context) if isinstance(device, SimulatedHandDevice) else None

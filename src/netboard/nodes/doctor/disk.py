@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from netboard.base.finding import Colour, Finding, graded
-from netboard.base.tables.rig import Recording
+from netboard.base.tables.rig import RecordingSettings
 from netboard.recording.format.disk import BYTES_PER_SECOND
 
 GOOD_HOURS, FEWEST_HOURS = 24.0, 4.0
@@ -31,7 +31,7 @@ def nearest(folder: Path) -> Path:
     return folder
 
 
-def space(settings: Recording) -> Finding:
+def space(settings: RecordingSettings) -> Finding:
     """Check the recording time that the disk has space for."""
     free = shutil.disk_usage(nearest(Path(settings.directory))).free
     hours = free / BYTES_PER_SECOND / 3600
@@ -42,7 +42,7 @@ def space(settings: Recording) -> Finding:
     return graded("disk space", hours >= GOOD_HOURS, found, advice, figures, else_=poor)
 
 
-def speed(settings: Recording, chunks: int, progress: Callable[[float], None]) -> Finding:
+def speed(settings: RecordingSettings, chunks: int, progress: Callable[[float], None]) -> Finding:
     """Measure how long a chunk takes to reach the disk."""
     name = "disk speed"
     folder = nearest(Path(settings.directory))

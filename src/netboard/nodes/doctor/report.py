@@ -42,7 +42,7 @@ QUICK = Effort(1.0, 100, 20)
 
 
 @dataclass(frozen=True)
-class Report:
+class DoctorReport:
     """All findings, and a description of the machine."""
 
     utc: str
@@ -122,14 +122,16 @@ def _timers(config: Config, effort: Effort, progress: Progress) -> Iterator[Find
     yield prediction.finding(prediction.predict(times, real.missed, real.ticks))
 
 
-def examine(config: Config, effort: Effort, follow: Callable[[str, float], None]) -> Report:
+def examine(config: Config, effort: Effort, follow: Callable[[str, float], None]) -> DoctorReport:
     """Run all steps. ``follow``: gets the name of the current step, and its progress up to 1."""
     findings: list[Finding] = []
     for what, step in steps(config, effort).items():
         follow(what, 0.0)
         findings += step(lambda done, what=what: follow(what, done))  # type: ignore[misc]
         follow(what, 1.0)
-    return Report(datetime.now(UTC).isoformat(timespec="seconds"), machine(), tuple(prediction.with_limits(findings)))
+    return DoctorReport(
+        datetime.now(UTC).isoformat(timespec="seconds"), machine(), tuple(prediction.with_limits(findings))
+    )
 
 
 def machine() -> dict[str, str]:

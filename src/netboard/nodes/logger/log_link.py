@@ -28,7 +28,7 @@ ANSWERS = 64
 """Answers to the server's probes that are remembered: those of 10 s or more [1]."""
 
 
-class Link(Protocol):
+class LogEndpoint(Protocol):
     """The client's endpoint of the log channel."""
 
     def wait(self, seconds: float) -> bool:
@@ -67,7 +67,7 @@ class Connection:
     ``clock``: monotonic time [ns].
     """
 
-    def __init__(self, link: Link, role: str, details: dict[str, str], clock: Callable[[], int]) -> None:
+    def __init__(self, link: LogEndpoint, role: str, details: dict[str, str], clock: Callable[[], int]) -> None:
         self.welcomed = False
         self.problems = RateLimitedLog(log)
         self.answered_ns: deque[int] = deque(maxlen=ANSWERS)  # when the last answers to probes were sent [ns]

@@ -17,12 +17,12 @@ from pathlib import Path
 from netboard.base.clock import now_ns
 from netboard.base.config import parse
 from netboard.base.errors import ConfigError, NetboardError, WireError
-from netboard.base.tables.rig import Recording
+from netboard.base.tables.rig import RecordingSettings
 from netboard.base.terminal.shell import shell_command
 from netboard.network.protocol.joining import Goodbye, Welcome
 from netboard.network.protocol.messages import Message
 from netboard.network.protocol.records import LogAck, LogBatch, LogEnd, LogRequest
-from netboard.nodes.logger.log_link import Connection, Link
+from netboard.nodes.logger.log_link import Connection, LogEndpoint
 from netboard.recording.files.provenance import next_recording, provenance
 from netboard.recording.files.writer import RecordingWriter
 from netboard.recording.format.channels import block_config, record_of
@@ -61,8 +61,8 @@ class Logger:
 
     def __init__(
         self,
-        settings: Recording,
-        link: Link,
+        settings: RecordingSettings,
+        link: LogEndpoint,
         *,
         once: bool,
         clock: Callable[[], int] = now_ns,

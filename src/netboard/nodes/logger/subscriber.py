@@ -25,7 +25,7 @@ from netboard.network.protocol.records import (
     TickRecord,
     kind_of_peer,
 )
-from netboard.nodes.logger.log_link import Connection, Link
+from netboard.nodes.logger.log_link import Connection, LogEndpoint
 from netboard.recording.format.channels import record_of
 
 log = logging.getLogger(__name__)
@@ -53,7 +53,9 @@ class RecordReceiver(Protocol):
 class Subscriber:
     """Subscribes to the log of one server. ``clock``: monotonic time [ns]."""
 
-    def __init__(self, link: Link, receiver: RecordReceiver, purpose: str, clock: Callable[[], int] = now_ns) -> None:
+    def __init__(
+        self, link: LogEndpoint, receiver: RecordReceiver, purpose: str, clock: Callable[[], int] = now_ns
+    ) -> None:
         self.lost = 0
         self._receiver, self._clock = receiver, clock
         self._server = Connection(link, "listener", {"for": purpose}, clock)

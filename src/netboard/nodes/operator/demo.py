@@ -44,7 +44,7 @@ CLOSING_SECONDS = 3.0
 console = plain_console()
 
 
-class End(Enum):
+class BlockEnd(Enum):
     """How the supervision of a block ends."""
 
     FINISHED = "all trials are done"
@@ -129,12 +129,12 @@ def play(
                 launcher.start(f"{side} display", "display", "--station", side, "-c", str(file), *options)
         operator = Operator(config.network, context)
         end = watch(operator, launcher, stopping, bool(played))
-        if end is End.LEFT:
+        if end is BlockEnd.LEFT:
             await_server(operator)
         session = "" if operator.status is None else operator.status.session
-        if end is End.FAILED or not session:
+        if end is BlockEnd.FAILED or not session:
             return session, False
-        if end is End.FINISHED and played:
+        if end is BlockEnd.FINISHED and played:
             operator.attend(CLOSING_SECONDS)
         operator.command("end")
         with console.status("waiting until all records are on disk"):
@@ -144,7 +144,7 @@ def play(
     return session, not trouble
 
 
-def watch(operator: Operator, launcher: Launcher, stopping: Stopping, played: bool) -> End:
+def watch(operator: Operator, launcher: Launcher, stopping: Stopping, played: bool) -> BlockEnd:
     """Show the progress until the block is over, or a player has closed the window or pressed Ctrl-C."""
     answered = time.monotonic()
     with progress_bars(console, MofNCompleteColumn()) as progress:
@@ -153,27 +153,27 @@ def watch(operator: Operator, launcher: Launcher, stopping: Stopping, played: bo
             ended = launcher.ended()
             if ended is not None and played and ended.code == 0 and ended.name.endswith("display"):
                 console.print("the window was closed")
-                return End.LEFT
+                return BlockEnd.LEFT
             if ended is not None:
                 console.print(str(ended), style="red")
-                return End.FAILED
+                return BlockEnd.FAILED
             status = operator.ask(ANSWER_SECONDS)
             if status is None:
                 if time.monotonic() - answered > SILENCE_SECONDS:
                     console.print(f"the server has been silent for {SILENCE_SECONDS:.0f} s", style="red")
-                    return End.FAILED
+                    return BlockEnd.FAILED
                 continue
             answered = time.monotonic()
             block = f"block {status.block} of {status.blocks}, " if status.blocks > 1 else ""
             line = status.notice or f"{block}trial {status.trial}: {status.phase}, {status.failures} failed so far"
             progress.update(task, completed=status.successes, total=status.trials, description=f"{line:48.48s}")
             if status.phase == "finished" and status.block == status.blocks:
-                return End.FINISHED
+                return BlockEnd.FINISHED
             time.sleep(ANSWER_SECONDS)
     if played:
-        return End.LEFT
+        return BlockEnd.LEFT
     console.print("interrupted; all processes have been stopped")
-    return End.FAILED
+    return BlockEnd.FAILED
 
 
 def await_server(operator: Operator) -> None:

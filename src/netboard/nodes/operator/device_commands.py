@@ -24,7 +24,7 @@ from netboard.devices.contract.device import Box, Device, Reading
 from netboard.devices.contract.profile import Identity, Mechanics, Placement, Profile
 from netboard.devices.setup import calibration, checkup, excitation, listing, usb, words
 from netboard.devices.setup.identification import Identified
-from netboard.devices.setup.loop import Driver, LoopClock, RealTime, Track, watch
+from netboard.devices.setup.loop import DeviceRun, Driver, LoopClock, RealTime, watch
 
 console = plain_console()
 
@@ -212,7 +212,7 @@ def _measured(
 ) -> Placement:
     """Measure the neutral height, then two corners, with the stylus held there by the operator."""
 
-    def held(where: str) -> Track:
+    def held(where: str) -> DeviceRun:
         if ask is None:
             console.print(f"Hold the stylus {where}: measured in {SETTLE:g} s")
             watch(device, ticks, SETTLE)

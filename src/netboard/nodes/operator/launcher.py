@@ -34,7 +34,7 @@ HURRIED_SECONDS = 2.0
 
 
 @dataclass(frozen=True)
-class Ended:
+class EndedProcess:
     """A process that has ended."""
 
     name: str
@@ -90,12 +90,12 @@ class Launcher:
         """Return the process id of a running process."""
         return self._running[name].pid
 
-    def ended(self) -> Ended | None:
+    def ended(self) -> EndedProcess | None:
         """Return a process that has ended without being asked to, if there is one."""
         for name, process in self._running.items():
             code = process.poll()
             if code is not None:
-                return Ended(name, code, self._last_line(name))
+                return EndedProcess(name, code, self._last_line(name))
         return None
 
     def wait(self, name: str, seconds: float) -> str:
@@ -105,16 +105,16 @@ class Launcher:
         except subprocess.TimeoutExpired:
             return f"the {name} did not end by itself within {seconds:.0f} s"
         del self._running[name]
-        return str(Ended(name, code, self._last_line(name))) if code else ""
+        return str(EndedProcess(name, code, self._last_line(name))) if code else ""
 
-    def stop_all(self) -> list[Ended]:
+    def stop_all(self) -> list[EndedProcess]:
         """Stop all that still run, in the `STOP_ORDER`; return those that failed."""
-        failed: list[Ended] = []
+        failed: list[EndedProcess] = []
         for kinds in STOP_ORDER:
             failed += self.stop(*(name for name in self._running if not set(kinds).isdisjoint(name.split())))
         return failed
 
-    def stop(self, *names: str) -> list[Ended]:
+    def stop(self, *names: str) -> list[EndedProcess]:
         """Ask processes to stop, all at once, and kill those that do not; return those that failed.
 
         A second Ctrl-C shortens the wait for them, a third ends it. A process that was still starting, and was ended by
@@ -134,7 +134,7 @@ class Launcher:
                 process.wait()
                 del self._running[name]
         return [
-            Ended(name, process.returncode, self._last_line(name))
+            EndedProcess(name, process.returncode, self._last_line(name))
             for name, process in processes.items()
             if process.returncode not in (0, -signal.SIGTERM)
         ]
@@ -159,7 +159,7 @@ def supervise(wanted: dict[str, list[str]], stopping: Callable[[], bool]) -> int
         for name, command in wanted.items():
             launcher.start(name, *command)
         log.info("started: %s", ", ".join(wanted))
-        ended: Ended | None = None
+        ended: EndedProcess | None = None
         while not stopping() and ended is None:
             time.sleep(CHECK_INTERVAL_S)
             ended = launcher.ended()

@@ -16,7 +16,7 @@ from netboard.network.protocol.control import LinkStatus
 from netboard.network.protocol.joining import Hello
 from netboard.network.protocol.motion import Stylus
 from netboard.nodes.ports import samples
-from netboard.nodes.ports.peer import Rate, link_status
+from netboard.nodes.ports.peer import CountRate, link_status
 
 PROBE_TICKS = 4
 """Ticks between two clock probes, which samples carry [1]."""
@@ -39,7 +39,7 @@ class AgentState:
         self._sample = np.zeros(samples.SAMPLE_WORDS, np.int64)
         self._take = machine_code(samples.take, words, self._sample, 0, 0)
         self._probed_tick = -PROBE_TICKS
-        self._rate = Rate()
+        self._rate = CountRate()
 
     def register(self, peer: bytes, hello: Hello, now_ns: int) -> None:
         """Register an agent, and forget the one before."""
@@ -51,7 +51,7 @@ class AgentState:
         """Remove the agent."""
         self.hello, self.peer, self.connection, self.probe = None, b"", "", None
         self.clock, self._probed_tick = ClockEstimator(), -PROBE_TICKS
-        self._rate = Rate()
+        self._rate = CountRate()
         samples.empty(self._words)
 
     def take(self, stylus: Stylus, now_ns: int, due_ns: int) -> None:

@@ -32,7 +32,7 @@ from netboard.network.protocol.records import ClockRecord, FrameRecord
 from netboard.network.protocol.views import MAX_SHOWN, Frames
 from netboard.network.transport import endpoints
 from netboard.nodes.ports import emergency
-from netboard.nodes.ports.peer import SILENCE_TIMEOUT_NS, Peer, Probes, admit
+from netboard.nodes.ports.peer import SILENCE_TIMEOUT_NS, ProbedPeer, Probes, admit
 from netboard.nodes.ports.peer_events import News, PeerEvents
 from netboard.nodes.ports.rate_limit import COMMANDS_AT_ONCE, COMMANDS_HZ, RateLimit
 from netboard.nodes.ports.refusals import TOO_MANY_MESSAGES, Refusals
@@ -102,7 +102,7 @@ class ControlPort:
         self.refusals = Refusals(router, self.news)
         self._router = router
         self._welcome = encode(welcome)
-        self._peers: dict[bytes, Peer] = {}
+        self._peers: dict[bytes, ProbedPeer] = {}
         self._silent: set[bytes] = set()
         self._rate_limit, self._command_limit = RateLimit(), RateLimit(COMMANDS_HZ, COMMANDS_AT_ONCE)
         self._peer_events = PeerEvents(self.news)
@@ -210,7 +210,7 @@ class ControlPort:
         """Close some time after the goodbye; messages that a peer has not read by then are lost."""
         self._router.close_after_goodbye()
 
-    def _ping(self, name: bytes, peer: Peer, now_ns: int) -> None:
+    def _ping(self, name: bytes, peer: ProbedPeer, now_ns: int) -> None:
         if ping := peer.ping(now_ns):
             self._router.send(name, encode(ping))
 
@@ -233,7 +233,7 @@ class ControlPort:
             self.refusals.refuse(name, str(error), now_ns)
         return True
 
-    def _handle(self, name: bytes, peer: Peer | None, frame: bytes, now_ns: int) -> None:
+    def _handle(self, name: bytes, peer: ProbedPeer | None, frame: bytes, now_ns: int) -> None:
         role, kind = "" if peer is None else peer.hello.role, kind_of(frame)
         if kind not in ALLOWED_MESSAGES[role]:
             raise WireError(f"a {role} may not send {kind.__name__}" if role else HELLO_FIRST)
@@ -276,7 +276,7 @@ class ControlPort:
         if peer is None:
             self._make_room(hello.role, now_ns)
             self._add_event("joined", hello, now_ns)
-        self._peers[name] = peer = peer or Peer(hello, now_ns)
+        self._peers[name] = peer = peer or ProbedPeer(hello, now_ns)
         self._router.send_or_queue(name, self._welcome)
         self._ping(name, peer, now_ns)  # its answer precedes any command, so that a late command is known as such
 

@@ -18,7 +18,7 @@ from netboard.network.protocol.joining import HELLO_FIRST, Goodbye, Hello, Ping,
 from netboard.network.protocol.messages import Message, sent_by
 from netboard.network.protocol.records import ClockRecord, LogAck, LogEnd, LogRequest
 from netboard.network.transport import endpoints
-from netboard.nodes.ports.peer import Peer, Probes, admit
+from netboard.nodes.ports.peer import ProbedPeer, Probes, admit
 from netboard.nodes.ports.peer_events import News, PeerEvents
 from netboard.nodes.ports.rate_limit import RateLimit
 from netboard.nodes.ports.record_store import BATCHES, RecordStore
@@ -49,7 +49,7 @@ ALLOWED_MESSAGES: dict[str, frozenset[type[Message]]] = {
 class _Logger:
     """The server's state of a logger."""
 
-    def __init__(self, peer: Peer) -> None:
+    def __init__(self, peer: ProbedPeer) -> None:
         self.peer = peer
         self.welcome: Welcome | None = None  # the last one sent to it
         self.cursor: int | None = None
@@ -279,7 +279,7 @@ class LogPort:
         if logger is None and len(self._loggers) >= MAX_LOGGERS:
             self._make_room(now_ns)
         if logger is None or logger.peer.hello != hello:
-            self._loggers[name] = logger = _Logger(Peer(hello, now_ns))
+            self._loggers[name] = logger = _Logger(ProbedPeer(hello, now_ns))
             self._peer_events.add_with_details(hello, "logger_joined", {"name": hello.name}, now_ns)
         self._send_welcome(name, logger)
 

@@ -146,7 +146,7 @@ class MotionPort:
     def undisturbed_ticks(
         self, ticks: Callable[..., int], stage: tuple[Any, ...], run: Any, delay: int
     ) -> Callable[[], int]:
-        """Return a call that runs undisturbed ticks; see `netboard.nodes.server.undisturbed`, also for its result."""
+        """Return a call that runs undisturbed ticks; see `netboard.nodes.server.server_runs`, also for its result."""
         self._permit()
         return partial(ticks, self._motion, self.gains, stage, run, delay, self._timeout_ns)
 

@@ -50,7 +50,7 @@ def _seconds(span_ns: int) -> float:
     return nan if span_ns == UNKNOWN_NS else span_ns * 1e-9
 
 
-class Rate:
+class CountRate:
     """Turns a growing count into a rate."""
 
     def __init__(self) -> None:
@@ -121,7 +121,7 @@ class Probes:
         return connection_name(kind, self._connections[kind])
 
 
-class Peer:
+class ProbedPeer:
     """A peer whose clock is probed by pings. ``now_ns``: time at which it joined [ns]."""
 
     def __init__(self, hello: Hello, now_ns: int) -> None:
@@ -131,7 +131,7 @@ class Peer:
         self.probe: tuple[int, int, int, int] | None = None
         self._last_message_ns = now_ns
         self._messages = 0
-        self._rate = Rate()
+        self._rate = CountRate()
         self._asked_ns = now_ns - PING_NS
         self._returned_ns = 0
         self._answered_ns: int | None = None  # time of the newest ping that it has answered

@@ -7,7 +7,7 @@ A refusal is sent the first time, and then at most once a second for the same pe
 from netboard.network.protocol.codec import encode
 from netboard.network.protocol.joining import Refusal
 from netboard.network.transport import endpoints
-from netboard.network.transport.refusal_count import RefusalCount
+from netboard.network.transport.refusal_count import RefusalCounter
 from netboard.nodes.ports.peer_events import News
 
 REPEAT_INTERVAL_NS = 1_000_000_000
@@ -26,7 +26,7 @@ class Refusals:
     def __init__(self, router: endpoints.Router, news: News) -> None:
         self._router = router
         self._news = news
-        self._count = RefusalCount()
+        self._count = RefusalCounter()
         self._answered: dict[tuple[bytes, str], int] = {}
 
     @property

@@ -121,7 +121,7 @@ BOTH = 3
 """Both sides: the sum of 1 for the left and 2 for the right one."""
 
 
-class Motion(NamedTuple):
+class MotionChannel(NamedTuple):
     """The motion channel as compiled code sees it: the socket, both agents, and buffers."""
 
     fast: Any  # the socket: record of `netboard.network.transport.fastpath.FastPath`
@@ -133,14 +133,14 @@ class Motion(NamedTuple):
     words: Any  # its words
 
 
-def motion_of(fast: Any) -> Motion:
+def motion_of(fast: Any) -> MotionChannel:
     """Return the motion channel of a socket, without agents."""
     agents = np.zeros((len(SIDES), WORDS), np.int64)
     for agent in agents:
         empty(agent)
     frame, sample = np.zeros(sockets.MAX_SAMPLE, np.uint8), np.zeros(SAMPLE_WORDS, np.int64)
     sent, words = np.zeros(fixed.POINT.size, np.uint8), np.zeros(len(fixed.POINT.markers), np.int64)  # the longest
-    return Motion(fast, agents, frame, sample, np.zeros(1, UNREGISTERED), sent, words)
+    return MotionChannel(fast, agents, frame, sample, np.zeros(1, UNREGISTERED), sent, words)
 
 
 @kernel
@@ -202,7 +202,7 @@ def awaited(agents: Any) -> bool:
 
 
 @kernel
-def drain(motion: Motion, due_ns: int, eager: bool, most: int) -> int:
+def drain(motion: MotionChannel, due_ns: int, eager: bool, most: int) -> int:
     """Take the samples that have arrived, at most ``most`` frames; if ``eager``, only until a tick can begin.
 
     Each sample gets its own arrival time, because one that arrives during the call must not seem to arrive before it
@@ -320,7 +320,7 @@ def _has_person(fast: Any, agents: Any, place: int) -> bool:
 
 
 @inlined
-def _send(motion: Motion, form: fixed.Form, place: int) -> int:
+def _send(motion: MotionChannel, form: fixed.FixedForm, place: int) -> int:
     """Send an agent the message in ``motion.words``."""
     frame = motion.sent[: form.size]
     fixed.write(frame, form, motion.words)
@@ -328,7 +328,7 @@ def _send(motion: Motion, form: fixed.Form, place: int) -> int:
 
 
 @kernel
-def send_forces(motion: Motion, row: Any, commanded: Any, gains: Any) -> int:
+def send_forces(motion: MotionChannel, row: Any, commanded: Any, gains: Any) -> int:
     """Send each connected side with a person its `Force` of a tick; the side that goes first alternates.
 
     ``commanded``: words of the row with the commanded force (`netboard.stage.stage.Stage.commanded_row`). Returns
@@ -349,7 +349,7 @@ def send_forces(motion: Motion, row: Any, commanded: Any, gains: Any) -> int:
 
 
 @kernel
-def send_points(motion: Motion, row: Any, gains: Any, ends: Any) -> int:
+def send_points(motion: MotionChannel, row: Any, gains: Any, ends: Any) -> int:
     """Send each live side its `Point` of a tick, as `send_forces` sends forces.
 
     A side without a valid sample gets nothing: its agent lets the force fade.
@@ -371,7 +371,7 @@ def send_points(motion: Motion, row: Any, gains: Any, ends: Any) -> int:
 
 
 @kernel
-def send_heartbeats(motion: Motion, tick: int, sides: int) -> int:
+def send_heartbeats(motion: MotionChannel, tick: int, sides: int) -> int:
     """Send some connected sides a `Heartbeat`, which commands no force.
 
     ``sides``: the sum of 1 for the left and 2 for the right side. Returns `netboard.network.transport.fastpath.FAILED`

@@ -13,7 +13,7 @@ from netboard.network.protocol.messages import Message
 from netboard.network.protocol.record_buffer import LogRing
 from netboard.network.protocol.records import LogEnd, LogRequest
 from netboard.network.transport import endpoints
-from netboard.nodes.ports.peer import Peer
+from netboard.nodes.ports.peer import ProbedPeer
 from netboard.nodes.ports.peer_events import PeerEvents
 
 MAX_SUBSCRIBERS = 4
@@ -29,7 +29,7 @@ SILENCE_TIMEOUT_NS = 2_000_000_000
 class _Subscriber:
     """The server's state of a subscriber."""
 
-    def __init__(self, peer: Peer) -> None:
+    def __init__(self, peer: ProbedPeer) -> None:
         self.peer = peer
         self.cursor: int | None = None
         self.lost = 0
@@ -52,7 +52,7 @@ class Subscribers:
         return len(self._subscribers)
 
     @property
-    def peers(self) -> list[Peer]:
+    def peers(self) -> list[ProbedPeer]:
         """The connected subscribers."""
         return [subscriber.peer for subscriber in self._subscribers.values()]
 
@@ -67,7 +67,7 @@ class Subscribers:
             raise WireError("too many listeners")
         self._router.send_or_queue(name, encode(welcome))
         if known is None or known.peer.hello != hello:
-            self._subscribers[name] = _Subscriber(Peer(hello, now_ns))
+            self._subscribers[name] = _Subscriber(ProbedPeer(hello, now_ns))
             self._peer_events.add_with_details(hello, "listener_joined", {"name": hello.name}, now_ns)
 
     def handle(self, name: bytes, message: Message, now_ns: int) -> None:

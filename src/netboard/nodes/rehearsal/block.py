@@ -58,7 +58,7 @@ def _ticks(state: Any, rows: Any, first: int, count: int, book: Any, tables: Any
     raise NotImplementedError
 
 
-class Piece(NamedTuple):
+class TickRun(NamedTuple):
     """Some ticks of a block: those before them, and room for the new ones."""
 
     rows: Any  # the last `KEPT` ticks, and room
@@ -84,7 +84,7 @@ class Participants(NamedTuple):
 
 def _loop(
     state: Any,
-    piece: Piece,
+    piece: TickRun,
     number: int,
     book: Any,
     tables: Any,
@@ -135,7 +135,7 @@ def _loop_around(ticks: Callable[..., None]) -> Callable[..., int]:
 
 
 @dataclass(frozen=True, slots=True)
-class Summary:
+class BlockSummary:
     """Results of a block."""
 
     completions: tuple[float, ...]  # completion times of the successful trials [s]
@@ -189,16 +189,16 @@ class Rehearsal:
         """Successful trials so far [1]."""
         return int(self._state["successes"][0])
 
-    def summary(self) -> Summary:
+    def summary(self) -> BlockSummary:
         """Return the results so far."""
         completions = self._completions[1 : 1 + self.successes].tolist()
-        return Summary(tuple(completions), int(self._state["failures"][0]), self._ticks, self._given_up)
+        return BlockSummary(tuple(completions), int(self._state["failures"][0]), self._ticks, self._given_up)
 
     def pieces(self, size: int = PIECE) -> Iterator[NDArray[Any]]:
         """Run the block. Yields at most `size` ticks at a time, valid until the next are asked for."""
         rows = np.zeros(KEPT + size, TICK)
         words, numbers = rows.view(np.int64).reshape(len(rows), -1), rows.view(np.float64).reshape(len(rows), -1)
-        piece = Piece(rows, words, numbers, np.zeros(size, np.int64))
+        piece = TickRun(rows, words, numbers, np.zeros(size, np.int64))
         over = False
         while not over:
             words[:KEPT] = words[-KEPT:]  # as words, because NumPy copies a record field by field
@@ -216,7 +216,7 @@ class Rehearsal:
             commands[START_TICK - self._ticks] = Cause.START
         commands[max(self._last_tick - self._ticks, 0) :] = Cause.STOP  # the tick between two trials does not take it
 
-    def _run(self, piece: Piece) -> int:
+    def _run(self, piece: TickRun) -> int:
         """Run the next ticks; return their number."""
         stage = self._stage
         of_stage = self._state, piece, self._ticks, stage.book, stage.tables

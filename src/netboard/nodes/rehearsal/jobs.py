@@ -26,7 +26,7 @@ SECOND = round(1.0 / TICK_SECONDS)
 
 
 @dataclass(frozen=True)
-class Job:
+class RehearsalJob:
     """One block to rehearse."""
 
     config: Config
@@ -60,14 +60,16 @@ class BlockResult:
         return self.ticks * TICK_SECONDS / self.seconds
 
 
-def jobs_of(blocks: Sequence[Config], seed: int, dyad: int, folder: Path | None, fast: bool = True) -> list[Job]:
+def jobs_of(
+    blocks: Sequence[Config], seed: int, dyad: int, folder: Path | None, fast: bool = True
+) -> list[RehearsalJob]:
     """Make the jobs of a dyad, in the order in which they are practised; session ids depend on blocks and seed only."""
     ids = {
         name: hashlib.sha256(" ".join([str(seed), *(digest(b) for b in blocks if b.session.name == name)]).encode())
         for name in dict.fromkeys(block.session.name for block in blocks)
     }
     return [
-        Job(
+        RehearsalJob(
             replace(config, session=replace(config.session, pilot=True)),
             people,
             ids[config.session.name].hexdigest()[:32],
@@ -78,7 +80,7 @@ def jobs_of(blocks: Sequence[Config], seed: int, dyad: int, folder: Path | None,
     ]
 
 
-def rehearse(job: Job, progress: Callable[[int], object] = lambda successes: None) -> BlockResult:
+def rehearse(job: RehearsalJob, progress: Callable[[int], object] = lambda successes: None) -> BlockResult:
     """Rehearse one block. ``progress``: called with the number of successful trials so far, after each of them."""
     began = time.perf_counter()
     rehearsal = Rehearsal(job.config, job.people)
@@ -130,7 +132,7 @@ def rehearse(job: Job, progress: Callable[[int], object] = lambda successes: Non
 
 
 def rehearse_all(
-    jobs: Sequence[Job], workers: int, done: Callable[[BlockResult], object] = lambda block_result: None
+    jobs: Sequence[RehearsalJob], workers: int, done: Callable[[BlockResult], object] = lambda block_result: None
 ) -> list[BlockResult]:
     """Rehearse blocks, one after the other or in several worker processes. ``done``: called with each result."""
     if workers == 1:
@@ -152,7 +154,7 @@ def rehearse_all(
         return [future.result() for future in futures]
 
 
-def _rehearse_in_worker(job: Job) -> BlockResult:
+def _rehearse_in_worker(job: RehearsalJob) -> BlockResult:
     """Rehearse one block in a worker."""
     with ctrl_c(blocked=False):
         return rehearse(job)

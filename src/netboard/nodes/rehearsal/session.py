@@ -16,7 +16,7 @@ from netboard.base.terminal.bars import progress_bars
 from netboard.base.terminal.output import FittedTable, numbers, plain_console
 from netboard.base.tick import TICK_SECONDS
 from netboard.nodes.rehearsal.block import Rehearsal
-from netboard.nodes.rehearsal.jobs import BlockResult, Job, jobs_of, rehearse, rehearse_all
+from netboard.nodes.rehearsal.jobs import BlockResult, RehearsalJob, jobs_of, rehearse, rehearse_all
 
 console = plain_console()
 
@@ -52,7 +52,7 @@ def rehearse_blocks(
     return 1 if any(result.given_up for result in results) else 0
 
 
-def in_turn(jobs: Sequence[Job]) -> list[BlockResult]:
+def in_turn(jobs: Sequence[RehearsalJob]) -> list[BlockResult]:
     """Rehearse in this process, with a bar for the block and one for all."""
     results = []
     with progress_bars(console, MofNCompleteColumn()) as progress:
@@ -72,7 +72,7 @@ def in_turn(jobs: Sequence[Job]) -> list[BlockResult]:
     return results
 
 
-def in_parallel(jobs: Sequence[Job], workers: int) -> list[BlockResult]:
+def in_parallel(jobs: Sequence[RehearsalJob], workers: int) -> list[BlockResult]:
     """Rehearse several at once, with a bar for all."""
     with progress_bars(console, MofNCompleteColumn()) as progress:
         whole = progress.add_task("all trials", total=sum(job.config.block.trials for job in jobs))

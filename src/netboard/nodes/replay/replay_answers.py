@@ -36,7 +36,7 @@ from netboard.nodes.server.answers import (
 from netboard.nodes.server.attempts import MAX_ROWS
 from netboard.recording.replay.commands import in_words
 from netboard.recording.replay.loaded import LoadedRecording
-from netboard.recording.replay.position import Playback
+from netboard.recording.replay.position import ReplayPosition
 from netboard.stage.curtain import PHASE_NAMES
 from netboard.task.trials.state_machine import BALL_FREE
 
@@ -51,7 +51,7 @@ class ReplayState:
     """A recording and its playback."""
 
     recording: LoadedRecording
-    playback: Playback
+    playback: ReplayPosition
     # Id of this run; not that of the recording, because numbering restarts.
     session: str = field(default_factory=lambda: uuid.uuid4().hex)
 

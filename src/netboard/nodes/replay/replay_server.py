@@ -1,6 +1,6 @@
 """A recording on the sockets of a server: displays, consoles and clients in any language connect as to a live session.
 
-Curtain, ports and authentication are those of the server. The views follow a `Playback`, which commands and keys
+Curtain, ports and authentication are those of the server. The views follow a `ReplayPosition`, which commands and keys
 control. Nothing is computed and there are no forces: agents and loggers are refused with the reason.
 """
 
@@ -31,7 +31,7 @@ from netboard.nodes.server.event_log import printable, printable_line
 from netboard.recording.replay.commands import KEYS, KEYS_LINE, ReplayCommand, in_words, run_command
 from netboard.recording.replay.loaded import LoadedRecording
 from netboard.recording.replay.loading import load_with_progress
-from netboard.recording.replay.position import Playback, require_inside
+from netboard.recording.replay.position import ReplayPosition, require_inside
 
 log = logging.getLogger(__name__)
 
@@ -93,7 +93,7 @@ class ReplayServer:
         at: float | None = None,
     ) -> None:
         begin = min(recording.begin if at is None else at, recording.length)
-        self.state = ReplayState(recording, Playback(recording.length, begin, now_ns() * 1e-9, speed))
+        self.state = ReplayState(recording, ReplayPosition(recording.length, begin, now_ns() * 1e-9, speed))
         self._authenticator = authenticator
         self._over = False
         where = channels.addresses(network, authenticator)

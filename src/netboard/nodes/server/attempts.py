@@ -35,7 +35,7 @@ from netboard.task.journal.entries import (
 )
 from netboard.task.journal.lost import Losses, losses
 from netboard.task.journal.outcome import AttemptOutcome
-from netboard.task.journal.progress import Progress
+from netboard.task.journal.progress import SessionProgress
 from netboard.task.trials.exclusion import ExclusionRule, rule_of
 from netboard.task.trials.quality import Referee, Verdict
 from netboard.task.trials.repeats import Repeats, wants_repeat
@@ -73,7 +73,7 @@ class Attempts:
         self,
         begin_journal: Callable[[Config], Journal] | None = None,
         journal: Journal | None = None,
-        progress: Progress | None = None,
+        progress: SessionProgress | None = None,
     ) -> None:
         self.finished: list[AttemptOutcome] = list(progress.outcomes) if progress else []
         self.completions: list[float] = []  # completion times of the block so far [s]

@@ -11,7 +11,7 @@ from netboard.base.tables.experiment import Session
 from netboard.nodes.ports import samples
 from netboard.nodes.ports.latency import LatencySupervisor
 from netboard.nodes.server.robot import Robot
-from netboard.nodes.server.undisturbed import run_of
+from netboard.nodes.server.server_runs import run_of
 from netboard.recording.files.reader import Recording
 from netboard.stage.curtain import Curtain, make_curtain
 from netboard.stage.stage import Stage, make_stage

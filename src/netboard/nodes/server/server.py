@@ -15,7 +15,7 @@ from netboard.network.transport import sockets
 from netboard.network.transport.authenticator import Authenticator
 from netboard.nodes.server.attempts import Attempts
 from netboard.nodes.server.blocks import BlockSequence
-from netboard.nodes.server.session import Session
+from netboard.nodes.server.session import DyadSession
 from netboard.nodes.server.turns import CONTROL, MOTION, Turns
 
 log = logging.getLogger(__name__)
@@ -42,7 +42,7 @@ class Server:
     ) -> None:
         Turns(0)  # compiles what waits, before a tick is due
         self.sessions = [
-            Session(sequence, attempts, context, authenticator, autostart=autostart, confirmation=confirmation)
+            DyadSession(sequence, attempts, context, authenticator, autostart=autostart, confirmation=confirmation)
             for (sequence, attempts), authenticator in zip(sessions, authenticators, strict=True)
         ]
 
@@ -69,7 +69,7 @@ class Server:
                 session.records.close()
                 running.remove(session)
 
-    def _run(self, running: list[Session], stopping: Callable[[], bool]) -> None:
+    def _run(self, running: list[DyadSession], stopping: Callable[[], bool]) -> None:
         """Run the sessions until one begins to end or is over, which changes the sockets to wait for."""
         for session in running:
             session.sleeps = len(running) == 1

@@ -32,8 +32,7 @@ from netboard.nodes.server.event_log import change_of
 from netboard.nodes.server.operator_requests import OperatorRequests
 from netboard.nodes.server.operators import CAUSES, PAUSE_AFTER
 from netboard.nodes.server.record_keeping import RecordKeeping
-from netboard.nodes.server.state import RING_ROWS, SessionState
-from netboard.nodes.server.undisturbed import (
+from netboard.nodes.server.server_runs import (
     ALL_FINE,
     DONE,
     FAILED,
@@ -46,6 +45,7 @@ from netboard.nodes.server.undisturbed import (
     WAITING,
     WAITS,
 )
+from netboard.nodes.server.state import RING_ROWS, SessionState
 from netboard.stage.curtain import Pause
 from netboard.task.trials.state_machine import STAGE_FAULT, Cause, Phase
 
@@ -73,7 +73,7 @@ _STOPPED, _TRIPPED = 3 * samples.STOPPED, 3 * samples.TRIPPED  # of either side
 _RECORD_HEAD = encode(TickRecord(bytes(TICK.itemsize)))[: -TICK.itemsize]
 
 
-class Session:
+class DyadSession:
     """Everything the server does for one dyad.
 
     ``attempts``: outcomes of the attempts in earlier runs of the session. ``authenticator`` is None without

@@ -19,7 +19,7 @@ from netboard.nodes.server.blocks import BlockSequence
 from netboard.nodes.server.event_log import EventLog
 from netboard.nodes.server.operators import Operators
 from netboard.nodes.server.stand_ins import AWAITING_WORDS, Confirmations, stand_ins
-from netboard.nodes.server.supervision import Supervisor
+from netboard.nodes.server.supervision import TrialSupervisor
 from netboard.nodes.server.tick_clock import TickClock
 from netboard.stage.curtain import Pause
 from netboard.task.trials.state_machine import Phase
@@ -55,7 +55,7 @@ class SessionState:
         self.block = sequence.block
         self.ports = Ports(self.block.config, self._welcome(), context, authenticator)
         self.clock = TickClock()
-        self.supervisor = Supervisor(autostart)
+        self.supervisor = TrialSupervisor(autostart)
         self.emergency_stop = EmergencyStop()
         self.operators = Operators(opened=False, armed=autostart or not sequence.planned)
         self.confirmations = Confirmations(confirmation)

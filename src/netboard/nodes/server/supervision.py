@@ -22,7 +22,7 @@ REOPENED = "lost trials of this block are repeated"
 
 
 @dataclass
-class Supervisor:
+class TrialSupervisor:
     """Decides the command of each tick.
 
     ``notice``: one line for operators. ``pause``: what has caused the last pause, for the participants.

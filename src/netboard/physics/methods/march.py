@@ -18,7 +18,7 @@ from netboard.physics.scene.parameters import Parts
 
 
 @dataclass(frozen=True)
-class Grid:
+class TimeGrid:
     """Intervals of a run, each divided into equal steps.
 
     Attributes
@@ -46,7 +46,7 @@ def make_grid(
     parts: Parts,
     length: int,
     scene: NDArray[Any],
-) -> Grid:
+) -> TimeGrid:
     """Make the steps of a run, with the tables of its method.
 
     Parameters
@@ -59,7 +59,7 @@ def make_grid(
     steps, kinds = np.unique(lengths / counts, return_inverse=True)
     make = METHODS[NUMBER[method]].tables
     tables = np.stack([make(scene[0], parts, length, float(h)) for h in steps])
-    return Grid(lengths, counts, kinds.astype(np.int64), tables)
+    return TimeGrid(lengths, counts, kinds.astype(np.int64), tables)
 
 
 def hands_at(hands: Any, i: int) -> Any:
@@ -156,7 +156,7 @@ def run(
     method: str,
     x: State,
     hands: NDArray[np.float64],
-    grid: Grid,
+    grid: TimeGrid,
     parts: Parts,
     scene: NDArray[Any],
 ) -> NDArray[np.float64]:

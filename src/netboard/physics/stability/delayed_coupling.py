@@ -60,7 +60,7 @@ class Mechanism:
 
 
 @dataclass(frozen=True)
-class End:
+class BoardEnd:
     """End of the board as seen by one hand: a mass on a spring and a damper.
 
     Attributes
@@ -78,7 +78,7 @@ class End:
     stiffness: float = 0.0
 
 
-FIXED = End()
+FIXED = BoardEnd()
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ class Loop:
     """
 
     mechanism: Mechanism = Mechanism()
-    end: End = FIXED
+    end: BoardEnd = FIXED
     k: float = 200.0
     c: float = 2.0
     up: int = 0
@@ -198,7 +198,7 @@ def _furthest(stable: Callable[[int], bool], most: int) -> int:
 # --- the board of a scene ----------------------------------------------------------------------------------------
 
 
-def ends_of(physics: Physics) -> dict[str, End]:
+def ends_of(physics: Physics) -> dict[str, BoardEnd]:
     """Return the end of the board as seen by each hand, in the modes ``heave`` and ``tilt`` that the board has.
 
     The level board without balls is linearised. Two coupled hands share the board equally in both modes; a single
@@ -208,9 +208,9 @@ def ends_of(physics: Physics) -> dict[str, End]:
     arm = physics.l * physics.l
     ends = {}
     if physics.board != "hinged":
-        ends["heave"] = End(physics.M / hands, physics.b_z / hands, physics.k_s / hands)
+        ends["heave"] = BoardEnd(physics.M / hands, physics.b_z / hands, physics.k_s / hands)
     if physics.board != "level":
-        ends["tilt"] = End(physics.I / arm / hands, physics.b_theta / arm / hands, 0.0)
+        ends["tilt"] = BoardEnd(physics.I / arm / hands, physics.b_theta / arm / hands, 0.0)
     return ends
 
 

@@ -51,7 +51,7 @@ STIFFNESS_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
-class Choice:
+class MethodChoice:
     """Integration method of a tick.
 
     Attributes
@@ -76,7 +76,7 @@ class Choice:
 
 
 @lru_cache(maxsize=64)
-def choose(physics: Physics, h: float) -> Choice:
+def choose(physics: Physics, h: float) -> MethodChoice:
     """Choose the integration method of a scene; the blocks of a session usually have the same.
 
     Parameters
@@ -99,12 +99,12 @@ def choose(physics: Physics, h: float) -> Choice:
     return choice
 
 
-def _choice(physics: Physics, h: float) -> Choice:
+def _choice(physics: Physics, h: float) -> MethodChoice:
     """Return the choice, whether or not it is stable."""
     method, substeps, stiff, reason = _plan(physics, h)
     worst = max(_radii(physics, method, h / substeps))
     radius = worst**substeps if substeps * math.log(max(worst, 1.0)) < MAX_LOG_GROWTH else math.inf
-    return Choice(method, substeps, radius, stiff, reason)
+    return MethodChoice(method, substeps, radius, stiff, reason)
 
 
 def _is_accepted(physics: Physics, h: float) -> bool:
@@ -173,7 +173,7 @@ def _cases(physics: Physics) -> Iterator[tuple[Matrix, Parts]]:
                 yield tilted_matrix(parts, scene, balls, tilt, place * reach), parts
 
 
-def _refusal(physics: Physics, h: float, choice: Choice) -> str:
+def _refusal(physics: Physics, h: float, choice: MethodChoice) -> str:
     """Return why a scene is refused, and accepted alternatives."""
     more = choice.radius - 1.0
     growth = f"1 + {more:.2g}" if more < 1e-2 else f"{choice.radius:.3g}"

@@ -11,8 +11,8 @@ import numpy as np
 
 from netboard.recording.counterfactual.what_if import (
     QUANTITIES,
-    Comparison,
-    Quantity,
+    AttemptComparison,
+    ComparedQuantity,
     WhatIf,
     attempt_to_show,
     difference,
@@ -23,7 +23,7 @@ from netboard.task.trials.state_machine import BALL_FREE
 _RECORDED, _COMPUTED, _OTHERS = "#0072B2", "#D55E00", "0.75"
 
 
-def draw(found: WhatIf, changes: Sequence[str], shown: Comparison | None = None) -> Any:
+def draw(found: WhatIf, changes: Sequence[str], shown: AttemptComparison | None = None) -> Any:
     """Draw recorded and recomputed values and their difference, with a row for each quantity.
 
     ``found``: a counterfactual replay of a recording with at least one attempt.
@@ -46,7 +46,7 @@ def draw(found: WhatIf, changes: Sequence[str], shown: Comparison | None = None)
     return figure
 
 
-def _outcomes(shown: Comparison) -> str:
+def _outcomes(shown: AttemptComparison) -> str:
     """Describe the recorded and the recomputed outcome of an attempt."""
     then, now = shown.then, shown.now
     if then.outcome == now.outcome == "success":
@@ -54,7 +54,7 @@ def _outcomes(shown: Comparison) -> str:
     return f"{then.outcome}, now {now.outcome}"
 
 
-def _draw_values(axis: Any, found: WhatIf, quantity: Quantity, shown: Comparison) -> None:
+def _draw_values(axis: Any, found: WhatIf, quantity: ComparedQuantity, shown: AttemptComparison) -> None:
     """Draw one quantity of the shown attempt, recorded and recomputed, each while the ball is free."""
     start = int(np.searchsorted(found.recorded["tick"], shown.then.tick))
     for rows, attempt, colour, style, label in (
@@ -71,7 +71,7 @@ def _draw_values(axis: Any, found: WhatIf, quantity: Quantity, shown: Comparison
     axis.grid(True, alpha=0.3)
 
 
-def _draw_difference(axis: Any, found: WhatIf, quantity: Quantity, shown: Comparison) -> None:
+def _draw_difference(axis: Any, found: WhatIf, quantity: ComparedQuantity, shown: AttemptComparison) -> None:
     """Draw the difference of one quantity in all attempts, with the shown one on top."""
     others = [one for one in found.comparisons if one is not shown]
     for place, one in enumerate([*others, shown]):

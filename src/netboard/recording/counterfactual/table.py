@@ -7,7 +7,7 @@ from typing import Any
 from rich.text import Text
 
 from netboard.base.terminal.output import FittedTable, numbers
-from netboard.recording.counterfactual.what_if import QUANTITIES, Comparison, WhatIf
+from netboard.recording.counterfactual.what_if import QUANTITIES, AttemptComparison, WhatIf
 from netboard.recording.format.summary import or_null
 
 EXPLANATION = (
@@ -18,7 +18,7 @@ EXPLANATION = (
 """Explanation of the numbers, below every table."""
 
 
-def table_of(comparisons: Sequence[Comparison], changes: Sequence[str]) -> FittedTable:
+def table_of(comparisons: Sequence[AttemptComparison], changes: Sequence[str]) -> FittedTable:
     """Return a table that compares every attempt."""
     different = sum(one.then.outcome != one.now.outcome for one in comparisons)
     title = (

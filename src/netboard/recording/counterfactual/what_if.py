@@ -33,7 +33,7 @@ from netboard.stage.stage import Stage
 Rows = NDArray[Any]
 
 
-class Quantity(NamedTuple):
+class ComparedQuantity(NamedTuple):
     """A compared quantity: its field in a tick, its name in figures, the unit shown, and the factor from SI to it."""
 
     name: str
@@ -43,10 +43,10 @@ class Quantity(NamedTuple):
 
 
 QUANTITIES = (
-    Quantity("theta", "tilt", "deg", float(np.degrees(1.0))),
-    Quantity("p", "ball", "mm", 1e3),
-    Quantity("left_force", "left force", "N", 1.0),
-    Quantity("right_force", "right force", "N", 1.0),
+    ComparedQuantity("theta", "tilt", "deg", float(np.degrees(1.0))),
+    ComparedQuantity("p", "ball", "mm", 1e3),
+    ComparedQuantity("left_force", "left force", "N", 1.0),
+    ComparedQuantity("right_force", "right force", "N", 1.0),
 )
 """Compared quantities: tilt of the board, position of the ball, and commanded forces."""
 
@@ -59,7 +59,7 @@ class Difference(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class AttemptComparison:
     """One attempt, recorded and recomputed."""
 
     then: Attempt
@@ -84,7 +84,7 @@ class WhatIf:
 
     recorded: Rows
     computed: Rows
-    comparisons: tuple[Comparison, ...]
+    comparisons: tuple[AttemptComparison, ...]
 
     @property
     def identical(self) -> bool:
@@ -104,7 +104,7 @@ def what_if(recorded: Rows, stage: Stage) -> WhatIf:
     return WhatIf(recorded, computed, tuple(_compare(recorded, computed, attempt) for attempt in attempts))
 
 
-def _compare(recorded: Rows, computed: Rows, then: Attempt) -> Comparison:
+def _compare(recorded: Rows, computed: Rows, then: Attempt) -> AttemptComparison:
     start, stop = np.searchsorted(recorded["tick"], [then.tick, then.stop])
     # Include the row after the last one, which shows the command that ended the attempt.
     now = find_attempts(computed[start : stop + 1])[0]
@@ -113,10 +113,10 @@ def _compare(recorded: Rows, computed: Rows, then: Attempt) -> Comparison:
     for quantity in QUANTITIES:
         change = difference(recorded, computed, quantity, slice(start, start + common))
         differences[quantity.name] = Difference(float(np.sqrt(np.mean(change**2))), float(np.max(np.abs(change))))
-    return Comparison(then, now, common, differences)
+    return AttemptComparison(then, now, common, differences)
 
 
-def difference(recorded: Rows, computed: Rows, quantity: Quantity, where: slice) -> NDArray[np.float64]:
+def difference(recorded: Rows, computed: Rows, quantity: ComparedQuantity, where: slice) -> NDArray[np.float64]:
     """Return computed minus recorded values of a quantity."""
     return np.asarray(computed[quantity.name][where] - recorded[quantity.name][where], np.float64)
 
@@ -133,7 +133,7 @@ def ticks_of_attempts(found: WhatIf) -> Rows:
     return found.computed[kept]
 
 
-def attempt_to_show(comparisons: Sequence[Comparison]) -> Comparison:
+def attempt_to_show(comparisons: Sequence[AttemptComparison]) -> AttemptComparison:
     """Choose the attempt to show: the longest with another outcome, else the one with the largest ball difference."""
     otherwise = [one for one in comparisons if one.then.outcome != one.now.outcome]
     if otherwise:

@@ -15,7 +15,7 @@ from scipy.io.matlab import savemat
 
 from netboard.base.errors import RecordingError
 from netboard.recording.export.formats import Progress
-from netboard.recording.export.tables import TICKS, OpenRecording, Table, small_tables
+from netboard.recording.export.tables import TICKS, ExportTable, OpenRecording, small_tables
 from netboard.recording.export.tabular import opened, tick_portions, write_dictionary
 
 MAX_BYTES = 2**31 - 2**20
@@ -64,6 +64,6 @@ def _ticks(source: OpenRecording, spool: Any, progress: Progress) -> dict[str, N
     return {name: table[name] for name in row.names or ()}
 
 
-def _struct(table: Table, source: OpenRecording) -> dict[str, NDArray[Any]]:
+def _struct(table: ExportTable, source: OpenRecording) -> dict[str, NDArray[Any]]:
     portions = list(table.portions(source))
     return {field.name: np.concatenate([rows[field.name] for rows in portions]) for field in table.fields}

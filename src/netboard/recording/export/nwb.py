@@ -72,7 +72,7 @@ def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
                 stem = f"sub-{person.label}_ses-{run.session}_run-{run.number:02d}_behavior"
                 path = folder / f"sub-{person.label}" / f"{stem}.nwb"
                 path.parent.mkdir(exist_ok=True)
-                layout = Layout(pynwb, run, recording, survey, person, factors)
+                layout = NwbLayout(pynwb, run, recording, survey, person, factors)
                 file = stack.enter_context(h5py.File(stack.enter_context(_File(path, "w+b")), "w"))
                 stack.enter_context(pynwb.NWBHDF5IO(file=file, mode="w")).write(layout.file)
                 filled += layout.filled
@@ -116,7 +116,7 @@ def _values(rows: NDArray[Any], fields: tuple[str, ...], survey: Survey) -> NDAr
     return rows[fields[0]] if len(fields) == 1 else np.column_stack([rows[field] for field in fields])
 
 
-class Layout:
+class NwbLayout:
     """File of one person in one run, complete except for the values in its data sets."""
 
     def __init__(

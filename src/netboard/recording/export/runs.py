@@ -19,7 +19,7 @@ from netboard.base.errors import RecordingError
 from netboard.recording.files.copies import find_repeats
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.claims import whole_number
-from netboard.recording.format.rig import Rig, agents_in_use, rig_of
+from netboard.recording.format.rig import RecordedRig, agents_in_use, rig_of
 from netboard.task.plans.plan import OTHER_SIDE
 from netboard.task.trials.exclusion import is_simulated
 
@@ -108,7 +108,7 @@ def _numbered_session(session: Sequence[Run]) -> Iterator[Run]:
         yield replace(run, number=number)
 
 
-def people_in(config: Config, metadata: dict[str, str], rig: Rig | None = None) -> Iterator[Person]:
+def people_in(config: Config, metadata: dict[str, str], rig: RecordedRig | None = None) -> Iterator[Person]:
     """Yield the persons of a block, A before B. ``rig``: that of the recording, if it has been read."""
     who, block = config.session, config.block
     both: tuple[tuple[Letter, str, str], ...] = (
@@ -126,7 +126,7 @@ def people_in(config: Config, metadata: dict[str, str], rig: Rig | None = None) 
             yield Person(letter, _label(given), hand, sides, _simulated(config, metadata, sides, rig))
 
 
-def _simulated(config: Config, metadata: dict[str, str], sides: Sequence[Side], rig: Rig | None) -> bool:
+def _simulated(config: Config, metadata: dict[str, str], sides: Sequence[Side], rig: RecordedRig | None) -> bool:
     """Return True if a simulated participant moved these sides, by its agents if they are known."""
     if rig is not None and "imported" not in metadata and all(rig.hands.get(side) for side in sides):
         return set(sides) <= set(rig.simulated)

@@ -57,7 +57,7 @@ class OpenRecording:
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class ExportTable:
     """Definition of a table."""
 
     name: str
@@ -107,7 +107,7 @@ def _ticks(source: OpenRecording) -> Iterator[Rows]:
         yield {"time": _seconds(columns["time_ns"], source), "number": number, "since_release": since, **columns}
 
 
-TICKS = Table(
+TICKS = ExportTable(
     "ticks",
     "one tick of 1 ms",
     (
@@ -211,10 +211,10 @@ def _trials(source: OpenRecording) -> Iterator[Rows]:
     }
 
 
-TRIALS = Table("trials", "one attempt at a trial", (_RECORDING, *(field for field, _ in _TRIAL_COLUMNS)), _trials)
+TRIALS = ExportTable("trials", "one attempt at a trial", (_RECORDING, *(field for field, _ in _TRIAL_COLUMNS)), _trials)
 
 
-def with_factors(factors: Sequence[ExportedFactor]) -> Table:
+def with_factors(factors: Sequence[ExportedFactor]) -> ExportTable:
     """Return the trials table with factor columns."""
 
     def rows(source: OpenRecording) -> Iterator[Rows]:
@@ -231,7 +231,7 @@ def with_factors(factors: Sequence[ExportedFactor]) -> Table:
             }
 
     fields = (*TRIALS.fields, *(field for one in factors for field in one.fields))
-    return Table(TRIALS.name, TRIALS.about, fields, rows)
+    return ExportTable(TRIALS.name, TRIALS.about, fields, rows)
 
 
 # --- the other channels ------------------------------------------------------------------------------------------
@@ -239,7 +239,7 @@ def with_factors(factors: Sequence[ExportedFactor]) -> Table:
 
 def _of_channel(
     name: str, channel: Channel, records: Callable[[Recording], Sequence[Any]], timed_by: str = ""
-) -> Table:
+) -> ExportTable:
     """Return the table of a channel of records. ``timed_by``: the field with their server time, if they have one."""
     described = [
         Field(field.name, "string", f"{field.text}, as a JSON object", "") if field.kind == "texts" else field
@@ -255,7 +255,7 @@ def _of_channel(
             columns[field.name] = np.array(values, object)
         yield {"time": _seconds(columns[timed_by].astype(np.int64), source), **columns} if timed_by else columns
 
-    return Table(name, channel.about, (_RECORDING, *((_TIME,) if timed_by else ()), *described), rows)
+    return ExportTable(name, channel.about, (_RECORDING, *((_TIME,) if timed_by else ()), *described), rows)
 
 
 EVENTS = _of_channel("events", CHANNELS[1], Recording.events, "time_ns")
@@ -318,7 +318,7 @@ def _recordings(source: OpenRecording) -> Iterator[Rows]:
     yield {field.name: np.array([value(source)], DTYPES[field.kind]) for field, value in _RECORDING_COLUMNS}
 
 
-RECORDINGS = Table(
+RECORDINGS = ExportTable(
     "recordings", "one recording", (_RECORDING, *(field for field, _ in _RECORDING_COLUMNS)), _recordings
 )
 
@@ -329,7 +329,7 @@ TABLES = (TICKS, *SMALL)
 """All tables, without factor columns."""
 
 
-def small_tables(recordings: Sequence[Path]) -> tuple[Table, ...]:
+def small_tables(recordings: Sequence[Path]) -> tuple[ExportTable, ...]:
     """Return the tables of `SMALL` for these recordings, with factor columns in the trials table.
 
     Raises `RecordingError` if a recording is unreadable or repeated.

@@ -17,7 +17,7 @@ from typing import Any, Protocol
 
 from netboard.base.files.cells import IN_WORDS, CsvWriter
 from netboard.recording.export.formats import Progress, library, reporting
-from netboard.recording.export.tables import MISSING, TICKS, OpenRecording, Rows, Table, small_tables
+from netboard.recording.export.tables import MISSING, TICKS, ExportTable, OpenRecording, Rows, small_tables
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.channels import Field
 
@@ -69,7 +69,7 @@ def write_dictionary(folder: Path, tables: Sequence[Described], places: str) -> 
 Sheet = Callable[[Rows], None]
 """Callback that writes the next rows of a table."""
 
-OpenSheet = Callable[[Path, Table], AbstractContextManager[Sheet]]
+OpenSheet = Callable[[Path, ExportTable], AbstractContextManager[Sheet]]
 """Function that opens a new file for a table."""
 
 

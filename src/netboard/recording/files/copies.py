@@ -63,14 +63,14 @@ class Conflict:
         return f"{self.one} and {self.other}: {self.why}; keep the right one and move the other away"
 
 
-class Repeats(NamedTuple):
+class CopiesFound(NamedTuple):
     """The copies and conflicts among recordings."""
 
     copies: tuple[Copy, ...]
     conflicts: tuple[Conflict, ...]
 
 
-NO_REPEATS = Repeats((), ())
+NO_REPEATS = CopiesFound((), ())
 
 
 class _Relation(NamedTuple):
@@ -153,7 +153,7 @@ class _Candidate:
         return "two loggers recorded the same ticks" if self.part != of.part else "with the same ticks"
 
 
-def find_repeats(recordings: Iterable[Described]) -> Repeats:
+def find_repeats(recordings: Iterable[Described]) -> CopiesFound:
     """Find the copies and conflicts among recordings, from their paths and metadata.
 
     A recording whose ticks cannot be read is left to the reader that needs them.
@@ -169,7 +169,7 @@ def find_repeats(recordings: Iterable[Described]) -> Repeats:
             elif found is not None:
                 conflicts.append(found)
     kept = [one for one in conflicts if not copies.keys() & {one.one, one.other}]
-    return Repeats(tuple(copies[one.path] for one in candidates if one.path in copies), tuple(kept))
+    return CopiesFound(tuple(copies[one.path] for one in candidates if one.path in copies), tuple(kept))
 
 
 def _is_candidate(one: _Candidate, other: _Candidate) -> bool:
@@ -249,7 +249,7 @@ def original_of(path: Path, others: Iterable[Path]) -> Path | None:
     return None
 
 
-def repeats_among(paths: Iterable[Path]) -> Repeats:
+def repeats_among(paths: Iterable[Path]) -> CopiesFound:
     """Find the copies and conflicts among files, of which some may be unreadable."""
     return find_repeats(_readable(paths))
 

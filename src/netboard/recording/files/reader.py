@@ -25,7 +25,7 @@ from netboard.recording.files.locate import recovery_advice, repair_advice
 from netboard.recording.files.provenance import CONFIG_NAME, SEQUENCE, MetadataName, config_sha256, damaged_numbers
 from netboard.recording.format import older
 from netboard.recording.format.backfill import Backfilled
-from netboard.recording.format.batches import ATTEMPTS_NAME, PLACES, PLACES_NAME, WORD, Layout, attempts_of
+from netboard.recording.format.batches import ATTEMPTS_NAME, PLACES, PLACES_NAME, WORD, BatchLayout, attempts_of
 from netboard.recording.format.channels import FORMAT_VERSION, IDS, TICKS, read_record
 from netboard.recording.format.chunks import payloads
 from netboard.recording.format.claims import MAX_WHOLE, shown
@@ -374,9 +374,9 @@ class Recording:
                 pass
 
     @cached_property
-    def _layout(self) -> Layout:
+    def _layout(self) -> BatchLayout:
         with self._file.sound():
-            return Layout(self._file.schemas.get(TICKS, b""))
+            return BatchLayout(self._file.schemas.get(TICKS, b""))
 
     def _decode(self, offsets: Sequence[int], names: Sequence[str]) -> dict[str, NDArray[Any]]:
         with self._file.sound():

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from netboard.base.config import parse
 from netboard.base.errors import RecordingError
-from netboard.base.tables.rig import Recording
+from netboard.base.tables.rig import RecordingSettings
 from netboard.network.protocol.records import TickRecord
 from netboard.recording.files.provenance import CONFIG_NAME, LIBRARY, MetadataName
 from netboard.recording.format.batches import TickStream
@@ -36,7 +36,7 @@ class RecordingWriter:
         path: Path,
         metadata: Mapping[str, str],
         config_text: str,
-        settings: Recording,
+        settings: RecordingSettings,
         opened_ns: int,
         recovery: Mapping[str, str] | None = None,
         *,

@@ -96,7 +96,7 @@ def unpack_columns(planes: Any, places: Any, orders: Any, folded: bool, words: A
                 words[c, k] += words[c, k - 1]
 
 
-class Layout:
+class BatchLayout:
     """Column layout of the batches in a file, and their decoder."""
 
     def __init__(self, schema: bytes) -> None:

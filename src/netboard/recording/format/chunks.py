@@ -34,7 +34,7 @@ _CHANNEL = struct.Struct("<H")
 _MESSAGE_HEAD = struct.Struct("<BQHIQQ")
 
 
-class Entry(NamedTuple):
+class ChunkMessage(NamedTuple):
     """One message in a chunk."""
 
     channel_id: int
@@ -113,14 +113,14 @@ def _record_in(data: bytes, position: int) -> tuple[int, int]:
     return opcode, end
 
 
-def messages(data: bytes) -> Iterator[Entry]:
+def messages(data: bytes) -> Iterator[ChunkMessage]:
     """Iterate over the messages of a decompressed chunk, in file order."""
     position = 0
     while position < len(data):
         opcode, end = _record_in(data, position)
         if opcode == Opcode.MESSAGE:
             _, _, channel_id, sequence, log_time, publish_time = _MESSAGE_HEAD.unpack_from(data, position)
-            yield Entry(channel_id, sequence, log_time, publish_time, data[position + _MESSAGE_HEAD.size : end])
+            yield ChunkMessage(channel_id, sequence, log_time, publish_time, data[position + _MESSAGE_HEAD.size : end])
         position = end
 
 

@@ -18,7 +18,7 @@ REHEARSED = "simulated participant, no device"
 
 
 @dataclass(frozen=True, slots=True)
-class Rig:
+class RecordedRig:
     """The rig of a recording."""
 
     hands: Mapping[Side, tuple[str, ...]]  # what each hand held, in words, in the order of use
@@ -35,7 +35,7 @@ class Rig:
 
 def rig_of(
     config: Config, metadata: Mapping[str, str], events: Sequence[EventRecord], attempts: Sequence[Attempt]
-) -> Rig:
+) -> RecordedRig:
     """Return the rig of a recording."""
     movers = {side: getattr(config.block, side) for side in SIDES}
     hands: dict[Side, tuple[str, ...]] = {
@@ -43,7 +43,7 @@ def rig_of(
     }
     people = [side for side, mover in movers.items() if mover == "person"]
     if metadata.get("rehearsed") == "true":
-        return Rig(hands | dict.fromkeys(people, (REHEARSED,)), simulated=tuple(people))
+        return RecordedRig(hands | dict.fromkeys(people, (REHEARSED,)), simulated=tuple(people))
     found: dict[str, None] = {}
     simulated: list[Side] = []
     for side in people:
@@ -59,7 +59,7 @@ def rig_of(
     found |= dict.fromkeys(map(display_stand_in, hidden))
     said = {one.details.get("what"): _quoted(one.details) for one in events if one.name == STAND_IN_CONFIRMED}
     ordered: dict[Side, tuple[str, ...]] = {side: hands[side] for side in SIDES if side in hands}
-    return Rig(ordered, hidden, tuple(simulated), {what: said.get(what, "") for what in found})
+    return RecordedRig(ordered, hidden, tuple(simulated), {what: said.get(what, "") for what in found})
 
 
 def agents_in_use(

@@ -56,7 +56,7 @@ def or_nan(value: float | None) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class Spread:
+class DurationSpread:
     """Distribution of a duration."""
 
     count: int
@@ -67,13 +67,13 @@ class Spread:
     largest: float
 
 
-def spread(values_ns: NDArray[np.int64]) -> Spread:
+def spread(values_ns: NDArray[np.int64]) -> DurationSpread:
     """Return the distribution of durations."""
     if values_ns.size == 0:
-        return Spread(0, *[float("nan")] * 4)
+        return DurationSpread(0, *[float("nan")] * 4)
     seconds = values_ns * 1e-9
     p50, p99, p999 = np.percentile(seconds, (50, 99, 99.9))
-    return Spread(seconds.size, float(p50), float(p99), float(p999), float(seconds.max()))
+    return DurationSpread(seconds.size, float(p50), float(p99), float(p999), float(seconds.max()))
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,7 +209,7 @@ def _levelled(before: NDArray[Any], release: Any) -> int:
 class SideSummary:
     """Summary of one side."""
 
-    loop: Spread  # sample-to-force latency: from reading the stylus to rendering the force computed from it [s]
+    loop: DurationSpread  # sample-to-force latency: from reading the stylus to rendering the force computed from it [s]
     largest_force: float  # largest magnitude of the known vertical rendered force; NaN if it is never known [N]
     unknown_ticks: int  # ticks since the first sample with an unknown rendered force
     # Number of ticks with each action of the safety chain, by its lower-case name; zero counts are left out.
@@ -252,7 +252,7 @@ class DisplaySummary:
 
 
 @dataclass(frozen=True, slots=True)
-class Summary:
+class RecordingSummary:
     """Summary of a recording."""
 
     ticks: int
@@ -261,11 +261,11 @@ class Summary:
     lost_records: int
     attempts: tuple[Attempt, ...]
     late_ticks: int
-    lateness: Spread  # delay of the tick starts after their deadlines [s]
+    lateness: DurationSpread  # delay of the tick starts after their deadlines [s]
     left: SideSummary
     right: SideSummary
     # Round-trip time of the clock probes by kind of peer, without the peer's own processing time [s].
-    round_trips: dict[str, Spread]
+    round_trips: dict[str, DurationSpread]
     displays: dict[str, DisplaySummary]
     events: int
 
@@ -291,12 +291,12 @@ def summarise(
     clocks: Sequence[ClockRecord] = (),
     frames: Sequence[FrameRecord] = (),
     remarks: Sequence[EventRecord] = (),
-) -> Summary:
+) -> RecordingSummary:
     """Summarise a recording."""
     trips: dict[str, list[int]] = {}
     for probe in clocks:
         trips.setdefault(kind_of_peer(probe.peer), []).append(probe.t3_ns - probe.t0_ns - (probe.t2_ns - probe.t1_ns))
-    return Summary(
+    return RecordingSummary(
         ticks=ticks.size,
         duration=float(ticks["tick"][-1] - ticks["tick"][0] + 1) * TICK_SECONDS if ticks.size else 0.0,
         missing=find_gaps(ticks["tick"]),

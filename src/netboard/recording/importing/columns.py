@@ -14,7 +14,7 @@ from netboard.base.nearest import did_you_mean
 
 
 @dataclass(frozen=True, slots=True)
-class Column:
+class ImportColumn:
     """Definition of a column."""
 
     name: str
@@ -24,36 +24,40 @@ class Column:
     needed: bool = False
 
 
-COLUMNS: dict[str, Column] = {
+COLUMNS: dict[str, ImportColumn] = {
     column.name: column
     for column in (
-        Column("time", "number", "s", "time of the row, increasing, from any origin", needed=True),
-        Column("left_z", "number", "m", "height of the left stylus above its end of the level board", needed=True),
-        Column("right_z", "number", "m", "height of the right stylus above its end of the level board", needed=True),
-        Column("left_vz", "number", "m/s", "rate of left_z; computed if missing"),
-        Column("right_vz", "number", "m/s", "rate of right_z; computed if missing"),
-        Column("left_x", "number", "m", "left stylus, out of the screen"),
-        Column("left_y", "number", "m", "left stylus, to the right"),
-        Column("right_x", "number", "m", "right stylus, out of the screen"),
-        Column("right_y", "number", "m", "right stylus, to the right"),
-        Column("z", "number", "m", "height of the board's centre"),
-        Column("vz", "number", "m/s", "rate of z; computed if missing"),
-        Column("theta", "number", "rad", "tilt of the board, + = right end up"),
-        Column("omega", "number", "rad/s", "rate of theta; computed if missing"),
-        Column("p", "number", "m", "ball along the board, + = right"),
-        Column("vp", "number", "m/s", "rate of p; computed if missing"),
-        Column("left_force", "number", "N", "force on the left hand, + = up"),
-        Column("right_force", "number", "N", "force on the right hand, + = up"),
-        Column("left_coupling", "number", "N", "force of the left hand on the board, + = up"),
-        Column("right_coupling", "number", "N", "force of the right hand on the board, + = up"),
-        Column("trial", "integer", "1", "number of the trial, from 1; 0 or empty between trials"),
-        Column("attempt", "integer", "1", "number of the attempt at it, from 1; 1 if missing"),
-        Column("target", "integer", "1", "side of the target: -1 left, +1 right; 0 if missing"),
-        Column(
+        ImportColumn("time", "number", "s", "time of the row, increasing, from any origin", needed=True),
+        ImportColumn(
+            "left_z", "number", "m", "height of the left stylus above its end of the level board", needed=True
+        ),
+        ImportColumn(
+            "right_z", "number", "m", "height of the right stylus above its end of the level board", needed=True
+        ),
+        ImportColumn("left_vz", "number", "m/s", "rate of left_z; computed if missing"),
+        ImportColumn("right_vz", "number", "m/s", "rate of right_z; computed if missing"),
+        ImportColumn("left_x", "number", "m", "left stylus, out of the screen"),
+        ImportColumn("left_y", "number", "m", "left stylus, to the right"),
+        ImportColumn("right_x", "number", "m", "right stylus, out of the screen"),
+        ImportColumn("right_y", "number", "m", "right stylus, to the right"),
+        ImportColumn("z", "number", "m", "height of the board's centre"),
+        ImportColumn("vz", "number", "m/s", "rate of z; computed if missing"),
+        ImportColumn("theta", "number", "rad", "tilt of the board, + = right end up"),
+        ImportColumn("omega", "number", "rad/s", "rate of theta; computed if missing"),
+        ImportColumn("p", "number", "m", "ball along the board, + = right"),
+        ImportColumn("vp", "number", "m/s", "rate of p; computed if missing"),
+        ImportColumn("left_force", "number", "N", "force on the left hand, + = up"),
+        ImportColumn("right_force", "number", "N", "force on the right hand, + = up"),
+        ImportColumn("left_coupling", "number", "N", "force of the left hand on the board, + = up"),
+        ImportColumn("right_coupling", "number", "N", "force of the right hand on the board, + = up"),
+        ImportColumn("trial", "integer", "1", "number of the trial, from 1; 0 or empty between trials"),
+        ImportColumn("attempt", "integer", "1", "number of the attempt at it, from 1; 1 if missing"),
+        ImportColumn("target", "integer", "1", "side of the target: -1 left, +1 right; 0 if missing"),
+        ImportColumn(
             "phase", "word", "", "idle, levelling, running (ball free), holding (in the target), or netboard's numbers"
         ),
-        Column("outcome", "word", "", "success, fell, timed_out, abort, skip or pause, in any row of an attempt"),
-        Column("completion", "number", "s", "completion time of a success, in any row of an attempt"),
+        ImportColumn("outcome", "word", "", "success, fell, timed_out, abort, skip or pause, in any row of an attempt"),
+        ImportColumn("completion", "number", "s", "completion time of a success, in any row of an attempt"),
     )
 }
 

@@ -34,7 +34,7 @@ from netboard.recording.integrity.severity import RESULTS, Severity
 Tell = Callable[[str, int, int], None]
 """Progress callback: current item, amount done and total."""
 
-Work = Callable[["Job", Path], Imported]
+Work = Callable[["ImportJob", Path], Imported]
 """Function that makes a recording in a folder and renames it when it is complete."""
 
 UNNAMED = ".importing-"
@@ -42,7 +42,7 @@ UNNAMED = ".importing-"
 
 
 @dataclass(frozen=True, slots=True)
-class Job:
+class ImportJob:
     """Conversion of one table to a recording."""
 
     where: str
@@ -53,14 +53,14 @@ class Job:
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class ImportPlan:
     """The jobs to do, and the recordings that exist already."""
 
-    jobs: tuple[Job, ...]
+    jobs: tuple[ImportJob, ...]
     done: tuple[Path, ...]
 
 
-def examine(path: Path, folder: Path, tell: Tell) -> Plan:
+def examine(path: Path, folder: Path, tell: Tell) -> ImportPlan:
     """Read a manifest and the start of each of its tables; write nothing."""
     manifest = Manifest(path)
     problems, jobs, done = list(manifest.problems), [], []
@@ -88,20 +88,20 @@ def examine(path: Path, folder: Path, tell: Tell) -> Plan:
             )
     if problems:
         raise ConfigError("\n".join((f"nothing was imported, {plural(len(problems), 'problem')} to fix:", *problems)))
-    return Plan(tuple(jobs), tuple(done))
+    return ImportPlan(tuple(jobs), tuple(done))
 
 
-def _job(one: ListedTable, folder: Path) -> Job:
+def _job(one: ListedTable, folder: Path) -> ImportJob:
     """Read the start of a table and determine the file name of its recording."""
     has_ticks = is_tick_table(one.path) and not one.options.names
     config = (configuration_beside(one.path) if has_ticks else None) or one.config
     if not has_ticks:
         columns = probe(one.path, one.options.names, one.options.units, one.options.rate)
         require_task(one.path, columns, one.options)
-    return Job(one.where, one.path, config, one.options, folder / recording_name(config, sha256_of(one.path)))
+    return ImportJob(one.where, one.path, config, one.options, folder / recording_name(config, sha256_of(one.path)))
 
 
-def _is_done(job: Job) -> bool:
+def _is_done(job: ImportJob) -> bool:
     """Return True if a job is already done; raise an error if its file name is otherwise taken."""
     if not job.path.exists():
         return False
@@ -117,7 +117,7 @@ def _is_done(job: Job) -> bool:
 
 
 def run(
-    plan: Plan, folder: Path, workers: int, tell: Tell, work: Work | None = None
+    plan: ImportPlan, folder: Path, workers: int, tell: Tell, work: Work | None = None
 ) -> tuple[list[Imported], list[str]]:
     """Run the jobs of a plan. The imported tables come in the order of the manifest."""
     with writing(folder):
@@ -147,7 +147,7 @@ def run(
     return [done[place] for place in sorted(done)], [failed[place] for place in sorted(failed)]
 
 
-def import_one(job: Job, unnamed: Path) -> Imported:
+def import_one(job: ImportJob, unnamed: Path) -> Imported:
     """Import a table into the temporary folder and rename the recording when it is complete."""
     found = import_table(job.source, unnamed, job.config, job.options, time.time_ns(), lambda *progress: None)
     publish(found.path, job.path)

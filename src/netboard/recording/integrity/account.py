@@ -34,7 +34,7 @@ class NumberRange(NamedTuple):
     cause: str = ""  # why the numbers are missing; empty for present ones, or if the cause is unknown
 
 
-class Pause(NamedTuple):
+class PauseRecord(NamedTuple):
     """A pause of the trial."""
 
     tick: int
@@ -64,7 +64,7 @@ class Account:
     # Records of any kind that no part holds, by their log-channel numbers, with causes.
     lost_records: tuple[NumberRange, ...]
     unexplained_records: tuple[NumberRange, ...]
-    pauses: tuple[Pause, ...]
+    pauses: tuple[PauseRecord, ...]
     events: tuple[EventRecord, ...]
 
     @property
@@ -247,7 +247,7 @@ def _split(
     return tuple(sorted(inside)), tuple(sorted(rest))
 
 
-def _pauses(ticks: NDArray[Any], events: Iterable[EventRecord]) -> Iterator[Pause]:
+def _pauses(ticks: NDArray[Any], events: Iterable[EventRecord]) -> Iterator[PauseRecord]:
     """Yield every pause with its cause from the server's events."""
     reported = {(event.name, event.tick): event for event in events if event.name in ("pause", "fault")}
     for row in ticks[np.isin(ticks["event"], _PAUSES)]:
@@ -255,8 +255,8 @@ def _pauses(ticks: NDArray[Any], events: Iterable[EventRecord]) -> Iterator[Paus
         # The event is written after the tick, so the server may assign it to the next one.
         event = reported.get((name, tick)) or reported.get((name, tick + 1))
         if event is None:
-            yield Pause(tick, "")
+            yield PauseRecord(tick, "")
         elif row["command"] != row["event"]:
-            yield Pause(tick, STAGE_FAULT)
+            yield PauseRecord(tick, STAGE_FAULT)
         else:
-            yield Pause(tick, event.details.get("notice", "").removeprefix("paused: ") or "the operator")
+            yield PauseRecord(tick, event.details.get("notice", "").removeprefix("paused: ") or "the operator")

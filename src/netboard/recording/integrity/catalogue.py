@@ -19,7 +19,7 @@ from netboard.base.config import Config, parse
 from netboard.base.errors import NetboardError, RecordingError
 from netboard.base.plural import plural
 from netboard.network.protocol.joining import Welcome
-from netboard.recording.files.copies import Repeats
+from netboard.recording.files.copies import CopiesFound
 from netboard.recording.files.locate import EMPTY, files_below, recovery_advice
 from netboard.recording.files.provenance import CONFIG_NAME, MetadataName
 from netboard.recording.files.reader import Recording
@@ -27,7 +27,7 @@ from netboard.recording.format.chunks import UNSOUND
 from netboard.recording.format.rig import rig_of
 from netboard.recording.integrity.checking import check, continues
 from netboard.recording.integrity.quality_check import losses_stated
-from netboard.recording.integrity.severity import RESULTS, Finding, Severity
+from netboard.recording.integrity.severity import RESULTS, CheckFinding, Severity
 from netboard.recording.integrity.stream_check import check_end
 from netboard.recording.integrity.trial_check import NO_TICKS, check_done
 from netboard.recording.integrity.walk import is_played
@@ -42,7 +42,7 @@ _UNREADABLE = (*UNSOUND, NetboardError, OSError, ValueError, EOFError, IndexErro
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class CatalogueEntry:
     """Catalogue entry of one file."""
 
     path: Path
@@ -82,7 +82,7 @@ class Filter:
     since: date | None = None
     pilot: bool | None = None
 
-    def matches(self, entry: Entry) -> bool:
+    def matches(self, entry: CatalogueEntry) -> bool:
         """Return True if a file matches in all but its result, by its beginning and end."""
         return (
             self.dyad in (None, entry.dyad)
@@ -91,7 +91,7 @@ class Filter:
             and (self.since is None or entry.opened[:10] >= self.since.isoformat())
         )
 
-    def matches_result(self, entry: Entry) -> bool:
+    def matches_result(self, entry: CatalogueEntry) -> bool:
         """Return True if the result of a file matches, or begins with the given words."""
         if self.verdict is None:
             return True
@@ -104,7 +104,7 @@ def files_in(folder: Path) -> list[Path]:
     return files_below(folder, (".mcap", ".mcap.part", ".spill", JOURNAL))
 
 
-def entry_of(path: Path) -> Entry:
+def entry_of(path: Path) -> CatalogueEntry:
     """Make the entry of a file from its beginning and end."""
     try:
         size = path.stat().st_size
@@ -116,22 +116,22 @@ def entry_of(path: Path) -> Entry:
             return _spill(path, size)
         if path.suffix == ".part":
             why = f"not finished; {recovery_advice(path)}"
-            return _begun(Entry(path, "unfinished", size, verdict=RESULTS[Severity.DAMAGE], why=why))
+            return _begun(CatalogueEntry(path, "unfinished", size, verdict=RESULTS[Severity.DAMAGE], why=why))
         return _recording(path, size)
     except _UNREADABLE as error:
         kind = "unfinished" if path.suffix == ".part" else path.suffix.removeprefix(".").replace("mcap", "recording")
         unread = f"cannot be read: {error.strerror}" if isinstance(error, OSError) and error.strerror else ""
         why = unread or str(error) or type(error).__name__
-        damaged = Entry(path, kind, verdict=RESULTS[Severity.DAMAGE], why=why)
+        damaged = CatalogueEntry(path, kind, verdict=RESULTS[Severity.DAMAGE], why=why)
         return _begun(damaged) if kind == "recording" else damaged
 
 
-def _recording(path: Path, size: int) -> Entry:
+def _recording(path: Path, size: int) -> CatalogueEntry:
     with Recording(path) as recording:
         metadata, end = recording.metadata, recording.end
         lost = int(end.get("lost", 0))
         why = [finding.text for finding in check_end(recording)] + [f"{lost} records were lost"] * bool(lost)
-        entry = _about(Entry(path, "recording", size), metadata, recording.config_text)
+        entry = _about(CatalogueEntry(path, "recording", size), metadata, recording.config_text)
         return replace(
             entry,
             duration=_duration(metadata, end),
@@ -148,7 +148,7 @@ def _duration(metadata: dict[str, str], end: dict[str, str]) -> float | None:
     return max(int(end["log_ns"]) - int(metadata["opened_log_ns"]), 0) * 1e-9
 
 
-def _about(entry: Entry, metadata: dict[str, str], config_text: str) -> Entry:
+def _about(entry: CatalogueEntry, metadata: dict[str, str], config_text: str) -> CatalogueEntry:
     """Add metadata and configuration to an entry."""
     config = parse(config_text, "its configuration")
     return replace(
@@ -159,7 +159,7 @@ def _about(entry: Entry, metadata: dict[str, str], config_text: str) -> Entry:
     )
 
 
-def _named(entry: Entry, config: Config) -> Entry:
+def _named(entry: CatalogueEntry, config: Config) -> CatalogueEntry:
     """Add the values of a configuration to an entry."""
     session, block, role = config.session, config.block, role_of(config)
     declared = factors_of(config)
@@ -181,7 +181,7 @@ def _named(entry: Entry, config: Config) -> Entry:
     )
 
 
-def _begun(entry: Entry) -> Entry:
+def _begun(entry: CatalogueEntry) -> CatalogueEntry:
     """Add the readable metadata from the start of an unfinished or damaged file."""
     metadata: dict[str, str] = {}
     try:
@@ -199,19 +199,19 @@ def _begun(entry: Entry) -> Entry:
     return replace(entry, dyad=dyad, session=session, study=study)
 
 
-def _spill(path: Path, size: int) -> Entry:
+def _spill(path: Path, size: int) -> CatalogueEntry:
     why = f"no logger received it; {recovery_advice(path)}"
-    entry = Entry(path, "spill", size, verdict=RESULTS[Severity.DAMAGE], why=why)
+    entry = CatalogueEntry(path, "spill", size, verdict=RESULTS[Severity.DAMAGE], why=why)
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         welcome = next((message for _, _, message in read_spill(data) if isinstance(message, Welcome)), None)
     return entry if welcome is None else _named(entry, parse(welcome.config, "its configuration"))
 
 
-def _journal(path: Path, size: int, lines: JournalContent) -> Entry:
+def _journal(path: Path, size: int, lines: JournalContent) -> CatalogueEntry:
     header, entries = lines.header, lines.entries
     done = {(e.block, e.trial) for e in entries if isinstance(e, AttemptEnded) and e.outcome in ("success", "skipped")}
     over = {e.block for e in entries if isinstance(e, BlockEnded) and e.how != "stopped"}
-    return Entry(
+    return CatalogueEntry(
         path,
         "journal",
         size,
@@ -226,7 +226,7 @@ def _journal(path: Path, size: int, lines: JournalContent) -> Entry:
     )
 
 
-def with_repeats(entries: Iterable[Entry], repeats: Repeats) -> list[Entry]:
+def with_repeats(entries: Iterable[CatalogueEntry], repeats: CopiesFound) -> list[CatalogueEntry]:
     """Mark the copies among files, and as damaged those that claim to be the same recording and are not."""
     copies = {copy.path: copy for copy in repeats.copies}
     marked = []
@@ -236,11 +236,11 @@ def with_repeats(entries: Iterable[Entry], repeats: Repeats) -> list[Entry]:
             marked.append(replace(entry, copy_of=str(copy.of), why=why))
             continue
         found = [str(one) for one in repeats.conflicts if entry.path in (one.one, one.other)]
-        marked.append(_worse(entry, Finding(Severity.DAMAGE, "; ".join(found))) if found else entry)
+        marked.append(_worse(entry, CheckFinding(Severity.DAMAGE, "; ".join(found))) if found else entry)
     return marked
 
 
-def with_trials(entry: Entry) -> Entry:
+def with_trials(entry: CatalogueEntry) -> CatalogueEntry:
     """Count the trials of a finished recording; fewer than planned, or than requested as repeats, are a listed loss."""
     if entry.kind != "recording" or entry.verdict == RESULTS[Severity.DAMAGE]:
         return entry
@@ -261,7 +261,7 @@ def with_trials(entry: Entry) -> Entry:
     return _worse(replace(entry, done=tally.done, trials=tally.wanted, excluded=excluded), finding)
 
 
-def _worse(entry: Entry, finding: Finding) -> Entry:
+def _worse(entry: CatalogueEntry, finding: CheckFinding) -> CatalogueEntry:
     """Add a finding to the result of a file, unless it is as expected."""
     if finding.severity == Severity.SOUND:
         return entry
@@ -269,7 +269,7 @@ def _worse(entry: Entry, finding: Finding) -> Entry:
     return replace(entry, verdict=RESULTS[severity], why="; ".join(filter(None, (entry.why, finding.text))))
 
 
-def with_check(entry: Entry) -> Entry:
+def with_check(entry: CatalogueEntry) -> CatalogueEntry:
     """Replace the quick result of a file by that of a full check."""
     if entry.kind == "journal":
         return entry
@@ -278,9 +278,9 @@ def with_check(entry: Entry) -> Entry:
     return replace(entry, verdict=report.result, why="; ".join(why), excluded=report.excluded)
 
 
-def in_order(entries: Iterable[Entry]) -> Iterator[tuple[tuple[str, str], list[Entry]]]:
+def in_order(entries: Iterable[CatalogueEntry]) -> Iterator[tuple[tuple[str, str], list[CatalogueEntry]]]:
     """Group files by dyad and session, sorted by block and time, with the journal first."""
-    groups: dict[tuple[str, str], list[Entry]] = {}
+    groups: dict[tuple[str, str], list[CatalogueEntry]] = {}
     for entry in entries:
         groups.setdefault((entry.dyad, entry.session), []).append(entry)
     for name in sorted(groups):

@@ -27,11 +27,11 @@ from netboard.recording.integrity.account import parts_of
 from netboard.recording.integrity.clock_check import check_clocks
 from netboard.recording.integrity.journal_check import check_journal, check_plan
 from netboard.recording.integrity.quality_check import Judge, losses_among
-from netboard.recording.integrity.severity import Finding, Report, Severity
+from netboard.recording.integrity.severity import CheckFinding, CheckReport, Severity
 from netboard.recording.integrity.stream_check import check_end, check_numbers, check_rendered, check_time, not_exact
 from netboard.recording.integrity.trial_check import check_measured, check_trials
 from netboard.recording.integrity.verification import why_not_computable
-from netboard.recording.integrity.walk import Evidence, walk
+from netboard.recording.integrity.walk import Examined, walk
 from netboard.recording.recovery.recover import RecoveryReport
 from netboard.recording.recovery.spilled import recover_any
 from netboard.stage.stage import Stage, make_stage
@@ -46,11 +46,11 @@ class Check:
 
     part: str  # its name in reports
     about: str  # what it examines, for the documentation
-    findings: Callable[[Evidence], Iterable[Finding]]
+    findings: Callable[[Examined], Iterable[CheckFinding]]
     needs_config: bool = False  # whether it is left out where the configuration cannot be read
 
 
-def check(path: Path, replay: bool = False, progress: TicksRead = lambda ticks: None) -> Report:
+def check(path: Path, replay: bool = False, progress: TicksRead = lambda ticks: None) -> CheckReport:
     """Check one file.
 
     It is a recording, an unfinished one (``.part``) or a server's spill (``.spill``). A faulty file gives findings,
@@ -63,26 +63,26 @@ def check(path: Path, replay: bool = False, progress: TicksRead = lambda ticks: 
         return _unreadable(path, str(error))
 
 
-def _check(recording: Recording, replay: bool, progress: TicksRead) -> Report:
+def _check(recording: Recording, replay: bool, progress: TicksRead) -> CheckReport:
     """Run all registered checks on a readable file."""
     recording.check()
     config: Config | None = None
     stage: Stage | None = None
-    problems = [Finding(Severity.SOUND, f"{recording.path.stat().st_size} bytes, every checksum is right", "file")]
+    problems = [CheckFinding(Severity.SOUND, f"{recording.path.stat().st_size} bytes, every checksum is right", "file")]
     try:
         config = parse(recording.config_text, "its configuration")
         if replay and (why := why_not_computable(recording)):
-            problems.append(Finding(Severity.LOSS, why, "replay"))
+            problems.append(CheckFinding(Severity.LOSS, why, "replay"))
         elif replay:
             stage = make_stage(config)
             stage.warm()
     except (ConfigError, RecordingError) as error:
-        problems.append(Finding(Severity.DAMAGE, str(error), "configuration"))
+        problems.append(CheckFinding(Severity.DAMAGE, str(error), "configuration"))
     judge = None if config is None else Judge(recording, config)
     batches = _with_progress(recording.batches(as_sent=True), progress, judge)
     seen = walk(batches, None if config is None else config.block, stage)
     verdicts = () if judge is None else tuple(judge.verdicts)
-    evidence = Evidence(recording, seen, config, recording.events(), recording.clocks(), recording.remarks(), verdicts)
+    evidence = Examined(recording, seen, config, recording.events(), recording.clocks(), recording.remarks(), verdicts)
     found = [
         replace(finding, part=one.part)
         for one in CHECKS
@@ -90,7 +90,7 @@ def _check(recording: Recording, replay: bool, progress: TicksRead) -> Report:
         for finding in one.findings(evidence)
     ]
     excluded = "" if config is None else losses_among(verdicts, config, recording.metadata).text
-    return Report(recording.path, (*problems, *found), seen.count, seen.verification, seen.computing, excluded)
+    return CheckReport(recording.path, (*problems, *found), seen.count, seen.verification, seen.computing, excluded)
 
 
 def _with_progress(
@@ -104,9 +104,9 @@ def _with_progress(
         progress(len(rows))
 
 
-def _unreadable(path: Path, why: str) -> Report:
+def _unreadable(path: Path, why: str) -> CheckReport:
     """Report what can be saved of a file that cannot be read completely."""
-    findings = [Finding(Severity.DAMAGE, why, "file")]
+    findings = [CheckFinding(Severity.DAMAGE, why, "file")]
     ticks = 0
     try:
         with TemporaryDirectory() as folder:
@@ -117,13 +117,13 @@ def _unreadable(path: Path, why: str) -> Report:
         # An error of the temporary folder, such as a full disk, says nothing about the file.
         of_file = str(error).startswith(f"{path}:")
         words = "nothing can be recovered" if of_file else "what can be recovered is unknown"
-        findings.append(Finding(Severity.DAMAGE, f"{words}: {error}", "file"))
+        findings.append(CheckFinding(Severity.DAMAGE, f"{words}: {error}", "file"))
     else:
         ticks = sum(one.messages[TICKS] for one in saved)
         for one, original in zip(saved, known, strict=True):
             text = _recoverable(one, len(saved) > 1) + (f"; {original} has all of these ticks" if original else "")
-            findings.append(Finding(Severity.DAMAGE, text, "file"))
-    return Report(path, tuple(findings), ticks)
+            findings.append(CheckFinding(Severity.DAMAGE, text, "file"))
+    return CheckReport(path, tuple(findings), ticks)
 
 
 def _recoverable(saved: RecoveryReport, is_one_of_several: bool) -> str:
@@ -139,12 +139,12 @@ def _recoverable(saved: RecoveryReport, is_one_of_several: bool) -> str:
 # --- the checks of this module -----------------------------------------------------------------------------------
 
 
-def _clocks(evidence: Evidence) -> Iterator[Finding]:
+def _clocks(evidence: Examined) -> Iterator[CheckFinding]:
     """Check the clocks of all peers against the bound in the configuration."""
     return check_clocks(evidence.probes, evidence.config.network.clock_bound_ms, evidence.seen.active_ns)
 
 
-def _trials(evidence: Evidence) -> Iterator[Finding]:
+def _trials(evidence: Examined) -> Iterator[CheckFinding]:
     """Check the trials by the rules that they followed."""
     recording, seen = evidence.recording, evidence.seen
     if evidence.is_imported:
@@ -168,7 +168,7 @@ def continues(recording: Recording) -> bool:
     return False
 
 
-def _configuration(evidence: Evidence) -> Iterator[Finding]:
+def _configuration(evidence: Examined) -> Iterator[CheckFinding]:
     """Compare the attached configuration with its hash in the metadata and with the server's event."""
     recording, config = evidence.recording, evidence.config
     metadata, session = recording.metadata, config.session
@@ -185,23 +185,23 @@ def _configuration(evidence: Evidence) -> Iterator[Finding]:
     if sent and sent[-1] != recording.config_text and metadata.get("format") not in ("1", "2"):
         problems.append("the server began the block with another configuration")
     if problems:
-        yield Finding(Severity.DAMAGE, f"contradicts the rest of the file: {'; '.join(problems)}")
+        yield CheckFinding(Severity.DAMAGE, f"contradicts the rest of the file: {'; '.join(problems)}")
     else:
         copy = " and the one with which the server began the block" if sent else ""
-        yield Finding(Severity.SOUND, f"matches its checksum{copy}")
+        yield CheckFinding(Severity.SOUND, f"matches its checksum{copy}")
 
 
-def _devices(evidence: Evidence) -> Iterator[Finding]:
+def _devices(evidence: Examined) -> Iterator[CheckFinding]:
     """Say what the hands held, and what stood in for the real thing."""
     recording = evidence.recording
     rig = rig_of(recording.config, recording.metadata, evidence.events, recording.attempts())
     for side, held in rig.hands.items():
-        yield Finding(Severity.SOUND, f"{side}: {', then '.join(held) or 'not recorded'}")
+        yield CheckFinding(Severity.SOUND, f"{side}: {', then '.join(held) or 'not recorded'}")
     for what, said in rig.stand_ins.items():
-        yield Finding(Severity.SOUND, f"stand-in: {what} ({said or 'not confirmed'})")
+        yield CheckFinding(Severity.SOUND, f"stand-in: {what} ({said or 'not confirmed'})")
 
 
-def _replay(evidence: Evidence) -> Iterator[Finding]:
+def _replay(evidence: Examined) -> Iterator[CheckFinding]:
     """Report the result of verifying every tick, if it was requested."""
     result = evidence.seen.verification
     if result is None:
@@ -209,13 +209,13 @@ def _replay(evidence: Evidence) -> Iterator[Finding]:
     if not result.identical:
         text = f"tick {result.tick}, {result.field}: recorded {result.recorded!r}, computed {result.computed!r}"
         known = not_exact(evidence.remarks)
-        yield Finding(Severity.LOSS if known else Severity.DAMAGE, f"not identical: {text}")
+        yield CheckFinding(Severity.LOSS if known else Severity.DAMAGE, f"not identical: {text}")
     elif not result.checked:
-        yield Finding(Severity.LOSS, "contains no ticks to recompute")
+        yield CheckFinding(Severity.LOSS, "contains no ticks to recompute")
     else:
         times = result.checked * 1e-3 / evidence.seen.computing
         text = f"all {result.checked} ticks are identical to the bit, computed {times:.0f} times as fast as real time"
-        yield Finding(Severity.SOUND, text)
+        yield CheckFinding(Severity.SOUND, text)
 
 
 CHECKS = (

@@ -20,7 +20,7 @@ from scipy.stats import theilslopes
 
 from netboard.network.protocol.clock_estimator import ClockEstimator
 from netboard.network.protocol.records import ClockRecord, kind_of_peer
-from netboard.recording.integrity.severity import Finding, Severity
+from netboard.recording.integrity.severity import CheckFinding, Severity
 
 MAX_DRIFT_PPM = 100.0
 """Largest plausible drift between two crystals; the bounds of the estimates allow for it [1e-6]."""
@@ -35,7 +35,7 @@ _PROBES_PER_FIT = 60  # of a minute: one a second is recorded
 _MIN_PROBES = 6
 
 
-class Fit(NamedTuple):
+class ClockFit(NamedTuple):
     """A straight line through probes of a peer."""
 
     drift_ppm: float  # slope; NaN if the delays of the probes leave it undetermined [1e-6]
@@ -44,10 +44,10 @@ class Fit(NamedTuple):
 
 def check_clocks(
     probes: Sequence[ClockRecord], bound_ms: float, active_ns: tuple[int, int] | None
-) -> Iterator[Finding]:
+) -> Iterator[CheckFinding]:
     """Check the clocks of all peers. ``bound_ms``: largest bound of an agent's clock offset during trials [ms]."""
     if not probes:
-        yield Finding(Severity.SOUND, "no clock probes were recorded")
+        yield CheckFinding(Severity.SOUND, "no clock probes were recorded")
     for peer in sorted({probe.peer for probe in probes}):
         connections = connections_of([probe for probe in probes if probe.peer == peer])
         for number, connection in enumerate(connections, start=1):
@@ -82,47 +82,47 @@ def connections_of(probes: Sequence[ClockRecord]) -> list[list[ClockRecord]]:
 
 def check_connection(
     peer: str, probes: Sequence[ClockRecord], bound_ms: float, active_ns: tuple[int, int] | None
-) -> Iterator[Finding]:
+) -> Iterator[CheckFinding]:
     """Check the clock of a peer by the probes of one connection."""
     impossible = sum(not is_possible(probe) for probe in probes)
     if impossible:
-        yield Finding(Severity.DAMAGE, f"{peer}: {impossible} probes have impossible time stamps")
+        yield CheckFinding(Severity.DAMAGE, f"{peer}: {impossible} probes have impossible time stamps")
         return
     refuted = sum(contradicts(probe) for probe in probes)
     if refuted:
-        yield Finding(Severity.DAMAGE, f"{peer}: {refuted} of {len(probes)} estimates contradict their own probe")
+        yield CheckFinding(Severity.DAMAGE, f"{peer}: {refuted} of {len(probes)} estimates contradict their own probe")
     back = sum(later.t3_ns < before.t3_ns for before, later in pairwise(probes))
     if back:
-        yield Finding(Severity.DAMAGE, f"{peer}: {back} probes are earlier than the one before")
+        yield CheckFinding(Severity.DAMAGE, f"{peer}: {back} probes are earlier than the one before")
     wide = [probe.bound_ns * 1e-6 for probe in probes if _is_too_wide(probe, bound_ms, active_ns)]
     if wide:
         text = f"{peer}: during trials {len(wide)} estimates have a bound of up to {max(wide):.2f} ms, expected at most"
-        yield Finding(Severity.LOSS, f"{text} {bound_ms:g} ms")
+        yield CheckFinding(Severity.LOSS, f"{text} {bound_ms:g} ms")
     if not (refuted or back):
         yield _fitted(peer, probes)
 
 
-def _fitted(peer: str, probes: Sequence[ClockRecord]) -> Finding:
+def _fitted(peer: str, probes: Sequence[ClockRecord]) -> CheckFinding:
     """Check that the probes are consistent and the estimates lie near straight lines."""
     widest = max(probe.bound_ns for probe in probes) * 1e-6
     words = f"{peer}: {len(probes)} probes, bound at most {widest:.2f} ms"
     if steps := stepped(probes):
         text = f"{words}; {steps} of them contradict every plausible drift: the clock was stepped or set"
-        return Finding(Severity.LOSS, text)
+        return CheckFinding(Severity.LOSS, text)
     fits = [
         fit
         for at in range(0, len(probes), _PROBES_PER_FIT)
         if (fit := line_through(probes[at : at + _PROBES_PER_FIT])) is not None
     ]
     if not fits:
-        return Finding(Severity.SOUND, f"{words}; too few for a line")
+        return CheckFinding(Severity.SOUND, f"{words}; too few for a line")
     known = [fit.drift_ppm for fit in fits if not np.isnan(fit.drift_ppm)]
     drift = f"drift {np.median(known):+.1f} ppm" if known else "drift unknown"
     beyond = sum(fit.beyond for fit in fits)
     about = f"{words}, {drift}"
     if beyond:
-        return Finding(Severity.LOSS, f"{about}; {beyond} estimates are off the line through the probes")
-    return Finding(Severity.SOUND, f"{about}; every estimate agrees with its probe and with a line through all")
+        return CheckFinding(Severity.LOSS, f"{about}; {beyond} estimates are off the line through the probes")
+    return CheckFinding(Severity.SOUND, f"{about}; every estimate agrees with its probe and with a line through all")
 
 
 def is_possible(probe: ClockRecord) -> bool:
@@ -155,7 +155,7 @@ def stepped(probes: Sequence[ClockRecord]) -> int:
     return int(np.count_nonzero((lower[1:] > highest + 1.0) | (upper[1:] < lowest - 1.0)))
 
 
-def line_through(probes: Sequence[ClockRecord]) -> Fit | None:
+def line_through(probes: Sequence[ClockRecord]) -> ClockFit | None:
     """Fit a line through the midpoints of the faster half of the probes; None for too few of them."""
     if len(probes) < _MIN_PROBES:
         return None
@@ -171,7 +171,7 @@ def line_through(probes: Sequence[ClockRecord]) -> Fit | None:
     longest, span = np.max(delays[fastest]), np.ptp(t[fastest])
     known = longest < MAX_DRIFT_PPM * 1e-6 * span
     beyond = np.abs(offset + slope * t - offsets) > bounds + longest * (1.0 + np.ptp(t) / span)
-    return Fit(float(slope) * 1e6 if known else float("nan"), int(np.count_nonzero(beyond)))
+    return ClockFit(float(slope) * 1e6 if known else float("nan"), int(np.count_nonzero(beyond)))
 
 
 def _stamps(probes: Sequence[ClockRecord]) -> NDArray[np.float64]:

@@ -19,7 +19,7 @@ from netboard.base.errors import ConfigError, RecordingError
 from netboard.base.plural import plural
 from netboard.base.tables.experiment import Design
 from netboard.recording.files.reader import Recording
-from netboard.recording.integrity.severity import Finding, Severity
+from netboard.recording.integrity.severity import CheckFinding, Severity
 from netboard.recording.integrity.walk import Walk
 from netboard.recording.recovery.journal_file import journal_path
 from netboard.task.journal.entries import (
@@ -50,7 +50,7 @@ def journal_of(path: Path, config: Config) -> JournalContent | None:
     return read_lines(beside.read_bytes(), beside.name) if beside.is_file() else None
 
 
-def check_plan(path: Path, config: Config) -> Iterator[Finding]:
+def check_plan(path: Path, config: Config) -> Iterator[CheckFinding]:
     """Check a block of a study against its plan."""
     if not config.session.study:
         return
@@ -60,13 +60,13 @@ def check_plan(path: Path, config: Config) -> Iterator[Finding]:
         if lines is None or plan is None:
             why = "no journal beside it" if lines is None else _why_unknown(lines.header)
             text = f"block {config.block.number} of {config.block.blocks} of study {config.session.study}; {why}"
-            yield Finding(Severity.SOUND, f"{text}, so the plan is not compared")
+            yield CheckFinding(Severity.SOUND, f"{text}, so the plan is not compared")
             return
         planned = config_of(config, plan.sessions[lines.header.session - 1], config.block.number)
     except RecordingError:
         return  # the journal's own check reports it
     except (ConfigError, IndexError) as error:
-        yield Finding(Severity.DAMAGE, f"the plan does not fit the block: {error}")
+        yield CheckFinding(Severity.DAMAGE, f"the plan does not fit the block: {error}")
         return
     shortened = replace(planned.block, blocks=config.block.blocks, catch=config.block.catch, trials=config.block.trials)
     if config.session.pilot and config.block.trials <= planned.block.trials:
@@ -103,7 +103,7 @@ def _why_unknown(header: Header) -> str:
     return f'not the plan of a dyad with a number ("{header.dyad}") and the hands of this recording'
 
 
-def _compare_plan(config: Config, planned: Config) -> Iterator[Finding]:
+def _compare_plan(config: Config, planned: Config) -> Iterator[CheckFinding]:
     """Compare the block's condition with that of the plan for the same rig."""
     problems = [
         f"[{table.name}] {key.name}: found {getattr(has, key.name)!r}, planned {getattr(wants, key.name)!r}"
@@ -114,17 +114,23 @@ def _compare_plan(config: Config, planned: Config) -> Iterator[Finding]:
     ]
     study, number = config.session.study, f"{config.block.number} of {config.block.blocks}"
     if problems:
-        yield Finding(Severity.DAMAGE, f"block {number} of study {study} differs from the plan: {'; '.join(problems)}")
+        yield CheckFinding(
+            Severity.DAMAGE, f"block {number} of study {study} differs from the plan: {'; '.join(problems)}"
+        )
     else:
-        yield Finding(Severity.SOUND, f"block {number} agrees with the plan of study {study}: {config.block.label}")
+        yield CheckFinding(
+            Severity.SOUND, f"block {number} agrees with the plan of study {study}: {config.block.label}"
+        )
 
 
-def check_journal(recording: Recording, config: Config, seen: Walk, verdicts: Sequence[Verdict]) -> Iterator[Finding]:
+def check_journal(
+    recording: Recording, config: Config, seen: Walk, verdicts: Sequence[Verdict]
+) -> Iterator[CheckFinding]:
     """Check a recording against the journal beside it, if there is one."""
     try:
         lines = journal_of(recording.path, config)
     except RecordingError as error:
-        yield Finding(Severity.LOSS, f"cannot be read: {error}")
+        yield CheckFinding(Severity.LOSS, f"cannot be read: {error}")
         return
     if lines is not None:
         run, block = recording.metadata.get("session", ""), config.block.number
@@ -133,7 +139,7 @@ def check_journal(recording: Recording, config: Config, seen: Walk, verdicts: Se
 
 def _compare_journal(
     entries: Sequence[Entry], run: str, block: int, seen: Walk, verdicts: Sequence[Verdict]
-) -> Iterator[Finding]:
+) -> Iterator[CheckFinding]:
     """Compare the journal's attempts with those of the recording."""
     if not seen.count:
         return
@@ -153,7 +159,7 @@ def _compare_journal(
         *(problem for entry, verdict in both for problem in _differs(entry, verdict, whole=_is_whole(seen, verdict))),
     ]
     if problems:
-        yield Finding(Severity.DAMAGE, f"contradicts the recording: {'; '.join(problems)}")
+        yield CheckFinding(Severity.DAMAGE, f"contradicts the recording: {'; '.join(problems)}")
     late = [
         (entry.trial, entry.attempt)
         for entry, verdict in both
@@ -167,7 +173,7 @@ def _compare_journal(
     ]
     yield from losses
     if not (problems or losses):
-        yield Finding(Severity.SOUND, f"agrees on all {plural(len(judged), 'attempt')}")
+        yield CheckFinding(Severity.SOUND, f"agrees on all {plural(len(judged), 'attempt')}")
 
 
 def _end_of(entries: Sequence[Entry], run: str) -> int | None:
@@ -209,8 +215,8 @@ def _flag_difference(entry: AttemptEnded, verdict: Verdict) -> set[str]:
     return set(entry.flags) ^ set(verdict.flags)
 
 
-def _attempts_lost(what: str, places: Sequence[tuple[int, int]]) -> Iterator[Finding]:
+def _attempts_lost(what: str, places: Sequence[tuple[int, int]]) -> Iterator[CheckFinding]:
     """Yield a loss for a list of attempts, unless it is empty."""
     if places:
         which = ", ".join(f"trial {n}, attempt {k}" for n, k in sorted(places))
-        yield Finding(Severity.LOSS, f"{what}: {which}")
+        yield CheckFinding(Severity.LOSS, f"{what}: {which}")

@@ -10,15 +10,15 @@ from rich.text import Text
 from netboard.base.plural import plural
 from netboard.base.terminal.output import Cell, FittedTable, numbers
 from netboard.base.tick import TICK_SECONDS
-from netboard.recording.files.copies import NO_REPEATS, Conflict, Repeats
-from netboard.recording.integrity.catalogue import Entry, in_order
-from netboard.recording.integrity.severity import RESULTS, Finding, Report, Severity
+from netboard.recording.files.copies import NO_REPEATS, Conflict, CopiesFound
+from netboard.recording.integrity.catalogue import CatalogueEntry, in_order
+from netboard.recording.integrity.severity import RESULTS, CheckFinding, CheckReport, Severity
 
 COLOURS = {Severity.SOUND: "green", Severity.LOSS: "yellow", Severity.DAMAGE: "red"}
 """Colour of each severity on a terminal."""
 
 
-def in_words(report: Report, whole: bool) -> Text:
+def in_words(report: CheckReport, whole: bool) -> Text:
     """Return the result of a check and its evidence."""
     text = Text(f"{report.path}: ").append(report.result, COLOURS[report.severity])
     text.append(f", {plural(report.ticks, 'tick')}")
@@ -30,7 +30,7 @@ def in_words(report: Report, whole: bool) -> Text:
     return text
 
 
-def in_total(reports: Sequence[Report], took: float) -> str:
+def in_total(reports: Sequence[CheckReport], took: float) -> str:
     """Return a summary of two lines: results and speed."""
     counts = ", ".join(
         f"{count} {RESULTS[severity]}"
@@ -50,19 +50,21 @@ def _times(ticks: int, took: float) -> str:
     return f"{ticks * TICK_SECONDS / took:.0f} x real time"
 
 
-def _computed(reports: Sequence[Report]) -> tuple[int, float]:
+def _computed(reports: Sequence[CheckReport]) -> tuple[int, float]:
     """Return the number of recomputed ticks, and the time that took [s]."""
     again = sum(report.replay.checked for report in reports if report.replay is not None)
     return again, sum(report.computing for report in reports)
 
 
-def with_conflicts(report: Report, conflicts: Sequence[Conflict]) -> Report:
+def with_conflicts(report: CheckReport, conflicts: Sequence[Conflict]) -> CheckReport:
     """Add to a report that another recording claims to be the same one, and is not."""
     found = [str(one) for one in conflicts if report.path in (one.one, one.other)]
-    return replace(report, findings=(*report.findings, *(Finding(Severity.DAMAGE, text, "identity") for text in found)))
+    return replace(
+        report, findings=(*report.findings, *(CheckFinding(Severity.DAMAGE, text, "identity") for text in found))
+    )
 
 
-def as_data(reports: Sequence[Report], took: float, repeats: Repeats = NO_REPEATS) -> dict[str, Any]:
+def as_data(reports: Sequence[CheckReport], took: float, repeats: CopiesFound = NO_REPEATS) -> dict[str, Any]:
     """Return the reports for JSON."""
     again, computing = _computed(reports)
     return {
@@ -105,7 +107,7 @@ QUICK = (
 """Caption of a table of quick results."""
 
 
-def sessions_table(entries: Sequence[Entry], folder: Path, caption: str = "") -> FittedTable:
+def sessions_table(entries: Sequence[CatalogueEntry], folder: Path, caption: str = "") -> FittedTable:
     """Return a table of the files, grouped by session."""
     counts = numbers("trials\nlost", "length\nsize")
     table = FittedTable("block, condition\nfile", *counts, "verdict", title=f"Sessions in {folder}", caption=caption)
@@ -124,7 +126,7 @@ def sessions_table(entries: Sequence[Entry], folder: Path, caption: str = "") ->
     return table
 
 
-def _file_row(entry: Entry, folder: Path) -> list[Cell]:
+def _file_row(entry: CatalogueEntry, folder: Path) -> list[Cell]:
     trials = f"{entry.done} of {entry.trials}" if entry.trials else f"{entry.done}"
     what = f"{entry.block} of {entry.blocks}" if entry.blocks else entry.kind
     why = "; ".join(filter(None, (entry.why, entry.excluded)))
@@ -138,7 +140,7 @@ def _file_row(entry: Entry, folder: Path) -> list[Cell]:
     ]
 
 
-def sessions_in_total(entries: Sequence[Entry]) -> str:
+def sessions_in_total(entries: Sequence[CatalogueEntry]) -> str:
     """Return a summary of one line."""
     recordings = [entry for entry in entries if entry.kind != "journal"]
     counts = ", ".join(

@@ -27,7 +27,7 @@ RESULTS = ("complete", "complete with listed losses", "damaged")
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class CheckFinding:
     """One finding of a check; ``part`` is the name of the check, which `netboard.recording.integrity.checking` sets."""
 
     severity: Severity
@@ -36,11 +36,11 @@ class Finding:
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class CheckReport:
     """Report of the check of one file."""
 
     path: Path
-    findings: tuple[Finding, ...]
+    findings: tuple[CheckFinding, ...]
     ticks: int = 0  # ticks in the file, or recoverable from it
     replay: Verification | None = None  # result of verifying every tick, if requested
     computing: float = 0.0  # computing time of the verification, without reading [s]
@@ -57,7 +57,7 @@ class Report:
         return RESULTS[self.severity]
 
 
-def worst(findings: Sequence[Finding]) -> Severity:
+def worst(findings: Sequence[CheckFinding]) -> Severity:
     """Return the highest severity of the findings."""
     return max((finding.severity for finding in findings), default=Severity.SOUND)
 

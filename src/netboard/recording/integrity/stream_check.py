@@ -15,25 +15,25 @@ from netboard.recording.format.backfill import unknown_ticks
 from netboard.recording.format.channels import LOG_TOPICS, NOT_EXACT, TICKS
 from netboard.recording.format.summary import find_gaps
 from netboard.recording.integrity.account import NumberRange, cause_of_loss
-from netboard.recording.integrity.severity import Finding, Severity, numbers_in_words
-from netboard.recording.integrity.walk import ACTIVE, Evidence
+from netboard.recording.integrity.severity import CheckFinding, Severity, numbers_in_words
+from netboard.recording.integrity.walk import ACTIVE, Examined
 from netboard.task.trials.state_machine import Phase
 
 _MAX_BATCH_NS = 5_000_000_000  # the largest recording.flush_ms
 
 
-def check_numbers(evidence: Evidence) -> Iterator[Finding]:
+def check_numbers(evidence: Examined) -> Iterator[CheckFinding]:
     """Check that every stream is in order, and that the file notes every missing record."""
     recording = evidence.recording
     problems = [*_wrong_totals(evidence), *_wrong_ticks(evidence), *_wrong_records(evidence)]
-    yield from (Finding(Severity.DAMAGE, problem) for problem in problems)
+    yield from (CheckFinding(Severity.DAMAGE, problem) for problem in problems)
     if not problems:
         words = ", ".join(f"{count} on {topic}" for topic, count in recording.counts.items() if count)
-        yield Finding(Severity.SOUND, f"in order: {words or 'no records'}")
+        yield CheckFinding(Severity.SOUND, f"in order: {words or 'no records'}")
     yield from chain(_missing_frames(recording.frames()), _noted_losses(evidence))
 
 
-def _wrong_totals(evidence: Evidence) -> Iterator[str]:
+def _wrong_totals(evidence: Examined) -> Iterator[str]:
     """Compare the totals read with those in the file and with the log-channel numbers; yield the differences."""
     recording, read = evidence.recording, evidence.seen.count
     if read != recording.counts[TICKS]:
@@ -52,7 +52,7 @@ def _wrong_totals(evidence: Evidence) -> Iterator[str]:
         )
 
 
-def _wrong_ticks(evidence: Evidence) -> Iterator[str]:
+def _wrong_ticks(evidence: Examined) -> Iterator[str]:
     """Describe the ticks that are missing although the logger noted no loss; a reader refuses those out of order."""
     seen = evidence.seen
     noted_after = lost_after(evidence.remarks)
@@ -63,7 +63,7 @@ def _wrong_ticks(evidence: Evidence) -> Iterator[str]:
         yield f"{plural(count, 'tick is', 'ticks are')} missing without a note by the logger, from tick {where} on"
 
 
-def _wrong_records(evidence: Evidence) -> Iterator[str]:
+def _wrong_records(evidence: Examined) -> Iterator[str]:
     """Describe the other numbered streams that have more records missing than noted."""
     lost = lost_after(evidence.remarks).total()
     streams = (("events", evidence.events), ("clock probes", evidence.probes), ("log messages", evidence.remarks))
@@ -74,15 +74,15 @@ def _wrong_records(evidence: Evidence) -> Iterator[str]:
             yield f"{missing} {name} are missing without a note by the logger"
 
 
-def _missing_frames(frames: Sequence[FrameRecord]) -> Iterator[Finding]:
+def _missing_frames(frames: Sequence[FrameRecord]) -> Iterator[CheckFinding]:
     """List the missing frame numbers of displays, whose reports may be lost on the way."""
     for station in sorted({frame.station for frame in frames}):
         numbers = np.array([frame.seq for frame in frames if frame.station == station], np.int64)
         if missing := sum(gap.count for gap in find_gaps(numbers)):
-            yield Finding(Severity.LOSS, f"{missing} frames of the {station} display were never reported")
+            yield CheckFinding(Severity.LOSS, f"{missing} frames of the {station} display were never reported")
 
 
-def _noted_losses(evidence: Evidence) -> Iterator[Finding]:
+def _noted_losses(evidence: Examined) -> Iterator[CheckFinding]:
     """List the losses that the logger noted, each with the cause that the server gave."""
     causes = [event for event in evidence.events if event.name == "log_lost"]
     for remark in evidence.remarks:
@@ -90,7 +90,7 @@ def _noted_losses(evidence: Evidence) -> Iterator[Finding]:
             first, count = int(remark.details["first"]), int(remark.details["count"])
             cause = cause_of_loss(NumberRange(first, first + count - 1), causes) or "the server no longer had them"
             after = remark.details.get("after_tick", "?")
-            yield Finding(Severity.LOSS, f"{count} records were lost after tick {after}: {cause}")
+            yield CheckFinding(Severity.LOSS, f"{count} records were lost after tick {after}: {cause}")
 
 
 def lost_after(remarks: Sequence[EventRecord]) -> Counter[int]:
@@ -102,23 +102,23 @@ def lost_after(remarks: Sequence[EventRecord]) -> Counter[int]:
     return lost
 
 
-def check_end(recording: Recording) -> Iterator[Finding]:
+def check_end(recording: Recording) -> Iterator[CheckFinding]:
     """List what the whole file lacks: recovered, ended early, or computed instead of recorded."""
     if recording.recovery:
         unwritten = "nothing" if recording.end else "only records that were not yet on disk"
         what = recording.recovery.get("damage") or unwritten
         left_out = recording.recovery.get("left_out")
         also = f"; left out: {left_out}" if left_out else ""
-        yield Finding(Severity.LOSS, f"recovered from {recording.recovery.get('source', '?')}; lost: {what}{also}")
+        yield CheckFinding(Severity.LOSS, f"recovered from {recording.recovery.get('source', '?')}; lost: {what}{also}")
     ended = recording.end.get("ended", "")
     if ended != "complete" and not (recording.recovery and not ended):
-        yield Finding(Severity.LOSS, f"ends before its session: {ended or 'no cause is noted'}")
+        yield CheckFinding(Severity.LOSS, f"ends before its session: {ended or 'no cause is noted'}")
     for note in not_exact(recording.remarks()):
-        yield Finding(Severity.LOSS, f"imported, not bit-exact: {note}")
+        yield CheckFinding(Severity.LOSS, f"imported, not bit-exact: {note}")
     if "what_if" in recording.metadata:
         source, scene = recording.metadata.get("source", "?"), recording.metadata["what_if"]
         text = f"not a recording of people: computed from {source} with {scene}; has no ticks between attempts"
-        yield Finding(Severity.LOSS, text)
+        yield CheckFinding(Severity.LOSS, text)
 
 
 def not_exact(remarks: Sequence[EventRecord]) -> list[str]:
@@ -130,7 +130,7 @@ def not_exact(remarks: Sequence[EventRecord]) -> list[str]:
     ]
 
 
-def check_rendered(recording: Recording) -> Iterator[Finding]:
+def check_rendered(recording: Recording) -> Iterator[CheckFinding]:
     """Count the ticks with an unknown rendered force: within a trial they are a loss."""
     columns = recording.columns("phase", *(f"{side}_rendered" for side in SIDES))
     active = ACTIVE[np.clip(columns["phase"], 0, len(Phase) - 1)]
@@ -140,28 +140,28 @@ def check_rendered(recording: Recording) -> Iterator[Finding]:
         if count:
             severity = Severity.LOSS if in_trials else Severity.SOUND
             share = f"{in_trials} of them in trials" if in_trials else "none of them in a trial"
-            yield Finding(
+            yield CheckFinding(
                 severity, f"the rendered force of the {side} device is unknown at {plural(count, 'tick')}, {share}"
             )
 
 
-def check_time(evidence: Evidence) -> Iterator[Finding]:
+def check_time(evidence: Examined) -> Iterator[CheckFinding]:
     """Check that time never decreases, and that ticks are 1 ms apart except where the server reported a stall."""
     stalls_ms: Counter[int] = Counter()
     for event in evidence.events:
         if event.name == "stood_still":
             stalls_ms[event.tick] += int(event.details["milliseconds"])
     problems = [*_wrong_times(evidence, stalls_ms)]
-    yield from (Finding(Severity.DAMAGE, problem) for problem in problems)
+    yield from (CheckFinding(Severity.DAMAGE, problem) for problem in problems)
     if stalls_ms:
         text = f"the server stalled {len(stalls_ms)} times, for {stalls_ms.total()} ms in all"
-        yield Finding(Severity.LOSS, text)
+        yield CheckFinding(Severity.LOSS, text)
     if not problems:
         seconds = evidence.seen.count * 1e-3
-        yield Finding(Severity.SOUND, f"ticks are 1 ms apart over {seconds:.3f} s, no time stamp decreases")
+        yield CheckFinding(Severity.SOUND, f"ticks are 1 ms apart over {seconds:.3f} s, no time stamp decreases")
 
 
-def _wrong_times(evidence: Evidence, stalls_ms: Counter[int]) -> Iterator[str]:
+def _wrong_times(evidence: Examined, stalls_ms: Counter[int]) -> Iterator[str]:
     """Describe the time stamps that contradict each other or the server's events.
 
     If records were lost, the server's reports may be among them. A counterfactual recording has the times of its source

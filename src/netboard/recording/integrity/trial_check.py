@@ -17,11 +17,11 @@ from netboard.base.config import Config
 from netboard.base.plural import plural
 from netboard.base.tables.experiment import Block
 from netboard.recording.format.summary import Attempt
-from netboard.recording.integrity.severity import Finding, Severity
+from netboard.recording.integrity.severity import CheckFinding, Severity
 from netboard.recording.integrity.walk import Walk
 from netboard.task.trials.state_machine import Cause, Phase, first_target, ticks
 
-NO_TICKS = Finding(Severity.LOSS, "contains no ticks, so no trials")
+NO_TICKS = CheckFinding(Severity.LOSS, "contains no ticks, so no trials")
 
 _ENDS = (Cause.LAST, Cause.STOP)
 
@@ -35,7 +35,7 @@ class Tally(NamedTuple):
 
 def check_trials(
     config: Config, seen: Walk, listed: Sequence[Attempt], goes_on: Callable[[], bool]
-) -> Iterator[Finding]:
+) -> Iterator[CheckFinding]:
     """Check the trials by the rules in the configuration; ``goes_on``: whether another file continues the block."""
     if not seen.count:
         yield NO_TICKS
@@ -48,22 +48,22 @@ def check_trials(
         *_wrong_forces(config.block, seen),
         *_wrong_counts(seen, attempts),
     ]
-    yield from (Finding(Severity.DAMAGE, problem) for problem in problems)
+    yield from (CheckFinding(Severity.DAMAGE, problem) for problem in problems)
     _, done = check_done(config, np.concatenate(seen.turns), goes_on)
     if not problems or done.severity != Severity.SOUND:
         yield done
 
 
-def check_measured(seen: Walk, listed: Sequence[Attempt]) -> Iterator[Finding]:
+def check_measured(seen: Walk, listed: Sequence[Attempt]) -> Iterator[CheckFinding]:
     """Check the trials of an imported table, which followed other rules and may lack columns."""
     attempts = seen.attempts() if seen.count else ()
     problems = list(_wrong_list(attempts, listed))
-    yield from (Finding(Severity.DAMAGE, problem) for problem in problems)
+    yield from (CheckFinding(Severity.DAMAGE, problem) for problem in problems)
     if not problems:
         done = sum(attempt.outcome == "success" for attempt in attempts)
         counts = f"{plural(len(attempts), 'attempt')}, {plural(done, 'success')}"
         text = f"{counts}, as imported; not compared with netboard's rules or a plan"
-        yield Finding(Severity.SOUND, text)
+        yield CheckFinding(Severity.SOUND, text)
 
 
 _BY_COMMAND = ("stop", "pause", "abort", "skip", "fault")
@@ -122,7 +122,7 @@ def _wrong_counts(seen: Walk, attempts: Sequence[Attempt]) -> Iterator[str]:
         yield f"the trial state machine counted {plural(counted, 'success')}, and there are {found}"
 
 
-def check_done(config: Config, rows: NDArray[Any], goes_on: Callable[[], bool]) -> tuple[Tally, Finding]:
+def check_done(config: Config, rows: NDArray[Any], goes_on: Callable[[], bool]) -> tuple[Tally, CheckFinding]:
     """Count the trials that were done, and judge whether they are those planned.
 
     ``rows``: at least the tick that ended the block, and the last one. ``goes_on``: whether another file continues the
@@ -144,11 +144,11 @@ def check_done(config: Config, rows: NDArray[Any], goes_on: Callable[[], bool]) 
     failed = plural(int(row["failures"]), "failed attempt")
     words = f"{done} of the block's {wanted} trials done, {failed}, condition: {condition}"
     if done > wanted or (over and done < wanted and not timed):
-        finding = Finding(Severity.DAMAGE, f"{words}: the trial state machine never ends a block like this")
+        finding = CheckFinding(Severity.DAMAGE, f"{words}: the trial state machine never ends a block like this")
     elif over:
-        finding = Finding(Severity.SOUND, f"{words}; numbers, targets and forces are as expected")
+        finding = CheckFinding(Severity.SOUND, f"{words}; numbers, targets and forces are as expected")
     else:
         why = "an operator stopped the block" if len(ends) else "the end of the block is not in this file"
         why = "continued in another file" if not len(ends) and goes_on() else why
-        finding = Finding(Severity.LOSS, f"{words}: {why}")
+        finding = CheckFinding(Severity.LOSS, f"{words}: {why}")
     return Tally(done, wanted), finding

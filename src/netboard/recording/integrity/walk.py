@@ -54,7 +54,7 @@ class Walk:
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
+class Examined:
     """What the checks examine."""
 
     recording: Recording

@@ -24,7 +24,7 @@ from netboard.recording.format.channels import IDS
 from netboard.recording.format.claims import MAX_JOINED, SearchEffort, whole_number
 from netboard.recording.format.sequence import EVIDENCE, NUMBERED, Excerpt, contradiction, excerpt_of
 from netboard.recording.recovery.chunk_reader import RECOVERABLE, ChunkReader, Listed, digest, same_bits
-from netboard.recording.recovery.scan import Damage, Data, Piece, scan
+from netboard.recording.recovery.scan import Damage, Data, FilePiece, scan
 
 _NUMBERED = frozenset(IDS[topic] for topic in NUMBERED)
 
@@ -35,7 +35,7 @@ _IDENTITY = ("session", "block", "part", "opened_log_ns")
 class Stretch:
     """Consecutive chunks of a piece with rising tick numbers, or a piece without chunks."""
 
-    def __init__(self, piece: Piece, reader: ChunkReader, listed: Sequence[Listed]) -> None:
+    def __init__(self, piece: FilePiece, reader: ChunkReader, listed: Sequence[Listed]) -> None:
         self.piece, self.reader, self.listed = piece, reader, listed
         self._starts = np.cumsum([0, *(len(one.numbers) for one in listed)])
 
@@ -218,7 +218,7 @@ class _Assembly:
         if self.recordings:
             self.recordings[0].damage[:0] = self._before
 
-    def _take(self, piece: Piece) -> None:
+    def _take(self, piece: FilePiece) -> None:
         """Add a piece to the recordings."""
         self._begins |= piece.begins
         if not piece.holds_records:
@@ -236,7 +236,7 @@ class _Assembly:
             found.add(stretch, with_records=number == 0)
             self._last = found
 
-    def _stretches(self, piece: Piece) -> Iterator[Stretch]:
+    def _stretches(self, piece: FilePiece) -> Iterator[Stretch]:
         """Split a piece where its tick numbers fall."""
         version = piece.metadata.get(MetadataName.OPENED, {}).get("format", self._version)
         if whole_number(version) is not None and version not in RECOVERABLE:

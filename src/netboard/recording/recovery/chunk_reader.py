@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from netboard.base.errors import RecordingError
 from netboard.base.tick import TICK, joined
 from netboard.recording.format import older
-from netboard.recording.format.batches import Layout
+from netboard.recording.format.batches import BatchLayout
 from netboard.recording.format.channels import CHANNELS, FORMAT_VERSION, IDS, TICKS
-from netboard.recording.format.chunks import Entry, messages
+from netboard.recording.format.chunks import ChunkMessage, messages
 from netboard.recording.format.sequence import EVIDENCE
 from netboard.recording.recovery.scan import Data, Span, content_of
 
@@ -22,7 +22,7 @@ TOPICS = {number: topic for topic, number in IDS.items()}
 RECOVERABLE = ("2", "3", FORMAT_VERSION)
 """Format versions that can be recovered."""
 
-_LAYOUT, _LAYOUT_3 = Layout(CHANNELS[0].schema()), Layout(older.schema_3())
+_LAYOUT, _LAYOUT_3 = BatchLayout(CHANNELS[0].schema()), BatchLayout(older.schema_3())
 _KEPT = 4  # chunks in memory
 
 
@@ -59,7 +59,7 @@ class ChunkReader:
         self.entries = lru_cache(_KEPT)(self._entries)
         self.rows = lru_cache(_KEPT)(self._rows)
 
-    def _entries(self, chunk: Span) -> tuple[Entry, ...]:
+    def _entries(self, chunk: Span) -> tuple[ChunkMessage, ...]:
         """Return the messages of a chunk."""
         return tuple(messages(content_of(self._data, chunk)))
 
@@ -100,7 +100,7 @@ def same_bits(one: NDArray[Any], other: NDArray[Any]) -> bool:
     return one.tobytes() == other.tobytes()
 
 
-def digest(entry: Entry) -> bytes:
+def digest(entry: ChunkMessage) -> bytes:
     """Return a digest of a message without its log time."""
     head = f"{entry.channel_id} {entry.sequence} {entry.publish_time_ns} ".encode()
     return hashlib.blake2b(head + entry.data, digest_size=16).digest()

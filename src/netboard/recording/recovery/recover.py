@@ -44,7 +44,7 @@ from netboard.recording.format.channels import (
     block_config,
     read_record,
 )
-from netboard.recording.format.chunks import Entry
+from netboard.recording.format.chunks import ChunkMessage
 from netboard.recording.format.claims import shown
 from netboard.recording.format.disk import lock
 from netboard.recording.format.partfile import PartFile, require_new
@@ -254,7 +254,7 @@ class _Writer:
                 out.add_attachment(CONFIG_NAME, self._config.media_type, self._config.data, self._config.log_time)
             for at_ns, entry in self._in_order():
                 log_ns = max(log_ns, at_ns)
-                if isinstance(entry, Entry):
+                if isinstance(entry, ChunkMessage):
                     stamped = Stamped(TOPICS[entry.channel_id], entry.sequence, entry.publish_time_ns, entry.data)
                     out.add(entry.channel_id, stamped, entry.log_time_ns)
                 else:
@@ -271,7 +271,7 @@ class _Writer:
         others = ((entry.log_time_ns, entry) for entry in self._others())
         return merge(others, self._tick_slices(), key=lambda one: one[0])
 
-    def _others(self) -> Iterator[Entry]:
+    def _others(self) -> Iterator[ChunkMessage]:
         """Yield the messages other than ticks, each once."""
         streams = [_copied(stretch) for stretch in self._found.stretches]
         if len(streams) == 1:
@@ -299,7 +299,7 @@ class _Writer:
             yield int(stretch.reader.rows(stretch.listed[k].chunk).log_ns[at.stop - 1]), at
 
 
-def _copied(stretch: Stretch) -> Iterator[Entry]:
+def _copied(stretch: Stretch) -> Iterator[ChunkMessage]:
     """Yield the messages of a stretch other than ticks, in file order."""
     for entry in chain.from_iterable(stretch.reader.entries(one.chunk) for one in stretch.listed):
         if TOPICS.get(entry.channel_id) in _COPIED:

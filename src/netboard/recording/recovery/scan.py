@@ -77,7 +77,7 @@ class Damage:
 
 
 @dataclass
-class Piece:
+class FilePiece:
     """A stretch of a file without damage, or the beginning of one, of at most one recording."""
 
     start: int
@@ -110,7 +110,7 @@ def mapped(path: Path) -> Iterator[Data]:
         yield data
 
 
-def scan(data: Data, effort: SearchEffort) -> list[Piece]:
+def scan(data: Data, effort: SearchEffort) -> list[FilePiece]:
     """Return the pieces of a file, in order; empty if it is no MCAP file and has no valid chunk."""
     chunks = list(_find_chunks(data, effort))
     if not (chunks or data[: len(MAGIC)] == MAGIC):
@@ -159,7 +159,7 @@ class _Scanner:
     """Collects the pieces of a file."""
 
     def __init__(self, data: Data, effort: SearchEffort) -> None:
-        self.pieces = [Piece(0, 0, begins=True)]
+        self.pieces = [FilePiece(0, 0, begins=True)]
         self._data, self._effort = data, effort
         self._known = [found.start() for found in _KNOWN.finditer(data)]
         self._closed = False  # whether the last bytes of a whole file were read, and nothing after them
@@ -172,8 +172,8 @@ class _Scanner:
         piece.chunks.append(chunk)
         piece.stop = chunk.stop
 
-    def _begin(self, start: int, *, begins: bool = False) -> Piece:
-        self.pieces.append(Piece(start, start, begins=begins))
+    def _begin(self, start: int, *, begins: bool = False) -> FilePiece:
+        self.pieces.append(FilePiece(start, start, begins=begins))
         self._closed = False
         return self.pieces[-1]
 
@@ -258,7 +258,7 @@ class _Scanner:
             piece.finished = True
 
 
-def _is_another(piece: Piece, opened: Metadata) -> bool:
+def _is_another(piece: FilePiece, opened: Metadata) -> bool:
     """Return whether the metadata with which a recording is opened do not belong to what was read of a piece."""
     there = piece.metadata.get(MetadataName.OPENED)
     return bool(piece.chunks or piece.finished) if there is None else there != opened.metadata

@@ -11,7 +11,7 @@ from netboard.base.number import number_of, whole_of
 from netboard.network.protocol.control import REPLAY_COMMANDS, SHARED_COMMANDS
 from netboard.recording.replay.loaded import LoadedRecording
 from netboard.recording.replay.marks import ANY, KINDS, near
-from netboard.recording.replay.position import SPEEDS, Playback, clock
+from netboard.recording.replay.position import SPEEDS, ReplayPosition, clock
 
 KNOWN = (*REPLAY_COMMANDS, *SHARED_COMMANDS)
 """All commands of a replay."""
@@ -51,7 +51,9 @@ KEYS_LINE = "space: play, pause   ← →: 1 s   ↑ ↓ + -: speed   , .: one t
 """The terminal's keys in one line."""
 
 
-def run_command(playback: Playback, recording: LoadedRecording, now: float, command: ReplayCommand) -> Playback:
+def run_command(
+    playback: ReplayPosition, recording: LoadedRecording, now: float, command: ReplayCommand
+) -> ReplayPosition:
     """Carry out a command."""
     run = _COMMANDS.get(command.name)
     if run is None:
@@ -60,7 +62,7 @@ def run_command(playback: Playback, recording: LoadedRecording, now: float, comm
     return run(playback, recording, now, command.argument.strip().lower())
 
 
-def in_words(playback: Playback, recording: LoadedRecording, now: float) -> str:
+def in_words(playback: ReplayPosition, recording: LoadedRecording, now: float) -> str:
     """Describe the position and state of a replay."""
     here = playback.now(now)
     parts = [f"{'playing' if here.playing else 'paused'} at {clock(here.position)} of {clock(here.length)}"]
@@ -70,7 +72,7 @@ def in_words(playback: Playback, recording: LoadedRecording, now: float) -> str:
     return ", ".join((*parts, recording.where(here.position)))
 
 
-def _seek(playback: Playback, recording: LoadedRecording, now: float, argument: str) -> Playback:
+def _seek(playback: ReplayPosition, recording: LoadedRecording, now: float, argument: str) -> ReplayPosition:
     what, _, which = argument.partition(" ")
     if what == "trial":
         return playback.seek(now, _trial(recording, which)[0])
@@ -80,7 +82,7 @@ def _seek(playback: Playback, recording: LoadedRecording, now: float, argument: 
     return playback.move(now, position) if argument[0] in "+-" else playback.seek(now, position)
 
 
-def _speed(playback: Playback, _recording: LoadedRecording, now: float, argument: str) -> Playback:
+def _speed(playback: ReplayPosition, _recording: LoadedRecording, now: float, argument: str) -> ReplayPosition:
     least, most = SPEEDS[0], SPEEDS[-1]
     speed = _number("speed", argument, f"{least:g} to {most:g} times real time")
     if not least <= speed <= most:
@@ -88,14 +90,14 @@ def _speed(playback: Playback, _recording: LoadedRecording, now: float, argument
     return playback.pace(now, speed)
 
 
-def _step(playback: Playback, recording: LoadedRecording, now: float, argument: str) -> Playback:
+def _step(playback: ReplayPosition, recording: LoadedRecording, now: float, argument: str) -> ReplayPosition:
     back, _, count = argument.partition(" ")
     ticks = -_whole("step back", count or "1") if back == "back" else _whole("step", argument or "1")
     here = playback.pause(now)
     return here.seek(now, recording.stepped(here.position, ticks))
 
 
-def _loop(playback: Playback, recording: LoadedRecording, now: float, argument: str) -> Playback:
+def _loop(playback: ReplayPosition, recording: LoadedRecording, now: float, argument: str) -> ReplayPosition:
     words = argument.split()
     match words:
         case [] if playback.loop is not None:
@@ -118,10 +120,10 @@ def _loop(playback: Playback, recording: LoadedRecording, now: float, argument: 
     return looped if inside else looped.seek(now, part[0])
 
 
-def _go(back: bool) -> Callable[[Playback, LoadedRecording, float, str], Playback]:
+def _go(back: bool) -> Callable[[ReplayPosition, LoadedRecording, float, str], ReplayPosition]:
     """Return the command that goes to the next or previous mark."""
 
-    def go(playback: Playback, recording: LoadedRecording, now: float, argument: str) -> Playback:
+    def go(playback: ReplayPosition, recording: LoadedRecording, now: float, argument: str) -> ReplayPosition:
         kind = argument or "trial"
         where = "before" if back else "after"
         if kind not in (*KINDS, ANY):
@@ -159,7 +161,7 @@ def _number(name: str, text: str, expected: str) -> float:
         raise NetboardError(f'{name}: found "{text}", expected {expected}') from None
 
 
-_COMMANDS: dict[str, Callable[[Playback, LoadedRecording, float, str], Playback]] = {
+_COMMANDS: dict[str, Callable[[ReplayPosition, LoadedRecording, float, str], ReplayPosition]] = {
     "play": lambda playback, _recording, now, _argument: playback.play(now),
     "resume": lambda playback, _recording, now, _argument: playback.play(now),
     "pause": lambda playback, _recording, now, _argument: playback.pause(now),

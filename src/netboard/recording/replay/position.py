@@ -1,8 +1,8 @@
 """Position of a replay, which advances with time. Pure: time is an argument.
 
-A `Playback` is an immutable value: the position in the recording at one time of a monotonic clock, and how it continues
-from there. Every key and every command makes a new one. `netboard.recording.replay.loaded` has the content at a
-position.
+A `ReplayPosition` is an immutable value: the position in the recording at one time of a monotonic clock, and how it
+continues from there. Every key and every command makes a new one. `netboard.recording.replay.loaded` has the content
+at a position.
 """
 
 from bisect import bisect_left, bisect_right
@@ -21,7 +21,7 @@ def require_inside(at: float | None, length: float, name: str) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class Playback:
+class ReplayPosition:
     """State of a replay at one time."""
 
     length: float  # length of the recording [s]
@@ -50,44 +50,44 @@ class Playback:
     def _inside(self, position: float) -> float:
         return min(max(position, 0.0), self.length)
 
-    def now(self, now: float) -> "Playback":
+    def now(self, now: float) -> "ReplayPosition":
         """Return the state at a time; at the end, the replay stops."""
         position = self.at(now)
         return replace(self, position=position, since=now, playing=self.playing and position < self.length)
 
-    def play(self, now: float) -> "Playback":
+    def play(self, now: float) -> "ReplayPosition":
         """Play; from the end, restart at the beginning or at the start of the loop."""
         here = self.now(now)
         if here.position >= here.length:
             here = replace(here, position=0.0 if here.loop is None else here.loop[0])
         return replace(here, playing=True)
 
-    def pause(self, now: float) -> "Playback":
+    def pause(self, now: float) -> "ReplayPosition":
         """Pause."""
         return replace(self.now(now), playing=False)
 
-    def toggle(self, now: float) -> "Playback":
+    def toggle(self, now: float) -> "ReplayPosition":
         """Play or pause."""
         return self.pause(now) if self.now(now).playing else self.play(now)
 
-    def seek(self, now: float, position: float) -> "Playback":
+    def seek(self, now: float, position: float) -> "ReplayPosition":
         """Go to a position and keep playing or pausing."""
         return replace(self.now(now), position=self._inside(position), playing=self.playing)
 
-    def move(self, now: float, by: float) -> "Playback":
+    def move(self, now: float, by: float) -> "ReplayPosition":
         """Move forward or back by a time [s]."""
         return self.seek(now, self.at(now) + by)
 
-    def pace(self, now: float, speed: float) -> "Playback":
+    def pace(self, now: float, speed: float) -> "ReplayPosition":
         """Set the speed."""
         return replace(self.now(now), speed=speed)
 
-    def faster(self, now: float, steps: int) -> "Playback":
+    def faster(self, now: float, steps: int) -> "ReplayPosition":
         """Change the speed by steps in `SPEEDS`."""
         rank = bisect_right(SPEEDS, self.speed) - 1 if steps > 0 else bisect_left(SPEEDS, self.speed)
         return self.pace(now, SPEEDS[min(max(rank + steps, 0), len(SPEEDS) - 1)])
 
-    def repeat(self, now: float, loop: tuple[float, float] | None) -> "Playback":
+    def repeat(self, now: float, loop: tuple[float, float] | None) -> "ReplayPosition":
         """Set or clear the loop."""
         if loop is not None:
             loop = self._inside(loop[0]), self._inside(loop[1])

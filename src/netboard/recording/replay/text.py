@@ -14,8 +14,8 @@ from netboard.base.terminal.output import FittedTable, numbers
 from netboard.network.protocol.records import STOPPED
 from netboard.recording.files.offline_writer import TARGET_SIDES
 from netboard.recording.files.reader import Recording
-from netboard.recording.format.rig import Rig, rig_of
-from netboard.recording.format.summary import Attempt, Spread, Summary, summarise
+from netboard.recording.format.rig import RecordedRig, rig_of
+from netboard.recording.format.summary import Attempt, DurationSpread, RecordingSummary, summarise
 from netboard.recording.integrity.account import NumberRange, account_of, parts_of
 from netboard.recording.integrity.quality_check import losses_among
 from netboard.recording.integrity.stream_check import not_exact
@@ -28,12 +28,12 @@ from netboard.task.trials.quality import FLAGS, Verdict
 from netboard.task.trials.state_machine import EMERGENCY_STOP
 
 
-def summary_of(recording: Recording) -> Summary:
+def summary_of(recording: Recording) -> RecordingSummary:
     """Summarise an open recording."""
     return summarise(recording.ticks(), recording.events(), recording.clocks(), recording.frames(), recording.remarks())
 
 
-def summary_tables(summary: Summary, recording: Recording, verdicts: Sequence[Verdict]) -> RenderableType:
+def summary_tables(summary: RecordingSummary, recording: Recording, verdicts: Sequence[Verdict]) -> RenderableType:
     """Return tables of trials, timing and losses; ``verdicts``: on the quality of the attempts."""
     return Group(_trials(summary.attempts, recording, verdicts), _timing(summary), _counts(summary))
 
@@ -67,7 +67,7 @@ def _trials(attempts: tuple[Attempt, ...], recording: Recording, verdicts: Seque
     return table
 
 
-def _timing(summary: Summary) -> FittedTable:
+def _timing(summary: RecordingSummary) -> FittedTable:
     table = FittedTable("", *numbers("50 %", "99 %", "99.9 %", "largest"), title="Timing")
     spreads = {
         "tick start relative to its deadline": summary.lateness,
@@ -80,13 +80,13 @@ def _timing(summary: Summary) -> FittedTable:
     return table
 
 
-def _milliseconds(spread: Spread) -> tuple[str, ...]:
+def _milliseconds(spread: DurationSpread) -> tuple[str, ...]:
     if spread.count == 0:
         return ("-",) * 4
     return tuple(f"{value * 1e3:.3f} ms" for value in (spread.p50, spread.p99, spread.p999, spread.largest))
 
 
-def _counts(summary: Summary) -> FittedTable:
+def _counts(summary: RecordingSummary) -> FittedTable:
     completions = summary.completions
     mean = f"{sum(completions) / len(completions):.3f} s" if completions else "-"
     table = FittedTable("", *numbers(""), title="Counts", header=False)
@@ -152,7 +152,7 @@ def provenance_table(recording: Recording) -> FittedTable:
     return FittedTable("", "", rows=rows.items(), title="Recording", header=False)
 
 
-def _devices(rig: Rig) -> str:
+def _devices(rig: RecordedRig) -> str:
     """Return what the hands held, and which displays nobody saw, one side a line."""
     lines = [f"{side}: {', then '.join(held) or 'not recorded'}" for side, held in rig.hands.items()]
     return "\n".join((*lines, *(f"{side} display: drawn off screen, nobody saw it" for side in rig.unseen)))

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from netboard.base.tick import TICK_NS
-from netboard.recording.timing.evidence import Evidence
+from netboard.recording.timing.evidence import EpisodeEvidence
 
 BLOCK_TICKS = 50
 """Ticks after the begin of a block, or after an agent has joined, in which it may still be loaded [1]."""
@@ -22,98 +22,98 @@ THROTTLED_NS = (30_000_000, 70_000_000)
 
 
 @dataclass(frozen=True, slots=True)
-class Cause:
+class StutterCause:
     """A cause of stutter."""
 
     name: str
     title: str
     advice: str
-    holds: Callable[[Evidence], bool]
+    holds: Callable[[EpisodeEvidence], bool]
 
 
-def _throttled(evidence: Evidence) -> bool:
+def _throttled(evidence: EpisodeEvidence) -> bool:
     low, high = THROTTLED_NS
     return evidence.is_late and low <= evidence.late_ns <= high and evidence.repeats_each_second
 
 
-def _agent(evidence: Evidence) -> bool:
+def _agent(evidence: EpisodeEvidence) -> bool:
     return evidence.missing is not None and evidence.read_late_ns * 2 >= evidence.missing_ns
 
 
 CAUSES = (
-    Cause(
+    StutterCause(
         "away",
         "agent away",
         "Look at agent_left, agent_joined and the agent's log: it was stopped, lost its device, or its connection.",
         lambda evidence: evidence.away,
     ),
-    Cause(
+    StutterCause(
         "block",
         "block began or agent joined",
         "Server and agents load the block in its first ticks; that does no harm unless a trial was running.",
         lambda evidence: evidence.load_age <= BLOCK_TICKS,
     ),
-    Cause(
+    StutterCause(
         "throttle",
         "real-time throttle",
         "Real-time processes use all of a core for a second: give each loop a core of its own, or run fewer of them.",
         _throttled,
     ),
-    Cause(
+    StutterCause(
         "machine",
         "whole machine stood still",
         "Server and agents stalled together: look for a virtual machine, power saving, or firmware interrupts (SMI).",
         lambda evidence: evidence.is_late and set(evidence.agents.values()) & {"late", "on time"} == {"late"},
     ),
-    Cause(
+    StutterCause(
         "shared",
         "server and one agent together",
         "They share a machine or a core: name a core for each loop (realtime.server_cpus, realtime.agent_cpus).",
         lambda evidence: evidence.is_late and "late" in evidence.agents.values(),
     ),
-    Cause(
+    StutterCause(
         "event",
         "server busy with an event",
         "The server handled the named event first; if the same event always delays a tick, please report it.",
         lambda evidence: evidence.is_late and evidence.late_ns < MAX_EVENT_NS and bool(evidence.events),
     ),
-    Cause(
+    StutterCause(
         "server",
         "server late alone",
         "Another program ran on the server's core: permit real-time scheduling, isolate that core.",
         lambda evidence: evidence.is_late and "on time" in evidence.agents.values(),
     ),
-    Cause(
+    StutterCause(
         "short",
         "late, too short to tell",
         "No agent was due meanwhile, so the stamps cannot tell server and machine apart: treat it as a late server.",
         lambda evidence: evidence.is_late,
     ),
-    Cause(
+    StutterCause(
         "phase",
         "agent out of step",
         "Its samples arrive just after a tick, as after a stall or a connection; it corrects 5 us in each tick.",
         lambda evidence: evidence.out_of_step or evidence.longest_part == "wait",
     ),
-    Cause(
+    StutterCause(
         "agents",
         "both agents stalled",
         "The agents share a core, or a machine: name a core for each loop (realtime.server_cpus, realtime.agent_cpus).",
         lambda evidence: evidence.both_missing and _agent(evidence),
     ),
-    Cause(
+    StutterCause(
         "agent",
         "agent stalled",
         "The stylus was read late: permit real-time scheduling for the agent, and look at the device's driver.",
         _agent,
     ),
-    Cause(
+    StutterCause(
         "network",
         "samples late on the way",
         "Read on time, arrived late: use a dedicated wired network without interrupt coalescing (ethtool rx-usecs 0).",
         lambda evidence: evidence.missing is not None or evidence.longest_part == "up",
     ),
-    Cause(
+    StutterCause(
         "return",
         "force late on its way back",
         "The tick was on time and the force was not: the way to the agent, or the agent, stalled after it was sent.",

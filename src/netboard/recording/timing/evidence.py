@@ -56,7 +56,7 @@ Part = Literal["up", "wait", "back", ""]
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
+class EpisodeEvidence:
     """What the stamps show of an episode; times that do not apply are 0."""
 
     first: int  # row of the first tick that stutters
@@ -113,9 +113,9 @@ def usual(stamps: Stamps, side: SideStamps) -> TypicalTimes:
     return TypicalTimes(**{name: float(np.median(each)) if each.size else 0.0 for name, each in times.items()})
 
 
-def episodes(stamps: Stamps, limit_ns: int) -> list[Evidence]:
+def episodes(stamps: Stamps, limit_ns: int) -> list[EpisodeEvidence]:
     """Return all episodes in order. ``limit_ns``: a tick that begins later than this stutters [ns]."""
-    found: list[Evidence] = []
+    found: list[EpisodeEvidence] = []
     late = stamps.late_ns > limit_ns
     medians = {side: usual(stamps, stamps.sides[side]) for side in SIDES}
     stale = {side: _stale(stamps, stamps.sides[side]) for side in SIDES}
@@ -123,7 +123,7 @@ def episodes(stamps: Stamps, limit_ns: int) -> list[Evidence]:
     for side in SIDES:
         long = [(first, last) for first, last in runs(stale[side], 0) if last - first >= AWAY_TICKS]
         for first, last in long:
-            found.append(Evidence(first, last, away=True, missing=side, missing_ns=(last - first + 1) * TICK_NS))
+            found.append(EpisodeEvidence(first, last, away=True, missing=side, missing_ns=(last - first + 1) * TICK_NS))
             _clear((stale[side], slow[side]), first, last)
     stalls_ns = stamps.due_ns[late & (stamps.moved_ns > 0)]
     for first, last in runs(late, JOIN_TICKS):
@@ -173,13 +173,13 @@ def runs(mask: Mask, join: int) -> Iterator[tuple[int, int]]:
         yield from zip(firsts.tolist(), lasts.tolist(), strict=True)
 
 
-def _late(stamps: Stamps, first: int, last: int, stalls_ns: Times) -> Evidence:
+def _late(stamps: Stamps, first: int, last: int, stalls_ns: Times) -> EpisodeEvidence:
     """Return the evidence of an episode of deadline misses."""
     began_ns, due_ns = stamps.began_ns, stamps.due_ns[first] - stamps.moved_ns[first]
     size_ns = int(stamps.late_ns[first : last + 1].max())
     before_ns = max(began_ns[max(first - 1, 0)], due_ns - TICK_NS)
     distance_ns = np.abs(stalls_ns - stamps.due_ns[first])
-    return Evidence(
+    return EpisodeEvidence(
         first,
         last,
         is_late=True,
@@ -212,7 +212,7 @@ def _missing(
     last: int,
     stale: Mapping[Side, Mask],
     medians: Mapping[Side, TypicalTimes],
-) -> Evidence:
+) -> EpisodeEvidence:
     """Return the evidence of an episode with missing samples: of the side that was later."""
     found: list[tuple[int, int, Side]] = []
     for name in SIDES:
@@ -220,13 +220,13 @@ def _missing(
         for begin, end in runs(stale[name][first : last + 1], 0):
             before, after = first + begin - 1, min(first + end + 1, side.seq.size - 1)
             if side.seq[after] <= side.seq[before]:
-                return Evidence(first, last, away=True, missing=name, missing_ns=(end - begin + 1) * TICK_NS)
+                return EpisodeEvidence(first, last, away=True, missing=name, missing_ns=(end - begin + 1) * TICK_NS)
             expected_ns = side.read_ns[before] + TICK_NS + medians[name].up_ns
             total_ns = int(side.arrived_ns[after] - expected_ns)
             found.append((total_ns, side.late_reading(before, after), name))
     total_ns, read_ns, name = max(found)
     both = any(other != name and 2 * other_ns >= total_ns for other_ns, _, other in found)
-    return Evidence(
+    return EpisodeEvidence(
         first,
         last,
         missing=name,
@@ -243,7 +243,7 @@ def _slow(
     last: int,
     slow: Mapping[Side, Mask],
     medians: Mapping[Side, TypicalTimes],
-) -> Evidence:
+) -> EpisodeEvidence:
     """Return the evidence of an episode with long loops only."""
     rows = slice(first, last + 1)
     name = max(SIDES, key=lambda side: int(np.where(slow[side][rows], stamps.sides[side].loop_ns[rows], 0).max()))
@@ -261,4 +261,4 @@ def _slow(
             "back": side.rendered_ns[sample] - began_ns - typical.back_ns,
         }
     longest = max(parts, key=lambda part: parts[part])
-    return Evidence(first, last, loop=name, loop_ns=int(side.loop_ns[reported_at]), longest_part=longest)
+    return EpisodeEvidence(first, last, loop=name, loop_ns=int(side.loop_ns[reported_at]), longest_part=longest)

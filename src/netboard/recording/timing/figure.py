@@ -7,7 +7,7 @@ import numpy as np
 from netboard.base.config import SIDES, Side
 from netboard.recording.timing.causes import CAUSES
 from netboard.recording.timing.stamps import UNKNOWN, Stamps, Times
-from netboard.recording.timing.trace import MS, Trace
+from netboard.recording.timing.trace import MS, TimingTrace
 
 TICKS_BEFORE, TICKS_AFTER = 6, 10
 """Ticks in the timeline before and after the one shown [1]."""
@@ -21,7 +21,7 @@ _MARKS = (
 )
 
 
-def draw(found: Trace, name: str, row: int | None = None) -> Any:
+def draw(found: TimingTrace, name: str, row: int | None = None) -> Any:
     """Draw a trace. ``row``: the tick in the timeline; by default that of the worst episode."""
     from matplotlib.figure import Figure
 
@@ -37,7 +37,7 @@ def draw(found: Trace, name: str, row: int | None = None) -> Any:
     return figure
 
 
-def _shown(found: Trace) -> int:
+def _shown(found: TimingTrace) -> int:
     """Return the row of the worst tick of the worst episode; the latest tick if there is no episode."""
     late_ns = found.stamps.late_ns
     if not found.episodes:
@@ -48,7 +48,7 @@ def _shown(found: Trace) -> int:
     return evidence.first + int(np.argmax(late_ns[evidence.first : evidence.last + 1]))
 
 
-def _draw_timeline(axis: Any, found: Trace, shown: int) -> None:
+def _draw_timeline(axis: Any, found: TimingTrace, shown: int) -> None:
     """Draw when samples were read and arrived, ticks began and forces were rendered."""
     stamps = found.stamps
     rows = np.arange(max(shown - TICKS_BEFORE, 0), min(shown + TICKS_AFTER + 1, stamps.tick.size))
@@ -71,7 +71,7 @@ def _draw_timeline(axis: Any, found: Trace, shown: int) -> None:
     axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=5, fontsize=8, frameon=False)
 
 
-def _title(found: Trace, shown: int) -> str:
+def _title(found: TimingTrace, shown: int) -> str:
     """Name the cause of the tick in the timeline."""
     for one in found.episodes:
         if one.evidence.first <= shown <= one.evidence.last:
@@ -119,7 +119,7 @@ def _draw_side(axis: Any, stamps: Stamps, side: Side, rows: Times, zero_ns: int)
     )
 
 
-def _draw_histogram(axis: Any, found: Trace) -> None:
+def _draw_histogram(axis: Any, found: TimingTrace) -> None:
     """Draw the distribution of the starts of ticks relative to their deadlines."""
     late = found.stamps.late_ns * MS
     high = max(float(late.max()), found.limit_ns * MS * 1.2)
@@ -136,7 +136,7 @@ def _draw_histogram(axis: Any, found: Trace) -> None:
     axis.legend(loc="best", fontsize=8, frameon=False)  # named: Matplotlib warns of its default on a slow machine
 
 
-def _draw_course(axis: Any, found: Trace) -> None:
+def _draw_course(axis: Any, found: TimingTrace) -> None:
     """Draw when episodes happened, by cause."""
     for cause, colour in zip(CAUSES, _MARKS, strict=True):
         mine = [one for one in found.episodes if one.cause is cause]

@@ -13,7 +13,7 @@ from pathlib import Path
 from netboard.base.errors import RecordingError, unreadable
 from netboard.base.process.realtime import Priority
 from netboard.base.terminal.output import FittedTable, numbers
-from netboard.recording.timing.trace import MS, Trace
+from netboard.recording.timing.trace import MS, TimingTrace
 
 SERVER_PRIORITY = 99 - Priority.SERVER
 """Priority of the server's loop as the kernel writes it: smaller is higher [1]."""
@@ -74,7 +74,7 @@ def ran_instead(switches: list[ContextSwitch], due_ns: int, began_ns: int) -> Co
     return took
 
 
-def table(found: Trace, switches: list[ContextSwitch], most: int) -> FittedTable:
+def table(found: TimingTrace, switches: list[ContextSwitch], most: int) -> FittedTable:
     """Return what ran on the server's core during the worst episodes of a late server."""
     title = "On the server's core from the deadline to the tick"
     shown = FittedTable(*numbers("tick", "late [ms]"), "threads, with their time [ms]", title=title)

@@ -11,9 +11,9 @@ from netboard.base.config import SIDES
 from netboard.base.plural import plural
 from netboard.base.terminal.output import FittedTable, numbers
 from netboard.base.tick import TICK_NS
-from netboard.recording.format.summary import Spread, find_gaps, or_null, spread
-from netboard.recording.timing.causes import CAUSES, Cause
-from netboard.recording.timing.evidence import Evidence, episodes
+from netboard.recording.format.summary import DurationSpread, find_gaps, or_null, spread
+from netboard.recording.timing.causes import CAUSES, StutterCause
+from netboard.recording.timing.evidence import EpisodeEvidence, episodes
 from netboard.recording.timing.stamps import UNKNOWN, Stamps
 
 MS = 1e-6
@@ -26,8 +26,8 @@ GUIDE = "docs/how-to/real-time.md"
 class Episode:
     """An episode of stutter and its cause."""
 
-    cause: Cause
-    evidence: Evidence
+    cause: StutterCause
+    evidence: EpisodeEvidence
     tick: int  # first tick that stutters
     ticks: int  # ticks from the first one that stutters to the last one
     time: float  # deadline of the first one since the first tick of the recording [s]
@@ -35,12 +35,12 @@ class Episode:
 
 
 @dataclass(frozen=True, slots=True)
-class Trace:
+class TimingTrace:
     """What a recording shows of its timing."""
 
     stamps: Stamps
     limit_ns: int
-    spreads: dict[str, Spread]
+    spreads: dict[str, DurationSpread]
     episodes: tuple[Episode, ...]
     unrecorded: int  # ticks that are missing in the recording
 
@@ -56,14 +56,14 @@ class Trace:
         return tuple(sorted(self.episodes, key=lambda one: (not one.trial, -one.evidence.size_ns)))
 
 
-def trace(stamps: Stamps, limit_ns: int) -> Trace:
+def trace(stamps: Stamps, limit_ns: int) -> TimingTrace:
     """Trace a session. ``limit_ns``: a tick that begins later than this stutters [ns]."""
     found = tuple(_episode(stamps, one) for one in episodes(stamps, limit_ns))
     missing = sum(gap.count for gap in find_gaps(stamps.tick))
-    return Trace(stamps, limit_ns, dict(_spreads(stamps)), found, missing)
+    return TimingTrace(stamps, limit_ns, dict(_spreads(stamps)), found, missing)
 
 
-def _episode(stamps: Stamps, evidence: Evidence) -> Episode:
+def _episode(stamps: Stamps, evidence: EpisodeEvidence) -> Episode:
     rows = slice(evidence.first, evidence.last + 1)
     playing = stamps.in_trial[rows]
     return Episode(
@@ -76,7 +76,7 @@ def _episode(stamps: Stamps, evidence: Evidence) -> Episode:
     )
 
 
-def _spreads(stamps: Stamps) -> Iterator[tuple[str, Spread]]:
+def _spreads(stamps: Stamps) -> Iterator[tuple[str, DurationSpread]]:
     """Yield the distributions of the times that make up a tick."""
     yield "tick begins after its deadline", spread(stamps.late_ns)
     for name in SIDES:
@@ -89,7 +89,7 @@ def _spreads(stamps: Stamps) -> Iterator[tuple[str, Spread]]:
         yield f"{name}: sample to force", spread(side.loop_ns[side.loop_ns > 0])
 
 
-def spreads_table(found: Trace) -> FittedTable:
+def spreads_table(found: TimingTrace) -> FittedTable:
     """Return the distributions of all times."""
     table = FittedTable("", *numbers("50 %", "99 %", "99.9 %", "largest"), title="Timing [ms]")
     for name, one in found.spreads.items():
@@ -98,7 +98,7 @@ def spreads_table(found: Trace) -> FittedTable:
     return table
 
 
-def grouped(found: Trace) -> Iterator[tuple[Cause, str, list[Episode]]]:
+def grouped(found: TimingTrace) -> Iterator[tuple[StutterCause, str, list[Episode]]]:
     """Yield the episodes by cause and side, in the order of the causes."""
     for cause in CAUSES:
         by_cause = [one for one in found.episodes if one.cause is cause]
@@ -106,7 +106,7 @@ def grouped(found: Trace) -> Iterator[tuple[Cause, str, list[Episode]]]:
             yield cause, side, [one for one in by_cause if one.evidence.side == side]
 
 
-def causes_table(found: Trace) -> FittedTable:
+def causes_table(found: TimingTrace) -> FittedTable:
     """Return how often each cause made the session stutter."""
     late = f"{found.missed} of {found.stamps.tick.size} ticks began more than {found.limit_ns * MS:g} ms late"
     gaps = f"; {plural(found.unrecorded, 'tick is', 'ticks are')} not in the recording" if found.unrecorded else ""
@@ -126,7 +126,7 @@ def causes_table(found: Trace) -> FittedTable:
     return table
 
 
-def advice(found: Trace) -> list[str]:
+def advice(found: TimingTrace) -> list[str]:
     """Return one sentence for each cause that occurred."""
     causes = [cause for cause in CAUSES if any(one.cause is cause for one in found.episodes)]
     if not causes:
@@ -134,7 +134,7 @@ def advice(found: Trace) -> list[str]:
     return [*(f"{cause.title}: {cause.advice}" for cause in causes), f"More in {GUIDE}."]
 
 
-def worst_table(found: Trace, most: int) -> FittedTable:
+def worst_table(found: TimingTrace, most: int) -> FittedTable:
     """Return the worst episodes."""
     heads = numbers("tick", "time [s]", "trial", "ticks", "size [ms]")
     table = FittedTable(*heads, "cause", "side", "what the stamps show", title="Worst episodes, those in trials first")
@@ -146,7 +146,7 @@ def worst_table(found: Trace, most: int) -> FittedTable:
     return table
 
 
-def shown(evidence: Evidence) -> str:
+def shown(evidence: EpisodeEvidence) -> str:
     """Return the evidence in words."""
     if evidence.away:
         return f"no new sample for {evidence.missing_ns * MS:.0f} ms"
@@ -160,7 +160,7 @@ def shown(evidence: Evidence) -> str:
     return f"loop of {evidence.loop_ns * MS:.3f} ms, longest: {part[evidence.longest_part]}"
 
 
-def as_data(found: Trace, name: str) -> dict[str, Any]:
+def as_data(found: TimingTrace, name: str) -> dict[str, Any]:
     """Return the trace for JSON, in SI units."""
     return {
         "recording": name,
@@ -191,6 +191,6 @@ def _as_data(one: Episode) -> dict[str, Any]:
     }
 
 
-def row_of(found: Trace, tick: int) -> int:
+def row_of(found: TimingTrace, tick: int) -> int:
     """Return the row of a tick, or of the next recorded one."""
     return min(int(np.searchsorted(found.stamps.tick, tick)), found.stamps.tick.size - 1)

@@ -48,7 +48,7 @@ class PlannedBlock(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Progress:
+class SessionProgress:
     """Progress of a session.
 
     Attributes
@@ -241,7 +241,7 @@ class _Reader:
 
 def progress_of(
     header: Header, entries: Sequence[Entry], plan_blocks: Sequence[PlannedBlock], source: str = "the journal"
-) -> Progress:
+) -> SessionProgress:
     """Return the progress of a session.
 
     Parameters
@@ -267,7 +267,7 @@ def progress_of(
     done = tuple(number for number, so_far in reader.blocks.items() if so_far.finished)
     number = next((number for number in reader.blocks if number not in done), 0)
     now = reader.blocks.get(number, _BlockSoFar(Repeats(0)))
-    return Progress(
+    return SessionProgress(
         blocks=len(reader.blocks),
         done=done,
         block=number,
@@ -287,7 +287,7 @@ def progress_of(
     )
 
 
-def resume_words(progress: Progress) -> str:
+def resume_words(progress: SessionProgress) -> str:
     """Describe in one line where a session resumes, for the operator."""
     if progress.complete:
         return f"nothing to resume: all {progress.blocks} blocks are complete"

@@ -24,7 +24,7 @@ Cell = tuple[str, tuple[str, ...]]
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class PrintedTable:
     """A table to be shown to the user."""
 
     title: str
@@ -44,7 +44,7 @@ class Balance:
         Properties that are not balanced over these dyads; they are no reason to refuse.
     """
 
-    tables: tuple[Table, ...]
+    tables: tuple[PrintedTable, ...]
     problems: tuple[str, ...]
     uneven: tuple[str, ...]
 
@@ -57,7 +57,7 @@ def balance_of(study: Study, plans: Sequence[Plan]) -> Balance:
     tables = (
         _trials_table(study, plans),
         _starts_table(study, plans),
-        *([Table(f"Over {plural(len(plans), 'dyad')}", ("what", "how often", ""), tuple(over))] if over else []),
+        *([PrintedTable(f"Over {plural(len(plans), 'dyad')}", ("what", "how often", ""), tuple(over))] if over else []),
         _practice_table(study, plans),
     )
     return Balance(tables, tuple(_problems(study, plans)), uneven)
@@ -160,7 +160,7 @@ def _blocks_in(plan: Plan, kind: str, performer: str) -> list[PlanBlock]:
 # --- tables ------------------------------------------------------------------------------------------------------
 
 
-def _trials_table(study: Study, plans: Sequence[Plan]) -> Table:
+def _trials_table(study: Study, plans: Sequence[Plan]) -> PrintedTable:
     """Return the table of trials per participant, kind and condition."""
     cells = [cell for kind in study.kinds for cell in _all_cells(study, kind)]
     rows = []
@@ -169,7 +169,7 @@ def _trials_table(study: Study, plans: Sequence[Plan]) -> Table:
         rows.append(
             (f"{plan.dyad} {participant}", *(_amount([b for b in blocks if _cell(b) == cell]) for cell in cells))
         )
-    return Table(
+    return PrintedTable(
         "Trials of each participant",
         ("dyad", *(f"{cell[0]} {_levels_text(cell)}".strip() for cell in cells)),
         tuple(rows),
@@ -182,7 +182,7 @@ def _amount(blocks: list[PlanBlock]) -> str:
     return f"{time:g} s" if time else str(sum(block.count for block in blocks))
 
 
-def _starts_table(study: Study, plans: Sequence[Plan]) -> Table:
+def _starts_table(study: Study, plans: Sequence[Plan]) -> PrintedTable:
     """Return the table of the first condition of each dyad and sequence."""
     sequences = [one for one in sequences_of(study) if study.factors_of(one[0])]
     rows = []
@@ -191,10 +191,10 @@ def _starts_table(study: Study, plans: Sequence[Plan]) -> Table:
         cells = (_levels_text(_cell(first[0])) if first else "" for first in firsts)
         rows.append((str(plan.dyad), plan.order, plan.seat_a, *cells))
     columns = ("dyad", "order", "seat of A", *(_sequence(*one) for one in sequences))
-    return Table("What each dyad begins with", columns, tuple(rows))
+    return PrintedTable("What each dyad begins with", columns, tuple(rows))
 
 
-def _practice_table(study: Study, plans: Sequence[Plan]) -> Table:
+def _practice_table(study: Study, plans: Sequence[Plan]) -> PrintedTable:
     """Return the table of mean practice: blocks done before a block of each kind and condition."""
     before: dict[Cell, list[int]] = {}
     for plan, participant in product(plans, PARTICIPANTS):
@@ -206,7 +206,7 @@ def _practice_table(study: Study, plans: Sequence[Plan]) -> Table:
         for cell in _all_cells(study, kind)
         if cell in before
     ]
-    return Table(
+    return PrintedTable(
         "Practice: blocks a participant has done before, on average", ("kind, condition", "blocks"), tuple(rows)
     )
 

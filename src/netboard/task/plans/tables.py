@@ -14,7 +14,7 @@ from netboard.base.plural import plural
 from netboard.base.settings import tables
 from netboard.base.tables.outcomes import Declaration
 from netboard.base.terminal.output import FittedTable
-from netboard.task.plans.balance import Balance, Table, balance_of
+from netboard.task.plans.balance import Balance, PrintedTable, balance_of
 from netboard.task.plans.plan import Plan, PlanBlock, PlanSession, config_of, digest, seated, to_json
 from netboard.task.studies.declaration import declaration_of
 from netboard.task.studies.factors import declared, level_text
@@ -45,7 +45,7 @@ def plan_as_json(plan: Plan, balance: Balance, problems: Sequence[str]) -> str:
     return json.dumps({**json.loads(to_json(plan)), **more})
 
 
-def fitted(table: Table) -> FittedTable:
+def fitted(table: PrintedTable) -> FittedTable:
     """Return a table of the balance for the terminal."""
     return FittedTable(*table.columns, rows=table.rows, title=table.title)
 

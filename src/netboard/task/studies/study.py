@@ -15,7 +15,7 @@ from itertools import combinations
 from typing import Annotated, Any, TypeVar
 
 from netboard.base.errors import ConfigError
-from netboard.base.settings import FORBID_UNKNOWN_KEYS, Form, about, check, parse_toml, to_toml
+from netboard.base.settings import FORBID_UNKNOWN_KEYS, TextForm, about, check, parse_toml, to_toml
 from netboard.base.tables.outcomes import Declaration
 from netboard.task.studies import library
 from netboard.task.studies.declaration import declaration_problems, expected
@@ -39,7 +39,7 @@ T = TypeVar("T")
 IN_TRIALS = "block.force_scale"
 """The only key that may vary from trial to trial within a block."""
 
-NAME = Form("^[A-Za-z][A-Za-z0-9_-]*$", "of letters, digits, - and _, beginning with a letter, such as pilot2")
+NAME = TextForm("^[A-Za-z][A-Za-z0-9_-]*$", "of letters, digits, - and _, beginning with a letter, such as pilot2")
 """Form of the name of a study."""
 
 _LATER = {"role": "auto", "type": "auto", "unit": "", "value": "auto"}

@@ -27,7 +27,7 @@ from netboard.windows.operator.changes import RecentCounts, StatusHistory
 from netboard.windows.operator.commands import COMMANDS, CONFIRMING, RELEASING
 from netboard.windows.operator.lamps import ended, limits_of
 from netboard.windows.operator.window import SMALLEST, ConsoleWindow, State
-from netboard.windows.operator.words import Line, Tone
+from netboard.windows.operator.words import Tone, TonedText
 from netboard.windows.participant import window as windows
 
 POLL_MS = 66
@@ -73,7 +73,7 @@ class ConsoleClient(QObject):
             return
         self._asked[self._operator.command(name, argument)] = (name, argument, now_ns())
         log.info("%s %s", name, argument)
-        self._window.say(Line(f"{LABELS[name]}: sent", Tone.QUIET))
+        self._window.say(TonedText(f"{LABELS[name]}: sent", Tone.QUIET))
 
     def poll(self) -> None:
         """Poll the server, and show the state."""
@@ -137,7 +137,7 @@ class ConsoleClient(QObject):
 
     def _fail(self, name: str, argument: str, why: str) -> None:
         """Show why a command has failed; a note goes back into its field."""
-        self._window.say(Line(f"{LABELS[name]}{why}", Tone.BAD))
+        self._window.say(TonedText(f"{LABELS[name]}{why}", Tone.BAD))
         if name == "note":
             self._window.note.put_back(argument)
 
@@ -145,7 +145,7 @@ class ConsoleClient(QObject):
         """Show the server's reply; a refused form shows the reason itself."""
         reason = f": {reply.reason}" if reply.reason else ""
         if reply.accepted:
-            self._window.say(Line(f"{LABELS[name]}{reason or ': done'}", Tone.GOOD))
+            self._window.say(TonedText(f"{LABELS[name]}{reason or ': done'}", Tone.GOOD))
         else:
             self._fail(name, argument, f" was refused{reason}")
         if name == STOP and not reply.accepted:  # as by a replay: it must not stop the next session
@@ -159,7 +159,7 @@ class ConsoleClient(QObject):
     def _lose(self, trouble: str) -> None:
         """Close a connection that cannot continue, and show why."""
         log.warning("%s", trouble)
-        self._window.say(Line(trouble, Tone.BAD))
+        self._window.say(TonedText(trouble, Tone.BAD))
         if self._operator is not None:
             self._operator.leave()
             self._operator = None

@@ -26,7 +26,7 @@ Refusal = Callable[[Status], str]
 
 
 @dataclass(frozen=True, slots=True)
-class Command:
+class OperatorCommand:
     """One command of the operator."""
 
     name: str
@@ -111,54 +111,60 @@ def _veto(status: Status) -> str:
     return "" if status.repeats else "no repeat is waiting"
 
 
-COMMANDS: tuple[Command, ...] = (
-    Command("arm", "Arm", "F1", "Allow the devices to render forces.", _arm),
-    Command("start", "Start", "F2", "Start the block.", _start),
-    Command("open", "Session form", "F3", "Enter the participants, and open the session.", _open),
-    Command("note", "Note", "F4", "Write a note; it is stamped with the time at which you began to type.", _always),
-    Command("pause", "Pause now", "F5", "Interrupt the trial at once; it starts again.", _in(*ACTIVE)),
-    Command("pause_after_trial", "Pause after trial", "F6", "Finish this trial, then pause.", _in(*ACTIVE)),
-    Command("resume", "Resume", "F7", "Continue after a pause.", _resume),
-    Command(
+COMMANDS: tuple[OperatorCommand, ...] = (
+    OperatorCommand("arm", "Arm", "F1", "Allow the devices to render forces.", _arm),
+    OperatorCommand("start", "Start", "F2", "Start the block.", _start),
+    OperatorCommand("open", "Session form", "F3", "Enter the participants, and open the session.", _open),
+    OperatorCommand(
+        "note", "Note", "F4", "Write a note; it is stamped with the time at which you began to type.", _always
+    ),
+    OperatorCommand("pause", "Pause now", "F5", "Interrupt the trial at once; it starts again.", _in(*ACTIVE)),
+    OperatorCommand("pause_after_trial", "Pause after trial", "F6", "Finish this trial, then pause.", _in(*ACTIVE)),
+    OperatorCommand("resume", "Resume", "F7", "Continue after a pause.", _resume),
+    OperatorCommand(
         "abort",
         "Abort trial",
         "F8",
         "Stop this attempt; the trial starts again.",
         _in("levelling", "running", "holding"),
     ),
-    Command("repeat", "Repeat trial", "F9", "Repeat the selected or the last trial at the end of the block.", _repeat),
-    Command(
+    OperatorCommand(
+        "repeat", "Repeat trial", "F9", "Repeat the selected or the last trial at the end of the block.", _repeat
+    ),
+    OperatorCommand(
         "repeat_lost",
         "Repeat lost trials",
         "Ctrl+F9",
         "Repeat every trial of this block that the analysis will exclude, at the end of the block.",
         _repeat_lost,
     ),
-    Command("veto", "Cancel repeat", "Shift+F9", "Cancel the repeat of the selected trial, or the newest.", _veto),
-    Command(
+    OperatorCommand(
+        "veto", "Cancel repeat", "Shift+F9", "Cancel the repeat of the selected trial, or the newest.", _veto
+    ),
+    OperatorCommand(
         "skip", "Skip trial", "F10", "Count this trial as done without a success.", _in(*ACTIVE, "paused"), confirm=True
     ),
-    Command(
+    OperatorCommand(
         "stop_after_block",
         "Stop after block",
         "F12",
         "End the session after this block.",
         _stop_after_block,
     ),
-    Command(
+    OperatorCommand(
         "disarm",
         "Disarm",
         "Shift+F1",
         "Set all forces to zero until you arm again.",
         lambda s: "" if s.armed else "no device is armed",
     ),
-    Command("next", "Next block", "Ctrl+N", "Skip the rest of this block.", _next, confirm=True),
-    Command("end", "End session", "Ctrl+E", "End the session now; it can be resumed.", _always, confirm=True),
-    Command("take", "Take command", "T", "Make this console the commander.", _always),
+    OperatorCommand("next", "Next block", "Ctrl+N", "Skip the rest of this block.", _next, confirm=True),
+    OperatorCommand("end", "End session", "Ctrl+E", "End the session now; it can be resumed.", _always, confirm=True),
+    OperatorCommand("take", "Take command", "T", "Make this console the commander.", _always),
 )
 """The commands, in the order of their buttons."""
 
-RELEASING = Command(
+RELEASING = OperatorCommand(
     RELEASE,
     "Release the stop",
     "Ctrl+R",
@@ -169,7 +175,7 @@ RELEASING = Command(
 """Release of the emergency stop; its button is beside that of the stop."""
 
 
-CONFIRMING = Command(
+CONFIRMING = OperatorCommand(
     "confirm",
     "Confirm in words",
     CONFIRM_KEY,
@@ -184,7 +190,7 @@ def unconfirmed(status: Status) -> tuple[str, ...]:
     return tuple(one.words for one in status.stand_ins if not one.confirmed) if status.real else ()
 
 
-def refusal(command: Command, status: Status | None, console: str) -> str:
+def refusal(command: OperatorCommand, status: Status | None, console: str) -> str:
     """Return why a command of the console with this name is not possible now; empty if it is."""
     if status is None:
         return "no connection to the server"

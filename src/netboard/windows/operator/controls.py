@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLineEdit, QPushButton, 
 
 from netboard.base.settings import parse_json
 from netboard.base.tick import TICK_SECONDS
-from netboard.windows.operator.commands import COMMANDS, CONFIRM_KEY, RELEASING, STOP_KEYS, Command
+from netboard.windows.operator.commands import COMMANDS, CONFIRM_KEY, RELEASING, STOP_KEYS, OperatorCommand
 from netboard.windows.operator.lamp_widget import PANEL, PLAIN, WATCH, label
 from netboard.windows.operator.words import Tone
 
@@ -41,7 +41,7 @@ QPushButton:pressed {{ background: white; color: {STOP_RED}; }}
 class CommandButton(QPushButton):
     """The button of one command."""
 
-    def __init__(self, command: Command) -> None:
+    def __init__(self, command: OperatorCommand) -> None:
         super().__init__()
         self.command = command
         self.setFocusPolicy(Qt.FocusPolicy.NoFocus)

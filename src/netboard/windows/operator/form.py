@@ -21,7 +21,7 @@ from PySide6.QtWidgets import (
 )
 
 from netboard.base.tables.experiment import Session
-from netboard.windows.operator.form_fields import Entry, as_json, problems, stand_in_problem
+from netboard.windows.operator.form_fields import FormAnswers, as_json, problems, stand_in_problem
 from netboard.windows.operator.lamp_widget import PANEL, PLAIN, TONES, label
 from netboard.windows.operator.words import Tone
 
@@ -47,7 +47,7 @@ MAX_WORDS = 500
 """Longest confirmation of stand-ins [1]."""
 
 
-class Choice(QWidget):
+class ChoiceButtons(QWidget):
     """Buttons side by side of which exactly one is checked."""
 
     def __init__(self, labels: dict[str, str], answer: str) -> None:
@@ -82,16 +82,16 @@ class SessionForm(QWidget):
     confirmed = Signal(str)
     dismissed = Signal()
 
-    def __init__(self, entry: Entry) -> None:
+    def __init__(self, entry: FormAnswers) -> None:
         super().__init__()
         self.setObjectName("form")
         self.setAttribute(Qt.WidgetAttribute.WA_StyledBackground)
         self.setStyleSheet(STYLE)
         self.texts = {name: self._text(getattr(entry, name)) for name in ("name", "participant_a", "participant_b")}
         hands = {"right": "right", "left": "left"}
-        self.hand_a, self.hand_b = Choice(hands, entry.hand_a), Choice(hands, entry.hand_b)
-        self.seat_a = Choice({"left": "A left, B right", "right": "A right, B left"}, entry.seat_a)
-        self.kind = Choice({"real": "REAL", "pilot": "PILOT"}, "pilot" if entry.pilot else "real")
+        self.hand_a, self.hand_b = ChoiceButtons(hands, entry.hand_a), ChoiceButtons(hands, entry.hand_b)
+        self.seat_a = ChoiceButtons({"left": "A left, B right", "right": "A right, B left"}, entry.seat_a)
+        self.kind = ChoiceButtons({"real": "REAL", "pilot": "PILOT"}, "pilot" if entry.pilot else "real")
         self.consent = QCheckBox("Both participants have given written consent")
         self.consent.setChecked(entry.consent)
         self.rig = label("", 11, Tone.PLAIN)
@@ -111,10 +111,10 @@ class SessionForm(QWidget):
             enter.activated.connect(self.send)
 
     @property
-    def entry(self) -> Entry:
+    def entry(self) -> FormAnswers:
         """The answers so far."""
         texts = {name: text.text().strip() for name, text in self.texts.items()}
-        return Entry(
+        return FormAnswers(
             **texts,
             hand_a=self.hand_a.answer,
             hand_b=self.hand_b.answer,

@@ -16,7 +16,7 @@ ASKED = {"name": "Session", "participant_a": "Participant A", "participant_b": "
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class FormAnswers:
     """The answers, named as in `netboard.base.tables.experiment.Session`."""
 
     name: str
@@ -29,13 +29,13 @@ class Entry:
     pilot: bool
 
 
-def first_entry(session: Session) -> Entry:
+def first_entry(session: Session) -> FormAnswers:
     """Return the initial answers: those of the configuration, without consent."""
-    known = {field.name: getattr(session, field.name) for field in fields(Entry)}
-    return Entry(**{**known, "consent": False})
+    known = {field.name: getattr(session, field.name) for field in fields(FormAnswers)}
+    return FormAnswers(**{**known, "consent": False})
 
 
-def problems(entry: Entry) -> dict[str, str]:
+def problems(entry: FormAnswers) -> dict[str, str]:
     """Return a sentence for each invalid field; empty if all are valid."""
     found: dict[str, str] = {}
     for name, called in ASKED.items():
@@ -54,7 +54,7 @@ def problems(entry: Entry) -> dict[str, str]:
     return found
 
 
-def stand_in_problem(entry: Entry, said: str, stand_ins: Sequence[str]) -> dict[str, str]:
+def stand_in_problem(entry: FormAnswers, said: str, stand_ins: Sequence[str]) -> dict[str, str]:
     """Return a sentence if a real session has stand-ins that the operator's words do not name; else nothing."""
     lacking = [words for words in stand_ins if not names(said, words)]
     if entry.pilot or not lacking:
@@ -62,6 +62,6 @@ def stand_in_problem(entry: Entry, said: str, stand_ins: Sequence[str]) -> dict[
     return {"words": f"Devices: a REAL session needs your words: {', '.join(lacking)}. Otherwise choose PILOT."}
 
 
-def as_json(entry: Entry) -> str:
+def as_json(entry: FormAnswers) -> str:
     """Return the answers as the argument of the command ``open``."""
     return json.dumps(asdict(entry))

@@ -10,7 +10,7 @@ from PySide6.QtCore import QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QFont, QPainter, QPaintEvent
 from PySide6.QtWidgets import QGridLayout, QLabel, QSizePolicy, QWidget
 
-from netboard.windows.operator.lamps import Lamp, Level
+from netboard.windows.operator.lamps import Lamp, LampLevel
 from netboard.windows.operator.words import Tone
 from netboard.windows.participant.scene import COLOURS, PictureState
 
@@ -20,10 +20,10 @@ PANEL = "#1b2129"
 """Background of panels."""
 
 FACES = {
-    Level.OFF: (PANEL, PLAIN.quiet, "\u2013"),
-    Level.GOOD: ("#123a30", GOOD, "\u2713"),
-    Level.WATCH: (WATCH, PLAIN.background, "!"),
-    Level.BAD: (BAD, "#ffffff", "\u2715"),
+    LampLevel.OFF: (PANEL, PLAIN.quiet, "\u2013"),
+    LampLevel.GOOD: ("#123a30", GOOD, "\u2713"),
+    LampLevel.WATCH: (WATCH, PLAIN.background, "!"),
+    LampLevel.BAD: (BAD, "#ffffff", "\u2715"),
 }
 """Background, text colour and sign of each level."""
 
@@ -75,7 +75,7 @@ class LampWidget(QWidget):
         painter.drawRoundedRect(area, 5, 5)
         font = QFont(self.font())
         font.setPointSizeF(self._points)
-        font.setBold(self.lamp.level > Level.GOOD)
+        font.setBold(self.lamp.level > LampLevel.GOOD)
         painter.setFont(font)
         painter.setPen(QColor(front))
         words = f"{sign} {self.lamp.words}" if self.lamp.words else sign

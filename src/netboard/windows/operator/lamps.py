@@ -32,7 +32,7 @@ REFERENCE_TICKS = 10_000
 """Attempt length for which limits that are shares are converted to ticks [1]."""
 
 
-class Level(IntEnum):
+class LampLevel(IntEnum):
     """Severity of a lamp."""
 
     OFF = 0
@@ -46,12 +46,12 @@ class Lamp:
     """State of one lamp."""
 
     name: str
-    level: Level
+    level: LampLevel
     words: str
     tip: str  # what is wrong and what to do; if all is well, what the lamp shows
 
 
-LampState = tuple[Level, str, str]
+LampState = tuple[LampLevel, str, str]
 """Level, words and tip of a lamp."""
 
 
@@ -86,7 +86,7 @@ def session_lamps(status: Status | None, silence: float, recent: RecentCounts, l
     tip = "Known once the server answers."
     if status is not None and replayed(status):
         tip = "This is a replay: nothing is recorded and no device renders a force."
-    readings: tuple[LampState, ...] = ((Level.OFF, "", tip),) * len(names)
+    readings: tuple[LampState, ...] = ((LampLevel.OFF, "", tip),) * len(names)
     if live := status is not None and not replayed(status):
         readings = (
             _recording(status),
@@ -119,7 +119,7 @@ def faded(lamps: Sequence[Lamp]) -> tuple[Lamp, ...]:
     return tuple(
         replace(
             lamp,
-            level=Level.OFF,
+            level=LampLevel.OFF,
             words=lamp.words and f"({lamp.words})",
             tip="State before the connection was lost.",
         )
@@ -135,33 +135,33 @@ def ended(status: Status, silence: float, goodbye: bool) -> Status:
 
 def _server(status: Status | None, silence: float, refused: Sequence[str]) -> LampState:
     if status is not None and status.phase == OVER:
-        return Level.OFF, "ended", "The server has ended the session."
+        return LampLevel.OFF, "ended", "The server has ended the session."
     if not isfinite(silence):
-        return Level.BAD, "not found", "No server answers. Check that it is running and that the address is right."
+        return LampLevel.BAD, "not found", "No server answers. Check that it is running and that the address is right."
     if silence > SILENT:
         tip = "The forces fade out at the devices. Check the server and the cable; the console reconnects by itself."
-        return Level.BAD, f"SILENT {silence:.0f} s", tip
+        return LampLevel.BAD, f"SILENT {silence:.0f} s", tip
     if refused:
-        return Level.WATCH, "refuses a peer", f"The server refuses a process: {refused[0]}."
-    return Level.GOOD, "connected", "The server answers."
+        return LampLevel.WATCH, "refuses a peer", f"The server refuses a process: {refused[0]}."
+    return LampLevel.GOOD, "connected", "The server answers."
 
 
 def _recording(status: Status) -> LampState:
     if not status.recordings:
         tip = "Nothing is recorded. Start a logger: netboard logger"
-        return Level.BAD, "NO LOGGER", tip
+        return LampLevel.BAD, "NO LOGGER", tip
     begun = _begun(status)
     if not begun:
-        level = Level.WATCH if status.opened else Level.GOOD
+        level = LampLevel.WATCH if status.opened else LampLevel.GOOD
         return level, "ready", "A logger is connected. It starts a file when the session is opened."
     file, age, written, _ = min(begun, key=lambda recording: recording.age)
     tip = f"{file}, {size(written)}. Records are on disk after {age:.1f} s at most; a power cut loses that much."
     if age > STALLED_SYNC_S:
-        return Level.BAD, f"STALLED {age:.0f} s", f"{tip} Check the logger and its disk."
+        return LampLevel.BAD, f"STALLED {age:.0f} s", f"{tip} Check the logger and its disk."
     if age > SLOW_SYNC_S:
-        return Level.WATCH, f"SLOW {age:.1f} s", f"{tip} The logger's disk is slow: record to a local one."
+        return LampLevel.WATCH, f"SLOW {age:.1f} s", f"{tip} The logger's disk is slow: record to a local one."
     all_fresh = all(recording.age <= STALLED_SYNC_S for recording in status.recordings)
-    return Level.GOOD if all_fresh else Level.WATCH, f"\u25cf {size(written)}", tip
+    return LampLevel.GOOD if all_fresh else LampLevel.WATCH, f"\u25cf {size(written)}", tip
 
 
 def _begun(status: Status) -> list[RecordingStatus]:
@@ -172,25 +172,25 @@ def _begun(status: Status) -> list[RecordingStatus]:
 def _disk(status: Status, minutes: float) -> LampState:
     begun = _begun(status)
     if not begun:
-        return Level.OFF, "", "Known once a logger has started a file."
+        return LampLevel.OFF, "", "Known once a logger has started a file."
     free = min(recording.free_bytes for recording in begun)
     words = size(free) if not isfinite(minutes) else f"{duration(minutes)}, {size(free)}"
     tip = "Free space on the logger's disk, and how long trials can be recorded until it is full."
     if minutes < MINUTES_BAD or free < BYTES_BAD:
-        return Level.BAD, words, f"{tip} Stop after this block (F12) and free some space."
+        return LampLevel.BAD, words, f"{tip} Stop after this block (F12) and free some space."
     if minutes < MINUTES_WATCH or free < BYTES_WATCH:
-        return Level.WATCH, words, f"{tip} Free some space before the next session."
-    return Level.GOOD, words, tip
+        return LampLevel.WATCH, words, f"{tip} Free some space before the next session."
+    return LampLevel.GOOD, words, tip
 
 
 def _late(status: Status, recently: int, limits: Limits) -> LampState:
     tip = f"Ticks over half a millisecond late: {recently} in the last {LATELY:g} s, {status.late_ticks} in total."
     if recently > limits.late_ticks:
         worry = f"More than {limits.late_ticks} in a trial flag it. Close other programs on the server's computer."
-        return Level.BAD, f"{_short(recently)} in {LATELY:g} s", f"{tip} {worry}"
+        return LampLevel.BAD, f"{_short(recently)} in {LATELY:g} s", f"{tip} {worry}"
     if recently:
-        return Level.WATCH, f"{_short(recently)} in {LATELY:g} s", tip
-    return Level.GOOD, f"{_short(status.late_ticks)} in total", tip
+        return LampLevel.WATCH, f"{_short(recently)} in {LATELY:g} s", tip
+    return LampLevel.GOOD, f"{_short(status.late_ticks)} in total", tip
 
 
 def _short(count: int) -> str:
@@ -202,21 +202,21 @@ def _short(count: int) -> str:
 
 def _forces(status: Status) -> LampState:
     if AWAITING_RELEASE in status.waiting_for:
-        return Level.BAD, "STOPPED", "All forces are zero until the emergency stop is released."
+        return LampLevel.BAD, "STOPPED", "All forces are zero until the emergency stop is released."
     if status.armed:
-        return Level.GOOD, "allowed", "Devices may render forces."
-    return Level.OFF, "disarmed", "No device renders a force until you arm (F1)."
+        return LampLevel.GOOD, "allowed", "Devices may render forces."
+    return LampLevel.OFF, "disarmed", "No device renders a force until you arm (F1)."
 
 
 def _form(status: Status) -> LampState:
     if not status.opened:
-        return Level.WATCH, "not opened", "Fill in the session form (F3) before a block can start."
+        return LampLevel.WATCH, "not opened", "Fill in the session form (F3) before a block can start."
     if not status.consent and not status.pilot:
-        return Level.BAD, "NO CONSENT", "No consent was entered: end the session (Ctrl+E)."
+        return LampLevel.BAD, "NO CONSENT", "No consent was entered: end the session (Ctrl+E)."
     if status.real and (stand_ins := [one.words for one in status.stand_ins]):
-        return Level.WATCH, "REAL, stand-ins", f"This session is real, but with {', '.join(stand_ins)}."
+        return LampLevel.WATCH, "REAL, stand-ins", f"This session is real, but with {', '.join(stand_ins)}."
     words = "pilot" if status.pilot else "consent given"
-    return Level.GOOD, words, f"Session {status.name} of dyad {status.dyad}."
+    return LampLevel.GOOD, words, f"Session {status.name} of dyad {status.dyad}."
 
 
 # --- alarm --------------------------------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ from netboard.network.protocol.motion import TRIP_CAUSES, Safeguard
 from netboard.nodes.ports.emergency import AWAITING_RELEASE
 from netboard.windows.operator.changes import LATELY, RecentCounts
 from netboard.windows.operator.commands import CONFIRM_KEY
-from netboard.windows.operator.lamps import Lamp, LampState, Level, Limits, milliseconds
+from netboard.windows.operator.lamps import Lamp, LampLevel, LampState, Limits, milliseconds
 
 SLOW_RATE = 900.0
 """Message rate below which an agent counts as slow [Hz]."""
@@ -37,10 +37,10 @@ def station_lamps(status: Status, recent: RecentCounts, side: Side, limits: Limi
     display = Lamp("Display", *_display(status, side))
     if link is None:
         awaited = any(side in lacking for lacking in status.waiting_for)
-        missing = Level.BAD, "missing", f"No agent for the {side} side. Start it: netboard up --station {side}"
-        unneeded = Level.OFF, "not needed", "No agent is connected, and this block needs none."
+        missing = LampLevel.BAD, "missing", f"No agent for the {side} side. Start it: netboard up --station {side}"
+        unneeded = LampLevel.OFF, "not needed", "No agent is connected, and this block needs none."
         unknown = [
-            Lamp(name, Level.OFF, "", "Known once the agent is connected.") for name in _LAMPS if name != "Device"
+            Lamp(name, LampLevel.OFF, "", "Known once the agent is connected.") for name in _LAMPS if name != "Device"
         ]
         return (Lamp("Device", *(missing if awaited else unneeded)), *unknown, display)
     nothing = StationStatus(side, nan, 0, 0.0, 0, 0)
@@ -54,56 +54,56 @@ def _device(station: _Station, limits: Limits) -> LampState:
     held = next((one for one in station.status.devices if one.side == station.device.side), None)
     if Safeguard.DEVICE_LOST in station.bits:
         tip = "The device does not answer. Check its cable and power; the agent reconnects by itself."
-        return Level.BAD, "lost", tip
+        return LampLevel.BAD, "lost", tip
     if Safeguard.NOT_READY in station.bits:
         tip = "Not calibrated, not held, or outside its workspace: calibrate it, and hold the stylus."
-        return Level.WATCH, "not ready", tip
+        return LampLevel.WATCH, "not ready", tip
     if version != limits.version:
         tip = f"The agent {name} has version {version}, this console {limits.version}. Install the same everywhere."
-        return Level.WATCH, f"v{version}", tip
+        return LampLevel.WATCH, f"v{version}", tip
     agent = f"Agent {name}, version {version}."
     if held is None:
-        return Level.GOOD, "ready", agent
+        return LampLevel.GOOD, "ready", agent
     if held.kind in MOVED_BY_SERVER:
-        return Level.OFF, held.kind, f"No device moves this hand: {held.text}."
+        return LampLevel.OFF, held.kind, f"No device moves this hand: {held.text}."
     tip = f"{held.text}. {agent}"
     if held.kind != DeviceKind.HAPTIC:
         level, must = _stand_in(station.status, f"{held.side} device")
         return level, STAND_INS[DeviceKind(held.kind)], f"{tip}{must}"
-    return Level.GOOD, held.model or "ready", tip
+    return LampLevel.GOOD, held.model or "ready", tip
 
 
-def _stand_in(status: Status, what: str) -> tuple[Level, str]:
+def _stand_in(status: Status, what: str) -> tuple[LampLevel, str]:
     """Return the level of a stand-in, and what the operator must do about it."""
     awaited = [one.words for one in status.stand_ins if one.words.startswith(what) and not one.confirmed]
     if status.real and awaited:
-        return Level.BAD, f" In a REAL session, confirm it in words ({CONFIRM_KEY}): {', '.join(awaited)}"
-    return Level.WATCH, " Its data are not those of a haptic device." if what.endswith("device") else ""
+        return LampLevel.BAD, f" In a REAL session, confirm it in words ({CONFIRM_KEY}): {', '.join(awaited)}"
+    return LampLevel.WATCH, " Its data are not those of a haptic device." if what.endswith("device") else ""
 
 
 def _link(station: _Station, limits: Limits) -> LampState:
     age, rate = station.link.age, station.link.rate
     tip = f"Last message {milliseconds(age)} ago, {rate:.0f} messages per second."
     if age > limits.sample_age:
-        return Level.BAD, "silent", f"{tip} Check the cable, and that the station is switched on."
+        return LampLevel.BAD, "silent", f"{tip} Check the cable, and that the station is switched on."
     if rate < SLOW_RATE:
-        return Level.WATCH, f"{rate:.0f} Hz", f"{tip} Expected 1000. Close other programs on the station."
-    return Level.GOOD, f"{rate:.0f} Hz", tip
+        return LampLevel.WATCH, f"{rate:.0f} Hz", f"{tip} Expected 1000. Close other programs on the station."
+    return LampLevel.GOOD, f"{rate:.0f} Hz", tip
 
 
 def _round_trip(station: _Station, limits: Limits) -> LampState:
     trip = station.link.round_trip
     tip = f"Shortest recent round-trip time: {milliseconds(trip)}."
     if isnan(trip):
-        return Level.WATCH, "unknown", "Not measured yet; wait a few seconds."
+        return LampLevel.WATCH, "unknown", "Not measured yet; wait a few seconds."
     if trip > limits.sample_age:
-        return Level.BAD, milliseconds(trip), f"{tip} The network is too slow for a trial."
+        return LampLevel.BAD, milliseconds(trip), f"{tip} The network is too slow for a trial."
     if trip > 2 * limits.clock_bound:
         worry = (
             f"{tip} Above {milliseconds(2 * limits.clock_bound)} the clock offset is uncertain: use a cable, not Wi-Fi."
         )
-        return Level.WATCH, milliseconds(trip), worry
-    return Level.GOOD, milliseconds(trip), tip
+        return LampLevel.WATCH, milliseconds(trip), worry
+    return LampLevel.GOOD, milliseconds(trip), tip
 
 
 def _clock(station: _Station, limits: Limits) -> LampState:
@@ -113,20 +113,20 @@ def _clock(station: _Station, limits: Limits) -> LampState:
         tip = (
             f"Not armed until the error of its clock offset is below {limit}: wait a few seconds, or check the network."
         )
-        return Level.BAD, "unknown" if isnan(bound) else f"\u00b1{milliseconds(bound)}", tip
-    level = Level.WATCH if bound > limits.clock_bound / 2 else Level.GOOD
+        return LampLevel.BAD, "unknown" if isnan(bound) else f"\u00b1{milliseconds(bound)}", tip
+    level = LampLevel.WATCH if bound > limits.clock_bound / 2 else LampLevel.GOOD
     tip = f"Error of the clock offset: at most {milliseconds(bound)}; limit {milliseconds(limits.clock_bound)}."
     return level, f"\u00b1{milliseconds(bound)}", tip
 
 
 def _sample(station: _Station, limits: Limits) -> LampState:
     if isnan(station.device.age):
-        return Level.BAD, "none", "No sample of the stylus so far: check the device."
+        return LampLevel.BAD, "none", "No sample of the stylus so far: check the device."
     words, most = f"{milliseconds(station.device.age)} old", milliseconds(limits.sample_age)
     tip = f"The newest sample of the stylus is {words}; a trial pauses at {most}."
     if station.device.age > limits.sample_age:
-        return Level.BAD, words, f"{tip} Check network and device."
-    level = Level.WATCH if station.device.age > limits.sample_age / 5 else Level.GOOD
+        return LampLevel.BAD, words, f"{tip} Check network and device."
+    level = LampLevel.WATCH if station.device.age > limits.sample_age / 5 else LampLevel.GOOD
     return level, words, tip
 
 
@@ -134,12 +134,12 @@ def _latency(station: _Station, limits: Limits) -> LampState:
     loops = (loop for loop in station.status.loops if loop.peer == station.link.peer)
     _, late, most = next(loops, ("", nan, nan))
     if isnan(late):
-        return Level.OFF, "unknown", "Sample-to-force latency: not measured yet."
+        return LampLevel.OFF, "unknown", "Sample-to-force latency: not measured yet."
     words = milliseconds(late)
     tip = f"Sample-to-force latency {words}; without a hand on it, the device is stable up to {milliseconds(most)}."
     if late > most:
-        return Level.BAD, words, f"{tip} The stylus may vibrate: pause (F5), and check the network."
-    level = Level.WATCH if late > most / 2 else Level.GOOD
+        return LampLevel.BAD, words, f"{tip} The stylus may vibrate: pause (F5), and check the network."
+    level = LampLevel.WATCH if late > most / 2 else LampLevel.GOOD
     return level, words, tip
 
 
@@ -150,8 +150,8 @@ def _drops(station: _Station, limits: Limits) -> LampState:
     )
     most = max(station.lost, station.device.lost_ticks)
     if most > limits.lost_ticks:
-        return Level.BAD, plural(most, "drop"), f"{tip} This attempt will be flagged: check the network."
-    return Level.WATCH if most else Level.GOOD, plural(most, "drop") if most else "none", tip
+        return LampLevel.BAD, plural(most, "drop"), f"{tip} This attempt will be flagged: check the network."
+    return LampLevel.WATCH if most else LampLevel.GOOD, plural(most, "drop") if most else "none", tip
 
 
 def _force(station: _Station, limits: Limits) -> LampState:
@@ -159,12 +159,12 @@ def _force(station: _Station, limits: Limits) -> LampState:
     words = f"{station.device.rendered:+.2f} N" if known else "unknown"
     tip = f"Vertical force on the hand. Ticks of this attempt at the force limit: {station.device.clipped_ticks}."
     if Safeguard.CLAMPED in station.bits:
-        return Level.WATCH, f"AT LIMIT {words}", f"{tip} The commanded force is above the limit."
+        return LampLevel.WATCH, f"AT LIMIT {words}", f"{tip} The commanded force is above the limit."
     if Safeguard.SLEWED in station.bits:
-        return Level.WATCH, f"SLEW {words}", f"{tip} The commanded force changes too fast."
+        return LampLevel.WATCH, f"SLEW {words}", f"{tip} The commanded force changes too fast."
     if station.device.clipped_ticks > limits.clipped_ticks:
-        return Level.WATCH, f"LIMITED {words}", f"{tip} This attempt will be flagged."
-    return Level.GOOD if known else Level.WATCH, words, tip
+        return LampLevel.WATCH, f"LIMITED {words}", f"{tip} This attempt will be flagged."
+    return LampLevel.GOOD if known else LampLevel.WATCH, words, tip
 
 
 _TRIPS = (
@@ -180,14 +180,14 @@ _TRIPS = (
 def _safety(station: _Station, _limits: Limits) -> LampState:
     for cause, words in _TRIPS:
         if cause in station.bits:
-            return Level.BAD, words, f"Force reduced or zero: {TRIP_CAUSES[cause]}."
+            return LampLevel.BAD, words, f"Force reduced or zero: {TRIP_CAUSES[cause]}."
     if Safeguard.RAMPING in station.bits:
-        return Level.WATCH, "arming", "Just armed: the force is increasing to its full value."
+        return LampLevel.WATCH, "arming", "Just armed: the force is increasing to its full value."
     if Safeguard.ARMED in station.bits:
-        return Level.GOOD, "ARMED", "The device renders forces."
+        return LampLevel.GOOD, "ARMED", "The device renders forces."
     if station.status.armed and AWAITING_RELEASE not in station.status.waiting_for:
-        return Level.WATCH, "not armed", "No force although allowed: see the lamps above."
-    return Level.OFF, "disarmed", "The device renders no force."
+        return LampLevel.WATCH, "not armed", "No force although allowed: see the lamps above."
+    return LampLevel.OFF, "disarmed", "The device renders no force."
 
 
 def _display(status: Status, side: Side) -> LampState:
@@ -198,10 +198,10 @@ def _display(status: Status, side: Side) -> LampState:
         level, must = _stand_in(status, f"{side} display")
         return level, "off screen", f"Nobody sees the display of the {side} participant: it is drawn off screen.{must}"
     if what in status.peers:
-        return Level.GOOD, "connected", f"The display of the {side} participant is connected."
+        return LampLevel.GOOD, "connected", f"The display of the {side} participant is connected."
     if what in status.waiting_for:
-        return Level.BAD, "missing", start
-    return Level.WATCH, "none", f"This participant has no display. {start}"
+        return LampLevel.BAD, "missing", start
+    return LampLevel.WATCH, "none", f"This participant has no display. {start}"
 
 
 _LAMPS: dict[str, Callable[[_Station, Limits], LampState]] = {

@@ -26,7 +26,7 @@ from netboard.task.trials.exclusion import USUAL_RULE, ExclusionRule
 from netboard.windows.operator import words
 from netboard.windows.operator.attempts import AttemptTable
 from netboard.windows.operator.changes import RecentCounts
-from netboard.windows.operator.commands import CONFIRM_KEY, CONFIRMING, STOP_KEYS, Command, refusal, unconfirmed
+from netboard.windows.operator.commands import CONFIRM_KEY, CONFIRMING, STOP_KEYS, OperatorCommand, refusal, unconfirmed
 from netboard.windows.operator.controls import CommandBar, CommandButton, ConfirmationField, NoteField, StopPanel
 from netboard.windows.operator.form import SessionForm
 from netboard.windows.operator.form_fields import first_entry
@@ -43,7 +43,7 @@ from netboard.windows.operator.lamp_widget import (
 from netboard.windows.operator.lamps import ACTIVE, SESSION_LAMPS, SILENT, Limits, alarm, faded, session_lamps
 from netboard.windows.operator.stations import STATION_LAMPS, station_lamps
 from netboard.windows.operator.strips import StripCharts
-from netboard.windows.operator.words import Line, Tone
+from netboard.windows.operator.words import Tone, TonedText
 from netboard.windows.participant.window import Window, application
 
 SMALLEST = 1200, 920
@@ -102,12 +102,12 @@ class ConsoleWindow(Window):
         self._server = config.network
         self._shown = 0
         self._session = ""
-        self._to_confirm: Command | None = None
+        self._to_confirm: OperatorCommand | None = None
         self._asked_ns = 0
         self._confirm_timer = QTimer(self, singleShot=True, interval=CONFIRM_MS)
         self._confirm_timer.timeout.connect(self._cancel_confirmation)
         self._reply_timer = QTimer(self, singleShot=True, interval=REPLY_MS)
-        self._reply_timer.timeout.connect(partial(self.say, Line("")))
+        self._reply_timer.timeout.connect(partial(self.say, TonedText("")))
         self._make(config)
         self._lay_out()
         self._connect()
@@ -127,8 +127,8 @@ class ConsoleWindow(Window):
             self.banner.setToolTip(banner.words)
             self.banner.setStyleSheet(_banner_style(banner.tone))
         _say(self.headline, words.headline(status, silence))
-        _say(self.progress, Line(words.progress(status)))
-        _say(self.block, Line(words.block(status), Tone.PLAIN))
+        _say(self.progress, TonedText(words.progress(status)))
+        _say(self.block, TonedText(words.block(status), Tone.PLAIN))
         for side, line in self.rig.items():
             _say(line, words.rig(status, side, words.seated(state.session, state.block, side)))
         _say(self.commander, words.commander(status, self._console))
@@ -163,7 +163,7 @@ class ConsoleWindow(Window):
         if self.strips.isVisible() and self._shown % STRIP_TURNS == 0:
             self.strips.redraw()
 
-    def _show_alarm(self, urgent: str, worst: Line) -> None:
+    def _show_alarm(self, urgent: str, worst: TonedText) -> None:
         """Write the alarm across the window; without one, the next step or the worst lamp."""
         where = names.trouble(self._server.host) or f"{self._server.host}:{self._server.port}"
         shown = self.middle.currentWidget() is self.form
@@ -179,7 +179,7 @@ class ConsoleWindow(Window):
         if self.alarm.styleSheet() != look:
             self.alarm.setStyleSheet(look)
 
-    def say(self, line: Line) -> None:
+    def say(self, line: TonedText) -> None:
         """Show the result of a command for a while."""
         _say(self.reply, line)
         self._reply_timer.start()
@@ -195,7 +195,7 @@ class ConsoleWindow(Window):
 
     # --- commands ----------------------------------------------------------------------------------------------
 
-    def press(self, command: Command) -> None:
+    def press(self, command: OperatorCommand) -> None:
         """Execute the command of a key or button, or show why it is not possible."""
         if command.name == "open" and self.middle.currentWidget() is self.form:
             self.show_form(False)
@@ -203,19 +203,19 @@ class ConsoleWindow(Window):
         reason = self._refusal(command)
         if reason:
             self._cancel_confirmation()
-            self.say(Line(f"{command.label}: {reason}", Tone.WATCH))
+            self.say(TonedText(f"{command.label}: {reason}", Tone.WATCH))
         elif command.confirm and self._to_confirm is not command:
             self._ask(command)
         elif not command.confirm or now_ns() - self._asked_ns >= SOON_NS:
             self._cancel_confirmation()
             self._do(command)
 
-    def _refusal(self, command: Command) -> str:
+    def _refusal(self, command: OperatorCommand) -> str:
         """Return why a command is not possible now; a silent server would refuse most of them, as late."""
         lost = self.state.silence > SILENT and command.name not in SAFE_WHEN_LATE
         return refusal(command, None if lost else self.state.status, self._console)
 
-    def _do(self, command: Command) -> None:
+    def _do(self, command: OperatorCommand) -> None:
         match command.name:
             case "open":
                 self.show_form(True)
@@ -228,16 +228,16 @@ class ConsoleWindow(Window):
             case _:
                 self.commanded.emit(command.name, "")
 
-    def _repeat(self, command: Command) -> None:
+    def _repeat(self, command: OperatorCommand) -> None:
         """Send the command for the selected trial, if it is one of this block, or for the last."""
         marked, status = self.table.marked, self.state.status
         if marked is not None and status is not None and marked.block != status.block:
             over = f"{command.label}: trial {marked.trial} belongs to block {marked.block}, which is over"
-            self.say(Line(over, Tone.WATCH))
+            self.say(TonedText(over, Tone.WATCH))
             return
         self.commanded.emit(command.name, "" if marked is None else str(marked.trial))
 
-    def _ask(self, command: Command) -> None:
+    def _ask(self, command: OperatorCommand) -> None:
         """Start to wait for the second press."""
         self._cancel_confirmation()
         self._to_confirm, self._asked_ns = command, now_ns()
@@ -245,16 +245,16 @@ class ConsoleWindow(Window):
         self._button(command).ask(True)
         lost = self.state.status.lost if self.state.status is not None and command.name in ("end", "next") else ()
         loss = f"; {plural(len(lost), 'lost trial is', 'lost trials are')} not repeated (Ctrl+F9)" if lost else ""
-        self.say(Line(f"{command.label}: to confirm, press {command.key} once more{loss}", Tone.WATCH))
+        self.say(TonedText(f"{command.label}: to confirm, press {command.key} once more{loss}", Tone.WATCH))
 
     def _cancel_confirmation(self) -> None:
         self._confirm_timer.stop()
         if self._to_confirm is not None:
             self._button(self._to_confirm).ask(False)
             self._to_confirm = None
-            self.say(Line(""))
+            self.say(TonedText(""))
 
-    def _button(self, command: Command) -> CommandButton:
+    def _button(self, command: OperatorCommand) -> CommandButton:
         return next(button for button in (*self.bar.buttons, self.stop.release) if button.command is command)
 
     # --- Qt ----------------------------------------------------------------------------------------------------
@@ -263,7 +263,7 @@ class ConsoleWindow(Window):
         """Ask for a second close while a block is running."""
         running = self.state.status is not None and self.state.status.phase in ACTIVE
         if running:
-            self.say(Line("The block continues without this window. Close it once more to leave.", Tone.WATCH))
+            self.say(TonedText("The block continues without this window. Close it once more to leave.", Tone.WATCH))
         return running
 
     def _make(self, config: Config) -> None:
@@ -360,7 +360,7 @@ def _banner_style(tone: Tone) -> str:
     return f"background: {back}; color: {TONES[tone] if tone is Tone.QUIET else 'white'};"
 
 
-def _say(where: QLabel, line: Line) -> None:
+def _say(where: QLabel, line: TonedText) -> None:
     """Write a line to a label if it has changed."""
     look = f"color: {TONES[line.tone]};"
     if where.text() != line.words:

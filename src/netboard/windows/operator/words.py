@@ -22,7 +22,7 @@ from netboard.task.journal.outcome import AttemptOutcome
 from netboard.task.trials.exclusion import ExclusionRule
 from netboard.task.trials.quality import FLAG_WORDS
 from netboard.windows.operator.commands import CONFIRM_KEY
-from netboard.windows.operator.lamps import ACTIVE, OVER, SILENT, Lamp, Level, replayed
+from netboard.windows.operator.lamps import ACTIVE, OVER, SILENT, Lamp, LampLevel, replayed
 
 PHASES = {
     "levelling": "LEVELLING",
@@ -58,39 +58,39 @@ class Tone(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class TonedText:
     """A text and its tone."""
 
     words: str
     tone: Tone = Tone.PLAIN
 
 
-def headline(status: Status | None, silence: float) -> Line:
+def headline(status: Status | None, silence: float) -> TonedText:
     """Return the current phase in one or two words."""
     if status is None:
-        return Line("NO CONNECTION", Tone.WATCH)
+        return TonedText("NO CONNECTION", Tone.WATCH)
     if status.phase == OVER:
-        return Line("SESSION OVER", Tone.QUIET)
+        return TonedText("SESSION OVER", Tone.QUIET)
     if silence > SILENT:
-        return Line("LINK LOST", Tone.BAD)
+        return TonedText("LINK LOST", Tone.BAD)
     if AWAITING_RELEASE in status.waiting_for:
-        return Line("STOPPED", Tone.BAD)
+        return TonedText("STOPPED", Tone.BAD)
     if status.phase == "idle":
         return _before(status)
     tone = {"paused": Tone.WATCH, "failed": Tone.WATCH, "succeeded": Tone.GOOD, "finished": Tone.QUIET}
     words = "SESSION FINISHED" if status.phase == "finished" and last_block(status) else PHASES[status.phase]
-    return Line(words, tone.get(status.phase, Tone.GOOD))
+    return TonedText(words, tone.get(status.phase, Tone.GOOD))
 
 
-def _before(status: Status) -> Line:
+def _before(status: Status) -> TonedText:
     """Return the headline before a block."""
     if not status.opened:
-        return Line("NOT OPENED", Tone.WATCH)
+        return TonedText("NOT OPENED", Tone.WATCH)
     if status.rest > 0:
-        return Line(f"REST {clock(status.rest)}", Tone.PLAIN)
+        return TonedText(f"REST {clock(status.rest)}", Tone.PLAIN)
     if status.waiting_for:
-        return Line("WAITING", Tone.WATCH)
-    return Line("READY", Tone.PLAIN)
+        return TonedText("WAITING", Tone.WATCH)
+    return TonedText("READY", Tone.PLAIN)
 
 
 def last_block(status: Status) -> bool:
@@ -114,29 +114,29 @@ def block(status: Status | None) -> str:
     return f"Block {status.block} of {status.blocks}   {called}"
 
 
-def banner(status: Status | None) -> Line:
+def banner(status: Status | None) -> TonedText:
     """Return whether the session is real, a pilot or a replay, with its name and dyad."""
     if status is None:
-        return Line("NOT CONNECTED", Tone.QUIET)
+        return TonedText("NOT CONNECTED", Tone.QUIET)
     study = f"   study {status.study}" if status.study else ""
     whose = f"session {status.name}   dyad {status.dyad}{study}"
     if replayed(status):
-        return Line(f"REPLAY \u2013 not live   {whose}   REPLAY", Tone.GOOD)
+        return TonedText(f"REPLAY \u2013 not live   {whose}   REPLAY", Tone.GOOD)
     if status.pilot:
-        return Line(f"PILOT \u2013 not for the study   {whose}   PILOT", Tone.WATCH)
+        return TonedText(f"PILOT \u2013 not for the study   {whose}   PILOT", Tone.WATCH)
     if not status.opened:
-        return Line(f"not opened   {whose}", Tone.QUIET)
+        return TonedText(f"not opened   {whose}", Tone.QUIET)
     if not status.real:
-        return Line(f"NO CONSENT \u2013 not for the study   {whose}   NO CONSENT", Tone.BAD)
+        return TonedText(f"NO CONSENT \u2013 not for the study   {whose}   NO CONSENT", Tone.BAD)
     if status.stand_ins:
-        return Line(f"REAL, with {', '.join(one.words for one in status.stand_ins)}   {whose}", Tone.BAD)
-    return Line(f"REAL   {whose}", Tone.PLAIN)
+        return TonedText(f"REAL, with {', '.join(one.words for one in status.stand_ins)}   {whose}", Tone.BAD)
+    return TonedText(f"REAL   {whose}", Tone.PLAIN)
 
 
-def rig(status: Status | None, side: Side, seated: str) -> Line:
+def rig(status: Status | None, side: Side, seated: str) -> TonedText:
     """Return who sits at a side, what the hand holds, and whether somebody sees the display."""
     if status is None:
-        return Line("", Tone.QUIET)
+        return TonedText("", Tone.QUIET)
     held = next((device for device in status.devices if device.side == side), None)
     hidden = any(shown.side == side and unseen(shown.platform) for shown in status.displays)
     parts = (
@@ -145,7 +145,7 @@ def rig(status: Status | None, side: Side, seated: str) -> Line:
         "display off screen" if hidden else "",
     )
     real = held is None or held.kind in (DeviceKind.HAPTIC, *MOVED_BY_SERVER)
-    return Line("   ".join(filter(None, parts)), Tone.PLAIN if real and not hidden else Tone.WATCH)
+    return TonedText("   ".join(filter(None, parts)), Tone.PLAIN if real and not hidden else Tone.WATCH)
 
 
 def seated(session: Session | None, block: Block | None, side: Side) -> str:
@@ -156,21 +156,21 @@ def seated(session: Session | None, block: Block | None, side: Side) -> str:
     return f"{letter}: {session.participant_a if letter == 'A' else session.participant_b}"
 
 
-def advice(status: Status | None, where: str, refused: Sequence[str] = (), *, form: bool = False) -> Line:
+def advice(status: Status | None, where: str, refused: Sequence[str] = (), *, form: bool = False) -> TonedText:
     """Return what the operator should know or do next.
 
     `refused`: why the server refuses peers now. `form`: whether the session's form is shown.
     """
     if status is None:
-        return Line(f"Looking for the server: {where}", Tone.WATCH)
+        return TonedText(f"Looking for the server: {where}", Tone.WATCH)
     if status.phase == OVER:
-        return Line("The server has ended the session. The next one appears here as soon as a server runs.")
+        return TonedText("The server has ended the session. The next one appears here as soon as a server runs.")
     if replayed(status):
-        return Line(status.notice)
+        return TonedText(status.notice)
     if not status.opened and status.phase == "idle":
         if form:
-            return Line("Fill in the form, then press Enter to open the session. F3 hides the form")
-        return Line("No session is open. To show its form, press F3")
+            return TonedText("Fill in the form, then press Enter to open the session. F3 hides the form")
+        return TonedText("No session is open. To show its form, press F3")
     missing = [what for what in status.waiting_for if what != AWAITING_RELEASE and status.phase not in ACTIVE]
     to_confirm = any(what.startswith(AWAITING_WORDS) for what in missing)
     only_arming = not status.armed and all(what.endswith(AWAITING_ARMING) for what in missing)
@@ -184,7 +184,7 @@ def advice(status: Status | None, where: str, refused: Sequence[str] = (), *, fo
         f"planned: {status.pending}" if status.pending else "",
     )
     urgent = status.notice or missing or status.pending
-    return Line(_sentence("; ".join(filter(None, parts))), Tone.WATCH if urgent else Tone.PLAIN)
+    return TonedText(_sentence("; ".join(filter(None, parts))), Tone.WATCH if urgent else Tone.PLAIN)
 
 
 def _sentence(words: str) -> str:
@@ -207,29 +207,31 @@ def _next(status: Status) -> str:
     return "; ".join(filter(None, (step, repeat)))
 
 
-def worst(lamps: Sequence[tuple[str, Lamp]]) -> Line:
+def worst(lamps: Sequence[tuple[str, Lamp]]) -> TonedText:
     """Return the text of the most severe lamp, and how many others need attention; each lamp comes with its station."""
-    warnings = [(where, lamp) for where, lamp in lamps if lamp.level >= Level.WATCH]
+    warnings = [(where, lamp) for where, lamp in lamps if lamp.level >= LampLevel.WATCH]
     if not warnings:
-        return Line("", Tone.QUIET)
+        return TonedText("", Tone.QUIET)
     where, lamp = max(warnings, key=lambda named: named[1].level)  # the first of equal severity
     others = len(warnings) - 1
     more = f" {plural(others, 'other lamp needs', 'other lamps need')} attention." if others else ""
     named = _sentence(f"{where} {lamp.name.lower()}".strip())
-    return Line(f"{named}: {lamp.words}. {lamp.tip}{more}", Tone.BAD if lamp.level == Level.BAD else Tone.WATCH)
+    return TonedText(
+        f"{named}: {lamp.words}. {lamp.tip}{more}", Tone.BAD if lamp.level == LampLevel.BAD else Tone.WATCH
+    )
 
 
-def commander(status: Status | None, console: str) -> Line:
+def commander(status: Status | None, console: str) -> TonedText:
     """Return who the commander is."""
     if status is None or status.phase == OVER:
-        return Line("", Tone.QUIET)
+        return TonedText("", Tone.QUIET)
     if replayed(status):
-        return Line("Every console may control a replay", Tone.PLAIN)
+        return TonedText("Every console may control a replay", Tone.PLAIN)
     if status.commander == console:
-        return Line("You are in command", Tone.GOOD)
+        return TonedText("You are in command", Tone.GOOD)
     if status.commander:
-        return Line(f"{status.commander} is in command. To take over, press T", Tone.WATCH)
-    return Line("Nobody is in command: press T, or send a command", Tone.PLAIN)
+        return TonedText(f"{status.commander} is in command. To take over, press T", Tone.WATCH)
+    return TonedText("Nobody is in command: press T, or send a command", Tone.PLAIN)
 
 
 def attempt_cells(attempt: AttemptOutcome, rule: ExclusionRule) -> tuple[str, ...]:

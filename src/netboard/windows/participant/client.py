@@ -34,9 +34,9 @@ from netboard.stage.view import View
 from netboard.windows.participant import window as windows
 from netboard.windows.participant.language import load_words
 from netboard.windows.participant.markers import open_markers
-from netboard.windows.participant.scene import Picture, extent
+from netboard.windows.participant.scene import DisplayPicture, extent
 from netboard.windows.participant.screens import blank
-from netboard.windows.participant.showing import Player, Showing
+from netboard.windows.participant.showing import PlayerInput, Showing
 from netboard.windows.participant.window import BoardWindow, application
 
 log = logging.getLogger(__name__)
@@ -47,7 +47,7 @@ PERIOD_MS = 50
 REPORT_NS = 500_000_000
 """Interval between two reports of frames [ns]."""
 
-Play: TypeAlias = Callable[[Side, Config, sockets.Context, BoardWindow], Player]
+Play: TypeAlias = Callable[[Side, Config, sockets.Context, BoardWindow], PlayerInput]
 """A function that makes the player of a side."""
 
 
@@ -63,7 +63,7 @@ class DisplayClient(QObject):
         config: Config,
         context: sockets.Context,
         window: BoardWindow,
-        player: Player | None = None,
+        player: PlayerInput | None = None,
     ) -> None:
         super().__init__(window)
         self._words = load_words(config.display.language)
@@ -242,7 +242,7 @@ class DisplayClient(QObject):
         self.linked = False
         self.showing.blank(self._why())
 
-    def _why(self) -> Picture:
+    def _why(self) -> DisplayPicture:
         """Return the picture that says why there is no view."""
         words = self._words
         if self._over:

@@ -33,7 +33,7 @@ Rates = tuple[float, float, float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class ShownMotion:
     """The newest view, and the rates to extrapolate it with."""
 
     view: View
@@ -67,11 +67,11 @@ class Motion:
         )
 
 
-def motion_after(motion: Motion | None, view: View, received_ns: int) -> Motion:
+def motion_after(motion: ShownMotion | None, view: View, received_ns: int) -> ShownMotion:
     """Return the motion after another view has arrived."""
     origin = received_ns - view.sent_ns
     if motion is None:
-        return Motion(view, None, 0, origin)
+        return ShownMotion(view, None, 0, origin)
     before = motion.view
     elapsed = view.sent_ns - before.sent_ns
     if 0 <= origin - motion.origin_ns < NEW_CLOCK_NS:
@@ -79,7 +79,7 @@ def motion_after(motion: Motion | None, view: View, received_ns: int) -> Motion:
     ticks = view.tick - before.tick
     changed = any(getattr(view, name) != getattr(before, name) for name in ("phase", "trial", "target", "failures"))
     if changed or not 0 < ticks <= MAX_TICKS:
-        return Motion(view, None, 0, origin)
+        return ShownMotion(view, None, 0, origin)
     interval = ticks * TICK_NS
     rates = (
         (view.z - before.z) / interval,
@@ -89,7 +89,7 @@ def motion_after(motion: Motion | None, view: View, received_ns: int) -> Motion:
         _rate(view.right, before.right, interval),
         max(view.share - before.share, 0.0) / interval,
     )
-    return Motion(view, rates if any(rates) else None, interval, origin)
+    return ShownMotion(view, rates if any(rates) else None, interval, origin)
 
 
 def _rate(new: float | None, old: float | None, interval: int) -> float:

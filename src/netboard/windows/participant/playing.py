@@ -15,7 +15,7 @@ from netboard.base import settings
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES, Config, Side, played_sides
 from netboard.base.errors import WireError
-from netboard.devices.mouse import Options
+from netboard.devices.mouse import MouseOptions
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.motion import Felt, Pointer
 from netboard.network.transport import channels, sockets
@@ -130,7 +130,7 @@ class Playing(QObject):
 
     def __init__(self, station: Side, config: Config, context: sockets.Context, window: BoardWindow) -> None:
         super().__init__(window)
-        options = settings.check(Options, dict(config.agents.of(station).options), ("agents", station, "options"))
+        options = settings.check(MouseOptions, dict(config.agents.of(station).options), ("agents", station, "options"))
         where = channels.addresses(config.network)
         self._station = station
         self._words = load_words(config.display.language)

@@ -1,4 +1,4 @@
-"""The `Picture` of a display: geometry of board, ball and styluses, texts and colours. Pure: no Qt, no clock.
+"""The `DisplayPicture` of a display: geometry of board, ball and styluses, texts and colours. Pure: no Qt, no clock.
 
 Points are in metres: x right, y up, origin at the centre of the level board. Equal pictures look the same, so a display
 redraws only when the picture changes. For that, points are rounded to `GRAIN`, well below a pixel.
@@ -111,7 +111,7 @@ class Grip:
 
 
 @dataclass(frozen=True, slots=True)
-class Picture:
+class DisplayPicture:
     """Everything that a display draws."""
 
     state: PictureState
@@ -142,7 +142,7 @@ class Picture:
     grip: Grip | None = None
 
 
-def with_board(picture: Picture, view: View, config: Config) -> Picture:
+def with_board(picture: DisplayPicture, view: View, config: Config) -> DisplayPicture:
     """Add board, ball, target and styluses to a picture."""
     geometry, reach = config.geometry, config.physics.l
     pose = _Pose(view.z, math.cos(view.theta), math.sin(view.theta))

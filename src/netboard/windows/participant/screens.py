@@ -11,7 +11,7 @@ from netboard.base.config import Config, Side
 from netboard.base.errors import WireError
 from netboard.stage.curtain import AGAIN, PAUSE_NOTICES, Pause
 from netboard.stage.view import View
-from netboard.windows.participant.scene import COLOURS, Picture, PictureState, extent, with_board
+from netboard.windows.participant.scene import COLOURS, DisplayPicture, PictureState, extent, with_board
 from netboard.windows.participant.trial_events import SUCCEEDED
 from netboard.windows.participant.words import DisplayTexts, instructions
 
@@ -35,7 +35,7 @@ IN_TRIAL = ("running", "holding")
 """Phases in which the ball is free, and the photodiode patch white."""
 
 
-def compose(view: View, config: Config, words: DisplayTexts, result: str = "") -> Picture:
+def compose(view: View, config: Config, words: DisplayTexts, result: str = "") -> DisplayPicture:
     """Return the picture of a view; `result` is how the last trial ended, while that is still displayed."""
     check(view)
     state = _STATES[view.phase]
@@ -65,16 +65,16 @@ def check(view: View) -> None:
 
 def blank(
     config: Config, words: DisplayTexts, headline: str, detail: str = "", *, lost: bool = False, over: bool = False
-) -> Picture:
+) -> DisplayPicture:
     """Return a picture with text only: the connection is lost, the session is over, or it has not begun."""
     state = PictureState.LOST if lost else PictureState.FINISHED if over else PictureState.WAIT
     picture = _empty(state, config, words)
     return replace(picture, headline=headline, detail=detail, patch=_patch(config, False))
 
 
-def _empty(state: PictureState, config: Config, words: DisplayTexts) -> Picture:
+def _empty(state: PictureState, config: Config, words: DisplayTexts) -> DisplayPicture:
     """Return a picture with no content except the label of a pilot run."""
-    return Picture(state, COLOURS[state], extent(config), pilot=words.pilot if config.session.pilot else "")
+    return DisplayPicture(state, COLOURS[state], extent(config), pilot=words.pilot if config.session.pilot else "")
 
 
 def _patch(config: Config, white: bool) -> bool | None:
@@ -82,7 +82,7 @@ def _patch(config: Config, white: bool) -> bool | None:
     return white if config.display.patch else None
 
 
-def _before(picture: Picture, view: View, config: Config, words: DisplayTexts) -> Picture:
+def _before(picture: DisplayPicture, view: View, config: Config, words: DisplayTexts) -> DisplayPicture:
     """Add the texts before a block: the countdown of a rest, then the instructions."""
     if view.rest is not None and view.rest > 0:
         following = words.next.format(block=view.block, blocks=view.blocks)
@@ -96,14 +96,14 @@ def _before(picture: Picture, view: View, config: Config, words: DisplayTexts) -
     )
 
 
-def _away(picture: Picture, view: View, words: DisplayTexts) -> Picture:
+def _away(picture: DisplayPicture, view: View, words: DisplayTexts) -> DisplayPicture:
     """Add the texts for a participant who does not take part in this block: not the trials, which are the partner's."""
     left = "" if view.rest is None or view.rest <= 0 else _countdown(view.rest)
     block = words.block.format(block=view.block, blocks=view.blocks) if view.blocks > 1 else ""
     return replace(picture, headline=words.away, detail=left or words.away_text, counter=block)
 
 
-def _after(picture: Picture, view: View, words: DisplayTexts) -> Picture:
+def _after(picture: DisplayPicture, view: View, words: DisplayTexts) -> DisplayPicture:
     """Add the texts after a block."""
     waits = view.notice == PAUSE_NOTICES[Pause.DECISION]
     last = view.block >= view.blocks and not waits
@@ -117,7 +117,9 @@ def _after(picture: Picture, view: View, words: DisplayTexts) -> Picture:
     )
 
 
-def _with_texts(picture: Picture, view: View, config: Config, words: DisplayTexts, result: str) -> Picture:
+def _with_texts(
+    picture: DisplayPicture, view: View, config: Config, words: DisplayTexts, result: str
+) -> DisplayPicture:
     """Add the texts of a phase within a trial."""
     fell = words.failed if config.task.time_limit > 0 else words.fell
     match view.phase:

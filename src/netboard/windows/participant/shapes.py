@@ -1,4 +1,4 @@
-"""The parts of a `Picture`, in painting order. Pure: no Qt, no clock.
+"""The parts of a `DisplayPicture`, in painting order. Pure: no Qt, no clock.
 
 Shapes are in metres of the scene; panels and text are in pixels of the window. Parts are values that compare equal, so
 the widget repaints only where two frames have different parts.
@@ -12,8 +12,8 @@ from netboard.windows.participant.scene import (
     PILOT_BACK,
     PILOT_INK,
     Colours,
+    DisplayPicture,
     Grip,
-    Picture,
     Point,
 )
 
@@ -82,7 +82,7 @@ class Panel:
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class TextLine:
     """A line of text centred on a point."""
 
     words: str
@@ -102,10 +102,10 @@ class Text:
     colour: str
 
 
-Part = Shape | Panel | Line | Text
+Part = Shape | Panel | TextLine | Text
 
 
-def shapes_of(picture: Picture) -> list[Shape]:
+def shapes_of(picture: DisplayPicture) -> list[Shape]:
     """List the shapes of a picture, from back to front."""
     c, half = picture.colours, picture.guide
     guide = () if half is None else ((-half, 0.0), (half, 0.0))
@@ -125,28 +125,28 @@ def shapes_of(picture: Picture) -> list[Shape]:
     return [shape for shape in shapes if shape.points]
 
 
-def words_of(picture: Picture, width: int, height: int, label_at: Point) -> list[Panel | Line | Text]:
+def words_of(picture: DisplayPicture, width: int, height: int, label_at: Point) -> list[Panel | TextLine | Text]:
     """List the text and panels of a picture, from back to front; sizes in pixels."""
     c = picture.colours
     inks = {"headline": c.headline, "detail": c.detail, "notice": c.detail, "counter": c.quiet}
     places = {} if picture.board else ABOVE_TEXT if picture.text else ALONE
     band, side = round(BAND * height), round(PATCH * height)
-    found: list[Panel | Line | Text] = [
-        Line(getattr(picture, name), (width / 2, places.get(name, middle) * height), _letters(size * height), ink)
+    found: list[Panel | TextLine | Text] = [
+        TextLine(getattr(picture, name), (width / 2, places.get(name, middle) * height), _letters(size * height), ink)
         for (name, ink), (middle, size) in zip(inks.items(), LINES.values(), strict=True)
     ]
     column = ((1 - TEXT_WIDTH) / 2 * width, TEXT_TOP * height, TEXT_WIDTH * width, (TEXT_BOTTOM - TEXT_TOP) * height)
     found.append(Text(picture.text, column, _letters(TEXT_HEIGHT * min(height, width / 1.4)), c.headline))
     if picture.pilot:
         found.append(Panel((0, 0, width, band), PILOT_BACK))
-        found.append(Line(picture.pilot, (width / 2, band / 2), _letters(0.7 * band), PILOT_INK, bold=True))
+        found.append(TextLine(picture.pilot, (width / 2, band / 2), _letters(0.7 * band), PILOT_INK, bold=True))
     if picture.patch is not None:
         found.append(Panel((width - side, height - side, side, side), "#ffffff" if picture.patch else "#000000"))
     if picture.grip is not None:
         hint = _letters(min(HINT_HEIGHT * height, HINT_WIDTH * width))
-        found.append(Line(picture.grip.label, label_at, _letters(LABEL_HEIGHT * height), FORCE))
+        found.append(TextLine(picture.grip.label, label_at, _letters(LABEL_HEIGHT * height), FORCE))
         lines = zip(picture.grip.hint, HINTS, strict=True)
-        found += [Line(words, (width / 2, middle * height), hint, Colours().detail) for words, middle in lines]
+        found += [TextLine(words, (width / 2, middle * height), hint, Colours().detail) for words, middle in lines]
     return [part for part in found if isinstance(part, Panel) or part.words]
 
 

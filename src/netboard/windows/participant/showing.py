@@ -22,8 +22,8 @@ from netboard.base.terminal.logs import RateLimitedLog
 from netboard.stage.view import View
 from netboard.windows.participant.frames import FrameTally
 from netboard.windows.participant.markers import Markers
-from netboard.windows.participant.motion import Motion, motion_after
-from netboard.windows.participant.scene import Grip, Picture, PictureState
+from netboard.windows.participant.motion import ShownMotion, motion_after
+from netboard.windows.participant.scene import DisplayPicture, Grip, PictureState
 from netboard.windows.participant.screens import IN_TRIAL, check, compose
 from netboard.windows.participant.trial_events import TrialEvents, events_after
 from netboard.windows.participant.window import BoardWindow, screen_of
@@ -41,7 +41,7 @@ PAINTINGS = 8
 """Number of frames over which the painting time is averaged [1]."""
 
 
-class Player(Protocol):
+class PlayerInput(Protocol):
     """The player of this side, if this display is also its input."""
 
     def grip(self, view: View | None, config: Config) -> Grip:
@@ -61,14 +61,14 @@ class Showing(QObject):
         words: DisplayTexts,
         markers: Markers,
         window: BoardWindow,
-        player: Player | None = None,
+        player: PlayerInput | None = None,
     ) -> None:
         super().__init__(window)
         self.config = config
         self._words, self._markers, self._window, self._player = words, markers, window, player
         self._problems = RateLimitedLog(log)
         self._events: TrialEvents | None = None
-        self._motion: Motion | None = None
+        self._motion: ShownMotion | None = None
         self._received_ns = self._planned_ns = self._due_ns = self._shown_ns = self._painting_ns = 0
         self._new_events: list[str] = []
         self._to_mark: list[str] = []
@@ -105,7 +105,7 @@ class Showing(QObject):
         self._received_ns = received_ns
         self._plan(received_ns)
 
-    def blank(self, picture: Picture) -> None:
+    def blank(self, picture: DisplayPicture) -> None:
         """Show a picture of text and discard the views."""
         self._turn.stop()
         if self._motion is not None:
@@ -154,7 +154,7 @@ class Showing(QObject):
         if smooth and not motion.settled(now):
             self._plan(now_ns())
 
-    def _with_grip(self, picture: Picture, view: View | None) -> Picture:
+    def _with_grip(self, picture: DisplayPicture, view: View | None) -> DisplayPicture:
         """Add the player's own hand, if there is a player; without a board, only the hint how to play.
 
         After the end the grip is not drawn. A hint that asks for something replaces the request to wait.

@@ -1,4 +1,4 @@
-"""The widget that paints a `Picture`.
+"""The widget that paints a `DisplayPicture`.
 
 It is one `QWidget` with a `QPainter`. It avoids Qt's graphics scene, because Python could free an item that Qt still
 uses (docs/decisions/0025-painting-without-a-scene.md). Only the rectangle in which the picture changed is repainted.
@@ -22,15 +22,15 @@ from PySide6.QtGui import (
 )
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
-from netboard.windows.participant.scene import Picture, Point
+from netboard.windows.participant.scene import DisplayPicture, Point
 from netboard.windows.participant.shapes import (
     SMALLEST_LETTERS,
     TEXT_MARGIN,
-    Line,
     Panel,
     Part,
     Shape,
     Text,
+    TextLine,
     shapes_of,
     words_of,
 )
@@ -54,7 +54,7 @@ class BoardView(QWidget):
         self.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         self.setMinimumSize(320, 200)
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
-        self.picture: Picture | None = None
+        self.picture: DisplayPicture | None = None
         self._mm_per_pixel = 0.0
         self._to_pixels = QTransform()
         self._parts: dict[Part, QRect] = {}
@@ -83,7 +83,7 @@ class BoardView(QWidget):
         """Position in the widget of a point of the scene [pixels]."""
         return self._to_pixels.map(QPointF(*point))
 
-    def show_picture(self, picture: Picture) -> bool:
+    def show_picture(self, picture: DisplayPicture) -> bool:
         """Show a picture; return whether it differs, so that a repaint follows."""
         before = self.picture
         if picture == before:
@@ -138,7 +138,7 @@ class BoardView(QWidget):
         self._parts = self._arranged(self.picture, {})
         self.update()
 
-    def _arranged(self, picture: Picture, known: dict[Part, QRect]) -> dict[Part, QRect]:
+    def _arranged(self, picture: DisplayPicture, known: dict[Part, QRect]) -> dict[Part, QRect]:
         """Lay out the parts of a picture in painting order; parts already known keep their rectangle."""
         label = self.pixel_at(picture.grip.label_at) if picture.grip is not None else QPointF()
         parts = (*shapes_of(picture), *words_of(picture, self.width(), self.height(), (label.x(), label.y())))
@@ -151,7 +151,7 @@ class BoardView(QWidget):
             corners = QPolygonF([QPointF(x, y) for x, y in part.points]).boundingRect()
             room = self._to_pixels.mapRect(corners.adjusted(-reach, -reach, reach, reach))
         else:
-            room = _line_room(part) if isinstance(part, Line) else QRectF(*part.place)
+            room = _line_room(part) if isinstance(part, TextLine) else QRectF(*part.place)
         spill = SPILL + (part.width if isinstance(part, Shape) else 0.0)
         return room.adjusted(-spill, -spill, spill, spill).toAlignedRect()
 
@@ -174,7 +174,7 @@ def _font(letters: int, bold: bool) -> QFont:
     return font
 
 
-def _line_room(line: Line) -> QRectF:
+def _line_room(line: TextLine) -> QRectF:
     """Return the rectangle of a line of text; its corner is on a whole pixel, where letters are sharpest."""
     metrics = QFontMetricsF(_font(line.letters, line.bold))
     width, height = metrics.horizontalAdvance(line.words), ceil(metrics.height())
@@ -203,10 +203,10 @@ def _paint_shape(painter: QPainter, shape: Shape) -> None:
         painter.drawPolyline(QPolygonF(points))
 
 
-def _paint_words(painter: QPainter, part: Line | Text) -> None:
+def _paint_words(painter: QPainter, part: TextLine | Text) -> None:
     """Paint a line of text, or instructions."""
     painter.setPen(QColor(part.colour))
-    if isinstance(part, Line):
+    if isinstance(part, TextLine):
         font = _font(part.letters, part.bold)
         painter.setFont(font)
         painter.drawText(_line_room(part).topLeft() + QPointF(0.0, QFontMetricsF(font).ascent()), part.words)

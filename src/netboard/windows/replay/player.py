@@ -20,7 +20,7 @@ from netboard.base.tick import TICK_SECONDS
 from netboard.recording.replay.loaded import LoadedRecording
 from netboard.recording.replay.marks import near, trial_starts
 from netboard.recording.replay.pairing import Sync, pair
-from netboard.recording.replay.position import Playback, clock, require_inside
+from netboard.recording.replay.position import ReplayPosition, clock, require_inside
 from netboard.stage.view import View
 from netboard.windows.participant import window as windows
 from netboard.windows.participant.language import LANGUAGES, load_words
@@ -84,7 +84,7 @@ class PlayerWindow(windows.BoardWindow):
         self.pairing = pair(recordings, sync)
         starts = trial_starts(recordings[0].marks)
         self._trials = [replace(mark, time=self.pairing.of(0, mark.time)) for mark in starts]
-        self.playback = Playback(self.pairing.length, self.pairing.begin, now(), speed)
+        self.playback = ReplayPosition(self.pairing.length, self.pairing.begin, now(), speed)
         self.panes = [Pane(recordings[0], station, self.board)]
         self._captions: list[QLabel] = []
         if len(recordings) > 1:
@@ -181,7 +181,7 @@ class PlayerWindow(windows.BoardWindow):
         before = max((time for time in begins if time <= position), default=0.0)
         return before, min((time for time in begins if time > position), default=self.pairing.length)
 
-    def _go(self, playback: Playback) -> None:
+    def _go(self, playback: ReplayPosition) -> None:
         """Set the state of the replay, and show it."""
         self.playback = playback
         self.refresh()

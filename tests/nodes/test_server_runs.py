@@ -18,8 +18,8 @@ from netboard.network.protocol.joining import Goodbye
 from netboard.network.protocol.motion import Force, Heartbeat, Safeguard, Stylus
 from netboard.network.transport import sockets
 from netboard.network.transport.fastpath import MACHINE_CLOCK
+from netboard.nodes.server.server_runs import DONE, IN_TRIAL, INTERRUPTED, MESSAGE, RUN, STEPS, WAITING, WAITS, run_of
 from netboard.nodes.server.tick_clock import EARLIEST_NS
-from netboard.nodes.server.undisturbed import DONE, IN_TRIAL, INTERRUPTED, MESSAGE, RUN, STEPS, WAITING, WAITS, run_of
 from netboard.stage.stage import make_stage
 from netboard.task.trials.state_machine import Cause
 

@@ -16,7 +16,7 @@ from netboard.base.tick import LEAD_NS, TICK_NS
 from netboard.devices.contract.access import CompiledAccess, Fields, Kernel
 from netboard.network.protocol.joining import HELLO_INTERVAL_NS
 from netboard.network.transport import fastpath
-from netboard.nodes.agent.motion_link import POINT, Link, close_loop, send_sample
+from netboard.nodes.agent.motion_link import POINT, MotionLink, close_loop, send_sample
 from netboard.nodes.agent.rendered_buffer import RenderedRing, remember
 from netboard.nodes.agent.rules import LIMITED, Rules, apply_reading, await_limited_force, limited_force
 
@@ -37,7 +37,7 @@ NOT_BEGUN, SENT, LATE, ANSWERED = range(4)
 rendered."""
 
 
-class Progress(NamedTuple):
+class RunProgress(NamedTuple):
     """State of an agent between two samples."""
 
     due_ns: int  # when the present tick was due [ns]
@@ -107,13 +107,13 @@ def _run(
     motion: Any,
     parts: Any,
     rules: Rules,
-    progress: Progress,
+    progress: RunProgress,
     begun: Begun,
     reading: Fields,
     stop: int,
     source_ns: int,
     source_file: int,
-) -> tuple[Progress, Begun, Fields]:
+) -> tuple[RunProgress, Begun, Fields]:
     """Run ticks until Python is due; return the progress, what has been done of the newest tick, and its reading.
 
     ``motion``, ``parts``: as in `run_of`. ``begun``, ``reading``: of the tick that the run continues, whose stylus
@@ -168,7 +168,7 @@ def _run(
             rendered, safeguards = fz, safeguards | bits
         due_ns, stage, shift_ns = until_ns, NOT_BEGUN, 0
     fast[0]["watched"] = fastpath.NO_FILE  # which may be closed before the next run
-    return Progress(due_ns, seq, safeguards, rendered), Begun(stage, came, shift_ns), reading
+    return RunProgress(due_ns, seq, safeguards, rendered), Begun(stage, came, shift_ns), reading
 
 
 @cache
@@ -176,7 +176,7 @@ def _composed(read: Kernel, write: Kernel, live: Kernel) -> Kernel:
     return composed(_run, waiting, _read=read, _write=write, _live=live)
 
 
-def run_of(access: CompiledAccess, link: Link, ring: RenderedRing, rules: Rules) -> Kernel:
+def run_of(access: CompiledAccess, link: MotionLink, ring: RenderedRing, rules: Rules) -> Kernel:
     """Compile the undisturbed ticks of an agent, or load them from the cache.
 
     Returns a function of the other arguments of `_run`.
@@ -184,5 +184,5 @@ def run_of(access: CompiledAccess, link: Link, ring: RenderedRing, rules: Rules)
     motion = link.fast, link.frame, link.sample, link.state, ring.rows
     fixed_arguments = motion, access.parts, rules
     run = _composed(access.read, access.write, access.live)
-    others = Progress(0, 0, 0, 0.0), NOTHING_BEGUN, NO_READING, 0, 0, 0
+    others = RunProgress(0, 0, 0, 0.0), NOTHING_BEGUN, NO_READING, 0, 0, 0
     return partial(machine_code(run, *fixed_arguments, *others), *fixed_arguments)

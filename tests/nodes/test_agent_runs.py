@@ -16,7 +16,7 @@ from netboard.network.protocol.joining import Goodbye
 from netboard.network.protocol.motion import Force, Heartbeat, Safeguard, Stylus
 from netboard.network.transport import sockets
 from netboard.network.transport.fastpath import NO_FILE
-from netboard.nodes.agent.undisturbed import ANSWERED, NEVER_DUE_NS, NOT_BEGUN, NOTHING_BEGUN, Begun, Progress
+from netboard.nodes.agent.agent_runs import ANSWERED, NEVER_DUE_NS, NOT_BEGUN, NOTHING_BEGUN, Begun, RunProgress
 from netboard.participants.submovement import Submovement
 
 TICKS = 3000
@@ -205,7 +205,9 @@ def test_whole_run_is_followed_by_another_without_single_steps(
     one = make(config_of())
     agent, calls = one.agent, list[str]()
 
-    def run(progress: Progress, begun: Begun, reading: Any, stop: int, *source: int) -> tuple[Progress, Begun, Any]:
+    def run(
+        progress: RunProgress, begun: Begun, reading: Any, stop: int, *source: int
+    ) -> tuple[RunProgress, Begun, Any]:
         calls.append("run")
         whole = len(calls) < 3
         return progress._replace(seq=stop if whole else progress.seq), begun, reading

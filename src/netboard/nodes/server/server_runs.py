@@ -18,7 +18,7 @@ from netboard.base.compiled import composed, kernel, machine_code, waiting
 from netboard.base.tick import HEARTBEAT_TICKS, LATE_NS, TICK, TICK_NS, TICK_WORDS
 from netboard.network.transport import fastpath
 from netboard.nodes.ports import samples
-from netboard.nodes.ports.samples import BOTH, Motion, awaited, drain, fill, send_forces, send_heartbeats
+from netboard.nodes.ports.samples import BOTH, MotionChannel, awaited, drain, fill, send_forces, send_heartbeats
 from netboard.nodes.server.tick_clock import EARLIEST_NS
 from netboard.stage.stage import Stage, commanded_tick
 
@@ -70,14 +70,14 @@ def _wake(agents: Any, due_ns: int) -> int:
 
 
 @kernel
-def _send(motion: Motion, gains: Any, forces: int, row: Any, commanded: Any) -> int:
+def _send(motion: MotionChannel, gains: Any, forces: int, row: Any, commanded: Any) -> int:
     """Send the forces of a tick, or the heartbeats that are due; return a result of sending."""
     if forces:
         return send_forces(motion, row, commanded, gains)
     return send_heartbeats(motion, row[_TICK], BOTH) if row[_TICK] % HEARTBEAT_TICKS == 0 else fastpath.SENT
 
 
-def _run(motion: Motion, gains: Any, stage: Any, runs: Any, delay: int, timeout_ns: int) -> int:
+def _run(motion: MotionChannel, gains: Any, stage: Any, runs: Any, delay: int, timeout_ns: int) -> int:
     """Run ticks while their samples are in order, and send the forces or heartbeats of each.
 
     ``stage``, ``runs``: as in `run_of`. Returns why it returns.
