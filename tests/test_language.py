@@ -164,6 +164,7 @@ FOLDERS = ("src", "services", "tests/evidence")
 def texts() -> dict[str, str]:
     """The text of each file with prose for users or developers, by its path."""
     paths = [ROOT / name for name in ("README.md", "CHANGELOG.md", "CONTRIBUTING.md")]
+    paths += (ROOT / "changes").glob("*.md")
     paths += [page for page in sorted((ROOT / "docs").rglob("*.md")) if "decisions" not in page.parts]
     paths += [*sorted((ROOT / "docs").glob("*.py")), *sorted((ROOT / "src" / "netboard").rglob("*.md"))]
     paths += [path for folder in FOLDERS for path in sorted((ROOT / folder).rglob("*.py"))]

@@ -56,6 +56,12 @@ def test_version_is_the_same_everywhere() -> None:
     assert f"\n## [{VERSION}]" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
 
 
+def test_changes_are_files_of_a_kind_that_the_changelog_has() -> None:
+    kinds = "|".join(kind["directory"] for kind in PROJECT["tool"]["towncrier"]["type"])
+    names = {path.name for path in (ROOT / "changes").iterdir()} - {"README.md"}
+    assert {name for name in names if not re.fullmatch(rf"[a-z0-9-]+\.({kinds})\.md", name)} == set()
+
+
 def test_every_requirement_is_constrained() -> None:
     lines = (ROOT / "requirements" / "constraints.txt").read_text(encoding="utf-8").splitlines()
     pinned = {plain(line.split("==")[0]) for line in lines if "==" in line}

@@ -53,7 +53,7 @@ from netboard.recording.format.chunks import MAGIC
 from netboard.recording.format.predictions import CONSTANTS
 from netboard.recording.recovery import spill
 
-SOURCE = Path(__file__).parent.parent / "data" / "recordings" / "live-session.mcap"
+SOURCE = Path(__file__).parent.parent / "data" / "sessions" / "live-session.mcap"
 """A live session of one trial with simulated devices, which `check` finds complete."""
 
 NAME = "S01_D01_20261129T015427Z_3f402c28"
