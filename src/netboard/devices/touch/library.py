@@ -64,6 +64,7 @@ class TouchRig:
         self.state = np.zeros(1, LIBRARY)  # of which kernels need to know
         self.state["since_ns"] = NEVER_NS
         self._devices: dict[int, OpenDevice] = {}
+        self._asked = deque[object](maxlen=2)
         self._changing = threading.RLock()
         self._routing = threading.Lock()
         self._paused = 0
@@ -139,8 +140,10 @@ class TouchRig:
             done.set()
             return After.CALLBACK_DONE
 
-        # A local name keeps it alive until it has run or is unscheduled: the library has only its address.
+        # The library has only its address, and the servo thread may still return from it when its answer is here. The
+        # callback before the last one has returned: the last one ran after it in the same thread.
         callback = CALLBACK(once)
+        self._asked.append(callback)
         scheduled = hd.calls.hdScheduleAsynchronous(callback, c_void_p(), MAX_PRIORITY)
         if not done.wait(ANSWER_S):
             with self.paused():
