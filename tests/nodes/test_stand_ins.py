@@ -129,10 +129,10 @@ def test_confirmation_that_names_nothing_is_refused() -> None:
     assert len(set(KNOWN)) == len(KNOWN)
 
 
-def test_confirmation_names_all_stand_ins_at_once() -> None:
+def test_stand_ins_are_confirmed_one_by_one_or_at_once() -> None:
     made = Confirmations()
-    with pytest.raises(ConfigError, match=f"expected the words: {RIGHT}"):
-        made.confirm(LEFT, "console", (LEFT, RIGHT))
-    assert made.unconfirmed((LEFT, RIGHT)) == (LEFT, RIGHT)
+    assert made.confirm(LEFT, "console", (LEFT, RIGHT)) == f"confirmed: {LEFT}; not yet: {RIGHT}"
+    assert made.unconfirmed((LEFT, RIGHT)) == (RIGHT,)
+    made = Confirmations()
     made.confirm(f"{RIGHT} and  {LEFT}", "console", (LEFT, RIGHT))
     assert made.unconfirmed((LEFT, RIGHT)) == ()

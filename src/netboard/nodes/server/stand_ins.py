@@ -56,13 +56,12 @@ class Confirmations:
         return tuple(words for words in found if self._by(words) is None)
 
     def confirm(self, text: str, by: str, found: Sequence[str]) -> str:
-        """Take an operator's text, which must name every stand-in that is unconfirmed; return what it confirms."""
-        lacking = [words for words in self.unconfirmed(found) if not names(text, words)]
-        if lacking:
-            raise ConfigError(f'confirm: found "{text}", expected the words: {", ".join(lacking)}')
+        """Take an operator's text, which names one stand-in or more; return what it confirms, and what it leaves."""
         require_known(text)
         self._said.append((text, by))
-        return f"confirmed: {', '.join(words for words in KNOWN if names(text, words))}"
+        confirmed = ", ".join(words for words in KNOWN if names(text, words))
+        left = ", ".join(self.unconfirmed(found))
+        return f"confirmed: {confirmed}; not yet: {left}" if left else f"confirmed: {confirmed}"
 
     def begin_block(self) -> None:
         """Note everything again: each block is recorded in another file."""
