@@ -125,7 +125,7 @@ class Attempts:
     def no_key(self) -> Intruder:
         who = self.at(channels.MOTION, None, "agent.left@intruder")
         who.until_logged(
-            "channel=motion reason=it has no key, or closed the connection", hello("agent", "left"), stylus(0)
+            "it has no key, or closed the connection", hello("agent", "left"), stylus(0)
         )
         return who
 
