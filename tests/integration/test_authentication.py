@@ -124,36 +124,32 @@ class Attempts:
 
     def no_key(self) -> Intruder:
         who = self.at(channels.MOTION, None, "agent.left@intruder")
-        who.until_logged(
-            "it has no key, or closed the connection", hello("agent", "left"), stylus(0)
-        )
+        who.until_logged("it has no key, or closed the connection", hello("agent", "left"), stylus(0))
         return who
 
     def wrong_server(self) -> Intruder:
         """A peer with a wrong public key of the server cannot complete the handshake."""
         lock = replace(self.credentials_of("agent.left"), server=authenticator.new_keys()[0])
         who = self.at(channels.MOTION, lock, "agent.left@intruder")
-        who.until_logged("channel=motion reason=it has a wrong server key", hello("agent", "left"))
+        who.until_logged("channel motion: it has a wrong server key", hello("agent", "left"))
         return who
 
     def wrong_key(self) -> Intruder:
         lock = self.unknown_credentials()
         who = self.at(channels.MOTION, lock, "agent.left@intruder")
-        reason = (
-            f"channel=motion address=127.0.0.1 key={keys.fingerprint(lock.public)} reason=its key is not known here"
-        )
+        reason = f"channel motion: address=127.0.0.1 key={keys.fingerprint(lock.public)}: its key is not known here"
         who.until_logged(reason, hello("agent", "left"), stylus(0))
         return who
 
     def wrong_role(self) -> Intruder:
         who = self.at(channels.MOTION, self.credentials_of("display.left"), "agent.left@intruder")
-        reason = "reason=the key of display.left is not for this channel"
+        reason = ": the key of display.left is not for this channel"
         who.until_logged(reason, hello("agent", "left"), stylus(0))
         return who
 
     def wrong_log(self) -> Intruder:
         who = self.at(channels.LOG, self.credentials_of("agent.left"), "logger@intruder")
-        who.until_logged("channel=log address=127.0.0.1", hello("logger", ""))
+        who.until_logged("channel log: address=127.0.0.1", hello("logger", ""))
         return who
 
     def wrong_side(self) -> Intruder:
@@ -179,7 +175,7 @@ class Attempts:
     def wrong_name(self) -> Intruder:
         """An agent uses the other agent's name."""
         who = self.at(channels.MOTION, self.credentials_of("agent.right"), "agent.left@intruder")
-        who.until_logged("reason=it calls itself agent.left@intruder", hello("agent", "left"), stylus(10_000_000))
+        who.until_logged(": it calls itself agent.left@intruder", hello("agent", "left"), stylus(10_000_000))
         return who
 
     def commands(self) -> Intruder:
@@ -196,7 +192,7 @@ class Attempts:
 
     def other_view(self) -> Intruder:
         who = self.at(channels.VIEW_RIGHT, self.credentials_of("display.left"), "")
-        who.until_logged("channel=view.right address=127.0.0.1")
+        who.until_logged("channel view.right: address=127.0.0.1")
         return self.eavesdrop(who)
 
     def own_view(self) -> Intruder:
@@ -213,7 +209,7 @@ class Attempts:
         done = CliRunner().invoke(app, ["keys", "revoke", "display.right", "-c", str(self.rig.file)])
         assert done.exit_code == 0, done.output
         who = self.at(channels.CONTROL, lock, "display.right@late")
-        who.until_logged("reason=the key of display.right has been revoked", hello("display", "right"))
+        who.until_logged(": the key of display.right has been revoked", hello("display", "right"))
         before.socket.close()
         return who
 

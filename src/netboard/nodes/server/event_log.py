@@ -98,7 +98,8 @@ def line_of(name: str, details: dict[str, str]) -> str:
         return f"{name} {printable(details)}"
     who = printable({key: value for key, value in details.items() if key not in ("channel", "reason", "times")})
     channel, times, reason = (printable_line(details.get(key, "")) for key in ("channel", "times", "reason"))
-    return f"refused on the channel {channel}: {who}: {reason} (so far {plural(int(times or 1), 'time')})"
+    said = ": ".join(filter(None, (who, reason)))
+    return f"refused on the channel {channel}: {said} (so far {plural(int(times or 1), 'time')})"
 
 
 def printable(details: dict[str, str]) -> str:
