@@ -159,7 +159,7 @@ def test_models_have_numeric_factors_as_terms_with_units(study: StudyData) -> No
     (times, *_) = fits(study).fits
     names = {effect.name for effect in times.model.effects}
     assert {"mass per 0.01 kg", "gain per 0.1", "age per 10 y", "haptics: partner's force vs haptics on"} <= names
-    assert {"gain per 0.1, mass 0.02 kg", "gain per 0.1, mass 0.05 kg"} <= names
+    assert {"mass per 0.01 kg, gain 0.5", "mass per 0.01 kg, gain 1"} <= names
     assert not any("[" in name for name in names)
 
 
