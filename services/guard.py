@@ -16,6 +16,7 @@ import typer
 from typer.core import TyperGroup
 
 from netboard.base.errors import ConfigError, NetboardError
+from netboard.base.terminal.errors import print_error
 from netboard.services.values import read_strictly
 
 IMPORTED_AS = {"hid": "hidapi", "usb": "pyusb"}
@@ -39,7 +40,7 @@ class Guarded(TyperGroup):
             return super().parse_args(ctx, args)
         except OSError as error:
             words, code = expected(error)
-            typer.secho(f"netboard: {words}", err=True, fg=typer.colors.RED)
+            print_error(words)
             raise typer.Exit(code) from error
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
@@ -64,7 +65,7 @@ class Guarded(TyperGroup):
             words, code = "interrupted", FAULT
         for handler in logging.getLogger().handlers:
             handler.flush()  # the error is the last line
-        typer.secho(f"netboard: {words}", err=True, fg=typer.colors.RED)
+        print_error(words)
         raise typer.Exit(code)
 
 

@@ -8,6 +8,7 @@ import typer
 
 from netboard.base.errors import ConfigError, NetboardError
 from netboard.base.plural import plural
+from netboard.base.terminal.errors import print_error
 from netboard.services.guard import OK, expected
 from netboard.services.options import examples
 
@@ -55,7 +56,7 @@ def recover(
             except NetboardError as error:
                 words, wrong = expected(error)
                 code = max(code, wrong)
-                typer.secho(f"netboard: {words}", err=True, fg=typer.colors.RED)
+                print_error(words)
     raise typer.Exit(code)
 
 

@@ -40,6 +40,7 @@ def sessions(
 ) -> None:
     """List the recordings in a folder: participants, trials, losses, and the result of the integrity check."""
     from netboard.base.terminal.bars import progress_bars
+    from netboard.base.terminal.errors import harmless
     from netboard.base.terminal.output import plain_console
     from netboard.recording.files.copies import repeats_among
     from netboard.recording.integrity import catalogue
@@ -72,4 +73,4 @@ def sessions(
     else:
         console.print(f"{place}: no {'matching ' if files else ''}recording", soft_wrap=True)
     for repeat in (*repeats.copies, *repeats.conflicts):
-        (screen if as_json else console).print(str(repeat), soft_wrap=True, style="yellow")
+        (screen if as_json else console).print(harmless(str(repeat)), soft_wrap=True, style="yellow")
