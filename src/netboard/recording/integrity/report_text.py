@@ -8,6 +8,7 @@ from typing import Any
 from rich.text import Text
 
 from netboard.base.plural import plural
+from netboard.base.terminal.errors import harmless
 from netboard.base.terminal.output import Cell, FittedTable, numbers
 from netboard.base.tick import TICK_SECONDS
 from netboard.recording.files.copies import NO_REPEATS, Conflict, CopiesFound
@@ -129,11 +130,12 @@ def sessions_table(entries: Sequence[CatalogueEntry], folder: Path, caption: str
 def _file_row(entry: CatalogueEntry, folder: Path) -> list[Cell]:
     trials = f"{entry.done} of {entry.trials}" if entry.trials else f"{entry.done}"
     what = f"{entry.block} of {entry.blocks}" if entry.blocks else entry.kind
-    why = "; ".join(filter(None, (entry.why, entry.excluded)))
+    why = harmless("; ".join(filter(None, (entry.why, entry.excluded))))
     known = entry.kind in ("recording", "journal") and entry.verdict != RESULTS[Severity.DAMAGE]
     colour = COLOURS[Severity(RESULTS.index(entry.verdict))]
     return [
-        f"{', '.join(filter(None, (what, entry.condition)))}\n{entry.path.relative_to(folder)}",
+        harmless(", ".join(filter(None, (what, entry.condition))))
+        + f"\n{harmless(str(entry.path.relative_to(folder)))}",
         (trials if known else "-") + f"\n{entry.lost}",
         (f"{entry.duration / 60:.1f} min" if entry.duration is not None else "-") + f"\n{entry.size / 1e6:.1f} MB",
         Text(entry.verdict, colour).append(f"\n{why}" if why else "", "default"),
