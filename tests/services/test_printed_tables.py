@@ -181,7 +181,6 @@ def cases(folder: Path) -> list[Callable[[int], str]]:
         runner_of("simulate", "--input", f"{folder}/test.csv", "--output", f"{folder}/out.csv", "--force"),
         runner_of("simulate", *("--input", f"{folder}/test.csv", "--input", f"{folder}/practice.csv"), *overwrite),
         runner_of("keys", "list", *keys),
-        runner_of("bench", "faults", "--list"),
         runner_of("plan", "list"),
         runner_of("plan", "check", f"{folder}/uneven.toml", code=2),
         *(runner_of("plan", "show", "--study", name, "--dyads", "4", "--dyad", "2") for name in library.NAMES),

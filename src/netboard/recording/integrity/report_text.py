@@ -133,9 +133,9 @@ def _file_row(entry: CatalogueEntry, folder: Path) -> list[Cell]:
     why = harmless("; ".join(filter(None, (entry.why, entry.excluded))))
     known = entry.kind in ("recording", "journal") and entry.verdict != RESULTS[Severity.DAMAGE]
     colour = COLOURS[Severity(RESULTS.index(entry.verdict))]
+    name = str(entry.path.relative_to(folder)).replace("\n", "\\n")
     return [
-        harmless(", ".join(filter(None, (what, entry.condition))))
-        + f"\n{harmless(str(entry.path.relative_to(folder)))}",
+        harmless(f"{', '.join(filter(None, (what, entry.condition)))}\n{name}"),
         (trials if known else "-") + f"\n{entry.lost}",
         (f"{entry.duration / 60:.1f} min" if entry.duration is not None else "-") + f"\n{entry.size / 1e6:.1f} MB",
         Text(entry.verdict, colour).append(f"\n{why}" if why else "", "default"),
