@@ -168,12 +168,12 @@ def part_of(study: str, name: str) -> Any:
     return next(part for part in parts if part["name"] == name)
 
 
-def study_part(study: str, name: str) -> Callable[[], str]:
-    """Return what writes one table of a study, and what follows from it."""
+def study_part(study: str, name: str, of: str = "") -> Callable[[], str]:
+    """Return what writes one table of a study, and what follows from it. ``of``: begins its title."""
 
     def write() -> str:
         part = part_of(study, name)
-        lines = [f"*{part['title']}*", "", "| " + " | ".join(map(_cell, part["columns"])) + " |"]
+        lines = [f"*{of}{part['title']}*", "", "| " + " | ".join(map(_cell, part["columns"])) + " |"]
         lines += ["|" + "---|" * len(part["columns"])]
         lines += ["| " + " | ".join(map(_figure, row)) + " |" for row in part["rows"]]
         lines += [""] if part["verdicts"] else []
@@ -224,6 +224,9 @@ LOOP, DYADS = ("ratios", "latency", "lateness", "costs"), ("scale", "shared", "w
 TOUCH = ("ratios", "latency", "costs")
 """Those of `netboard bench loop --device touch`."""
 
+STAND_IN = "A Touch (stand-in): "
+"""Beginning of their titles."""
+
 
 def loop_in_short() -> str:
     """Write what the loop can do on the machine on which it was measured, as two limits of the README."""
@@ -232,11 +235,15 @@ def loop_in_short() -> str:
         table = part_of(study, part)
         return {row[0]: row[table["columns"].index(name)] for row in table["rows"]}
 
-    ratios = {study: column("ratios", "median", study) for study in ("loop-touch", "loop")}
-    touch, simulated = (
-        [found[f"sample to force / echo, {at} [1]"] for at in ("50 %", "99 %", "99.9 %")] for found in ratios.values()
-    )
-    server, held = ratios["loop-touch"]["CPU of the server / echo [1]"], column("scale", "holds", "dyads")
+    def latencies(study: str, name: str) -> list[float]:
+        found = column("ratios", name, study)
+        return [found[f"sample to force / echo, {at} [1]"] for at in ("50 %", "99 %", "99.9 %")]
+
+    touch, simulated = (latencies(study, "median") for study in ("loop-touch", "loop"))
+    ends = [latencies("loop-touch", end) for end in ("least", "largest")]
+    ranges = [f"{a:.2f} to {b:.2f}" for a, b in zip(*ends, strict=True)]
+    server = column("ratios", "median", "loop-touch")["CPU of the server / echo [1]"]
+    held = column("scale", "holds", "dyads")
     dyads = max(number for number, holds in held.items() if holds)
     of_core = column("scale", "all [%]", "dyads")[dyads]
     limits = f"""
@@ -244,10 +251,12 @@ It is not hard real time.** Python on a stock kernel misses some deadlines of th
 counted and recorded. With server, agents and logger on one busy virtual machine of two cores, the median
 sample-to-force latency of a Touch was {touch[0]:.2f} times that of a minimal ZeroMQ round trip with messages of the
 same size, and its 99 % and 99.9 % quantiles {touch[1]:.2f} and {touch[2]:.2f} times. With the simulated device they
-were {simulated[0]:.2f}, {simulated[1]:.2f} and {simulated[2]:.2f} times ([all results](docs/explanation/latency.md)).
-The Touch was a stand-in for the vendor's library; nothing has been measured on a real one, whose servo adds up to 1 ms
-in each direction. If no sample arrives for 50 ms, the server pauses the trial. The operator resumes it, or the server
-itself with `--autostart`. Measure your own machines with `netboard doctor` and `netboard bench loop`.
+were {simulated[0]:.2f}, {simulated[1]:.2f} and {simulated[2]:.2f} times. These are medians over the rounds of a run;
+single rounds gave {ranges[0]}, {ranges[1]} and {ranges[2]} times with the Touch ([all
+results](docs/explanation/latency.md)). The Touch was a stand-in for the vendor's library; nothing has been measured on
+a real one, whose servo adds up to 1 ms in each direction. If no sample arrives for 50 ms, the server pauses the trial.
+The operator resumes it, or the server itself with `--autostart`. Measure your own machines with `netboard doctor` and
+`netboard bench loop`.
 
 One core serves {dyads} dyads** ({of_core:.0f} % of the core). With agents and logger on the same machine, the server of
 one dyad uses {server:.1f} times the CPU time of the minimal round trip."""
@@ -365,7 +374,7 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "stability machine": ("explanation/stability.md", study_machine("stability")),
     **{name: ("explanation/stability.md", study_part("stability", name)) for name in STABILITY},
     "loop machine": ("explanation/latency.md", study_machine("loop")),
-    **{f"touch-{name}": ("explanation/latency.md", study_part("loop-touch", name)) for name in TOUCH},
+    **{f"touch-{name}": ("explanation/latency.md", study_part("loop-touch", name, STAND_IN)) for name in TOUCH},
     **{f"loop-{name}": ("explanation/latency.md", study_part("loop", name)) for name in LOOP},
     "dyads machine": ("explanation/latency.md", study_machine("dyads")),
     **{f"loop-{name}": ("explanation/latency.md", study_part("dyads", name)) for name in DYADS},

@@ -3,7 +3,7 @@
 import logging
 from collections.abc import Callable, Iterator
 from itertools import cycle
-from math import hypot
+from math import hypot, inf, nan
 from pathlib import Path
 from time import monotonic, monotonic_ns
 
@@ -16,7 +16,7 @@ from netboard.devices.contract import registry
 from netboard.devices.contract.device import Box, Device
 from netboard.devices.touch import find
 from netboard.devices.touch import library as touch_library
-from netboard.devices.touch.api import Calibration, Capability, Error, Style
+from netboard.devices.touch.api import Calibration, Capability, Error, Library, Parameter, Style
 from netboard.devices.touch.device import LATE, REST_NS, SERVOS, TIRED, OpenHaptics
 from netboard.testing.device import MS, DeviceContract
 
@@ -174,6 +174,21 @@ def test_unsupported_library_limit_is_reported_and_tolerated(fake: Fake, caplog:
     details = device.open().details
     assert details["software_velocity_limit"].startswith("off: HD_INVALID_ENUM")
     assert "does without HD_SOFTWARE_VELOCITY_LIMIT" in caplog.text
+
+
+@pytest.mark.parametrize("what", [Parameter.NOMINAL_MAX_FORCE, Parameter.NOMINAL_MAX_CONTINUOUS_FORCE])
+@pytest.mark.parametrize("force", [nan, inf, -0.1])
+def test_device_whose_greatest_force_is_none_is_refused(
+    fake: Fake, what: Parameter, force: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    doubles = Library.doubles
+    monkeypatch.setattr(
+        Library, "doubles", lambda hd, which, count: (force,) if which == what else doubles(hd, which, count)
+    )
+    with pytest.raises(DeviceError, match=rf"HD_{what.name} of {force:g} N; expected a number of at least 0"):
+        make_device(fake).open()
+    assert not fake.is_open()
+    assert "start" not in fake.call_log()
 
 
 # --- device selection ---------------------------------------------------------------------------------------------
@@ -342,6 +357,37 @@ def test_all_fatal_errors_of_a_tick_are_reported(open_device: Opener, fake: Fake
         device.read(monotonic_ns())
 
 
+def many_errors(fake: Fake) -> None:
+    """Report a fatal error, and then more warnings than a servo keeps."""
+    fake.error(Error.COMM_ERROR, -28)
+    handle = fake.calls.fake_handle(FIRST.encode())
+    for _ in range(3):
+        for _ in range(100):
+            fake.calls.fake_error(Error.WARM_MOTORS, 4, handle)
+        fake.wait(4)
+
+
+def test_fatal_error_is_not_forgotten_for_many_warnings(open_device: Opener, fake: Fake) -> None:
+    device = open_device()
+    many_errors(fake)
+    with pytest.raises(DeviceLost, match="failed: more errors at once than can be kept, so some are lost"):
+        device.read(monotonic_ns())
+
+
+@pytest.mark.parametrize("happens", [many_errors, lambda fake: fake.error(Error.COMM_ERROR, -28)])
+@pytest.mark.parametrize("servo", SERVOS)
+def test_error_during_the_calibration_keeps_the_force_off(
+    fake: Fake, servo: str, happens: Callable[[Fake], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    enabled: list[object] = []
+    monkeypatch.setattr("netboard.devices.touch.device.calibrate", lambda *_: happens(fake))
+    monkeypatch.setattr("netboard.devices.touch.device.enable", lambda *_: enabled.append(True) or {})
+    with pytest.raises(DeviceLost):
+        make_device(fake, servo=servo).open()
+    assert enabled == []
+    assert not fake.is_open()
+
+
 def test_error_without_a_handle_affects_every_device(open_device: Opener, fake: Fake) -> None:
     device = open_device()
     fake.error(Error.COMM_ERROR, handle=0)
@@ -414,6 +460,37 @@ def test_expired_force_is_cut_and_resumes_only_after_zero_force(open_device: Ope
     device.write(0.0, 0.0, 1.0)
     fake.wait()
     assert fake.motor_force() == (0.0, 1.0, 0.0)
+
+
+@pytest.mark.parametrize("part", [nan, inf, -inf])
+def test_servo_cuts_a_force_that_is_not_finite(open_device: Opener, fake: Fake, part: float) -> None:
+    device = open_device()
+    device.write(0.0, 0.0, 1.0)
+    fake.wait()
+    assert device._servo is not None
+    device._servo.put((0.0, 1.0, part))
+    fake.wait()
+    assert fake.motor_force() == (0.0, 0.0, 0.0)
+    assert not device.read(monotonic_ns()).ready
+    device.write(0.0, 0.0, 1.0)
+    fake.wait()
+    assert fake.motor_force() == (0.0, 0.0, 0.0)
+    device.write(0.0, 0.0, 0.0)
+    fake.wait()
+    assert device.read(monotonic_ns()).ready
+
+
+def test_closing_servo_renders_zero_whatever_is_set(open_device: Opener, fake: Fake) -> None:
+    device = open_device()
+    device.write(0.0, 0.0, 1.0)
+    fake.wait()
+    assert device._servo is not None
+    device._servo.close()
+    for force in (1.0, 0.0, 1.0):
+        device.write(0.0, 0.0, force)
+        fake.wait()
+        assert fake.motor_force() == (0.0, 0.0, 0.0)
+        assert not device.read(monotonic_ns()).ready
 
 
 def test_excessive_force_is_scaled_and_keeps_its_direction(open_device: Opener, fake: Fake) -> None:

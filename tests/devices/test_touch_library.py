@@ -1,8 +1,10 @@
 """Opening and closing OpenHaptics devices: order of release, leftover state, and two devices in one process."""
 
+import gc
 import subprocess
 import sys
 import threading
+import weakref
 from pathlib import Path
 from time import monotonic_ns
 
@@ -99,6 +101,43 @@ def test_request_to_a_stalled_servo_times_out(open_device: Opener, fake: Fake, m
     with pytest.raises(DeviceTimeout, match="did nothing"):
         device._rig.ask(device._opened, "asking", lambda: 0)
     assert fake.calls.fake_jobs() == 1
+
+
+def test_interrupted_request_is_unscheduled(open_device: Opener, fake: Fake, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Interrupted(threading.Event):
+        def wait(self, timeout: float | None = None) -> bool:
+            raise KeyboardInterrupt
+
+    device = open_device()
+    monkeypatch.setattr(touch_library, "SETTLE_NS", MS)
+    assert device._rig is not None
+    assert device._opened is not None
+    fake.calls.fake_stall(1)
+    monkeypatch.setattr(threading, "Event", Interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        device._rig.ask(device._opened, "asking", lambda: 0)
+    assert fake.calls.fake_jobs() == 1
+
+
+def test_what_the_servo_thread_was_given_is_never_freed(open_device: Opener, fake: Fake) -> None:
+    """Nothing tells when the thread has returned from a callback that was unscheduled or has answered."""
+
+    class Query:
+        def __call__(self) -> int:
+            return 0
+
+    device, query = open_device(), Query()
+    assert device._rig is not None
+    assert device._opened is not None
+    assert device._servo is not None
+    device._rig.ask(device._opened, "asking", query)
+    given = weakref.ref(device._servo), weakref.ref(query)
+    for _ in range(3):
+        device._rig.ask(device._opened, "asking", lambda: 0)
+    device.close()
+    del query
+    gc.collect()
+    assert None not in [one() for one in given]
 
 
 def test_keyboard_interrupt_while_opening_releases_everything(fake: Fake, monkeypatch: pytest.MonkeyPatch) -> None:

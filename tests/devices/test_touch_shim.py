@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from time import monotonic_ns
 
 import numpy as np
 import pytest
@@ -11,7 +12,8 @@ from libhd import FIRST, Fake, make_device
 from netboard.base.errors import DeviceNotFound
 from netboard.devices.touch import library as touch_library
 from netboard.devices.touch import shim
-from netboard.devices.touch.servo import PythonServo, ticks_of
+from netboard.devices.touch.api import ERRORS_LOST, Error
+from netboard.devices.touch.servo import KEPT_FAULTS, PythonServo, ticks_of
 
 
 def test_shim_is_compiled_once(tmp_path: Path) -> None:
@@ -90,6 +92,44 @@ def test_default_servo_is_in_c_and_its_device_has_compiled_access(fake: Fake) ->
     assert device.open().details["servo"] == "c"
     assert device.compiled is not None
     device.close()
+
+
+def test_compiled_access_to_a_released_device_does_nothing(fake: Fake) -> None:
+    device = make_device(fake, servo="c")
+    device.open()
+    access, servo = device.compiled, device._servo
+    assert access is not None
+    assert isinstance(servo, shim.ShimServo)
+    assert any(part is servo.memory for part in access.parts[0])
+    assert access.read(access.parts, monotonic_ns())[0]
+    device.close()
+    before = servo.memory.copy()
+    assert not access.read(access.parts, monotonic_ns())[0]
+    access.write(access.parts, 0.0, 0.0, 1.0)
+    assert (servo.memory == before).all()
+
+
+@pytest.mark.parametrize("kind", [PythonServo, shim.ShimServo])
+@pytest.mark.parametrize("pending", [KEPT_FAULTS - 1, KEPT_FAULTS, 2 * KEPT_FAULTS + 3])
+def test_servos_keep_as_many_errors_and_tell_of_lost_ones(
+    fake: Fake, kind: type[PythonServo] | type[shim.ShimServo], pending: int
+) -> None:
+    rig = touch_library.rig_of(fake.path)
+    with rig.paused():
+        opened = rig.init("Default Device")
+        servo = kind(rig.library, opened.handle, 10**9)
+        rig.schedule(opened, servo)
+    fake.calls.fake_stall(1)
+    for number in range(pending):
+        fake.calls.fake_error(Error.WARM_MOTORS, number, opened.handle)
+        fake.calls.fake_step()
+    fake.calls.fake_stall(0)
+    lost = max(pending - (KEPT_FAULTS - 1), 0)
+    found = servo.faults()
+    assert [code for code, *_ in found].count(ERRORS_LOST) == (1 if lost else 0)
+    assert [internal for code, internal, _ in found if code != ERRORS_LOST] == list(range(lost, pending))
+    assert servo.faults() == []
+    rig.release(opened)
 
 
 def test_default_servo_is_in_python_without_a_compiler(

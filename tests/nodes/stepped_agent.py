@@ -16,7 +16,7 @@ from netboard.network.protocol import fixed
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
-from netboard.network.protocol.motion import Force, Heartbeat
+from netboard.network.protocol.motion import Force, Heartbeat, Point
 from netboard.network.transport import channels, sockets
 from netboard.nodes.agent import agent as agent_module
 from netboard.nodes.agent import motion_link
@@ -26,7 +26,7 @@ from netboard.nodes.agent.agent_runs import NOTHING_BEGUN, Begun
 START_NS = 10**9
 
 
-def fixed_form(message: Force | Heartbeat) -> bytes:
+def fixed_form(message: Force | Heartbeat | Point) -> bytes:
     """The frame of an answer in its fixed form."""
     form = fixed.form_of(type(message))
     words = np.frombuffer(fixed.packer_of(type(message)).pack(*astuple(message)), np.int64)

@@ -12,8 +12,9 @@ from netboard.base.config import Config
 from netboard.base.tick import TICK_NS
 from netboard.devices.safety.chain import Guard
 from netboard.devices.simulated.virtual import VirtualTouch
+from netboard.network.protocol.codec import encode
 from netboard.network.protocol.joining import Goodbye
-from netboard.network.protocol.motion import Force, Heartbeat, Safeguard, Stylus
+from netboard.network.protocol.motion import Force, Heartbeat, Point, Safeguard, Stylus
 from netboard.network.transport import sockets
 from netboard.network.transport.fastpath import NO_FILE
 from netboard.nodes.agent.agent_runs import ANSWERED, NEVER_DUE_NS, NOT_BEGUN, NOTHING_BEGUN, Begun, RunProgress
@@ -181,6 +182,41 @@ def test_late_tick_ends_although_answers_wait_in_both_ways(make: Callable[..., S
         assert one.agent._link.state["words"][0, 0] == 1000
         assert one.pacer.due_ns == due_ns + TICK_NS + 5_000
     assert both[0].state() == both[1].state()
+
+
+def test_late_tick_ends_although_old_answers_wait_in_both_ways(make: Callable[..., Simulated]) -> None:
+    """A peer that repeats an answer for ever does not hold an agent."""
+    both = [rendering(make, compiled=compiled) for compiled in (True, False)]
+    for one in both:
+        one.source.due_ns = NEVER_DUE_NS
+        for _ in range(5):
+            one.deliver(fixed_form(Force(199, 199, 200, 0.1, 300_000)))
+        one.deliver(force_after(one))
+        one.tick(1_500_000)
+        assert one.agent._link.state["words"][0, 0] == 199
+        one.tick()
+        assert one.agent._link.state["words"][0, 0] > 199
+    assert both[0].state() == both[1].state()
+
+
+def test_first_point_of_a_tick_that_python_continues_is_rendered_alike(make: Callable[..., Simulated]) -> None:
+    """An agent renders by itself from the tick after its first point; within that tick, it renders each newer one."""
+    both = [rendering(make, compiled=compiled) for compiled in (True, False)]
+    for number in range(20):
+        for one in both:
+            seq = one.agent._seq
+            point = Point(20_000 + 3 * number, 0, seq, 0, 0.002, 0.1, 200.0, 2.0, 300_000)
+            # Python reads the other form of the second one, after the compiled run has rendered the first.
+            one.deliver(fixed_form(point))
+            one.deliver(encode(replace(point, tick=point.tick + 1, z=0.004)))
+            one.tick()
+            assert one.agent._link.state["words"][0, 0] == point.tick + 1
+        assert both[0].state() == both[1].state(), number
+        for one in both:
+            one.deliver(fixed_form(Force(point.tick + 2, 0, seq, 0.1, 300_000)))
+            one.tick()
+        assert both[0].state() == both[1].state(), number
+    assert both[0].received == both[1].received
 
 
 def test_position_that_is_not_a_number_is_not_ready_in_both_ways(make: Callable[..., Simulated]) -> None:

@@ -77,10 +77,13 @@ def in_scene_frame(
 
 @inlined
 def within(limit: float, fx: float, fy: float, fz: float) -> tuple[float, float, float]:
-    """Scale a force down to a limit [N]."""
-    if abs(fx) + abs(fy) + abs(fz) <= limit:  # no vector is longer than the sum of its parts, and roots take long
+    """Scale a force down to a limit [N]; a force that is not finite, or a limit that is none, gives zero."""
+    # No vector is longer than the sum of its parts, and roots take long.
+    if abs(fx) + abs(fy) + abs(fz) <= limit < np.inf:
         return fx, fy, fz
     size = np.hypot(np.hypot(fx, fy), fz)
+    if not (size < np.inf and limit >= 0.0):
+        return 0.0, 0.0, 0.0
     if size <= limit:
         return fx, fy, fz
     share = limit / size

@@ -42,7 +42,7 @@ LIBRARY = np.dtype(
 
 DEVICE = np.dtype(
     [
-        ("servo", "<i8"),  # address of the servo in C; 0 for one in Python
+        ("servo", "<i8"),  # address of the servo in C; 0 for one in Python, and for a released device
         ("stall_ns", "<i8"),  # timeout after which a servo without ticks counts as stalled [ns]
         ("rested_ns", "<i8"),  # after a motor error, not ready before this time; or NEVER_NS [ns]
         ("max_force", "<f8"),  # of the motors [N]
@@ -99,8 +99,10 @@ def to_motors(device: Any, fx: float, fy: float, fz: float) -> tuple[float, floa
 @kernel
 def read(parts: Any, now_ns: int) -> tuple[bool, Fields]:
     """Read a device with a servo in C, unless Python must judge an error or a stall."""
-    library, device, sample = parts
+    library, device, sample, _ = parts
     servo = device[0]["servo"]
+    if servo == 0:  # released: Python says so
+        return False, reading_of(library, device, sample, now_ns)
     # Before the errors: those of a tick are there when its sample is, so none of them can be missed.
     _servo_take(servo, sample.ctypes.data)
     alone = library[0]["devices"] == 1 and library[0]["kept"] == 0  # another device may have taken errors of this one
@@ -110,10 +112,12 @@ def read(parts: Any, now_ns: int) -> tuple[bool, Fields]:
 
 @kernel
 def write(parts: Any, fx: float, fy: float, fz: float) -> None:
-    """Set the force of a device with a servo in C."""
-    _, device, _ = parts
+    """Set the force of a device with a servo in C, unless it is released."""
+    _, device, _, _ = parts
+    servo = device[0]["servo"]
     right, up, near = to_motors(device, fx, fy, fz)
-    _servo_put(device[0]["servo"], right, up, near)
+    if servo != 0:
+        _servo_put(servo, right, up, near)
 
 
 @kernel

@@ -27,6 +27,9 @@ STDCALL = sys.platform == "win32" and ctypes.sizeof(c_void_p) == 4
 INVALID_HANDLE = 0xFFFFFFFF
 """Handle of no device."""
 
+ERRORS_LOST = 0xFFFF_0000
+"""Code of the error, netboard's own, that stands for errors that were lost; it is fatal, as one of those may be."""
+
 MAX_PRIORITY, DEFAULT_PRIORITY = 65535, 32767
 """Priorities of callbacks; within a tick, higher ones run first."""
 
@@ -171,6 +174,8 @@ class Fault(NamedTuple):
     text: str
 
     def __str__(self) -> str:
+        if self.code == ERRORS_LOST:
+            return self.text
         known = f"HD_{Error(self.code).name}" if self.code in set(Error) else "an unknown error"
         return f"{known} (0x{self.code:04x}, internal {self.internal}, handle {self.handle}): {self.text}"
 
@@ -201,6 +206,8 @@ class Library:
 
     def fault(self, code: int, internal: int, handle: int) -> Fault:
         """Convert an error to a `Fault` with its message."""
+        if code == ERRORS_LOST:
+            return Fault(code, internal, handle, "more errors at once than can be kept, so some are lost")
         text: bytes | None = self.calls.hdGetErrorString(code)
         return Fault(code, internal, handle, (text or b"no description").decode(errors="replace"))
 

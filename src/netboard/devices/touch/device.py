@@ -140,6 +140,7 @@ class OpenHaptics(Device):
             # Before the force is switched on: calibrating makes the position jump (OpenHaptics Programmer's Guide).
             calibrate(rig, opened)
             with rig.paused():
+                self._judge(rig.faults(opened), monotonic_ns())  # of the calibration, too
                 limits = enable(rig, opened)
             self._first_ticks(rig, servo, opened)
         except BaseException:
@@ -180,7 +181,8 @@ class OpenHaptics(Device):
         rig, servo = self._rig, self._servo
         if rig is None or not isinstance(servo, ShimServo):
             return None
-        return CompiledAccess((rig.state, self._state, servo.sample), access.read, access.write, access.live)
+        parts = rig.state, self._state, servo.sample, servo.memory
+        return CompiledAccess(parts, access.read, access.write, access.live)
 
     def _close(self) -> None:
         lost = self._lost
@@ -190,6 +192,7 @@ class OpenHaptics(Device):
     def _release(self) -> bool:
         """Release the device, if there is one; return whether it is known to have taken a zero force."""
         opened, self._opened, self._servo = self._opened, None, None
+        self._state["servo"] = 0
         return opened is None or self._rig is None or self._rig.release(opened)
 
     def _judge(self, faults: list[Fault], now_ns: int) -> None:

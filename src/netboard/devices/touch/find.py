@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from ctypes import byref, c_int32
+from math import isfinite
 from pathlib import Path
 from typing import TypeVar
 
@@ -153,8 +154,8 @@ def describe(library: Library, opened: OpenDevice, resolution: float) -> DeviceI
     """
     serial = _required(library, Parameter.DEVICE_SERIAL_NUMBER, library.string)
     model = _required(library, Parameter.DEVICE_MODEL_TYPE, library.string)
-    peak = _required(library, Parameter.NOMINAL_MAX_FORCE, lambda what: library.doubles(what, 1))[0]
-    continuous = _required(library, Parameter.NOMINAL_MAX_CONTINUOUS_FORCE, lambda what: library.doubles(what, 1))[0]
+    peak = _force(library, Parameter.NOMINAL_MAX_FORCE)
+    continuous = _force(library, Parameter.NOMINAL_MAX_CONTINUOUS_FORCE)
     usable = _required(library, Parameter.USABLE_WORKSPACE_DIMENSIONS, lambda what: library.doubles(what, 6))
     return DeviceInfo(
         model=model,
@@ -183,6 +184,17 @@ def _required(library: Library, what: Parameter, read: Callable[[Parameter], T])
     if faults or value == "":
         raise DeviceError(f"the device does not report its HD_{what.name}: {_listed(faults) or 'an empty text'}")
     return value
+
+
+def _force(library: Library, what: Parameter) -> float:
+    """Read a force that limits others; raise an error if it cannot be one [N]."""
+    (force,) = _required(library, what, lambda what: library.doubles(what, 1))
+    if not (isfinite(force) and force >= 0.0):
+        raise DeviceError(
+            f"the device reports an HD_{what.name} of {force:g} N; expected a number of at least 0. Try "
+            "the vendor's diagnostic tool; if it shows the same, install the driver again"
+        )
+    return force
 
 
 def _details(library: Library) -> Mapping[str, str]:

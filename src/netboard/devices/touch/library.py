@@ -7,6 +7,7 @@ Rule 1: a device is released in this order, on every path, including the interpr
 stopped, callback unscheduled, device disabled.
 Rule 2: while a device's servo runs, the device is queried only in the servo thread, where no other device is current.
 Rule 3: every wait has a timeout, because the servo may have stalled.
+Rule 4: what the servo thread was given is never freed: nothing tells when it has left a callback.
 """
 
 import atexit
@@ -64,7 +65,6 @@ class TouchRig:
         self.state = np.zeros(1, LIBRARY)  # of which kernels need to know
         self.state["since_ns"] = NEVER_NS
         self._devices: dict[int, OpenDevice] = {}
-        self._asked = deque[object](maxlen=2)
         self._changing = threading.RLock()
         self._routing = threading.Lock()
         self._paused = 0
@@ -117,7 +117,9 @@ class TouchRig:
         ``entry``: callback to schedule in place of the servo's, such as a watch around it.
         """
         with self.paused():
-            function, data = entry or servo.entry
+            entry = entry or servo.entry
+            function, data, _ = entry
+            _given.append((servo, entry))
             scheduled = self.library.calls.hdScheduleAsynchronous(function, data, DEFAULT_PRIORITY)
             self.check("scheduling the servo callback")
             opened.servo, opened.scheduled = servo, scheduled
@@ -140,19 +142,25 @@ class TouchRig:
             done.set()
             return After.CALLBACK_DONE
 
-        # The library has only its address, and the servo thread may still return from it when its answer is here. The
-        # callback before the last one has returned: the last one ran after it in the same thread.
         callback = CALLBACK(once)
-        self._asked.append(callback)
+        _given.append(callback)
         scheduled = hd.calls.hdScheduleAsynchronous(callback, c_void_p(), MAX_PRIORITY)
-        if not done.wait(ANSWER_S):
-            with self.paused():
-                hd.calls.hdUnschedule(scheduled)
-            raise DeviceTimeout(f"{what} failed: the servo loop did nothing for {ANSWER_S:g} s")
+        try:
+            if not done.wait(ANSWER_S):
+                raise DeviceTimeout(f"{what} failed: the servo loop did nothing for {ANSWER_S:g} s")
+        finally:
+            if not done.is_set():
+                self._unschedule(scheduled, done)
         self._assign([fault for fault in faults if fault.handle in self._devices and fault.handle != opened.handle])
         if failed := [fault for fault in faults if fault.handle not in self._devices or fault.handle == opened.handle]:
             raise DeviceError(f"{what} failed: {'; '.join(map(str, failed))}")
         return found[0]
+
+    def _unschedule(self, scheduled: int, done: threading.Event) -> None:
+        """Unschedule a query, unless it is done once the scheduler is stopped."""
+        with self.paused():
+            if not done.is_set():
+                self.library.calls.hdUnschedule(scheduled)
 
     def faults(self, opened: OpenDevice) -> list[Fault]:
         """Return the errors of a device; those of other devices are kept for them."""
@@ -192,8 +200,8 @@ class TouchRig:
             self.release(opened)
 
     def _zero(self, servo: Servo) -> bool:
-        """Set zero force and wait until it has reached the motors; return whether it has."""
-        servo.put((0.0, 0.0, 0.0))
+        """Let a servo render zero force only, and wait until that has reached the motors; return whether it has."""
+        servo.close()
         return self.runs and wait_ticks(servo, SETTLE_TICKS, SETTLE_NS)
 
     def _assign(self, faults: list[Fault]) -> None:
@@ -225,6 +233,9 @@ class TouchRig:
         self.state["since_ns"] = monotonic_ns()
         self._assign(self.library.drain())
 
+
+_given: list[object] = []
+"""Everything the servo thread was given, some kilobytes for each opening of a device (rule 4)."""
 
 _rigs: dict[int, TouchRig] = {}
 _making = threading.Lock()

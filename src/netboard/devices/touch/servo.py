@@ -3,16 +3,17 @@
 A servo knows only the vendor's frame (x right, y up, z towards the user; mm). In each tick it publishes a
 result (`SAMPLE`) and renders the force that was set last, through one slot in each direction. Neither side waits.
 
-Rule 1: a force older than the timeout is cut to zero. It stays cut, and every result reports this, until a zero force
-is set; so the force cannot return with a step.
+Rule 1: a force that is older than the timeout, or not finite, is cut to zero. It stays cut, and every result reports
+this, until a zero force is set; so the force cannot return with a step. After `close`, every force is cut.
 Rule 2: each tick empties the vendor's error stack and keeps the errors for `faults`. The stack is shared by all devices
-of the process, so an error may belong to another one.
+of the process, so an error may belong to another one. If too many are kept, an error of netboard's own says so.
 Rule 3: a result is published last, so that the errors of its tick are available with it.
 """
 
 import time
 from collections import deque
 from ctypes import byref, c_double, c_int32, c_ubyte, c_void_p
+from math import isfinite
 from time import monotonic_ns
 from typing import Any, NamedTuple, Protocol
 
@@ -20,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.devices.touch.access import SAMPLE
-from netboard.devices.touch.api import CALLBACK, MAX_ERRORS, After, Library, Parameter
+from netboard.devices.touch.api import CALLBACK, ERRORS_LOST, INVALID_HANDLE, MAX_ERRORS, After, Library, Parameter
 
 Vector = tuple[float, float, float]
 Raw = tuple[int, int, int]
@@ -30,13 +31,15 @@ SETTLE_TICKS = 2
 """Number of ticks after which a force that was set has reached the motors [1]."""
 
 KEPT_FAULTS = 256
+"""Number of errors from which on the older ones are lost; ``FAULTS`` in the shim [1]."""
 
 
 class ServoCallback(NamedTuple):
-    """A callback for the scheduler; its owner must keep it alive."""
+    """A callback for the scheduler, and the memory behind its data."""
 
     function: Any
     data: c_void_p
+    memory: Any = None
 
 
 class Servo(Protocol):
@@ -52,6 +55,9 @@ class Servo(Protocol):
 
     def put(self, force: Vector) -> None:
         """Set the force from the next tick on [N], in the vendor's frame."""
+
+    def close(self) -> None:
+        """Render zero force from the next tick on, whatever is set."""
 
     def take(self) -> None:
         """Take the newest result into `sample`."""
@@ -76,11 +82,12 @@ class PythonServo:
         self._position, self._velocity, self._out = triple(), triple(), triple()
         self._buttons, self._docked = c_int32(), c_ubyte()
         self._force: tuple[Vector, int] = ((0.0, 0.0, 0.0), 0)
-        self._cut = False
+        self._cut = self._closing = False
         self.sample = np.zeros(1, SAMPLE)
         self._result = self.sample[0].item()
         self._ticks = 0
-        self._faults: deque[Raw] = deque(maxlen=KEPT_FAULTS)
+        self._faults: deque[Raw] = deque(maxlen=KEPT_FAULTS - 1)
+        self._lost = self._lost_before = 0  # written by the servo thread, and by the reader
         self._entry = ServoCallback(CALLBACK(self._tick), c_void_p())
 
     @property
@@ -92,13 +99,20 @@ class PythonServo:
         """Set the force from the next tick on [N], in the vendor's frame."""
         self._force = (force, monotonic_ns())
 
+    def close(self) -> None:
+        """Render zero force from the next tick on, whatever is set."""
+        self._closing = True
+
     def take(self) -> None:
         """Take the newest result into `sample`."""
         self.sample[0] = self._result
 
     def faults(self) -> list[Raw]:
         """Return the errors since the last call, oldest tick first."""
-        return [self._faults.popleft() for _ in range(len(self._faults))]
+        found = [self._faults.popleft() for _ in range(len(self._faults))]
+        lost, before = self._lost, self._lost_before
+        self._lost_before = lost
+        return [(ERRORS_LOST, 0, INVALID_HANDLE), *found] if lost != before else found
 
     def _tick(self, data: int | None) -> int:
         """Run one tick. It never waits, and calls the library without releasing the interpreter lock."""
@@ -117,6 +131,7 @@ class PythonServo:
             error = self._next_error()
             if not error.code:
                 break
+            self._lost += len(self._faults) == self._faults.maxlen
             self._faults.append((error.code, error.internal, error.handle))
         self._ticks += 1
         self._result = (
@@ -131,9 +146,11 @@ class PythonServo:
         return After.CALLBACK_CONTINUE
 
     def _chosen(self, at_ns: int) -> Vector:
-        """Return the force to render: the latest one, or zero from a timeout until a zero force is set."""
+        """Return the force to render: the latest one, or zero while forces are cut (rule 1)."""
         force, stamp_ns = self._force
-        if not any(force):
+        if self._closing or not all(map(isfinite, force)):
+            self._cut = True
+        elif not any(force):
             self._cut = False
         elif at_ns - stamp_ns > self._timeout_ns:
             self._cut = True

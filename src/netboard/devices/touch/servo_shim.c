@@ -7,13 +7,14 @@
    one writer. The reader takes the newest slot, and reads again if the writer has overwritten it meanwhile. So neither
    side ever waits for the other, whatever the scheduler does with their threads. */
 
+#include <math.h>
 #include <stdatomic.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <string.h>
 #include <time.h>
 
-enum { SLOTS = 16, WORDS = 9, FAULTS = 64, MOST_ERRORS = 64, TRIES = 8 };
+enum { SLOTS = 16, WORDS = 9, FAULTS = 256, MOST_ERRORS = 64, TRIES = 8 }; /* FAULTS: KEPT_FAULTS in servo.py */
 enum { MACHINE_CLOCK = -1 };
 enum { CALLBACK_DONE = 0, CALLBACK_CONTINUE = 1 };
 enum {
@@ -23,6 +24,9 @@ enum {
     CURRENT_VELOCITY = 0x2051,
     CURRENT_FORCE = 0x2700
 };
+
+#define ERRORS_LOST 0xFFFF0000u /* in api.py, as is this: */
+#define INVALID_HANDLE 0xFFFFFFFFu
 
 struct error_info {
     uint32_t code;
@@ -67,11 +71,12 @@ struct servo {
     int64_t timeout_ns;
     int64_t ticks;
     int cut;
-    struct force force; /* last one taken from the ring */
+    _Atomic int closing; /* 1: only zero is rendered from now on */
+    struct force force;  /* last one taken from the ring */
     struct ring samples, forces;
     _Atomic uint64_t faults_made;
     uint64_t faults_taken;
-    struct error_info faults[FAULTS];
+    _Atomic uint32_t faults[FAULTS][3]; /* as in struct error_info */
 };
 
 _Static_assert(sizeof(struct sample) == 8 * WORDS, "a sample fills a slot");
@@ -117,16 +122,24 @@ static void drain(struct servo *servo) {
         struct error_info fault = servo->hd.get_error();
         if (fault.code == 0) return;
         uint64_t made = atomic_load_explicit(&servo->faults_made, memory_order_relaxed);
-        servo->faults[made % FAULTS] = fault;
+        _Atomic uint32_t *slot = servo->faults[made % FAULTS];
+        atomic_thread_fence(memory_order_release); /* as in put */
+        atomic_store_explicit(&slot[0], fault.code, memory_order_relaxed);
+        atomic_store_explicit(&slot[1], (uint32_t)fault.internal, memory_order_relaxed);
+        atomic_store_explicit(&slot[2], fault.handle, memory_order_relaxed);
         atomic_store_explicit(&servo->faults_made, made + 1, memory_order_release);
     }
 }
 
-/* Choose the force to write: the latest one, or zero from a timeout until a zero force is set. */
+/* Choose the force to write: the latest one, or zero from a timeout or a force that is not finite until a zero force is
+   set. A closing servo writes zero only, so it does not matter who still sets forces. */
 static void choose(struct servo *servo, int64_t at_ns, double out[3]) {
     struct force *force = &servo->force;
     take(&servo->forces, force, sizeof *force / 8);
-    if (force->f[0] == 0 && force->f[1] == 0 && force->f[2] == 0)
+    if (atomic_load_explicit(&servo->closing, memory_order_acquire) || !isfinite(force->f[0]) ||
+        !isfinite(force->f[1]) || !isfinite(force->f[2]))
+        servo->cut = 1;
+    else if (force->f[0] == 0 && force->f[1] == 0 && force->f[2] == 0)
         servo->cut = 0;
     else if (at_ns - force->stamp_ns > servo->timeout_ns)
         servo->cut = 1;
@@ -152,17 +165,30 @@ void servo_put(struct servo *servo, double x, double y, double z) {
     put(&servo->forces, &force, sizeof force / 8);
 }
 
+void servo_close(struct servo *servo) { atomic_store_explicit(&servo->closing, 1, memory_order_release); }
+
 int servo_take(struct servo *servo, struct sample *out) { return take(&servo->samples, out, WORDS); }
 
 int servo_has_fault(struct servo *servo) {
     return atomic_load_explicit(&servo->faults_made, memory_order_acquire) != servo->faults_taken;
 }
 
+/* Take the oldest error. If the servo has made more than are kept, one error says so in place of the lost ones. */
 int servo_next_fault(struct servo *servo, struct error_info *out) {
     uint64_t made = atomic_load_explicit(&servo->faults_made, memory_order_acquire);
     if (made == servo->faults_taken) return 0;
-    if (made - servo->faults_taken > FAULTS) servo->faults_taken = made - FAULTS;
-    *out = servo->faults[servo->faults_taken++ % FAULTS];
+    _Atomic uint32_t *slot = servo->faults[servo->faults_taken % FAULTS];
+    out->code = atomic_load_explicit(&slot[0], memory_order_relaxed);
+    out->internal = (int32_t)atomic_load_explicit(&slot[1], memory_order_relaxed);
+    out->handle = atomic_load_explicit(&slot[2], memory_order_relaxed);
+    atomic_thread_fence(memory_order_acquire);
+    made = atomic_load_explicit(&servo->faults_made, memory_order_relaxed);
+    if (made - servo->faults_taken < FAULTS) { /* otherwise the slot may be half overwritten, as in take */
+        servo->faults_taken++;
+        return 1;
+    }
+    servo->faults_taken = made - (FAULTS - 1);
+    *out = (struct error_info){ERRORS_LOST, 0, INVALID_HANDLE};
     return 1;
 }
 

@@ -89,6 +89,8 @@ def servo_library(path: Path) -> ctypes.PyDLL:
     library.servo_prepare.restype = None
     library.servo_put.argtypes = (c_void_p, c_double, c_double, c_double)
     library.servo_put.restype = None
+    library.servo_close.argtypes = (c_void_p,)
+    library.servo_close.restype = None
     library.servo_simulate.argtypes = (c_void_p, c_int64)
     library.servo_simulate.restype = None
     library.servo_take.argtypes = (c_void_p, c_void_p)
@@ -164,19 +166,19 @@ def _compiler() -> list[str]:
 class ShimServo:
     """Callback in C. It does not need the interpreter lock.
 
-    ``timeout_ns``: age above which a force is cut to zero [ns]. Kernels take its ``address`` in memory.
+    ``timeout_ns``: age above which a force is cut to zero [ns]. Kernels take its ``address``, and keep its ``memory``.
     """
 
     def __init__(self, library: Library, handle: int, timeout_ns: int) -> None:
         made = shim()
-        self._room = ctypes.create_string_buffer(made.servo_size())
-        self.address = ctypes.addressof(self._room)
+        self.memory = np.zeros(-(-made.servo_size() // 8), np.int64)
+        self.address = self.memory.ctypes.data
         calls = Calls(*map(library.address, CALLED))
         made.servo_prepare(self.address, byref(calls), handle, timeout_ns)
         self._put, self._take, self._next_fault = made.servo_put, made.servo_take, made.servo_next_fault
-        self._simulate = made.servo_simulate
+        self._simulate, self._close = made.servo_simulate, made.servo_close
         self.sample = np.zeros(1, SAMPLE)
-        self._entry = ServoCallback(ctypes.cast(made.servo_tick, CALLBACK), c_void_p(self.address))
+        self._entry = ServoCallback(ctypes.cast(made.servo_tick, CALLBACK), c_void_p(self.address), self.memory)
 
     @property
     def entry(self) -> ServoCallback:
@@ -186,6 +188,10 @@ class ShimServo:
     def put(self, force: Vector) -> None:
         """Set the force from the next tick on [N], in the vendor's frame."""
         self._put(self.address, *force)
+
+    def close(self) -> None:
+        """Render zero force from the next tick on, whatever is set."""
+        self._close(self.address)
 
     def take(self) -> None:
         """Take the newest result into `sample`; keep the last one if the servo is overwriting it."""
@@ -215,7 +221,8 @@ class Watch:
         self._inner = entry
         callback = None if entry is None else ctypes.cast(entry.function, c_void_p)
         self._room = WatchState(callback, entry and entry.data, self._times.ctypes.data, room, 0)
-        self.entry = ServoCallback(ctypes.cast(shim().watch_tick, CALLBACK), c_void_p(ctypes.addressof(self._room)))
+        at = c_void_p(ctypes.addressof(self._room))
+        self.entry = ServoCallback(ctypes.cast(shim().watch_tick, CALLBACK), at, (self._room, self._times, entry))
 
     @property
     def times(self) -> NDArray[np.int64]:

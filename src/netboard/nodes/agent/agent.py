@@ -236,7 +236,8 @@ class AgentNode:
             reading = self._device.read(now_ns())
         if begun.stage < SENT:
             self._send(reading)
-        alone = self._link.kind == POINT
+        # A continued tick is not one of those: an answer after its sample may have been the first `POINT`.
+        alone = begun.stage < SENT and self._link.kind == POINT
         if alone:
             self._render(reading)
         self._shift_ns = begun.shift_ns

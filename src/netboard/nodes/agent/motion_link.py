@@ -131,6 +131,8 @@ def wait_for_answer(fast: Any, frame: Any, link: Any, until_ns: int) -> int:
                 return size
             if take(link, kind, now):
                 return NEWER
+            if now >= until_ns:  # however many old answers there are
+                return fastpath.NOTHING
         elif size == fastpath.FAILED or now >= until_ns:
             return size
         elif fastpath.sleep(fast, until_ns - now):
