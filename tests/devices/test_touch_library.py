@@ -15,6 +15,8 @@ from netboard.base.errors import DeviceError, DeviceLost, DeviceNotFound, Device
 from netboard.devices.touch import library as touch_library
 from netboard.devices.touch.api import Error
 from netboard.devices.touch.device import SERVOS
+from netboard.devices.touch.servo import PythonServo
+from netboard.devices.touch.shim import ShimServo
 from netboard.testing.device import MS
 
 SHUTDOWN = ["stop", "unschedule", "disable 40512001"]
@@ -119,7 +121,7 @@ def test_interrupted_request_is_unscheduled(open_device: Opener, fake: Fake, mon
     assert fake.calls.fake_jobs() == 1
 
 
-def test_what_the_servo_thread_was_given_is_never_freed(open_device: Opener, fake: Fake) -> None:
+def test_query_of_the_servo_thread_is_never_freed(open_device: Opener, fake: Fake) -> None:
     """Nothing tells when the thread has returned from a callback that was unscheduled or has answered."""
 
     class Query:
@@ -129,15 +131,27 @@ def test_what_the_servo_thread_was_given_is_never_freed(open_device: Opener, fak
     device, query = open_device(), Query()
     assert device._rig is not None
     assert device._opened is not None
-    assert device._servo is not None
     device._rig.ask(device._opened, "asking", query)
-    given = weakref.ref(device._servo), weakref.ref(query)
+    given = weakref.ref(query)
     for _ in range(3):
         device._rig.ask(device._opened, "asking", lambda: 0)
-    device.close()
     del query
     gc.collect()
-    assert None not in [one() for one in given]
+    assert given() is not None
+
+
+@pytest.mark.parametrize("kind", SERVOS.values())
+def test_servo_is_never_freed(fake: Fake, kind: type[PythonServo] | type[ShimServo]) -> None:
+    rig = touch_library.rig_of(fake.path)
+    with rig.paused():
+        opened = rig.init("Default Device")
+        servo = kind(rig.library, opened.handle, STALL_NS)
+        rig.schedule(opened, servo)
+    rig.release(opened)
+    given = weakref.ref(servo)
+    del servo, opened
+    gc.collect()
+    assert given() is not None
 
 
 def test_keyboard_interrupt_while_opening_releases_everything(fake: Fake, monkeypatch: pytest.MonkeyPatch) -> None:
