@@ -5,7 +5,7 @@ BIN := .venv/bin
 LIMIT := timeout --signal=ABRT --kill-after=30s 40m
 SETUP := deploy/setup.sh pyproject.toml requirements/constraints.txt
 
-.PHONY: help demo test test-all test-random test-parallel test-quiet test-quick lint imports types evidence docs docs-check wheel lock clean tree
+.PHONY: help demo test test-all test-rest test-random test-parallel test-quiet test-quick lint imports types evidence docs docs-check wheel lock clean tree
 .DEFAULT_GOAL := help
 
 help: ## list what can be made
@@ -24,6 +24,10 @@ test: .venv/.ready-to-develop ## all checks, and all tests but some slow ones; o
 
 test-all: ## all checks and every test, also the slow ones that `make test` leaves out
 	NETBOARD_TEST_ALL=1 $(MAKE) test
+
+test-rest: ## the slow tests that `make test` leaves out
+	NETBOARD_TEST_ALL=rest $(MAKE) test-parallel
+	NETBOARD_TEST_ALL=rest $(MAKE) test-quiet
 
 test-random: ## test-all with random cases of a new seed, which it prints
 	seed=$$(od -An -N3 -tu4 /dev/urandom | tr -d ' ') && echo "NETBOARD_TEST_SEED=$$seed" && NETBOARD_TEST_SEED=$$seed $(MAKE) test-all

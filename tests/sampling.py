@@ -1,8 +1,9 @@
 """Selection of the tests that `make test` runs: all fast ones and a fixed sample of the slow ones.
 
-`make test-all` (NETBOARD_TEST_ALL=1) runs every test. Which tests run and what random tests draw depends on the commit
-and on nothing else. NETBOARD_TEST_SEED=7 draws another sample and other random cases, the same ones each time; `make
-test-random` takes a new seed, prints it, and runs every test.
+`make test-all` (NETBOARD_TEST_ALL=1) runs every test, `make test-rest` (NETBOARD_TEST_ALL=rest) those that `make test`
+leaves out. Which tests run and what random tests draw depends on the commit and on nothing else. NETBOARD_TEST_SEED=7
+draws another sample and other random cases, the same ones each time; `make test-random` takes a new seed, prints it, and
+runs every test.
 
 Of the slow tests, `make test` runs those of the base and of the stage, whose bits recordings depend on, those of whole
 sessions and their faults, those of a quarter of the other files, and those of a file that is named on the command
@@ -22,7 +23,9 @@ import pytest
 
 SEED = int(os.environ.get("NETBOARD_TEST_SEED", "0"))
 """Seed of the sample and of random tests; 0: that of `make test` and `make test-all`."""
-ALL = os.environ.get("NETBOARD_TEST_ALL", "") not in ("", "0")
+REST = os.environ.get("NETBOARD_TEST_ALL") == "rest"
+"""Whether only those tests run that `make test` leaves out."""
+ALL = REST or os.environ.get("NETBOARD_TEST_ALL", "") not in ("", "0")
 
 
 def chance(name: str) -> random.Random:
@@ -45,9 +48,12 @@ ALWAYS = (".", "base", "stage", "integration/test_processes.py", "integration/te
 
 def left_out(items: list[pytest.Item], named: set[str]) -> set[pytest.Item]:
     """Return the tests that are left out, except those of the files that are named."""
-    others = [item for item in items if not ALL and _file(item) not in named]
+    if ALL and not REST:
+        return set()
+    others = [item for item in items if _file(item) not in named]
     waiting = {item for item in others if not _is_sampled(item)}
-    return waiting | _not_drawn([item for item in others if item not in waiting])
+    beyond_the_sample = waiting | _not_drawn([item for item in others if item not in waiting])
+    return set(items) - beyond_the_sample if REST else beyond_the_sample
 
 
 def _file(item: pytest.Item) -> str:
@@ -79,4 +85,5 @@ def _drawn(name: str, cases: dict[str, list[pytest.Item]], count: int) -> list[p
 
 def header() -> str:
     """Say which slow tests run."""
-    return f"slow tests: {'all' if ALL else 'a fixed sample; make test-all runs all'} (NETBOARD_TEST_SEED={SEED})"
+    which = "those that make test leaves out" if REST else "all" if ALL else "a fixed sample; make test-all runs all"
+    return f"slow tests: {which} (NETBOARD_TEST_SEED={SEED})"
