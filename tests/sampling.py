@@ -2,8 +2,8 @@
 
 `make test-all` (NETBOARD_TEST_ALL=1) runs every test, `make test-rest` (NETBOARD_TEST_ALL=rest) those that `make test`
 leaves out. Which tests run and what random tests draw depends on the commit and on nothing else. NETBOARD_TEST_SEED=7
-draws another sample and other random cases, the same ones each time; `make test-random` takes a new seed, prints it, and
-runs every test.
+draws another sample and other random cases, the same ones each time; `make test-random` takes a new seed, prints it,
+and runs every test.
 
 Of the slow tests, `make test` runs those of the base and of the stage, whose bits recordings depend on, those of whole
 sessions and their faults, those of a quarter of the other files, and those of a file that is named on the command
