@@ -127,7 +127,8 @@ def test_ball_bounces_off_a_stop() -> None:
 
 @pytest.mark.slow
 def test_collocation_without_jit_gives_the_same_result(tmp_path: Path) -> None:
-    script = PLAIN.format(path=[str(Path(__file__).parent), str(Path(__file__).parents[2])])
+    tests = Path(__file__).parents[2]
+    script = PLAIN.format(path=[str(Path(__file__).parent), str(tests), str(tests / "physics")])
     done = subprocess.run(
         [sys.executable, "-c", script],
         env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
