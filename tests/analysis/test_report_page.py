@@ -183,8 +183,8 @@ def test_summary_states_intervals_n_and_limits_of_few_dyads(whole: Element) -> N
     text = section(whole, "summary").text.replace("\N{NO-BREAK SPACE}", " ")
     assert (
         "With haptics on, the share of cooperative movement differed from that with haptics off by −5.00 % points in "
-        "dyadic trials (95 % t: −12.00 to 2.00, 4 dyads): the data are compatible with no difference (0) and with all "
-        "else in the interval, and do not decide between them." in text
+        "dyadic trials (95 % t: −12.00 to 2.00, 4 dyads): the data are compatible with no difference (0) and with "
+        "every other value in the interval." in text
     )
     rows = [[cell.text for cell in row.all("th") + row.all("td")] for row in section(whole, "summary").all("tr")]
     assert ["Group", "cooperative [%]", "n"] in rows

@@ -92,8 +92,7 @@ def test_ratio_is_compared_with_one() -> None:
         "With haptics on, bimanual trials took 1.10 times as long as with haptics off (95 % t: 1.02 to 1.19, "
         "4 dyads): the whole interval is above 1; dyadic trials took 0.93 times as long as with haptics off "
         "(95 % t: 0.77 to 1.13, 4 dyads): "
-        "the data are compatible with no difference (1) and with all else in the interval, and do not decide between "
-        "them.",
+        "the data are compatible with no difference (1) and with every other value in the interval.",
     )
 
 

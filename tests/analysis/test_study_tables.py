@@ -47,7 +47,7 @@ def test_trials_are_numbered_within_each_performer_and_condition(folder: Path) -
     for _, own in found.counted.groupby(["performer", "condition"]):
         assert list(own["order"]) == list(range(1, len(own) + 1))
     assert set(found.counted["condition"]) == {
-        f"{who}, {force}" for who in ("bimanual", "dyadic") for force in ("full", "none")
+        f"{who}, {force}" for who in ("bimanual", "dyadic") for force in ("haptics off", "haptics on")
     }
     assert (found.trials.loc[found.trials["outcome"] != "success", "counts"] == 0).all()
     for name in ("blocks", "trials", "movements"):

@@ -409,10 +409,10 @@ import sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[2])
 from samples import MS, OPENED_NS, new_writer, random_rows
-from netboard.base.config import Recording
+from netboard.base.tables.rig import RecordingSettings
 from netboard.network.protocol.messages import TickRecord
 rows = random_rows(400, seed=6)
-writer = new_writer(Path(sys.argv[1]), Recording(chunk_bytes=8192, flush_ms=20.0))
+writer = new_writer(Path(sys.argv[1]), RecordingSettings(chunk_bytes=8192, flush_ms=20.0))
 number = 0
 while True:
     now = OPENED_NS + number * MS

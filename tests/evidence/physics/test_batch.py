@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -148,7 +149,7 @@ def test_batch_without_jit_gives_the_same_result() -> None:
     def printed(**environment: str) -> Array:
         run_ = subprocess.run(
             [sys.executable, "-c", PLAIN],
-            env={**os.environ, **environment},
+            env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2]), **environment},
             capture_output=True,
             check=True,
             text=True,

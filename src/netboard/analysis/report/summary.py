@@ -273,7 +273,7 @@ def _interval_position(pattern: SentencePattern, row: Mapping[str, Any]) -> str:
         return "there is no confidence interval, so its uncertainty is unknown"
     if row["low"] <= pattern.without <= row["high"]:
         none = f"{pattern.none} ({amount(pattern.without)})"
-        return f"the data are compatible with {none} and with all else in the interval, and do not decide between them"
+        return f"the data are compatible with {none} and with every other value in the interval"
     return f"the whole interval is {'above' if row['low'] > pattern.without else 'below'} {amount(pattern.without)}"
 
 
