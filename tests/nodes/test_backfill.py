@@ -219,21 +219,70 @@ def test_ring_buffer_answers_only_for_what_it_still_holds() -> None:
     assert ring.answer(BackfillRequest(240, 400)).next == 400
 
 
-def test_oldest_gaps_are_dropped_beyond_the_limit() -> None:
+def test_more_gaps_than_are_remembered_one_by_one_lose_nothing() -> None:
     filler, rows = Backfiller(), np.zeros(1024, TICK)
-    number = 0
+    number, missing = 0, set()
     for _ in range(MAX_GAPS + 7):
-        for part in range(10):
-            row = rows[number % 1024]
-            row["left_seq"], row["left_rendered"] = number, np.nan if part < 5 and number >= 10 else 0.0
+        for part in range(20):
+            row, unknown = rows[number % 1024], part < 5 and number >= 20
+            row["left_seq"], row["left_rendered"] = number, np.nan if unknown else 0.0
+            missing |= {number} if unknown else set()
             number += 1
         filler.poll(rows, number)
     first = filler.due("left", 0)
     assert first is not None
-    assert first.first > 20
     assert filler.due("left", REPEAT_INTERVAL_NS - 1) is None
     assert filler.due("left", REPEAT_INTERVAL_NS) == first
     assert filler.due("right", 0) is None
+    requests = requested_in(filler)
+    assert len(requests) == MAX_GAPS
+    assert {seq for request in requests for seq in range(request.first, request.stop)} >= missing
+
+
+def test_restarted_agent_is_asked_although_many_gaps_are_open() -> None:
+    filler, rows = Backfiller(), np.zeros(1024, TICK)
+    for number in range(1000):
+        restarted = number >= 980
+        row, unknown = rows[number], number % 10 < 5 and number >= 20
+        row["left_seq"] = number - 980 if restarted else number
+        row["left_rendered"] = np.nan if unknown else 0.0
+    filler.poll(rows, 1000)
+    assert requested_in(filler)[-1] == BackfillRequest(0, 16)
+
+
+def requested_in(filler: Backfiller) -> list[BackfillRequest]:
+    """Answer all requests to the left agent, and return them."""
+    requests: list[BackfillRequest] = []
+    while request := filler.due("left", 10 * REPEAT_INTERVAL_NS):
+        requests.append(request)
+        filler.take("left", Backfill(request.first, request.stop, np.zeros(1, RENDERED).tobytes()), 0)
+    return requests
+
+
+def test_answer_counts_only_while_the_clock_is_known(link: Link) -> None:
+    link.run(20)
+    link.run(600, cut=True)
+    link.run(80)
+    assert link.records
+    clock = link.rig.port.agents["left"].clock
+    before, link.records = len(link.records), []
+    known = clock.offset_ns, clock.bound_ns
+    attend = link.filler.attend
+
+    def with_unknown_clock(*arguments: Any) -> list[BackfillRecord]:
+        clock.offset_ns, clock.bound_ns = known[0] + 285 * MS, 300 * MS  # as after a first probe that took 0.6 s
+        records = attend(*arguments)
+        clock.offset_ns, clock.bound_ns = known
+        return records
+
+    link.filler.attend = with_unknown_clock  # type: ignore[method-assign]
+    link.run(50)
+    assert link.records == []
+    assert link.filler.pending(link.rig.port, link.rows, link.number)
+    link.filler.attend = attend  # type: ignore[method-assign]
+    link.run(700)
+    assert before + len(link.records) > 600 // BACKFILL_ROWS
+    assert {record.offset_ns for record in link.records} == {known[0]}
 
 
 def test_delayed_samples_do_not_hide_part_of_a_gap() -> None:
@@ -243,8 +292,5 @@ def test_delayed_samples_do_not_hide_part_of_a_gap() -> None:
     for tick, seq in ((6000, 5700), (6001, 5800), (6003, 6002), (6004, 6003)):  # the first two were delayed by 0.3 s
         rows["left_rendered"][tick], rows["left_seq"][tick] = 0.0, seq
     filler.poll(rows, 6005)
-    requested: set[int] = set()
-    while request := filler.due("left", REPEAT_INTERVAL_NS):
-        requested |= set(range(request.first, request.stop))
-        filler.take("left", Backfill(request.first, request.stop, np.zeros(1, RENDERED).tobytes()), 0)
+    requested = {seq for request in requested_in(filler) for seq in range(request.first, request.stop)}
     assert requested >= set(range(999, 6003))

@@ -26,14 +26,14 @@ MARGIN = 10
 """Samples to ask for beyond the ticks without one: this many, and one more for each this many ticks [1]."""
 
 MAX_GAPS = 64
-"""Interruptions of each side that are remembered; the oldest are dropped [1]."""
+"""Interruptions of each side that are remembered one by one; a later one extends the last of them [1]."""
 
 
 class Gaps:
     """Interruptions of one side whose samples have not been received yet."""
 
     def __init__(self) -> None:
-        self.open: deque[BackfillRequest] = deque(maxlen=MAX_GAPS)
+        self.open: deque[BackfillRequest] = deque()
         self.requested_ns: int | None = None  # when the first of them was requested; None if it was not, or is answered
         self._known: int | None = None  # newest sample before the interruption
         self._ticks = 0  # ticks without a sample since then
@@ -62,7 +62,17 @@ class Gaps:
         first = max(0, min(first, known) if known < seq else first)
         if first < seq:
             # With the next sample, whose number tells a reader that the device held its force until then.
-            self.open.append(BackfillRequest(first, seq + 1))
+            self._remember(BackfillRequest(first, seq + 1))
+
+    def _remember(self, request: BackfillRequest) -> None:
+        """Add an interruption; beyond `MAX_GAPS` all samples since the last one are asked for, so that none is lost."""
+        last = self.open[-1] if len(self.open) >= MAX_GAPS else None
+        if last is not None and last.first <= request.first:
+            self.open[-1] = BackfillRequest(last.first, max(last.stop, request.stop))
+        elif last is not None:  # a restarted agent counts from 0, and has forgotten what the last one rendered
+            self.open[-1] = request
+        else:
+            self.open.append(request)
 
 
 class Backfiller:
@@ -82,8 +92,15 @@ class Backfiller:
                 gaps.begin()
 
     def attend(self, motion: MotionPort, rows: Any, number: int, now_ns: int) -> list[BackfillRecord]:
-        """Take the answers that have arrived, scan the new ticks if there are many, and send requests that are due."""
-        records = [self.take(side, answer, motion.agents[side].clock.offset_ns) for side, answer in motion.backfills]
+        """Take the answers that have arrived, scan the new ticks if there are many, and send requests that are due.
+
+        An answer counts only while the agent's clock is known: its rows are dated by that clock. Else it comes again.
+        """
+        records = [
+            self.take(side, answer, motion.agents[side].clock.offset_ns)
+            for side, answer in motion.backfills
+            if motion.knows_clock(side)
+        ]
         motion.backfills.clear()
         if number - self._scanned >= SCAN_TICKS:
             self.poll(rows, number)
@@ -95,7 +112,7 @@ class Backfiller:
     def pending(self, motion: MotionPort, rows: Any, number: int) -> bool:
         """Scan the last ticks, and return whether an agent that is connected still has rows to send."""
         self.poll(rows, number)
-        return any(self._gaps[side].open and motion.knows_clock(side) for side in SIDES)
+        return any(self._gaps[side].open and motion.agents[side].hello is not None for side in SIDES)
 
     def poll(self, rows: Any, number: int) -> None:
         """Scan the ticks since the last call."""

@@ -19,8 +19,11 @@ FRAMES_AT_ONCE = 12
 DEVICE = ("device", "model", "serial")
 """Details of an agent that identify its device."""
 
-BACKFILL_NS = 5_000_000_000
+BACKFILL_NS = 30_000_000_000
 """Longest wait at the end for what agents rendered during an interruption; two minutes of it take 4 s [ns]."""
+
+BACKFILL_SILENCE_NS = 5_000_000_000
+"""Longest wait at the end for the next part of it [ns]."""
 
 CLOSING_NS = 200_000_000
 """Time before the control channel closes, for its peers to read the last messages [ns].
@@ -42,7 +45,7 @@ class RecordKeeping:
         self._started = False  # whether a trial has started: before, nothing is lost if there is no logger
         self._devices: dict[str, str] = {}  # by side
         self._clocks_ns = 0
-        self._backfill_until_ns = self._ended_ns = 0  # 0: not yet
+        self._backfill_began_ns = self._backfill_heard_ns = self._ended_ns = 0  # 0: not yet
         self._log_closing = False
 
     @property
@@ -87,13 +90,16 @@ class RecordKeeping:
             for details in state.confirmations.take_news(state.find_stand_ins()):
                 state.note(STAND_IN_CONFIRMED, details)
 
-    def _backfill(self, now: int) -> None:
-        """Ask the agents what they rendered during an interruption, and record their answers [ns]."""
+    def _backfill(self, now: int) -> int:
+        """Ask the agents what they rendered during an interruption; return how many answers were recorded [ns]."""
         state = self._state
-        if state.operators.opened:
-            self._backfiller.expect(state.block.people, state.number)
-            for record in self._backfiller.attend(state.ports.motion, state.rows, state.number, now):
-                state.event_log.record(record)
+        if not state.operators.opened:
+            return 0
+        self._backfiller.expect(state.block.people, state.number)
+        records = self._backfiller.attend(state.ports.motion, state.rows, state.number, now)
+        for record in records:
+            state.event_log.record(record)
+        return len(records)
 
     def _record_news(self, now: int) -> None:
         """Record the news of all ports, and send records to the loggers."""
@@ -126,10 +132,12 @@ class RecordKeeping:
 
     def backfilling(self, now: int) -> bool:
         """Ask on, before the session ends; return whether agents still have something to send [ns]."""
-        self._backfill_until_ns = self._backfill_until_ns or now + BACKFILL_NS
-        self._backfill(now)
+        self._backfill_began_ns = self._backfill_began_ns or now
+        if self._backfill(now) or not self._backfill_heard_ns:
+            self._backfill_heard_ns = now
         state = self._state
-        return now < self._backfill_until_ns and self._backfiller.pending(state.ports.motion, state.rows, state.number)
+        in_time = now - self._backfill_began_ns < BACKFILL_NS and now - self._backfill_heard_ns < BACKFILL_SILENCE_NS
+        return in_time and self._backfiller.pending(state.ports.motion, state.rows, state.number)
 
     def end(self) -> None:
         """Record what is left of the peers, say goodbye, and let the loggers bring everything to disk."""
