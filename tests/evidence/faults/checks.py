@@ -259,12 +259,13 @@ def rendered_known(evidence: Evidence, side: Side) -> BenchVerdict:
 def _was_handed(handed: NDArray[Any], times: NDArray[np.int64], forces: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return whether forces were written to a device just before these times, or were its last ones."""
     newest = np.searchsorted(handed["time_ns"], times + TICK_NS, side="right") - 1
-    found = np.zeros(times.size, bool)
-    for back in range(3 * MAX_RECORD_DELAY):  # an agent that stalled catches up in a burst
+    found, in_force, back = np.zeros(times.size, bool), np.ones(times.size, bool), 0
+    while in_force.any():  # an agent that stalled catches up in a burst of any length
         place = np.maximum(newest - back, 0)
         later = handed["time_ns"][np.minimum(place + 1, handed.size - 1)]
         in_force = (newest >= back) & ((later > times - MAX_RECORD_DELAY * TICK_NS) | (place == handed.size - 1))
         found |= in_force & (handed["fz"][place] == forces)
+        back += 1
     return found
 
 
