@@ -102,6 +102,7 @@ def test_tables_are_equal_with_two_processes_and_after_an_interruption(cohort: C
     assert len(list((folder / "studies").iterdir())) == 3
 
 
+@pytest.mark.slow
 def test_every_study_has_its_own_seed_and_results(cohort: Cohort) -> None:
     table = pd.read_csv(cohort.folder / "tables" / "studies.csv")
     assert table["seed"].tolist() == [3_000_001, 3_000_002, 3_000_003]

@@ -25,7 +25,7 @@ from netboard.nodes.ports.control_port import MAX_PEERS
 from netboard.nodes.ports.log_port import LogPort
 from netboard.nodes.ports.peer import ProbedPeer
 from netboard.nodes.server.block_changes import PAGE_TICKS
-from netboard.nodes.server.record_keeping import FRAMES_AT_ONCE
+from netboard.nodes.server.record_keeping import BACKFILL_NS, BACKFILL_SILENCE_NS, FRAMES_AT_ONCE
 from netboard.nodes.server.session import FEED_TICKS
 from netboard.nodes.server.supervision import READY_TICKS
 from netboard.stage.curtain import Pause
@@ -300,10 +300,12 @@ def test_session_ends_after_the_agent_has_sent_what_it_rendered_during_a_cut(
     assert last.name == "session_ended"
 
 
-def test_session_ends_without_a_silent_agent(after_a_cut: SteppedSession, left: LeftAgent) -> None:
+@pytest.mark.parametrize("limit", ["began", "heard"])
+def test_session_ends_without_a_silent_agent(after_a_cut: SteppedSession, left: LeftAgent, limit: str) -> None:
     session = after_a_cut.session
     assert not session._end()
-    session.records._backfill_until_ns = now_ns()
+    longest = {"began": BACKFILL_NS, "heard": BACKFILL_SILENCE_NS}
+    setattr(session.records, f"_backfill_{limit}_ns", now_ns() - longest[limit])
     assert session._end()
     assert session.records.ending
 
