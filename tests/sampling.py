@@ -6,7 +6,7 @@ draws another sample and other random cases, the same ones each time; `make test
 and runs every test.
 
 Of the slow tests, `make test` runs those of the base and of the stage, whose bits recordings depend on, those of whole
-sessions and their faults, those of one in twelve of the other files, and those of a file that is named on the command
+sessions and their faults, those of one in ten of the other files, and those of a file that is named on the command
 line. ``@pytest.mark.sampled(3)`` runs three cases of a test; with ``of="NAME"``, three of all tests with this name.
 Tests with the same ``part="NAME"`` share a costly set-up and count as one case. A test with two marks, its own and its
 module's, runs if both select it. `some` selects from the cases that one test runs together.
@@ -39,7 +39,7 @@ def some(name: str, cases: Iterable[str], count: int) -> list[str]:
     return every if ALL else chance(name).sample(every, count)
 
 
-FILES_IN_TURN = 12
+FILES_IN_TURN = 10
 """`make test` runs the slow tests of one file in so many [1]."""
 
 ALWAYS = (".", "base", "stage", "integration/test_processes.py", "integration/test_faults.py")

@@ -111,6 +111,7 @@ def test_every_study_has_its_own_seed_and_results(cohort: Cohort) -> None:
     assert groups.groupby("study")["trials"].sum().tolist() == table["trials"].tolist()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("design", "words"),
     [
@@ -128,6 +129,7 @@ def test_resuming_a_cohort_with_other_settings_is_refused(cohort: Cohort, design
         make_cohort(design, 3, cohort.folder, RUNNER, resume=True)
 
 
+@pytest.mark.slow
 def test_existing_folder_is_not_overwritten_and_missing_one_not_resumed(cohort: Cohort, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="already exists; name another output, or continue it with --resume"):
         make_cohort(DESIGN, 3, cohort.folder, RUNNER)

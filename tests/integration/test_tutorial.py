@@ -12,6 +12,7 @@ TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorials" / "analyse-a-study.i
 
 pytestmark = [
     pytest.mark.integration,
+    pytest.mark.slow,
     pytest.mark.timeout(900),
     pytest.mark.filterwarnings("default::DeprecationWarning:jupyter_client"),
     pytest.mark.filterwarnings("default::DeprecationWarning:zmq"),
