@@ -125,7 +125,7 @@ class Game:
         self.view = view
         self._point(self.script.poll(view, dt))
         grip = self.window.board.picture.grip
-        self.labels |= {grip.label} if grip.label else set()
+        self.labels |= {grip.label} if grip is not None and grip.label else set()  # None: nothing is painted yet
 
     def _point(self, height: float) -> None:
         """Move the mouse over the window."""
