@@ -248,7 +248,7 @@ def loop_in_short() -> str:
     of_core = column("scale", "all [%]", "dyads")[dyads]
     limits = f"""
 It is not hard real time.** Python on a stock kernel misses some deadlines of the 1 kHz loop; every deadline miss is
-counted and recorded. With server, agents and logger on one busy virtual machine of two cores, the median
+counted and recorded. With server, agents and logger on one virtual machine of two cores, the median
 sample-to-force latency of a Touch was {touch[0]:.2f} times that of a minimal ZeroMQ round trip with messages of the
 same size, and its 99 % and 99.9 % quantiles {touch[1]:.2f} and {touch[2]:.2f} times. With the simulated device they
 were {simulated[0]:.2f}, {simulated[1]:.2f} and {simulated[2]:.2f} times. These are medians over the rounds of a run;
