@@ -176,6 +176,21 @@ def test_restarted_agent_cannot_backfill(link: Link) -> None:
     np.testing.assert_array_equal(rows["left_rendered"][600:], [rendered(k) for k in range(500)])
 
 
+def test_restarted_agent_is_not_asked_what_the_last_one_rendered(link: Link) -> None:
+    link.run(20)
+    link.run(200, cut=True)
+    link.answers_lost = 10**6
+    link.run(80)
+    assert link.requests
+    link.ring, link.seq = RenderedRing(), -1
+    link.rig.port.agents["left"].leave()
+    link.connect()
+    link.run(100)
+    link.requests.clear()
+    link.run(3 * REPEAT_INTERVAL_NS // MS)  # the new agent has samples with the numbers of the first interruption
+    assert link.requests == []
+
+
 def test_nothing_is_requested_before_the_agent_connects(link: Link) -> None:
     link.run(500, cut=True)
     link.run(100)

@@ -48,9 +48,16 @@ class Gaps:
             if missing:
                 self._ticks += 1
                 continue
+            if self._known is not None and seq < self._known:
+                self._forget()
             if self._known is not None and (self._ticks or seq - self._known > MARGIN):
                 self._end(self._known, seq)
             self._known, self._ticks = seq, 0
+
+    def _forget(self) -> None:
+        """Forget all interruptions: a restarted agent counts from 0, and would answer with other samples."""
+        self.open.clear()
+        self.requested_ns = None
 
     def _end(self, known: int, seq: int) -> None:
         """End an interruption that began after the sample `known` with the sample `seq`.
@@ -66,13 +73,11 @@ class Gaps:
 
     def _remember(self, request: BackfillRequest) -> None:
         """Add an interruption; beyond `MAX_GAPS` all samples since the last one are asked for, so that none is lost."""
-        last = self.open[-1] if len(self.open) >= MAX_GAPS else None
-        if last is not None and last.first <= request.first:
-            self.open[-1] = BackfillRequest(last.first, max(last.stop, request.stop))
-        elif last is not None:  # a restarted agent counts from 0, and has forgotten what the last one rendered
-            self.open[-1] = request
-        else:
+        if len(self.open) < MAX_GAPS:
             self.open.append(request)
+        else:
+            last = self.open[-1]
+            self.open[-1] = BackfillRequest(min(last.first, request.first), max(last.stop, request.stop))
 
 
 class Backfiller:
