@@ -45,7 +45,7 @@ def power(
     ] = False,
     cohort: Annotated[
         Path | None,
-        typer.Option(metavar="FOLDER", help="Use this cohort of the study instead of simulating one."),
+        typer.Option(metavar="FOLDER", help="Use all finished studies of this cohort instead of simulating one."),
     ] = None,
     workers: Workers = None,
     dask: Dask = None,

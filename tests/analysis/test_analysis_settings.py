@@ -1,13 +1,23 @@
 """Settings are named, checked and complete, and change only the measures that depend on them."""
 
+import inspect
 from dataclasses import fields, replace
 
 import pytest
 
 from netboard.analysis.extraction.settings import Exclusions, Readings, Summaries, measured_with, parse, resolve
+from netboard.analysis.measures.cooperation import contributions, delays
 from netboard.base.errors import ConfigError
 from netboard.base.settings import tables
 from netboard.task.trials.quality import FLAGS
+
+
+def test_delays_have_the_same_defaults_in_the_settings_and_in_the_measures() -> None:
+    settings = Readings().delays
+    defaults = [inspect.signature(function).parameters for function in (delays, contributions)]
+    shared = [(name, one[name].default) for one in defaults for name in one if hasattr(settings, name)]
+    assert {"search", "threshold", "velocity", "opposite", "amount"} <= {name for name, _ in shared}
+    assert [getattr(settings, name) for name, _ in shared] == [default for _, default in shared]
 
 
 def test_exclusions_accept_every_quality_flag() -> None:

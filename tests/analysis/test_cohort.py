@@ -130,6 +130,15 @@ def test_resuming_a_cohort_with_other_settings_is_refused(cohort: Cohort, design
 
 
 @pytest.mark.slow
+def test_fewer_studies_than_a_cohort_has_are_refused(cohort: Cohort) -> None:
+    """The tables would have two studies, and `netboard power --cohort` would use three."""
+    before = table_files(cohort)
+    with pytest.raises(ConfigError, match=r"--studies: found 2, but .* has 3, .*; expected 3 or more"):
+        make_cohort(DESIGN, 2, cohort.folder, RUNNER, resume=True)
+    assert table_files(cohort) == before
+
+
+@pytest.mark.slow
 def test_existing_folder_is_not_overwritten_and_missing_one_not_resumed(cohort: Cohort, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="already exists; name another output, or continue it with --resume"):
         make_cohort(DESIGN, 3, cohort.folder, RUNNER)

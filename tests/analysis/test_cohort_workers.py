@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 from functools import partial
 from multiprocessing import active_children
 from multiprocessing.connection import wait
@@ -64,3 +66,27 @@ def test_interruption_ends_the_processes_at_once() -> None:
     finally:
         for worker in workers:
             worker.kill()
+
+
+def wait_for_ever(number: int) -> None:
+    """Write the number of this process, and never end."""
+    os.write(1, f"{os.getpid()}\n".encode())
+    Event().wait()
+
+
+def test_workers_end_when_their_parent_is_killed() -> None:
+    """The killed process cannot stop them: each must notice. Its output ends once the last of them has ended."""
+    script = "from test_cohort_workers import TWO_PROCESSES, wait_for_ever\n"
+    script += "if __name__ == '__main__':\n    list(TWO_PROCESSES.run_all(wait_for_ever, (1, 2)))\n"
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}
+    command = [sys.executable, "-c", script]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, env=environment, text=True) as killed:
+        assert killed.stdout is not None
+        workers = [int(killed.stdout.readline()) for _ in range(2)]
+        killed.kill()
+        try:
+            killed.communicate(timeout=60)
+        except subprocess.TimeoutExpired:
+            for worker in workers:
+                os.kill(worker, signal.SIGKILL)
+            raise

@@ -108,7 +108,7 @@ def test_permutation_p_is_noted_with_its_assumption_and_the_skewness(found: Topi
 
 
 def test_random_sample_of_sign_flips_is_not_called_exact() -> None:
-    """17 dyads have 131 072 sign flips, of which 9999 are drawn: with the observed one, no p is below 2 / 10 000."""
+    """17 dyads have 131 072 sign flips, of which 9999 are drawn: with the observed one, no p is below 1 / 10 000."""
     blocks = [
         Block(f"D{k:02d}", f"D{k:02d}", "dyadic", force, times(9.0 + 0.01 * k if force == "none" else 3.0))
         for k in range(1, 18)
@@ -116,13 +116,13 @@ def test_random_sample_of_sign_flips_is_not_called_exact() -> None:
     ]
     study = made_study(blocks)
     one = comparison(comparisons(study), "completion time", ON_IN_DYADS)
-    assert one.contrast.permutation.p == one.contrast.permutation.least_p == pytest.approx(0.0002)
+    assert one.contrast.permutation.p == one.contrast.permutation.least_p == pytest.approx(0.0001)
     table = table_of(comparisons(study).results).set_index("quantity")
     noted = table.loc["completion time: p, permutation test", "note"]
-    assert noted.startswith("smallest possible p 0.0002 with this number of random sign flips")
+    assert noted.startswith("smallest possible p 0.0001 with this number of random sign flips")
     caption = picture(study).caption
     assert "permutation tests by random sign flips, corrected by Holm's method" in caption
-    assert "The smallest possible p of one test is 0.0002" in caption
+    assert "The smallest possible p of one test is 0.0001" in caption
     assert "exact" not in caption
 
 

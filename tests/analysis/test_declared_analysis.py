@@ -12,6 +12,9 @@ from statsmodels.stats.anova import AnovaRM
 from declared_study import DECLARED, TWO, crossed_study
 from made_study import made_study, random_blocks
 from netboard.analysis.extraction.study import StudyData
+from netboard.analysis.report.answer import answer_sentences, effect_lines, effects_grid, sensitivity_grid
+from netboard.analysis.report.wording import amount
+from netboard.analysis.statistics import restricted
 from netboard.analysis.statistics.exact_tests import permutation_test
 from netboard.analysis.topics.declared import DeclaredAnalysis, NoAnalysis, declared_analysis, equivalence_interval
 from netboard.analysis.topics.primary import picture, primary
@@ -72,6 +75,22 @@ def test_model_agrees_with_the_t_test_in_a_balanced_design() -> None:
         assert effect.counts.method == "model"
         t = next(one for one in effect.others if one.method == "t")
         assert effect.counts.estimate.value == pytest.approx(t.estimate.value, rel=1e-6)
+
+
+def test_answer_of_a_model_that_did_not_converge_says_so_beside_p(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(restricted, "STEPS", 1)
+    study = crossed_study(replace(DECLARED, method="model", secondary=()), TWO, trials=6)
+    found = analysed(study)
+    beside = "(the fit did not converge)"
+    assert all(line.endswith(beside) for line in effect_lines(found.primary))
+    text = " ".join(answer_sentences(found))
+    assert all(f"p = {amount(one.counts.tested.p)} {beside}" in text for one in found.primary.effects)
+    assert all(beside in str(row) for row in effects_grid(found.primary).rows)
+    others = sensitivity_grid(found.primary)
+    assert others is not None
+    assert not any(beside in str(row) for row in others.rows)
+    named = [row.quantity for row in primary(study).results if row.quantity.startswith("completion time: p, model")]
+    assert named == [f"completion time: p, model of all trials {beside}"] * 3
 
 
 def test_factor_between_dyads_is_tested_between_them() -> None:

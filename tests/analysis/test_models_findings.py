@@ -11,6 +11,7 @@ from made_modern import modern_blocks, modern_study
 from made_study import Block, declared, made_study, times
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.study import StudyData, study_of
+from netboard.analysis.statistics import restricted
 from netboard.analysis.statistics.factors import paper_factors
 from netboard.analysis.statistics.models import log_time_model
 from netboard.analysis.topics.models import Fits, fits, picture
@@ -54,6 +55,21 @@ def test_reported_terms_equal_those_of_the_models(found: Fits) -> None:
     assert table.loc[("completion time: at the first trial", "intercept"), "unit"] == "s"
     practice = table.loc[("completion time: exponent of practice", "log trial")]
     assert practice["low"] <= 0.0 <= practice["high"]
+
+
+def test_p_values_of_a_fit_that_did_not_converge_say_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(restricted, "STEPS", 1)
+    study = modern_study(modern_blocks(seed=5, dyads=6, trials=12, change=change_times))
+    table = table_of(fits(study).results)
+    p = table.loc[table["quantity"].str.startswith("completion time: p"), "quantity"]
+    assert len(p)
+    assert p.str.endswith(" (the fit did not converge)").all()
+    others = table[~table["quantity"].str.startswith("completion time")]
+    assert not others["quantity"].str.contains("converge").any()
+    notes = table.loc[table["quantity"] == "completion time: ratio", "note"]
+    assert notes.str.contains("the fit did not converge").all()
+    drawn = picture(study)
+    assert drawn.caption.count("(the fit did not converge)") == 1
 
 
 def test_intercept_has_no_p_value(found: Fits) -> None:

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from made_study import made_study, random_blocks
 from netboard.analysis.cohort.power import PERMUTATION, T_TEST, Differences, PowerRate, Scale, differences, powers
-from netboard.analysis.cohort.report import Assumptions, draw, flat, sentence, write
+from netboard.analysis.cohort.report import Assumptions, draw, flat, parts, sentence, write
 from netboard.analysis.cohort.rows import group_rows
 from netboard.analysis.statistics.contrasts import condition_contrast
 from netboard.analysis.topics.contrasts import comparisons, questions_of
@@ -161,6 +161,25 @@ def test_sentence_names_the_number_of_dyads_whose_power_is_surely_enough() -> No
     assert one.power.low < 0.8 < two.power.low
     assert sentence([one, two], ASSUMED).startswith("With 12 dyads")
     assert "lower limit is below 0.8 with each simulated number" in sentence([one], ASSUMED)
+
+
+def test_sentence_and_assumptions_say_that_a_test_cannot_reject() -> None:
+    """Four dyads have 16 sign flips: p is at least 2 / 16."""
+    four, eight = (replace(one) for one in list(powers([drawn()], [4, 8]))[1::2])
+    assert (four.least_p, eight.least_p) == (0.125, 2 / 2**8)
+    assert four.power.value == 0.0
+    expected = "It cannot reject at this level: its smallest possible p is 0.125 with 4 dyads. "
+    assert expected in sentence([four], ASSUMED)
+    assert "cannot reject" not in sentence([eight], ASSUMED)
+    about = dict(parts([four, eight], ASSUMED)[0]["rows"])
+    assert about["smallest possible p, permutation test, 4 dyads"] == "0.125; above 0.05, so the test cannot reject"
+    assert about["smallest possible p, permutation test, 8 dyads"] == "0.00781"
+
+
+def test_sentence_gives_the_share_of_fits_that_did_not_converge() -> None:
+    one = replace(next(powers([drawn()], [8])), unconverged=0.25)
+    assert "In 25 % of the studies the fit did not converge. " in sentence([one], ASSUMED)
+    assert flat(one)["unconverged"] == 0.25
 
 
 def test_figure_says_what_its_marks_bars_and_lines_are() -> None:

@@ -15,6 +15,8 @@ from statsmodels.stats.weightstats import DescrStatsW
 from netboard.analysis.statistics.effect_sizes import hedges_factor, hedges_g, paired_effect
 from netboard.analysis.statistics.estimates import bootstrap, cluster_mean, ratio_of_sums, t_interval
 from netboard.analysis.statistics.exact_tests import (
+    Alternative,
+    least_permutation_p,
     permutation_p,
     permutation_test,
     permutation_test_between,
@@ -203,13 +205,24 @@ def test_permutation_test_of_many_units_needs_a_generator() -> None:
 
 
 def test_least_p_of_a_random_sample_is_that_of_its_arrangements() -> None:
-    """Among 199 random arrangements and the observed one, the smallest two-sided p is 2 / 200."""
+    """Among 199 random arrangements and the observed one, only the observed one may be as extreme."""
     all_positive = np.arange(1.0, 21.0)
-    found = permutation_test(all_positive, rng=rng(), resamples=199)
-    assert found.p == found.least_p == pytest.approx(2 / 200)
-    assert permutation_test(all_positive, alternative="greater", rng=rng(), resamples=199).least_p == 1 / 200
+    for alternative in ("two-sided", "greater"):
+        found = permutation_test(all_positive, alternative=alternative, rng=rng(), resamples=199)
+        assert found.p == found.least_p == 1 / 200
+    # Of two groups scipy doubles the smaller tail.
     between = permutation_test_between(all_positive, all_positive - 100.0, rng=rng(), resamples=199)
     assert between.p == between.least_p == pytest.approx(2 / 200)
+
+
+@pytest.mark.evidence("truth", least_permutation_p)
+@pytest.mark.parametrize("n", [2, 5, 16, 24])
+@pytest.mark.parametrize("alternative", ["two-sided", "greater"])
+def test_extreme_differences_have_the_least_p(n: int, alternative: Alternative) -> None:
+    x = 10.0 + np.arange(n)
+    found = permutation_test(x, alternative=alternative, rng=rng())
+    assert found.p == found.least_p == least_permutation_p(n, alternative=alternative)
+    assert found.exact == (n <= 16)
 
 
 def test_extreme_division_reaches_the_least_p() -> None:
@@ -257,7 +270,8 @@ def test_hedges_g_equals_statsmodels_and_the_t_statistic() -> None:
     assert (found.n, found.unit) == (23, "participant")
     plain = hedges_g(x, y, correction="none")
     assert plain.value * np.sqrt(9 * 14 / 23) == pytest.approx(stats.ttest_ind(x, y).statistic)
-    assert found.low == pytest.approx(plain.low * hedges_factor(21))
+    assert found.value == pytest.approx(plain.value * hedges_factor(21))
+    assert (found.low, found.high) == (plain.low, plain.high)
 
 
 def test_undefined_effects_and_tests_are_nan() -> None:

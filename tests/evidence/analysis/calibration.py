@@ -5,6 +5,7 @@ test at .05 should reject in 5 % of the studies without an effect. Fixed effects
 the mixed model, so an effect is added to the estimates of the same studies to obtain the power.
 """
 
+from bisect import bisect_left
 from collections.abc import Callable, Iterator
 from concurrent.futures import as_completed
 from dataclasses import dataclass
@@ -15,7 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from netboard.analysis.statistics.effect_sizes import hedges_factor, paired_effect
 from netboard.analysis.statistics.effects import between_dyad_freedom, contrasts_of
+from netboard.analysis.statistics.estimates import Estimate
 from netboard.analysis.statistics.exact_tests import permutation_p
 from netboard.analysis.statistics.factors import ModelDesign, design_of, paper_factors
 from netboard.analysis.statistics.random_effects import random_effects
@@ -212,6 +215,7 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[ResultPart]:
     yield table_part(counts, studies, 1, 0)
     yield table_part(counts, studies, 0, 1)
     yield differences_part(DRAWS * studies)
+    yield effect_sizes_part(DRAWS * studies)
 
 
 def rejections(studies: int, tell: Tell) -> Counts:
@@ -301,6 +305,51 @@ def differences_part(samples: int) -> ResultPart:
         f"at most {max(worst['normal']):.3f} for normal, and up to {max(worst['skewed']):.3f} for log-normal ones",
     )
     return part
+
+
+EFFECT_SIZES = (0.0, 0.5, 1.0, 2.0)
+"""True effect sizes of simulated differences [1]."""
+
+
+def effect_sizes_part(samples: int) -> ResultPart:
+    """Tabulate the coverage of the interval of g_z, and of the same interval multiplied by Hedges' correction."""
+    part = ResultPart(
+        "effect-sizes",
+        f"Coverage of the 95 % confidence interval of g_z, normal differences, {samples} samples for each row",
+        ("dyads", "true effect size", "limits of the true effect", "the same limits, multiplied by the correction"),
+    )
+    covered = []
+    for dyads in DYADS:
+        for true in EFFECT_SIZES:
+            own, shrunk = coverage(dyads, true, samples)
+            part.add(dyads, f"{true:g}", share(own, samples), share(shrunk, samples))
+            covered.append(own / samples)
+    error = 4.0 * sqrt(LEVEL * (1.0 - LEVEL) / samples)
+    part.claim(
+        "the interval of g_z has its nominal coverage of .95, but for the Monte Carlo error",
+        max(abs(one - (1.0 - LEVEL)) for one in covered) <= error,
+        f"{min(covered):.3f} to {max(covered):.3f}",
+    )
+    return part
+
+
+def coverage(dyads: int, true: float, samples: int) -> tuple[int, int]:
+    """Count the samples whose interval of g_z covers the true effect size: as it is, and multiplied by the correction.
+
+    The intervals depend on the sample through its effect size alone, and grow with it. So the covering ones are those
+    between two effect sizes, which a search finds.
+    """
+    drawn = np.random.default_rng((dyads, round(10 * true))).normal(true, 1.0, (samples, dyads))
+    order = np.argsort(drawn.mean(axis=1) / drawn.std(axis=1, ddof=1))
+    factor = hedges_factor(dyads - 1)
+
+    def first(above: Callable[[Estimate], bool]) -> int:
+        """Return the rank of the first sample whose interval is so far up."""
+        return bisect_left(order, True, key=lambda one: above(paired_effect(drawn[one], correction="hedges")))
+
+    own = first(lambda one: one.low > true) - first(lambda one: one.high >= true)
+    shrunk = first(lambda one: factor * one.low > true) - first(lambda one: factor * one.high >= true)
+    return own, shrunk
 
 
 def share(count: int, of: int) -> str:

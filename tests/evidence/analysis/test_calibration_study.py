@@ -7,6 +7,7 @@ from evidence.analysis import calibration
 from evidence.analysis.calibration import (
     DYADS,
     EFFECT,
+    EFFECT_SIZES,
     ERRORS,
     METHODS,
     QUICK,
@@ -14,7 +15,9 @@ from evidence.analysis.calibration import (
     TERMS,
     TRIALS,
     Setting,
+    coverage,
     differences_part,
+    effect_sizes_part,
     p_of_differences,
     settings,
     share,
@@ -22,6 +25,7 @@ from evidence.analysis.calibration import (
     table_part,
 )
 from netboard.analysis.statistics.contrasts import paired_t_test
+from netboard.analysis.statistics.effect_sizes import hedges_factor, paired_effect
 from netboard.analysis.statistics.exact_tests import permutation_test
 from netboard.analysis.statistics.factors import paper_factors
 from netboard.analysis.statistics.models import log_time_model
@@ -69,6 +73,21 @@ def test_successive_trials_are_correlated_under_ar_errors() -> None:
     times = np.concatenate([calibration._drawn(rng, Setting(16, "AR(.5)", 0.0)) for _ in range(8)])
     left = times - times.mean(axis=3, keepdims=True)
     assert (left[..., 1:] * left[..., :-1]).mean() / (left**2).mean() == pytest.approx(0.45, abs=0.06)
+
+
+@pytest.mark.parametrize("true", [0.0, 1.5])
+def test_coverage_counts_the_intervals_that_cover_the_true_effect(true: float) -> None:
+    drawn = np.random.default_rng((4, round(10 * true))).normal(true, 1.0, (60, 4))
+    found = [paired_effect(own, correction="hedges") for own in drawn]
+    shrunk = [(hedges_factor(3) * one.low, hedges_factor(3) * one.high) for one in found]
+    expected = sum(one.low <= true <= one.high for one in found), sum(low <= true <= high for low, high in shrunk)
+    assert coverage(4, true, 60) == expected
+
+
+def test_effect_sizes_have_their_nominal_coverage() -> None:
+    part = effect_sizes_part(4000)
+    assert part.holds
+    assert len(part.rows) == len(DYADS) * len(EFFECT_SIZES)
 
 
 @pytest.mark.slow

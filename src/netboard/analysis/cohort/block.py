@@ -1,8 +1,8 @@
 """A rehearsed block as input of the measures, in memory and without a recording.
 
 The ticks are processed while the block is simulated, and only the columns that the measures need are kept. Attempts,
-quality flags and measures are computed by the functions that analyse a recording, with the default settings (those of
-the paper), so they equal those of a recording of the same block.
+quality flags and measures are computed by the functions that analyse a recording, with the default settings, so they
+equal those of a recording of the same block.
 """
 
 from collections.abc import Iterator, Mapping
@@ -29,7 +29,7 @@ from netboard.recording.format.summary import attempts_along
 from netboard.task.trials.quality import Referee
 
 READINGS = Readings()
-"""Settings of the measures: those of the paper."""
+"""Settings of the measures: the defaults of an analysis."""
 
 TRIALS = (*ATTEMPT, *(field for group in PAPER for field in group.fields))
 """Columns of the attempts of a virtual study: the measures of the paper."""

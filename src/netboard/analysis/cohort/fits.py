@@ -38,12 +38,13 @@ class FitKey(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """An effect in one study: a ratio with its confidence interval, and its p value."""
+    """An effect in one study: a ratio with its confidence interval, its p value, and whether the fit converged."""
 
     value: float
     low: float
     high: float
     p: float
+    converged: bool
 
 
 def fitted(folder: Path, sizes: Sequence[int], alpha: float, trials: int, number: int) -> dict[FitKey, Term]:
@@ -73,10 +74,11 @@ def _terms(fit: ModelFit) -> Iterator[tuple[str, str, Term]]:
     for effect in fit.model.effects:
         if effect.name not in (INTERCEPT, PRACTICE):
             ratio = effect.ratio
-            yield effect.name, MODEL, Term(ratio.value, ratio.low, ratio.high, effect.p)
+            yield effect.name, MODEL, Term(ratio.value, ratio.low, ratio.high, effect.p, fit.model.converged)
             for other in effect.others:
                 ratio = other.ratio
-                yield effect.name, f"{MODEL}, {other.method}", Term(ratio.value, ratio.low, ratio.high, other.p)
+                found = Term(ratio.value, ratio.low, ratio.high, other.p, fit.model.converged)
+                yield effect.name, f"{MODEL}, {other.method}", found
 
 
 def model_powers(
@@ -135,4 +137,5 @@ def _power(key: FitKey, terms: Sequence[Term | None], truth: float, alpha: float
         false_positives=PowerRate.of(misses, len(terms)),
         width=width,
         width_error=error,
+        unconverged=sum(not term.converged for term in known) / len(terms),
     )

@@ -139,6 +139,12 @@ class Cohort:
             number += 1
         return number
 
+    @property
+    def largest(self) -> int:
+        """Largest number of a study that was ever finished; 0 without one [1]."""
+        names = (self.folder / STUDIES_IN).glob("study-*.tables")
+        return max((int(path.stem.partition("-")[2]) for path in names), default=0)
+
     def frames(self, table: str, studies: int) -> Iterator[pd.DataFrame]:
         """Yield a table of each of the first studies."""
         for number in range(1, studies + 1):
@@ -208,12 +214,17 @@ def make_cohort(
 ) -> Cohort:
     """Simulate the studies of a cohort that are not finished, and join their tables.
 
-    - `studies`: number of virtual studies; a cohort that is continued may get more of them [1].
+    - `studies`: number of virtual studies; a cohort that is continued may get more of them, and not fewer [1].
     - `ending`: format of the table of trials, if it is kept.
     """
     check(design, studies)
     cohort = Cohort(folder) if resume else Cohort.create(folder, design)
     cohort.require(design)
+    if studies < cohort.largest:
+        raise ConfigError(
+            f"--studies: found {studies}, but {folder} has {cohort.largest}, all of which netboard power --cohort "
+            f"uses; expected {cohort.largest} or more, or another --output"
+        )
     cohort.clean()
     missing = [number for number in range(1, studies + 1) if not cohort.has(number)]
     done = studies - len(missing)

@@ -23,7 +23,7 @@ from scipy.special import stdtrit
 
 from netboard.analysis.cohort.rows import KEPT, SIZE, CohortMeasure
 from netboard.analysis.statistics.estimates import ROUNDING
-from netboard.analysis.statistics.exact_tests import permutation_p
+from netboard.analysis.statistics.exact_tests import least_permutation_p, permutation_p
 from netboard.analysis.topics.contrasts import SEED
 from netboard.analysis.topics.groups import paired_levels
 from netboard.base.errors import ConfigError
@@ -83,6 +83,8 @@ class Power:
     - `deviation`: standard deviation of the dyads' differences, of logarithms for a ratio; NaN for a model [unit].
     - `power`, `false_positives`: share of studies that reject the null hypothesis, with the effect and with the effect
       removed.
+    - `least_p`: smallest p that the test can have; NaN for a test without a limit [1].
+    - `unconverged`: share of the studies whose fit of a model did not converge [1].
     - `width`, `width_error`: mean width of the confidence interval, for a ratio the geometric mean of its upper limit
       over its lower one; and its Monte Carlo standard error [unit].
     """
@@ -101,6 +103,12 @@ class Power:
     false_positives: PowerRate
     width: float
     width_error: float
+    least_p: float = nan
+    unconverged: float = 0.0
+
+    def impossible(self, alpha: float) -> bool:
+        """Return whether the test cannot reject at a level, because its smallest possible p is above it."""
+        return self.least_p > alpha
 
 
 def differences(
@@ -198,6 +206,7 @@ def powers(found: Sequence[Differences], sizes: Sequence[int], alpha: float = 0.
                     false_positives=PowerRate.of(int((without <= alpha).sum()), len(own)),
                     width=width,
                     width_error=error,
+                    least_p=least_permutation_p(dyads) if test == PERMUTATION else nan,
                 )
 
 

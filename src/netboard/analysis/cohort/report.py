@@ -71,6 +71,8 @@ COLUMNS = (
     ("false_positives_high", "1, Wilson 95 %"),
     ("width", "unit; mean width of the confidence interval; for a ratio upper over lower limit"),
     ("width_error", "unit; Monte Carlo standard error"),
+    ("least_p", "1; smallest p that the test can have; empty for a test without a limit"),
+    ("unconverged", "1; share of the studies whose fit of a model did not converge"),
 )
 """Columns of the table, with what they are."""
 
@@ -150,8 +152,19 @@ def sentence(found: Sequence[Power], assumptions: Assumptions) -> str:
         f"With {plural(one.dyads, 'dyad')}{trials}, a {one.test} of {one.measure} ({one.contrast}; {one.scale} "
         f"{one.effect:.3g}{unit}) at the level {assumptions.alpha:g} has a power of {one.power.value:.2f} (95 % Monte "
         f"Carlo confidence interval {one.power.low:.2f} to {one.power.high:.2f}){reached}{wide}. "
-        f"Simulated: {assumptions}."
+        f"{_limits(one, assumptions.alpha)}Simulated: {assumptions}."
     )
+
+
+def _limits(one: Power, alpha: float) -> str:
+    """Return sentences on a test that cannot reject, and on fits that did not converge; empty for neither."""
+    found = []
+    if one.impossible(alpha):
+        least = f"its smallest possible p is {one.least_p:.3g}"
+        found.append(f"It cannot reject at this level: {least} with {plural(one.dyads, 'dyad')}. ")
+    if one.unconverged:
+        found.append(f"In {100.0 * one.unconverged:.3g} % of the studies the fit did not converge. ")
+    return "".join(found)
 
 
 def by_test(found: Sequence[Power]) -> dict[tuple[str, str, str, int], list[Power]]:
@@ -171,10 +184,18 @@ def flat(one: Power) -> dict[str, Any]:
     return {name: row[name] for name, _ in COLUMNS}
 
 
+def least_rows(found: Sequence[Power], alpha: float) -> Iterator[tuple[str, str]]:
+    """Yield the smallest possible p of each exact test by number of dyads, and whether it is above the level."""
+    least = {(one.test, one.dyads): one for one in found if isfinite(one.least_p)}
+    for (test, dyads), one in sorted(least.items()):
+        above = f"; above {alpha:g}, so the test cannot reject" if one.impossible(alpha) else ""
+        yield f"smallest possible p, {test}, {plural(dyads, 'dyad')}", f"{one.least_p:.3g}{above}"
+
+
 def parts(found: Sequence[Power], assumptions: Assumptions) -> list[dict[str, Any]]:
     """Return the tables of a page: the assumptions, and power, false positives and precision by number of dyads."""
     sizes = sorted({one.dyads for one in found})
-    about = [list(row) for row in assumptions.rows()]
+    about = [list(row) for row in (*assumptions.rows(), *least_rows(found, assumptions.alpha))]
     found_parts: list[dict[str, Any]] = [
         {"name": "about", "title": "Assumptions", "columns": ["", "value"], "rows": about, "verdicts": []}
     ]

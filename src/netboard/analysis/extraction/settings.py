@@ -13,7 +13,7 @@ from typing import Annotated, Literal
 from pydantic import StrictStr, TypeAdapter
 
 from netboard.analysis.measures.braking import Braking
-from netboard.analysis.measures.cooperation import Amount, Opposite, Search, Threshold, Velocity
+from netboard.analysis.measures.cooperation import SEARCH, Amount, Opposite, Search, Threshold, Velocity
 from netboard.analysis.measures.ellipses import Extent, Scaling
 from netboard.analysis.measures.motion import Inside, SpeedOrder, Window
 from netboard.analysis.measures.movements import AtLimit, Average
@@ -95,7 +95,7 @@ class DelaySettings:
     amount: Annotated[Amount, about("quantity whose ratio between sides is limited: displacement, or path")] = "net"
     largest_ratio: Annotated[float, about("largest such ratio", "1", ge=1, le=1000)] = 9.0
     threshold: Annotated[Threshold, about("peak to which the thresholds refer")] = "slower_side"
-    search: Annotated[Search, about("threshold time of a side that starts above the threshold")] = "back"
+    search: Annotated[Search, about("threshold time of a side that starts above the threshold")] = SEARCH
     velocity: Annotated[Velocity, about("velocity that must reach the threshold")] = "own_direction"
 
 

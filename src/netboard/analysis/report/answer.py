@@ -16,6 +16,7 @@ from netboard.analysis.report.wording import amount, capital, percent, plural
 from netboard.analysis.statistics.estimates import Estimate
 from netboard.analysis.topics.declared import DeclaredAnalysis, DeclaredEffect, Outcome, equivalence_interval
 from netboard.analysis.topics.primary import effect_result, mean_result, method_name, size_result
+from netboard.analysis.topics.result import cautioned
 
 
 def answer_sentences(found: DeclaredAnalysis) -> Iterator[str]:
@@ -91,7 +92,7 @@ def _test(effect: DeclaredEffect) -> str:
     tested = effect.counts.tested
     if not isfinite(tested.p):
         return f"no p value: {tested.note}"
-    p = f"p = {amount(tested.p)}"
+    p = cautioned(f"p = {amount(tested.p)}", tested.caution)
     return f"t({amount(round(tested.free, 1))}) = {amount(tested.statistic, 2)}, {p}" if isfinite(tested.free) else p
 
 
@@ -166,7 +167,7 @@ def _effects(outcome: Outcome) -> Iterator[dict[GridColumn, Cell | float]]:
             GridColumn("Test"): method_name(outcome.measure.name, effect.counts.method),
             number("t"): amount(effect.counts.tested.statistic, 2),
             number("df"): amount(round(effect.counts.tested.free, 1)),
-            number("p"): amount(effect.counts.tested.p),
+            number("p"): cautioned(amount(effect.counts.tested.p), effect.counts.tested.caution),
             number("Effect size"): f"{_size_name(size)} = {written(size)[0]} ({between(size)})",
             number("Dyads"): effect.counts.estimate.n,
         }
@@ -210,7 +211,7 @@ def sensitivity_grid(outcome: Outcome) -> Grid | None:
                     GridColumn("Scale"): by.scale,
                     number("Estimate"): f"{written(row)[0]}{after(unit_of(row))}",
                     number(f"{percent(by.estimate.level)} CI"): between(row),
-                    number("p"): amount(by.tested.p),
+                    number("p"): cautioned(amount(by.tested.p), by.tested.caution),
                 }
             )
     return grid_of(f"Sensitivity analyses of {outcome.measure.name}: none of these counts", rows) if rows else None
@@ -229,7 +230,7 @@ def secondary_grid(found: DeclaredAnalysis) -> Grid | None:
                     GridColumn("Scale"): effect.counts.scale,
                     number("Estimate"): f"{written(row)[0]}{after(unit_of(row))}",
                     number(f"{percent(found.declaration.level)} CI"): between(row),
-                    number("p, Holm"): amount(effect.corrected),
+                    number("p, Holm"): cautioned(amount(effect.corrected), effect.counts.tested.caution),
                     number("Dyads"): effect.counts.estimate.n,
                 }
             )

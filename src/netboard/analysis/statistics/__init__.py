@@ -66,7 +66,8 @@ method : Bootstrap
     ``percentile`` or ``basic``: percentiles of the bootstrap distribution, or reflected ones; ``BCa``: bias-corrected
     and accelerated (Efron, J. Am. Stat. Assoc. 82:171, 1987).
 correction : Correction
-    ``none``: d; ``hedges``: g, by multiplication of estimate and interval by the small-sample `hedges_factor`.
+    ``none``: d; ``hedges``: g, by multiplication of the estimate by the small-sample `hedges_factor`. The interval is
+    the same: that of the true effect.
 slopes : Slopes
     Random slopes: none, by dyad, or by dyad and performer, of each factor that varies within performers. Without
     them the confidence interval of an effect that differs between dyads is too short.

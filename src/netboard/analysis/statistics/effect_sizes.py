@@ -1,13 +1,14 @@
 """Standardised effect sizes, with the dyad as the unit of replication.
 
-Confidence intervals use the noncentral t distribution. `correction` selects Hedges' small-sample correction.
+Confidence intervals are those of d, by the noncentral t distribution. `correction` selects Hedges' small-sample
+correction, which removes the bias of the estimate. It is no factor of the interval: the limits of d have the nominal
+coverage of the true effect, and multiplied by the correction they would be too short and too near 0.
 """
 
 from collections.abc import Sequence
-from math import exp, lgamma, log, sqrt
+from math import exp, isfinite, lgamma, log, nan, sqrt
 from typing import Literal
 
-import numpy as np
 from numpy.typing import ArrayLike
 from scipy import stats
 from scipy.optimize import brentq
@@ -28,7 +29,7 @@ def paired_effect(
     x = known(differences)
     name = "d_z, noncentral t" if correction == "none" else "g_z, noncentral t"
     if len(x) < 2 or constant(x):
-        return Estimate(np.nan, np.nan, np.nan, level, len(x), unit, name)
+        return Estimate(nan, nan, nan, level, len(x), unit, name)
     factor = hedges_factor(len(x) - 1) if correction == "hedges" else 1.0
     return _effect(mean(x) / float(x.std(ddof=1)), sqrt(len(x)), len(x) - 1, factor, level, len(x), unit, name)
 
@@ -50,7 +51,7 @@ def hedges_g(
     name = "d, noncentral t" if correction == "none" else "g, noncentral t"
     spread = ((x - mean(x)) ** 2).sum() + ((y - mean(y)) ** 2).sum()
     if free < 1 or not len(x) or not len(y) or not spread > 0.0:
-        return Estimate(np.nan, np.nan, np.nan, level, n, unit, name)
+        return Estimate(nan, nan, nan, level, n, unit, name)
     factor = hedges_factor(free) if correction == "hedges" else 1.0
     d = (mean(x) - mean(y)) / sqrt(spread / free)
     return _effect(d, sqrt(len(x) * len(y) / n), free, factor, level, n, unit, name)
@@ -80,7 +81,7 @@ def contrast_effect(
     n, free = sum(map(len, values)), sum(map(len, values)) - len(values)
     name = f"{'g' if correction == 'hedges' else 'd'}{'_z' if len(values) == 1 else ''}, noncentral t"
     if free < 1 or not all(map(len, values)) or all(map(constant, values)):
-        return Estimate(np.nan, np.nan, np.nan, level, n, unit, name)
+        return Estimate(nan, nan, nan, level, n, unit, name)
     factor = hedges_factor(free) if correction == "hedges" else 1.0
     spread = sqrt(sum(float(((x - x.mean()) ** 2).sum()) for x in values) / free)
     d = sum(w * mean(x) for w, x in zip(weights, values, strict=True)) / spread
@@ -95,14 +96,16 @@ def hedges_factor(free: int) -> float:
     freedom, for which d has no mean.
     """
     if free < 2:
-        return float("nan")
+        return nan
     return exp(lgamma(free / 2.0) - lgamma((free - 1) / 2.0) - log(free / 2.0) / 2.0)
 
 
 def _effect(d: float, scale: float, free: int, factor: float, level: float, n: int, unit: str, name: str) -> Estimate:
-    """Return a standardised mean with its noncentral t confidence interval."""
+    """Return a standardised mean, times the correction, with the noncentral t confidence interval of the true one."""
+    if not isfinite(factor):
+        return Estimate(nan, nan, nan, level, n, unit, name)
     low, high = (_noncentrality(d * scale, free, tail) / scale for tail in (0.5 + level / 2.0, 0.5 - level / 2.0))
-    return Estimate(factor * d, factor * low, factor * high, level, n, unit, name)
+    return Estimate(factor * d, low, high, level, n, unit, name)
 
 
 def _noncentrality(t: float, free: int, below: float) -> float:

@@ -27,6 +27,9 @@ Interval = Literal["t", "z"]
 METHODS = ("Satterthwaite", "Kenward-Roger")
 """Small-sample inference methods."""
 
+NOT_CONVERGED = "the fit did not converge"
+"""Caution for the estimates and p values of such a fit."""
+
 
 @dataclass(frozen=True, slots=True)
 class Inference:
@@ -203,6 +206,11 @@ class Model:
     assumptions: tuple[str, ...]
     notes: tuple[str, ...]
     diagnostics: Diagnostics | None
+
+    @property
+    def caution(self) -> str:
+        """Caution that belongs beside every p of the model; empty for none."""
+        return NOT_CONVERGED if self.fitted and not self.converged else ""
 
     def effect(self, name: str) -> Effect:
         """Return the effect with a name."""

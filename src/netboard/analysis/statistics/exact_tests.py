@@ -5,7 +5,6 @@ a random sample is evaluated; without a random generator there is then a ValueEr
 test could give with this number of units, or of random arrangements.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from math import comb, inf
 from typing import Any, Literal
@@ -97,16 +96,22 @@ def permutation_test(
     x = known(differences)
     if len(x) < 2:
         return Test(mean(x), np.nan, np.nan, len(x), unit, exact=True, method="sign flips")
-    p, least, exact = _permuted((x,), np.mean, "samples", 2 ** len(x), alternative, rng, resamples)
-    return Test(mean(x), p, least, len(x), unit, exact=exact, method="sign flips")
+    p = float(permutation_p(x[None, :], alternative=alternative, rng=rng, resamples=resamples)[0])
+    least = least_permutation_p(len(x), alternative=alternative, resamples=resamples)
+    return Test(mean(x), p, least, len(x), unit, exact=_enumerated(len(x)), method="sign flips")
 
 
 def permutation_p(
-    differences: NDArray[np.float64], *, rng: np.random.Generator | None = None, resamples: int = 9999
+    differences: NDArray[np.float64],
+    *,
+    alternative: Alternative = "two-sided",
+    rng: np.random.Generator | None = None,
+    resamples: int = 9999,
 ) -> NDArray[np.float64]:
-    """Return the two-sided p values of `permutation_test` for many samples of equal size at once, shape (k,) [1].
+    """Return the p values of `permutation_test` for many samples of equal size at once, shape (k,) [1].
 
-    NaN for samples of fewer than two units. Random arrangements are the same for all samples.
+    NaN for samples of fewer than two units. Random arrangements are the same for all samples; the observed arrangement
+    counts as one more.
 
     Parameters
     ----------
@@ -114,8 +119,8 @@ def permutation_p(
         One difference for each unit of each sample; NaN are ignored [any].
     """
     n = differences.shape[1]
-    exact = 2**n <= MAX_EXACT
-    if exact:  # an arrangement and its mirror image have the same magnitude, so one of both is enough
+    exact = _enumerated(n)
+    if exact:  # half of the arrangements, because the others are their mirror images
         signs = 1.0 - 2.0 * (np.arange(2 ** max(n - 1, 0))[:, None] >> np.arange(n) & 1)
     elif rng is None:
         raise ValueError(f"{2**n} arrangements are too many to evaluate: give a random generator")
@@ -123,9 +128,39 @@ def permutation_p(
         signs = rng.choice([-1.0, 1.0], (resamples, n))
     p = np.full(len(differences), np.nan)
     for place, own in enumerate(np.nan_to_num(differences)):  # a difference of 0 is neutral in every arrangement
-        extreme = np.abs(signs @ own) >= abs(own.sum()) * (1.0 - ROUNDING)
+        sums, slack = signs @ own, ROUNDING * float(np.abs(own).sum())
+        every = np.concatenate([sums, -sums]) if exact else sums
+        extreme = _as_extreme(every, float(own.sum()), slack, alternative)
         p[place] = extreme.mean() if exact else (extreme.sum() + 1) / (resamples + 1)
     return np.where(np.isfinite(differences).sum(axis=1) < 2, np.nan, p)
+
+
+def least_permutation_p(n: int, *, alternative: Alternative = "two-sided", resamples: int = 9999) -> float:
+    """Return the smallest p that `permutation_test` can have with a number of units [1].
+
+    All sign flips: one of them, and its mirror image for a two-sided test. A random sample: the observed arrangement
+    alone.
+
+    Parameters
+    ----------
+    n : int
+        Number of units [1].
+    """
+    return _least(2**n, alternative) if _enumerated(n) else 1.0 / (resamples + 1)
+
+
+def _enumerated(n: int) -> bool:
+    """Return whether all sign flips of a number of units are evaluated."""
+    return bool(2**n <= MAX_EXACT)
+
+
+def _as_extreme(
+    sums: NDArray[np.float64], observed: float, slack: float, alternative: Alternative
+) -> NDArray[np.bool_]:
+    """Return which sums are as extreme as the observed one, or equal it but for rounding."""
+    if alternative == "two-sided":
+        return np.abs(sums) >= abs(observed) - slack
+    return sums >= observed - slack if alternative == "greater" else sums <= observed + slack
 
 
 def permutation_interval(
@@ -137,8 +172,7 @@ def permutation_interval(
     cannot reject at this level.
     """
     x = known(differences)
-    arrangements = 2 ** len(x) if 2 ** len(x) <= MAX_EXACT else resamples + 1
-    if len(x) < 2 or 2.0 / arrangements > 1.0 - level:
+    if len(x) < 2 or least_permutation_p(len(x), resamples=resamples) > 1.0 - level:
         return Estimate(mean(x), np.nan, np.nan, level, len(x), unit, "sign flips")
 
     def rejected(value: float) -> bool:
@@ -175,8 +209,21 @@ def permutation_test_between(
     if len(x) < 2 or len(y) < 2:
         return Test(mean(x) - mean(y), np.nan, np.nan, n, unit, exact=True, method="divisions")
     divisions = comb(n, len(x))
-    p, least, exact = _permuted((x, y), _difference_along, "independent", divisions, alternative, rng, resamples)
-    return Test(mean(x) - mean(y), p, least, n, unit, exact=exact, method="divisions")
+    exact = divisions <= MAX_EXACT
+    if not exact and rng is None:
+        raise ValueError(f"{divisions} arrangements are too many to evaluate: give a random generator")
+    found = stats.permutation_test(
+        (x, y),
+        _difference_along,
+        permutation_type="independent",
+        vectorized=True,
+        n_resamples=inf if exact else resamples,
+        alternative=alternative,
+        rng=rng,
+    )
+    # Of a random sample scipy doubles the smaller tail, in which the observed arrangement counts as one.
+    least = _least(divisions if exact else resamples + 1, alternative)
+    return Test(mean(x) - mean(y), float(found.pvalue), least, n, unit, exact=exact, method="divisions")
 
 
 def _difference_along(x: NDArray[np.float64], y: NDArray[np.float64], axis: int) -> Any:
@@ -186,31 +233,3 @@ def _difference_along(x: NDArray[np.float64], y: NDArray[np.float64], axis: int)
 def _least(arrangements: int, alternative: Alternative) -> float:
     """Return the smallest p value of a symmetric distribution of equally probable arrangements."""
     return min(1.0, (2.0 if alternative == "two-sided" else 1.0) / arrangements)
-
-
-def _permuted(
-    data: tuple[NDArray[np.float64], ...],
-    statistic: Callable[..., Any],
-    kind: str,
-    arrangements: int,
-    alternative: Alternative,
-    rng: np.random.Generator | None,
-    resamples: int,
-) -> tuple[float, float, bool]:
-    """Return p and the smallest possible p, and whether they are from all arrangements or from a random sample.
-
-    The observed arrangement counts as one of a random sample.
-    """
-    exact = arrangements <= MAX_EXACT
-    if not exact and rng is None:
-        raise ValueError(f"{arrangements} arrangements are too many to evaluate: give a random generator")
-    found = stats.permutation_test(
-        data,
-        statistic,
-        permutation_type=kind,
-        vectorized=True,
-        n_resamples=inf if exact else resamples,
-        alternative=alternative,
-        rng=rng,
-    )
-    return float(found.pvalue), _least(arrangements if exact else resamples + 1, alternative), exact

@@ -132,14 +132,15 @@ def penalised_model(fit: Specification, design: ModelDesign, family: Family, why
         name=f"{'Poisson' if counts else 'logistic'} regression, Firth's penalised likelihood",
         assumptions=tuple(sentence.format(what="mean count" if counts else "odds") for sentence in _PENALISED),
     )
+    effects, converged = _profiled(named, design, best, family, spread)
     return named.model(
         design,
         best.coefficients,
         best.covariance * spread,
-        converged=best.converged,
+        converged=best.converged and converged,
         notes=(f"{why}: Firth's penalised likelihood, which is finite there", f"dispersion between dyads {spread:.2f}"),
         dispersion=spread,
-        effects=tuple(_profiled(named, design, best, family, spread)),
+        effects=effects,
     )
 
 
@@ -156,10 +157,13 @@ def _dispersion_of_dyads(design: ModelDesign, best: Penalised, family: Family) -
     return max(found)
 
 
-def _profiled(fit: Specification, design: ModelDesign, best: Penalised, family: Family, spread: float) -> list[Effect]:
-    """Return all effects with profile confidence intervals."""
+def _profiled(
+    fit: Specification, design: ModelDesign, best: Penalised, family: Family, spread: float
+) -> tuple[tuple[Effect, ...], bool]:
+    """Return all effects with profile confidence intervals, and whether the fits without each effect converged."""
     free = between_dyad_freedom(design) if fit.interval == "t" else inf
     found = []
+    converged = True
     for name, row in contrasts_of(design).items():
         value = nan if row is None else float(row @ best.coefficients)
         error = low = high = p = nan
@@ -168,8 +172,9 @@ def _profiled(fit: Specification, design: ModelDesign, best: Penalised, family: 
             drop = 0.5 * spread * float(stats.t.ppf(0.5 + fit.level / 2.0, free)) ** 2
             low, high = profile_interval(design.values, design.columns, family, best, row, drop)
             held = firth_fit(design.values, design.columns, family, (row, 0.0))
+            converged &= held.converged
             ratio = 2.0 * max(0.0, best.likelihood - held.likelihood) / spread
             p = float(2.0 * stats.t.sf(sqrt(ratio), free))
         method = "profile, z" if free == inf else f"profile, {free:.0f} df"
         found.append(interval_effect(name, (value, low, high), error, free, p, fit.level, design.n_dyads, method))
-    return found
+    return tuple(found), converged

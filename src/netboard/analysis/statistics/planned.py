@@ -36,6 +36,8 @@ class Tested:
         Two-sided p value of no effect [1].
     note : str
         Reason why a number is missing, or a caution; empty for none.
+    caution : str
+        Caution that belongs beside p; empty for none.
     """
 
     estimate: Estimate
@@ -43,6 +45,7 @@ class Tested:
     free: float
     p: float
     note: str = ""
+    caution: str = ""
 
 
 def planned_t(groups: Sequence[ArrayLike], weights: Sequence[float], *, level: float, unit: str = "dyad") -> Tested:

@@ -97,8 +97,6 @@ def mixed_model(fit: Specification, design: ModelDesign, slopes: Slopes) -> Mode
     notes += tuple(f"{name}: its variance is estimated as 0" for name, s in variances.items() if s < nothing)
     if 0.0 in found.variances:
         notes += (AT_ZERO,)
-    if not found.converged:
-        notes += ("the search for the variances did not converge",)
     components = [Component(name, s, sqrt(s), int(parts[name].any(axis=0).sum())) for name, s in variances.items()]
     return fit.model(
         design,

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from statsmodels.genmod.generalized_linear_model import GLM
 
 from netboard.analysis.statistics.effects import (
+    NOT_CONVERGED,
     Component,
     Diagnostics,
     Effect,
@@ -83,6 +84,7 @@ class Specification:
         """
         fitted = bool(np.isfinite(coefficients).all() and len(coefficients))
         few = self._few(design) if fitted else ()
+        doubt = (NOT_CONVERGED,) if fitted and not converged else ()
         return Model(
             name=self.name,
             equation=self.equation.format(fixed=_fixed(design)),
@@ -100,7 +102,7 @@ class Specification:
             dyads=design.n_dyads,
             left_out=design.left_out,
             assumptions=self.assumptions,
-            notes=unique((*design.notes, *notes, *few)),
+            notes=unique((*doubt, *design.notes, *notes, *few)),
             diagnostics=diagnostics,
         )
 

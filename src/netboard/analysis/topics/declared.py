@@ -405,4 +405,4 @@ def _by_model(fit: Model, factors: tuple[DeclaredFactor, ...]) -> Tested:
     found: Any = next((one for one in effect.others if one.method == "Kenward-Roger"), effect)
     statistic = found.estimate.value / found.error if found.error > 0.0 else np.nan
     why = "" if np.isfinite(found.p) else "; ".join(fit.notes)
-    return Tested(found.ratio, statistic, found.free, found.p, why)
+    return Tested(found.ratio, statistic, found.free, found.p, why, fit.caution)

@@ -35,7 +35,7 @@ from netboard.analysis.topics.figure import (
 )
 from netboard.analysis.topics.groups import FORCE_LABELS, haptics_of, interval_text
 from netboard.analysis.topics.measures import rows_of
-from netboard.analysis.topics.result import Result, cached, plain
+from netboard.analysis.topics.result import Result, cached, cautioned, plain
 from netboard.base.plural import plural
 
 if TYPE_CHECKING:
@@ -89,7 +89,8 @@ def _rows(fit: ModelFit, effect: Effect, inference: Effect | Inference, method: 
         quantity, unit = f"{fit.measure}: {fit.first}", "s" if fit.measure == "completion time" else "1"
     yield Result("models", f"{quantity}{method}", effect.name, term.value, term.low, term.high, unit, interval, *rest)
     if effect.name != INTERCEPT:
-        yield plain("models", f"{fit.measure}: p{method}", effect.name, inference.p, "1", *rest)
+        p = cautioned(f"{fit.measure}: p{method}", fit.model.caution)
+        yield plain("models", p, effect.name, inference.p, "1", *rest)
 
 
 def _random_effects(fit: ModelFit) -> Iterator[Result]:
@@ -244,7 +245,8 @@ def _terms(axes: "Axes", found: Sequence[ModelFit]) -> None:
                 _ratio(axes, place + offset, effects[name].ratio, look, f"{fit.measure}: {name}")
             else:
                 axes.text(1.0, place + offset, " cannot be estimated", va="center", fontsize=6, color=look.colour)
-        axes.plot([], [], linestyle="none", marker=look.marker, color=look.colour, label=f"{fit.measure}, {fit.ratio}")
+        label = cautioned(f"{fit.measure}, {fit.ratio}", fit.model.caution)
+        axes.plot([], [], linestyle="none", marker=look.marker, color=look.colour, label=label)
     for fit in found:
         if fit not in shown:
             axes.plot([], [], linestyle="none", label=f"{fit.measure}, {fit.ratio}: cannot be estimated")
@@ -301,7 +303,10 @@ def _residuals(axes: "Axes", fit: ModelFit) -> None:
 
 def _caption(found: Fits, shown: Sequence[ModelFit]) -> str:
     fitted = "; ".join(
-        f"{one.measure}: {one.model.name}, {one.model.trials} {one.of}s of {plural(one.model.dyads, 'dyad')}"
+        cautioned(
+            f"{one.measure}: {one.model.name}, {one.model.trials} {one.of}s of {plural(one.model.dyads, 'dyad')}",
+            one.model.caution,
+        )
         for one in shown
     )
     failed = "".join(

@@ -161,7 +161,10 @@ COMPARISON = (
 )
 
 
-LIKELY_SEARCH = 'the paper more likely had delays.search = "inside", with which delays grow with the threshold'
+LIKELY_SEARCH = (
+    'the default search measures the sides; the paper more likely had delays.search = "inside", with which delays are '
+    "shorter and grow with the threshold"
+)
 """Note on a delay with another search (docs/reference/measures.md has the reasons)."""
 
 

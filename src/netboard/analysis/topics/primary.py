@@ -39,7 +39,7 @@ from netboard.analysis.topics.figure import (
 )
 from netboard.analysis.topics.groups import estimated, interval_text
 from netboard.analysis.topics.measures import MEASURES, draw_levels, legend, levels_of, places
-from netboard.analysis.topics.result import Result, cached, plain
+from netboard.analysis.topics.result import Result, cached, cautioned, plain
 from netboard.analysis.topics.units import read_in
 from netboard.base.plural import plural
 from netboard.base.tables.outcomes import Method
@@ -102,11 +102,11 @@ def _results(outcome: Outcome, found: DeclaredAnalysis) -> Iterator[Result]:
             counts = f"{role}, declared method" if by is effect.counts else f"{role}, sensitivity analysis"
             note = "; ".join(filter(None, (counts, method_name(outcome.measure.name, by.method), by.tested.note)))
             yield effect_result(outcome, effect, by, note)
-            p = f"{outcome.measure.name}: p, {METHODS[by.method]}"
+            p = cautioned(f"{outcome.measure.name}: p, {METHODS[by.method]}", by.tested.caution)
             yield plain(TOPIC, p, effect.name, by.tested.p, "1", by.estimate.n, "dyad", note)
         yield size_result(outcome, effect)
         if outcome is not found.primary:
-            p = f"{outcome.measure.name}: p, Holm"
+            p = cautioned(f"{outcome.measure.name}: p, Holm", effect.counts.tested.caution)
             note = "over all effects of all secondary outcomes"
             yield plain(TOPIC, p, effect.name, effect.corrected, "1", effect.counts.estimate.n, "dyad", note)
 

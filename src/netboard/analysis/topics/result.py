@@ -43,6 +43,11 @@ def plain(topic: str, quantity: str, group: str, value: float, unit: str, n: int
     return Result(topic, quantity, group, value, nan, nan, unit, "", n, of, note)
 
 
+def cautioned(text: str, caution: str) -> str:
+    """Return a text with a caution in brackets beside it; without a caution, the text alone."""
+    return f"{text} ({caution})" if caution else text
+
+
 RESULTS = (
     words("topic", "topic: the name of its figure"),
     words("quantity", "what it is"),

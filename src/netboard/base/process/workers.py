@@ -2,9 +2,12 @@
 
 import os
 import signal
+import threading
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
+from multiprocessing import parent_process
+from multiprocessing.connection import wait
 from multiprocessing.context import SpawnContext, SpawnProcess
 from threading import Event
 
@@ -24,6 +27,8 @@ def cores() -> int:
 
 def worker_processes(count: int, *, interruptible: bool = False) -> ProcessPoolExecutor:
     """Return a pool of new processes; Ctrl-C stops only the waiting process, which stops them.
+
+    They end with this process, also if it is killed and cannot stop them.
 
     ``interruptible``: it also interrupts what they run with `ctrl_c` unblocked, and `interrupted` tells them.
     """
@@ -75,6 +80,7 @@ def terminate_workers(pool: ProcessPoolExecutor) -> None:
 def _leave_stopping() -> None:
     """Ignore Ctrl-C in a worker."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _end_with_parent()
 
 
 def _stop_once() -> None:
@@ -86,3 +92,20 @@ def _stop_once() -> None:
             raise KeyboardInterrupt
 
     signal.signal(signal.SIGINT, stop)
+    _end_with_parent()
+
+
+def _end_with_parent() -> None:
+    """End this worker at once when its parent process ends: nobody takes its results, or ends it, any more.
+
+    The pool alone does not see to it: a worker that waits for its next task holds both ends of the queue.
+    """
+    parent = parent_process()
+    if parent is None:
+        return
+
+    def watch() -> None:
+        wait([parent.sentinel])
+        os._exit(1)
+
+    threading.Thread(target=watch, name="end with parent", daemon=True).start()
