@@ -17,11 +17,12 @@ Options (``agents.<side>.options``): see `MouseOptions`.
 """
 
 from dataclasses import dataclass
-from math import exp, hypot, isfinite
+from math import exp, isfinite
 from typing import Annotated, Literal, final
 
 from netboard.base.config import Config, Side
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
+from netboard.devices.contract.access import within
 from netboard.devices.contract.device import Box, Device, DeviceInfo, Reading
 
 SILENCE_TIMEOUT_NS = 1_000_000_000
@@ -138,9 +139,7 @@ class MouseStylus(Device):
         return min(max(z, -self._options.reach), self._options.reach)
 
     def _write(self, fx: float, fy: float, fz: float) -> None:
-        size = hypot(fx, fy, fz)
-        share = 1.0 if size <= MAX_FORCE else MAX_FORCE / size
-        self._written = (fx * share, fy * share, fz * share)
+        self._written = within(MAX_FORCE, fx, fy, fz)
 
     def _close(self) -> None:
         self._reset()

@@ -1,10 +1,10 @@
-"""The curtain: what a participant may see of a tick. The only place that makes a `View`.
+"""The curtain: what a participant may see of a tick. `shown_of` has all its rules.
 
-The server shows each station the result of `view_of` and nothing else; the replay shows the same. In a dyadic block a
-participant sees the board, the ball, the target and their own stylus. In a bimanual block the one participant sees both
-styluses; the other, who has nothing to do, sees neither board nor ball nor the result. The partner's hand is never in
-a view. (The board itself follows both hands within some ten milliseconds, so a participant can infer the partner's end
-from the board: that is the task.)
+The server sends each station what `netboard.network.protocol.view_frame.write_view` makes of `shown_of`, and nothing
+else; `view_of` makes the same `View` of it for a replay. In a dyadic block a participant sees the board, the ball, the
+target and their own stylus. In a bimanual block the one participant sees both styluses; the other, who has nothing to
+do, sees neither board nor ball nor the result. The partner's hand is never in a view. (The board itself follows both
+hands within some ten milliseconds, so a participant can infer the partner's end from the board: that is the task.)
 """
 
 from collections.abc import Mapping
@@ -131,6 +131,8 @@ class Shown(NamedTuple):
     completion: float
     again: bool  # whether the notice is `AGAIN`
     share: float
+    best: float
+    pause: int  # number of a `Pause`
 
 
 NO_PHASE = -1
@@ -146,7 +148,7 @@ _LEVELLING, _HOLDING, _FINISHED = int(Phase.LEVELLING), int(Phase.HOLDING), int(
 
 
 @inlined
-def shown_of(curtain: Any, words: Any, numbers: Any) -> Shown:
+def shown_of(curtain: Any, words: Any, numbers: Any, best: float, pause: int) -> Shown:
     """Return what one station may see of a tick. These are the rules of the curtain.
 
     Parameters
@@ -157,6 +159,10 @@ def shown_of(curtain: Any, words: Any, numbers: Any) -> Shown:
         The row of the tick as words.
     numbers : ndarray of float64, shape (n,)
         The same memory as numbers.
+    best : float
+        Best completion time of the block so far, NaN for none [s].
+    pause : int
+        What is said of a pause: a `Pause` [1].
     """
     phase, away = words[_PHASE], curtain["away"] != 0
     hidden = away and not (curtain["last"] and phase == _FINISHED)  # the end of the last block is for everybody
@@ -176,13 +182,15 @@ def shown_of(curtain: Any, words: Any, numbers: Any) -> Shown:
         completion if completion > 0.0 and not away else np.nan,
         phase == _LEVELLING and words[_ATTEMPT] > 1 and not away,
         min(max(words[_COUNTED] / ticks, 0.0), 1.0) if ticks and not away else 0.0,
+        np.nan if away else best,
+        0 if hidden else pause,
     )
 
 
 @kernel
-def _shown(curtain: Any, words: Any) -> Shown:
+def _shown(curtain: Any, words: Any, best: float, pause: int) -> Shown:
     """Return `shown_of` for an array of one record."""
-    return shown_of(curtain[0], words, words.view(np.float64))
+    return shown_of(curtain[0], words, words.view(np.float64), best, pause)
 
 
 def view_of(
@@ -213,7 +221,7 @@ def view_of(
         What is said of a pause.
     """
     packed, words = curtain.stations[station], np.frombuffer(row.data, np.int64)
-    shown = _shown(packed, words)
+    shown = _shown(packed, words, np.nan if best is None else best, int(pause))
     return View(
         station=station,
         tick=int(words[TICK_NUMBER]),
@@ -229,8 +237,8 @@ def view_of(
         trials=shown.trials,
         failures=shown.failures,
         completion=_known(shown.completion),
-        best=None if station in curtain.away else best,
-        notice=AGAIN if shown.again else PAUSE_NOTICES[pause if shown.phase != NO_PHASE else Pause.NONE],
+        best=_known(shown.best),
+        notice=AGAIN if shown.again else PAUSE_NOTICES[shown.pause],
         seq=seq,
         share=shown.share,
         block=curtain.block,
@@ -260,7 +268,7 @@ def glimpse(curtain: Any, words: Any, numbers: Any, when: float, seen: Any) -> N
     seen : record of netboard.participants.senses.SEEN
         What is seen, written; NaN for what is hidden.
     """
-    shown = shown_of(curtain, words, numbers)
+    shown = shown_of(curtain, words, numbers, np.nan, 0)
     seen["time"], seen["phase"] = when, shown.phase
     seen["z"], seen["theta"], seen["p"], seen["target"] = shown.z, shown.theta, shown.p, shown.target
     seen["left"], seen["right"] = shown.left, shown.right

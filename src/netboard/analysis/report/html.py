@@ -54,7 +54,7 @@ def write_report(
     ----------
     results : DataFrame
         Tidy table of all results, with the columns of `netboard.analysis.topics.result.RESULTS`.
-    pictures : sequence of Picture
+    pictures : sequence of TopicFigure
         Figures in reading order; results belong to a figure by its name.
     provenance : mapping
         Provenance. ``recordings``: for every recording of the study, by name, a mapping with its ``file``, as a command

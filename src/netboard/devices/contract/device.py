@@ -128,8 +128,8 @@ class Device(ABC):
         """Read the backend's own options, ``agents.<side>.options`` in the configuration.
 
         ``cls``: frozen dataclass whose fields are annotated with `netboard.base.settings.about`. By convention it is
-        the class ``Options`` of the backend's module, from which the documentation is generated. Raises `ConfigError`
-        if an option is unknown, has the wrong type or is out of range.
+        the class ``<Backend>Options`` of the backend's module, from which the documentation is generated. Raises
+        `ConfigError` if an option is unknown, has the wrong type or is out of range.
         """
         return settings.check(cls, dict(self.agent.options), ("agents", self.side, "options"))
 

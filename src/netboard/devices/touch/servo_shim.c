@@ -3,7 +3,7 @@
    It calls the vendor's functions by addresses that it is given, so compiling it needs none of the vendor's files. A
    tick does the same as PythonServo in servo.py: read, take the force, write it, take errors, publish.
 
-   Samples go from the servo thread to Python, forces from Python to the servo thread, each through a ring buffer with
+   Samples go from the servo thread to Python or to compiled kernels, forces from those to the servo thread, each through a ring buffer with
    one writer. The reader takes the newest slot, and reads again if the writer has overwritten it meanwhile. So neither
    side ever waits for the other, whatever the scheduler does with their threads. */
 

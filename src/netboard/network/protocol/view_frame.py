@@ -74,13 +74,13 @@ def _put_number(frame: Any, at: int, value: float) -> int:
 
 
 @inlined
-def _is_new(content: Any, shown: Shown, best: float, pause: int) -> bool:
+def _is_new(content: Any, shown: Shown) -> bool:
     """Store what a view shows; return whether it differs from what the last one has shown."""
     values = np.empty(CONTENT)
     values[0], values[1], values[2], values[3] = shown.phase, shown.z, shown.theta, shown.p
     values[4], values[5], values[6], values[7] = shown.target, shown.left, shown.right, shown.trial
     values[8], values[9], values[10], values[11] = shown.trials, shown.failures, shown.completion, shown.again
-    values[12], values[13], values[14] = shown.share, best, pause
+    values[12], values[13], values[14] = shown.share, shown.best, shown.pause
     # As words, because NaN, which stands for what is hidden, does not equal itself.
     words, new = values.view(np.int64), False
     for k in range(CONTENT):
@@ -138,14 +138,10 @@ def write_view(
         If the phase of the tick is unknown.
     """
     curtain = curtains[0]
-    shown = shown_of(curtain, words, words.view(np.float64))
+    shown = shown_of(curtain, words, words.view(np.float64), best, pause)
     if shown.phase < NO_PHASE or shown.phase >= _PHASES:
         raise ValueError("a row has an unknown phase")
-    if curtain["away"]:
-        best = np.nan
-    if shown.phase == NO_PHASE:
-        pause = 0
-    if not (_is_new(content, shown, best, pause) or at_any_rate):
+    if not (_is_new(content, shown) or at_any_rate):
         return 0
     frame[0], frame[1], frame[2], frame[3] = _ARRAY, 0, _LENGTH, _KIND
     at = _put_text(frame, 4, _STATION + curtain["station"])
@@ -157,8 +153,8 @@ def write_view(
     for count in (shown.trial, shown.trials, shown.failures):
         at = _put_integer(frame, at, count)
     at = _put_number(frame, at, shown.completion)
-    at = _put_number(frame, at, best)
-    at = _put_text(frame, at, _AGAIN if shown.again else _PAUSE + pause)
+    at = _put_number(frame, at, shown.best)
+    at = _put_text(frame, at, _AGAIN if shown.again else _PAUSE + shown.pause)
     at = _put_integer(frame, at, seq)
     at = _put_number(frame, at, shown.share)
     at = _put_integer(frame, at, curtain["block"])
