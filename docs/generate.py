@@ -353,7 +353,7 @@ CALIBRATION = ("about", "false-positives", "power", "interaction", "differences"
 POWER = ("about", "power", "false-positives", "precision")
 """Those of `netboard power`."""
 
-PARTICIPANTS = ("others", "predictions", "ablations", "slowing", "speed")
+PARTICIPANTS = ("others", "predictions", "order", "ablations", "slowing", "speed")
 """Those of `make evidence ARGS=participants`."""
 
 GENERATED: dict[str, tuple[str, Callable[[], str]]] = {

@@ -129,7 +129,7 @@ def participants(
     studies: Annotated[int, typer.Option(min=1, metavar="N", help="Virtual studies of four dyads.")] = 200,
     dyads: Annotated[
         int | None,
-        typer.Option(min=4, metavar="N", help="Dyads from which the studies are drawn, a multiple of 4; default: 16."),
+        typer.Option(min=4, metavar="N", help="Dyads from which the studies are drawn, a multiple of 4; default: 32."),
     ] = None,
     workers: Workers = None,
 ) -> None:

@@ -89,6 +89,20 @@ class Sample:
         a, b, both = (float(np.mean(trials[name][trials["performer"] == who])) for who in ("A", "B", "dyad"))
         return a, b, both
 
+    def haptic_effects(self, configuration: Configuration) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+        """Return for each performer whether haptic feedback was on in the first block, and its effect.
+
+        The effect is the logarithm of the mean completion time with haptic feedback over that without it [1].
+        """
+        trials = self.rows[self._masks[configuration, None]]
+        began_on, effects = [], []
+        for dyad, performer in np.unique(trials[["dyad", "performer"]]):
+            own = trials[(trials["dyad"] == dyad) & (trials["performer"] == performer)]
+            on, off = (float(own["completion"][own["haptics"] == haptics].mean()) for haptics in (True, False))
+            began_on.append(bool(own["haptics"][np.argmin(own["block"])]))
+            effects.append(np.log(on / off))
+        return np.array(began_on), np.array(effects)
+
     def delay(self, configuration: Configuration, haptics: bool, portion: int | None = None) -> float:
         """Return the mean absolute delay at one portion of the peak, or of all portions [s]."""
         total, count = (self.of(name, configuration, haptics).sum(axis=0) for name in ("delay", "delays"))
@@ -117,14 +131,14 @@ class Statement:
 
     - `value`: the printed value; None without one.
     - `sense`: reported direction of the quantity: +1 above zero, -1 below; 0 without one [1].
-    - `fitted`: whether the model was fitted to it, so that it is no prediction.
+    - `adjusted`: whether the last adjustment of the model's parameters used it.
     """
 
     name: str
     of: Callable[[Sample], float]
     value: float | None = None
     sense: int = 0
-    fitted: bool = False
+    adjusted: bool = False
 
 
 Quantity = Callable[[Sample], float]
@@ -144,16 +158,16 @@ def _ends() -> Iterator[Statement]:
     """Completion times and numbers of peaks of the first and last trials."""
     labels = {"completion": "completion time [s]", "peaks": "velocity peaks"}
     for name, configuration in product(labels, CONFIGURATIONS):
-        text, fitted = f"{labels[name]}, {configuration}", configuration == "bimanual"
+        text, adjusted = f"{labels[name]}, {configuration}", configuration == "bimanual"
         for which in ENDS:
             reported = printed(QUANTITIES[name], f"{configuration}, {which} {{ends}}")
             mean, spread = (_end(name, configuration, which, of) for of in (np.mean, partial(np.std, ddof=1)))
-            yield Statement(f"{text}, {which} 30", mean, reported.reported, fitted=fitted)
-            # The fit does not use the standard deviation of the peaks.
-            of_fit = fitted and name == "completion"
-            yield Statement(f"{text}, {which} 30, SD", spread, reported.reported_sd, fitted=of_fit)
+            yield Statement(f"{text}, {which} 30", mean, reported.reported, adjusted=adjusted)
+            # The adjustment did not use the standard deviation of the peaks.
+            times = adjusted and name == "completion"
+            yield Statement(f"{text}, {which} 30, SD", spread, reported.reported_sd, adjusted=times)
         learned = _minus(_end(name, configuration, "last"), _end(name, configuration, "first"))
-        yield Statement(f"{text}, last - first", learned, sense=-1, fitted=fitted)
+        yield Statement(f"{text}, last - first", learned, sense=-1, adjusted=adjusted)
 
 
 def _share(name: str, configuration: Configuration, haptics: bool | None = None) -> Quantity:
@@ -211,7 +225,7 @@ def _delays() -> Iterator[Statement]:
     """Delays between the sides, the mean of the four portions of the peak."""
     for configuration in reversed(CONFIGURATIONS):
         value, of = 1e3 * printed(f"delay, {OVER_ALL}", configuration).reported, _delay(configuration, False)
-        yield Statement(f"delay [ms], {configuration}, haptics off", of, value, fitted=configuration == "bimanual")
+        yield Statement(f"delay [ms], {configuration}, haptics off", of, value, adjusted=configuration == "bimanual")
         for on in (False, True):
             rising = _minus(_delay(configuration, on, -1), _delay(configuration, on, 0))
             text = f"delay [ms], {configuration}, haptics {'on' if on else 'off'}, 40 % - 10 %"

@@ -1,17 +1,18 @@
 """The validation of the simulated participants: statistics on synthetic trials, and the quick benchmark."""
 
 import json
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
-from evidence.participants import fit
-from evidence.participants.bench import ABLATIONS, Prediction, studies, study
+from evidence.participants.bench import ABLATIONS, Prediction, order_part, studies, study
 from evidence.participants.paper import STATEMENTS, Sample, Statement
 from evidence.participants.trials import ATTEMPT, Performance, Population, perform
+from netboard.analysis.cohort.block import measured, rehearse
+from netboard.analysis.measures.peaks import velocity_peaks
 from netboard.benchmarks.harness.running import Options, run
 
 
@@ -22,6 +23,7 @@ def attempts_of_dyad(dyad: int = 1, trials: int = 18) -> np.ndarray:
         for haptics in (False, True):
             rows = np.zeros(trials, ATTEMPT)
             rows["dyad"], rows["performer"], rows["haptics"], rows["success"] = dyad, performer, haptics, True
+            rows["block"] = 1 + haptics if dyad % 2 else 2 - haptics
             # A dyad gains a second by haptic feedback; every performer gets 0.1 s faster with each trial.
             rows["completion"] = level - (performer == "dyad") * haptics + 0.1 * np.arange(trials)[::-1]
             rows["cooperative"] = 0.5 + 0.1 * haptics
@@ -92,18 +94,24 @@ def test_each_ablation_removes_one_part() -> None:
         assert len(changed) == (name != "full model")
 
 
-def test_fit_uses_only_bimanual_blocks_without_haptic_feedback() -> None:
-    for job in fit.ends_of(Population(), 1):
-        block = job.config.block
-        assert (block.configuration, block.force, block.trials) == ("bimanual", "none", 30)
-        assert list(job.people) == [block.performer]
-    practice = [job.people[job.config.block.performer].practice for job in fit.ends_of(Population(), 1)]
-    assert practice[1] > 600
-    assert practice[3] > 600
-    assert fit.scaled((1.0,) * 5, fit.START) == fit.START
-    assert fit.scaled((1e-3, 2.0, 1.0, 1.0, 1.0), fit.START) == replace(
-        fit.START, novice=1.0, position_noise=0.006, velocity_noise=0.02, tilt_noise_deg=0.5
+def test_haptic_effect_is_known_by_the_condition_that_a_performer_began_with() -> None:
+    rows = np.concatenate([attempts_of_dyad(dyad) for dyad in range(1, 5)])
+    rows["completion"] = np.where(rows["haptics"], 6.0, 4.0)
+    rows["block"] = np.where(rows["haptics"] == (rows["dyad"] % 2 == 0), 1, 2)  # even dyads begin with haptics on
+    rows["completion"][(rows["dyad"] % 2 == 0) & rows["haptics"]] = 2.0
+    began_on, effects = Sample(rows).haptic_effects("dyadic")
+    assert began_on.tolist() == [False, True, False, True]
+    assert effects == pytest.approx(np.log([1.5, 0.5, 1.5, 0.5]))
+    rng = np.random.default_rng(1)
+    rows["completion"] *= rng.uniform(0.9, 1.1, len(rows))
+    bimanual, dyadic = (
+        dict(zip(order_part(Sample(rows)).columns, row, strict=True)) for row in order_part(Sample(rows)).rows
     )
+    assert (bimanual["performers"], dyadic["performers"]) == (8, 4)
+    for row in (bimanual, dyadic):
+        assert row["begins on: effect [%]"] == pytest.approx(-50.0, abs=3.0)
+        assert row["begins off: effect [%]"] == pytest.approx(50.0, abs=6.0)
+        assert row["95 % CI low"] < row["difference [%]"] < row["95 % CI high"] < 0.0
 
 
 @pytest.mark.slow
@@ -119,15 +127,32 @@ def test_simulated_dyad_is_reproducible() -> None:
 
 
 @pytest.mark.slow
+def test_measures_are_those_of_an_analysis() -> None:
+    (job,) = Population(trials=4).jobs(1)[8:9]
+    rows, found = perform([job], 1).attempts, rehearse(job)
+    expected = pd.DataFrame(measured(job, 1, found).trials)
+    assert len(rows) == len(expected) >= 4
+    for name, column in {"completion": "completion", "peaks": "peaks", "distance": "braking_distance"}.items():
+        np.testing.assert_array_equal(rows[name], expected[column])
+    # Peaks of any size would be more: an analysis ignores the ringing of its filter.
+    assert rows["peaks"].sum() < sum(
+        velocity_peaks(t.motion.speed[t.trial.window()]).count for t in found.block.takes()
+    )
+
+
+@pytest.mark.slow
 def test_study_writes_predictions_ablations_and_comparisons(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    pools = iter([attempts_of_dyad(dyad) for dyad in range(1, 5)] * 2)
+    pool = [attempts_of_dyad(dyad) for dyad in range(1, 5)]
+    for dyad, rows in enumerate(pool):  # real effects of haptic feedback differ between dyads
+        rows["completion"][rows["haptics"]] *= 1.0 + 0.01 * dyad
+    pools = iter(pool * 2)
     monkeypatch.setattr(
         "evidence.participants.bench._performances",
         lambda *_: (Performance(next(pools), given_up=0) for _ in range(4)),
     )
     run("participants", partial(study, 3, 4, 1), Options(tmp_path / "found", tmp_path / "found.json", quick=True))
     parts = {part["name"]: part for part in json.loads((tmp_path / "found.json").read_text())["parts"]}
-    assert set(parts) == {"predictions", "others", "ablations", "speed"}
+    assert set(parts) == {"predictions", "order", "others", "ablations", "speed"}
     alone, one, batch = (dict(zip(parts["speed"]["columns"], row, strict=True)) for row in parts["speed"]["rows"])
     assert alone["/ stage alone"] == 1.0
     assert alone["ticks"] < one["ticks"] < batch["ticks"]

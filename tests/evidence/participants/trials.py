@@ -1,4 +1,4 @@
-"""Trials of virtual dyads: the paper's plan rehearsed in memory, with the paper's measures of each trial.
+"""Trials of virtual dyads: the paper's plan rehearsed in memory, with the measures that an analysis computes.
 
 A dyad depends only on the participant's parameters, the device, the seed and its number, so every table is
 reproducible. Nothing is written to disk, and no participant is excluded: unfinished blocks are counted.
@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.analysis.cohort.block import rehearse
-from netboard.analysis.extraction.attempts import classes_of, strategy_of
+from netboard.analysis.extraction.attempts import PAPER
 from netboard.analysis.extraction.details import delays_of
+from netboard.analysis.extraction.recordings import attempt_row
 from netboard.analysis.extraction.trials import RATE, BlockData
 from netboard.analysis.measures.cooperation import PORTIONS
-from netboard.analysis.measures.movements import movement_times
-from netboard.analysis.measures.peaks import velocity_peaks
+from netboard.analysis.measures.movements import shares
 from netboard.analysis.measures.smoothness import spectral_arc_length
 from netboard.base.config import Config
 from netboard.base.tables.simulated import Participant
@@ -120,14 +120,15 @@ def _attempts(block: BlockData, dyad: int) -> NDArray[Any]:
     rows["dyad"], rows["block"], rows["haptics"] = dyad, conditions.number, conditions.haptics
     rows["performer"] = conditions.performer if conditions.configuration == "bimanual" else "dyad"
     for row, take in zip(rows, takes, strict=True):
-        row["trial"], row["success"], row["completion"] = take.attempt.trial, bool(take.source), take.completion
-        speed = take.motion.speed[take.trial.window()]
-        row["peaks"] = velocity_peaks(speed).count  # of any size: the model was fitted to these
-        row["sparc"] = spectral_arc_length(speed, RATE) if len(speed) > 1 else np.nan
-        for name, share in zip(SHARES, movement_times(classes_of(take), RATE).shares, strict=True):
+        measured = attempt_row("", take, {}, PAPER)  # as in the table of trials of an analysis
+        row["trial"], row["success"], row["completion"] = take.attempt.trial, bool(take.source), measured["completion"]
+        row["peaks"] = measured["peaks"]
+        for name, share in zip(SHARES, shares(np.array([measured[name] for name in SHARES])), strict=True):
             row[name] = share
-        first = strategy_of(take, "tilt")
-        row["distance"], row["velocity"], row["first_move"] = first.distance, first.velocity, first.initial
+        row["distance"], row["velocity"] = measured["braking_distance"], measured["braking_velocity"]
+        row["first_move"] = measured["initial_onset"]
+        speed = take.motion.speed[take.trial.window()]
+        row["sparc"] = spectral_arc_length(speed, RATE) if len(speed) > 1 else np.nan
         moved, delays, _ = delays_of(take)
         row["segments"] = moved.cooperative.sum()
         row["delay"], row["delays"] = np.nansum(delays.absolute, axis=0), np.isfinite(delays.absolute).sum(axis=0)

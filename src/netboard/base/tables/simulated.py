@@ -144,7 +144,7 @@ class Participant:
 
 
 _ARM = "assumed; published arms in posture have 0.5 to 1.5 kg, 5 to 30 N s/m, 100 to 500 N/m"
-_FITTED = "fitted to bimanual trials with haptic feedback off"
+_ADJUSTED = "adjusted to bimanual trials with haptic feedback off, in 16 noisy evaluations"
 _SEARCHED = "an earlier random search on all of the paper's figures"
 _BY_HAND = "chosen by hand after inspecting trials with haptic feedback and of dyads"
 _ASSUMED = "assumed"
@@ -160,8 +160,8 @@ PARTICIPANT_SOURCES = {
         ("impedance_gain", "impedance_decay", "impedance_limit"): "assumed; the law is that of Franklin et al. 2008",
         ("kp", "kd", "max_tilt_deg", "lookahead", "partner_noise", "centring"): _SEARCHED,
         ("threshold_cv", "movement_cv", "amplitude_cv", "bimanual_amplitude_cv", "mirror"): _SEARCHED,
-        ("threshold_deg", "refractory", "movement_time"): _FITTED,
-        ("position_noise", "velocity_noise", "tilt_noise_deg", "bimanual_async", "novice"): _FITTED,
+        ("threshold_deg", "refractory", "movement_time"): _ADJUSTED,
+        ("position_noise", "velocity_noise", "tilt_noise_deg", "bimanual_async", "novice"): _ADJUSTED,
         ("partner_prediction",): "assumed; the goal is estimated as in Takagi et al. 2017",
         ("haptic_gain",): "computed from the noise: Ernst and Banks 2002",
         ("force_noise", "friction_skill", "reflex_time", "reaction_time", "haptic_noise", "learning_trials"): _ASSUMED,
