@@ -1,6 +1,6 @@
 """One name has one meaning: no two public classes of netboard have the same name."""
 
-import ast
+import re
 from collections import defaultdict
 from pathlib import Path
 
@@ -13,9 +13,8 @@ EXCEPTIONS: dict[str, str] = {}
 def test_public_classes_have_names_of_their_own() -> None:
     places: dict[str, list[str]] = defaultdict(list)
     for path in [*(ROOT / "src").rglob("*.py"), *(ROOT / "services").rglob("*.py")]:
-        for node in ast.parse(path.read_text(encoding="utf-8")).body:
-            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
-                places[node.name].append(str(path.relative_to(ROOT)))
+        for name in re.findall(r"^class ([^\W_]\w*)", path.read_text(encoding="utf-8"), re.MULTILINE):
+            places[name].append(str(path.relative_to(ROOT)))
     assert len(places) > 300, "the classes are found"
     twice = {name: found for name, found in places.items() if len(found) > 1}
     assert {name: found for name, found in twice.items() if name not in EXCEPTIONS} == {}

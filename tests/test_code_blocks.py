@@ -38,7 +38,7 @@ def test_every_exception_is_in_use() -> None:
 
 
 @pytest.mark.timeout(900)
-@pytest.mark.sampled(8)
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("page", PAGES)
 def test_blocks_of_page_run(page: str, lab: LabFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)

@@ -142,6 +142,8 @@ def terms_in(file: str, text: str) -> list[Hit]:
     page = file.endswith(".md")
     hits = []
     for first, prose in prose_of_page(text) if page else prose_of_module(text):
+        if not whole("|".join(TERMS), page).search(prose):  # most texts have none, and one search is enough to tell
+            continue
         for pattern, instead in TERMS.items():
             for match in whole(pattern, page).finditer(prose):
                 line = first + prose.count("\n", 0, match.start())

@@ -16,7 +16,7 @@ from netboard.base.errors import ConfigError, RecordingError
 
 distributed = pytest.importorskip("distributed")
 pytestmark = pytest.mark.slow
-on_cluster = pytest.mark.sampled(1, of="longest", part="dask")
+on_cluster = pytest.mark.sampled(0, of="longest", part="dask")
 ANY_PORT = "127.0.0.1:0"
 
 

@@ -41,6 +41,7 @@ def influence_of(study: StudyData, direction: str) -> Influence:
     return only
 
 
+@pytest.mark.slow
 def test_influence_of_the_leader_exceeds_chance() -> None:
     study = study_with_a_leader(1.0)
     to_right, to_left = influence_of(study, "left to right"), influence_of(study, "right to left")
@@ -64,6 +65,7 @@ def test_dyads_without_influence_show_no_excess() -> None:
     assert np.mean([one.p for one in found if one is not None]) > 0.2
 
 
+@pytest.mark.slow
 def test_influence_is_invariant_to_mirrored_trials() -> None:
     study = study_with_a_leader(0.7)
     left = study.trials["trial"] % 2 == 0
@@ -82,6 +84,7 @@ def test_influence_is_invariant_to_mirrored_trials() -> None:
         np.testing.assert_allclose(one.chance.surrogates, other.chance.surrogates, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_swapping_sides_swaps_the_directions() -> None:
     study = study_with_a_leader(0.7)
     names = {"left_vz": "right_vz", "right_vz": "left_vz"}
@@ -90,6 +93,7 @@ def test_swapping_sides_swaps_the_directions() -> None:
     np.testing.assert_allclose(one.values, other.values)
 
 
+@pytest.mark.slow
 def test_samples_after_completion_and_trials_with_gaps_are_left_out() -> None:
     study = study_with_a_leader(1.0)
     end = 0.02 * (SAMPLES - 1) - 0.3

@@ -57,6 +57,7 @@ DAMAGES: dict[str, Callable[[Path], object]] = {
 
 @pytest.mark.slow
 @pytest.mark.skipif("NUMBA_DISABLE_JIT" in os.environ, reason="nothing is compiled")
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("reason", DAMAGES)
 def test_damaged_kernel_is_compiled_again_and_replaced(script: Path, tmp_path: Path, reason: str) -> None:
     assert run(script, tmp_path / "cache") == ("4.0 0", "")

@@ -22,6 +22,7 @@ def test_display_delay_is_estimated(late_ms):
     assert off < 5e-4
 
 
+@pytest.mark.slow
 @pytest.mark.integration
 def test_frames_of_a_short_run_are_measured(monkeypatch):
     pytest.importorskip("PySide6.QtWidgets", reason="Qt's libraries cannot be loaded here", exc_type=ImportError)

@@ -67,7 +67,7 @@ def recorded(status: Status) -> bool:
     return status.phase == "running" and any(size > 0 for _, _, size, _ in status.recordings)
 
 
-@pytest.mark.sampled(1, of="longest")
+@pytest.mark.sampled(0, of="longest")
 def test_full_disk_ends_the_recording_and_pauses_the_trial_without_data_loss(rig: Rig, disk: Path) -> None:
     rig.start_all()
     rig.until(recorded)
@@ -91,7 +91,7 @@ def test_full_disk_ends_the_recording_and_pauses_the_trial_without_data_loss(rig
     assert "free: the recording had to end" in left.details["reason"]
 
 
-@pytest.mark.sampled(1, of="longest")
+@pytest.mark.sampled(0, of="longest")
 def test_deleted_folder_ends_the_recording_without_data_loss(rig: Rig) -> None:
     rig.start_all()
     rig.until(recorded)
@@ -106,7 +106,7 @@ def test_deleted_folder_ends_the_recording_without_data_loss(rig: Rig) -> None:
     assert len(account.parts) == 2
 
 
-@pytest.mark.sampled(1, of="longest")
+@pytest.mark.sampled(0, of="longest")
 def test_records_without_a_logger_are_spilled_and_recovered(rig: Rig) -> None:
     rig.start_all()
     status = rig.until(lambda s: s.phase == "running")

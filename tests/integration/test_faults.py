@@ -22,8 +22,8 @@ WITH_RELAYS = (
     "emergency-stop",
 )
 STANDALONE = ("server-stopped-1s", "server-killed", "directory-removed")
-RELAYED_COUNT, STANDALONE_COUNT = 4, 1
-"""Number of cases that run per day [1]."""
+RELAYED_COUNT, STANDALONE_COUNT = 3, 1
+"""Number of cases that `make test` runs [1]."""
 
 
 def check_cases(cases: list[Case], folder: Path) -> None:

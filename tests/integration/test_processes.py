@@ -78,7 +78,7 @@ def test_session_is_recorded_completely_and_verifies(rig: Rig) -> None:
         assert rig.stop(f"{side} display") == 0
 
 
-@pytest.mark.sampled(3, of="processes")
+@pytest.mark.sampled(2, of="processes")
 def test_clocks_of_processes_on_one_machine_agree_within_their_bounds(rig: Rig) -> None:
     rig.start_all()
     rig.until(lambda s: s.tick > 5000 and s.phase != "idle")
@@ -89,7 +89,7 @@ def test_clocks_of_processes_on_one_machine_agree_within_their_bounds(rig: Rig) 
     assert [clock for clock in clocks if abs(clock.offset_ns) > clock.bound_ns] == []
 
 
-@pytest.mark.sampled(3, of="processes")
+@pytest.mark.sampled(2, of="processes")
 def test_services_start_in_any_order_and_report_what_they_wait_for(rig: Rig) -> None:
     rig.start("right agent", "agent", "--side", "right")
     rig.start("server", "server")
@@ -105,7 +105,7 @@ def test_services_start_in_any_order_and_report_what_they_wait_for(rig: Rig) -> 
     assert verified(path)["tick"][0] == 0
 
 
-@pytest.mark.sampled(3, of="processes")
+@pytest.mark.sampled(2, of="processes")
 def test_killed_agent_pauses_the_trial_and_a_new_agent_resumes_it(rig: Rig) -> None:
     rig.start_all()
     before = rig.until(lambda s: s.phase == "running")
@@ -124,7 +124,7 @@ def test_killed_agent_pauses_the_trial_and_a_new_agent_resumes_it(rig: Rig) -> N
     assert not after["right_force"].any()
 
 
-@pytest.mark.sampled(3, of="processes")
+@pytest.mark.sampled(2, of="processes")
 def test_killed_logger_loses_no_ticks_buffered_by_the_server(rig: Rig) -> None:
     rig.start_all()
     rig.until(lambda s: s.phase == "running")
@@ -144,7 +144,7 @@ def test_killed_logger_loses_no_ticks_buffered_by_the_server(rig: Rig) -> None:
     assert first_ticks["tick"].tolist() == list(range(len(first_ticks)))
 
 
-@pytest.mark.sampled(3, of="processes")
+@pytest.mark.sampled(2, of="processes")
 def test_block_without_haptics_renders_no_force(folder: Path) -> None:
     with Rig(folder, (*QUICK_TRIALS, "block.trials=50", "block.force=none")) as rig:
         rig.start_all()
@@ -181,7 +181,7 @@ def test_services_stop_cleanly_while_waiting_for_peers(rig: Rig, number: signal.
     verified(path)
 
 
-@pytest.mark.sampled(3, of="processes")
+@pytest.mark.sampled(2, of="processes")
 def test_watched_status_outlasts_a_restart_of_the_server(rig: Rig) -> None:
     rig.start("server", "server")
     rig.until(lambda s: True)
@@ -203,7 +203,7 @@ def wait_for(condition: Callable[[], bool], seconds: float = 60.0) -> bool:
     return condition()
 
 
-@pytest.mark.sampled(3, of="processes")
+@pytest.mark.sampled(2, of="processes")
 def test_second_server_on_the_same_ports_exits_with_an_error(rig: Rig) -> None:
     rig.start("server", "server")
     rig.until(lambda s: True)
@@ -212,7 +212,7 @@ def test_second_server_on_the_same_ports_exits_with_an_error(rig: Rig) -> None:
     assert "is another server running?" in rig.output_of("second server")
 
 
-@pytest.mark.sampled(3, of="processes")
+@pytest.mark.sampled(2, of="processes")
 def test_suspended_agent_pauses_the_trial_and_continues_by_itself(rig: Rig) -> None:
     rig.start_all()
     rig.until(lambda s: s.phase == "running")
@@ -227,7 +227,7 @@ def test_suspended_agent_pauses_the_trial_and_continues_by_itself(rig: Rig) -> N
     assert rig.stop("left agent") == 0
 
 
-@pytest.mark.sampled(3, of="processes")
+@pytest.mark.sampled(2, of="processes")
 def test_suspended_server_records_the_stall_and_aborts_the_attempt(rig: Rig) -> None:
     rig.start_all()
     before = rig.until(lambda s: s.phase == "running")
@@ -243,7 +243,7 @@ def test_suspended_server_records_the_stall_and_aborts_the_attempt(rig: Rig) -> 
     assert np.any(ticks["event"] == Cause.FAULT)
 
 
-@pytest.mark.sampled(3, of="processes")
+@pytest.mark.sampled(2, of="processes")
 def test_server_waits_at_the_end_for_a_suspended_logger(rig: Rig) -> None:
     rig.start_all()
     status = rig.until(lambda s: s.phase == "running")
@@ -259,7 +259,7 @@ def test_server_waits_at_the_end_for_a_suspended_logger(rig: Rig) -> None:
     assert ticks["tick"].max() > status.tick + 500
 
 
-@pytest.mark.sampled(3, of="processes")
+@pytest.mark.sampled(2, of="processes")
 def test_server_without_its_logger_reports_unsaved_records_and_fails(rig: Rig) -> None:
     rig.start_all()
     rig.until(lambda s: s.phase == "running")
@@ -268,7 +268,7 @@ def test_server_without_its_logger_reports_unsaved_records_and_fails(rig: Rig) -
     assert "records may not be on disk" in rig.output_of("server")
 
 
-@pytest.mark.sampled(3, of="processes")
+@pytest.mark.sampled(2, of="processes")
 def test_flood_of_invalid_messages_does_not_delay_the_ticks(rig: Rig) -> None:
     rig.start_all()
     before = rig.until(lambda s: s.phase == "running")
@@ -293,7 +293,7 @@ def test_flood_of_invalid_messages_does_not_delay_the_ticks(rig: Rig) -> None:
     assert all(event.details["channel"] == "motion" for event in refused)
 
 
-@pytest.mark.sampled(3, of="processes")
+@pytest.mark.sampled(2, of="processes")
 def test_fault_of_one_dyad_does_not_affect_another_on_the_same_server(folder: Path) -> None:
     (folder / "a").mkdir()
     (folder / "b").mkdir()
@@ -327,7 +327,7 @@ def test_fault_of_one_dyad_does_not_affect_another_on_the_same_server(folder: Pa
         assert not [e for e in recording.events() if "agent" in e.details.get("notice", "")]
 
 
-@pytest.mark.sampled(3, of="processes")
+@pytest.mark.sampled(2, of="processes")
 def test_idle_server_keeps_every_tick_of_one_millisecond(folder: Path) -> None:
     with Rig(folder, ("network.require_logger=false",)) as rig:
         rig.start("server", "server")
@@ -342,7 +342,7 @@ def test_idle_server_keeps_every_tick_of_one_millisecond(folder: Path) -> None:
     assert np.median(steps) == 1_000_000
 
 
-@pytest.mark.sampled(3, of="processes")
+@pytest.mark.sampled(2, of="processes")
 def test_coupling_computed_at_both_ends_is_rendered_and_verifies(folder: Path) -> None:
     settings = ("block.trials=50", "physics.coupling_at=both", "safety.passivity=true")
     with Rig(folder, (*QUICK_TRIALS, *settings)) as rig:
@@ -368,7 +368,7 @@ def shell(rig: Rig, *words: str) -> str:
     return done.stdout if done.returncode == 0 else f"error {done.returncode}: {done.stderr}"
 
 
-@pytest.mark.sampled(3, of="processes")
+@pytest.mark.sampled(2, of="processes")
 def test_operator_pauses_and_emergency_stops_a_session_from_a_shell(rig: Rig) -> None:
     rig.start_all()
     rig.until(lambda s: s.phase in ("levelling", "running"))

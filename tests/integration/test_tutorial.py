@@ -19,7 +19,7 @@ pytestmark = [
 ]
 
 
-@pytest.mark.sampled(1, of="longest")
+@pytest.mark.sampled(0, of="longest")
 def test_tutorial_notebook_runs_completely(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))

@@ -157,6 +157,7 @@ run(Config(), stop)
 """
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(("width", "height", "dpi"), [(1366, 768, 96), (1366, 768, 192), (1280, 1024, 96)])
 def test_whole_console_fits_on_a_small_screen(app, tmp_path, width, height, dpi):
     assert run_on(tmp_path, [screen(width, height, dpi=dpi)], CONSOLE)[:2] == ["True", "True"]

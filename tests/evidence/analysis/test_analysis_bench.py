@@ -62,7 +62,7 @@ def test_least_disturbed_uncached_analysis_counts(tmp_path: Path, monkeypatch: p
 
 
 @pytest.mark.slow
-@pytest.mark.sampled(1, of="longest")
+@pytest.mark.sampled(0, of="longest")
 def test_benchmark_writes_every_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(speed_bench, "SHARES", (0.5, 1.0))
