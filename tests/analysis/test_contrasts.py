@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy import stats
 from statsmodels.stats.multitest import multipletests
 
-from netboard.analysis.statistics.contrasts import Contrast, condition_contrast, holm, paired_t_test
+from netboard.analysis.statistics.contrasts import Contrast, condition_contrast, gatekept, holm, paired_t_test
 from netboard.analysis.statistics.effect_sizes import paired_effect
 from netboard.analysis.statistics.estimates import cluster_mean, t_interval
 from netboard.analysis.statistics.exact_tests import permutation_test, sign_test
@@ -158,3 +158,29 @@ def test_holm_correction_equals_hand_computed_values() -> None:
     assert len(holm([])) == 0
     with pytest.raises(ValueError, match="probabilities are expected"):
         holm([0.5, 1.5])
+
+
+@pytest.mark.evidence("truth", gatekept)
+def test_secondary_p_values_are_those_of_holm_and_at_least_the_primary_one() -> None:
+    assert gatekept(0.001, [0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
+    assert gatekept(0.025, [0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.025])
+    assert gatekept(0.2, [0.01, 0.04]) == pytest.approx([0.2, 0.2])
+    assert gatekept(0.01, [0.01, np.nan]) == pytest.approx([0.01, np.nan], nan_ok=True)
+    assert np.isnan(gatekept(np.nan, [0.01, 0.04])).all()
+    assert len(gatekept(0.01, [])) == 0
+
+
+@pytest.mark.evidence("truth", gatekept)
+@pytest.mark.parametrize("true", [(), (0,), (1, 2)])
+def test_gate_keeps_the_level_for_any_false_rejection(true: tuple[int, ...]) -> None:
+    """Four correlated normal tests, of which those in `true` have a large effect: at most 5 % reject another."""
+    source = np.random.default_rng(4)
+    z = 0.6 * source.normal(size=(4000, 1)) + 0.8 * source.normal(size=(4000, 4))
+    z[:, list(true)] += 5.0
+    p = 2.0 * stats.norm.sf(np.abs(z))
+    null = [k for k in range(4) if k not in true]
+    decided = np.array([[one[0], *gatekept(one[0], one[1:])] for one in p])
+    assert (decided[:, null] <= 0.05).any(axis=1).mean() <= 0.05 + 3.0 * np.sqrt(0.05 * 0.95 / 4000)
+    assert (decided[:, list(true)] <= 0.05).mean(axis=0) == pytest.approx(
+        np.full(len(true), 1.0 if 0 in true else 0.05), abs=0.02
+    )

@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 from statsmodels.stats.anova import AnovaRM
+from statsmodels.stats.multitest import multipletests
 
 from declared_study import DECLARED, TWO, crossed_study
 from made_study import made_study, random_blocks
@@ -82,7 +83,7 @@ def test_answer_of_a_model_that_did_not_converge_says_so_beside_p(monkeypatch: p
     study = crossed_study(replace(DECLARED, method="model", secondary=()), TWO, trials=6)
     found = analysed(study)
     beside = "(the fit did not converge)"
-    assert all(line.endswith(beside) for line in effect_lines(found.primary))
+    assert all(beside in line for line in effect_lines(found.primary))
     text = " ".join(answer_sentences(found))
     assert all(f"p = {amount(one.counts.tested.p)} {beside}" in text for one in found.primary.effects)
     assert all(beside in str(row) for row in effects_grid(found.primary).rows)
@@ -128,14 +129,34 @@ def test_dyad_without_a_condition_is_left_out_and_named() -> None:
     assert found.effects[0].counts.estimate.n == 5
 
 
-def test_secondary_outcomes_are_corrected_as_one_family() -> None:
-    found = analysed(crossed_study(DECLARED, TWO)).secondary
-    p = [effect.counts.tested.p for one in found for effect in one.effects]
-    corrected = [effect.corrected for one in found for effect in one.effects]
-    assert len(p) == 6
-    assert min(corrected) == pytest.approx(min(1.0, 6 * min(p)))
-    peaks = found[0].effects[0]
+def test_interaction_is_the_gate_of_all_other_declared_effects() -> None:
+    found = analysed(crossed_study(DECLARED, TWO))
+    assert found.contrast.name == "mass: heavy vs light x partner: person vs robot"
+    assert found.contrast.adjusted == found.contrast.counts.tested.p
+    p = [one.counts.tested.p for one in found.secondary_effects]
+    assert len(p) == 2 + 2 * 3
+    expected = np.maximum(found.contrast.counts.tested.p, multipletests(p, method="holm")[1])
+    assert [one.adjusted for one in found.secondary_effects] == pytest.approx(expected)
+    assert found.least_adjusted == 0.0
+    peaks = found.secondary[0].effects[0]
     assert peaks.counts.scale == "difference"
+
+
+def test_answer_begins_with_the_primary_contrast_and_adjusts_the_others() -> None:
+    found = analysed(crossed_study(DECLARED, TWO))
+    first, second, *_, gate, _, _ = answer_sentences(found)
+    assert first.startswith("Primary contrast. Interaction: ")
+    assert "adjusted p" not in first
+    assert second.startswith("Secondary. ")
+    other = found.primary.effects[1]
+    assert f"p = {amount(other.counts.tested.p)}, adjusted p = {amount(other.adjusted)}" in second
+    assert gate.startswith(
+        "The primary contrast has the whole level of 5\N{NO-BREAK SPACE}%. The other 8 declared tests"
+    )
+    table = effects_grid(found.primary)
+    place = [column.title for column in table.columns].index("p, adjusted")
+    assert [row[place] for row in table.rows] == [amount(one.adjusted) for one in found.primary.effects[::-1]]
+    assert [row[1] for row in table.rows] == ["primary", "secondary", "secondary"]
 
 
 def test_equivalence_interval_has_twice_the_level_less_one() -> None:
@@ -183,11 +204,13 @@ def test_results_say_which_method_counts() -> None:
     rows = [
         one for one in primary(crossed_study(DECLARED, TWO)).results if one.quantity.startswith("completion time: p")
     ]
-    assert [one.note.partition(";")[0] for one in rows] == [
-        "primary outcome, declared method",
-        "primary outcome, sensitivity analysis",
-        "primary outcome, sensitivity analysis",
-    ] * 3
+    roles = ["secondary test, primary outcome"] * 2 + ["primary contrast"]
+    kinds = ("declared method", "sensitivity analysis", "sensitivity analysis")
+    expected = [f"{role}, {kind}" for role in roles for kind in kinds]
+    assert [one.note.partition(";")[0] for one in rows if "adjusted" not in one.quantity] == expected
+    adjusted = [one for one in rows if "adjusted" in one.quantity]
+    assert len(adjusted) == 2
+    assert all(one.note.endswith("over all 8 secondary tests") for one in adjusted)
 
 
 def test_figure_shows_every_dyad_in_every_condition() -> None:

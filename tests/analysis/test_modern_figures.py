@@ -222,9 +222,9 @@ def test_contrasts_figure_shows_effect_sizes_and_p(study: StudyData, drawn: dict
         assert names[round(row)] == one.measure.name
         assert points(own, f"{label}, interval")[:, 0] == pytest.approx([one.hedges.low, one.hedges.high])
         written = [text.get_text() for text in own.texts if text.get_position()[1] == row]
-        assert written == [f"{one.corrected:.3g}"]
+        assert written == [f"{one.contrast.permutation.p:.3g}"]
     assert "smallest possible p of one test is 0.125" in picture.caption
-    assert "corrected by Holm's method" in picture.caption
+    assert "exact permutation tests, exploratory and not corrected" in picture.caption
 
 
 def test_differences_figure_shows_the_dyads(study: StudyData, drawn: dict[str, TopicFigure]) -> None:

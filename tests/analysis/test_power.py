@@ -14,7 +14,17 @@ from statsmodels.stats.proportion import proportion_confint
 from typer.testing import CliRunner
 
 from made_study import made_study, random_blocks
-from netboard.analysis.cohort.power import PERMUTATION, T_TEST, Differences, PowerRate, Scale, differences, powers
+from netboard.analysis.cohort.decisions import CohortDecision
+from netboard.analysis.cohort.power import (
+    PERMUTATION,
+    T_TEST,
+    Differences,
+    PowerRate,
+    Scale,
+    differences,
+    levels_of_cohort,
+    powers,
+)
 from netboard.analysis.cohort.report import Assumptions, draw, flat, parts, sentence, write
 from netboard.analysis.cohort.rows import group_rows
 from netboard.analysis.statistics.contrasts import condition_contrast
@@ -22,7 +32,8 @@ from netboard.analysis.topics.contrasts import comparisons, questions_of
 from netboard.base.errors import ConfigError
 from netboard.services.cli import app
 
-ASSUMED = Assumptions("short", "0.1.0", "a" * 64, 1, 400, 24, 0.05, [("kp", "1/s2", 2.0, 1.5, 2.5)])
+UNDECLARED = CohortDecision("t", (), (), 0, "none")
+ASSUMED = Assumptions("short", "0.1.0", "a" * 64, 1, 400, 24, 0.05, [("kp", "1/s2", 2.0, 1.5, 2.5)], UNDECLARED)
 MEAN, SD = 0.3, 0.5
 
 
@@ -107,19 +118,21 @@ def groups(dyads: int) -> pd.DataFrame:
 def test_fewer_trials_use_the_first_groups() -> None:
     asked = [{"name": "on vs off", "first": ["on"], "second": ["off"]}]
     for trials, expected in ((0, 1.5), (30, 1.0), (60, 1.5)):
-        (time,) = (one for one in differences([groups(3)], asked, trials) if one.measure == "completion time")
+        (time,) = (
+            one for one in differences(levels_of_cohort([groups(3)], trials), asked) if one.measure == "completion time"
+        )
         assert time.gaps == pytest.approx(np.full((1, 3), expected))
     with pytest.raises(ConfigError, match="--trials: found 45, expected a multiple of 30"):
-        differences([groups(3)], asked, 45)
+        levels_of_cohort([groups(3)], 45)
 
 
 def test_virtual_study_without_trials_has_no_differences() -> None:
     """If nobody ever succeeds or falls, as with a short time limit, its table of groups is empty."""
     asked = [{"name": "on vs off", "first": ["on"], "second": ["off"]}]
     nothing, some = groups(3).iloc[:0], groups(3)
-    assert differences([nothing], asked) == []
+    assert differences(levels_of_cohort([nothing]), asked) == []
     for frames in ([nothing, some], [some, nothing]):
-        (time,) = (one for one in differences(frames, asked) if one.measure == "completion time")
+        (time,) = (one for one in differences(levels_of_cohort(frames), asked) if one.measure == "completion time")
         assert [np.isfinite(gaps).all() for gaps in time.gaps] == [len(frame) > 0 for frame in frames]
 
 
@@ -127,7 +140,7 @@ def test_differences_are_those_of_an_analysed_study_also_if_a_performer_lacks_a_
     """A performer's own speed is no effect: only performers with both conditions count, as in the analysis."""
     blocks = [one for one in random_blocks(dyads=3, trials=5) if (one.performer, one.force) != ("D02A", "none")]
     study = made_study(blocks)
-    found = differences([group_rows(study, 1)] * 2, [asdict(one) for one in questions_of(study)])
+    found = differences(levels_of_cohort([group_rows(study, 1)] * 2), [asdict(one) for one in questions_of(study)])
     expected = {(one.measure.name, one.question.name): one.contrast for one in comparisons(study).parts}
     lacking = {"dyadic vs bimanual, haptics off", "haptics on vs off, dyadic vs bimanual"}
     assert len({one.contrast for one in found}) == 5
@@ -142,7 +155,7 @@ def test_differences_are_those_of_an_analysed_study_also_if_a_performer_lacks_a_
 def test_results_state_their_assumptions(tmp_path: Path) -> None:
     found = list(powers([drawn()], [4, 24]))[::2]
     text = sentence(found, ASSUMED)
-    assert text.startswith(f"With 24 dyads, a paired t test of peaks (on vs off; difference {found[1].effect:.3g})")
+    assert text.startswith(f"With 24 dyads, a paired t test of peaks (on vs off; difference {found[1].effect:.3g}), ")
     assert "400 virtual studies of the plan short with 24 simulated dyads each" in text
     assert "below 0.8" in sentence(found[:1], ASSUMED)
     write(tmp_path, found, ASSUMED)
@@ -172,8 +185,11 @@ def test_sentence_and_assumptions_say_that_a_test_cannot_reject() -> None:
     assert expected in sentence([four], ASSUMED)
     assert "cannot reject" not in sentence([eight], ASSUMED)
     about = dict(parts([four, eight], ASSUMED)[0]["rows"])
-    assert about["smallest possible p, permutation test, 4 dyads"] == "0.125; above 0.05, so the test cannot reject"
-    assert about["smallest possible p, permutation test, 8 dyads"] == "0.00781"
+    assert (
+        about["smallest possible p, exploratory permutation test, 4 dyads"]
+        == "0.125; above 0.05, so the test cannot reject"
+    )
+    assert about["smallest possible p, exploratory permutation test, 8 dyads"] == "0.00781"
 
 
 def test_sentence_gives_the_share_of_fits_that_did_not_converge() -> None:
@@ -184,7 +200,7 @@ def test_sentence_gives_the_share_of_fits_that_did_not_converge() -> None:
 
 def test_figure_says_what_its_marks_bars_and_lines_are() -> None:
     text = " ".join(draw(list(powers([drawn()], [4]))[:1], 0.01, "assumptions").get_supxlabel().split())
-    assert "paired t test, with 95 % Monte Carlo confidence intervals" in text
+    assert "paired t test, exploratory, with 95 % Monte Carlo confidence intervals" in text
     assert "the significance level 0.01, and a power of 0.8" in text
 
 

@@ -67,6 +67,6 @@ def test_head_has_the_interaction_of_an_independent_computation(study: StudyData
     assert (ratio["value"], ratio["low"], ratio["high"]) == pytest.approx((np.exp(gaps.mean()), low, high), rel=1e-12)
     assert mine.loc["completion time: p, t test", "value"] == pytest.approx(test.pvalue, rel=1e-12)
     rows = {row.all("th")[0].text: [cell.text for cell in row.all("td")] for row in head.all("table")[1].all("tr")[1:]}
-    assert rows[group][5] == f"{test.pvalue:.3f}"
-    assert rows[group][3] == f"{test.statistic:.2f}".replace("-", "−")
-    assert f"t({DYADS - 1}) = {rows[group][3]}, p = {rows[group][5]}, {DYADS} dyads" in head.text
+    assert rows[group][6] == f"{test.pvalue:.3f}"
+    assert rows[group][4] == f"{test.statistic:.2f}".replace("-", "−")
+    assert f"t({DYADS - 1}) = {rows[group][4]}, p = {rows[group][6]}, {DYADS} dyads" in head.text

@@ -294,8 +294,8 @@ def test_declared_study_begins_with_its_answer(tmp_path: Path) -> None:
     test = stats.ttest_1samp(gaps, 0.0)
     low, high = np.exp(test.confidence_interval(0.95))
     row = cells["mass: heavy vs light x partner: person vs robot"]
-    assert row[:2] == [f"{np.exp(gaps.mean()):.2f}", f"{low:.2f} to {high:.2f}"]
-    assert row[2:6] == ["t test", f"{test.statistic:.2f}".replace("-", "−"), "5", f"{test.pvalue:.3f}"]
+    assert row[:3] == ["primary", f"{np.exp(gaps.mean()):.2f}", f"{low:.2f} to {high:.2f}"]
+    assert row[3:7] == ["t test", f"{test.statistic:.2f}".replace("-", "−"), "5", f"{test.pvalue:.3f}"]
 
 
 def test_sentences_say_what_the_data_exclude_and_what_not() -> None:

@@ -5,16 +5,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from netboard.analysis.cohort.decisions import CohortDecision, decision_of, declared_powers
 from netboard.analysis.cohort.fits import model_powers
 from netboard.analysis.cohort.folder import Cohort, make_cohort
-from netboard.analysis.cohort.power import Differences, Power, differences, powers
+from netboard.analysis.cohort.power import Power, differences, levels_of_cohort, powers
 from netboard.analysis.cohort.report import Assumptions, by_test, distributions, parts, sentence, write
 from netboard.analysis.cohort.rows import SIZE
 from netboard.analysis.cohort.virtual import VirtualDesign
 from netboard.analysis.cohort.workers import Runner
+from netboard.analysis.extraction.conditions import factor_read
 from netboard.base.config import Config, digest, parse
 from netboard.base.errors import ConfigError
 from netboard.base.files.new import refuse_existing
+from netboard.task.studies.declaration import declaration_of
 from netboard.task.studies.study import Study, resolve_study
 
 
@@ -40,7 +43,7 @@ class Request:
 
 @dataclass(frozen=True, slots=True)
 class PowerAnswer:
-    """The tables of a page, and a sentence on the first contrast."""
+    """The tables of a page, and a sentence on the primary contrast, or on the first one if none is declared."""
 
     parts: list[dict[str, Any]]
     sentence: str
@@ -60,7 +63,8 @@ def answer(request: Request, folder: Path, given: Path | None, runner: Runner) -
     else:
         cohort = suitable(request, given)
     studies = cohort.finished
-    found = [one for trials in request.trials for one in _of_contrasts(request, cohort, studies, trials)]
+    every = [_of_contrasts(request, cohort, studies, trials) for trials in request.trials]
+    found = [one for powers_of, _ in every for one in powers_of]
     if request.models:
         for trials in request.trials:
             found += model_powers(cohort, studies, request.dyads, request.alpha, trials, runner)
@@ -68,7 +72,15 @@ def answer(request: Request, folder: Path, given: Path | None, runner: Runner) -
     config = parse(made["config"], str(cohort.folder))
     drawn = tuple(distributions(config, made["seed"]))
     assumptions = Assumptions(
-        made["study"], made["netboard"], digest(config), made["seed"], studies, made["dyads"], request.alpha, drawn
+        study=made["study"],
+        netboard=made["netboard"],
+        config_sha256=digest(config),
+        seed=made["seed"],
+        studies=studies,
+        dyads=made["dyads"],
+        alpha=request.alpha,
+        parameters=drawn,
+        decision=every[0][1],
     )
     write(folder, found, assumptions)
     return PowerAnswer(parts(found, assumptions), sentence(next(iter(by_test(found).values())), assumptions))
@@ -91,19 +103,28 @@ def suitable(request: Request, folder: Path) -> Cohort:
     return cohort
 
 
-def _of_contrasts(request: Request, cohort: Cohort, studies: int, trials: int) -> list[Power]:
-    """Return the powers of the chosen contrasts with a number of trials."""
+def _of_contrasts(request: Request, cohort: Cohort, studies: int, trials: int) -> tuple[list[Power], CohortDecision]:
+    """Return the powers of the chosen contrasts with a number of trials, those of the declared tests first."""
     first = cohort.get(1)
     most = SIZE * int(first.tables["groups"]["group"].max(initial=0))
     if trials > most:
         raise ConfigError(f"--trials: found {trials}, expected at most {most}, those of a condition")
-    found = differences(cohort.frames("groups", studies), first.contrasts, trials)
-    return list(powers(_chosen(found, request.contrasts), request.dyads, request.alpha, trials))
+    levels = levels_of_cohort(cohort.frames("groups", studies), trials)
+    factors = list(map(factor_read, first.factors))
+    decision = decision_of(levels, factors, declaration_of(request.study))
+    gaps = differences(levels, first.contrasts)
+    names = [f"{one.measure}: {one.effect}" for one in decision.scores]
+    names += [f"{one.measure}: {one.contrast}" for one in gaps]
+    chosen = _chosen(names, request.contrasts)
+    # A declared test is decided among all declared ones, chosen or not.
+    declared = declared_powers(decision, request.dyads, request.alpha, trials)
+    found = [one for one in declared if f"{one.measure}: {one.contrast}" in chosen]
+    wanted = [one for one in gaps if f"{one.measure}: {one.contrast}" in chosen]
+    return [*found, *powers(wanted, request.dyads, request.alpha, trials)], decision
 
 
-def _chosen(found: Sequence[Differences], texts: Sequence[str]) -> list[Differences]:
-    """Return the contrasts with one of the texts; all without a text."""
-    names = [f"{one.measure}: {one.contrast}" for one in found]
+def _chosen(names: Sequence[str], texts: Sequence[str]) -> set[str]:
+    """Return the names of contrasts with one of the texts; all without a text."""
     if not names:
         raise ConfigError(
             "--contrast: no dyad of this study has both conditions of a contrast; expected a study with such conditions"
@@ -111,8 +132,4 @@ def _chosen(found: Sequence[Differences], texts: Sequence[str]) -> list[Differen
     for text in texts:
         if not any(text.casefold() in name.casefold() for name in names):
             raise ConfigError(f"--contrast: found {text!r}, expected a part of one of {'; '.join(names)}")
-    return [
-        one
-        for one, name in zip(found, names, strict=True)
-        if not texts or any(text.casefold() in name.casefold() for text in texts)
-    ]
+    return {name for name in names if not texts or any(text.casefold() in name.casefold() for text in texts)}

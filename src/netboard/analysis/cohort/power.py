@@ -2,7 +2,8 @@
 
 The virtual studies of a cohort are divided into studies of fewer, consecutive dyads. No dyad belongs to two of them, so
 they are independent; each keeps the counterbalancing. Each is tested as a real study is: paired t test and permutation
-test of the dyads' differences.
+test of the dyads' differences. The contrasts here are exploratory, and not corrected, as in the report;
+`netboard.analysis.cohort.decisions` has what the study declares.
 
 The false-positive rate is that of the same differences minus the cohort's mean difference: there is no effect by
 construction, and spread and skewness are those of the simulated dyads. For the t test it equals one minus the coverage
@@ -31,6 +32,9 @@ from netboard.base.errors import ConfigError
 Array = NDArray[np.float64]
 
 Scale = Literal["difference", "ratio"]
+
+Role = Literal["primary", "secondary", "exploratory"]
+"""Role of a test: as declared, or exploratory and not corrected."""
 
 T_TEST, PERMUTATION = "paired t test", "permutation test"
 
@@ -76,6 +80,7 @@ class PowerRate:
 class Power:
     """Power of one test with one number of dyads.
 
+    - `role`: of a primary test p is compared with the level as it is, of a secondary one after the gate.
     - `trials`: trials of a performer in each condition; 0 for all [1].
     - `studies`: virtual studies of this size [1].
     - `scale`: kind of the effect.
@@ -105,19 +110,39 @@ class Power:
     width_error: float
     least_p: float = nan
     unconverged: float = 0.0
+    role: Role = "exploratory"
 
     def impossible(self, alpha: float) -> bool:
         """Return whether the test cannot reject at a level, because its smallest possible p is above it."""
         return self.least_p > alpha
 
 
-def differences(
-    frames: Iterable[pd.DataFrame], contrasts: Sequence[dict[str, object]], trials: int = 0
-) -> list[Differences]:
-    """Return the differences of all contrasts of all measures.
+@dataclass(frozen=True, slots=True)
+class CohortLevels:
+    """Levels of all performers of all studies, by measure: each dyad and performer (rows) in each condition (columns).
+
+    - `who`: who performs each condition, as from `performed_by`.
+    - `conditions`: a row for each condition, with its factors.
+    - `studies`: number of virtual studies [1].
+    - `dyads`: names of the dyads of each, in order; a row's dyad is the number of its study, from 0, and this name.
+    """
+
+    performers: Mapping[str, pd.DataFrame]
+    who: Mapping[str, object]
+    conditions: pd.DataFrame
+    studies: int
+    dyads: tuple[str, ...]
+
+    def arranged(self, of_dyads: pd.Series) -> Array:
+        """Return values of dyads in the order of studies and dyads, shape (studies, dyads); NaN for missing ones."""
+        labels = [f"{number} {dyad}" for number in range(self.studies) for dyad in self.dyads]
+        return np.asarray(of_dyads.reindex(labels).to_numpy().reshape(self.studies, len(self.dyads)), dtype=float)
+
+
+def levels_of_cohort(frames: Iterable[pd.DataFrame], trials: int = 0) -> CohortLevels:
+    """Return the levels of all performers of a cohort.
 
     - `frames`: table of groups of each study, with equal numbers of dyads.
-    - `contrasts`: declared contrasts: ``name``, and the conditions ``first`` and ``second``.
     - `trials`: first trials of each condition that count, a multiple of the size of a group; 0 for all [1].
     """
     if trials % SIZE:
@@ -125,21 +150,33 @@ def differences(
     parts: dict[str, list[pd.DataFrame]] = {one.measure.name: [] for one in KEPT}
     who: dict[str, object] = {}
     dyads: set[str] = set()
+    rows = []
     for number, frame in enumerate(frames):
+        rows.append(frame.drop_duplicates("condition"))
         who |= zip(frame["condition"], zip(frame["configuration"], frame["partner"], strict=True), strict=True)
         dyads |= set(frame["dyad"])
         kept = frame[frame["group"] <= trials // SIZE] if trials else frame
         named = kept.assign(dyad=f"{number} " + kept["dyad"])
         for one in KEPT:
             parts[one.measure.name].append(performer_means(named, one))
-    in_order = sorted(dyads, key=lambda dyad: int(dyad[1:]))
-    studies = len(parts[KEPT[0].measure.name])
-    labels = [f"{number} {dyad}" for number in range(studies) for dyad in in_order]
+    return CohortLevels(
+        {name: pd.concat(own) for name, own in parts.items()},
+        who,
+        pd.concat(rows).drop_duplicates("condition"),
+        len(rows),
+        tuple(sorted(dyads, key=lambda dyad: int(dyad[1:]))),
+    )
+
+
+def differences(levels: CohortLevels, contrasts: Sequence[dict[str, object]]) -> list[Differences]:
+    """Return the differences of all contrasts of all measures.
+
+    - `contrasts`: contrasts of the report: ``name``, and the conditions ``first`` and ``second``.
+    """
     found = []
     for one in KEPT:
-        performers = pd.concat(parts[one.measure.name])
         for contrast in contrasts:
-            gaps = _gaps(performers, who, contrast).reindex(labels).to_numpy().reshape(studies, len(in_order))
+            gaps = levels.arranged(_gaps(levels.performers[one.measure.name], levels.who, contrast))
             if np.isfinite(gaps).any():
                 scale: Scale = "ratio" if one.measure.ratio else "difference"
                 unit = "1" if one.measure.ratio else one.measure.unit
@@ -183,7 +220,7 @@ def powers(found: Sequence[Differences], sizes: Sequence[int], alpha: float = 0.
         effect = float(np.exp(mean)) if one.scale == "ratio" else mean
         for dyads in sizes:
             own = divided(one.gaps, dyads)
-            null = np.where(all_equal(own)[:, None], 0.0 * own, own - mean)
+            null = without_effect(own, mean)
             p, low, high = paired_t_tests(own, alpha)
             tests = {
                 T_TEST: (p, paired_t_tests(null, alpha)[0]),
@@ -208,6 +245,14 @@ def powers(found: Sequence[Differences], sizes: Sequence[int], alpha: float = 0.
                     width_error=error,
                     least_p=least_permutation_p(dyads) if test == PERMUTATION else nan,
                 )
+
+
+def without_effect(gaps: Array, mean: float) -> Array:
+    """Return the differences of each study minus the cohort's mean; 0 where those of a study are all equal.
+
+    - `gaps` (shape (studies, dyads)): difference of each dyad [any].
+    """
+    return np.where(all_equal(gaps)[:, None], 0.0 * gaps, gaps - mean)
 
 
 def all_equal(gaps: Array) -> NDArray[np.bool_]:

@@ -13,7 +13,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from netboard.analysis.cohort.power import PERMUTATION, T_TEST, Power
+from netboard.analysis.cohort.decisions import CohortDecision
+from netboard.analysis.cohort.power import PERMUTATION, T_TEST, Power, Role
 from netboard.analysis.topics.figure import (
     BLACK,
     BLUE,
@@ -39,6 +40,13 @@ from netboard.nodes.rehearsal.population import LETTERS, person_of
 ENOUGH = 0.8
 """Power that is usually asked for, which the lower limit of its confidence interval must reach [1]."""
 
+ROLES: dict[Role, str] = {
+    "primary": "the primary contrast",
+    "secondary": "a secondary test that is adjusted for the primary one and by Holm's method",
+    "exploratory": "exploratory and not corrected",
+}
+"""Roles of a test, in a sentence."""
+
 SHOWN = 1000
 """Participants drawn to describe the distribution of each parameter [1]."""
 
@@ -53,6 +61,7 @@ SPREAD = 0.6
 """Horizontal distance between the first and the last contrast [dyads]."""
 
 COLUMNS = (
+    ("role", "primary, secondary or exploratory"),
     ("measure", ""),
     ("contrast", ""),
     ("test", ""),
@@ -82,6 +91,7 @@ class Assumptions:
     """Assumptions of the power analysis.
 
     - `studies`, `dyads`: virtual studies of the cohort, and dyads in each [1].
+    - `decision`: what the cohort can decide of the declared analysis.
     - `parameters`: parameter, unit, median and limits of the central 95 % of the simulated participants [their units].
     """
 
@@ -93,6 +103,7 @@ class Assumptions:
     dyads: int
     alpha: float
     parameters: Sequence[tuple[str, str, float, float, float]]
+    decision: CohortDecision
 
     @property
     def virtual_studies(self) -> str:
@@ -111,7 +122,15 @@ class Assumptions:
                 yield name, f"{middle:.3g} ({low:.3g} to {high:.3g}){shown}"
         yield "dyads", "independent; a study of fewer dyads is a part of a virtual study, with its counterbalancing"
         yield "false positives", "no effect by construction: the cohort's mean effect is subtracted"
-        yield "significance level", f"{self.alpha:g}, two-sided, not corrected for several tests"
+        yield "significance level", f"{self.alpha:g}, two-sided"
+        yield "declared analysis", self.decision.text
+        if self.decision.scores:
+            yield "primary contrast", "its p is compared with the level as it is"
+            rule = "the larger of the primary p and of Holm's p over all secondary tests is compared with the level"
+            yield "secondary tests", rule
+        for name in self.decision.missing:
+            yield f"secondary outcome {name}", "has no values in a cohort: its tests count with a p of 1"
+        yield "exploratory contrasts", "not corrected for several tests; none of them decides anything"
 
     def __str__(self) -> str:
         return (
@@ -150,8 +169,9 @@ def sentence(found: Sequence[Power], assumptions: Assumptions) -> str:
         wide = f"; its {100 * (1 - assumptions.alpha):g} % confidence interval {span} on average"
     return (
         f"With {plural(one.dyads, 'dyad')}{trials}, a {one.test} of {one.measure} ({one.contrast}; {one.scale} "
-        f"{one.effect:.3g}{unit}) at the level {assumptions.alpha:g} has a power of {one.power.value:.2f} (95 % Monte "
-        f"Carlo confidence interval {one.power.low:.2f} to {one.power.high:.2f}){reached}{wide}. "
+        f"{one.effect:.3g}{unit}), {ROLES[one.role]}, at the level {assumptions.alpha:g} has a power of "
+        f"{one.power.value:.2f} (95 % Monte Carlo confidence interval {one.power.low:.2f} to {one.power.high:.2f})"
+        f"{reached}{wide}. "
         f"{_limits(one, assumptions.alpha)}Simulated: {assumptions}."
     )
 
@@ -167,11 +187,11 @@ def _limits(one: Power, alpha: float) -> str:
     return "".join(found)
 
 
-def by_test(found: Sequence[Power]) -> dict[tuple[str, str, str, int], list[Power]]:
-    """Return the powers of each measure, contrast, test and number of trials, by increasing number of dyads."""
-    lines: dict[tuple[str, str, str, int], list[Power]] = {}
+def by_test(found: Sequence[Power]) -> dict[tuple[Role, str, str, str, int], list[Power]]:
+    """Return the powers of each role, measure, contrast, test and number of trials, by increasing number of dyads."""
+    lines: dict[tuple[Role, str, str, str, int], list[Power]] = {}
     for one in found:
-        lines.setdefault((one.measure, one.contrast, one.test, one.trials), []).append(one)
+        lines.setdefault((one.role, one.measure, one.contrast, one.test, one.trials), []).append(one)
     return {key: sorted(own, key=lambda one: one.dyads) for key, own in lines.items()}
 
 
@@ -186,10 +206,12 @@ def flat(one: Power) -> dict[str, Any]:
 
 def least_rows(found: Sequence[Power], alpha: float) -> Iterator[tuple[str, str]]:
     """Yield the smallest possible p of each exact test by number of dyads, and whether it is above the level."""
-    least = {(one.test, one.dyads): one for one in found if isfinite(one.least_p)}
-    for (test, dyads), one in sorted(least.items()):
+    least = {(one.role, one.test, one.dyads): one for one in found if isfinite(one.least_p)}
+    for (role, test, dyads), one in least.items():
         above = f"; above {alpha:g}, so the test cannot reject" if one.impossible(alpha) else ""
-        yield f"smallest possible p, {test}, {plural(dyads, 'dyad')}", f"{one.least_p:.3g}{above}"
+        adjusted = " adjusted" if role == "secondary" else ""
+        name = f"smallest possible{adjusted} p, {role} {test}, {plural(dyads, 'dyad')}"
+        yield name, f"{one.least_p:.3g}{above}"
 
 
 def parts(found: Sequence[Power], assumptions: Assumptions) -> list[dict[str, Any]]:
@@ -211,14 +233,14 @@ def parts(found: Sequence[Power], assumptions: Assumptions) -> list[dict[str, An
     )
     for name, title, cell in kinds:
         rows = []
-        for (measure, contrast, test, trials), own in by_test(found).items():
+        for (role, measure, contrast, test, trials), own in by_test(found).items():
             if name == "precision" and test == PERMUTATION:
                 continue
             cells = {one.dyads: str(cell(one)) for one in own}
             unit = "" if own[0].unit == "1" else f" {own[0].unit}"
-            head = [measure, contrast, test, trials or "all", f"{own[0].effect:.3g}{unit}"]
+            head = [role, measure, contrast, test, trials or "all", f"{own[0].effect:.3g}{unit}"]
             rows.append([*head, *(cells.get(size, "") for size in sizes)])
-        columns = ["measure", "contrast", "test", "trials", "ratio or difference"]
+        columns = ["role", "measure", "contrast", "test", "trials", "ratio or difference"]
         columns += [plural(size, "dyad") for size in sizes]
         found_parts.append({"name": name, "title": title, "columns": columns, "rows": rows, "verdicts": []})
     return found_parts
@@ -243,7 +265,7 @@ def write(folder: Path, found: Sequence[Power], assumptions: Assumptions) -> Non
             file.write(json.dumps(whole, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
         with (folder / "methods.txt").open("x", encoding="utf-8") as file:
             file.writelines(f"{sentence(own, assumptions)}\n" for own in by_test(found).values())
-        figure = draw([one for one in found if one.test == T_TEST], assumptions.alpha, str(assumptions))
+        figure = draw(found, assumptions.alpha, str(assumptions))
         for kind in ("png", "svg"):
             with (folder / f"power.{kind}").open("xb") as image:
                 image.write(as_bytes(figure, kind))
@@ -256,7 +278,13 @@ def _plain(row: Mapping[str, Any]) -> dict[str, Any]:
 
 @mpl.rc_context(STYLE)
 def draw(found: Sequence[Power], alpha: float, assumptions: str) -> Figure:
-    """Draw power (filled) and false-positive rate (hollow, dashed) against dyads, a panel for each measure."""
+    """Draw power (filled) and false-positive rate (hollow, dashed) against dyads, a panel for each measure.
+
+    The declared tests, if there are any, else the t tests of the exploratory contrasts.
+    """
+    declared = [one for one in found if one.role != "exploratory"]
+    found = declared or [one for one in found if one.test == T_TEST]
+    kind = f"{found[0].test}, as the report decides it" if declared else f"{T_TEST}, exploratory"
     measures = list(dict.fromkeys(one.measure for one in found))
     contrasts = list(dict.fromkeys((one.contrast, one.trials) for one in found))
     rows = -(-len(measures) // ACROSS)
@@ -272,7 +300,7 @@ def draw(found: Sequence[Power], alpha: float, assumptions: str) -> Figure:
     handles, names = axes[0].get_legend_handles_labels()
     figure.legend(handles, names, loc="outside upper center", ncols=2)
     legend = (
-        f"Filled: power; hollow: false positives; both of the {T_TEST}, with 95 % Monte Carlo confidence intervals. "
+        f"Filled: power; hollow: false positives; both of the {kind}, with 95 % Monte Carlo confidence intervals. "
         f"Grey: the significance level {alpha:g}, and a power of {ENOUGH:g}. Marks are shifted, so that none covers "
         "another. "
     )

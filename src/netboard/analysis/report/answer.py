@@ -1,8 +1,9 @@
-"""Answer of a report: the declared effects on the primary outcome, in sentences and tables.
+"""Answer of a report: the primary contrast, then the secondary tests, in sentences and tables.
 
 An interval that includes no effect is worded as what it excludes and what it does not: it is no evidence that there is
 no effect, unless it lies within the declared smallest effect of interest. Only the declared method counts; other
-methods are sensitivity analyses.
+methods are sensitivity analyses. Only the primary contrast has the whole level: each secondary test shows the p that is
+adjusted for the primary one and for the others.
 """
 
 from collections.abc import Iterator, Mapping
@@ -20,14 +21,19 @@ from netboard.analysis.topics.result import cautioned
 
 
 def answer_sentences(found: DeclaredAnalysis) -> Iterator[str]:
-    """Yield a paragraph for each declared effect of the primary outcome, then what holds for all of them."""
-    for effect in found.primary.effects:
+    """Yield a paragraph for the primary contrast and each other effect on its outcome, then what holds for them."""
+    for effect in reversed(found.primary.effects):
         yield " ".join(_paragraph(found, effect))
-    if len(found.primary.effects) > 1:
+    tests = len(found.secondary_effects)
+    if tests:
         yield (
-            "The p values of these effects are not corrected for one another, as in an analysis of variance. A main "
-            "effect is averaged over the levels of the other factor: read it together with the interaction."
+            f"The primary contrast has the whole level of {percent(1.0 - found.declaration.level)}. The other "
+            f"{plural(tests, 'declared test')} are secondary: the adjusted p of each is the larger of the primary p "
+            "and of its own, corrected over all secondary tests by Holm's method (gatekeeping). So none of them can be "
+            "below the level unless the primary p is."
         )
+    if len(found.primary.effects) > 1:
+        yield "A main effect is averaged over the levels of the other factor: read it together with the interaction."
     if not found.declaration.smallest_effect:
         yield (
             "No smallest effect of interest is declared, so no result of this study can be read as evidence that there "
@@ -37,18 +43,20 @@ def answer_sentences(found: DeclaredAnalysis) -> Iterator[str]:
 
 def effect_lines(outcome: Outcome) -> Iterator[str]:
     """Yield each effect on an outcome in a line: estimate, confidence interval and p value."""
-    for effect in outcome.effects:
+    for effect in reversed(outcome.effects):
         row = asdict(effect_result(outcome, effect, effect.counts))
         interval = f"{percent(effect.counts.estimate.level)} CI {between(row)}" if between(row) else "no CI"
         value = f"{written(row)[0]}{after(unit_of(row))}"
-        yield f"{effect.name}: {effect.counts.scale} {value} ({interval}), {_test(effect)}"
+        role = "primary contrast" if effect is outcome.effects[-1] else "secondary"
+        yield f"{effect.name} ({role}): {effect.counts.scale} {value} ({interval}), {_test(effect)}"
 
 
 def _paragraph(found: DeclaredAnalysis, effect: DeclaredEffect) -> Iterator[str]:
     """Yield the sentences on one effect: estimate and test, what the data exclude, and equivalence."""
     outcome = found.primary
     row = asdict(effect_result(outcome, effect, effect.counts))
-    yield f"{_estimate_clause(found, effect, row)} ({'; '.join(_aside(outcome, effect, row))})."
+    role = "Primary contrast" if effect is found.contrast else "Secondary"
+    yield f"{role}. {_estimate_clause(found, effect, row)} ({'; '.join(_aside(outcome, effect, row))})."
     yield compatible(row, _null(effect))
     if found.declaration.smallest_effect:
         yield _equivalence(found.declaration.smallest_effect, effect, row)
@@ -93,6 +101,8 @@ def _test(effect: DeclaredEffect) -> str:
     if not isfinite(tested.p):
         return f"no p value: {tested.note}"
     p = cautioned(f"p = {amount(tested.p)}", tested.caution)
+    if effect.adjusted != tested.p:
+        p = f"{p}, adjusted p = {amount(effect.adjusted)}"
     return f"t({amount(round(tested.free, 1))}) = {amount(tested.statistic, 2)}, {p}" if isfinite(tested.free) else p
 
 
@@ -153,21 +163,23 @@ def _ends(found: Estimate) -> dict[str, float]:
 
 
 def effects_grid(outcome: Outcome) -> Grid:
-    """Return the effects on the primary outcome by the method that counts."""
+    """Return the primary contrast and the other effects on its outcome, by the method that counts."""
     return grid_of(f"Primary outcome, {outcome.measure.name}: the declared effects", [*_effects(outcome)])
 
 
 def _effects(outcome: Outcome) -> Iterator[dict[GridColumn, Cell | float]]:
-    for effect in outcome.effects:
+    for effect in reversed(outcome.effects):
         row, size = asdict(effect_result(outcome, effect, effect.counts)), asdict(size_result(outcome, effect))
         yield {
             name("Effect"): effect.name,
+            GridColumn("Test"): "primary" if effect is outcome.effects[-1] else "secondary",
             number(_scale(row, effect.counts.scale)): written(row)[0],
             number(f"{percent(effect.counts.estimate.level)} CI"): between(row),
-            GridColumn("Test"): method_name(outcome.measure.name, effect.counts.method),
+            GridColumn("Method"): method_name(outcome.measure.name, effect.counts.method),
             number("t"): amount(effect.counts.tested.statistic, 2),
             number("df"): amount(round(effect.counts.tested.free, 1)),
             number("p"): cautioned(amount(effect.counts.tested.p), effect.counts.tested.caution),
+            number("p, adjusted"): amount(effect.adjusted),
             number("Effect size"): f"{_size_name(size)} = {written(size)[0]} ({between(size)})",
             number("Dyads"): effect.counts.estimate.n,
         }
@@ -230,11 +242,12 @@ def secondary_grid(found: DeclaredAnalysis) -> Grid | None:
                     GridColumn("Scale"): effect.counts.scale,
                     number("Estimate"): f"{written(row)[0]}{after(unit_of(row))}",
                     number(f"{percent(found.declaration.level)} CI"): between(row),
-                    number("p, Holm"): cautioned(amount(effect.corrected), effect.counts.tested.caution),
+                    number("p, adjusted"): cautioned(amount(effect.adjusted), effect.counts.tested.caution),
                     number("Dyads"): effect.counts.estimate.n,
                 }
             )
     if not rows:
         return None
-    tests = plural(len(rows), "test")
-    return grid_of(f"Secondary outcomes, by the declared method; p corrected by Holm's method over these {tests}", rows)
+    tests = plural(len(found.secondary_effects), "secondary test")
+    caption = f"Secondary outcomes, by the declared method; p adjusted for the primary contrast and over {tests}"
+    return grid_of(caption, rows)

@@ -22,7 +22,8 @@ from netboard.analysis.report.answer import (
 from netboard.analysis.report.grids import Cell, Grid, GridColumn, grid_of, name, number
 from netboard.analysis.report.wording import amount, capital, percent, plural
 from netboard.analysis.topics import testing
-from netboard.analysis.topics.declared import DeclaredAnalysis, DeclaredFactor, NoAnalysis
+from netboard.analysis.topics.crossing import DeclaredFactor
+from netboard.analysis.topics.declared import DeclaredAnalysis, NoAnalysis
 from netboard.analysis.topics.groups import block_labels
 from netboard.analysis.topics.primary import method_name, primary
 from netboard.analysis.topics.result import UNCOMPUTABLE
@@ -96,17 +97,19 @@ def _declared(study: StudyData, found: DeclaredAnalysis) -> Iterator[str]:
     assert outcome is not None  # for the type checker; the caller has asked
     have, every = study.declarations[own], sum(study.declarations.values())
     method = method_name(own.primary, own.method)
-    both = " (both main effects and their interaction)" if len(found.crossing.factors) > 1 else ""
+    both = " (their interaction)" if len(found.crossing.factors) > 1 else ""
     yield (
         f"Declared in the study file, and in {_of(have, every)} before the first trial: primary outcome {own.primary}; "
         f"contrast {own.contrast}{both}; method {method}; {percent(own.level)} confidence intervals."
     )
     if have < every:
         yield f"{plural(every - have, 'recording')} declare nothing: for their data the declaration came later."
+    secondary = ["the main effects"] if len(found.crossing.factors) > 1 else []
     if own.secondary:
-        yield f"Secondary outcomes: {', '.join(own.secondary)}. Everything else in this report is exploratory."
-    else:
-        yield "Everything else in this report is exploratory."
+        secondary.append(f"the same contrasts of the secondary outcomes ({', '.join(own.secondary)})")
+    if secondary:
+        yield f"Secondary: {', and '.join(secondary)}."
+    yield "Everything else in this report is exploratory."
 
 
 def _of(have: int, every: int) -> str:

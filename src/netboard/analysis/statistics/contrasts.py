@@ -150,6 +150,24 @@ def holm(p: ArrayLike) -> NDArray[np.float64]:
     return corrected
 
 
+def gatekept(primary: float, secondary: ArrayLike) -> NDArray[np.float64]:
+    """Adjust the p values of secondary tests for a gate: the primary test, in the same order [1].
+
+    Serial gatekeeping (Westfall and Krishen, J. Stat. Plan. Inference 99:25, 2001). The primary test has the whole
+    level. Each secondary one has the larger of the primary p and of its p by `holm` within the secondary tests: it can
+    reject only if the primary one does. The chance of any false rejection is at most the level, for any dependence. Of
+    smallest possible p values it gives the smallest possible adjusted ones.
+
+    Parameters
+    ----------
+    primary : float
+        p of the primary test; NaN, a test without a result, leaves the gate closed: all adjusted p are NaN [1].
+    secondary : array_like, shape (n,)
+        One p value for each secondary test; NaN, a test without a result, is not part of the family [1].
+    """
+    return np.maximum(primary, holm(secondary))
+
+
 def _pairs(values: ArrayLike, units: ArrayLike, first: ArrayLike) -> tuple[NDArray[np.generic], NDArray[np.float64]]:
     """Return the units, and the mean of each in the first and in the second condition."""
     x, unit, condition = np.asarray(values, dtype=float), np.asarray(units), np.asarray(first)

@@ -16,7 +16,7 @@ from scipy import stats
 
 from netboard.analysis.statistics.effect_sizes import contrast_effect
 from netboard.analysis.statistics.estimates import Estimate, constant, known
-from netboard.analysis.statistics.exact_tests import SEED, permutation_interval, permutation_p
+from netboard.analysis.statistics.exact_tests import SEED, least_permutation_p, permutation_interval, permutation_p
 from netboard.base.plural import plural
 
 
@@ -38,6 +38,8 @@ class Tested:
         Reason why a number is missing, or a caution; empty for none.
     caution : str
         Caution that belongs beside p; empty for none.
+    least_p : float
+        Smallest possible p with this number of dyads; 0 for a test without a limit [1].
     """
 
     estimate: Estimate
@@ -46,6 +48,7 @@ class Tested:
     p: float
     note: str = ""
     caution: str = ""
+    least_p: float = 0.0
 
 
 def planned_t(groups: Sequence[ArrayLike], weights: Sequence[float], *, level: float, unit: str = "dyad") -> Tested:
@@ -86,7 +89,7 @@ def planned_permutation(scores: ArrayLike, *, level: float, unit: str = "dyad") 
     p = float(permutation_p(x[None, :], rng=np.random.default_rng(SEED))[0])
     estimate = permutation_interval(x, level=level, unit=unit)
     note = "" if np.isfinite(estimate.low) else f"{len(x)} {unit}s: too few for a confidence interval of this test"
-    return Tested(estimate, nan, nan, p, note)
+    return Tested(estimate, nan, nan, p, note, least_p=least_permutation_p(len(x)) if len(x) > 1 else nan)
 
 
 def planned_effect(groups: Sequence[ArrayLike], weights: Sequence[float], *, level: float) -> Estimate:

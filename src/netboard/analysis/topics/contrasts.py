@@ -2,13 +2,13 @@
 
 Every compared measure of `netboard.analysis.topics.measures` has the same contrasts: each haptic condition minus
 haptics off, within each configuration; two people minus one, within each haptic condition; the interaction of both; and
-each level of a further factor minus its first level, within all other factors. The contrasts of all measures of a
-family are one family of tests (Holm). They are declared here, before any results are seen.
+each level of a further factor minus its first level, within all other factors. All are exploratory: their p values are
+not corrected, and none of them decides anything. What a study decides it declares
+(`netboard.analysis.topics.declared`).
 """
 
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, TypeVar
 
 import numpy as np
@@ -16,7 +16,7 @@ import pandas as pd
 from scipy import stats
 
 from netboard.analysis.extraction.study import StudyData
-from netboard.analysis.statistics.contrasts import Contrast, condition_contrast, holm
+from netboard.analysis.statistics.contrasts import Contrast, condition_contrast
 from netboard.analysis.statistics.effect_sizes import paired_effect
 from netboard.analysis.statistics.estimates import Estimate, mean_interval
 from netboard.analysis.statistics.exact_tests import SYMMETRIC
@@ -57,6 +57,9 @@ T = TypeVar("T")
 
 MIN_FOR_SKEWNESS = 4
 """Minimum number of differences for a skewness [1]."""
+
+EXPLORATORY = "exploratory, not corrected"
+"""Note beside the p value of each contrast."""
 
 SEED = 20_220_302
 """Seed of bootstraps, and of permutation tests with many dyads."""
@@ -113,8 +116,7 @@ def _both(of: Mapping[tuple[str, str, tuple[str, ...]], T]) -> Iterator[tuple[T,
 class ContrastResult:
     """A measure in the conditions of a contrast; for a ratio measure logarithms, and the ratio as mean difference.
 
-    `difference` has the t interval, `bootstrap` the bootstrap interval; `corrected` is the permutation test's p value,
-    Holm-corrected over the family [1].
+    `difference` has the t interval, `bootstrap` the bootstrap interval.
     """
 
     measure: Measure
@@ -123,7 +125,6 @@ class ContrastResult:
     difference: Estimate
     bootstrap: Estimate
     hedges: Estimate
-    corrected: float
 
     @property
     def unit(self) -> str:
@@ -147,15 +148,12 @@ def _results(one: ContrastResult) -> Iterator[Result]:
     yield estimated("contrasts", f"{one.measure.name}: g_z", group, one.hedges, "1", note)
     for kind, test in (("sign test", contrast.signs), ("permutation test", contrast.permutation)):
         number = f"{test.n} dyads" if test.exact else "this number of random sign flips"
-        least = (
-            f"smallest possible p {test.least_p:.3g} with {number}" if np.isfinite(test.least_p) else "too few to test"
-        )
+        least = "too few to test"
+        if np.isfinite(test.least_p):
+            least = f"{EXPLORATORY}; smallest possible p {test.least_p:.3g} with {number}"
         shape = f"; {_symmetry(contrast)}" if test is contrast.permutation else ""
         name = f"{one.measure.name}: p, {kind}"
         yield plain("contrasts", name, group, test.p, "1", test.n, "dyad", f"{least}{shape}")
-    family = f"p of the permutation test, corrected over all contrasts of all measures of {one.measure.family}"
-    family = f"{family}; {_symmetry(contrast)}"
-    yield plain("contrasts", f"{one.measure.name}: p, Holm", group, one.corrected, "1", contrast.n, "dyad", family)
 
 
 def _left_out(contrast: Contrast) -> str:
@@ -187,7 +185,7 @@ def comparisons(study: StudyData) -> TopicResults[ContrastResult]:
                     table = paired_levels(performers, who, names)
                     if table.notna().all(axis=1).any():
                         found.append(_compare(measure, question, table, rng))
-    return TopicResults.of(_corrected(found), _results)
+    return TopicResults.of(found, _results)
 
 
 def _compare(measure: Measure, question: Question, table: pd.DataFrame, rng: np.random.Generator) -> ContrastResult:
@@ -201,22 +199,13 @@ def _compare(measure: Measure, question: Question, table: pd.DataFrame, rng: np.
     elif question.kind != "interaction":
         difference = mean_interval(contrast.differences, measure.of_difference)
     hedges = paired_effect(contrast.differences, correction="hedges")
-    return ContrastResult(measure, question, contrast, difference, drawn, hedges, np.nan)
+    return ContrastResult(measure, question, contrast, difference, drawn, hedges)
 
 
 def _level(table: pd.DataFrame, conditions: tuple[str, ...]) -> pd.Series:
     """Return the level of each dyad in a condition, or the difference of two."""
     first = table[conditions[0]]
     return first if len(conditions) == 1 else first - table[conditions[1]]
-
-
-def _corrected(found: list[ContrastResult]) -> tuple[ContrastResult, ...]:
-    """Apply Holm's correction within families of tests."""
-    values = np.full(len(found), np.nan)
-    for family in {one.measure.family for one in found}:
-        own = [k for k, one in enumerate(found) if one.measure.family == family]
-        values[own] = holm([found[k].contrast.permutation.p for k in own])
-    return tuple(replace(one, corrected=float(p)) for one, p in zip(found, values, strict=True))
 
 
 KINDS = {
@@ -233,7 +222,7 @@ TICKS = (-100, -30, -10, -3, -1, 0, 1, 3, 10, 30, 100)
 _BAND = "#F3F3F3"
 
 
-@pictured("Effects of forces and of a partner, standardised")
+@pictured("Effects of forces and of a partner, standardised (exploratory)")
 def picture(study: StudyData) -> Drawn:
     """Draw all effect sizes.
 
@@ -282,7 +271,7 @@ def _panel(
     reach: float,
     height: float,
 ) -> None:
-    """Draw one kind of effect, a row for each measure, with corrected p values on the right."""
+    """Draw one kind of effect, a row for each measure, with uncorrected p values on the right."""
     questions = list(dict.fromkeys(one.question for one in found))
     offsets = dict(zip(questions, beside(len(questions), 0.5 if len(questions) <= 2 else 0.75), strict=True))
     for row in range(0, len(names), 2):
@@ -293,9 +282,9 @@ def _panel(
         draw_mean(
             axes, at, one.hedges, looks[one.question.name], f"{one.measure.name}: {one.question.name}", across=True
         )
-        p = f"{one.corrected:.3g}"
+        p = f"{one.contrast.permutation.p:.3g}"
         axes.text(1.02, at, p, transform=axes.get_yaxis_transform(), va="center", fontsize=5.5)
-    axes.text(1.02, -0.75, "p, Holm", transform=axes.get_yaxis_transform(), va="center", fontsize=6.5, style="italic")
+    axes.text(1.02, -0.75, "p", transform=axes.get_yaxis_transform(), va="center", fontsize=6.5, style="italic")
     axes.set_yticks(range(len(names)), names, fontsize=7)
     axes.tick_params(axis="y", length=0)
     axes.set_ylim(len(names) - 0.5, -0.5)
@@ -331,19 +320,15 @@ def _caption(found: Sequence[ContrastResult]) -> str:
 
 
 def _tests(every: Sequence[ContrastResult]) -> str:
-    """Return sentences on the tests, the smallest possible p, and the correction."""
-    found = [one for one in every if np.isfinite(one.corrected)]
-    tests = [one.contrast.permutation for one in found]
+    """Return sentences on the tests, their number, and the smallest possible p."""
+    tests = [one.contrast.permutation for one in every if np.isfinite(one.contrast.permutation.p)]
     kind = "exact permutation tests"
     if not all(test.exact for test in tests):
         kind = "permutation tests by random sign flips"
-    sizes = Counter(one.measure.family for one in found)
     least = min(test.least_p for test in tests)
-    corrected = min(min(1.0, sizes[one.measure.family] * one.contrast.permutation.least_p) for one in found)
-    sure = sum(one.corrected < 0.05 for one in found)
-    families = "; ".join(f"{family}: {plural(size, 'test')}" for family, size in sizes.items())
+    low = sum(test.p < 0.05 for test in tests)
     return (
-        f"p: {kind}, corrected by Holm's method within each family of measures ({families}). The smallest possible "
-        f"p of one test is {least:.3g} with this number of dyads, and {corrected:.3g} after the correction; {sure} of "
-        f"{plural(len(found), 'corrected p value')} are below 0.05. The test {SYMMETRIC}."
+        f"p: {kind}, exploratory and not corrected: {low} of {plural(len(tests), 'p value')} are below 0.05; without "
+        f"any effect up to about {0.05 * len(tests):.2g} would be. The smallest possible p of one test is {least:.3g} "
+        f"with this number of dyads. The test {SYMMETRIC}."
     )

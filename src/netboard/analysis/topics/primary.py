@@ -12,14 +12,13 @@ import numpy as np
 import pandas as pd
 
 from netboard.analysis.extraction.study import StudyData
+from netboard.analysis.topics.crossing import Crossing, Levels
 from netboard.analysis.topics.declared import (
     METHODS,
     MODELS,
     ByMethod,
-    Crossing,
     DeclaredAnalysis,
     DeclaredEffect,
-    Levels,
     NoAnalysis,
     Outcome,
     declared_analysis,
@@ -96,8 +95,9 @@ def _results(outcome: Outcome, found: DeclaredAnalysis) -> Iterator[Result]:
     """Yield the means of an outcome, its effects by the method that counts and by the others, and their sizes."""
     for levels in outcome.means:
         yield mean_result(outcome, found.crossing, levels)
-    role = "primary outcome" if outcome is found.primary else "secondary outcome"
+    on = "primary outcome" if outcome is found.primary else "secondary outcome"
     for effect in outcome.effects:
+        role = "primary contrast" if effect is found.contrast else f"secondary test, {on}"
         for by in (effect.counts, *effect.others):
             counts = f"{role}, declared method" if by is effect.counts else f"{role}, sensitivity analysis"
             note = "; ".join(filter(None, (counts, method_name(outcome.measure.name, by.method), by.tested.note)))
@@ -105,10 +105,12 @@ def _results(outcome: Outcome, found: DeclaredAnalysis) -> Iterator[Result]:
             p = cautioned(f"{outcome.measure.name}: p, {METHODS[by.method]}", by.tested.caution)
             yield plain(TOPIC, p, effect.name, by.tested.p, "1", by.estimate.n, "dyad", note)
         yield size_result(outcome, effect)
-        if outcome is not found.primary:
-            p = cautioned(f"{outcome.measure.name}: p, Holm", effect.counts.tested.caution)
-            note = "over all effects of all secondary outcomes"
-            yield plain(TOPIC, p, effect.name, effect.corrected, "1", effect.counts.estimate.n, "dyad", note)
+        if effect is not found.contrast:
+            p = cautioned(f"{outcome.measure.name}: p, adjusted", effect.counts.tested.caution)
+            note = (
+                f"the larger of the primary p and of Holm's p over all {len(found.secondary_effects)} secondary tests"
+            )
+            yield plain(TOPIC, p, effect.name, effect.adjusted, "1", effect.counts.estimate.n, "dyad", note)
 
 
 # --- figure ----------------------------------------------------------------------------------------------------------

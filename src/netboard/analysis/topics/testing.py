@@ -1,12 +1,13 @@
 """Families of tests: how many tests a study has, what the smallest possible p is, and how p values are corrected.
 
-Every p value in the results belongs to one family. The declared effects on the primary outcome are uncorrected, those
-on secondary outcomes are corrected (Holm). The contrasts have a declared correction, too (Holm, within each family of
-measures). All other tests are exploratory or sensitivity analyses, and their p values are uncorrected.
+Every p value in the results belongs to one family. The primary contrast is one test, and has the whole level. The
+secondary tests are corrected, and depend on the primary one
+(`netboard.analysis.statistics.contrasts.gatekept`). All other tests are exploratory or sensitivity analyses, and their
+p values are uncorrected.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite, nan
 
 from netboard.analysis.extraction.study import StudyData
@@ -23,8 +24,8 @@ from netboard.analysis.topics.result import Result, TopicResults, plain
 LEVEL = 0.05
 """Level below which p values are counted [1]."""
 
-HOLM, UNCORRECTED = "Holm, declared", "none: exploratory"
-DECLARED, SENSITIVITY = "none: the declared effects", "none: sensitivity analysis"
+GATEKEPT, UNCORRECTED = "gatekeeping by the primary contrast, and Holm", "none: exploratory"
+PRIMARY, SENSITIVITY = "none: the only primary test", "none: sensitivity analysis"
 """Corrections of a family."""
 
 
@@ -32,20 +33,16 @@ DECLARED, SENSITIVITY = "none: the declared effects", "none: sensitivity analysi
 class FamilyOfTests:
     """Tests that are corrected together, or counted together: their p values, corrected or as they are [1].
 
-    `least_p` is the smallest possible p of one of them, NaN for a test without such a limit; `dyads` is the smallest
-    and the largest number of dyads in a test [1].
+    `least_p` is the smallest possible p of one of them, `corrected_least_p` that after the correction; both NaN for a
+    test without such a limit. `dyads` is the smallest and the largest number of dyads in a test [1].
     """
 
     name: str
     p: tuple[float, ...]
     least_p: float
+    corrected_least_p: float
     dyads: tuple[int, int]
     correction: str
-
-    @property
-    def corrected_least_p(self) -> float:
-        """Smallest possible p after the correction [1]."""
-        return min(1.0, len(self.p) * self.least_p) if self.correction == HOLM else self.least_p
 
     @property
     def below(self) -> int:
@@ -86,35 +83,33 @@ def _of_declared(study: StudyData) -> Iterator[FamilyOfTests]:
     found = primary(study).analysis
     if isinstance(found, NoAnalysis):
         return
-    effects = found.primary.effects
-    yield _declared("primary outcome: the declared effects", [one.counts for one in effects], DECLARED)
-    others = [other for one in effects for other in one.others]
-    yield _declared("primary outcome: by other methods", others, SENSITIVITY)
-    further = [one for outcome in found.secondary for one in outcome.effects]
-    sizes = [one.counts.estimate.n for one in further]
-    yield _known("secondary outcomes: the declared effects", [one.corrected for one in further], nan, sizes, HOLM)
-    others = [other for one in further for other in one.others]
-    yield _declared("secondary outcomes: by other methods", others, SENSITIVITY)
+    yield _declared("primary contrast", [found.contrast.counts], PRIMARY)
+    further = found.secondary_effects
+    raw = _declared("secondary tests", [one.counts for one in further], GATEKEPT)
+    adjusted = tuple(one.adjusted for one in further if isfinite(one.adjusted))
+    yield replace(raw, p=adjusted, corrected_least_p=found.least_adjusted or nan)
+    others = [other for one in (found.contrast, *further) for other in one.others]
+    yield _declared("declared effects, by other methods", others, SENSITIVITY)
 
 
 def _declared(name: str, found: Sequence[ByMethod], correction: str) -> FamilyOfTests:
-    return _known(name, [one.tested.p for one in found], nan, [one.estimate.n for one in found], correction)
+    tested = [one.tested for one in found if isfinite(one.tested.p)]
+    least = min((one.least_p for one in tested), default=nan) or nan  # 0: no limit
+    return _known(name, [one.tested.p for one in found], least, [one.estimate.n for one in found], correction)
 
 
 def _of_contrasts(study: StudyData) -> Iterator[FamilyOfTests]:
     parts = comparisons(study).parts
     for measures in dict.fromkeys(one.measure.family for one in parts):
         own = [one for one in parts if one.measure.family == measures]
-        tests = [one.contrast.permutation for one in own]
-        p = [one.corrected for one in own]
-        yield _family(f"contrasts, measures of {measures}: permutation tests", tests, p, HOLM)
-    signs = [one.contrast.signs for one in parts]
-    yield _family("contrasts, all measures: sign tests", signs, [one.p for one in signs], UNCORRECTED)
+        yield _family(
+            f"contrasts, measures of {measures}: permutation tests", [one.contrast.permutation for one in own]
+        )
+    yield _family("contrasts, all measures: sign tests", [one.contrast.signs for one in parts])
 
 
 def _of_dyads(study: StudyData) -> Iterator[FamilyOfTests]:
-    tests = [one.test for one in dyads(study).parts]
-    yield _family("gains of dyads: sign tests", tests, [one.p for one in tests], UNCORRECTED)
+    yield _family("gains of dyads: sign tests", [one.test for one in dyads(study).parts])
 
 
 def _of_influence(study: StudyData) -> Iterator[FamilyOfTests]:
@@ -132,10 +127,10 @@ def _of_models(study: StudyData) -> Iterator[FamilyOfTests]:
         yield _known(f"model of {fit.measure}: terms", [one.p for one in terms], nan, sizes)
 
 
-def _family(name: str, tests: Iterable[Test], p: Iterable[float], correction: str) -> FamilyOfTests:
-    every = [(test, value) for test, value in zip(tests, p, strict=True) if isfinite(value)]
-    least = min((test.least_p for test, _ in every), default=nan)
-    return _known(name, [value for _, value in every], least, [test.n for test, _ in every], correction)
+def _family(name: str, tests: Iterable[Test]) -> FamilyOfTests:
+    every = [test for test in tests if isfinite(test.p)]
+    least = min((test.least_p for test in every), default=nan)
+    return _known(name, [test.p for test in every], least, [test.n for test in every])
 
 
 def _known(
@@ -143,4 +138,5 @@ def _known(
 ) -> FamilyOfTests:
     every = [(value, n) for value, n in zip(p, sizes, strict=True) if isfinite(value)]
     counts = [n for _, n in every] or [0]
-    return FamilyOfTests(name, tuple(value for value, _ in every), least, (min(counts), max(counts)), correction)
+    known = tuple(value for value, _ in every)
+    return FamilyOfTests(name, known, least, least, (min(counts), max(counts)), correction)
