@@ -356,6 +356,9 @@ POWER = ("about", "power", "false-positives", "precision")
 PARTICIPANTS = ("others", "predictions", "order", "ablations", "slowing", "speed")
 """Those of `make evidence ARGS=participants`."""
 
+FIT = ("summaries", "parameters", "recovery", "fit")
+"""Those of `netboard participants fit`."""
+
 GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "state diagram": ("reference/trial-state-machine.md", state_diagram),
     "edge table": ("reference/trial-state-machine.md", edge_table),
@@ -388,6 +391,7 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
         f"participants {name}": ("explanation/participants.md", study_part("participants", name))
         for name in PARTICIPANTS
     },
+    **{f"fit {name}": ("explanation/participants.md", study_part("fit", name)) for name in FIT},
     "velocity machine": ("explanation/velocity.md", study_machine("velocity")),
     **{name: ("explanation/velocity.md", study_part("velocity", name)) for name in VELOCITY},
     "coupling machine": ("explanation/coupling.md", study_machine("coupling")),

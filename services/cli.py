@@ -18,7 +18,15 @@ COMMANDS = {
     "Run an experiment": ("demo", "up", "server", "agent", "display", "logger", "lsl", "plan", "session"),
     "Operate a session": ("console", "status", "control", "stop"),
     "Recordings": ("replay", "info", "tracing", "check", "recover", "sessions", "whatif", "export", "importing"),
-    "Analysis and simulation": ("analyse", "explain", "simulate", "cohort", "power", "bench.group"),
+    "Analysis and simulation": (
+        "analyse",
+        "explain",
+        "simulate",
+        "cohort",
+        "power",
+        "participants.group",
+        "bench.group",
+    ),
     "Set-up": ("doctor", "configuration", "keys", "devices.group"),
 }
 """Modules of this package, in the groups and in the order in which ``netboard --help`` lists their commands."""

@@ -38,7 +38,7 @@ NOT_RUN = {
     r"replay (?!.*--(markers|verify))": "opens a window, or plays in real time",
     r"devices calibrate\b": "asks for movements of the stylus",
     r"doctor\b": "measures the machine for a minute",
-    r"(bench|cohort|power|session rehearse paper)\b": "takes minutes",
+    r"(bench|cohort|power|participants fit|session rehearse paper)\b": "takes minutes",
     r"trace ": "needs a recording of a live session",
     r".* --dask ": "needs other machines",
 }
