@@ -248,15 +248,14 @@ def loop_in_short() -> str:
     of_core = column("scale", "all [%]", "dyads")[dyads]
     limits = f"""
 It is not hard real time.** Python on a stock kernel misses some deadlines of the 1 kHz loop; every deadline miss is
-counted and recorded. With server, agents and logger on one virtual machine of two cores, the median
-sample-to-force latency of a Touch was {touch[0]:.2f} times that of a minimal ZeroMQ round trip with messages of the
-same size, and its 99 % and 99.9 % quantiles {touch[1]:.2f} and {touch[2]:.2f} times. With the simulated device they
-were {simulated[0]:.2f}, {simulated[1]:.2f} and {simulated[2]:.2f} times. These are medians over the rounds of a run;
-single rounds gave {ranges[0]}, {ranges[1]} and {ranges[2]} times with the Touch ([all
-results](docs/explanation/latency.md)). The Touch was a stand-in for the vendor's library; nothing has been measured on
-a real one, whose servo adds up to 1 ms in each direction. If no sample arrives for 50 ms, the server pauses the trial.
-The operator resumes it, or the server itself with `--autostart`. Measure your own machines with `netboard doctor` and
-`netboard bench loop`.
+counted and recorded. The sample-to-force latency was compared with a minimal ZeroMQ round trip with messages of the
+same size, with server, agents and logger on one virtual machine of two cores. For a Touch the ratio of the medians
+was {touch[0]:.2f} (single rounds: {ranges[0]}), of the 99 % quantiles {touch[1]:.2f} ({ranges[1]}), and of the 99.9 %
+quantiles {touch[2]:.2f} ({ranges[2]}). For the simulated device the ratios were {simulated[0]:.2f}, {simulated[1]:.2f}
+and {simulated[2]:.2f} ([all results](docs/explanation/latency.md)). The Touch was a stand-in for the vendor's library;
+nothing has been measured on a real one, whose servo adds up to 1 ms in each direction. If no sample arrives for 50 ms,
+the server pauses the trial. The operator resumes it, or with `--autostart` the server itself. Measure your own machines
+with `netboard doctor` and `netboard bench loop`.
 
 One core serves {dyads} dyads** ({of_core:.0f} % of the core). With agents and logger on the same machine, the server of
 one dyad uses {server:.1f} times the CPU time of the minimal round trip."""

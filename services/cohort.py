@@ -28,7 +28,7 @@ def cohort(
     seed: CohortSeed = 1,
     trials: Annotated[
         Literal["parquet", "csv"] | None,
-        typer.Option(help="Keep a row for each attempt, too, in this format; models need them."),
+        typer.Option(help="Also write a table with a row for each attempt, in this format. The models need it."),
     ] = None,
     workers: Workers = None,
     dask: Dask = None,

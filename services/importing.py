@@ -49,7 +49,7 @@ def import_(
         Literal["cubic", "linear"], typer.Option(help="Interpolation of positions between samples.")
     ] = "cubic",
     gap: Annotated[
-        float, typer.Option(min=0.002, help="Longest interval between samples that is not a gap, in seconds.")
+        float, typer.Option(min=0.002, help="A longer interval between samples is a gap, in seconds.")
     ] = 0.1,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the recordings.")] = Path(
         "recordings"

@@ -64,7 +64,7 @@ Confirmation = Annotated[
     typer.Option(
         "--confirm",
         metavar="WORDS",
-        help="Confirm in words what stands in for a device or a screen in a real session, as netboard control confirm "
+        help="In a real session, confirm a stand-in for a device or a screen in words, as netboard control confirm "
         "does: 'left device simulated'.",
     ),
 ]

@@ -30,12 +30,15 @@ def power(
     contrasts: Annotated[
         list[str] | None,
         typer.Option(
-            "--contrast", metavar="TEXT", help="Only contrasts with this text in MEASURE: CONTRAST; repeat for several."
+            "--contrast",
+            metavar="TEXT",
+            help="Only contrasts whose name, MEASURE: CONTRAST, contains this text; repeat for several.",
         ),
     ] = None,
     dyads: Annotated[str, typer.Option(metavar="N,N", help="Numbers of dyads.")] = "4,8,12,16,24",
     trials: Annotated[
-        str, typer.Option(metavar="N,N", help="First trials of each condition, in groups of 30; or all.")
+        str,
+        typer.Option(metavar="N,N", help="Use only this many first trials of each condition, in groups of 30."),
     ] = "all",
     studies: Studies = 200,
     seed: CohortSeed = 1,

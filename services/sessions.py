@@ -32,7 +32,7 @@ def sessions(
     verdict: Annotated[
         str | None, typer.Option(help="Only this result: complete, 'complete with listed losses' or damaged.")
     ] = None,
-    pilot: Annotated[bool | None, typer.Option("--pilot/--no-pilot", help="Only pilot runs, or only real.")] = None,
+    pilot: Annotated[bool | None, typer.Option("--pilot/--no-pilot", help="Only pilots, or only real runs.")] = None,
     full: Annotated[
         bool, typer.Option("--check", help="Run the full integrity check on each file (netboard check).")
     ] = False,

@@ -36,7 +36,7 @@ Method = Annotated[
         "server's (euler, rk4, etdrk4, ...), with one step between samples or rows.",
     ),
 ]
-Substeps = Annotated[int, typer.Option(min=1, metavar="N", help="Smallest number of steps in place of one.")]
+Substeps = Annotated[int, typer.Option(min=1, metavar="N", help="Integration steps in place of one, at least.")]
 Ball = Annotated[Literal["free", "fixed"], typer.Option(help="The ball rolls, or is fixed to the board.")]
 Height = Annotated[float, typer.Option("--z0", metavar="M", help="Initial height of the board in m.")]
 Velocity = Annotated[float, typer.Option("--vz0", metavar="M/S", help="Initial vertical velocity in m/s.")]

@@ -36,7 +36,7 @@ def trace(
     tick: Annotated[int | None, typer.Option(min=0, help="Tick in the figure; default: the worst one.")] = None,
     scheduler: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Text of the kernel's sched_switch events, to name what ran instead."),
+        typer.Option(metavar="FILE", help="The kernel's sched_switch events, to name the threads that ran instead."),
     ] = None,
     as_json: JsonObject = False,
 ) -> None:

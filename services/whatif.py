@@ -37,7 +37,7 @@ def whatif(
         int | None,
         typer.Option(
             min=1,
-            help="Trial in the figure; default: the longest whose outcome changed, else that whose ball differs most.",
+            help="Trial in the figure; default: the longest whose outcome changed, or else whose ball differs most.",
         ),
     ] = None,
     as_json: JsonObject = False,

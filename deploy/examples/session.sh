@@ -66,7 +66,7 @@ control note "a rest" --until idle --seconds 30
 
 insist proceed running
 if control pause_after_trial --until paused --seconds 60; then
-    control repeat || echo "no trial is over yet that could be repeated"    # the one before the pause, at the end of the block
+    control repeat || echo "there is no trial to repeat yet"    # the one before the pause, at the end of the block
     control resume
 fi
 control note "block 2 is the last one" --until finished --seconds 300 2>> "$folder/refused.log" || insist proceed finished

@@ -111,7 +111,7 @@ def test_records_without_a_logger_are_spilled_and_recovered(rig: Rig) -> None:
     rig.start_all()
     status = rig.until(lambda s: s.phase == "running")
     rig.kill("logger")
-    status = rig.until(lambda s: "no logger takes the records" in s.notice)
+    status = rig.until(lambda s: "no logger is connected" in s.notice)
     (spill,) = rig.folder.glob("*.spill")
     rig.until(lambda s: s.tick > status.tick + 2000)
     rig.start("logger", "logger", "--once")

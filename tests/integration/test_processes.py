@@ -377,7 +377,7 @@ def test_operator_pauses_and_emergency_stops_a_session_from_a_shell(rig: Rig) ->
     assert "EMERGENCY STOP" in shell(rig, "stop")
     stopped = rig.until(lambda s: s.phase == "paused" and "the left device to be armed" in s.waiting_for)
     assert stopped.notice.startswith("paused: emergency stop by an operator")
-    assert "error 1: netboard: cannot resume without" in shell(rig, "control", "resume")
+    assert "error 1: netboard: cannot resume: waiting for" in shell(rig, "control", "resume")
     assert "is released" in shell(rig, "stop", "--release")
     rig.until(lambda s: s.phase == "paused" and not s.waiting_for)
     assert shell(rig, "control", "resume").startswith("resume: the trial is ")

@@ -115,7 +115,7 @@ def test_block_requires_a_completed_form_and_armed_devices(tmp_path: Path) -> No
         assert operator.do("start").reason == "cannot start: the devices are not armed (arm)"
         assert operator.do("arm").accepted
         status = rig.until(lambda s: len(s.waiting_for) == 1)
-        assert operator.do("start").reason == f"cannot start without {status.waiting_for[0]}"
+        assert operator.do("start").reason == f"cannot start: waiting for {status.waiting_for[0]}"
         assert operator.do("confirm", STAND_INS).accepted
         rig.until(lambda s: not s.waiting_for)
         assert operator.do("start").accepted

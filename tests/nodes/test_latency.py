@@ -72,7 +72,7 @@ def test_slow_loop_is_reported_once_at_its_start_and_end() -> None:
     assert poll_repeatedly(watch, 1.0, 3.9) == []
     assert not watch.notice
     assert poll_repeatedly(watch, 1.0, 5.0) == ["loop_too_slow"]
-    assert "the right hand's loop takes 5 ms, more than the 4 ms" in watch.notice
+    assert "the sample-to-force latency of the right hand is 5 ms, above the limit of 4 ms" in watch.notice
     assert poll_repeatedly(watch, 1.0, 3.8) == []
     assert poll_repeatedly(watch, 1.0, 1.0) == ["loop_in_time"]
     assert not watch.notice + watch.trouble
@@ -94,7 +94,7 @@ def test_disarm_action_pauses_the_trial_and_blocks_the_next() -> None:
     poll_repeatedly(watch, 5.0, 1.0)
     assert watch.trouble == watch.notice != ""
     for _ in range(CHECKS_TO_WAIT):
-        assert watch.missing == ("a quicker network",)
+        assert watch.missing == ("a shorter sample-to-force latency",)
         watch.poll([0, 0], haptics=False)
         assert not watch.trouble
     assert watch.missing == ()

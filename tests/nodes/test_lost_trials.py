@@ -94,13 +94,13 @@ def test_last_block_offers_the_repeats_and_its_end_says_what_is_lost(losing: Ste
     assert losing.do("repeat", "2") == (True, "trial 2 is repeated at the end of the block")
     assert (losing.phase, losing.state.attempts.lost.trials) == (Phase.PAUSED, (1,))
     assert losing.do("resume") == (False, "cannot resume: the devices are not armed (arm)")
-    assert losing.do("end") == (True, "1 of 2 trials will be excluded: deadline misses; nothing repeats them")
+    assert losing.do("end") == (True, "1 of 2 trials will be excluded: deadline misses; they are not repeated")
 
 
 def test_block_that_was_stopped_or_has_no_lost_trial_offers_no_repeat(losing: SteppedSession) -> None:
     losing.start()
     losing.finish_block()
-    assert losing.do("repeat_lost") == (False, "no trial that could be repeated is lost")
+    assert losing.do("repeat_lost") == (False, "there is no lost trial to repeat")
     losing.tick(PAGE_TICKS + 1)
     losing.start()
     lose(losing)

@@ -39,7 +39,7 @@ def test_first_operator_to_command_is_the_commander() -> None:
     assert (refused.accepted, refused.cause, refused.reason) == (
         False,
         Cause.NONE,
-        "lab:1 commands; take over first (take)",
+        "lab:1 is in command; take over first (take)",
     )
     assert ops.decide(by(B, "take"), NOW).accepted
     assert ops.decide(by(B, "start"), NOW).accepted
@@ -55,7 +55,7 @@ def test_late_command_is_refused_unless_it_only_stops_forces_or_is_a_note() -> N
     late = operators().decide(by(A, "resume", late=True), replace(NOW, phase=Phase.PAUSED))
     assert (late.cause, late.reason) == (
         Cause.NONE,
-        "resume may be from before the connection was interrupted: give it again",
+        "the connection was interrupted, and resume may be out of date: send it again",
     )
 
 
@@ -103,7 +103,7 @@ def test_start_is_refused_until_the_session_form_is_complete() -> None:
 def test_start_is_refused_with_missing_peers_or_disarmed_devices() -> None:
     ops = operators()
     missing = replace(NOW, missing=("the left agent", "the logger"))
-    assert ops.decide(by(A, "start"), missing).reason == "cannot start without the left agent and the logger"
+    assert ops.decide(by(A, "start"), missing).reason == "cannot start: waiting for the left agent and the logger"
     assert ops.decide(by(A, "disarm"), NOW).accepted
     assert ops.decide(by(A, "start"), NOW).reason == "cannot start: the devices are not armed (arm)"
     assert ops.decide(by(A, "arm"), NOW).accepted
@@ -118,7 +118,7 @@ def test_pause_after_trial_takes_effect_at_its_end_and_can_be_cancelled() -> Non
     assert ops.due(Phase.LEVELLING) is Cause.PAUSE
     assert ops.due(Phase.LEVELLING) is Cause.NONE
     ops.decide(by(A, "pause_after_trial"), running)
-    assert ops.decide(by(A, "pause_after_trial"), running).reason == "taken back"
+    assert ops.decide(by(A, "pause_after_trial"), running).reason == "no pause after this trial"
     assert ops.due(Phase.LEVELLING) is Cause.NONE
     levelling = replace(NOW, phase=Phase.LEVELLING)
     assert ops.decide(by(A, "pause_after_trial"), levelling).cause is Cause.PAUSE

@@ -51,7 +51,7 @@ def begin(session: SteppedSession) -> tuple[bool, str]:
 def test_real_session_with_a_simulated_device_waits_for_words(real: SteppedSession) -> None:
     accepted, reason = begin(real)
     assert not accepted
-    assert reason == f"cannot start without {AWAITING_WORDS}: {LEFT}"
+    assert reason == f"cannot start: waiting for {AWAITING_WORDS}: {LEFT}"
     assert not real.do("confirm", "yes, go on")[0]
     assert not real.do("confirm", "")[0]
     assert real.do("confirm", f"{LEFT.upper()}: its device is being repaired") == (True, f"confirmed: {LEFT}")
@@ -74,7 +74,7 @@ def test_another_stand_in_needs_words_of_its_own(real: SteppedSession) -> None:
     real.until(Phase.PAUSED)
     connect(real, "pointer")
     real.tick(HOUSEKEEPING_TICKS)
-    assert real.do("resume") == (False, f"cannot resume without {AWAITING_WORDS}: left device mouse pointer")
+    assert real.do("resume") == (False, f"cannot resume: waiting for {AWAITING_WORDS}: left device mouse pointer")
 
 
 def test_pilot_needs_no_words(stepped: SteppedSession) -> None:

@@ -217,10 +217,10 @@ def test_recording_lamp_says_how_long_the_disk_takes(age: float, level: LampLeve
     lamp = of(session_lamps(status, 0.0, NONE, LIMITS), "Recording")
     assert lamp.level is level
     assert said in lamp.words
-    assert f"on disk after {age:.1f} s at most; a power cut loses that much" in lamp.tip
+    assert f"reach the disk within {age:.1f} s; a power cut loses at most that much" in lamp.tip
     console = Console(width=200, record=True, file=io.StringIO())
     console.print(status_tables(status))
-    assert f"on disk after {age:.1f} s at most" in console.export_text()
+    assert f"reaches the disk within {age:.1f} s" in console.export_text()
 
 
 def test_alarm_when_a_trial_runs_without_a_recording() -> None:

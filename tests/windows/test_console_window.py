@@ -283,7 +283,7 @@ def test_note_is_stamped_with_the_tick_of_its_first_letter(console: ConsoleRig) 
 
 def test_note_that_the_server_has_not_received_returns_to_its_field(console: ConsoleRig) -> None:
     note = console.window.note
-    console.server.refuse["note"] = "it may be from before the connection was interrupted: give it again"
+    console.server.refuse["note"] = "the connection was interrupted, and note may be out of date: send it again"
     console.press("F4")
     first = note.tick
     console.write("was loud")

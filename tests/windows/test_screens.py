@@ -152,7 +152,7 @@ def test_pause_names_its_cause(notice, says):
 
 def test_last_block_whose_trials_may_be_repeated_asks_to_wait():
     held = shown(phase="finished", block=18, blocks=18, notice="pause_decision")
-    assert (held.headline, held.notice) == ("Block 18 of 18 is done", "Please wait. It may go on.")
+    assert (held.headline, held.notice) == ("Block 18 of 18 is done", "Please wait. There may be more trials.")
 
 
 @pytest.mark.parametrize(

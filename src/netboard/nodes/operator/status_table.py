@@ -79,7 +79,7 @@ def _recording(recording: RecordingStatus) -> Text:
     """Return what a logger writes, and how long its disk takes: yellow if that is slow, red if it is stalled."""
     style = "red" if recording.age > STALLED_SYNC_S else "yellow" if recording.age > SLOW_SYNC_S else ""
     size = f"{recording.written_bytes / 1e6:.1f} MB, {recording.free_bytes / 1e9:.1f} GB free"
-    return Text(f"recording {recording.file}   {size}   on disk after {recording.age:.1f} s at most", style=style)
+    return Text(f"recording {recording.file}   {size}   reaches the disk within {recording.age:.1f} s", style=style)
 
 
 def _links(status: Status) -> FittedTable:

@@ -157,7 +157,7 @@ class LatencySupervisor:
     @property
     def missing(self) -> tuple[str, ...]:
         """What a block waits for while a loop was too slow recently."""
-        return ("a quicker network",) if self._checks_to_wait else ()
+        return ("a shorter sample-to-force latency",) if self._checks_to_wait else ()
 
     def _reset(self, place: int) -> None:
         """Forget the latency of a loop that is not closed; its gain is needed when it is closed again."""
@@ -191,8 +191,8 @@ class LatencySupervisor:
     def _notice_for(self, side: Side) -> str:
         took, allowed = _ms(self._latencies_ns[SIDES.index(side)]), _ms(self._allowed_ns)
         return (
-            f"the {side} hand's loop takes {took}, more than the {allowed} that are stable with "
-            f"this virtual coupling: use a shorter or quieter network{self._hint}"
+            f"the sample-to-force latency of the {side} hand is {took}, above the limit of {allowed} for this virtual "
+            f"coupling: use a shorter or quieter network{self._hint}"
         )
 
 

@@ -116,7 +116,7 @@ class LogPort:
             slow = f"the logger's disk is slow: records reach it after {wait:.1f} s, and a power cut loses that much"
             return "; ".join(filter(None, (slow if wait > SLOW_SYNC_S else "", self._several)))
         spilled_to = self.store.spilled_to
-        spilled = f"no logger takes the records: they go to {spilled_to}" if spilled_to else ""
+        spilled = f"no logger is connected: the server writes the records to {spilled_to}" if spilled_to else ""
         return "; ".join(filter(None, (self._silence, spilled)))
 
     @property

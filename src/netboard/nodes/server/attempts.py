@@ -282,7 +282,7 @@ class Attempts:
     def repeat_lost(self, phase: Phase) -> tuple[int, ...]:
         """Order the repeats of all lost trials, one in each of the next ticks; return the trials' numbers."""
         trials = self._lost.trials
-        if why_not := self._why_not_reopen(phase) or ("" if trials else "no trial that could be repeated is lost"):
+        if why_not := self._why_not_reopen(phase) or ("" if trials else "there is no lost trial to repeat"):
             raise NetboardError(why_not)
         for trial in trials:
             self._repeats = self._repeats.ask(trial)

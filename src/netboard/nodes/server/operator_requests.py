@@ -49,7 +49,7 @@ class OperatorRequests:
             match name:
                 case "end":
                     state.end_requested = True
-                    return Decision(True, state.loss and f"{state.loss}; nothing repeats them")
+                    return Decision(True, state.loss and f"{state.loss}; they are not repeated")
                 case "pause":
                     state.supervisor.await_operator()
                 case emergency.STOP:

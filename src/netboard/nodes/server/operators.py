@@ -97,13 +97,13 @@ class Operators:
         if command in REPLAY_COMMANDS:
             return Decision(False, f"cannot {command}: this is a live session, not a replay")
         if request.late and command not in SAFE_WHEN_LATE:
-            return Decision(False, f"{command} may be from before the connection was interrupted: give it again")
+            return Decision(False, f"the connection was interrupted, and {command} may be out of date: send it again")
         if request.command.argument and command not in (*SAFE_WHEN_LATE, *WITH_ARGUMENT):
             return Decision(False, f"{command} has no argument; found {request.command.argument!r}")
         if command == "take" or (command not in OPEN_TO_ALL and not self.commander):
             self.commander, self.name = request.who, request.name
         if command not in OPEN_TO_ALL and request.who != self.commander:
-            return Decision(False, f"{self.name} commands; take over first (take)")
+            return Decision(False, f"{self.name} is in command; take over first (take)")
         if not self.opened and command not in BEFORE_OPENING:
             return Decision(False, "the session is not open: fill in its form first (open)")
         if command in CAUSES:
@@ -121,7 +121,7 @@ class Operators:
             if not self.armed:
                 return Decision(False, f"cannot {command}: the devices are not armed (arm)")
             if now.missing:
-                return Decision(False, f"cannot {command} without {in_words(now.missing)}")
+                return Decision(False, f"cannot {command}: waiting for {in_words(now.missing)}")
         if command == "pause":
             self.pause_after = False
         return Decision(True, cause=cause)
@@ -143,11 +143,14 @@ class Operators:
                 return Decision(False, f"cannot {command}: there is no plan, only this block")
             case "stop_after_block":
                 self.end_after = not self.end_after
-                return Decision(True, "the session ends after this block" if self.end_after else "taken back")
+                return Decision(
+                    True,
+                    "the session ends after this block" if self.end_after else "the session continues after this block",
+                )
             case "next" if now.last:
                 return Decision(False, "cannot continue to the next block: this is the last one")
             case "next" if now.phase in (Phase.LEVELLING, *BALL_FREE, Phase.SUCCEEDED, Phase.FAILED):
-                return Decision(False, "cannot abandon the block in a trial: pause first")
+                return Decision(False, "cannot skip the rest of the block during a trial: pause first")
         return Decision(True)
 
     def _pause_after(self, now: Situation) -> Decision:
@@ -156,7 +159,7 @@ class Operators:
         if now.phase not in BALL_FREE:
             return Decision(True, cause=Cause.PAUSE)
         self.pause_after, self.pause_by = not self.pause_after, self.name
-        return Decision(True, "paused after this trial" if self.pause_after else "taken back")
+        return Decision(True, "paused after this trial" if self.pause_after else "no pause after this trial")
 
     def due(self, phase: Phase) -> Cause:
         """Return the cause that was asked for earlier and is now due, or `Cause.NONE`."""

@@ -221,27 +221,28 @@ def _replay(evidence: Examined) -> Iterator[CheckFinding]:
 CHECKS = (
     Check(
         "numbers",
-        "Ticks, events, clock probes and log messages are in order, and every missing one is noted. Their counts are "
-        "those that the file states, and the numbers of the log channel are complete from the first record to the "
-        "last. Missing frames are a loss: displays report them on a channel that may lose messages.",
+        "Ticks, events, clock probes and log messages are in order, and the file notes every missing one. Their counts "
+        "equal those that the file states. The log channel has every number from the first record to the last. Missing "
+        "frame reports are a loss, because displays send them on a channel that may lose messages.",
         check_numbers,
     ),
     Check(
         "file",
-        "The checksums of the whole file, of its index and of every chunk are right. A file that was recovered, ends "
-        "before its block, was computed instead of recorded, or was imported from rounded numbers is a loss.",
+        "The checksums of the whole file, of its index and of every chunk are right. It is a loss if the file was "
+        "recovered, ends before its block, was computed instead of recorded, or was imported from rounded numbers.",
         lambda evidence: check_end(evidence.recording),
     ),
     Check(
         "forces",
-        "The number of ticks, after the first sample, at which the rendered force of a device is unknown "
-        "([why](../../src/netboard/recording/format/FORMAT.md#8-accounting-for-every-tick)). In a trial it is a loss.",
+        "The rendered force of every device is known at every tick after its first sample ([when it is "
+        "not](../../src/netboard/recording/format/FORMAT.md#8-accounting-for-every-tick)). An unknown force in a trial "
+        "is a loss.",
         lambda evidence: check_rendered(evidence.recording),
     ),
     Check(
         "time",
         "Ticks are 1 ms apart, except where the server reported a stall of the same duration. Events and log times "
-        "never decrease. Where records were lost, the server's report may be among them.",
+        "never decrease. Where records were lost, the report of a stall may be lost, too.",
         check_time,
     ),
     Check("clocks", "The clock offsets of all peers are plausible: see below.", _clocks, needs_config=True),
@@ -253,8 +254,8 @@ CHECKS = (
     ),
     Check(
         "devices",
-        "What each hand held, which displays nobody saw, and what stood in for a haptic device or a screen, with the "
-        "words that confirmed it. This is no fault of the file.",
+        "The check lists what each hand held, which displays nobody saw, and every stand-in for a haptic device or a "
+        "screen, with the words that confirmed it. None of this is a fault of the file.",
         _devices,
         needs_config=True,
     ),
@@ -269,17 +270,17 @@ CHECKS = (
     ),
     Check(
         "plan",
-        "The block agrees, key by key, with the plan of its study. This needs the journal of the session beside the "
-        "recording, which has the study.",
+        "The block agrees, key by key, with the plan of its study. The study is in the session's journal, which must "
+        "be beside the recording.",
         lambda evidence: check_plan(evidence.recording.path, evidence.config) if evidence.is_played else (),
         needs_config=True,
     ),
     Check(
         "journal",
-        "Outcome, completion time and flags of each attempt, judged again from the ticks, are those in the journal. An "
-        "attempt that is only partly in this file is compared by its outcome. Two differences are losses, not damage: "
-        "the journal of a killed server ends before its recording, and a display that reported its frames too late had "
-        "the flag `frozen_display` live.",
+        "Outcome, completion time and flags of each attempt are judged again from the ticks, and equal those in the "
+        "journal. If only a part of an attempt is in this file, only its outcome is compared. Two differences are "
+        "losses, not damage: the journal of a killed server may end before its recording, and a display that reported "
+        "its frames too late may have the flag `frozen_display` only in the journal.",
         lambda evidence: (
             check_journal(evidence.recording, evidence.config, evidence.seen, evidence.verdicts)
             if evidence.is_played

@@ -100,11 +100,11 @@ def _repeat(status: Status) -> str:
     done = range(1, status.trial + free)
     if not done:
         return "no trial of this block is done yet"
-    return "" if set(done) - set(status.repeats) else "every trial that is done will be repeated already"
+    return "" if set(done) - set(status.repeats) else "all trials that are done will be repeated already"
 
 
 def _repeat_lost(status: Status) -> str:
-    return "" if status.lost else "no trial of this block is lost that could be repeated"
+    return "" if status.lost else "this block has no lost trial to repeat"
 
 
 def _veto(status: Status) -> str:
@@ -179,7 +179,7 @@ CONFIRMING = OperatorCommand(
     "confirm",
     "Confirm in words",
     CONFIRM_KEY,
-    "Write the words that name what stands in for a device or a screen in a real session, and press Enter.",
+    "Confirm a stand-in for a device or a screen: write the words that name it, and press Enter.",
     lambda status: "" if unconfirmed(status) else "nothing is to be confirmed",
 )
 """Confirmation of stand-ins; it has a field for the words instead of a button."""

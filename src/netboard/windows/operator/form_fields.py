@@ -59,7 +59,7 @@ def stand_in_problem(entry: FormAnswers, said: str, stand_ins: Sequence[str]) ->
     lacking = [words for words in stand_ins if not names(said, words)]
     if entry.pilot or not lacking:
         return {}
-    return {"words": f"Devices: a REAL session needs your words: {', '.join(lacking)}. Otherwise choose PILOT."}
+    return {"words": f"Devices: to open a REAL session, write: {', '.join(lacking)}. Otherwise choose PILOT."}
 
 
 def as_json(entry: FormAnswers) -> str:

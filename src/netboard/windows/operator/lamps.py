@@ -155,7 +155,7 @@ def _recording(status: Status) -> LampState:
         level = LampLevel.WATCH if status.opened else LampLevel.GOOD
         return level, "ready", "A logger is connected. It starts a file when the session is opened."
     file, age, written, _ = min(begun, key=lambda recording: recording.age)
-    tip = f"{file}, {size(written)}. Records are on disk after {age:.1f} s at most; a power cut loses that much."
+    tip = f"{file}, {size(written)}. Records reach the disk within {age:.1f} s; a power cut loses at most that much."
     if age > STALLED_SYNC_S:
         return LampLevel.BAD, f"STALLED {age:.0f} s", f"{tip} Check the logger and its disk."
     if age > SLOW_SYNC_S:
@@ -186,7 +186,7 @@ def _disk(status: Status, minutes: float) -> LampState:
 def _late(status: Status, recently: int, limits: Limits) -> LampState:
     tip = f"Ticks over half a millisecond late: {recently} in the last {LATELY:g} s, {status.late_ticks} in total."
     if recently > limits.late_ticks:
-        worry = f"More than {limits.late_ticks} in a trial flag it. Close other programs on the server's computer."
+        worry = f"A trial with more than {limits.late_ticks} is flagged. Close other programs on the server's computer."
         return LampLevel.BAD, f"{_short(recently)} in {LATELY:g} s", f"{tip} {worry}"
     if recently:
         return LampLevel.WATCH, f"{_short(recently)} in {LATELY:g} s", tip

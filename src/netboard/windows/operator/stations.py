@@ -110,9 +110,7 @@ def _clock(station: _Station, limits: Limits) -> LampState:
     bound = station.link.clock_bound
     if not bound <= limits.clock_bound:  # NaN included
         limit = milliseconds(limits.clock_bound)
-        tip = (
-            f"Not armed until the error of its clock offset is below {limit}: wait a few seconds, or check the network."
-        )
+        tip = f"The device is armed once the error of its clock offset is below {limit}. Wait, or check the network."
         return LampLevel.BAD, "unknown" if isnan(bound) else f"\u00b1{milliseconds(bound)}", tip
     level = LampLevel.WATCH if bound > limits.clock_bound / 2 else LampLevel.GOOD
     tip = f"Error of the clock offset: at most {milliseconds(bound)}; limit {milliseconds(limits.clock_bound)}."
@@ -186,7 +184,7 @@ def _safety(station: _Station, _limits: Limits) -> LampState:
     if Safeguard.ARMED in station.bits:
         return LampLevel.GOOD, "ARMED", "The device renders forces."
     if station.status.armed and AWAITING_RELEASE not in station.status.waiting_for:
-        return LampLevel.WATCH, "not armed", "No force although allowed: see the lamps above."
+        return LampLevel.WATCH, "not armed", "Forces are allowed, but this device renders none: see the lamps above."
     return LampLevel.OFF, "disarmed", "The device renders no force."
 
 
