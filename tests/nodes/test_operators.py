@@ -62,10 +62,10 @@ def test_late_command_is_refused_unless_it_only_stops_forces_or_is_a_note() -> N
 def test_refused_command_lists_the_commands_possible_now() -> None:
     ops = operators()
     paused = replace(NOW, phase=Phase.PAUSED)
-    assert ops.decide(by(A, "start"), paused).reason.startswith("cannot start while paused; possible now: resume")
+    assert ops.decide(by(A, "start"), paused).reason.startswith("cannot start during a pause; possible now: resume")
     assert (
         ops.decide(by(A, "resume"), NOW).reason
-        == "cannot resume while idle; possible now: start, stop, repeat, repeat_lost, veto"
+        == "cannot resume before the block; possible now: start, stop, repeat, repeat_lost, veto"
     )
     for phase in Phase:
         now = replace(NOW, phase=phase)

@@ -58,7 +58,7 @@ def test_status_says_how_a_pause_ends_and_lost_trials_are_repeated() -> None:
     lost = replace(STATUS, phase="finished", blocks=2, notice=notice, lost=(1, 5))
     text = " ".join(printed(lost).split())
     repeat = "to repeat those 2 trials: netboard control repeat_lost"
-    assert f"{notice} {repeat}; to go on without: netboard control next" in text
+    assert f"{notice} {repeat}; to continue without: netboard control next" in text
     assert "control end" in printed(replace(lost, block=2))
     assert "repeat_lost" not in printed(replace(lost, notice=""))
 

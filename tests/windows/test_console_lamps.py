@@ -323,9 +323,11 @@ def test_advice_names_the_next_key_or_the_missing_peer() -> None:
 def test_advice_before_the_devices_are_armed_is_to_arm_them() -> None:
     unarmed = tuple(f"the {side} {AWAITING_ARMING}" for side in SIDES)
     idle = replace(IDLE, armed=False, waiting_for=unarmed, notice=f"waiting for {in_words(unarmed)}")
-    said = "Waiting for both devices to be armed; to arm the devices, press F1; then to start the block, press F2"
+    said = "Waiting for both devices to be armed; to start the block, press F1 to arm the devices, then F2"
     assert words.advice(idle, "").words == said
-    assert words.advice(replace(idle, phase="paused"), "").words.endswith("press F1; then to resume, press F7")
+    assert words.advice(replace(idle, phase="paused"), "").words.endswith(
+        "to resume, press F1 to arm the devices, then F7"
+    )
     assert "F2" not in words.advice(replace(idle, armed=True), "").words
     assert "F2" not in words.advice(replace(idle, waiting_for=(*unarmed, "the logger")), "").words
 
@@ -358,7 +360,7 @@ def test_advice_offers_to_repeat_lost_trials_and_how_to_go_on() -> None:
     said = words.advice(STATES["lost"], "").words
     assert said == (
         "7 of 60 trials will be excluded: deadline misses; to repeat these 7, press Ctrl+F9; "
-        "to go on without, press Ctrl+N twice"
+        "to continue without them, press Ctrl+N twice"
     )
     last = replace(STATES["lost"], block=18, lost=(3,))
     assert words.advice(last, "").words.endswith("repeat it, press Ctrl+F9; to end the session, press Ctrl+E twice")

@@ -161,7 +161,7 @@ def test_too_quick_a_second_press_does_not_confirm_a_command(
 
 def test_impossible_command_is_explained_and_not_sent(console: ConsoleRig) -> None:
     console.press("F7")
-    assert console.window.reply.text() == "Resume: not possible while running"
+    assert console.window.reply.text() == "Resume: not possible while the ball is free"
     console.show("watched")
     console.press("F7")
     assert "lab2:4711 is in command: press T" in console.window.reply.text()
@@ -424,6 +424,17 @@ def test_smallest_window_shows_all_columns_of_the_attempts_and_long_advice(conso
     alarm = console.window.alarm
     console.server.change(notice="the right device is lost; " * 9)
     console.until(lambda: "right device" in alarm.text())
+    assert alarm.heightForWidth(alarm.width()) <= alarm.height()
+
+
+@pytest.mark.parametrize(("state", "said"), [("stopped", "EMERGENCY STOP"), ("unrecorded", "NOT RECORDING")])
+def test_smallest_window_shows_an_alarm_whole(console: ConsoleRig, state: str, said: str) -> None:
+    from netboard.windows.operator.window import SMALLEST
+
+    alarm = console.window.alarm
+    console.window.resize(*SMALLEST)
+    console.show(state)
+    console.until(lambda: console.window.width() == SMALLEST[0] and said in alarm.text())
     assert alarm.heightForWidth(alarm.width()) <= alarm.height()
 
 

@@ -57,7 +57,7 @@ def next_step(status: Status) -> str:
         steps.append(f"to repeat {these}: netboard control repeat_lost")
         if status.phase == "finished":
             over = "end" if status.block == status.blocks else "next"
-            steps.append(f"to go on without: netboard control {over}")
+            steps.append(f"to continue without: netboard control {over}")
     return "; ".join(steps)
 
 

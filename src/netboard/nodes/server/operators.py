@@ -17,7 +17,7 @@ from netboard.nodes.ports import emergency
 from netboard.nodes.ports.control_port import CommandRequest
 from netboard.nodes.ports.waiting import in_words
 from netboard.nodes.server.pseudonyms import require_given_pseudonyms
-from netboard.task.trials.state_machine import BALL_FREE, TABLE, Cause, Phase
+from netboard.task.trials.state_machine import BALL_FREE, TABLE, WHEN, Cause, Phase
 
 CAUSES = {
     "start": Cause.START,
@@ -172,7 +172,7 @@ class Operators:
 def _not_now(command: str, phase: Phase) -> str:
     """Say that a command does nothing in this phase, and list those that do."""
     possible = [name for name, cause in CAUSES.items() if cause in TABLE[phase]]
-    return f"cannot {command} while {phase.name.lower()}; possible now: {', '.join(possible) or 'end'}"
+    return f"cannot {command} {WHEN[phase]}; possible now: {', '.join(possible) or 'end'}"
 
 
 def form_of(text: str, known: Session) -> Session:

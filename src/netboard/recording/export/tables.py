@@ -181,9 +181,9 @@ _TRIAL_COLUMNS: tuple[tuple[Field, Callable[[_Trial], Any]], ...] = (
         "",
     ),
     _of_attempt("completion", "number", "completion time of a success, else NaN", "s"),
-    _of_attempt("began", "integer", "first tick of the levelling before it", "1"),
+    _of_attempt("began", "integer", "first tick of its levelling", "1"),
     _of_attempt("tick", "integer", "tick at which the ball was released", "1"),
-    _of_attempt("stop", "integer", "tick after its last one", "1"),
+    _of_attempt("stop", "integer", "first tick after its end", "1"),
     _of_attempt("duration", "number", "from the release to the end, including the hold", "s"),
     (
         Field("doubtful", "integer", "1: it has flags; 0: it has none; -1: not judged, as it has no end", "1"),

@@ -37,6 +37,19 @@ class Phase(IntEnum):
     FINISHED = 7  # the block is over
 
 
+WHEN = {
+    Phase.IDLE: "before the block",
+    Phase.LEVELLING: "while the board is levelled",
+    Phase.RUNNING: "while the ball is free",
+    Phase.HOLDING: "while the ball is held",
+    Phase.SUCCEEDED: "after a success",
+    Phase.FAILED: "after a failure",
+    Phase.PAUSED: "during a pause",
+    Phase.FINISHED: "after the block",
+}
+"""Each phase as a time, in words for operators."""
+
+
 class Cause(IntEnum):
     """Cause of a transition: sensed, commanded by the operator, or reported by the server."""
 

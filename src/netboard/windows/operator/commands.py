@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from netboard.network.protocol.control import SHARED_COMMANDS, Status
 from netboard.nodes.ports.emergency import AWAITING_RELEASE, RELEASE, STOP
 from netboard.nodes.ports.waiting import in_words
+from netboard.task.trials.state_machine import WHEN, Phase
 from netboard.windows.operator.lamps import ACTIVE, OVER, replayed
 
 STOP_KEYS = ("Esc", "Space")
@@ -43,7 +44,7 @@ def _always(_status: Status) -> str:
 
 def _in(*phases: str) -> Refusal:
     """Allow a command only in some phases."""
-    return lambda status: "" if status.phase in phases else f"not possible while {status.phase}"
+    return lambda status: "" if status.phase in phases else f"not possible {WHEN[Phase[status.phase.upper()]]}"
 
 
 def _halted(status: Status) -> str:

@@ -175,7 +175,7 @@ def _disk(status: Status, minutes: float) -> LampState:
         return LampLevel.OFF, "", "Known once a logger has started a file."
     free = min(recording.free_bytes for recording in begun)
     words = size(free) if not isfinite(minutes) else f"{duration(minutes)}, {size(free)}"
-    tip = "Free space on the logger's disk, and how long trials can be recorded until it is full."
+    tip = "Recording time and free space that are left on the logger's disk."
     if minutes < MINUTES_BAD or free < BYTES_BAD:
         return LampLevel.BAD, words, f"{tip} Stop after this block (F12) and free some space."
     if minutes < MINUTES_WATCH or free < BYTES_WATCH:
@@ -214,7 +214,7 @@ def _form(status: Status) -> LampState:
     if not status.consent and not status.pilot:
         return LampLevel.BAD, "NO CONSENT", "No consent was entered: end the session (Ctrl+E)."
     if status.real and (stand_ins := [one.words for one in status.stand_ins]):
-        return LampLevel.WATCH, "REAL, stand-ins", f"This session is real, but with {', '.join(stand_ins)}."
+        return LampLevel.WATCH, "stand-ins", f"This session is real, with stand-ins: {', '.join(stand_ins)}."
     words = "pilot" if status.pilot else "consent given"
     return LampLevel.GOOD, words, f"Session {status.name} of dyad {status.dyad}."
 
@@ -237,7 +237,7 @@ def alarm(status: Status | None, silence: float, recent: RecentCounts, unconfirm
     if active and not recorded(status):
         return "RUNNING BUT NOT RECORDING: pause now (F5), then check the logger"
     if AWAITING_RELEASE in status.waiting_for:
-        return "EMERGENCY STOP: all forces are zero. To release the stop, press Ctrl+R twice"
+        return "EMERGENCY STOP: all forces are zero. Release: Ctrl+R twice"
     if active and recent.minutes < MINUTES_BAD:
         return f"DISK FULL IN {recent.minutes:.0f} MINUTES: stop after this block (F12)"
     return ""

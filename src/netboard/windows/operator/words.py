@@ -102,7 +102,7 @@ def progress(status: Status | None) -> str:
     """Return the position within the block."""
     if status is None:
         return ""
-    failed = f"{status.failures} failed" if status.failures else "none failed"
+    failed = plural(status.failures, "failed attempt") if status.failures else "no failed attempt"
     return f"Trial {min(status.trial, status.trials)} of {status.trials}   ({status.successes} done, {failed})"
 
 
@@ -200,10 +200,9 @@ def _next(status: Status) -> str:
     repeat = f"to repeat {which}, press Ctrl+F9" if WILL_BE_EXCLUDED in status.notice and status.lost else ""
     if status.phase == "finished":
         over = "to end the session, press Ctrl+E twice" if last_block(status) else ""
-        return "; ".join(filter(None, (repeat, over or (repeat and "to go on without, press Ctrl+N twice"))))
-    step = {"idle": "to start the block, press F2", "paused": "to resume, press F7"}.get(status.phase, "")
-    if step and not status.armed:
-        step = f"to arm the devices, press F1; then {step}"
+        return "; ".join(filter(None, (repeat, over or (repeat and "to continue without them, press Ctrl+N twice"))))
+    key, does = {"idle": ("F2", "start the block"), "paused": ("F7", "resume")}.get(status.phase, ("", ""))
+    step = does and f"to {does}, press {key if status.armed else f'F1 to arm the devices, then {key}'}"
     return "; ".join(filter(None, (step, repeat)))
 
 
@@ -214,7 +213,7 @@ def worst(lamps: Sequence[tuple[str, Lamp]]) -> TonedText:
         return TonedText("", Tone.QUIET)
     where, lamp = max(warnings, key=lambda named: named[1].level)  # the first of equal severity
     others = len(warnings) - 1
-    more = f" {plural(others, 'other lamp needs', 'other lamps need')} attention." if others else ""
+    more = f" ({plural(others, 'other lamp needs', 'other lamps need')} attention)" if others else ""
     named = _sentence(f"{where} {lamp.name.lower()}".strip())
     return TonedText(
         f"{named}: {lamp.words}. {lamp.tip}{more}", Tone.BAD if lamp.level == LampLevel.BAD else Tone.WATCH
