@@ -167,7 +167,7 @@ def test_one_fall_is_too_few_for_the_effects_of_a_model() -> None:
     assert not model.fitted
     (why,) = [note for note in model.notes if note.startswith("not estimated")]
     assert why == (
-        f"not estimated: 1 of {model.trials} attempts failed, too few for 5 effects, of which each needs at least one"
+        f"not estimated, because only 1 of {model.trials} attempts failed: each of the 5 effects needs at least one"
     )
     shown = picture(study)
     assert shown.figure is not None
@@ -179,7 +179,7 @@ def test_one_fall_is_too_few_for_the_effects_of_a_model() -> None:
         "velocity peaks, ratio",
         "falls per attempt, ratio of odds: cannot be estimated",
     ]
-    assert "No model of falls per attempt" in shown.caption
+    assert "Model of falls per attempt: not" in shown.caption
     assert "1 of" in shown.caption
 
 

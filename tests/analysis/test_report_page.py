@@ -183,7 +183,7 @@ def test_summary_states_intervals_n_and_limits_of_few_dyads(whole: Element) -> N
     text = section(whole, "summary").text.replace("\N{NO-BREAK SPACE}", " ")
     assert (
         "With haptics on, the share of cooperative movement differed from that with haptics off by −5.00 % points in "
-        "dyadic trials (95 % t: −12.00 to 2.00, 4 dyads): the data are compatible with no difference (0) and with "
+        "dyadic trials (95 % t: −12.00 to 2.00, 4 dyads). The data are compatible with no difference (0) and with "
         "every other value in the interval." in text
     )
     rows = [[cell.text for cell in row.all("th") + row.all("td")] for row in section(whole, "summary").all("tr")]
@@ -192,8 +192,8 @@ def test_summary_states_intervals_n_and_limits_of_few_dyads(whole: Element) -> N
     assert ["dyadic, haptics on vs off", "−5.00 (−12.00 to 2.00)", "4 dyads"] in rows
     assert ["haptics on", "4 of 4", "4 dyads"] in rows
     assert (
-        "1 dyad, however many trials. An exact two-sided test of a difference within dyads has no p below 1 here"
-        in section(whole, "question").text
+        "n is 1 dyad, however many trials there are. Here the smallest possible p of an exact two-sided test within "
+        "dyads is 1" in section(whole, "question").text
     )
 
 

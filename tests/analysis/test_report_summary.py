@@ -90,19 +90,19 @@ def test_ratio_is_compared_with_one() -> None:
     ).sentences
     assert found == (
         "With haptics on, bimanual trials took 1.10 times as long as with haptics off (95 % t: 1.02 to 1.19, "
-        "4 dyads): the whole interval is above 1; dyadic trials took 0.93 times as long as with haptics off "
-        "(95 % t: 0.77 to 1.13, 4 dyads): "
-        "the data are compatible with no difference (1) and with every other value in the interval.",
+        "4 dyads). The whole interval is above 1.",
+        "With haptics on, dyadic trials took 0.93 times as long as with haptics off (95 % t: 0.77 to 1.13, 4 dyads). "
+        "The data are compatible with no difference (1) and with every other value in the interval.",
     )
 
 
 def test_single_dyad_has_no_interval() -> None:
     (found,) = summary_of(row(0.9, n=1)).sentences
-    assert found.endswith("haptics off (1 dyad): there is no confidence interval, so its uncertainty is unknown.")
+    assert found.endswith("haptics off (1 dyad). There is no confidence interval, so its uncertainty is unknown.")
 
 
 @pytest.mark.parametrize(
-    ("dyads", "least"), [(4, "no p below 0.125 here, so none"), (16, "no p below 0.000031 here."), (17, "")]
+    ("dyads", "least"), [(4, "within dyads is 0.125, so no such test"), (16, "within dyads is 0.000031."), (17, "")]
 )
 def test_smallest_p_is_stated_while_tests_are_exact(dyads: int, least: str) -> None:
     assert least in few(dyads)
@@ -112,7 +112,7 @@ def test_smallest_p_is_stated_while_tests_are_exact(dyads: int, least: str) -> N
 def test_robot_partner_is_named() -> None:
     (found,) = summary_of(row(0.9, 0.8, 0.95, group="dyadic, robot partner, haptics on vs off")).sentences
     assert "dyadic trials with a robot partner took 0.90 times" in found
-    assert found.endswith("the whole interval is below 1.")
+    assert found.endswith("The whole interval is below 1.")
 
 
 def test_level_of_a_factor_is_no_partner() -> None:
@@ -126,11 +126,12 @@ def test_level_is_stated_only_without_a_difference() -> None:
     share = {"topic": "classes", "quantity": "share of cooperative movement"}
     level = row(0.503, 0.412, 0.594, group="dyadic, haptics on", **share)
     assert summary_of(level).sentences == (
-        "The share of cooperative movement was 50.3\u00a0% (dyadic, haptics on) (95 % t: 41.2 to 59.4, 4 dyads).",
+        "In the condition “dyadic, haptics on”, the share of cooperative movement was 50.3\u00a0% "
+        "(95 % t: 41.2 to 59.4, 4 dyads).",
     )
     (found,) = summary_of(level, row(0.103, 0.05, 0.156, **share)).sentences
     assert (
-        "by 10.3\u00a0%\u00a0points in dyadic trials (95 % t: 5.0 to 15.6, 4 dyads): the whole interval is above 0."
+        "by 10.3\u00a0%\u00a0points in dyadic trials (95 % t: 5.0 to 15.6, 4 dyads). The whole interval is above 0."
         in found
     )
 

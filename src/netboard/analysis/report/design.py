@@ -73,7 +73,7 @@ def _factors(study: StudyData) -> Grid:
             levels = ", ".join(level_text(one.of, level) for level in one.of.levels if level in there)
             named = "yes" if one.in_names else "no: its level follows from the other factors"
             rows.append((one.label, where[one.scope], one.of.type, levels, named))
-    titles = ("It varies", "Type", "Levels", "Part of the names of conditions")
+    titles = ("Varies", "Type", "Levels", "In the names of conditions")
     return grid("Factors of the blocks that are analysed.", [name("Factor"), *map(GridColumn, titles)], rows)
 
 
@@ -158,9 +158,9 @@ def _beginnings(study: StudyData) -> Grid:
         *(number(f"Began with {haptics_of(force)}") for force in forces),
     ]
     return grid(
-        "Counterbalancing: number of performers who began a configuration with each haptic condition. Planned: their "
-        "first block of the plan that is analysed; blocks for practice, familiarisation and baseline do not count. "
-        "Trials that count: their first block with such a trial.",
+        "Counterbalancing: number of performers who began a configuration with each haptic condition. “Planned” takes "
+        "the first block in the plan of each performer, without practice, familiarisation and baseline. “Trials that "
+        "count” takes the first block with a counted trial.",
         columns,
         rows,
     )

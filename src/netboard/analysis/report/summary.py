@@ -15,7 +15,7 @@ import pandas as pd
 from netboard.analysis.extraction.conditions import STAND_INS
 from netboard.analysis.report.grids import Grid, GridColumn, grid, name, number
 from netboard.analysis.report.numbers import after, between, records, unit_of, written
-from netboard.analysis.report.wording import amount, plural
+from netboard.analysis.report.wording import amount, capital, plural
 from netboard.analysis.statistics.exact_tests import MAX_EXACT
 from netboard.analysis.topics.delay import OVER_ALL, RISE
 
@@ -35,7 +35,7 @@ class SentencePattern:
     group : str
         Regular expression of the groups; the words may use its named parts; a ``team`` becomes trials of that team.
     lead : str
-        Start of the sentence; groups with the same start share a sentence.
+        Start of the sentence.
     none : str
         Words for no effect, such as ``no change``; empty for a level, which is reported only if the study has no
         contrast of the quantity.
@@ -93,7 +93,7 @@ def _compared(quantity: str, what: str) -> tuple[SentencePattern, ...]:
             "by {value}",
             "no difference",
         ),
-        SentencePattern(quantity, _LEVEL, f"{what[0].upper()}{what[1:]} was", "{value} ({group})"),
+        SentencePattern(quantity, _LEVEL, f"In the condition “{{group}}”, {what} was", "{value}"),
     )
 
 
@@ -228,19 +228,17 @@ def summary(results: pd.DataFrame, titles: Mapping[str, str]) -> tuple[Main, ...
 
 
 def _sentences(patterns: Sequence[SentencePattern], rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """Yield results as sentences; groups with the same start share one."""
+    """Yield the results of each group in a sentence or two, in the order of the patterns."""
     known: set[str] = set()
     for pattern in patterns:
         if not pattern.none and pattern.quantity in known:
             continue
-        clauses: dict[str, list[str]] = {}
         for row in rows:
             match = re.fullmatch(pattern.group, row["group"]) if row["quantity"] == pattern.quantity else None
             if match:
                 words = {part: _worded(part, text) for part, text in match.groupdict().items()}
-                clauses.setdefault(pattern.lead.format(**words), []).append(_clause(pattern, row, words))
+                yield f"{pattern.lead.format(**words)} {_clause(pattern, row, words)}."
                 known.add(pattern.quantity)
-        yield from (f"{lead} {'; '.join(texts)}." for lead, texts in clauses.items())
 
 
 def _worded(part: str, text: str) -> str:
@@ -264,7 +262,7 @@ def _clause(pattern: SentencePattern, row: Mapping[str, Any], words: Mapping[str
     interval = f"{row['interval']}: {between(row)}" if between(row) else ""
     aside = ", ".join(part for part in (interval, plural(int(row["n"]), row["of"])) if part)
     clause = f"{pattern.clause.format(value=value, **words)} ({aside})"
-    return f"{clause}: {_interval_position(pattern, row)}" if pattern.none else clause
+    return f"{clause}. {capital(_interval_position(pattern, row))}" if pattern.none else clause
 
 
 def _interval_position(pattern: SentencePattern, row: Mapping[str, Any]) -> str:
@@ -320,7 +318,7 @@ def _heading(heading: Heading, rows: Sequence[Mapping[str, Any]]) -> str:
 def _caption(title: str, rows: Sequence[Mapping[str, Any]]) -> str:
     """Return a caption that explains the brackets and the unit of differences of shares."""
     kinds = dict.fromkeys(row["interval"] for row in rows if row["interval"] and isfinite(row["low"]))
-    sentences = [f"{title}; in brackets, {' or '.join(kinds)} intervals" if kinds else title]
+    sentences = [title, *([f"In brackets: confidence intervals ({' or '.join(kinds)})"] if kinds else [])]
     if any(unit_of(row).symbol == "% points" for row in rows):
         sentences.append("Differences of shares are in percentage points")
     return ". ".join(sentences) + "."
@@ -329,10 +327,10 @@ def _caption(title: str, rows: Sequence[Mapping[str, Any]]) -> str:
 def few(dyads: int) -> str:
     """Return a caution for the number of dyads."""
     least = min(1.0, 2.0 / 2**dyads)
-    caution = f"The dyad is the unit of replication: {plural(dyads, 'dyad')}, however many trials."
+    caution = f"The dyad is the unit of replication, so n is {plural(dyads, 'dyad')}, however many trials there are."
     if 2**dyads > MAX_EXACT:  # random sign flips, and no p of a sign test that is worth a sentence
         return caution
-    caution += f" An exact two-sided test of a difference within dyads has no p below {amount(least)} here"
+    caution += f" Here the smallest possible p of an exact two-sided test within dyads is {amount(least)}"
     if least > 0.05:
-        return f"{caution}, so none can be significant at 5 %; that takes six dyads or more."
+        return f"{caution}, so no such test can be significant at 5 %; that takes six dyads or more."
     return f"{caution}."

@@ -38,7 +38,8 @@ COUNTS = "log(mean count) = {fixed}"
 SHARES = "log(odds) = {fixed}"
 
 _MIXED = (
-    "Dyads are a random sample of one population, and performers of a dyad of another: both are exchangeable.",
+    "Dyads are a random sample of a population of dyads, and performers of a population of performers: dyads are "
+    "exchangeable, and so are the performers of a dyad.",
     "Deviations of dyads, of performers and of trials are normal on the log scale, and independent of each other.",
     "The spread of trials is the same in all conditions and for all performers, on the log scale.",
     "Trials of a performer depend on each other through performer and trial number only; no streaks, no fatigue.",

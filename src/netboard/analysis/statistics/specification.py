@@ -159,7 +159,7 @@ def too_few_events(design: ModelDesign, events: float, what: str) -> str:
     k = len(design.names)
     if not 0.0 < events < k:
         return ""
-    return f"not estimated: {events:.0f} {what}, too few for {k} effects, of which each needs at least one"
+    return f"not estimated, because only {events:.0f} {what}: each of the {k} effects needs at least one"
 
 
 def with_notes(run: Callable[[], Any]) -> tuple[Any, tuple[str, ...]]:

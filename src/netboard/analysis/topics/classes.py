@@ -209,12 +209,12 @@ def _caption(study: StudyData, found: list[Shares]) -> str:
     window = "from the release to the completion"
     if study.readings.movements.window == "whole":
         window = "from the release to the end of the hold"
-    weight = "every trial" if study.readings.summaries.shares == "trials" else "every second"
+    weight = "Every trial" if study.readings.summaries.shares == "trials" else "Every second"
     known = [(one.condition.label, len(one.dyads), "dyad") for one in found]
     return (
-        f"Shares of the time {window} in which the sides move in opposite directions (cooperative), in the same one "
-        f"(competitive), one moves (single) or none (still); {weight} of a performer has equal weight. A: means over "
-        "dyads. B to E: dyads (small points, joined); large points: means over dyads with "
+        f"Shares of the time {window}. Cooperative: the sides move in opposite directions; competitive: in the same "
+        f"direction; single: one side moves; still: none moves. {weight} of a performer has equal weight. A: means "
+        "over dyads. B to E: dyads (small points, joined); large points: means over dyads with "
         f"{interval_text(mean for one in found for mean in one.means)}. "
         f"{due_count(known)}"
     )

@@ -311,8 +311,8 @@ def _caption(study: StudyData, shown: list[ConditionDelay]) -> str:
     intervals = interval_text(mean for one in shown for own in (one.as_set, one.signed) for mean in own.means)
     few = of["dyads" if unit == "movements" else unit]
     return (
-        "Delay between the times at which the two sides reach a portion of a peak velocity in cooperative movements: "
-        f"{listed([str(q) for q in THRESHOLDS])} % (darker: higher). Large points: means with "
+        "Delay between the two sides in cooperative movements, when they reach "
+        f"{listed([str(q) for q in THRESHOLDS])} % of a peak velocity (darker: higher). Large points: means with "
         f"{intervals} over {of[unit]}; small points: {few}. B: without the bias of a common threshold for both sides. "
         f"C: pale bars are mean ± SD within performers.{warning} {each}"
     )

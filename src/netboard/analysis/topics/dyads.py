@@ -152,8 +152,8 @@ def picture(study: StudyData) -> Drawn:
     found = [one for one in dyads(study).parts if one.known]
     if not found:
         return (
-            "No dyad can be compared with its participants: that takes trials that count in the same haptic condition, "
-            "both from the dyad and from each of its two participants alone."
+            "No dyad can be compared with its participants: the comparison needs counted trials in the same haptic "
+            "condition, of the dyad and of each of its two participants alone."
         )
     columns = [quantity.column for quantity in QUANTITIES]
     rows = [columns, [f"gain {column}" for column in columns]]

@@ -409,10 +409,14 @@ def windows_of(study: StudyData) -> Windows:
     lengths = trials.groupby(["team", *series_labels(study.readings)]).size()
     usual = int(lengths.groupby(level="team").quantile(SHORTER).min())
     ends, group = window_sizes(usual)
-    note = f"windows of trials chosen for {usual} trials in a condition; the paper's are {ENDS}"
+
+    def note(size: int) -> str:
+        why = f"windows of {size} trials, because a condition has only {usual}; the paper's have {ENDS}"
+        return why if size < ENDS else ""
+
     return Windows(
         how.ends or ends,
         how.group or group,
-        note if not how.ends and ends < ENDS else "",
-        note if not how.group and group < ENDS else "",
+        "" if how.ends else note(ends),
+        "" if how.group else note(group),
     )

@@ -225,11 +225,11 @@ def _caption(found: list[Influence]) -> str:
         drawn = "all" if most.exact else "randomly drawn"
         chance = (
             f"Grey: means of surrogate dyads, {plural(len(most.surrogates), 'pairing')}. p: share of {drawn} exchanges "
-            f"of partners whose mean is as large; the smallest possible p is {most.least_p:.2g}. "
+            f"of partners that give at least the recorded mean; the smallest possible p is {most.least_p:.2g}. "
             f"Exploratory, without correction: {plural(len(tests), 'test')}."
         )
     return (
-        "Gain in the prediction of one side's velocity from 60 ms of the other side's past, beside its own past and "
+        "Gain in the prediction of one side's velocity if 60 ms of the other side's past are added to its own past and "
         f"the ball's. Points: dyads, n = {' or '.join(map(str, n))}, {found[0].trials} of {found[0].available} trials "
         f"of each; bars: their mean. {chance} Mechanical influence through the board is included."
     )

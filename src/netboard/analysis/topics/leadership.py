@@ -104,7 +104,8 @@ def _caption(study: StudyData, found: Sequence[Levels]) -> str:
     changed = f" In {seats} partners changed seats: there a side is not one participant." if seats else ""
     return (
         "Time of the left side minus that of the right side, in cooperative movements (A, B) and by cross-correlation "
-        "(C); D: number of movements with the right side first minus those with the left side first, over their sum. "
+        "(C). D: number of movements with the right side first minus number with the left side first, divided by the "
+        "sum of both numbers. "
         f"Large points: means over dyads with {intervals}; small points: dyads, joined. Sides are the "
         f"hands of one participant in bimanual conditions, and participants in dyadic ones.{changed} {known}"
     )

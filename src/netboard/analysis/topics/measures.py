@@ -153,7 +153,7 @@ MEASURES = (
         "trial",
         "positive",
         _reaction,
-        note="of the hand that moves first (with two people earlier by chance); none in trials with anticipation",
+        note="of the hand that moves first (of two people, the shorter of two times); none in trials with anticipation",
     ),
     _of_trials("time in target", "in_target", "performance", "positive", note="before the hold"),
     _of_trials("overshoots", "overshoots", "performance", "positive"),
@@ -406,8 +406,8 @@ def _caption(found: Sequence[Levels], shown: Sequence[Condition]) -> str:
     return (
         "All measures in each condition. Large points: means over dyads with 95 % confidence intervals, whose method "
         f"follows from the range of the measure ({_methods(found)}); small points: dyads, joined. Completion times: "
-        "geometric means; SPARC and LDLJ: closer to zero is smoother; reaction times: of the first hand, which is "
-        "earlier by chance with two participants. On a light board, mechanics alone makes the share of forces one "
+        "geometric means; SPARC and LDLJ: closer to zero is smoother; reaction times: of the hand that moves first (of "
+        "two participants, the shorter of two times). On a light board, mechanics alone makes the share of forces one "
         f"half, and the interaction force half the spring force. {due_count(known)}{less}"
     )
 

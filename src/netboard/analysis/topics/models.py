@@ -310,7 +310,7 @@ def _caption(found: Fits, shown: Sequence[ModelFit]) -> str:
         for one in shown
     )
     failed = "".join(
-        f" No model of {one.measure}: {'; '.join(_why(one.model))}." for one in found.fits if not one.model.fitted
+        f" Model of {one.measure}: {'; '.join(_why(one.model))}." for one in found.fits if not one.model.fitted
     )
     left = f" {'; '.join(found.notes)}." if found.notes else ""
     checked = " B: residuals of the first model in order of size." if shown[0].model.diagnostics is not None else ""

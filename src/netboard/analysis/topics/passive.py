@@ -200,7 +200,7 @@ def _caption(found: tuple[Control, ...]) -> str:
     mechanical = f"Mechanical part of the effect, with 95 % confidence intervals (bootstrap, BCa): {shares}."
     means = [mean for one in found for mean in (one.mean_effect, one.mean_passive)]
     return (
-        "Share of cooperative movement in dyadic trials. Left: with haptics on minus with haptics off, as recorded. "
+        "Share of cooperative movement in dyadic trials. Left: its change from haptics off to haptics on, as recorded. "
         "Right: the share with a simulated passive partner in place of either participant, while the other hand moves "
         "as recorded. The board moves the passive hand, which makes no movement of its own. "
         f"{_device(found)} Large points: means over dyads with {interval_text(means)}; small points: dyads, joined; "
