@@ -155,7 +155,7 @@ def _in_total(folder: Path, seconds: float, peak: float) -> str:
     """Return a line with the folder, the duration and the memory."""
     files = [path for path in folder.rglob("*") if path.is_file()]
     size = sum(path.stat().st_size for path in files) / 1e6
-    measured = f", {peak / 1e6:.0f} MB where it was measured" if peak else ""
+    measured = f", {peak / 1e6:.0f} MB in a process that measures" if peak else ""
     most = f"at most {peak_memory() / 1e6:.0f} MB in memory{measured}"
     return f"{folder / 'report.html'} and {len(files) - 1} other files, {size:.1f} MB; {seconds:.1f} s, {most}"
 

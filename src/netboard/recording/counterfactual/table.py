@@ -12,7 +12,7 @@ from netboard.recording.format.summary import or_null
 
 EXPLANATION = (
     "Open loop: the hands move as recorded and do not react to the change. The trial state machine decides again.\n"
-    "Each attempt starts from the state recorded at its release, and is compared until the first of both ends.\n"
+    "Each attempt starts from the state recorded at its release, and is compared until the shorter one ends.\n"
     "unfinished: the computed attempt had not ended when the recorded one did."
 )
 """Explanation of the numbers, below every table."""

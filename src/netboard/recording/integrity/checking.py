@@ -133,7 +133,7 @@ def _recoverable(saved: RecoveryReport, is_one_of_several: bool) -> str:
     text += f", of {saved.whose}" if is_one_of_several else ""
     text += f"; {saved.lost_bytes} bytes are lost" if saved.lost_bytes else ""
     text += "" if saved.has_config else "; the configuration is lost"
-    return text + "".join(f"; it also has {what}" for what in saved.left_out)
+    return text + "".join(f"; left out: {what}" for what in saved.left_out)
 
 
 # --- the checks of this module -----------------------------------------------------------------------------------

@@ -314,8 +314,8 @@ def _repeats(again: NDArray[np.int64]) -> Iterator[str]:
         holes = np.flatnonzero(np.diff(numbers) > 1)
         where = f"{numbers[0]} to {numbers[-1]}" + (f" in {len(holes) + 1} parts" if len(holes) else "")
         yield (
-            f"{plural(len(again), 'tick')} that the file has {_TIMES.get(most, f'up to {most} times')} ({where}): all "
-            "are identical"
+            f"{plural(len(again), 'tick')} that the file has {_TIMES.get(most, f'up to {most} times')} ({where}), all "
+            "identical"
         )
 
 

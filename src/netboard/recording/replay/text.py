@@ -103,10 +103,10 @@ def _counts(summary: RecordingSummary) -> FittedTable:
     for side, counts in (("left", summary.left), ("right", summary.right)):
         never = isnan(counts.largest_force)
         rows[f"{side}: ticks without a fresh sample"] = f"{counts.stale_ticks}"
-        rows[f"{side}: samples no tick used"] = f"{counts.skipped_samples}"
+        rows[f"{side}: samples that no tick used"] = f"{counts.skipped_samples}"
         rows[f"{side}: ticks with a limited force"] = f"{counts.limited_ticks}"
         rows[f"{side}: largest force rendered"] = "-" if never else f"{counts.largest_force:.3f} N"
-        rows[f"{side}: ticks of unknown rendered force"] = "all" if never else f"{counts.unknown_ticks}"
+        rows[f"{side}: ticks with unknown rendered force"] = "all" if never else f"{counts.unknown_ticks}"
     for station, shown in summary.displays.items():
         rows[f"{station} display: frames shown"] = f"{shown.frames}"
         rows[f"{station} display: views dropped"] = f"{shown.dropped}"
