@@ -7,7 +7,17 @@ import typer
 
 from netboard.base.plural import plural
 from netboard.services.loading import load, load_study
-from netboard.services.options import STUDY_HELP, CohortSeed, ConfigFile, Dask, Overrides, Studies, Workers, examples
+from netboard.services.options import (
+    STUDY_HELP,
+    CohortSeed,
+    ConfigFile,
+    Dask,
+    Overrides,
+    Posterior,
+    Studies,
+    Workers,
+    examples,
+)
 
 app = typer.Typer()
 
@@ -17,6 +27,7 @@ app = typer.Typer()
         "netboard cohort paper --studies 100 --dyads 4 -o cohort",
         "netboard cohort study.toml --studies 1000 --dyads 16 --set participant.haptic_gain=0 -o without",
         "netboard cohort paper --studies 1000 --dyads 4 -o cohort --resume",
+        "netboard cohort paper --studies 1000 --posterior bimanual_off -o uncertain",
         "netboard cohort paper --studies 100 --dyads 4 -o all --trials parquet --dask tcp://10.0.0.5:8786",
     ),
 )
@@ -32,6 +43,7 @@ def cohort(
     ] = None,
     workers: Workers = None,
     dask: Dask = None,
+    posterior: Posterior = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue a cohort that was interrupted, or add studies to it.")
     ] = False,
@@ -46,6 +58,7 @@ def cohort(
     import time
 
     from netboard.analysis.cohort.folder import make_cohort
+    from netboard.analysis.cohort.posterior import read_posterior
     from netboard.analysis.cohort.virtual import VirtualDesign
     from netboard.analysis.cohort.workers import Runner
     from netboard.base.process.stopping import interrupted_by_stop_signals
@@ -53,7 +66,14 @@ def cohort(
     from netboard.base.terminal.bars import telling
     from netboard.base.terminal.output import plain_console
 
-    design = VirtualDesign(load_study(study, settings), settings, dyads, seed, keep_trials=trials is not None)
+    design = VirtualDesign(
+        load_study(study, settings),
+        settings,
+        dyads,
+        seed,
+        keep_trials=trials is not None,
+        posterior=None if posterior is None else read_posterior(posterior),
+    )
     began = time.perf_counter()
     with interrupted_by_stop_signals(), telling() as tell:
         runner = Runner(tell, workers or cores(), dask)

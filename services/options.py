@@ -53,6 +53,14 @@ Dyad = Annotated[int, typer.Option(min=1, help="Number of the dyad in the study.
 PlanSeed = Annotated[int, typer.Option(min=0, max=MOST_SEED, help="Random seed of the plan.")]
 POSTERIOR = "FILE|bimanual_off"
 """What a posterior is taken from: a file of netboard participants fit, or the one that comes with netboard."""
+Posterior = Annotated[
+    str | None,
+    typer.Option(
+        metavar=POSTERIOR,
+        help="Draw the usual participant of each virtual study from a posterior: a file of netboard participants fit, "
+        "or the one that comes with netboard.",
+    ),
+]
 Studies = Annotated[int, typer.Option(min=1, max=999_999, help="Number of virtual studies.")]
 CohortSeed = Annotated[int, typer.Option(min=0, max=2146, help="Random seed of the whole cohort.")]
 SessionNumber = Annotated[int, typer.Option("--session", min=1, help="Number of the session in the dyad's plan.")]

@@ -7,7 +7,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from netboard.services.loading import load, load_study
-from netboard.services.options import CohortSeed, ConfigFile, Dask, Overrides, Studies, Study, Workers, examples
+from netboard.services.options import (
+    CohortSeed,
+    ConfigFile,
+    Dask,
+    Overrides,
+    Posterior,
+    Studies,
+    Study,
+    Workers,
+    examples,
+)
 from netboard.services.values import whole_numbers_of
 
 if TYPE_CHECKING:
@@ -22,6 +32,7 @@ app = typer.Typer()
         "netboard power paper --contrast 'completion time: dyadic' --trials 60,180 -o short",
         "netboard power paper --cohort cohort --dyads 4 -o four",
         "netboard power study.toml --dyads 8,16 --models -o models",
+        "netboard power paper --posterior bimanual_off --dyads 8,16 -o assured",
     ),
 )
 def power(
@@ -50,6 +61,7 @@ def power(
         Path | None,
         typer.Option(metavar="FOLDER", help="Use all finished studies of this cohort instead of simulating one."),
     ] = None,
+    posterior: Posterior = None,
     workers: Workers = None,
     dask: Dask = None,
     config: ConfigFile = None,
@@ -61,6 +73,7 @@ def power(
     """
     settings = load(config, overrides)
     from netboard.analysis.cohort.planning import Request, answer
+    from netboard.analysis.cohort.posterior import read_posterior
     from netboard.analysis.cohort.workers import Runner
     from netboard.base.process.stopping import interrupted_by_stop_signals
     from netboard.base.process.workers import cores
@@ -77,12 +90,14 @@ def power(
         alpha=alpha,
         contrasts=tuple(contrasts or ()),
         models=models,
+        posterior=None if posterior is None else read_posterior(posterior),
     )
     with interrupted_by_stop_signals(), telling() as tell:
         found = answer(request, output, cohort, Runner(tell, workers or cores(), dask))
     console = plain_console(soft_wrap=True)
-    for part in found.parts[:2]:  # the others are in power.json
-        console.print(table_of(part))
+    for part in found.parts:
+        if part["name"] in ("about", "power", "assurance"):  # the others are in power.json
+            console.print(table_of(part))
     console.print(found.sentence)
     console.print(f"{output}: power.csv, power.json, power.png, power.svg, methods.txt")
 

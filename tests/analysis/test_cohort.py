@@ -1,5 +1,6 @@
 """Virtual studies: measures equal those of recordings, tables do not depend on the workers, and errors are clear."""
 
+import json
 import shutil
 from collections.abc import Iterator
 from dataclasses import replace
@@ -11,9 +12,10 @@ import pytest
 
 from netboard.analysis.cohort.folder import Cohort, make_cohort
 from netboard.analysis.cohort.planning import Request, answer
+from netboard.analysis.cohort.posterior import Posterior
 from netboard.analysis.cohort.power import performer_means
 from netboard.analysis.cohort.rows import KEPT
-from netboard.analysis.cohort.virtual import LAST_SEED, VirtualDesign, jobs_of_dyad
+from netboard.analysis.cohort.virtual import LAST_SEED, VirtualDesign, jobs_of_dyad, simulate, unpack
 from netboard.analysis.cohort.workers import Runner
 from netboard.analysis.extraction.recordings import measure
 from netboard.analysis.extraction.settings import Readings
@@ -187,3 +189,43 @@ def test_power_of_a_cohort_without_trials_is_refused(tmp_path: Path) -> None:
     request = Request(study, design.config, (2,), (0,), 1, design.seed, 0.05)
     with pytest.raises(ConfigError, match="no dyad of this study has both conditions of a contrast"):
         answer(request, tmp_path / "power", whole.folder, RUNNER)
+
+
+@pytest.mark.slow
+def test_each_study_of_a_posterior_has_a_draw_as_its_usual_participant(tmp_path: Path, cohort: Cohort) -> None:
+    posterior = Posterior(("reaction_time", "kp"), np.array([[0.3, 2.1], [0.35, 2.2], [0.4, 2.3]]), {})
+    design = replace(DESIGN, posterior=posterior, keep_trials=False)
+    draws = {number: design.config_of(number).participant for number in range(1, 30)}
+    assert {(one.reaction_time, one.kp) for one in draws.values()} == {tuple(row) for row in posterior.draws.tolist()}
+    usual = DESIGN.config.participant
+    assert {replace(one, reaction_time=usual.reaction_time, kp=usual.kp) for one in draws.values()} == {usual}
+    assert DESIGN.config_of(1) == DESIGN.config
+    # A study equals one whose configuration has the drawn participant.
+    drawn = replace(design, posterior=None, config=replace(design.config, participant=draws[2]))
+    one, other = (unpack(simulate(each, 2)).tables["groups"] for each in (design, drawn))
+    pd.testing.assert_frame_equal(pd.DataFrame(one), pd.DataFrame(other), check_exact=True)
+    made = make_cohort(design, 1, tmp_path / "drawn", RUNNER)
+    assert made.manifest["posterior"] == posterior.sha256
+    with pytest.raises(ConfigError, match="its --posterior is"):
+        make_cohort(replace(design, posterior=None), 1, tmp_path / "drawn", RUNNER, resume=True)
+    assert cohort.manifest["posterior"] is None
+
+
+@pytest.mark.slow
+def test_assurance_is_the_power_of_a_cohort_of_a_posterior(tmp_path: Path, cohort: Cohort) -> None:
+    draws = np.array([[0.3, 0.002], [0.4, 0.03]])
+    posterior = Posterior(("reaction_time", "velocity_noise"), draws, {})
+    request = Request(DESIGN.study, DESIGN.config, (2,), (0,), 3, DESIGN.seed, 0.05, posterior=posterior)
+    found = answer(request, tmp_path / "power", cohort.folder, RUNNER)
+    parts = {part["name"]: part for part in found.parts}
+    assured = Cohort(tmp_path / "power" / "assurance")
+    assert assured.manifest["posterior"] == posterior.sha256
+    of_it = answer(replace(request, posterior=None), tmp_path / "of_it", assured.folder, RUNNER)
+    alone = {part["name"]: part for part in of_it.parts}
+    assert parts["assurance"]["rows"] == alone["power"]["rows"]
+    assert parts["assurance"]["rows"] != parts["power"]["rows"]
+    assert "assurance" not in alone
+    assert any("so that power is assurance" in row[1] for row in alone["about"]["rows"])
+    assert not any("assurance" in row[1] for row in parts["about"]["rows"])
+    whole = json.loads((tmp_path / "power" / "power.json").read_text(encoding="utf-8"))
+    assert len(whole["assurance"]) == len(parts["assurance"]["rows"])

@@ -14,30 +14,20 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from netboard.analysis.inference.summaries import EACH_END, QUANTITIES, End, reported
 from netboard.analysis.measures.ellipses import ellipse
 from netboard.analysis.measures.performance import relative_performance, running_number
 from netboard.analysis.topics.delay import OVER_ALL
-from netboard.analysis.topics.paper import REPORTED, Reported
 
 Configuration = Literal["bimanual", "dyadic"]
-End = Literal["first", "last"]
 
 CONFIGURATIONS: tuple[Configuration, ...] = ("bimanual", "dyadic")
-ENDS: tuple[End, ...] = ("first", "last")
-
-QUANTITIES = {"completion": "completion time", "peaks": "number of velocity peaks"}
-"""Names of the columns in the analysis."""
 
 GROUPS = 6
 """Number of groups of trials in a condition; the paper draws an ellipse of each [1]."""
 
 END_SHARE = 1 / 6
 """Share of the first and of the last trials in a condition: 30 of 180 [1]."""
-
-
-def printed(quantity: str, group: str) -> Reported:
-    """Return what the paper prints about a quantity, in SI units."""
-    return next(one for one in REPORTED if (one.quantity, one.group) == (quantity, group))
 
 
 class Sample:
@@ -159,13 +149,13 @@ def _ends() -> Iterator[Statement]:
     labels = {"completion": "completion time [s]", "peaks": "velocity peaks"}
     for name, configuration in product(labels, CONFIGURATIONS):
         text, adjusted = f"{labels[name]}, {configuration}", configuration == "bimanual"
-        for which in ENDS:
-            reported = printed(QUANTITIES[name], f"{configuration}, {which} {{ends}}")
+        for which in EACH_END:
+            printed = reported(QUANTITIES[name], f"{configuration}, {which} {{ends}}")
             mean, spread = (_end(name, configuration, which, of) for of in (np.mean, partial(np.std, ddof=1)))
-            yield Statement(f"{text}, {which} 30", mean, reported.reported, adjusted=adjusted)
+            yield Statement(f"{text}, {which} 30", mean, printed.reported, adjusted=adjusted)
             # The adjustment did not use the standard deviation of the peaks.
             times = adjusted and name == "completion"
-            yield Statement(f"{text}, {which} 30, SD", spread, reported.reported_sd, adjusted=times)
+            yield Statement(f"{text}, {which} 30, SD", spread, printed.reported_sd, adjusted=times)
         learned = _minus(_end(name, configuration, "last"), _end(name, configuration, "first"))
         yield Statement(f"{text}, last - first", learned, sense=-1, adjusted=adjusted)
 
@@ -195,9 +185,9 @@ def _shares() -> Iterator[Statement]:
 def _dyads() -> Iterator[Statement]:
     """Dyads that are better than the mean of their participants, of four."""
     for (name, word), on in product((("completion", "faster"), ("peaks", "smoother")), ("on", "off")):
-        reported = printed(f"{QUANTITIES[name]}: dyads better than the mean of the two", f"haptics {on}").reported
+        printed = reported(f"{QUANTITIES[name]}: dyads better than the mean of the two", f"haptics {on}").reported
         of = partial(Sample.better, name=name, haptics=on == "on")
-        yield Statement(f"dyads {word} than alone, haptics {on}", of, round(reported))
+        yield Statement(f"dyads {word} than alone, haptics {on}", of, round(printed))
 
 
 def _variance(values: NDArray[np.float64]) -> float:
@@ -224,7 +214,7 @@ def _delay(configuration: Configuration, haptics: bool, portion: int | None = No
 def _delays() -> Iterator[Statement]:
     """Delays between the sides, the mean of the four portions of the peak."""
     for configuration in reversed(CONFIGURATIONS):
-        value, of = 1e3 * printed(f"delay, {OVER_ALL}", configuration).reported, _delay(configuration, False)
+        value, of = 1e3 * reported(f"delay, {OVER_ALL}", configuration).reported, _delay(configuration, False)
         yield Statement(f"delay [ms], {configuration}, haptics off", of, value, adjusted=configuration == "bimanual")
         for on in (False, True):
             rising = _minus(_delay(configuration, on, -1), _delay(configuration, on, 0))

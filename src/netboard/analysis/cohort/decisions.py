@@ -129,8 +129,8 @@ def _undecidable(declaration: Declaration, kept: set[str]) -> str:
 
 
 def declared_powers(found: CohortDecision, sizes: Sequence[int], alpha: float, trials: int) -> Iterator[Power]:
-    """Yield the power of each declared test with each number of dyads, as it is decided."""
-    for dyads in sizes:
+    """Yield the power of each declared test with each number of dyads, as it is decided; none without any."""
+    for dyads in sizes if found.scores else ():
         groups = [[divided(group, dyads) for group in one.groups] for one in found.scores]
         own = [_tested(each, one, found.method, alpha) for each, one in zip(groups, found.scores, strict=True)]
         p = np.array([each for each, _ in own])

@@ -53,6 +53,7 @@ WORDS = {
     "seed": "--seed",
     "dyads": "--dyads",
     "keep_trials": "--trials",
+    "posterior": "--posterior",
 }
 """Keys of the manifest, in words."""
 
@@ -75,6 +76,7 @@ def manifest_of(design: VirtualDesign) -> dict[str, Any]:
         "seed": design.seed,
         "dyads": design.dyads,
         "keep_trials": design.keep_trials,
+        "posterior": None if design.posterior is None else design.posterior.sha256,
     }
 
 

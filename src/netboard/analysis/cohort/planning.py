@@ -1,13 +1,14 @@
 """How large must a study be? Simulates a cohort of it, or takes one, and answers with power, figure and sentences."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from netboard.analysis.cohort.decisions import CohortDecision, decision_of, declared_powers
 from netboard.analysis.cohort.fits import model_powers
 from netboard.analysis.cohort.folder import Cohort, make_cohort
+from netboard.analysis.cohort.posterior import Posterior
 from netboard.analysis.cohort.power import Power, differences, levels_of_cohort, powers
 from netboard.analysis.cohort.report import Assumptions, by_test, distributions, parts, sentence, write
 from netboard.analysis.cohort.rows import SIZE
@@ -28,6 +29,7 @@ class Request:
     - `dyads`, `trials`: numbers of dyads; first trials of each condition, 0 for all [1].
     - `contrasts`: texts in ``measure: contrast``; empty for all contrasts.
     - `models`: whether models of all trials are fitted, too.
+    - `posterior`: of the usual participant, over whose draws an assurance is averaged; None for no assurance.
     """
 
     study: Study
@@ -39,6 +41,12 @@ class Request:
     alpha: float
     contrasts: tuple[str, ...] = ()
     models: bool = False
+    posterior: Posterior | None = None
+
+    @property
+    def design(self) -> VirtualDesign:
+        """The cohort to simulate, with equal usual participants in all studies."""
+        return VirtualDesign(self.study, self.config, max(self.dyads), self.seed, keep_trials=self.models)
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,10 +64,7 @@ def answer(request: Request, folder: Path, given: Path | None, runner: Runner) -
     """
     refuse_existing(folder)
     if given is None:
-        design = VirtualDesign(
-            request.study, request.config, max(request.dyads), request.seed, keep_trials=request.models
-        )
-        cohort = make_cohort(design, request.studies, folder / "cohort", runner)
+        cohort = make_cohort(request.design, request.studies, folder / "cohort", runner)
     else:
         cohort = suitable(request, given)
     studies = cohort.finished
@@ -81,9 +86,20 @@ def answer(request: Request, folder: Path, given: Path | None, runner: Runner) -
         alpha=request.alpha,
         parameters=drawn,
         decision=every[0][1],
+        posterior=made.get("posterior"),
     )
-    write(folder, found, assumptions)
-    return PowerAnswer(parts(found, assumptions), sentence(next(iter(by_test(found).values())), assumptions))
+    assured = _assured(request, folder / "assurance", runner)
+    write(folder, found, assumptions, assured)
+    return PowerAnswer(parts(found, assumptions, assured), sentence(next(iter(by_test(found).values())), assumptions))
+
+
+def _assured(request: Request, folder: Path, runner: Runner) -> list[Power]:
+    """Return the powers of a cohort whose usual participants are draws of the posterior; none without one."""
+    if request.posterior is None:
+        return []
+    design = replace(request.design, posterior=request.posterior, keep_trials=False)
+    cohort = make_cohort(design, request.studies, folder, runner)
+    return [one for trials in request.trials for one in _of_contrasts(request, cohort, request.studies, trials)[0]]
 
 
 def suitable(request: Request, folder: Path) -> Cohort:

@@ -4,6 +4,7 @@ The file is JSON: the parameters, a draw on each line, and the identity of the f
 results with haptic feedback off comes with netboard.
 """
 
+import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
@@ -41,6 +42,11 @@ class Posterior:
         """Draw a participant; what was not fitted is as usual."""
         draw = self.draws[np.random.default_rng(seed).integers(len(self.draws))]
         return replace(usual, **dict(zip(self.parameters, draw.tolist(), strict=True)))
+
+    @property
+    def sha256(self) -> str:
+        """Return the SHA-256 of the file, in hexadecimal."""
+        return hashlib.sha256(self.text().encode()).hexdigest()
 
     def text(self) -> str:
         """Return the content of a file."""

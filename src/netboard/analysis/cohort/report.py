@@ -93,6 +93,8 @@ class Assumptions:
     - `studies`, `dyads`: virtual studies of the cohort, and dyads in each [1].
     - `decision`: what the cohort can decide of the declared analysis.
     - `parameters`: parameter, unit, median and limits of the central 95 % of the simulated participants [their units].
+    - `posterior`: SHA-256 of the posterior of whose draws the usual participants of the studies are; None if they are
+      all equal.
     """
 
     study: str
@@ -104,6 +106,7 @@ class Assumptions:
     alpha: float
     parameters: Sequence[tuple[str, str, float, float, float]]
     decision: CohortDecision
+    posterior: str | None = None
 
     @property
     def virtual_studies(self) -> str:
@@ -115,6 +118,9 @@ class Assumptions:
         yield "plan", self.study
         yield "cohort", f"{self.virtual_studies} of {plural(self.dyads, 'dyad')}, seed {self.seed}"
         yield "participants", f"simulated, of netboard {self.netboard}, configuration {self.config_sha256[:12]}"
+        if self.posterior is not None:
+            drawn = f"a draw of the posterior {self.posterior[:12]} in each virtual study, so that power is assurance"
+            yield "usual participant", f"{drawn}; the distributions below are without it"
         yield "distributions", f"median, and central 95 % of {SHOWN} participants; other parameters are constant"
         for name, unit, middle, low, high in self.parameters:
             if low != high:
@@ -214,39 +220,38 @@ def least_rows(found: Sequence[Power], alpha: float) -> Iterator[tuple[str, str]
         yield name, f"{one.least_p:.3g}{above}"
 
 
-def parts(found: Sequence[Power], assumptions: Assumptions) -> list[dict[str, Any]]:
-    """Return the tables of a page: the assumptions, and power, false positives and precision by number of dyads."""
-    sizes = sorted({one.dyads for one in found})
+def parts(found: Sequence[Power], assumptions: Assumptions, assured: Sequence[Power] = ()) -> list[dict[str, Any]]:
+    """Return the tables of a page: the assumptions, and power, false positives and precision by number of dyads.
+
+    - `assured`: powers of studies whose usual participants are drawn from a posterior.
+    """
     about = [list(row) for row in (*assumptions.rows(), *least_rows(found, assumptions.alpha))]
-    found_parts: list[dict[str, Any]] = [
-        {"name": "about", "title": "Assumptions", "columns": ["", "value"], "rows": about, "verdicts": []}
-    ]
     monte_carlo = "with 95 % Monte Carlo confidence intervals"
-    kinds: tuple[tuple[str, str, Callable[[Power], object]], ...] = (
-        ("power", f"Power, {monte_carlo}", lambda one: one.power),
-        ("false-positives", f"False-positive rate, {monte_carlo}", lambda one: one.false_positives),
-        (
-            "precision",
-            "Mean width of the confidence interval; of a ratio: upper over lower limit",
-            lambda one: f"{one.width:.3g}",
-        ),
-    )
-    for name, title, cell in kinds:
-        rows = []
-        for (role, measure, contrast, test, trials), own in by_test(found).items():
-            if name == "precision" and test == PERMUTATION:
-                continue
-            cells = {one.dyads: str(cell(one)) for one in own}
-            unit = "" if own[0].unit == "1" else f" {own[0].unit}"
-            head = [role, measure, contrast, test, trials or "all", f"{own[0].effect:.3g}{unit}"]
-            rows.append([*head, *(cells.get(size, "") for size in sizes)])
-        columns = ["role", "measure", "contrast", "test", "trials", "ratio or difference"]
-        columns += [plural(size, "dyad") for size in sizes]
-        found_parts.append({"name": name, "title": title, "columns": columns, "rows": rows, "verdicts": []})
-    return found_parts
+    precise = [one for one in found if one.test != PERMUTATION]
+    width = "Mean width of the confidence interval; of a ratio: upper over lower limit"
+    return [
+        {"name": "about", "title": "Assumptions", "columns": ["", "value"], "rows": about, "verdicts": []},
+        _by_size("power", f"Power, {monte_carlo}", found, lambda one: one.power),
+        *([_by_size("assurance", f"Assurance, {monte_carlo}", assured, lambda one: one.power)] if assured else []),
+        _by_size("false-positives", f"False-positive rate, {monte_carlo}", found, lambda one: one.false_positives),
+        _by_size("precision", width, precise, lambda one: f"{one.width:.3g}"),
+    ]
 
 
-def write(folder: Path, found: Sequence[Power], assumptions: Assumptions) -> None:
+def _by_size(name: str, title: str, found: Sequence[Power], cell: Callable[[Power], object]) -> dict[str, Any]:
+    """Return a table with a row for each test, and a column for each number of dyads."""
+    rows, sizes = [], sorted({one.dyads for one in found})
+    for (role, measure, contrast, test, trials), own in by_test(found).items():
+        cells = {one.dyads: str(cell(one)) for one in own}
+        unit = "" if own[0].unit == "1" else f" {own[0].unit}"
+        head = [role, measure, contrast, test, trials or "all", f"{own[0].effect:.3g}{unit}"]
+        rows.append([*head, *(cells.get(size, "") for size in sizes)])
+    columns = ["role", "measure", "contrast", "test", "trials", "ratio or difference"]
+    columns += [plural(size, "dyad") for size in sizes]
+    return {"name": name, "title": title, "columns": columns, "rows": rows, "verdicts": []}
+
+
+def write(folder: Path, found: Sequence[Power], assumptions: Assumptions, assured: Sequence[Power] = ()) -> None:
     """Write power.csv, power.json, power.png, power.svg and methods.txt."""
     refuse_existing(folder / "power.csv")
     with writing(folder):
@@ -259,7 +264,8 @@ def write(folder: Path, found: Sequence[Power], assumptions: Assumptions) -> Non
             "assumptions": dict(assumptions.rows()),
             "columns": dict(COLUMNS),
             "rows": [_plain(flat(one)) for one in found],
-            "parts": parts(found, assumptions),
+            "assurance": [_plain(flat(one)) for one in assured],
+            "parts": parts(found, assumptions, assured),
         }
         with (folder / "power.json").open("x", encoding="utf-8") as file:
             file.write(json.dumps(whole, indent=1, ensure_ascii=False, allow_nan=False) + "\n")

@@ -7,11 +7,12 @@ dyads.
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from io import BytesIO
 from typing import Any
 
 from netboard.analysis.cohort.block import READINGS, measured, rehearse
+from netboard.analysis.cohort.posterior import Posterior
 from netboard.analysis.cohort.rows import attempt_rows, fields_of, group_rows
 from netboard.analysis.extraction.cache import Streams
 from netboard.analysis.extraction.study import StudyData as Tables
@@ -41,6 +42,7 @@ class VirtualDesign:
 
     - `config`: rig, scene and participants.
     - `keep_trials`: whether the tables have a row for each attempt, too.
+    - `posterior`: of which the usual participant of each study is a draw; None for that of the configuration.
     """
 
     study: Study
@@ -48,6 +50,7 @@ class VirtualDesign:
     dyads: int
     seed: int
     keep_trials: bool = False
+    posterior: Posterior | None = None
 
     def __post_init__(self) -> None:
         if self.dyads < 1:
@@ -58,6 +61,13 @@ class VirtualDesign:
     def seed_of(self, number: int) -> int:
         """Return the seed of a virtual study [1]."""
         return self.seed * SPACING + number
+
+    def config_of(self, number: int) -> Config:
+        """Return the configuration of a virtual study, with its usual participant."""
+        if self.posterior is None:
+            return self.config
+        person = self.posterior.participant(self.config.participant, self.seed_of(number))
+        return replace(self.config, participant=person)
 
 
 def jobs_of_dyad(config: Config, study: Study, seed: int, dyad: int) -> list[RehearsalJob]:
@@ -94,10 +104,10 @@ def simulate(design: VirtualDesign, number: int) -> bytes:
 
     - `number`: number of the study in the cohort, from 1 [1].
     """
-    seed = design.seed_of(number)
+    config, seed = design.config_of(number), design.seed_of(number)
     tables, given_up, ticks = [], 0, 0
     for dyad in range(1, design.dyads + 1):
-        for place, job in enumerate(jobs_of_dyad(design.config, design.study, seed, dyad), start=1):
+        for place, job in enumerate(jobs_of_dyad(config, design.study, seed, dyad), start=1):
             found = rehearse(job)
             tables.append(measured(job, place, found))
             given_up, ticks = given_up + found.given_up, ticks + found.ticks
