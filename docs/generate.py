@@ -352,6 +352,9 @@ CALIBRATION = ("about", "false-positives", "power", "interaction", "differences"
 POWER = ("about", "power", "false-positives", "precision")
 """Those of `netboard power`."""
 
+INFORMATION = ("scenes", "hands", "skills")
+"""Those of `make evidence ARGS=information`."""
+
 PARTICIPANTS = ("others", "predictions", "order", "ablations", "slowing", "speed")
 """Those of `make evidence ARGS=participants`."""
 
@@ -391,6 +394,7 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
         for name in PARTICIPANTS
     },
     **{f"fit {name}": ("explanation/participants.md", study_part("fit", name)) for name in FIT},
+    **{f"information {name}": ("explanation/participants.md", study_part("information", name)) for name in INFORMATION},
     "velocity machine": ("explanation/velocity.md", study_machine("velocity")),
     **{name: ("explanation/velocity.md", study_part("velocity", name)) for name in VELOCITY},
     "coupling machine": ("explanation/coupling.md", study_machine("coupling")),

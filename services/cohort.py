@@ -25,7 +25,7 @@ app = typer.Typer()
 @app.command(
     epilog=examples(
         "netboard cohort paper --studies 100 --dyads 4 -o cohort",
-        "netboard cohort study.toml --studies 1000 --dyads 16 --set participant.haptic_gain=0 -o without",
+        "netboard cohort study.toml --studies 1000 --dyads 16 --set participant.partner_model=mechanics -o without",
         "netboard cohort paper --studies 1000 --dyads 4 -o cohort --resume",
         "netboard cohort paper --studies 1000 --posterior bimanual_off -o uncertain",
         "netboard cohort paper --studies 100 --dyads 4 -o all --trials parquet --dask tcp://10.0.0.5:8786",

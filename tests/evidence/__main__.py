@@ -140,6 +140,22 @@ def participants(
     run("participants", partial(study, studies, dyads, workers), options)
 
 
+@benchmark(app, 'make evidence ARGS="information --quick"')
+def information(
+    options: "Options",
+    dyads: Annotated[
+        int | None, typer.Option(min=2, metavar="N", help="Simulated dyads in each scene; default: 16.")
+    ] = None,
+    workers: Workers = None,
+) -> int:
+    """What the force tells simulated partners, and what it is worth, by stiffness, damping, friction and skill."""
+    from evidence.participants.information import study
+    from netboard.benchmarks.harness.running import run
+
+    verdicts = run("information", partial(study, dyads, workers), options)
+    return 0 if all(verdict.holds for verdict in verdicts) else 1
+
+
 Recordings = Annotated[
     Path | None, typer.Argument(metavar="[DIR]", help="Recordings of a study; default: rehearse the paper's plan.")
 ]

@@ -48,7 +48,7 @@ def make_controllers(config: Config) -> list[tuple[tuple[Side, ...], Controller]
     groups = [("left",), ("right",)] if config.block.configuration == "dyadic" else [SIDES]
     seeds = np.random.default_rng((config.block.seed, 99)).spawn(2)
     return [
-        (sides, Controller(config.participant, config.physics, config.task, sides, rng))
+        (sides, Controller(config.participant, config.physics, config.task, config.virtual, sides, rng))
         for sides, rng in zip(groups, seeds, strict=False)
     ]
 

@@ -1,7 +1,6 @@
 """The decisions of a simulated participant's controller, in one situation each."""
 
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ from hypothesis import strategies as st
 from netboard.base.config import Side
 from netboard.base.tables.experiment import Task
 from netboard.base.tables.scene import Physics
-from netboard.base.tables.simulated import Participant
+from netboard.base.tables.simulated import Participant, VirtualDevice
 from netboard.participants.controller import Controller, _learn_partner, learned
 from netboard.participants.senses import Glimpse
 from netboard.participants.submovement import Submovement
@@ -22,7 +21,8 @@ NOISELESS = Participant(
     velocity_noise=0.0,
     tilt_noise_deg=0.0,
     partner_noise=0.0,
-    haptic_noise=0.0,
+    weber_fraction=0.0,
+    friction_skill=1.0,
     amplitude_cv=0.0,
     movement_cv=0.0,
     threshold_cv=0.0,
@@ -34,7 +34,7 @@ NOISELESS = Participant(
 def make(
     sides: tuple[Side, ...], person: Participant = NOISELESS, physics: Physics | None = None, seed: int = 1
 ) -> Controller:
-    return Controller(person, physics or Physics(), Task(), sides, np.random.default_rng(seed))
+    return Controller(person, physics or Physics(), Task(), VirtualDevice(), sides, np.random.default_rng(seed))
 
 
 def scene(phase: str = "running", p: float | None = -0.15, theta: float = 0.0, left: float = 0.0, right: float = 0.0):
@@ -144,19 +144,6 @@ def test_controller_returns_the_board_to_the_required_height() -> None:
 
 def test_controller_leaves_a_nearly_level_board_alone() -> None:
     assert moves_of(make(("left", "right")), scene("levelling", theta=np.radians(0.3)), 3.0) == []
-
-
-@pytest.mark.parametrize("prediction", ["rate", "goal"])
-def test_partner_movement_is_felt_before_it_is_seen(prediction: Literal["rate", "goal"]) -> None:
-    """The force shows that the partner has already made the intended tilt, so no movement is needed."""
-    person = replace(NOISELESS, haptic_gain=1.0, max_tilt_deg=1.5, partner_prediction=prediction)
-    physics, p = Physics(), -0.30
-    partner = 2 * physics.l * np.radians(1.5)
-    weight = (physics.M + physics.m) * physics.g
-    z = (physics.k_h * partner - weight) / (2 * physics.k_h + physics.k_s)
-    on_board = (weight + physics.k_s * z) / 2 + physics.m * physics.g * p / (2 * physics.l)
-    assert moves_of(make(("right",), person), scene(p=p), 1.0)
-    assert moves_of(make(("right",), person), scene(p=p), 1.0, felt=-on_board) == []
 
 
 def test_logarithm_of_the_learning_factor_decays_exponentially() -> None:

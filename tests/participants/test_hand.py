@@ -9,7 +9,7 @@ from scipy.signal import lti, step
 from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant, VirtualDevice
 from netboard.participants.device_models import resolved
-from netboard.participants.hand import AIM_BEYOND_STOP, CAPACITY, LATERAL_SD, STEP, Hand, make_hand, pack_arm
+from netboard.participants.hand import CAPACITY, STEP, Hand, make_hand, pack_arm
 from netboard.participants.submovement import Submovement
 
 PERSON = Participant(force_noise=0.0, rest_skill=0.0, load_skill=0.0)
@@ -95,7 +95,7 @@ def test_aim_beyond_the_stop_does_not_accumulate() -> None:
         hand.plan([Submovement("left", 0.5 * k, 0.3, 0.05)])
         hand.advance(2000, 0.5 * k, NO_FORCE)
     assert hand.position[2] == pytest.approx(TOUCH.workspace)
-    hand.plan([Submovement("left", 10.0, 0.3, -TOUCH.workspace - AIM_BEYOND_STOP)])
+    hand.plan([Submovement("left", 10.0, 0.3, -TOUCH.workspace - PERSON.aim_beyond_stop)])
     hand.advance(8000, 10.0, NO_FORCE)
     assert hand.position[2] == pytest.approx(0.0, abs=1e-6)
 
@@ -137,7 +137,7 @@ def test_force_noise_has_the_configured_standard_deviation() -> None:
 
 def test_lateral_offset_has_its_standard_deviation() -> None:
     offsets = np.array([make(seed=seed).position[:2] for seed in range(400)])
-    assert offsets.std() == pytest.approx(LATERAL_SD, rel=0.1)
+    assert offsets.std() == pytest.approx(PERSON.lateral_sd, rel=0.1)
 
 
 def test_same_seed_gives_identical_states_for_any_partition_of_time() -> None:

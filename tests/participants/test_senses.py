@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from netboard.base.config import parse
 from netboard.base.errors import ConfigError
-from netboard.participants.expectations import FORCE_WINDOW
 from netboard.participants.senses import (
     MEMORY,
     PERCEPT,
@@ -38,7 +37,7 @@ def senses_after(positions: list[tuple[float, float | None]], phase: str = "runn
 
 def seen_at(senses: NDArray[np.void], until: float) -> np.void | None:
     percept = np.zeros(1, PERCEPT)
-    return percept[0] if perceive(senses[0], until, percept[0]) else None
+    return percept[0] if perceive(senses[0], until, 0.05, percept[0]) else None
 
 
 def test_view_is_not_perceived_before_it_is_shown() -> None:
@@ -106,7 +105,7 @@ def test_memory_reaches_back_by_the_longest_delay(delay: str) -> None:
     seen = seen_at(senses, then)
     assert seen is not None
     assert seen["time"] == pytest.approx(then)
-    assert force_at(senses[0], then - FORCE_WINDOW) == pytest.approx(0.1 * (then - FORCE_WINDOW), abs=1e-3)
+    assert force_at(senses[0], then) == pytest.approx(0.1 * then, abs=1e-3)
 
 
 def test_force_is_perceived_after_the_delay_and_cleared_when_none_is_rendered() -> None:

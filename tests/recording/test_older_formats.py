@@ -109,6 +109,14 @@ def test_haptics_setting_of_format_1_becomes_the_force_condition(was: str, force
     assert older.config_of("haptics = true", "2") == "haptics = true"
 
 
+@pytest.mark.parametrize("version", ["1", "2", "3", "4"])
+def test_keys_that_simulated_participants_no_longer_have_are_left_out(version: str) -> None:
+    retired = 'haptic_gain = "noise"\nhaptic_noise = 0.002\npartner_prediction = "rate"\n'
+    text = older.config_of(f"[participant]\nkp = 2.0\n{retired}kd = 3.0\n", version)
+    assert text == "[participant]\nkp = 2.0\nkd = 3.0\n"
+    assert parse(text).participant.kd == 3.0
+
+
 def test_nan_of_an_older_tick_is_preserved() -> None:
     with Recording(GOLDEN / "format-2.mcap") as recording:
         assert np.isnan(recording.ticks()["right_rendered"][7])

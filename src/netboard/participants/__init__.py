@@ -1,8 +1,8 @@
 """Simulated participants: perception, controller, hand and device mechanics. Pure.
 
 Open `controller.py` first: an intermittent, predictive, delayed PD controller. `senses` models its perception,
-`submovement` its actions, `hand` the arm that holds a stylus, and `device_models` the haptic devices. This wing knows
-no device driver, no network and no clock.
+`observer` what the force tells it of its partner, `submovement` its actions, `hand` the arm that holds a stylus, and
+`device_models` the haptic devices. This wing knows no device driver, no network and no clock.
 
 Parameters
 ----------
@@ -32,19 +32,17 @@ force : float
     Force on one's own hand, + = up [N].
 phase : float
     Number of a `netboard.task.trials.state_machine.Phase` [1].
-drift : float
-    Variance of the partner's unforeseen movement per time [m2/s].
 dt : float
     Elapsed time [s].
 senses : record of SENSES
     Memory of what was seen and felt; only `senses.store` changes it.
-own, sign : float
-    Height of one's own hand [m], and `partner.SIGN` of its side [1].
-height, rate, goal : float
-    Height of the partner's hand, its rate and its goal [m, m/s, m].
-speed : float
-    Natural frequency with which the partner's hand approaches its goal [rad/s].
-device : VirtualDevice
+o, c : record of OBSERVED, record of OBSERVER
+    State of an observer of the partner, changed in place, and its constants.
+model : DyadModel
+    The dyad as the observer takes it to be.
+haptic : bool
+    Whether the filter takes the force in.
+device, virtual : VirtualDevice
     The table ``[virtual]`` of the configuration.
 held : bool
     False for a released stylus: the device alone.

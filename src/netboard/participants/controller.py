@@ -10,7 +10,7 @@ the refractory time has passed. The action is one ballistic submovement of each 
 moves it towards its neutral height. With one hand, the controller expects the partner to mirror most of its tilting and
 to share its lifting, unless the force on its hand shows otherwise. In a bimanual block it moves both hands.
 
-Each part can be switched off by a parameter: ``haptic_gain = 0`` (force carries no information), ``mirror_rate = 0``
+Each part can be switched off by a parameter: ``partner_model = "mechanics"`` (force tells nothing), ``mirror_rate = 0``
 (the partner's share is not learned) and ``novice = 1`` (no learning over trials).
 
 `decide` is the controller as one kernel over records; `Controller` runs it for one live participant.
@@ -19,7 +19,7 @@ Rule 1: the inputs are a `Glimpse`, the force on its own hand, and the constants
 Rule 2: time is an argument, and the state of the random numbers is part of its own, so that results are reproducible.
 """
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from math import exp, inf, isnan, log1p, nan, radians, sqrt
 from typing import Any
 
@@ -30,27 +30,25 @@ from netboard.base.compiled import inlined, kernel, machine_code
 from netboard.base.config import SIDES, Side
 from netboard.base.tables.experiment import Task
 from netboard.base.tables.scene import Physics
-from netboard.base.tables.simulated import Participant
+from netboard.base.tables.simulated import Participant, VirtualDevice
+from netboard.participants.device_models import resolved
+from netboard.participants.dyad_model import felt_noise
 from netboard.participants.expectations import (
     BOTH,
     INTENT,
     INTENTS,
-    TO_GOAL,
     board_height,
     commanded_share,
     delay_to_hand,
     expected_tilt,
-    follow_partner,
+    observe_partner,
     of_partner,
-    partner_drift,
     partner_height_seen,
     shares_done,
 )
 from netboard.participants.hand import CAPACITY
-from netboard.participants.partner import GOAL, goal_gains
+from netboard.participants.observer import OBSERVED, OBSERVER, pack_observer
 from netboard.participants.senses import (
-    DECISION_INTERVAL,
-    NOISE_TIME,
     PERCEPT,
     SEEN,
     SENSES,
@@ -67,39 +65,21 @@ from netboard.task.trials.state_machine import Phase, is_free
 
 _LEVELLING = int(Phase.LEVELLING)
 
-HAPTIC_ERROR_TIME = 0.5
-"""Correlation time of the error of a height inferred from force [s]."""
-
-REACTION_CV = 0.2
-"""Coefficient of variation of the reaction time [1]."""
-
 FORESIGHT_STEPS = 6
 """Number of integration steps of the ball's prediction [1]."""
 
 _MIDDLES = tuple(step + 0.5 for step in range(FORESIGHT_STEPS))
 
-MAX_THRESHOLD = 0.95
-"""Largest threshold, as a share of the largest commanded tilt [1]. Without this limit, about one drawn threshold in two
-thousand could never be exceeded. As only an action draws a new one, the participant would never act again."""
-
-GOAL_SPEED = 4.0
-"""Natural frequency with which a partner's hand is taken to approach its goal, times the movement time: a critically
-damped approach of this frequency is as late, on average, as a submovement [rad]."""
-
-LEVEL_MARGIN = 0.7
-"""Share of the levelling limits above which a participant corrects tilt or height [1]."""
-
-_SCENE = ("M", "ball", "g", "l", "k_h", "k_s")
-
 CONSTANTS = np.dtype(
     [
-        *((field.name, "<f8") for field in fields(Participant)),  # haptic_gain: -1 for "noise"
-        *((name, "<f8") for name in _SCENE),  # constants of the scene; `ball` is the ball's mass, 0 without one [SI]
+        *((field.name, "<f8") for field in fields(Participant)),
+        ("g", "<f8"),  # gravity [m/s2]
+        ("l", "<f8"),  # control point to the board's centre [m]
         ("level_angle", "<f8"),  # tilt and height within which the board counts as level [rad, m]
         ("level_height", "<f8"),
         ("hands", "<i8"),  # 1: left, 2: right, 3: both
-        ("goal_speed", "<f8"),  # natural frequency with which a partner's hand approaches its goal [rad/s]
-        ("goal_gains", "<f8", (3,)),
+        ("felt_noise", "<f8"),  # standard deviation of a perceived force [N]
+        ("observer", OBSERVER),
     ]
 )
 """Constants of a participant: its own, and what it knows of scene and task."""
@@ -113,9 +93,9 @@ STATE = np.dtype(
         ("percept", PERCEPT),
         ("intents", INTENT, (INTENTS,)),
         ("intent_count", "<i8"),
-        ("goal", GOAL),  # estimated goal of the partner's unforeseen movement
-        ("mirrored", "<f8"),  # displacement of the partner expected of the submovements that are complete [m]
-        ("haptic_error", "<f8"),  # present error of a height inferred from force [m]
+        ("observed", OBSERVED),
+        ("moved", "<f8"),  # own displacement by the submovements that are complete [m]
+        ("mirrored", "<f8"),  # displacement of the partner expected of them [m]
         ("decision_time", "<f8"),  # time of the last decision [s]
         ("ready", "<f8"),  # earliest time of the next action [s]
         ("threshold", "<f8"),  # tilt error that triggers the next submovement [rad]
@@ -129,27 +109,26 @@ STATE = np.dtype(
 """State of a controller."""
 
 
-_WORDS = {"noise": -1.0, "plan": inf, "rate": 0.0, "goal": TO_GOAL}
-"""How a word in place of a number is packed: the gain follows from the noise; without a plan, all is learned."""
+_WORDS = {"plan": inf}
+"""How a word in place of a number is packed: without a plan, all is learned; other words are not used as numbers."""
 
 
-def pack_constants(person: Participant, physics: Physics, task: Task, sides: tuple[Side, ...]) -> NDArray[Any]:
+def pack_constants(
+    person: Participant, physics: Physics, task: Task, virtual: VirtualDevice, sides: tuple[Side, ...]
+) -> NDArray[Any]:
     """Return the constants of a participant, packed for the kernels: ndarray of CONSTANTS, shape (1,) [SI]."""
     if not sides or len(set(sides)) != len(sides):
         raise ValueError(f"a participant moves one hand or two different ones, not {sides}")
     packed = np.zeros(1, CONSTANTS)
     for field in fields(Participant):
         value = getattr(person, field.name)
-        packed[field.name] = _WORDS[value] if isinstance(value, str) else value
-    for name in ("M", "g", "l", "k_h", "k_s"):
-        packed[name] = getattr(physics, name)
-    packed["ball"] = physics.m if physics.balls else 0.0
+        packed[field.name] = _WORDS.get(value, nan) if isinstance(value, str) else value
+    packed["g"], packed["l"] = physics.g, physics.l
     packed["level_angle"], packed["level_height"] = radians(task.level_angle_deg), task.level_height
     packed["hands"] = sum(1 << SIDES.index(side) for side in sides)
-    if person.partner_prediction == "goal":
-        speed = GOAL_SPEED / person.movement_time
-        packed["goal_speed"] = speed
-        packed["goal_gains"] = goal_gains(speed, partner_drift(packed[0]), person.haptic_noise, DECISION_INTERVAL)
+    packed["felt_noise"] = felt_noise(person, physics, resolved(virtual))
+    if len(sides) == 1:
+        packed["observer"] = pack_observer(replace(person, practice="plan"), physics, virtual, sides[0])
     return packed
 
 
@@ -177,9 +156,8 @@ def _initialise(states: Any, constants: Any) -> None:
     senses["noise_p"] = factor * k["position_noise"] * normal(state["random"])
     senses["noise_v"] = factor * k["velocity_noise"] * normal(state["random"])
     senses["noise_theta"] = factor * radians(k["tilt_noise_deg"]) * normal(state["random"])
-    state["haptic_error"] = factor * k["haptic_noise"] * normal(state["random"])
+    state["observed"]["noise"] = factor * k["felt_noise"] * normal(state["random"])
     state["decision_time"] = state["ready"] = -inf
-    state["goal"]["time"] = nan
     state["threshold"] = _draw_threshold(state, k)
 
 
@@ -218,12 +196,12 @@ def decide(state: Any, k: Any, now: float, glimpse: Any, felt: float, moves: NDA
     senses, seen = state["senses"], state["percept"]
     store(senses, now, glimpse, felt)
     _renew_noise(state, k, dt)
-    if not perceive(senses, now - k["visual_delay"], seen):
+    if not perceive(senses, now - k["visual_delay"], k["velocity_span"], seen):
         return 0
     _detect_release(state, k)
     _drop_completed(state, k, seen["time"] - delay_to_hand(k))
-    if k["partner_prediction"] == TO_GOAL and k["hands"] != BOTH:
-        follow_partner(state, k, now)
+    if k["observer"]["informed"]:
+        observe_partner(state, k, now)
     if now < state["ready"] or not _has_room(state):
         return 0
     if seen["phase"] == _LEVELLING:
@@ -237,9 +215,8 @@ def decide(state: Any, k: Any, now: float, glimpse: Any, felt: float, moves: NDA
 def _renew_noise(state: Any, k: Any, dt: float) -> None:
     """Renew the errors of perception: coloured Gaussian noise (Ornstein-Uhlenbeck)."""
     senses, random, factor = state["senses"], state["random"], state["learning_factor"]
-    keep, fresh = ou_factors(HAPTIC_ERROR_TIME, dt)
-    state["haptic_error"] = keep * state["haptic_error"] + factor * k["haptic_noise"] * fresh * normal(random)
-    keep, fresh = ou_factors(NOISE_TIME, dt)
+    keep, fresh = ou_factors(k["noise_time"], dt)
+    state["observed"]["noise"] = keep * state["observed"]["noise"] + factor * k["felt_noise"] * fresh * normal(random)
     senses["noise_p"] = keep * senses["noise_p"] + factor * k["position_noise"] * fresh * normal(random)
     senses["noise_v"] = keep * senses["noise_v"] + factor * k["velocity_noise"] * fresh * normal(random)
     tilt_noise = factor * radians(k["tilt_noise_deg"])
@@ -262,7 +239,9 @@ def _detect_release(state: Any, k: Any) -> None:
     if is_free(phase) and not is_free(state["phase"]):
         state["learning_factor"] = learned(k["novice"], state["practice"], k["learning_trials"])
         state["practice"] += 1.0
-        reaction = state["learning_factor"] * k["reaction_time"] * max(0.0, 1.0 + REACTION_CV * normal(state["random"]))
+        reaction = (
+            state["learning_factor"] * k["reaction_time"] * max(0.0, 1.0 + k["reaction_cv"] * normal(state["random"]))
+        )
         state["ready"] = state["percept"]["time"] + reaction
     state["phase"] = phase
 
@@ -283,6 +262,7 @@ def _drop_completed(state: Any, k: Any, shown: float) -> None:
             intents[kept]["shown"] = share
             kept += 1
             continue
+        state["moved"] += intent["displacement"]
         state["mirrored"] += of_partner(intent)
         if k["hands"] != BOTH and is_free(state["percept"]["phase"]):
             _learn_partner(state, k, intent)
@@ -305,16 +285,16 @@ def _learn_partner(state: Any, k: Any, intent: Any) -> None:
 
 @inlined
 def _draw_threshold(state: Any, k: Any) -> float:
-    """Draw the tilt error that triggers the next submovement: log-normal, limited by `MAX_THRESHOLD` [rad]."""
+    """Draw the tilt error that triggers the next submovement: log-normal, limited by `threshold_limit` [rad]."""
     spread = sqrt(log1p(k["threshold_cv"] ** 2))
     drawn = state["learning_factor"] * k["threshold_deg"] * exp(spread * normal(state["random"]))
-    return radians(min(drawn, MAX_THRESHOLD * k["max_tilt_deg"]))
+    return radians(min(drawn, k["threshold_limit"] * k["max_tilt_deg"]))
 
 
 @inlined
 def _steer(state: Any, k: Any, now: float, moves: NDArray[Any]) -> int:
     """Write the submovements that steer the ball; none if the tilt error is below the threshold."""
-    expected = expected_tilt(state, k, now)
+    expected = expected_tilt(state, k)
     error = _wanted_tilt(state, k, expected) - expected
     if abs(error) <= state["threshold"]:
         return 0
@@ -351,8 +331,8 @@ def _predict_ball(state: Any, k: Any, expected: float) -> tuple[float, float]:
 @inlined
 def _level(state: Any, k: Any, now: float, moves: NDArray[Any]) -> int:
     """Write the submovements that level the board at its neutral height; none if it is level."""
-    error, height = -expected_tilt(state, k, now), board_height(state, k)
-    tilted, off = abs(error) > LEVEL_MARGIN * k["level_angle"], abs(height) > LEVEL_MARGIN * k["level_height"]
+    error, height = -expected_tilt(state, k), board_height(state, k)
+    tilted, off = abs(error) > k["level_margin"] * k["level_angle"], abs(height) > k["level_margin"] * k["level_height"]
     if not tilted and not off:
         return 0
     count = _act(state, k, now, error if tilted else 0.0, -height if off else 0.0, moves)
@@ -410,10 +390,11 @@ class Controller:
         person: Participant,
         physics: Physics,
         task: Task,
+        virtual: VirtualDevice,
         sides: tuple[Side, ...],
         rng: np.random.Generator,
     ) -> None:
-        self.constants = pack_constants(person, physics, task, sides)
+        self.constants = pack_constants(person, physics, task, virtual, sides)
         self.state = initial_state(self.constants, rng)
         self._glimpse = np.zeros(1, SEEN)
         self._moves = np.zeros(2, MOVE)

@@ -4,32 +4,24 @@ A submovement counts as under way until its whole effect has been seen. `expecte
 all are complete. The partner is expected to mirror one's own turning, unless the force on one's hand shows otherwise.
 """
 
-from math import inf, isnan, radians
+from math import inf, isnan
 from typing import Any
 
 import numpy as np
 
 from netboard.base.compiled import inlined
 from netboard.participants.hand import CAPACITY
-from netboard.participants.partner import follow_goal, haptic_weight, partner_height, partner_seen
+from netboard.participants.observer import feel, forget, observe
 from netboard.participants.senses import force_at
 from netboard.participants.submovement import jerk_polynomial, minimum_jerk
 from netboard.physics.arithmetic.simd import larger, smaller
+from netboard.task.trials.state_machine import is_free
 
 INTENTS = 2 * CAPACITY
 """Submovements of a participant whose effect it has not seen yet, at most; for each hand `CAPACITY` [1]."""
 
 BOTH = 3
 """`hands` of a participant that moves both [1]."""
-
-TO_GOAL = 1.0
-"""`partner_prediction` of a participant that estimates where the partner is going [1]."""
-
-FORCE_HORIZON = 0.100
-"""Horizon over which the partner's height is extrapolated from the force [s]."""
-
-FORCE_WINDOW = 0.030
-"""Window over which the partner's velocity is estimated [s]."""
 
 INTENT = np.dtype(
     [
@@ -67,7 +59,7 @@ def own_height(state: Any, side: int) -> float:
 @inlined
 def partner_height_seen(state: Any, k: Any, side: int) -> float:
     """Return the height of the partner's hand as the board showed it; NaN if one's own hand is hidden [m]."""
-    return partner_seen(own_height(state, side), state["percept"]["theta"], 2.0 * side - 1.0, k["l"])
+    return float(own_height(state, side) - (2.0 * side - 1.0) * 2.0 * k["l"] * state["percept"]["theta"])
 
 
 @inlined
@@ -125,7 +117,7 @@ def shares_done(state: Any, k: Any, times: Any) -> Any:
 
 
 @inlined
-def expected_tilt(state: Any, k: Any, now: float) -> float:
+def expected_tilt(state: Any, k: Any) -> float:
     """Return the tilt of the board once all movements under way are complete [rad]."""
     lever, theta = 2.0 * k["l"], state["percept"]["theta"]
     if k["hands"] == BOTH:
@@ -133,7 +125,7 @@ def expected_tilt(state: Any, k: Any, now: float) -> float:
     side = k["hands"] - 1
     sign = 2.0 * side - 1.0
     own = moved(state, k, side, inf)
-    other = partner_rise(state, k, now, side)
+    other = partner_moved(state, k, inf) + state["observed"]["surprise"]
     return float(theta + sign * own / lever - sign * other / lever)
 
 
@@ -141,38 +133,6 @@ def expected_tilt(state: Any, k: Any, now: float) -> float:
 def of_partner(intent: Any) -> float:
     """Return the displacement that is expected of the partner's hand during an own submovement [m]."""
     return float(intent["displacement"] - intent["turn"] - intent["mirrored"])
-
-
-@inlined
-def _force_tells(k: Any) -> bool:
-    """Return whether the force on a hand depends on the partner's height: not without the springs of the board."""
-    return bool(k["k_h"] > 0.0 and k["k_s"] > 0.0)
-
-
-@inlined
-def partner_rise(state: Any, k: Any, now: float, side: int) -> float:
-    """Return the expected displacement of the partner's hand since it was seen, corrected by the force [m].
-
-    The correction is where the unforeseen part of the partner's movement leads, times its weight by reliability. That
-    part is the difference between the height inferred from the force and the height expected then. It is carried on at
-    its present rate, or to its estimated goal.
-    """
-    then = now - k["haptic_delay"]
-    late, early = force_at(state["senses"], then), force_at(state["senses"], then - FORCE_WINDOW)
-    shown = partner_height_seen(state, k, side)
-    expected = partner_moved(state, k, inf)
-    unknown = isnan(late) or isnan(early) or isnan(shown)
-    weight = felt_weight(state, k)
-    if unknown or weight == 0.0 or not _force_tells(k):
-        return expected
-    if k["partner_prediction"] == TO_GOAL:
-        return float(expected + weight * (state["goal"]["goal"] + partner_mirrored(state, k, inf) - shown - expected))
-    surprise = partner_at(state, k, then, late, side) - shown - partner_moved(state, k, then)
-    before = (
-        partner_at(state, k, then - FORCE_WINDOW, early, side) - shown - partner_moved(state, k, then - FORCE_WINDOW)
-    )
-    rate = (surprise - before) / FORCE_WINDOW
-    return float(expected + weight * (surprise + rate * FORCE_HORIZON + state["haptic_error"]))
 
 
 @inlined
@@ -186,49 +146,22 @@ def partner_moved(state: Any, k: Any, when: float) -> float:
 
 
 @inlined
-def partner_mirrored(state: Any, k: Any, when: float) -> float:
-    """Return the displacement expected of the partner in all own submovements up to a time [m]."""
-    lag, rise = delay_to_hand(k), state["mirrored"]
+def observe_partner(state: Any, k: Any, now: float) -> None:
+    """Update what the force tells of the partner, by the newest force felt and the view that is seen."""
+    o, c, seen, side = state["observed"], k["observer"], state["percept"], k["hands"] - 1
+    then = now - k["haptic_delay"]
+    force, height = force_at(state["senses"], then), own_height(state, side)
+    if isnan(force) or isnan(height):
+        forget(o)
+        return
+    own, other = state["moved"], state["mirrored"]
     for i in range(state["intent_count"]):
         intent = state["intents"][i]
-        rise += of_partner(intent) * commanded_share(intent, when - lag)
-    return float(rise)
-
-
-@inlined
-def follow_partner(state: Any, k: Any, now: float) -> None:
-    """Update the estimated goal of the unforeseen part of the partner's movement by the newest force felt."""
-    then, side = now - k["haptic_delay"], k["hands"] - 1
-    force = force_at(state["senses"], then)
-    if isnan(force) or isnan(own_height(state, side)) or not _force_tells(k):
-        return
-    height = partner_at(state, k, then, force, side) + state["haptic_error"] - partner_mirrored(state, k, then)
-    follow_goal(state["goal"], then, height, k["goal_speed"], k["goal_gains"])
-
-
-@inlined
-def partner_at(state: Any, k: Any, when: float, force: float, side: int) -> float:
-    """Return the height of the partner's hand at a time, inferred from the force then [m]."""
-    seen = state["percept"]
-    own = own_height(state, side) + moved(state, k, side, when)
-    return partner_height(force, own, seen["p"] + seen["v"] * (when - seen["time"]), 2.0 * side - 1.0, k)
-
-
-@inlined
-def felt_weight(state: Any, k: Any) -> float:
-    """Return the weight of the height inferred from force against the visual prediction [1]."""
-    if k["haptic_gain"] >= 0.0:
-        return float(k["haptic_gain"])
-    seen = state["learning_factor"] * 2.0 * k["l"] * radians(k["tilt_noise_deg"])
-    lead = max(k["visual_delay"] - k["haptic_delay"], 0.0)
-    return haptic_weight(seen, partner_drift(k), lead, state["learning_factor"] * k["haptic_noise"])
-
-
-@inlined
-def partner_drift(k: Any) -> float:
-    """Return the variance of the partner's unforeseen movement per time [m2/s].
-
-    The partner is taken to make, in each movement time, one unforeseen movement of `partner_noise` times the hand's
-    part in the largest tilt.
-    """
-    return float((k["partner_noise"] * k["l"] * radians(k["max_tilt_deg"])) ** 2 / k["movement_time"])
+        share = commanded_share(intent, then)
+        own += intent["displacement"] * share
+        other += of_partner(intent) * share
+    feel(o, c, force + o["noise"], own, other)
+    if is_free(seen["phase"]):
+        observe(o, c, seen["p"], seen["theta"], height, partner_height_seen(state, k, side))
+    else:
+        o["running"], o["surprise"] = 0, 0.0

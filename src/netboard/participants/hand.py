@@ -39,21 +39,6 @@ UPDATE_STEPS = 4
 CAPACITY = 32
 """Most submovements that a hand can have under way at once [1]."""
 
-FORCE_NOISE_TIME = 0.1
-"""Correlation time of the arm's force noise [s]."""
-
-FOREARM = 0.30
-"""Distance from elbow to stylus: a hand at height z is nearer to the body by about z^2 / (2 FOREARM) [m]."""
-
-LATERAL_SD = 0.002
-"""Standard deviation of the lateral rest position (x, y) [m]."""
-
-AIM_BEYOND_STOP = 0.02
-"""Largest distance beyond a mechanical stop at which a hand aims; aiming farther would not move it [m]."""
-
-COMPENSATION_SPEED = 0.005
-"""Friction compensation rises linearly with the speed of the equilibrium point, and is full at this speed [m/s]."""
-
 FORCE_HISTORY = 128
 """Updates for which the force on the hand is kept for delayed responses, a power of 2 [1]."""
 
@@ -73,6 +58,10 @@ ARM = np.dtype(
         ("lag", "<f8"),  # decay factor of a muscle stage per update [1]
         ("noise_decay", "<f8"),  # decay factor of the force noise per update [1]
         ("noise_step", "<f8"),  # force noise per standard normal number [N]
+        ("full_compensation", "<f8"),  # movement of the equilibrium point in an update at which it is full [m]
+        ("swing", "<f8"),  # displacement along x per square of the equilibrium height [1/m]
+        ("lateral_sd", "<f8"),  # standard deviation of the rest position along x and y [m]
+        ("aim_limit", "<f8"),  # largest height at which the hand aims [m]
         ("stop", "<f8"),  # mechanical stop of each axis [m]
         ("yielding", "<f8"),  # displacement of the equilibrium point per unexpected force [m/N]
         ("loading", "<f8"),  # displacement of the equilibrium point against an expected force [m/N]
@@ -89,8 +78,9 @@ HAND = np.dtype(
     [
         ("place", "<f8", (LANES,)),  # position x, y, z [m]
         ("v", "<f8", (LANES,)),  # velocity [m/s]
-        ("rest_x", "<f8"),  # rest position of the arm across the vertical path [m]
+        ("rest_x", "<f8"),  # rest position of the arm across the vertical path, at height 0 [m]
         ("rest_y", "<f8"),
+        ("lateral", "<f8"),  # present rest position along x [m]
         ("noise_x", "<f8"),  # force noise [N]
         ("noise_y", "<f8"),
         ("noise_z", "<f8"),
@@ -137,7 +127,10 @@ def pack_arm(participant: Participant, device: VirtualDevice, held: bool = True)
     arm["friction"] = own.friction
     arm["stop"] = own.workspace
     arm["lag"] = np.exp(-UPDATE_STEPS * STEP / participant.muscle_lag)
-    arm["noise_decay"] = np.exp(-UPDATE_STEPS * STEP / FORCE_NOISE_TIME)
+    arm["noise_decay"] = np.exp(-UPDATE_STEPS * STEP / participant.force_noise_time)
+    arm["aim_limit"] = own.workspace + participant.aim_beyond_stop
+    arm["full_compensation"] = UPDATE_STEPS * STEP * participant.compensation_speed
+    arm["swing"], arm["lateral_sd"] = 0.5 / participant.forearm, participant.lateral_sd
     if held:
         arm["mass"] += participant.arm_mass
         arm["damping"] += participant.arm_damping
@@ -227,22 +220,16 @@ def update_muscles(s: Any, arm: Any, plan: Any, when: float, force: float) -> No
         Vertical motor force on the hand, + = up [N].
     """
     _stiffen(s, arm)
-    wanted = _aim(s, plan, when, arm["stop"] + AIM_BEYOND_STOP) + _force_response(s, arm, force)
+    wanted = _aim(s, plan, when, arm["aim_limit"]) + _force_response(s, arm, force)
     s["muscle"] = wanted + (s["muscle"] - wanted) * arm["lag"]
     before = s["equilibrium"]
     s["equilibrium"] = s["muscle"] + (before - s["muscle"]) * arm["lag"]
-    s["compensation"] = arm["largest_compensation"] * max(
-        -1.0, min(1.0, (s["equilibrium"] - before) / (UPDATE_STEPS * STEP * COMPENSATION_SPEED))
-    )
+    s["lateral"] = s["rest_x"] + arm["swing"] * s["equilibrium"] * s["equilibrium"]
+    moving = (s["equilibrium"] - before) / arm["full_compensation"]
+    s["compensation"] = arm["largest_compensation"] * max(-1.0, min(1.0, moving))
     s["noise_x"] = s["noise_x"] * arm["noise_decay"] + normal(s["random"]) * arm["noise_step"]
     s["noise_y"] = s["noise_y"] * arm["noise_decay"] + normal(s["random"]) * arm["noise_step"]
     s["noise_z"] = s["noise_z"] * arm["noise_decay"] + normal(s["random"]) * arm["noise_step"]
-
-
-@inlined
-def _lateral_rest(s: Any) -> float:
-    """Return the present rest position of the arm along x [m]."""
-    return float(s["rest_x"] + s["equilibrium"] * s["equilibrium"] / (2.0 * FOREARM))
 
 
 @inlined
@@ -251,7 +238,7 @@ def integrate(s: Any, arm: Any, fx: float, fy: float, fz: float, steps: int) -> 
     stiffness = s["stiffness"]
     push = gathered(
         (
-            stiffness * _lateral_rest(s) + s["noise_x"] + fx,
+            stiffness * s["lateral"] + s["noise_x"] + fx,
             stiffness * s["rest_y"] + s["noise_y"] + fy,
             stiffness * s["equilibrium"] + s["compensation"] + s["noise_z"] + fz,
         ),
@@ -272,7 +259,7 @@ def integrate_on_cables(s: Any, tip: Any, cables: Any, fx: float, fy: float, fz:
     place, v = s["place"], s["v"]
     for _ in range(steps):
         place[0], v[0], t["x"], t["vx"] = stretch(
-            place[0], v[0], t["x"], t["vx"], fx, s["noise_x"], _lateral_rest(s), cables
+            place[0], v[0], t["x"], t["vx"], fx, s["noise_x"], s["lateral"], cables
         )
         place[1], v[1], t["y"], t["vy"] = stretch(
             place[1], v[1], t["y"], t["vy"], fy, s["noise_y"], s["rest_y"], cables
@@ -353,7 +340,7 @@ class Hand:
         self._advance_hand = machine_code(advance_hand, *self.parts, *(0.0,) * 4, 0)
         if arm["stiffness"][0] > 0.0:
             for k, axis in enumerate(("x", "y")):
-                self._record["place"][k] = self._record[f"rest_{axis}"] = LATERAL_SD * rng.standard_normal()
+                self._record["place"][k] = self._record[f"rest_{axis}"] = arm["lateral_sd"][0] * rng.standard_normal()
                 self.end[axis] = self._record["place"][k]
         self.state["random"] = pack_stream(rng)
 

@@ -19,12 +19,6 @@ from netboard.task.trials.state_machine import Phase, is_free
 DECISION_INTERVAL = 0.010
 """Interval between two decisions of a participant, who then looks and feels [s]."""
 
-NOISE_TIME = 0.2
-"""Correlation time of perceptual noise [s]."""
-
-VELOCITY_SPAN = 0.05
-"""Window over which the ball's velocity is estimated [s]."""
-
 MEMORY = 2.2
 """Time for which glimpses and forces are kept: more than the longest delay of a participant [s]."""
 
@@ -177,13 +171,15 @@ def _newest_until(ring: Any, first: int, count: int, until: float) -> int:
 
 
 @kernel
-def perceive(senses: Any, until: float, percept: Any) -> bool:
+def perceive(senses: Any, until: float, span: float, percept: Any) -> bool:
     """Perceive the display as it was at a time, with present perceptual noise; return whether anything was displayed.
 
     Parameters
     ----------
     until : float
         One visual delay ago [s].
+    span : float
+        Window over which the ball's velocity is estimated [s].
     percept : record of PERCEPT
         The percept, written.
     """
@@ -199,20 +195,20 @@ def perceive(senses: Any, until: float, percept: Any) -> bool:
     if not isnan(g["p"]):
         percept["p"] = g["p"] + senses["noise_p"]
         if is_free(g["phase"]):
-            percept["v"] = _velocity(senses, last) + senses["noise_v"]
+            percept["v"] = _velocity(senses, last, span) + senses["noise_v"]
     return True
 
 
 @inlined
-def _velocity(senses: Any, last: int) -> float:
-    """Return the velocity of the free ball from its positions within `VELOCITY_SPAN`; 0 with only one [m/s]."""
+def _velocity(senses: Any, last: int, span: float) -> float:
+    """Return the velocity of the free ball from its positions within a window; 0 with only one [m/s]."""
     seen, first = senses["seen"], senses["first_seen"]
     end = seen[(first + last) % ROOM]
     begin = end
     place = last
     while place >= 0:
         g = seen[(first + place) % ROOM]
-        if end["time"] - g["time"] > VELOCITY_SPAN or not is_free(g["phase"]):
+        if end["time"] - g["time"] > span or not is_free(g["phase"]):
             break
         begin = g
         place -= 1

@@ -28,7 +28,8 @@ from netboard.base.tables.simulated import Participant
 from netboard.benchmarks.harness.results import Folder, ResultPart
 from netboard.benchmarks.harness.running import Tell
 from netboard.nodes.rehearsal.jobs import RehearsalJob
-from netboard.participants.partner import haptic_weight
+from netboard.participants.device_models import resolved
+from netboard.participants.dyad_model import felt_noise
 
 STATES = 4
 """Starting states of the paper's plan, one for each of its dyads [1]."""
@@ -42,12 +43,12 @@ ABLATIONS = {
     "full model": DEFAULT,
     "friction at rest": replace(DEFAULT, rest_skill=0.0),
     "no load skill": replace(DEFAULT, load_skill=0.0),
-    "no information": replace(DEFAULT, haptic_gain=0.0),
+    "no information": replace(DEFAULT, partner_model="mechanics"),
     "fixed partner": replace(DEFAULT, mirror_rate=0.0),
     "no learning": replace(DEFAULT, novice=1.0),
     "with yielding": replace(DEFAULT, reflex_gain=1.0),
     "with impedance": replace(DEFAULT, impedance_gain=20_000.0),
-    "with goal": replace(DEFAULT, partner_prediction="goal"),
+    "with goal": replace(DEFAULT, partner_model="goal"),
 }
 """Variants of the model: each is without one part, or ("with") has a part that the model leaves out."""
 
@@ -265,9 +266,6 @@ def order_part(sample: Sample) -> ResultPart:
 
 # --- comparison with measurements and models of others ---------------------------------------------------------------
 
-NEWTON_PER_METRE = 25.93
-"""Change of one's own force per displacement of the partner's hand, at rest, in the paper's scene [N/m]."""
-
 
 def others_part(sample: Sample, person: Participant, config: Config) -> ResultPart:
     """Compare parameters and behaviour with measurements and models of others."""
@@ -290,12 +288,8 @@ def _compare_parameters(person: Participant, config: Config) -> Iterator[tuple[A
     yield _row("delay of the reflexes [s]", person.reflex_delay, 0.025, 0.1, "Cluff, Crevecoeur and Scott 2015")
     yield _row("refractory time [s]", person.refractory, 0.25, 0.55, "van de Kamp et al. 2013, plants of order 0 to 2")
     yield _row("muscle lag [s]", person.muscle_lag, 0.04, 0.04, "Lokesh 2023, model")
-    felt = person.haptic_noise * NEWTON_PER_METRE
+    felt = felt_noise(person, config.physics, resolved(config.virtual))
     yield _row("noise of a felt force [N]", felt, 0.02, 0.05, "7 to 10 % (Pang, Tan and Durlach 1991) of 0.3 to 0.5 N")
-    seen = 2.0 * config.physics.l * np.radians(person.tilt_noise_deg)
-    drift = (person.partner_noise * config.physics.l * np.radians(person.max_tilt_deg)) ** 2 / person.movement_time
-    gain = haptic_weight(seen, drift, person.visual_delay - person.haptic_delay, person.haptic_noise)
-    yield _row("weight of touch for the partner's height", gain, 0.5, 1.0, "touch dominates: Crevecoeur et al. 2016")
 
 
 def _compare_behaviour(sample: Sample) -> Iterator[tuple[Any, ...]]:

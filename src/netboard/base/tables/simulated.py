@@ -9,8 +9,8 @@ from typing import Annotated, Literal
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
 
 OfModel = Literal["model"]
-OfNoise = Literal["noise"]
 OfPlan = Literal["plan"]
+PartnerModel = Literal["mechanics", "position", "goal"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,12 +62,34 @@ class Participant:
     ] = 150.0
     muscle_lag: Annotated[float, about("each of the two muscle lags", "s", gt=0, le=1)] = 0.040
     force_noise: Annotated[float, about("standard deviation of the arm's force noise", "N", ge=0, le=1)] = 0.02
+    force_noise_time: Annotated[float, about("correlation time of that noise", "s", gt=0, le=10)] = 0.1
+    forearm: Annotated[
+        float,
+        about(
+            "distance from elbow to stylus: a hand at height z is nearer to the body by z^2/(2 forearm)",
+            "m",
+            gt=0,
+            le=2,
+        ),
+    ] = 0.30
+    lateral_sd: Annotated[
+        float, about("standard deviation of the hand's rest position across the line", "m", ge=0, le=0.1)
+    ] = 0.002
+    aim_beyond_stop: Annotated[
+        float, about("largest distance beyond a mechanical stop at which a hand aims", "m", ge=0, le=1)
+    ] = 0.02
     friction_skill: Annotated[
         float,
         about(
             "share of the device's friction that the arm compensates while its equilibrium point moves", "1", ge=0, le=1
         ),
     ] = 0.8
+    compensation_speed: Annotated[
+        float,
+        about(
+            "speed of the equilibrium point at which the compensation that acts only then is full", "m/s", gt=0, le=1
+        ),
+    ] = 0.005
     rest_skill: Annotated[float, about("share of that compensation that also acts at rest", "1", ge=0, le=1)] = 1.0
     load_skill: Annotated[float, about("share of an expected force that the arm compensates", "1", ge=0, le=1)] = 1.0
     reflex_gain: Annotated[
@@ -92,6 +114,18 @@ class Participant:
     lookahead: Annotated[float, about("prediction horizon, in units of the visual delay", "1", ge=0, le=10)] = 2.1
     threshold_deg: Annotated[float, about("tilt error that triggers a submovement", "deg", ge=0, le=45)] = 1.13
     threshold_cv: Annotated[float, about("variability of that threshold", "1", ge=0, le=2)] = 0.44
+    threshold_limit: Annotated[
+        float,
+        about(
+            "largest threshold, over the largest desired tilt; below 1, so that no draw stops all action",
+            "1",
+            gt=0,
+            lt=1,
+        ),
+    ] = 0.95
+    level_margin: Annotated[
+        float, about("share of the levelling limits above which tilt or height is corrected", "1", gt=0, le=1)
+    ] = 0.7
     refractory: Annotated[float, about("shortest time between submovements", "s", ge=0, le=5)] = 0.283
     movement_time: Annotated[float, about("duration of a submovement", "s", gt=0, le=5)] = 0.30
     movement_cv: Annotated[float, about("variability of that duration", "1", ge=0, le=2)] = 0.15
@@ -99,14 +133,18 @@ class Participant:
     visual_delay: Annotated[float, about("visual delay", "s", ge=0, le=2)] = 0.175
     haptic_delay: Annotated[float, about("haptic delay", "s", ge=0, le=2)] = 0.070
     reaction_time: Annotated[float, about("delay of the first movement of a trial", "s", ge=0, le=5)] = 0.32
+    reaction_cv: Annotated[float, about("variability of that delay", "1", ge=0, le=2)] = 0.2
+    velocity_span: Annotated[
+        float, about("window over which the ball's velocity is estimated from its positions", "s", gt=0, le=0.2)
+    ] = 0.05
     position_noise: Annotated[float, about("standard deviation of the seen ball position", "m", ge=0, le=1)] = 0.0026
     velocity_noise: Annotated[float, about("standard deviation of the seen ball velocity", "m/s", ge=0, le=1)] = 0.0087
     tilt_noise_deg: Annotated[float, about("standard deviation of the seen tilt", "deg", ge=0, le=45)] = 0.22
     partner_noise: Annotated[float, about("uncertainty about the partner's movement", "1", ge=0, le=5)] = 0.5
-    partner_prediction: Annotated[
-        Literal["rate", "goal"],
-        about("extrapolation of the partner's movement inferred from the force: at its rate, or to its estimated goal"),
-    ] = "rate"
+    partner_model: Annotated[
+        PartnerModel,
+        about("what the force tells of the partner: nothing (mechanics only), where its hand is, or where it is going"),
+    ] = "position"
     mirror: Annotated[
         float,
         about("initial share of its own tilting that a participant expects the partner to mirror", "1", ge=0, le=1),
@@ -117,11 +155,20 @@ class Participant:
     centring: Annotated[float, about("correction of the hand's height towards the neutral height", "1", ge=0, le=2)] = (
         0.46
     )
-    haptic_gain: (
-        Annotated[float, about("weight of the partner's height inferred from one's own force", "1", ge=0, le=1)]
-        | OfNoise
-    ) = "noise"
-    haptic_noise: Annotated[float, about("standard deviation of that inferred height", "m", ge=0, le=1)] = 0.002
+    weber_fraction: Annotated[
+        float,
+        about("standard deviation of a perceived force, relative to the force that the hand carries", "1", ge=0, le=1),
+    ] = 0.1
+    noise_time: Annotated[float, about("correlation time of the noise of the senses", "s", gt=0, le=10)] = 0.2
+    goal_speed: Annotated[
+        float,
+        about(
+            "natural frequency with which the partner's hand approaches its goal, times the movement time",
+            "1",
+            gt=0,
+            le=100,
+        ),
+    ] = 4.0
     bimanual_async: Annotated[
         float, about("standard deviation of the onset difference between one person's hands", "s", ge=0, le=1)
     ] = 0.055
@@ -162,9 +209,14 @@ PARTICIPANT_SOURCES = {
         ("threshold_cv", "movement_cv", "amplitude_cv", "bimanual_amplitude_cv", "mirror"): _SEARCHED,
         ("threshold_deg", "refractory", "movement_time"): _ADJUSTED,
         ("position_noise", "velocity_noise", "tilt_noise_deg", "bimanual_async", "novice"): _ADJUSTED,
-        ("partner_prediction",): "assumed; the goal is estimated as in Takagi et al. 2017",
-        ("haptic_gain",): "computed from the noise: Ernst and Banks 2002",
-        ("force_noise", "friction_skill", "reflex_time", "reaction_time", "haptic_noise", "learning_trials"): _ASSUMED,
+        ("partner_model",): "position exchange or goal exchange: Takagi et al. 2017",
+        ("weber_fraction",): "measured: 7 to 10 %, Pang, Tan and Durlach 1991",
+        ("goal_speed",): "a critically damped approach that is as late, on average, as a submovement",
+        ("force_noise", "force_noise_time", "forearm", "lateral_sd", "friction_skill", "compensation_speed"): _ASSUMED,
+        ("reflex_time", "reaction_time", "reaction_cv", "noise_time", "velocity_span", "learning_trials"): _ASSUMED,
+        ("aim_beyond_stop",): "assumed; aiming farther would not move the hand",
+        ("threshold_limit",): "assumed; without it, one threshold in two thousand could never be exceeded",
+        ("level_margin",): "assumed; at 1 the board would be left at the limit",
         ("practice",): "number of trials in the plan",
     }.items()
     for name in names

@@ -25,7 +25,7 @@ from netboard.network.protocol.motion import Felt, Move, Pointer
 from netboard.network.transport import channels, sockets
 from netboard.network.transport.fastpath import NO_FILE, Receiver
 from netboard.nodes.agent.agent_runs import NEVER_DUE_NS
-from netboard.participants.controller import Controller
+from netboard.participants.controller import Controller, pack_constants
 from netboard.participants.policy import SIMULATED_PARTICIPANT, identity_of
 from netboard.participants.senses import DECISION_INTERVAL, Glimpse
 from netboard.participants.submovement import Submovement
@@ -118,7 +118,7 @@ class LiveController:
         sides: tuple[Side, ...] = ("left", "right") if bimanual else (device.side,)
         # The virtual devices draw their hands from the streams (seed, 0) and (seed, 1).
         rng = np.random.default_rng((config.block.seed, len(SIDES) + SIDES.index(device.side)))
-        self._controller = Controller(config.participant, config.physics, config.task, sides, rng)
+        self._controller = Controller(config.participant, config.physics, config.task, config.virtual, sides, rng)
         self._views = ViewReceiver(sockets.view_subscriber(context, where.reach(channels.VIEW[station])))
         self._device = device
         self._reads = config.block.force == "full"  # only the full force shows where the partner is
@@ -217,7 +217,8 @@ def _is_possible(move: Move) -> bool:
 class LiveParticipant:
     """The simulated participant at a device, re-created for each block.
 
-    The configuration of a block is read in a thread, because that takes several milliseconds.
+    The configuration of a block is read in a thread, and so are the gains of its observer, because both take many
+    milliseconds.
     """
 
     def __init__(self, config: Config, device: SimulatedHandDevice, context: sockets.Context) -> None:
@@ -240,7 +241,7 @@ class LiveParticipant:
 
     def begin(self, text: str) -> None:
         """Make a new participant for a block, as soon as its configuration has been read."""
-        self._configuration = self._reader.submit(parse, text, "the server's configuration")
+        self._configuration = self._reader.submit(self._read, text)
 
     def step(self, now_ns: int, haptics: bool) -> None:
         """Advance up to now."""
@@ -249,9 +250,15 @@ class LiveParticipant:
             self._configuration = None
         self._current.step(now_ns, haptics)
 
-    def _enter(self, received: Config) -> None:
-        """Enter a block, unless its configuration is the current one."""
+    def _read(self, text: str) -> Config:
+        """Return the configuration of a block; the gains of its observer are then known, too."""
+        received = parse(text, "the server's configuration")
         config = replace(self._config, block=received.block, physics=received.physics, task=received.task)
+        pack_constants(config.participant, config.physics, config.task, config.virtual, (self._device.side,))
+        return config
+
+    def _enter(self, config: Config) -> None:
+        """Enter a block, unless its configuration is the current one."""
         if config != self._config:
             self._config = config
             self._current.close()

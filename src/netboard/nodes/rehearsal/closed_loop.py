@@ -50,7 +50,7 @@ class SimulatedParticipant:
         self, config: Config, person: Participant, station: Side, sides: tuple[Side, ...], rng: np.random.Generator
     ) -> None:
         block = config.block
-        constants = pack_constants(person, config.physics, config.task, sides)
+        constants = pack_constants(person, config.physics, config.task, config.virtual, sides)
         seen = replace(block, left="person", right="person")  # a robot also sees the board
         curtain = make_curtain(replace(config, block=seen)).stations[station]
         view_ticks = ceil(1.0 / (TICK_SECONDS * config.network.view_rate_hz))

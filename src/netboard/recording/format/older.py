@@ -4,6 +4,9 @@ Format 3 predicts no column, and does not fold signs; a file's schema says so.
 
 In formats 1 and 2 every tick is a separate msgpack map on the channel ``/tick``, all of equal length. Format 1 lacks
 the columns that format 2 added, and its configuration has `haptics` in place of `[block] force`.
+
+Configurations of every format may have keys of simulated participants that the model no longer has. They said how a
+hand was moved, not what a recording means, so they are left out.
 """
 
 import json
@@ -22,6 +25,7 @@ from netboard.recording.format.channels import CHANNELS, unpack
 TOPIC = "/tick"
 """Channel of the ticks in formats 1 and 2."""
 
+_RETIRED = re.compile(r"^(haptic_gain|haptic_noise|partner_prediction) = .*\n", re.MULTILINE)
 _SINCE_2 = frozenset({"left_other", "right_other", "extra", "block_ticks"})
 _HAPTICS = re.compile(r"^haptics = (true|false)$", re.MULTILINE)
 _DIFFERENCES_3 = {"vz": 2, "omega": 2, "vp": 4, "left_lead_ns": 0, "right_lead_ns": 0}
@@ -40,6 +44,7 @@ def schema_3() -> bytes:
 
 def config_of(text: str, version: str) -> str:
     """Translate the configuration of an older format into current keys."""
+    text = _RETIRED.sub("", text)
     return _HAPTICS.sub(lambda found: _FORCE[found[1]], text) if version == "1" else text
 
 

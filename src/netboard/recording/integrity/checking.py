@@ -21,7 +21,8 @@ from netboard.base.plural import plural
 from netboard.network.protocol.records import BLOCK_BEGAN
 from netboard.recording.files.copies import original_of
 from netboard.recording.files.reader import Recording
-from netboard.recording.format.channels import TICKS
+from netboard.recording.format import older
+from netboard.recording.format.channels import FORMAT_VERSION, TICKS
 from netboard.recording.format.rig import rig_of
 from netboard.recording.integrity.account import parts_of
 from netboard.recording.integrity.clock_check import check_clocks
@@ -181,8 +182,9 @@ def _configuration(evidence: Examined) -> Iterator[CheckFinding]:
         for key, value in expected.items()
         if metadata.get(key, value) != value
     ]
-    # Files of the first versions are read with the keys of the current one.
-    if sent and sent[-1] != recording.config_text and metadata.get("format") not in ("1", "2"):
+    # Files of older versions are read with the keys of the current one.
+    version = metadata.get("format", FORMAT_VERSION)
+    if sent and older.config_of(sent[-1], version) != recording.config_text and version not in ("1", "2"):
         problems.append("the server began the block with another configuration")
     if problems:
         yield CheckFinding(Severity.DAMAGE, f"contradicts the rest of the file: {'; '.join(problems)}")

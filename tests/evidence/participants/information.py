@@ -1,0 +1,229 @@
+"""``make evidence ARGS=information``: what the force tells simulated partners, and what it is worth, in many scenes.
+
+Dyads perform a block with haptic feedback. The same dyads, with the same random numbers, perform it with each model of
+the partner: `mechanics` (the force pushes the hand but tells nothing), `position` and `goal`. So a ratio of completion
+times is the worth of what the force tells; its confidence interval is that of a paired t test over dyads, of the
+logarithms.
+"""
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field, replace
+from math import sqrt
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from netboard.base.config import Config
+from netboard.base.process.workers import cores
+from netboard.base.tables.simulated import Participant, PartnerModel
+from netboard.benchmarks.harness.processes import fresh_processes
+from netboard.benchmarks.harness.results import Folder, ResultPart
+from netboard.benchmarks.harness.running import Tell
+from netboard.nodes.rehearsal.block import Rehearsal
+from netboard.nodes.rehearsal.population import LETTERS, person_of
+from netboard.participants.observer import uncertainty
+
+SEED = 44
+"""Seed of the participants and of their blocks [1]."""
+
+DYADS, QUICK_DYADS = 16, 4
+"""Number of dyads in each scene [1]."""
+
+TRIALS, QUICK_TRIALS = 40, 6
+"""Successful trials in a block [1]."""
+
+PRACTICE = 300.0
+"""Trials that each participant has practised [1]."""
+
+MODELS: tuple[PartnerModel, ...] = ("mechanics", "position", "goal")
+
+SCENES: dict[str, tuple[str, str, tuple[float, ...]]] = {
+    "k_s": ("physics", "N/m", (1.4, 14.0, 35.0, 140.0, 560.0)),
+    "k_h": ("physics", "N/m", (50.0, 100.0, 200.0, 800.0)),
+    "m": ("physics", "kg", (0.01, 0.05, 0.1)),
+    "c_h": ("physics", "N s/m", (0.5, 2.0, 10.0)),
+    "friction": ("virtual", "N", (0.13, 0.26, 0.5, 1.0)),
+}
+"""Key of each factor, its table, unit and levels."""
+
+QUICK_SCENES = {"k_s": (1.4, 140.0), "c_h": (10.0,)}
+"""Levels of the quick form."""
+
+SKILLS = (0.5, 1.0, 1.5, 2.0)
+"""Factors of the noise of the partner's senses and movements, in the comparison of partners [1]."""
+
+_NOISY = ("position_noise", "velocity_noise", "tilt_noise_deg", "amplitude_cv", "threshold_cv")
+
+
+@dataclass(frozen=True)
+class Case:
+    """A block of a dyad: the model of the partner, changed keys, and the skill of participant B."""
+
+    model: PartnerModel
+    dyad: int
+    trials: int
+    configuration: Literal["dyadic", "bimanual"] = "dyadic"
+    force: str = "full"
+    keys: dict[str, dict[str, float]] = field(default_factory=dict)
+    skill: float = 1.0
+
+    def config(self) -> Config:
+        """Return the configuration of the block."""
+        base = Config()
+        person = replace(base.participant, partner_model=self.model, practice=PRACTICE)
+        changed = {table: replace(getattr(base, table), **values) for table, values in self.keys.items()}
+        block = replace(
+            base.block, configuration=self.configuration, force=self.force, trials=self.trials, seed=self.dyad
+        )
+        return replace(base, participant=person, block=block, **changed)
+
+
+@dataclass(frozen=True)
+class Result:
+    """Mean completion time of a block, number of falls of the ball, and of successful trials."""
+
+    completion: float
+    falls: int
+    successes: int
+
+
+def perform(case: Case) -> Result:
+    """Perform a block."""
+    config = case.config()
+    people = {letter: person_of(config.participant, SEED, case.dyad, letter) for letter in LETTERS}
+    people["B"] = with_skill(people["B"], case.skill)
+    rehearsal = Rehearsal(config, people)
+    for _ in rehearsal.pieces():
+        pass
+    found = rehearsal.summary()
+    return Result(float(np.mean(found.completions)), found.failures, len(found.completions))
+
+
+def with_skill(person: Participant, factor: float) -> Participant:
+    """Return a participant whose senses and movements are noisier by a factor."""
+    return replace(person, **{name: factor * getattr(person, name) for name in _NOISY})
+
+
+def study(dyads: int | None, workers: int | None, folder: Folder, tell: Tell, *, quick: bool) -> Iterator[ResultPart]:
+    """Compare models of the partner in each scene, and with partners of different skill."""
+    size, trials = dyads or (QUICK_DYADS if quick else DYADS), QUICK_TRIALS if quick else TRIALS
+    levels = QUICK_SCENES if quick else {name: values for name, (_, _, values) in SCENES.items()}
+    with fresh_processes(workers or cores()) as pool:
+        yield scenes_part(levels, size, trials, pool, tell)
+        yield hands_part(size, trials, pool)
+        yield skills_part(SKILLS[::3] if quick else SKILLS, size, trials, pool, tell)
+
+
+def scenes_part(
+    levels: dict[str, tuple[float, ...]], dyads: int, trials: int, pool: ProcessPoolExecutor, tell: Tell
+) -> ResultPart:
+    """Tabulate each scene: completion times with haptic feedback off and on, and the ratio that information makes."""
+    part = ResultPart(
+        "scenes",
+        f"Completion time of {dyads} dyads, {trials} trials in a block, by what the force tells of the partner",
+        "changed | uncertainty of the partner's aim, seen [mm] | seen and felt [mm] | haptics off [s] | mechanics [s] "
+        "| position [s] | goal [s] | position / mechanics | 95 % CI low | 95 % CI high | goal / mechanics "
+        "| 95 % CI low | 95 % CI high | falls, mechanics | falls, position | falls, goal",
+    )
+    harmed: list[str] = []
+    cells = [(name, level) for name, values in levels.items() for level in values]
+    for number, (name, level) in enumerate(cells):
+        table, unit, _ = SCENES[name]
+        tell(f"{name} = {level:g} {unit}", number / len(cells))
+        keys = {table: {name: level}}
+        off = performed([Case("mechanics", dyad, trials, force="none", keys=keys) for dyad in numbered(dyads)], pool)
+        found = {
+            model: performed([Case(model, dyad, trials, keys=keys) for dyad in numbered(dyads)], pool)
+            for model in MODELS
+        }
+        config = Case("position", 1, trials, keys=keys).config()
+        known = [
+            1e3 * uncertainty(config.participant, config.physics, config.virtual, force) for force in (False, True)
+        ]
+        ratios = [ratio(found[model], found["mechanics"]) for model in MODELS[1:]]
+        falls = {model: sum(one.falls for one in found[model]) for model in MODELS}
+        times = [mean_time(one) for one in (off, *found.values())]
+        part.add(f"{name} = {level:g} {unit}", *known, *times, *ratios[0], *ratios[1], *falls.values())
+        if ratios[0][1] > 1.0 or more_falls(falls["position"], falls["mechanics"]):
+            harmed.append(f"{name} = {level:g}")
+    part.claim(
+        "information on the partner's position never makes a dyad slower or less successful, within 95 % confidence",
+        not harmed,
+        ", ".join(harmed) or f"{len(cells)} scenes",
+    )
+    return part
+
+
+def numbered(dyads: int) -> range:
+    """Return the numbers of the dyads."""
+    return range(1, dyads + 1)
+
+
+def performed(cases: Sequence[Case], pool: ProcessPoolExecutor) -> list[Result]:
+    """Perform blocks in parallel."""
+    return list(pool.map(perform, cases))
+
+
+def mean_time(results: Sequence[Result]) -> float:
+    """Return the mean over dyads of the completion time [s]."""
+    return float(np.mean([one.completion for one in results]))
+
+
+def ratio(one: Sequence[Result], other: Sequence[Result]) -> tuple[float, float, float]:
+    """Return the geometric mean of the ratio of completion times, with the limits of its 95 % confidence interval."""
+    logs: NDArray[np.float64] = np.log([a.completion / b.completion for a, b in zip(one, other, strict=True)])
+    error = float(student.ppf(0.975, len(logs) - 1) * logs.std(ddof=1) / np.sqrt(len(logs)))
+    low, middle, high = (float(np.exp(logs.mean() + way * error)) for way in (-1, 0, 1))
+    return middle, low, high
+
+
+def more_falls(found: int, expected: int) -> bool:
+    """Return whether the ball falls more often, beyond two standard deviations of the difference of two counts."""
+    return found - expected > 2.0 * sqrt(found + expected)
+
+
+def hands_part(dyads: int, trials: int, pool: ProcessPoolExecutor) -> ResultPart:
+    """Show that one person with both hands, who has no partner, does the same with each model."""
+    part = ResultPart(
+        "hands",
+        "One person with both hands, haptic feedback on",
+        ("model of the partner", "completion time [s]", "falls"),
+    )
+    found: dict[PartnerModel, list[Result]] = {}
+    for model in MODELS:
+        cases = [Case(model, dyad, trials, configuration="bimanual") for dyad in numbered(dyads)]
+        found[model] = performed(cases, pool)
+        part.add(model, mean_time(found[model]), sum(one.falls for one in found[model]))
+    same = all(results == found[MODELS[0]] for results in found.values())
+    part.claim("one person with both hands performs the same trials with each model", same, f"{dyads} participants")
+    return part
+
+
+def skills_part(skills: Sequence[float], dyads: int, trials: int, pool: ProcessPoolExecutor, tell: Tell) -> ResultPart:
+    """Tabulate the benefit of information by the partner's skill, as Ganesh et al. (2014) did for human pairs."""
+    part = ResultPart(
+        "skills",
+        f"Benefit of information by the partner's skill: {dyads} dyads, {trials} trials in a block",
+        "noise of partner B, over that of A | mechanics [s] | position [s] | position / mechanics | 95 % CI low "
+        "| 95 % CI high",
+    )
+    worse: list[str] = []
+    for number, skill in enumerate(skills):
+        tell(f"noise of partner B x {skill:g}", number / len(skills))
+        found = [
+            performed([Case(model, dyad, trials, skill=skill) for dyad in numbered(dyads)], pool)
+            for model in MODELS[:2]
+        ]
+        middle, low, high = ratio(found[1], found[0])
+        part.add(skill, mean_time(found[0]), mean_time(found[1]), middle, low, high)
+        if middle >= 1.0:
+            worse.append(f"{skill:g}")
+    part.claim(
+        "information makes dyads faster on average, with a better and with a worse partner",
+        not worse,
+        ", ".join(worse) or f"{len(skills)} skills",
+    )
+    return part

@@ -1,0 +1,68 @@
+"""Every number that acts in a simulated participant is a key of the configuration; the rest is listed here."""
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import netboard.participants
+
+KNOWN = {
+    "controller": {"FORESIGHT_STEPS": "steps of an integration", "CONSTANTS": "type", "MOVE": "type", "STATE": "type"},
+    "cable": {"CABLES": "type", "TIP": "type"},
+    "device_models": {"MODELS": "devices, each with its source"},
+    "dyad_model": {
+        "X": "places in a state",
+        "STATES": "length of a state",
+        "SEEN": "names",
+        "Matrix": "type",
+        "FLOOR": "regularises the equations of the filter",
+    },
+    "expectations": {"INTENTS": "capacity", "BOTH": "a code", "INTENT": "type"},
+    "hand": {
+        "STEP_NS": "step of the integration",
+        "STEP": "step of the integration",
+        "UPDATE_STEPS": "steps of the integration",
+        "CAPACITY": "capacity",
+        "FORCE_HISTORY": "capacity",
+        "LANES": "length of a register",
+        "ARM": "type",
+        "HAND": "type",
+        "RIGID": "no cables",
+    },
+    "observer": {
+        "MEASURED": "number of quantities",
+        "STRETCH": "capacity",
+        "DOUBLINGS": "time until the filter is stationary",
+        "OBSERVER": "type",
+        "OBSERVED": "type",
+    },
+    "policy": {"SIMULATED_PARTICIPANT": "a name"},
+    "senses": {
+        "DECISION_INTERVAL": "step of the controller",
+        "MEMORY": "capacity: longer than every delay",
+        "ROOM": "capacity",
+        "SEEN": "type",
+        "FELT": "type",
+        "NOISES": "names",
+        "SENSES": "type",
+        "PERCEPT": "type",
+    },
+}
+"""Constants of the modules that are no parameter of a participant, and what they are."""
+
+
+def constants_of(path: Path) -> Iterator[str]:
+    """Yield the names that a module assigns at its top level, without those that begin with an underscore."""
+    for node in ast.parse(path.read_text()).body:
+        targets = (
+            node.targets if isinstance(node, ast.Assign) else [node.target] if isinstance(node, ast.AnnAssign) else []
+        )
+        yield from (one.id for one in targets if isinstance(one, ast.Name) and not one.id.startswith("_"))
+
+
+def test_every_constant_of_the_participants_is_known() -> None:
+    (folder,) = map(Path, netboard.participants.__path__)
+    found = {path.stem: set(constants_of(path)) for path in folder.glob("*.py")}
+    assert {module: names for module, names in found.items() if names} == {
+        module: set(names) for module, names in KNOWN.items()
+    }
