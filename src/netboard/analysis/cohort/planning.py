@@ -87,6 +87,7 @@ def answer(request: Request, folder: Path, given: Path | None, runner: Runner) -
         parameters=drawn,
         decision=every[0][1],
         posterior=made.get("posterior"),
+        assurance=None if request.posterior is None else request.posterior.sha256,
     )
     assured = _assured(request, folder / "assurance", runner)
     write(folder, found, assumptions, assured)

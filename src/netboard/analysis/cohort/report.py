@@ -95,6 +95,7 @@ class Assumptions:
     - `parameters`: parameter, unit, median and limits of the central 95 % of the simulated participants [their units].
     - `posterior`: SHA-256 of the posterior of whose draws the usual participants of the studies are; None if they are
       all equal.
+    - `assurance`: SHA-256 of the posterior over whose draws an assurance is averaged; None without one.
     """
 
     study: str
@@ -107,6 +108,7 @@ class Assumptions:
     parameters: Sequence[tuple[str, str, float, float, float]]
     decision: CohortDecision
     posterior: str | None = None
+    assurance: str | None = None
 
     @property
     def virtual_studies(self) -> str:
@@ -121,6 +123,11 @@ class Assumptions:
         if self.posterior is not None:
             drawn = f"a draw of the posterior {self.posterior[:12]} in each virtual study, so that power is assurance"
             yield "usual participant", f"{drawn}; the distributions below are without it"
+        if self.assurance is not None:
+            yield (
+                "assurance",
+                f"power of a cohort with a draw of the posterior {self.assurance[:12]} in each virtual study",
+            )
         yield "distributions", f"median, and central 95 % of {SHOWN} participants; other parameters are constant"
         for name, unit, middle, low, high in self.parameters:
             if low != high:
