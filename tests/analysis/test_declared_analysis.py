@@ -144,7 +144,8 @@ def test_interaction_is_the_gate_of_all_other_declared_effects() -> None:
 
 def test_answer_begins_with_the_primary_contrast_and_adjusts_the_others() -> None:
     found = analysed(crossed_study(DECLARED, TWO))
-    first, second, *_, gate, _, _ = answer_sentences(found)
+    first, second, *_, gate, _, assumed, _ = answer_sentences(found)
+    assert assumed.startswith("The test assumes that the effects of dyads are normal; if they are strongly skewed")
     assert first.startswith("Primary contrast. Interaction: ")
     assert "adjusted p" not in first
     assert second.startswith("Secondary. ")
@@ -211,6 +212,8 @@ def test_results_say_which_method_counts() -> None:
     adjusted = [one for one in rows if "adjusted" in one.quantity]
     assert len(adjusted) == 2
     assert all(one.note.endswith("over all 8 secondary tests") for one in adjusted)
+    tested = [one.note for one in rows if "adjusted" not in one.quantity]
+    assert all("strongly skewed (log-normal)" in note or "skewed distribution (log-normal)" in note for note in tested)
 
 
 def test_figure_shows_every_dyad_in_every_condition() -> None:

@@ -16,7 +16,8 @@ from scipy import stats
 from statsmodels.genmod import families
 from statsmodels.genmod.generalized_linear_model import GLM
 
-from netboard.analysis.statistics.effects import Model
+from netboard.analysis.statistics import restricted as fitting
+from netboard.analysis.statistics.effects import NOT_CONVERGED, Model
 from netboard.analysis.statistics.estimates import t_interval
 from netboard.analysis.statistics.factors import INTERCEPT, PRACTICE, FixedFactor, paper_factors
 from netboard.analysis.statistics.models import MOST, count_model, log_time_model, share_model
@@ -210,7 +211,7 @@ def restricted(log: NDArray[np.float64], labels: Labels, parts: dict[str, float]
 def test_estimates_maximise_the_restricted_likelihood(seed: int) -> None:
     labels = plan(4, 6)
     log = np.log(times_of(labels, Truth(dyad_slope=0.05 * seed, performer_slope=0.05), seed))
-    found = log_time_model(np.exp(log), **given(labels))
+    found = log_time_model(np.exp(log), **given(labels), slopes="performer")
     parts = variances(found)
     best, covariance = restricted(log, labels, parts)
     for name in parts:
@@ -574,8 +575,38 @@ def test_single_trials_give_no_random_effect_of_performers() -> None:
     labels = kept(plan(8, 2), plan(8, 2)["order"] == 1)
     labels = kept(labels, labels["haptics"])
     found = log_time_model(times_of(labels, Truth(), 16), **given(labels))
-    assert list(variances(found)) == ["dyad", "residual"]
-    assert sum("no random effect" in note for note in found.notes) == 1
+    assert list(variances(found)) == ["dyad", "configuration by dyad", "residual"]
+    assert [note for note in found.notes if "no random effect" in note] == [
+        "performer: no random effect, because these trials cannot identify it"
+    ]
+
+
+@pytest.mark.parametrize(("level", "dyadic"), [("dyadic", True), ("bimanual", False)])
+def test_effects_that_differ_at_one_level_get_a_slope_there(level: str, dyadic: bool) -> None:
+    labels = plan(8, 12)
+    truth = Truth(dyad_slope=0.0, performer_slope=0.0)
+    dyads = np.unique(labels["dyads"], return_inverse=True)[1]
+    more = (
+        np.random.default_rng(2).normal(0.0, 0.6, 8)[dyads] * (labels["haptics"] - 0.5) * (labels["dyadic"] == dyadic)
+    )
+    found = log_time_model(times_of(labels, truth, 5) * np.exp(more), **given(labels))
+    slope = f"haptics by dyad, {level}"
+    assert [name for name in variances(found) if "dyad, " in name] == [slope]
+    assert np.sqrt(variances(found)[slope]) == pytest.approx(0.6, rel=0.5)
+    errors = {at: found.effect(f"haptics, {at}").by("Kenward-Roger").error for at in ("dyadic", "bimanual")}
+    other = {"dyadic": "bimanual", "bimanual": "dyadic"}[level]
+    assert errors[level] > 2.0 * errors[other]
+
+
+def test_slopes_are_left_out_while_the_fit_does_not_converge(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fitting, "STEPS", 1)
+    labels = plan(5, 6)
+    found = log_time_model(times_of(labels, Truth(), 4), **given(labels))
+    assert list(variances(found)) == ["dyad", "performer", "residual"]
+    gone = [note for note in found.notes if note.endswith("left out, because the fit with it did not converge")]
+    assert len(gone) == 5
+    assert not found.converged
+    assert found.notes[0] == NOT_CONVERGED
 
 
 def test_warnings_are_reported_as_notes() -> None:
@@ -660,7 +691,7 @@ def test_largest_counts_are_modelled(family: Any) -> None:
 
 def test_effects_include_satterthwaite_and_kenward_roger_inference() -> None:
     labels = plan(4, 10)
-    found = log_time_model(times_of(labels, Truth(), 9), **given(labels))
+    found = log_time_model(times_of(labels, Truth(), 9), **given(labels), slopes="performer")
     effect = found.effect("configuration")
     satterthwaite, kenward_roger = effect.by("Satterthwaite"), effect.by("Kenward-Roger")
     assert satterthwaite.error == effect.error <= kenward_roger.error
@@ -681,7 +712,9 @@ def test_effects_include_satterthwaite_and_kenward_roger_inference() -> None:
 def test_satterthwaite_note_warns_of_zero_variances() -> None:
     labels = plan(4, 6)
     truth = Truth(dyad_slope=0.0, performer_slope=0.0)
-    singular = [log_time_model(times_of(labels, truth, seed), **given(labels)) for seed in range(12)]
+    singular = [
+        log_time_model(times_of(labels, truth, seed), **given(labels), slopes="performer") for seed in range(12)
+    ]
     without = [
         one for one in singular if not variances(one)["haptics by dyad"] + variances(one)["haptics by performer"]
     ]

@@ -12,6 +12,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy import stats
 
+from netboard.analysis.statistics.factors import paper_factors
+from netboard.analysis.statistics.models import log_time_model
+from netboard.analysis.statistics.random_effects import mixed_model, random_effects
 from netboard.analysis.statistics.restricted import Restricted, restricted_fit
 from netboard.analysis.statistics.small_samples import (
     kenward_roger_covariance,
@@ -20,7 +23,8 @@ from netboard.analysis.statistics.small_samples import (
 )
 
 REFERENCE = json.loads((Path(__file__).parents[1] / "data" / "models" / "reference.json").read_text(encoding="utf-8"))
-STUDIES = ("four_dyads", "eight_dyads", "singular", "alike")
+MAXIMAL = ("maximal", "maximal_few")
+STUDIES = ("four_dyads", "eight_dyads", "singular", "alike", *MAXIMAL)
 EVERY = ("sleepstudy", "sleepstudy_few", "beets", "pastes", *STUDIES)
 
 
@@ -34,6 +38,11 @@ def sources_of(name: str) -> tuple[dict[str, NDArray[np.float64]], list[Any]]:
     table = REFERENCE[name]["table"]
     if name in STUDIES:
         dyad, performer, h = indicators(table["dyad"]), indicators(table["performer"]), np.array(table["h"])[:, None]
+        if name in MAXIMAL:
+            c = np.array(table["c"])[:, None]
+            found = {"dyad.4 (Intercept)": dyad, "performer.1 (Intercept)": performer, "dyad.3 h": h * dyad}
+            found |= {"performer h": h * performer, "dyad.2 c": c * dyad, "dyad.1 hc": h * c * dyad}
+            return found | {"dyad h2": h * (c > 0.0) * dyad}, table["dyad"]
         found = {"dyad.1 (Intercept)": dyad, "performer.1 (Intercept)": performer}
         return found | {"dyad h": h * dyad, "performer h": h * performer}, table["dyad"]
     group = indicators(table["group"])
@@ -70,6 +79,31 @@ def test_fit_equals_that_of_lme4(name: str) -> None:
     assert found.coefficients == pytest.approx(reference["satterthwaite"]["estimate"][:k], rel=1e-6)
     assert np.sqrt(np.diag(found.covariance)) == pytest.approx(reference["satterthwaite"]["error"][:k], rel=1e-4)
     assert (0.0 in found.variances) == reference["singular"]
+
+
+@pytest.mark.evidence("independent", log_time_model, mixed_model, random_effects, by="lme4")
+@pytest.mark.parametrize("name", MAXIMAL)
+def test_model_of_times_has_the_maximal_structure_of_lme4(name: str) -> None:
+    """The extra slope of haptics is at the configuration where lme4, too, has the higher likelihood."""
+    reference, table = REFERENCE[name], REFERENCE[name]["table"]
+    factors = paper_factors(np.array(table["h"]) > 0.0, np.array(table["c"]) > 0.0)
+    times = np.exp(np.array(reference["response"]))
+    found = log_time_model(times, table["dyad"], table["performer"], factors, table["trial"])
+    names = ["dyad", "performer", "haptics by dyad", "configuration by dyad", "haptics x configuration by dyad"]
+    names += ["haptics by performer", "haptics by dyad, dyadic", "residual"]
+    assert [one.name for one in found.components] == names
+    theirs = ("dyad.4 (Intercept)", "performer.1 (Intercept)", "dyad.3 h", "dyad.2 c", "dyad.1 hc", "performer h")
+    expected = [reference["components"][one] for one in (*theirs, "dyad h2", "Residual ")]
+    assert [one.variance for one in found.components] == pytest.approx(expected, abs=1e-5 * sum(expected))
+    for place, effect in (
+        (1, "haptics"),
+        (2, "configuration"),
+        (4, "haptics x configuration"),
+        (-1, "haptics, dyadic"),
+    ):
+        own = found.effect(effect).by("Kenward-Roger")
+        assert own.free == pytest.approx(reference["kenward_roger"]["free"][place], rel=1e-3)
+        assert own.p == pytest.approx(reference["kenward_roger"]["p"][place], rel=2e-3, abs=1e-9)
 
 
 @pytest.mark.evidence("independent", satterthwaite_freedom, by="lmerTest")

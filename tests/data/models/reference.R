@@ -42,6 +42,21 @@ of_study <- function(table) {
   found$table <- table[c("dyad", "performer", "h", "c", "trial")]
   found
 }
+# The maximal structure: slopes of configuration, of the product, and of haptics in dyadic trials, which differ between dyads.
+more <- function(table, seed, sd) {
+  set.seed(seed)
+  pick <- function(s) rnorm(max(table$dyad), 0, s)[table$dyad]
+  table$hc <- table$h * table$c
+  table$h2 <- table$h * (table$c > 0)
+  table$y <- table$y + table$c * pick(sd[1]) + table$hc * pick(sd[2]) + table$h2 * pick(sd[3])
+  table
+}
+of_maximal <- function(table) {
+  found <- mixed(y ~ h * c + log(trial) + (1 | dyad) + (1 | performer) + (0 + h | dyad) + (0 + c | dyad) + (0 + hc | dyad) +
+                   (0 + h | performer) + (0 + h2 | dyad), table, rbind(c(0, 1, 0, 0, -0.5), c(0, 1, 0, 0, 0.5)))
+  found$table <- table[c("dyad", "performer", "h", "c", "trial")]
+  found
+}
 thin <- function(table, share) { set.seed(99); table[runif(nrow(table)) < share, ] }
 
 result <- list(
@@ -58,7 +73,9 @@ result <- list(
   four_dyads = of_study(study(4, 4, 6, c(0.3, 0.2, 0.3, 0.2))),
   eight_dyads = of_study(thin(study(12, 8, 6, c(0.3, 0.2, 0.3, 0.2)), 0.7)),
   singular = of_study(study(3, 4, 5, c(0.3, 0.0, 0.0, 0.0))),
-  alike = of_study(study(5, 5, 4, c(0.0, 0.0, 0.0, 0.0)))
+  alike = of_study(study(5, 5, 4, c(0.0, 0.0, 0.0, 0.0))),
+  maximal = of_maximal(more(study(21, 9, 6, c(0.3, 0.2, 0.4, 0.2)), 22, c(0.3, 0.3, 0.5))),
+  maximal_few = of_maximal(thin(more(study(23, 4, 8, c(0.3, 0.2, 0.2, 0.0)), 24, c(0.4, 0.0, 0.4)), 0.8))
 )
 
 # No fall in one condition: bias-reduced (Firth) logistic and Poisson regression, trials independent.

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from evidence.analysis import calibration
 from evidence.analysis.calibration import (
@@ -14,6 +15,7 @@ from evidence.analysis.calibration import (
     STUDIES,
     TERMS,
     TRIALS,
+    VARIATIONS,
     Setting,
     coverage,
     differences_part,
@@ -23,6 +25,7 @@ from evidence.analysis.calibration import (
     share,
     simulated,
     table_part,
+    variations_part,
 )
 from netboard.analysis.statistics.contrasts import paired_t_test
 from netboard.analysis.statistics.effect_sizes import hedges_factor, paired_effect
@@ -31,9 +34,9 @@ from netboard.analysis.statistics.factors import paper_factors
 from netboard.analysis.statistics.models import log_time_model
 
 
-@pytest.mark.parametrize("errors", ["normal", "skewed"])
-def test_p_values_equal_those_of_the_analysis(errors: str) -> None:
-    setting, seed = Setting(4, errors, 0.3), (3, 1)
+@pytest.mark.parametrize(("errors", "variation"), [("normal", ""), ("skewed", ""), ("normal", "haptics, dyadic")])
+def test_p_values_equal_those_of_the_analysis(errors: str, variation: str) -> None:
+    setting, seed = Setting(4, errors, 0.3, variation), (3, 1)
     found = simulated(setting, 2, seed)
     rng = np.random.default_rng(seed)
     dyad, performer, haptics_on, trial = (index.ravel() for index in np.indices((4, 3, 2, TRIALS)))
@@ -50,8 +53,9 @@ def test_p_values_equal_those_of_the_analysis(errors: str) -> None:
             gaps = 0.5 * (levels[:, :2].mean(axis=1) + levels[:, 2]) @ np.array([-1.0, 1.0])
             assert found[place, 0, 3, number] == pytest.approx(paired_t_test(gaps).p)
             assert found[place, 0, 4, number] == pytest.approx(permutation_test(gaps).p)
-        interaction = log_time_model(np.exp(times.ravel()), dyad, performer, factors, trial + 1).effect(TERMS[1])
-        assert found[0, 1, 2, number] == pytest.approx(interaction.by("Kenward-Roger").p, rel=1e-4)
+        model = log_time_model(np.exp(times.ravel()), dyad, performer, factors, trial + 1)
+        for term, name in enumerate(TERMS):
+            assert found[0, term, 2, number] == pytest.approx(model.effect(name).by("Kenward-Roger").p, rel=1e-4)
 
 
 def test_studies_depend_only_on_the_seed() -> None:
@@ -96,6 +100,32 @@ def test_permutation_test_is_liberal_for_skewed_differences_only() -> None:
     assert (skewed <= 0.05).mean() > 0.12
     assert (normal <= 0.05).mean() == pytest.approx(0.047, abs=0.016)
     assert "skewed" in {row[1] for row in differences_part(400).rows}
+
+
+def effects_of_dyads(setting: Setting, seed: int) -> dict[str, NDArray[np.float64]]:
+    levels = calibration._drawn(np.random.default_rng(seed), setting).mean(axis=3)
+    alone, both, felt = levels[:, :2].mean(axis=1), levels[:, 2], np.array([-1.0, 1.0])
+    gain = both - alone
+    return dict(zip(VARIATIONS, (gain.mean(axis=1), gain @ felt, both @ felt, alone @ felt), strict=False))
+
+
+def test_variations_change_what_dyads_differ_in() -> None:
+    """Over 3000 dyads an effect has the standard deviation of its setting in addition to that without it."""
+    without = effects_of_dyads(Setting(3000, "normal", 0.0), 1)
+    for variation in VARIATIONS[:4]:
+        own = effects_of_dyads(Setting(3000, "normal", 0.0, variation), 2)[variation]
+        assert own.std() == pytest.approx(np.hypot(0.3, without[variation].std()), rel=0.05)
+    unequal = calibration._drawn(np.random.default_rng(9), Setting(300, "normal", 0.0, VARIATIONS[-1]))
+    spread = unequal.std(axis=3).mean(axis=(0, 2))
+    assert spread == pytest.approx([0.3, 0.3, 0.8], rel=0.05)
+
+
+def test_table_of_variations_has_a_row_for_each_effect_and_claims_the_highest_rate() -> None:
+    counts = {setting: np.full((2, len(TERMS), len(METHODS)), 100.0) for setting in settings()}
+    part = variations_part(counts, 2000)
+    assert len(part.rows) == len(DYADS) * len(VARIATIONS) * len(TERMS)
+    assert part.holds
+    assert not variations_part({setting: found + 40 for setting, found in counts.items()}, 2000).holds
 
 
 def test_table_has_a_row_for_each_setting_and_confidence_intervals() -> None:

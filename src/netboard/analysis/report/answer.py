@@ -15,7 +15,13 @@ from netboard.analysis.report.grids import Cell, Grid, GridColumn, grid_of, name
 from netboard.analysis.report.numbers import after, between, unit_of, written
 from netboard.analysis.report.wording import amount, capital, percent, plural
 from netboard.analysis.statistics.estimates import Estimate
-from netboard.analysis.topics.declared import DeclaredAnalysis, DeclaredEffect, Outcome, equivalence_interval
+from netboard.analysis.topics.declared import (
+    DeclaredAnalysis,
+    DeclaredEffect,
+    Outcome,
+    assumption,
+    equivalence_interval,
+)
 from netboard.analysis.topics.primary import effect_result, mean_result, method_name, size_result
 from netboard.analysis.topics.result import cautioned
 
@@ -34,6 +40,8 @@ def answer_sentences(found: DeclaredAnalysis) -> Iterator[str]:
         )
     if len(found.primary.effects) > 1:
         yield "A main effect is averaged over the levels of the other factor: read it together with the interaction."
+    if assumed := assumption(found.primary.measure.name, found.declaration.method):
+        yield f"The test {assumed}."
     if not found.declaration.smallest_effect:
         yield (
             "No smallest effect of interest is declared, so no result of this study can be read as evidence that there "

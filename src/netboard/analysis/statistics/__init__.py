@@ -69,8 +69,10 @@ correction : Correction
     ``none``: d; ``hedges``: g, by multiplication of the estimate by the small-sample `hedges_factor`. The interval is
     the same: that of the true effect.
 slopes : Slopes
-    Random slopes: none, by dyad, or by dyad and performer, of each factor that varies within performers. Without
-    them the confidence interval of an effect that differs between dyads is too short.
+    Random slopes. ``maximal``: of each factor, and product of two, by dyad and by performer, if it varies within them;
+    and of a factor by dyad at one level of another, so that effects at two levels may vary differently. ``performer``,
+    ``dyad``: of each factor that varies within performers, by dyad and performer or by dyad alone. ``none``: none.
+    Without a slope the confidence interval of an effect that differs between dyads is too short.
 name : str
     Name of the effect or contrast.
 """

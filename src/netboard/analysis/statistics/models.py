@@ -1,10 +1,10 @@
 """Statistical models of a whole study: completion times, counts and failures over its factors and practice.
 
 Trials of a dyad are correlated, and so are trials of a performer. The mixed model of log times has random effects for
-both. The marginal models of counts and shares leave the correlation open and base standard errors on the variation
-between dyads. In both the dyad is the unit of replication, and a confidence interval has at most one degree of freedom
-less than there are dyads. A failed fit is a result with notes, including every warning of statsmodels, and not an
-exception.
+both, and for the effects that differ between them (`netboard.analysis.statistics.random_effects`). The marginal models
+of counts and shares leave the correlation open and base standard errors on the variation between dyads. In both the
+dyad is the unit of replication, and a confidence interval has at most one degree of freedom less than there are dyads.
+A failed fit is a result with notes, including every warning of statsmodels, and not an exception.
 
 Requires statsmodels (extra `analysis`). docs/explanation/analysis-modern.md has the equations and the coverage of the
 confidence intervals.
@@ -41,6 +41,7 @@ _MIXED = (
     "Dyads are a random sample of a population of dyads, and performers of a population of performers: dyads are "
     "exchangeable, and so are the performers of a dyad.",
     "Deviations of dyads, of performers and of trials are normal on the log scale, and independent of each other.",
+    "Random slopes are independent of each other; that of a factor at one level of another is at the likelier level.",
     "The spread of trials is the same in all conditions and for all performers, on the log scale.",
     "Trials of a performer depend on each other through performer and trial number only; no streaks, no fatigue.",
     "Practice is a power law with one exponent for all conditions and performers.",
@@ -61,7 +62,7 @@ def log_time_model(
     factors: Sequence[FixedFactor],
     order: ArrayLike,
     *,
-    slopes: Slopes = "performer",
+    slopes: Slopes = "maximal",
     level: float = 0.95,
     interval: Interval = "t",
 ) -> Model:

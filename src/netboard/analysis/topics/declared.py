@@ -17,10 +17,11 @@ from netboard.analysis.extraction.study import StudyData
 from netboard.analysis.statistics.contrasts import gatekept
 from netboard.analysis.statistics.effects import Model
 from netboard.analysis.statistics.estimates import Estimate, mean_interval, t_interval
-from netboard.analysis.statistics.exact_tests import permutation_interval
+from netboard.analysis.statistics.exact_tests import SYMMETRIC, permutation_interval
 from netboard.analysis.statistics.factors import FixedFactor, interaction
 from netboard.analysis.statistics.models import count_model, log_time_model, share_model
-from netboard.analysis.statistics.planned import Tested, planned_effect, planned_permutation, planned_t
+from netboard.analysis.statistics.planned import NORMAL, Tested, planned_effect, planned_permutation, planned_t
+from netboard.analysis.statistics.random_effects import NORMAL_EFFECTS
 from netboard.analysis.topics.crossing import (
     Crossing,
     DeclaredFactor,
@@ -55,6 +56,13 @@ MODELS: dict[str, tuple[Callable[..., Model], Scale, str]] = {
 """Model of all trials of an outcome, the scale of its effects, and its name."""
 
 require("MODELS in analysis/topics/declared.py", MODELS, MODELLED)
+
+
+def assumption(measure: str, method: Method) -> str:
+    """Return the assumption by which a method has more false positives than its level; empty for none known."""
+    if method == "model":
+        return NORMAL_EFFECTS if MODELS[measure][0] is log_time_model else ""
+    return NORMAL if method == "t" else SYMMETRIC
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,6 +19,7 @@ from netboard.analysis.statistics.effects import Effect, Inference, Model
 from netboard.analysis.statistics.estimates import Estimate
 from netboard.analysis.statistics.factors import INTERCEPT, PRACTICE, FixedFactor, paper_factors
 from netboard.analysis.statistics.models import count_model, log_time_model, share_model
+from netboard.analysis.statistics.random_effects import NORMAL_EFFECTS
 from netboard.analysis.topics.figure import (
     BLACK,
     NO_EFFECT,
@@ -90,7 +91,8 @@ def _rows(fit: ModelFit, effect: Effect, inference: Effect | Inference, method: 
     yield Result("models", f"{quantity}{method}", effect.name, term.value, term.low, term.high, unit, interval, *rest)
     if effect.name != INTERCEPT:
         p = cautioned(f"{fit.measure}: p{method}", fit.model.caution)
-        yield plain("models", p, effect.name, inference.p, "1", *rest)
+        shape = f"{NORMAL_EFFECTS}; {note}" if effect.others else note
+        yield plain("models", p, effect.name, inference.p, "1", inference.estimate.n, "dyad", shape)
 
 
 def _random_effects(fit: ModelFit) -> Iterator[Result]:

@@ -21,6 +21,7 @@ from netboard.analysis.topics.declared import (
     DeclaredEffect,
     NoAnalysis,
     Outcome,
+    assumption,
     declared_analysis,
 )
 from netboard.analysis.topics.figure import (
@@ -103,7 +104,8 @@ def _results(outcome: Outcome, found: DeclaredAnalysis) -> Iterator[Result]:
             note = "; ".join(filter(None, (counts, method_name(outcome.measure.name, by.method), by.tested.note)))
             yield effect_result(outcome, effect, by, note)
             p = cautioned(f"{outcome.measure.name}: p, {METHODS[by.method]}", by.tested.caution)
-            yield plain(TOPIC, p, effect.name, by.tested.p, "1", by.estimate.n, "dyad", note)
+            shape = "; ".join(filter(None, (note, assumption(outcome.measure.name, by.method))))
+            yield plain(TOPIC, p, effect.name, by.tested.p, "1", by.estimate.n, "dyad", shape)
         yield size_result(outcome, effect)
         if effect is not found.contrast:
             p = cautioned(f"{outcome.measure.name}: p, adjusted", effect.counts.tested.caution)
