@@ -5,6 +5,7 @@ import pytest
 
 from made_modern import modern_blocks, modern_study
 from made_study import Block, made_study
+from netboard.analysis.statistics.estimates import mean_interval
 from netboard.analysis.topics.passive import Control, controls, picture
 from netboard.analysis.topics.result import table_of
 from netboard.analysis.topics.units import PERCENT, POINTS, read_in
@@ -51,6 +52,23 @@ def test_passive_effect_is_reported_with_and_without_the_device() -> None:
     assert (bound["value"], held["value"]) == (pytest.approx(0.115), pytest.approx(0.023))
     assert "an upper bound" in bound["note"]
     assert "holds the recorded device, friction 0.26 N" in held["note"]
+
+
+def test_effect_falls_into_a_passive_and_a_communicative_part() -> None:
+    for stiffness, device in ((50, False), (150, False), (150, True)):
+        one = control(stiffness, device=device)
+        parts = one.mean_passive.value + one.mean_communicative.value
+        assert parts == pytest.approx(one.mean_effect.value)
+        expected = mean_interval(one.effect - one.passive, "balance")
+        assert one.mean_communicative == expected
+    results = table_of(controls(modern_study(modern_blocks(change=shares))).results).set_index("quantity")
+    rest = results.loc["communicative part of the effect on cooperative share, 150 N/m, with the device"]
+    assert rest["value"] == pytest.approx(0.23 - 0.023)
+    assert rest["low"] < rest["value"] < rest["high"]
+    assert "no proof of communication" in rest["note"]
+    caption = picture(modern_study(modern_blocks(change=shares))).caption
+    assert "Communicative part" in caption
+    assert "haptics on, 150 N/m, with the device: 20.7 points (" in caption
 
 
 def test_unknown_device_gives_only_the_frictionless_result() -> None:

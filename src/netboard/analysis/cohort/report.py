@@ -80,7 +80,7 @@ COLUMNS = (
     ("false_positives_high", "1, Wilson 95 %"),
     ("width", "unit; mean width of the confidence interval; for a ratio upper over lower limit"),
     ("width_error", "unit; Monte Carlo standard error"),
-    ("least_p", "1; smallest p that the test can have; empty for a test without a limit"),
+    ("least_p", "1; smallest p that the test can have; nan or null: no limit"),
     ("unconverged", "1; share of the studies whose fit of a model did not converge"),
 )
 """Columns of the table, with what they are."""

@@ -2,9 +2,10 @@
 
 The effect is the dyad's share of cooperative movement with haptic feedback minus the share without. The passive effect
 is the share that each side's recorded movement would have with a passive partner instead of the other participant; a
-still partner has none (`netboard.analysis.measures.passive`). Device friction suppresses most of this movement, so each
-passive effect is reported twice: for a hand without friction, an upper bound, and for a hand that holds the recorded
-device.
+still partner has none (`netboard.analysis.measures.passive`). The rest of the effect, which mechanics alone do not
+predict, is its communicative part: both parts have a confidence interval over dyads. Device friction suppresses most of
+this movement, so each passive effect is reported twice: for a hand without friction, an upper bound, and for a hand
+that holds the recorded device.
 """
 
 from collections.abc import Iterator, Sequence
@@ -34,6 +35,12 @@ from netboard.analysis.topics.result import Result, TopicResults
 from netboard.analysis.topics.units import PERCENT, POINTS
 from netboard.base.plural import plural
 
+REST = (
+    "the effect minus the passive effect: what mechanics alone do not predict; an arm that stiffens is active, too, so "
+    "it is no proof of communication"
+)
+"""Note on the communicative part of an effect."""
+
 SEED = 20_170_605
 """Seed of the bootstrap."""
 
@@ -42,8 +49,9 @@ SEED = 20_170_605
 class Control:
     """Effect of a haptic condition, and its passive effect for an arm's `stiffness` [N/m] and device `friction` [N].
 
-    Friction is NaN for a hand alone, without a device. `share` is the sum of the passive effects over that of the
-    effects, with a bootstrap over dyads: 1 = all is mechanics [1].
+    Friction is NaN for a hand alone, without a device. The communicative part is the effect minus the passive effect.
+    `share` is the sum of the passive effects over that of the effects, with a bootstrap over dyads: 1 = all is
+    mechanics [1].
     """
 
     condition: Condition
@@ -54,6 +62,7 @@ class Control:
     passive: NDArray[np.float64]
     mean_effect: Estimate
     mean_passive: Estimate
+    mean_communicative: Estimate
     share: Estimate
 
     @property
@@ -81,6 +90,8 @@ def _results(found: Sequence[Control]) -> Iterator[Result]:
             felt = one.condition
             yield _row("haptic effect on cooperative share", group, one.mean_effect, "")
         yield _row(f"passive effect on cooperative share, {one.arm}", group, one.mean_passive, _held(one))
+        rest = f"communicative part of the effect on cooperative share, {one.arm}"
+        yield _row(rest, group, one.mean_communicative, f"{REST}; {_held(one)}")
         share, note = one.share, f"1 = entirely mechanical; intervals of few dyads are too short; {_held(one)}"
         if not one.has_effect:
             share = replace(share, value=np.nan, low=np.nan, high=np.nan)
@@ -145,6 +156,7 @@ def _control(condition: Condition, stiffness: int, friction: float, table: pd.Da
         passive=passive,
         mean_effect=mean_interval(effect, "balance"),
         mean_passive=mean_interval(passive, "share"),
+        mean_communicative=mean_interval(effect - passive, "balance"),
         share=share,
     )
 
@@ -198,13 +210,15 @@ def picture(study: StudyData) -> Drawn:
 def _caption(found: tuple[Control, ...]) -> str:
     shares = "; ".join(_share(one) for one in found if one.has_effect)
     mechanical = f"Mechanical part of the effect, with 95 % confidence intervals (bootstrap, BCa): {shares}."
+    rests = "; ".join(map(_rest, found))
+    rest = f" Communicative part (the effect minus the passive effect), with 95 % confidence intervals: {rests}."
     means = [mean for one in found for mean in (one.mean_effect, one.mean_passive)]
     return (
         "Share of cooperative movement in dyadic trials. Left: its change from haptics off to haptics on, as recorded. "
         "Right: the share with a simulated passive partner in place of either participant, while the other hand moves "
         "as recorded. The board moves the passive hand, which makes no movement of its own. "
         f"{_device(found)} Large points: means over dyads with {interval_text(means)}; small points: dyads, joined; "
-        f"n = {plural(len(found[0].dyads), 'dyad')}. {mechanical if shares else _NONE}"
+        f"n = {plural(len(found[0].dyads), 'dyad')}. {mechanical if shares else _NONE}{rest}"
     )
 
 
@@ -216,6 +230,14 @@ def _device(found: tuple[Control, ...]) -> str:
     if not frictions:
         return f"{alone} The friction of the device is unknown."
     return f"{alone} With the device, it also has the device's friction of {np.mean(frictions):.2f} N."
+
+
+def _rest(one: Control) -> str:
+    """Return the communicative part of an effect in percentage points, with its confidence interval."""
+    mean = one.mean_communicative
+    value, low, high = (f"{POINTS.scale * end:.1f}" for end in (mean.value, mean.low, mean.high))
+    ends = f" ({low} to {high})" if np.isfinite(mean.low) else ""
+    return f"{one.condition.haptics_label}, {one.arm}: {value} points{ends}"
 
 
 def _share(one: Control) -> str:
