@@ -199,7 +199,17 @@ def mixed_model(fit: Specification, design: ModelDesign, slopes: Slopes) -> Mode
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReducedFit:
-    """The fit with the random effects that the rule of this module leaves, and notes on the others."""
+    """The fit with the random effects that the rule of this module leaves.
+
+    Attributes
+    ----------
+    parts : dict
+        Matrix of each of these random effects by name [1].
+    found : Restricted
+        Fit with them.
+    notes : tuple of str
+        Random effects that are left out, and why.
+    """
 
     parts: RandomEffects
     found: Restricted
@@ -210,6 +220,11 @@ def reduced_fit(design: ModelDesign, of: Structure) -> ReducedFit | None:
     """Fit the random effects that the rule of this module leaves.
 
     None if no random effect can be identified, or if effects, dyads and performers explain all variation.
+
+    Parameters
+    ----------
+    of : Structure
+        Random effects of the design.
     """
     parts, notes = of.parts, of.notes
     best = _fitted(design, parts) if parts else None
