@@ -182,9 +182,9 @@ def test_header_states_the_counts_of_the_study(whole: Element) -> None:
 def test_summary_states_intervals_n_and_limits_of_few_dyads(whole: Element) -> None:
     text = section(whole, "summary").text.replace("\N{NO-BREAK SPACE}", " ")
     assert (
-        "With haptics on, the share of cooperative movement differed from that with haptics off by −5.00 % points in "
-        "dyadic trials (95 % t: −12.00 to 2.00, 4 dyads). The data are compatible with no difference (0) and with "
-        "every other value in the interval." in text
+        "The share of cooperative movement, haptics on minus haptics off, was −5.00 % points in dyadic trials "
+        "(95 % t: −12.00 to 2.00, 4 dyads). The data are compatible with no difference (0) and with every "
+        "other value in the interval." in text
     )
     rows = [[cell.text for cell in row.all("th") + row.all("td")] for row in section(whole, "summary").all("tr")]
     assert ["Group", "cooperative [%]", "n"] in rows
@@ -308,13 +308,13 @@ def test_sentences_say_what_the_data_exclude_and_what_not() -> None:
         "group": "a vs b",
     }
     assert compatible(row, 1.0) == (
-        "The data exclude effects beyond −6.0\u00a0% and +12\u00a0%. All effects between them, and no effect, remain "
-        "compatible with the data; this does not show that there is none."
+        "The data exclude effects beyond −6.0\u00a0% and +12\u00a0%. All effects between them, including no "
+        "effect, remain compatible with the data. So the data do not show that there is no effect."
     )
     seconds = row | {"value": 0.4, "low": 0.1, "high": 0.7, "unit": "s", "quantity": "time in target: difference"}
     assert compatible(seconds, 0.0) == (
-        "The data exclude the absence of an effect: "
-        "effects from +0.10\u00a0s to +0.70\u00a0s remain compatible with them."
+        "The data exclude the absence of an effect. "
+        "Effects from +0.10\u00a0s to +0.70\u00a0s remain compatible with them."
     )
     assert "exclude nothing" in compatible(row | {"low": float("nan"), "high": float("nan")}, 1.0)
 

@@ -131,7 +131,7 @@ def test_level_is_stated_only_without_a_difference() -> None:
     )
     (found,) = summary_of(level, row(0.103, 0.05, 0.156, **share)).sentences
     assert (
-        "by 10.3\u00a0%\u00a0points in dyadic trials (95 % t: 5.0 to 15.6, 4 dyads). The whole interval is above 0."
+        "was 10.3\u00a0%\u00a0points in dyadic trials (95 % t: 5.0 to 15.6, 4 dyads). The whole interval is above 0."
         in found
     )
 

@@ -34,9 +34,9 @@ def answer_sentences(found: DeclaredAnalysis) -> Iterator[str]:
     if tests:
         yield (
             f"The primary contrast has the whole level of {percent(1.0 - found.declaration.level)}. The other "
-            f"{plural(tests, 'declared test')} are secondary: the adjusted p of each is the larger of the primary p "
-            "and of its own, corrected over all secondary tests by Holm's method (gatekeeping). So none of them can be "
-            "below the level unless the primary p is."
+            f"{plural(tests, 'declared test')} are secondary. Each has an adjusted p: the larger of the primary p and "
+            "its own p, corrected over all secondary tests by Holm's method (gatekeeping). So an adjusted p can be "
+            "below the level only if the primary p is."
         )
     if len(found.primary.effects) > 1:
         yield "A main effect is averaged over the levels of the other factor: read it together with the interaction."
@@ -73,18 +73,16 @@ def _paragraph(found: DeclaredAnalysis, effect: DeclaredEffect) -> Iterator[str]
 def _estimate_clause(found: DeclaredAnalysis, effect: DeclaredEffect, row: Mapping[str, Any]) -> str:
     """Return a clause with the estimate of an effect in words."""
     value = f"{written(row)[0]}{after(unit_of(row))}"
-    ratio, one = effect.counts.scale != "difference", effect.factors[0]
-    odds = "the odds of " if effect.counts.scale == "ratio of odds" else ""
-    what, (first, second) = f"{odds}{found.primary.measure.name}", one.levels
+    one, scale = effect.factors[0], effect.counts.scale
+    (first, second), ratio = one.levels, scale != "difference"
+    of = f"the {scale} of {found.primary.measure.name} ({one.name}: {first} {'over' if ratio else 'minus'} {second})"
     if len(effect.factors) == 1:
         rest = [factor.name for factor in found.crossing.factors if factor is not one]
-        over = f", averaged over {rest[0]}" if rest else ""
-        result = f"was {value} times that" if ratio else f"differed by {value} from that"
-        return f"{capital(one.name)}: {what} with {one.name} {first} {result} with {one.name} {second}{over}"
+        return f"{capital(of)} was {value}" + (f", averaged over {rest[0]}" if rest else "")
     other = effect.factors[1]
-    of = f"the {effect.counts.scale} of {found.primary.measure.name} ({one.name} {first} vs {second})"
-    result = f"was {value} times that" if ratio else f"differed by {value} from that"
-    return f"Interaction: {of} with {other.name} {other.levels[0]} {result} with {other.name} {other.levels[1]}"
+    than = "divided by" if ratio else "minus"
+    levels = f"with {other.name} {other.levels[0]}, {than} that with {other.name} {other.levels[1]}"
+    return f"Interaction: {of} {levels}, was {value}"
 
 
 def _aside(outcome: Outcome, effect: DeclaredEffect, row: Mapping[str, Any]) -> Iterator[str]:
@@ -128,10 +126,10 @@ def compatible(row: Mapping[str, Any], none: float) -> str:
     low, high = _sized(row, "low", none), _sized(row, "high", none)
     if row["low"] <= none <= row["high"]:
         return (
-            f"The data exclude effects beyond {low} and {high}. All effects between them, and no effect, remain "
-            "compatible with the data; this does not show that there is none."
+            f"The data exclude effects beyond {low} and {high}. All effects between them, including no effect, remain "
+            "compatible with the data. So the data do not show that there is no effect."
         )
-    return f"The data exclude the absence of an effect: effects from {low} to {high} remain compatible with them."
+    return f"The data exclude the absence of an effect. Effects from {low} to {high} remain compatible with them."
 
 
 def _sized(row: Mapping[str, Any], end: str, none: float) -> str:

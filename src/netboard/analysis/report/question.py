@@ -172,13 +172,13 @@ def _beginnings(rows: pd.DataFrame, factor: DeclaredFactor) -> str:
     first = [int(found.get(level, 0)) for level in factor.levels]
     places = [float(rows.loc[rows[factor.of.column] == level, "block"].mean()) for level in factor.levels]
     own = sum(first) == rows["dyad"].nunique()
-    of = plural(sum(first), "dyad") if own else f"{plural(sum(first), 'sequence')} of blocks (a kind by a performer)"
-    each = " and ".join(f"{level} in {amount(n)}" for level, n in zip(factor.levels, first, strict=True))
+    of = plural(sum(first), "dyad") if own else f"{plural(sum(first), 'sequence')} of blocks (one kind, one performer)"
+    each = " and ".join(f"{amount(n)} began with {level}" for level, n in zip(factor.levels, first, strict=True))
     mean = " and ".join(f"{amount(place, 1)} ({level})" for level, place in zip(factor.levels, places, strict=True))
-    uneven = ". The mean places differ, so practice contributes to the comparison"
+    uneven = ". The mean positions differ, so practice contributes to the comparison"
     even = "" if abs(places[0] - places[1]) < 0.05 else uneven
-    head = f"{capital(factor.name)}: of {of}, {each} came first"
-    return f"{head}; mean place in the order of blocks {mean}{even}."
+    head = f"{capital(factor.name)}: of {of}, {each}"
+    return f"{head}. Mean position of these blocks in the order: {mean}{even}."
 
 
 def _sequences(rows: pd.DataFrame) -> pd.Series:

@@ -329,6 +329,6 @@ def _tests(every: Sequence[ContrastResult]) -> str:
     low = sum(test.p < 0.05 for test in tests)
     return (
         f"p: {kind}, exploratory and not corrected: {low} of {plural(len(tests), 'p value')} are below 0.05; without "
-        f"any effect up to about {0.05 * len(tests):.2g} would be. The smallest possible p of one test is {least:.3g} "
-        f"with this number of dyads. The test {SYMMETRIC}."
+        f"any effect, up to about {0.05 * len(tests):.2g} of them are expected to be. The smallest possible p of one "
+        f"test is {least:.3g} with this number of dyads. The test {SYMMETRIC}."
     )

@@ -243,5 +243,5 @@ def _caption(outcome: Outcome, found: DeclaredAnalysis) -> str:
         f"A: {outcome.measure.name} in each compared condition. Large points: {mean} over dyads with {level} "
         f"confidence intervals; small points: dyads, joined between levels that a dyad did. B: the declared effects, "
         f"first level against second, by the declared method ({method}) with {level} confidence intervals{dyads}; the "
-        f"line is no effect. n = {plural(n, 'dyad')}."
+        f"line marks no effect. n = {plural(n, 'dyad')}."
     )
