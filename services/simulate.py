@@ -72,7 +72,7 @@ def simulate(
     """Simulate a scene with recorded hands, offline and as exactly as the samples allow."""
     from netboard.base.process.stopping import interrupted_by_stop_signals
     from netboard.base.terminal.output import plain_console
-    from netboard.recording.importing.hand_simulation import SimulationOptions, load_scene, simulate_files
+    from netboard.services.hand_simulation import SimulationOptions, load_scene, simulate_files
 
     chosen = SimulationOptions(
         hold=hold,

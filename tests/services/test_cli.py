@@ -528,7 +528,7 @@ def test_replay_without_a_window_refuses_a_screenshot(way: str) -> None:
         ("analyse recordings -o out", "netboard.analysis.report.analysing.analyse"),
         ("cohort paper -o out", "netboard.analysis.cohort.folder.make_cohort"),
         ("power paper -o out", "netboard.analysis.cohort.planning.answer"),
-        ("simulate -i a.csv -o b.csv", "netboard.recording.importing.hand_simulation.simulate_files"),
+        ("simulate -i a.csv -o b.csv", "netboard.services.hand_simulation.simulate_files"),
         ("bench loop --quick -o out", "netboard.benchmarks.loop.bench.loop"),
     ],
 )
