@@ -123,6 +123,14 @@ def fuzz(
     return main(frames, options)
 
 
+@benchmark(app, 'make evidence ARGS="files --quick"')
+def files(options: "Options") -> int:
+    """Files that are well formed and lie, for every command that opens them: it ends, and says what is wrong."""
+    from evidence.fuzz import hostile_files
+
+    return hostile_files.main(options)
+
+
 @benchmark(app, 'make evidence ARGS="participants --studies 200"')
 def participants(
     options: "Options",

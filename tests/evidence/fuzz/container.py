@@ -32,7 +32,7 @@ from netboard.recording.files.provenance import CONFIG_NAME, MetadataName, confi
 from netboard.recording.format.batches import PLACES, PLACES_NAME
 from netboard.recording.format.chunks import MAGIC
 
-Lie = Callable[[McapRecord], McapRecord]
+Lie = Callable[[Any], McapRecord]
 
 
 @dataclass
@@ -125,7 +125,7 @@ class Container:
         footer = bytes_of(lie(Footer(start, 0, 0)))[:-4]
         return bytes(data + footer + struct.pack("<I", zlib.crc32(data[start:] + footer)) + MAGIC)
 
-    def _record(self, one: Any, offsets: list[int], lie: Lie) -> McapRecord:
+    def _record(self, one: McapRecord | Inside, offsets: list[int], lie: Lie) -> McapRecord:
         """Return a chunk, or another record, as it is written; the list of places has the offsets of the chunks."""
         if isinstance(one, Inside):
             return one.chunk(lie)
@@ -182,7 +182,7 @@ def bytes_of(record: McapRecord) -> bytes:
             _within(record, bits).write(builder)
         except struct.error:
             continue
-        return bytes(builder.end())
+        return bytes(builder.end())  # type: ignore[no-untyped-call]
     raise ValueError(f"{record} cannot be written")
 
 

@@ -6,15 +6,14 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-import hostile_files
 import lz4.frame
 import pytest
 import zstandard
-from container import Container
-from hostile_files import COMMANDS, EACH, commands_for, turns
-from lies import KINDS, SOURCE, cases, nested, ticks_schema, unchanged, written
 from mcap.records import Chunk
 
+from evidence.fuzz.container import Container
+from evidence.fuzz.hostile_files import COMMANDS, EACH, commands_for, turns
+from evidence.fuzz.lies import KINDS, SOURCE, cases, nested, ticks_schema, unchanged, written
 from netboard.base.errors import NetboardError
 from netboard.recording.files.provenance import MetadataName
 from netboard.recording.files.reader import Recording
@@ -177,8 +176,8 @@ def test_file_that_claims_thousands_of_recordings_is_not_compared_with_itself(tm
 
 @pytest.mark.slow
 def test_commands_end_in_words_on_hostile_files(tmp_path: Path) -> None:
-    run = [sys.executable, hostile_files.__file__, "--quick", "-o", str(tmp_path / "results")]
-    ended = subprocess.run(run, capture_output=True, text=True, check=False)
+    run = [sys.executable, "-m", "evidence", "files", "--quick", "-o", str(tmp_path / "results")]
+    ended = subprocess.run(run, cwd=Path(__file__).parents[2], capture_output=True, text=True, check=False)
     assert ended.returncode == 0, ended.stdout + ended.stderr
     assert "1 of 1 verdicts hold" in ended.stdout
     assert len(COMMANDS) == 16

@@ -92,7 +92,8 @@ class Reader:
         """Read a value of the type of a field."""
         origin, arguments = typing.get_origin(hint), typing.get_args(hint)
         if hasattr(hint, "_fields"):  # a NamedTuple is on the wire a tuple of the types of its fields
-            return hint(*self.value(tuple[*typing.get_type_hints(hint).values()], most_items))
+            parts: Any = tuple
+            return hint(*self.value(parts[*typing.get_type_hints(hint).values()], most_items))
         if origin is types.UnionType:
             if self.frame[self.at : self.at + 1] == b"\xc0":
                 self.at += 1

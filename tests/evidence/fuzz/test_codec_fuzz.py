@@ -12,16 +12,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from reference_decoder import bits, decode_with_both
 
 from evidence.faults.malformed_frames import NESTING_DEPTH, MalformedFrames, valid_frames
+from evidence.fuzz.reference_decoder import bits, decode_with_both
 from netboard.base.errors import WireError
 from netboard.network.protocol import fixed
 from netboard.network.protocol.codec import decode
 from netboard.network.protocol.messages import KINDS, Message
 from netboard.network.protocol.motion import Force, Stylus
 
-GOLDEN = [path.read_bytes() for path in sorted((Path(__file__).parent.parent / "data" / "frames").glob("*.bin"))]
+GOLDEN = [path.read_bytes() for path in sorted((Path(__file__).parents[2] / "data" / "frames").glob("*.bin"))]
 SEEDS = range(4)
 FRAME_COUNT = 5000
 

@@ -1,13 +1,10 @@
-"""Fuzzing of the structure of files: recordings, journals, tables and keys that are well formed, and lie.
+"""``make evidence ARGS=files``: recordings, journals, tables and keys that are well formed, and lie.
 
-    python tests/fuzz/hostile_files.py --quick    # a sample of files and commands: within a minute
-    python tests/fuzz/hostile_files.py -o results # every field and every limit, each command with each kind
-
-`lies` makes the files. A command that opens one runs in a process of its own. It must end in bounded time and memory
-with an exit code that it documents, without a traceback, and say in plain lines what is wrong. Unlike damage (`make
-evidence ARGS=recovery`), no checksum reveals such a file. Commands share their readers, so they take turns: each file
-goes to one or more, and each command gets files of each kind; `analyse`, which takes ten times as long as any other,
-gets one of each.
+`lies` makes the files; with ``--quick``, a sample of them, and a minute of commands. A command that opens one runs in a
+process of its own. It must end in bounded time and memory with an exit code that it documents, without a traceback, and
+say in plain lines what is wrong. Unlike damage (`make evidence ARGS=recovery`), no checksum reveals such a file.
+Commands share their readers, so they take turns: each file goes to one or more, and each command gets files of each
+kind; `analyse`, which takes ten times as long as any other, gets one of each.
 """
 
 import os
@@ -24,11 +21,8 @@ from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Annotated
 
-import typer
-from lies import KINDS, Case, cases, unchanged, written
-
+from evidence.fuzz.lies import KINDS, Case, cases, unchanged, written
 from netboard.benchmarks.harness.results import Folder, ResultPart
 from netboard.benchmarks.harness.running import Options, Tell, run
 
@@ -314,14 +308,7 @@ def table(found: Sequence[Result], name: str, heading: str, key: Callable[[Resul
     return part
 
 
-def main(
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="New folder of the results.")] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="A sample of files and commands.")] = False,
-) -> None:
-    """Run the commands on hostile files; exit code 1 if one failed a requirement."""
-    verdicts = run("hostile", study, Options(output, quick=quick), bar=False)
-    raise typer.Exit(0 if all(verdict.holds for verdict in verdicts) else 1)
-
-
-if __name__ == "__main__":
-    typer.run(main)
+def main(options: Options) -> int:
+    """Run the commands on hostile files; return 1 if one failed a requirement."""
+    # Without a bar: its thread would hold locks while the commands' processes are forked.
+    return 0 if all(verdict.holds for verdict in run("files", study, options, bar=False)) else 1

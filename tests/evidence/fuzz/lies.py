@@ -22,7 +22,6 @@ import lz4.frame
 import msgpack
 import numpy as np
 import zstandard
-from container import Container, Inside, Lie, unpacked
 from mcap.records import (
     Attachment,
     AttachmentIndex,
@@ -39,6 +38,7 @@ from mcap.records import (
     Statistics,
 )
 
+from evidence.fuzz.container import Container, Inside, Lie, unpacked
 from netboard.base.config import SIDES
 from netboard.base.files.cells import CsvWriter
 from netboard.base.tick import TICK
@@ -53,7 +53,7 @@ from netboard.recording.format.chunks import MAGIC
 from netboard.recording.format.predictions import CONSTANTS
 from netboard.recording.recovery import spill
 
-SOURCE = Path(__file__).parent.parent / "data" / "sessions" / "live-session.mcap"
+SOURCE = Path(__file__).parents[2] / "data" / "sessions" / "live-session.mcap"
 """A live session of one trial with simulated devices, which `check` finds complete."""
 
 NAME = "S01_D01_20261129T015427Z_3f402c28"
@@ -64,7 +64,7 @@ TEXTS = (
     *("", "-1", "9" * 6000, "1e999", "nan", "\0", "\x1b[2J\x1b[31m\n", "x" * 100_000, "../../../tmp/x", "/dev/zero"),
     *("\u202e", "[" * 5000, "=1+1", "٣"),
 )
-VALUES = (
+VALUES: tuple[Any, ...] = (
     *(MISSING, None, True, *NUMBERS, 0.5, math.nan, math.inf, 1e308, *TEXTS[:8]),
     *([], {}, [[]] * 1000, {"a": {"b": {}}}, [0] * 100_000),
 )
@@ -76,7 +76,7 @@ class Case:
 
     kind: str
     name: str
-    make: Callable[[Path], Path]
+    make: Callable[..., Path]
 
 
 def in_turn(places: Iterable[Any], limits: Sequence[Any], each: int) -> Iterator[tuple[Any, Any]]:
@@ -155,7 +155,7 @@ def _file(place: Path, data: bytes, ending: str = ".mcap") -> Path:
     return path
 
 
-def written(change: Callable[[Container], object], lie: Lie = lambda record: record) -> Callable[[Path], Path]:
+def written(change: Callable[..., object], lie: Lie = lambda record: record) -> Callable[..., Path]:
     """Return the maker of a recording with a change."""
 
     def make(place: Path) -> Path:
@@ -180,7 +180,7 @@ def lie_in_field(kind: type[McapRecord], name: str, value: Any, number: int) -> 
     return lie
 
 
-def fields_of_records() -> Iterator[tuple[str, Callable[[Path], Path]]]:
+def fields_of_records() -> Iterator[tuple[str, Callable[..., Path]]]:
     """Yield lies about the fields of the records of MCAP."""
     limits = {
         int: NUMBERS[:1] + NUMBERS[2:],
@@ -195,7 +195,7 @@ def fields_of_records() -> Iterator[tuple[str, Callable[[Path], Path]]]:
             yield f"{kind.__name__}.{name} {value!r:.30}", written(unchanged, lie)
 
 
-def json_in(what: Callable[[Container], Any], each: int) -> Iterator[tuple[str, Callable[[Path], Path]]]:
+def json_in(what: Callable[..., Any], each: int) -> Iterator[tuple[str, Callable[..., Path]]]:
     """Yield lies in the JSON text of a record."""
     for name, data in in_json(what(source()).data, each):
         yield name, written(lambda container, data=data: setattr(what(container), "data", data))
@@ -206,7 +206,7 @@ def ticks_schema(container: Container) -> Any:
     return next(one for one in container.summary if isinstance(one, Schema) and b'"columns"' in one.data)
 
 
-def metadata() -> Iterator[tuple[str, Callable[[Path], Path]]]:
+def metadata() -> Iterator[tuple[str, Callable[..., Path]]]:
     """Yield lies in the metadata: values, keys, and records."""
     names = [(one.name, key) for one in source().records if isinstance(one, Metadata) for key in one.metadata]
     for (name, key), text in in_turn(names, (MISSING, *TEXTS), 2):
@@ -219,7 +219,7 @@ def metadata() -> Iterator[tuple[str, Callable[[Path], Path]]]:
     yield "20000 keys", written(lambda c: c.metadata(MetadataName.OPENED).update(many))
 
 
-def list_of_places() -> Iterator[tuple[str, Callable[[Path], Path]]]:
+def list_of_places() -> Iterator[tuple[str, Callable[..., Path]]]:
     """Yield lies in the list of places."""
     for number, value in in_turn(range(4), NUMBERS, len(NUMBERS)):
         yield f"{number} {value}", written(lambda c, n=number, v=value: c.places[1].__setitem__(n, v))
@@ -229,7 +229,7 @@ def list_of_places() -> Iterator[tuple[str, Callable[[Path], Path]]]:
     yield "garbage", written(lambda c: setattr(c.attachment(PLACES_NAME), "data", b"!" * 3200))
 
 
-def messages() -> Iterator[tuple[str, Callable[[Path], Path]]]:
+def messages() -> Iterator[tuple[str, Callable[..., Path]]]:
     """Yield lies in a message of each channel."""
     garbage = (b"", b"\xc1", b"\xdd\xff\xff\xff\xff", b"\x91" * 2000, b"\xdc\xff\xff" * 1000)
     for topic in [one.topic for one in source().summary if isinstance(one, Channel) and source().of(one.topic)]:
@@ -255,7 +255,7 @@ DETAILS: dict[str, dict[str, str]] = {
 }
 
 
-def details_of_events() -> Iterator[tuple[str, Callable[[Path], Path]]]:
+def details_of_events() -> Iterator[tuple[str, Callable[..., Path]]]:
     """Yield lies in the details of events whose details are read."""
     places = [(name, key) for name, details in DETAILS.items() for key in details]
     for (name, key), value in in_turn(places, (MISSING, *TEXTS), 2):
@@ -269,7 +269,7 @@ def details_of_events() -> Iterator[tuple[str, Callable[[Path], Path]]]:
         yield f"{name} {key} {value!r:.30}", written(change)
 
 
-def values_of_ticks() -> Iterator[tuple[str, Callable[[Path], Path]]]:
+def values_of_ticks() -> Iterator[tuple[str, Callable[..., Path]]]:
     """Yield impossible values in a column of a batch, encoded as it should be."""
     with Recording(SOURCE) as recording:
         rows = recording.ticks(as_sent=True)
@@ -294,7 +294,7 @@ def values_of_ticks() -> Iterator[tuple[str, Callable[[Path], Path]]]:
 CONFIG_VALUES = ("9" * 6000, "1e308", "nan", "-1", "0", "true", '"x"', nested(2000), "[]", "{}", "10000", "[1, 2, 3]")
 
 
-def configuration() -> Iterator[tuple[str, Callable[[Path], Path]]]:
+def configuration() -> Iterator[tuple[str, Callable[..., Path]]]:
     """Yield lies in each line of the configuration, whose checksum fits."""
     text = source().attachment(CONFIG_NAME).data.decode()
     lines = text.splitlines()
@@ -335,13 +335,13 @@ def stored_chunks() -> dict[str, Chunk]:
     return {name: Chunk(word, data, 10**18, 0, 0, size) for name, (word, data, size) in stored.items()}
 
 
-def chunks() -> Iterator[tuple[str, Callable[[Path], Path]]]:
+def chunks() -> Iterator[tuple[str, Callable[..., Path]]]:
     """Yield lies in a chunk as it is stored."""
     for number, (name, chunk) in enumerate(stored_chunks().items()):
         yield name, written(lambda c, n=number % 3, one=chunk: setattr(c.chunks[n], "stored", one))
 
 
-def records() -> Iterator[tuple[str, Callable[[Path], Path]]]:
+def records() -> Iterator[tuple[str, Callable[..., Path]]]:
     """Yield recordings whose records are missing, repeated, or in another order."""
     for kind in (Header, Metadata, Attachment, Inside):
         yield f"no {kind.__name__}", written(lambda c, k=kind: _keep(c.records, lambda one: not isinstance(one, k)))
@@ -349,9 +349,9 @@ def records() -> Iterator[tuple[str, Callable[[Path], Path]]]:
         yield f"1 {kind.__name__}", written(lambda c, k=kind: c.records.remove(_all(c.records, k)[-1]))
     for number in range(len(source().summary)):
         yield f"no summary record {number}", written(lambda c, n=number: c.summary.pop(n))
-    for kind in (ChunkIndex, AttachmentIndex, MetadataIndex):
+    for index in (ChunkIndex, AttachmentIndex, MetadataIndex):
         for count in (0, 2, 3000):
-            yield f"{count} {kind.__name__}", written(lambda c, k=kind, n=count: c.repeat.update({k: n}))
+            yield f"{count} {index.__name__}", written(lambda c, k=index, n=count: c.repeat.update({k: n}))
     yield "3000 records of the summary", written(lambda c: setattr(c, "summary", c.summary * 200))
     yield "reversed", written(lambda c: c.records.reverse())
     yield "2000 metadata", written(lambda c: c.records.extend(_all(c.records, Metadata) * 700))
@@ -365,7 +365,7 @@ def _all(found: list[Any], kind: type) -> list[Any]:
     return deepcopy([one for one in found if isinstance(one, kind)])
 
 
-def lengths() -> Iterator[tuple[str, Callable[[Path], Path]]]:
+def lengths() -> Iterator[tuple[str, Callable[..., Path]]]:
     """Yield recordings in which a record states another length."""
     data, at, seen = source().assembled(), len(MAGIC), set[int]()
     while at < len(data) - len(MAGIC):
@@ -381,7 +381,7 @@ def lengths() -> Iterator[tuple[str, Callable[[Path], Path]]]:
 # --- files other than recordings -------------------------------------------------------------------------------------
 
 
-def spills() -> Iterator[tuple[str, Callable[[Path], Path]]]:
+def spills() -> Iterator[tuple[str, Callable[..., Path]]]:
     """Yield a server's spills whose blocks are whole, and whose messages lie."""
     with Recording(SOURCE) as recording:
         text, rows = recording.config_text, recording.ticks(0, 40)
@@ -391,7 +391,7 @@ def spills() -> Iterator[tuple[str, Callable[[Path], Path]]]:
     welcome, opened = Welcome("3f402c2800000000", 1, 7, text), {"utc_ns": "1790000000000000000"}
     whole: list[Any] = [welcome, EventRecord(0, 0, 0, spill.OPENED, opened), LogBatch(0, 0, tuple(frames))]
 
-    def of(parts: Sequence[Any]) -> Callable[[Path], Path]:
+    def of(parts: Sequence[Any]) -> Callable[..., Path]:
         data = spill.MAGIC + b"".join(spill.block_of(encode(part)) for part in parts)
         return lambda place: _file(place, data, ".spill")
 
@@ -424,10 +424,10 @@ HEADER = {
 ENTRY = {"entry": "attempt_ended", "trial": 1, "attempt": 1, "block": 1}
 
 
-def journals() -> Iterator[tuple[str, Callable[[Path], Path]]]:
+def journals() -> Iterator[tuple[str, Callable[..., Path]]]:
     """Yield journals of lies beside a sound recording."""
 
-    def of(*lines: bytes) -> Callable[[Path], Path]:
+    def of(*lines: bytes) -> Callable[..., Path]:
         def make(place: Path) -> Path:
             (place / "D01_S01.journal.jsonl").write_bytes(b"\n".join(lines) + b"\n")
             return _file(place, SOURCE.read_bytes())
@@ -441,7 +441,7 @@ def journals() -> Iterator[tuple[str, Callable[[Path], Path]]]:
         yield f"entry {name}", of(header, text, entry)
 
 
-def unfinished() -> Iterator[tuple[str, Callable[[Path], Path]]]:
+def unfinished() -> Iterator[tuple[str, Callable[..., Path]]]:
     """Yield unfinished recordings with many chunks and records that contain each other."""
     data, name = source().assembled(), struct.pack("<I", 8) + b"netboard"
     chunk = b"\x06" + struct.pack("<QQQQI", 60, 0, 0, 1000, 0) + struct.pack("<I", 4) + b"zstd" + struct.pack("<Q", 15)
@@ -453,10 +453,10 @@ def unfinished() -> Iterator[tuple[str, Callable[[Path], Path]]]:
             yield f"{number} at {at}", lambda place, lying=lying: _file(place, lying, ".mcap.part")
 
 
-def folders() -> Iterator[tuple[str, Callable[[Path], Path]]]:
+def folders() -> Iterator[tuple[str, Callable[..., Path]]]:
     """Yield folders whose files contradict each other; the recording itself is sound."""
 
-    def of(fill: Callable[[Path, Path], object]) -> Callable[[Path], Path]:
+    def of(fill: Callable[[Path, Path], object]) -> Callable[..., Path]:
         def make(place: Path) -> Path:
             path = _file(place, SOURCE.read_bytes())
             fill(place, path)
@@ -478,7 +478,7 @@ def folders() -> Iterator[tuple[str, Callable[[Path], Path]]]:
     yield "300 files", of(lambda place, path: [(place / f"{k}.mcap").write_bytes(MAGIC) for k in range(300)])
 
 
-def _table(head: Sequence[str], rows: Sequence[Sequence[Any]], name: str) -> Callable[[Path], Path]:
+def _table(head: Sequence[str], rows: Sequence[Sequence[Any]], name: str) -> Callable[..., Path]:
     def make(place: Path) -> Path:
         path = place / f"{name}.csv"
         with path.open("w", encoding="utf-8", newline="") as file:
@@ -491,7 +491,7 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[Any]], name: str) -> Cal
 CELLS = (*TEXTS, "1_1", "0x10", "1e", "1,5", "2.01921E+12", "True", str(2**63), "3.0", "inf", "1e308", "-0.5")
 
 
-def tick_tables() -> Iterator[tuple[str, Callable[[Path], Path]]]:
+def tick_tables() -> Iterator[tuple[str, Callable[..., Path]]]:
     """Yield exported tables of ticks with a lie in a cell of each column."""
     with Recording(SOURCE) as recording:
         rows = [list(row) for row in recording.ticks(0, 200).tolist()]
@@ -507,7 +507,7 @@ def tick_tables() -> Iterator[tuple[str, Callable[[Path], Path]]]:
 HANDS = ("t", "z_left", "v_left", "z_right", "v_right")
 
 
-def hand_tables() -> Iterator[tuple[str, Callable[[Path], Path]]]:
+def hand_tables() -> Iterator[tuple[str, Callable[..., Path]]]:
     """Yield files of hand movements with a lie in a cell of each column, or in the form of the table."""
     time = np.arange(200) / 1000
     rows = np.stack([time, 0.01 * np.sin(time), 0.01 * np.cos(time), -0.01 * np.sin(time), -0.01 * np.cos(time)], 1)
@@ -530,7 +530,7 @@ def hand_tables() -> Iterator[tuple[str, Callable[[Path], Path]]]:
         yield name, lambda place, data=data, ending=ending: _file(place, data, ending)
 
 
-def key_files() -> Iterator[tuple[str, Callable[[Path], Path]]]:
+def key_files() -> Iterator[tuple[str, Callable[..., Path]]]:
     """Yield folders of keys with a lie in the list of peers or in a key file; the path is that of a configuration."""
     values = ("0", "-1", "nan", '""', f'"{"x" * 100_000}"', '"\\u001b[2J"', "true", nested(2000), "1999-01-01", "{}")
     for name in (keys.LIST, "agent.left.key", "server.key"):
@@ -538,7 +538,7 @@ def key_files() -> Iterator[tuple[str, Callable[[Path], Path]]]:
             yield f"{name} {number}", _keys(name, number, values)
 
 
-def _keys(name: str, number: int, values: Sequence[str]) -> Callable[[Path], Path]:
+def _keys(name: str, number: int, values: Sequence[str]) -> Callable[..., Path]:
     def make(place: Path) -> Path:
         folder = place / "keys"
         keys.init(folder)
@@ -549,7 +549,7 @@ def _keys(name: str, number: int, values: Sequence[str]) -> Callable[[Path], Pat
         where = [k for k, line in enumerate(lines) if " = " in line]
         at = where[number % len(where)]
         key = lines[at].partition(" = ")[0]
-        forms = ([f"{key} = {values[number % len(values)]}"], [], [lines[at]] * 2)
+        forms: tuple[list[str], ...] = ([f"{key} = {values[number % len(values)]}"], [], [lines[at]] * 2)
         changed = forms[0 if number % 7 else 1 + number % 2]
         path.write_text("\n".join([*lines[:at], *changed, *lines[at + 1 :]]))
         config = place / "rig.toml"
@@ -559,7 +559,7 @@ def _keys(name: str, number: int, values: Sequence[str]) -> Callable[[Path], Pat
     return make
 
 
-KINDS: dict[str, Callable[[], Iterator[tuple[str, Callable[[Path], Path]]]]] = {
+KINDS: dict[str, Callable[[], Iterator[tuple[str, Callable[..., Path]]]]] = {
     "fields of the records": fields_of_records,
     "schema of the ticks": lambda: json_in(ticks_schema, 1),
     "list of attempts": lambda: json_in(lambda c: c.attachment(ATTEMPTS_NAME), 3),

@@ -1,7 +1,7 @@
 """Coverage-guided fuzzing of the codec with libFuzzer (atheris).
 
     pip install -e .[fuzz]
-    python tests/fuzz/fuzz_codec.py -runs=1000000
+    PYTHONPATH=tests python -m evidence.fuzz.fuzz_codec -runs=1000000
 
 The arguments are libFuzzer's options and corpus folders; new inputs are saved in the first folder. Half of the frames
 are libFuzzer's mutations, half come from `evidence.faults.malformed_frames`. A frame that fails is written
@@ -15,11 +15,11 @@ from pathlib import Path
 import atheris
 
 with atheris.instrument_imports(include=["netboard.network.protocol.codec"]):
-    from reference_decoder import decode_with_both
+    from evidence.fuzz.reference_decoder import decode_with_both
 
 from evidence.faults.malformed_frames import MalformedFrames
 
-FRAMES = Path(__file__).parent.parent / "data" / "frames"
+FRAMES = Path(__file__).parents[2] / "data" / "frames"
 MALFORMED = MalformedFrames([path.read_bytes() for path in sorted(FRAMES.glob("*.bin"))], seed=1)
 
 
