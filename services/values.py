@@ -54,7 +54,7 @@ def checked_parameters(command: Any) -> list[tuple[Any, Callable[[str], None]]]:
     return [(one, check) for one in command.params if (check := checks.get(one.name)) is not None]
 
 
-def _check_of(hint: Any) -> Callable[[str], None] | None:
+def _check_of(hint: object) -> Callable[[str], None] | None:
     """Return the check of a type, or of the type in an optional one."""
     for kind in (hint, *get_args(hint)):
         if get_origin(kind) is Literal:
@@ -68,7 +68,7 @@ def _guard(parameter: Any, check: Callable[[str], None]) -> None:
     """Check a value before the command line converts it."""
     process = parameter.process_value
 
-    def process_value(context: Any, value: Any) -> Any:
+    def process_value(context: Any, value: object) -> Any:
         if isinstance(value, str):
             try:
                 check(value)

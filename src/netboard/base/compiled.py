@@ -9,21 +9,37 @@ every machine and with the compiler switched off. That holds for kernels of + - 
 
 import hashlib
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from types import CellType, FunctionType
 from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
 import numpy as np
+from llvmlite import ir
 from numba.core import cgutils, types
+from numba.core.base import BaseContext
 from numba.core.compiler_lock import global_compiler_lock
+from numba.core.typing.templates import Signature
 from numba.extending import intrinsic, overload
+from numpy.typing import NDArray
 
 from netboard.base.kernel_cache import KernelCache, locked
 
 P = ParamSpec("P")
 R = TypeVar("R")
 A = TypeVar("A")
+
+Records = NDArray[np.void]
+"""An array of records, whose fields its dtype declares; a record of it is a `numpy.void`."""
+
+Words = NDArray[np.int64]
+"""Memory of a record or a message as words of 64 bits, whatever they mean."""
+
+Numbers = NDArray[np.float64]
+"""The same memory as numbers."""
+
+Bytes = NDArray[np.uint8]
+"""A frame of a message as bytes."""
 
 STRICT: dict[str, Any] = {"error_model": "numpy", "fastmath": False, "forceinline": False, "no_cfunc_wrapper": True}
 """IEEE arithmetic as written; it never raises: x / 0 is infinite. No entry for C code, which none has: it is an eighth
@@ -76,7 +92,7 @@ def _cached(compiled: Any) -> Any:
     compiled._cache = KernelCache(compiled.py_func)
     compile_now, name = compiled.compile, f"{compiled.py_func.__module__}.{compiled.py_func.__qualname__}"
 
-    def compile_once(signature: Any) -> Any:
+    def compile_once(signature: tuple[types.Type, ...]) -> Any:
         if signature in compiled.overloads:
             return compile_now(signature)
         # Take Numba's lock first, so that no thread that holds it can wait for this thread's file lock.
@@ -210,7 +226,7 @@ def relaxed(function: Callable[P, R], instead: Mapping[Any, Any]) -> Callable[P,
     return copy
 
 
-def _copied(text: Any, recompiled: Callable[[Any], Any]) -> FunctionType:
+def _copied(text: FunctionType, recompiled: Callable[[Any], Any]) -> FunctionType:
     """Return a copy of a function with replaced globals and closure."""
     known = {name: recompiled(text.__globals__[name]) for name in text.__code__.co_names if name in text.__globals__}
     cells = tuple(CellType(recompiled(cell.cell_contents)) for cell in text.__closure__ or ())
@@ -220,8 +236,8 @@ def _copied(text: Any, recompiled: Callable[[Any], Any]) -> FunctionType:
 def _choose_for_copy(copy: FunctionType, choose: Callable[..., object], recompiled: Callable[[Any], Any]) -> None:
     """Register the selection of a function for its copy."""
 
-    def chosen(*arguments: Any) -> Any:
-        text = choose(*arguments)
+    def chosen(*arguments: types.Type) -> Any:
+        text: Any = choose(*arguments)
         return text and _copied(text, recompiled)
 
     # Numba refuses a selection whose arguments have other names than those of the function.
@@ -243,16 +259,16 @@ def borrowed(value: A) -> A:
     return value
 
 
-def _uncounted(context: Any, value: Any) -> Any:
+def _uncounted(context: BaseContext, value: types.Type) -> Any:
     """Write the structure of the value without the owners of its arrays' memory."""
 
-    def write(target: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    def write(target: BaseContext, builder: ir.IRBuilder, signature: Signature, arguments: Sequence[ir.Value]) -> Any:
         return _without_owner(target, builder, value, arguments[0])
 
     return value(value), write
 
 
-def _without_owner(target: Any, builder: Any, kind: Any, value: Any) -> Any:
+def _without_owner(target: BaseContext, builder: ir.IRBuilder, kind: types.Type, value: ir.Value) -> Any:
     kinds: Any = kind
     if isinstance(kind, types.BaseTuple):
         parts = [_without_owner(target, builder, one, builder.extract_value(value, k)) for k, one in enumerate(kinds)]
@@ -270,11 +286,11 @@ _borrow: Any = intrinsic(_uncounted)
 
 
 @specialised(borrowed)
-def _borrowed(value: Any) -> Any:
+def _borrowed(value: types.Type) -> Any:
     return lambda value: _borrow(value)
 
 
-def machine_code(compiled: Callable[P, R], *arguments: Any) -> Callable[P, R]:
+def machine_code(compiled: Callable[P, R], *arguments: object) -> Callable[P, R]:
     """Return a kernel for arguments of these types only, without the look-up of types at each call.
 
     That look-up takes longer than most kernels.
@@ -292,7 +308,7 @@ _TYPES: dict[tuple[Any, ...], Any] = {}
 """Numba's types of arrays and records, by what distinguishes them: `numba.typeof` takes up to 1 ms."""
 
 
-def _type_of(value: Any) -> Any:
+def _type_of(value: object) -> Any:
     """Return Numba's type of an argument."""
     if isinstance(value, tuple):
         return types.BaseTuple.from_types([_type_of(part) for part in value], type(value))

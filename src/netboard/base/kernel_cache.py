@@ -27,9 +27,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
+from types import FunctionType
 from typing import IO, Any
 
 import numba
+from numba import types
 from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
 
@@ -146,7 +148,7 @@ class KernelCache:
     A function that was typed at a prompt is not cached: its constants may have changed, and there is no file to tell.
     """
 
-    def __init__(self, function: Any) -> None:
+    def __init__(self, function: FunctionType) -> None:
         self._function = function
         self._name = f"{function.__module__}.{function.__qualname__}"
         self._source = _text_of(function.__module__, function.__code__.co_filename)
@@ -156,7 +158,7 @@ class KernelCache:
         """Folder of the files."""
         return str(folder())
 
-    def load_overload(self, signature: Any, target: Any) -> Any:
+    def load_overload(self, signature: tuple[types.Type, ...], target: Any) -> Any:
         """Return the compiled code for these types; None if it must be compiled."""
         target.refresh()
         if not self._source:
@@ -171,7 +173,7 @@ class KernelCache:
             _warn_once("damaged", f"{path}: {_reason(error)}; compiled kernels that are damaged are compiled again")
         return None
 
-    def save_overload(self, signature: Any, made: Any) -> None:
+    def save_overload(self, signature: tuple[types.Type, ...], made: Any) -> None:
         """Keep compiled code, if the disk takes it."""
         if not self._source:
             return
@@ -187,7 +189,7 @@ class KernelCache:
             why = f"compiled kernels cannot be kept there: {error.strerror or error}; each start compiles them again"
             _warn_once("not kept", f"{path.parent}: {why}")
 
-    def _key(self, signature: Any, codegen: Any) -> tuple[Any, ...]:
+    def _key(self, signature: tuple[types.Type, ...], codegen: Any) -> tuple[Any, ...]:
         """Return what a kernel's machine code depends on, within a version of the source of netboard."""
         code = self._function.__code__
         closure = tuple(cell.cell_contents for cell in self._function.__closure__ or ())

@@ -179,7 +179,7 @@ def _tables(cls: type[Any], path: Path) -> tuple[SettingsTable, ...]:
     return (table, *(one for name in inner for one in tables(hints[name], (*path, name))))
 
 
-def _key(field: dataclasses.Field[Any], hint: Any) -> Key:
+def _key(field: dataclasses.Field[Any], hint: object) -> Key:
     """Describe one annotated field, which may take a word instead: ``Annotated[float, about(...)] | Literal["x"]``."""
     others = [part for part in get_args(hint) if get_origin(part) is Literal] if get_origin(hint) is Union else []
     (hint,) = (part for part in get_args(hint) if part not in others) if others else (hint,)
@@ -278,7 +278,7 @@ def read(adapter: TypeAdapter[T], cls: type[T], text: str, source: str, override
     return _checked(adapter, values, known, source_of)
 
 
-def _has(values: Any, path: Path) -> bool:
+def _has(values: object, path: Path) -> bool:
     """Return whether a table or key was given."""
     return not path or (isinstance(values, dict) and path[0] in values and _has(values[path[0]], path[1:]))
 
@@ -301,7 +301,7 @@ def check(cls: type[T], values: dict[str, Any], path: Path) -> T:
 
 
 @functools.cache
-def _adapter(cls: Any) -> TypeAdapter[Any]:
+def _adapter(cls: type[T]) -> TypeAdapter[Any]:
     """Make pydantic's validator of a dataclass, which takes some milliseconds, once."""
     return TypeAdapter(cls)
 
@@ -371,7 +371,7 @@ def _explain(detail: ErrorDetails, known: dict[Path, SettingsTable], base: Path)
     return path, f"[{'.'.join(path)}]: found {_show(found)}, expected a table"
 
 
-def _unknown(path: Path, found: Any, known: dict[Path, SettingsTable]) -> str:
+def _unknown(path: Path, found: object, known: dict[Path, SettingsTable]) -> str:
     """Report an unknown key, with the most similar known one."""
     *parent, name = path
     table = known[tuple(parent)]
@@ -404,7 +404,7 @@ def _where(path: Path, name: str) -> str:
     return f"[{'.'.join(path)}] {name}" if path else name
 
 
-def _show(value: Any) -> str:
+def _show(value: object) -> str:
     """Show a value found in a file as it would be written there."""
     if isinstance(value, str | bool | int | float):
         return to_toml(value)
@@ -431,7 +431,7 @@ def to_toml(value: str | bool | int | float | tuple[int | float | str, ...]) -> 
     return repr(value)
 
 
-def write(settings: Any) -> str:
+def write(settings: object) -> str:
     """Write every key of a dataclass of dataclasses as TOML, which reads back as equal settings.
 
     Parameters

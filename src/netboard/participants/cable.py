@@ -68,7 +68,7 @@ def pack_cables(device: DeviceModel, arm: NDArray[Any], step: float) -> NDArray[
 
 @kernel
 def stretch(
-    x: float, v: float, tip: float, rate: float, push: float, load: float, rest: float, cables: Any
+    x: float, v: float, tip: float, rate: float, push: float, load: float, rest: float, cables: np.void
 ) -> tuple[float, float, float, float]:
     """Advance both sides of one axis by one step; return x, v, tip and rate after it [m, m/s, m, m/s].
 

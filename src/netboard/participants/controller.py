@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import inlined, kernel, machine_code
+from netboard.base.compiled import Records, inlined, kernel, machine_code
 from netboard.base.config import SIDES, Side
 from netboard.base.tables.experiment import Task
 from netboard.base.tables.scene import Physics
@@ -147,7 +147,7 @@ def initial_state(constants: NDArray[Any], rng: np.random.Generator) -> NDArray[
 
 
 @kernel
-def _initialise(states: Any, constants: Any) -> None:
+def _initialise(states: Records, constants: Records) -> None:
     """Begin: draw the first noises and the first threshold."""
     state, k = states[0], constants[0]
     senses = state["senses"]
@@ -181,7 +181,7 @@ def learned(novice: float, practice: float, trials: float) -> float:
 
 
 @kernel
-def decide(state: Any, k: Any, now: float, glimpse: Any, felt: float, moves: NDArray[Any]) -> int:
+def decide(state: np.void, k: np.void, now: float, glimpse: np.void, felt: float, moves: NDArray[Any]) -> int:
     """Take in display and force; return the number of new submovements, 0 most of the time [1].
 
     The caller keeps the interval `DECISION_INTERVAL` between two calls.
@@ -212,7 +212,7 @@ def decide(state: Any, k: Any, now: float, glimpse: Any, felt: float, moves: NDA
 
 
 @inlined
-def _renew_noise(state: Any, k: Any, dt: float) -> None:
+def _renew_noise(state: np.void, k: np.void, dt: float) -> None:
     """Renew the errors of perception: coloured Gaussian noise (Ornstein-Uhlenbeck)."""
     senses, random, factor = state["senses"], state["random"], state["learning_factor"]
     keep, fresh = ou_factors(k["noise_time"], dt)
@@ -224,7 +224,7 @@ def _renew_noise(state: Any, k: Any, dt: float) -> None:
 
 
 @inlined
-def _has_room(state: Any) -> bool:
+def _has_room(state: np.void) -> bool:
     """Return whether each hand can begin another submovement."""
     count, right = state["intent_count"], 0
     for i in range(count):
@@ -233,7 +233,7 @@ def _has_room(state: Any) -> bool:
 
 
 @inlined
-def _detect_release(state: Any, k: Any) -> None:
+def _detect_release(state: np.void, k: np.void) -> None:
     """Once the release of the ball is seen, count the attempt and wait for a reaction time."""
     phase = state["percept"]["phase"]
     if is_free(phase) and not is_free(state["phase"]):
@@ -247,7 +247,7 @@ def _detect_release(state: Any, k: Any) -> None:
 
 
 @inlined
-def _drop_completed(state: Any, k: Any, shown: float) -> None:
+def _drop_completed(state: np.void, k: np.void, shown: float) -> None:
     """Forget the intents whose whole effect has been seen, and learn from the partner's movement during each."""
     intents, kept = state["intents"], 0
     for i in range(state["intent_count"]):
@@ -270,7 +270,7 @@ def _drop_completed(state: Any, k: Any, shown: float) -> None:
 
 
 @inlined
-def _learn_partner(state: Any, k: Any, intent: Any) -> None:
+def _learn_partner(state: np.void, k: np.void, intent: np.void) -> None:
     """Correct the share that the partner is expected to mirror, by what it did during an own movement (delta rule).
 
     The partner is expected to lift the board as far as oneself, and to mirror a share of the turn.
@@ -284,7 +284,7 @@ def _learn_partner(state: Any, k: Any, intent: Any) -> None:
 
 
 @inlined
-def _draw_threshold(state: Any, k: Any) -> float:
+def _draw_threshold(state: np.void, k: np.void) -> float:
     """Draw the tilt error that triggers the next submovement: log-normal, limited by `threshold_limit` [rad]."""
     spread = sqrt(log1p(k["threshold_cv"] ** 2))
     drawn = state["learning_factor"] * k["threshold_deg"] * exp(spread * normal(state["random"]))
@@ -292,7 +292,7 @@ def _draw_threshold(state: Any, k: Any) -> float:
 
 
 @inlined
-def _steer(state: Any, k: Any, now: float, moves: NDArray[Any]) -> int:
+def _steer(state: np.void, k: np.void, now: float, moves: NDArray[Any]) -> int:
     """Write the submovements that steer the ball; none if the tilt error is below the threshold."""
     expected = expected_tilt(state, k)
     error = _wanted_tilt(state, k, expected) - expected
@@ -303,7 +303,7 @@ def _steer(state: Any, k: Any, now: float, moves: NDArray[Any]) -> int:
 
 
 @inlined
-def _wanted_tilt(state: Any, k: Any, expected: float) -> float:
+def _wanted_tilt(state: np.void, k: np.void, expected: float) -> float:
     """Return the tilt that takes the predicted ball to the target: the PD law [rad]."""
     if k["g"] == 0.0:
         return 0.0
@@ -314,7 +314,7 @@ def _wanted_tilt(state: Any, k: Any, expected: float) -> float:
 
 
 @inlined
-def _predict_ball(state: Any, k: Any, expected: float) -> tuple[float, float]:
+def _predict_ball(state: np.void, k: np.void, expected: float) -> tuple[float, float]:
     """Predict the ball `lookahead` visual delays after it was seen, without new actions [m, m/s]."""
     seen = state["percept"]
     dt = k["lookahead"] * k["visual_delay"] / FORESIGHT_STEPS
@@ -329,7 +329,7 @@ def _predict_ball(state: Any, k: Any, expected: float) -> tuple[float, float]:
 
 
 @inlined
-def _level(state: Any, k: Any, now: float, moves: NDArray[Any]) -> int:
+def _level(state: np.void, k: np.void, now: float, moves: NDArray[Any]) -> int:
     """Write the submovements that level the board at its neutral height; none if it is level."""
     error, height = -expected_tilt(state, k), board_height(state, k)
     tilted, off = abs(error) > k["level_margin"] * k["level_angle"], abs(height) > k["level_margin"] * k["level_height"]
@@ -341,7 +341,7 @@ def _level(state: Any, k: Any, now: float, moves: NDArray[Any]) -> int:
 
 
 @kernel
-def _act(state: Any, k: Any, now: float, turn: float, lift: float, moves: NDArray[Any]) -> int:
+def _act(state: np.void, k: np.void, now: float, turn: float, lift: float, moves: NDArray[Any]) -> int:
     """Write one submovement of each own hand that tilts and lifts the board [rad, m]; return how many."""
     state["threshold"] = _draw_threshold(state, k)
     duration = k["movement_time"] * exp(k["movement_cv"] * normal(state["random"]))
@@ -377,7 +377,7 @@ def _act(state: Any, k: Any, now: float, turn: float, lift: float, moves: NDArra
 
 
 @kernel
-def _decide(states: Any, constants: Any, now: float, shown: Any, felt: float, moves: NDArray[Any]) -> int:
+def _decide(states: Records, constants: Records, now: float, shown: Records, felt: float, moves: NDArray[Any]) -> int:
     """Run `decide` for arrays of one record, which Python hands over much faster than records."""
     return decide(states[0], constants[0], now, shown[0], felt, moves)
 

@@ -8,6 +8,7 @@ from math import inf, isnan
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from netboard.base.compiled import inlined
 from netboard.participants.hand import CAPACITY
@@ -39,31 +40,31 @@ INTENT = np.dtype(
 
 
 @inlined
-def delay_to_hand(k: Any) -> float:
+def delay_to_hand(k: np.void) -> float:
     """Return the delay from a planned movement to the hand: two muscle lags and the lag of the arm [s]."""
     return float(2.0 * k["muscle_lag"] + k["arm_damping"] / k["arm_stiffness"])
 
 
 @inlined
-def commanded_share(intent: Any, when: float) -> float:
+def commanded_share(intent: np.void, when: float) -> float:
     """Return the share of a submovement that is commanded at a time, which may be infinite [1]."""
     return 1.0 if when == inf else minimum_jerk((when - intent["start"]) / intent["duration"])
 
 
 @inlined
-def own_height(state: Any, side: int) -> float:
+def own_height(state: np.void, side: int) -> float:
     """Return the height of an own hand as seen; NaN if it is hidden [m]."""
     return float(state["percept"]["left"] if side == 0 else state["percept"]["right"])
 
 
 @inlined
-def partner_height_seen(state: Any, k: Any, side: int) -> float:
+def partner_height_seen(state: np.void, k: np.void, side: int) -> float:
     """Return the height of the partner's hand as the board showed it; NaN if one's own hand is hidden [m]."""
     return float(own_height(state, side) - (2.0 * side - 1.0) * 2.0 * k["l"] * state["percept"]["theta"])
 
 
 @inlined
-def moved(state: Any, k: Any, side: int, when: float) -> float:
+def moved(state: np.void, k: np.void, side: int, when: float) -> float:
     """Return the displacement of an own hand from where it was seen to a later time [m]."""
     lag, rise = delay_to_hand(k), 0.0
     for i in range(state["intent_count"]):
@@ -74,7 +75,7 @@ def moved(state: Any, k: Any, side: int, when: float) -> float:
 
 
 @inlined
-def turning(state: Any, side: int) -> float:
+def turning(state: np.void, side: int) -> float:
     """Return the part of an own hand's remaining displacement that tilts the board; the rest lifts it [m]."""
     rise = 0.0
     for i in range(state["intent_count"]):
@@ -85,7 +86,7 @@ def turning(state: Any, side: int) -> float:
 
 
 @inlined
-def board_height(state: Any, k: Any) -> float:
+def board_height(state: np.void, k: np.void) -> float:
     """Return the height of the board's centre after the lifting under way, if all hands lift alike [m]."""
     total, count = 0.0, 0
     for side in range(2):
@@ -98,7 +99,7 @@ def board_height(state: Any, k: Any) -> float:
 
 
 @inlined
-def shares_done(state: Any, k: Any, times: Any) -> Any:
+def shares_done(state: np.void, k: np.void, times: NDArray[np.float64]) -> Any:
     """Return the shares, done at some times, of the tilt change under way when seen; from own hands only [1].
 
     Parameters
@@ -117,7 +118,7 @@ def shares_done(state: Any, k: Any, times: Any) -> Any:
 
 
 @inlined
-def expected_tilt(state: Any, k: Any) -> float:
+def expected_tilt(state: np.void, k: np.void) -> float:
     """Return the tilt of the board once all movements under way are complete [rad]."""
     lever, theta = 2.0 * k["l"], state["percept"]["theta"]
     if k["hands"] == BOTH:
@@ -130,13 +131,13 @@ def expected_tilt(state: Any, k: Any) -> float:
 
 
 @inlined
-def of_partner(intent: Any) -> float:
+def of_partner(intent: np.void) -> float:
     """Return the displacement that is expected of the partner's hand during an own submovement [m]."""
     return float(intent["displacement"] - intent["turn"] - intent["mirrored"])
 
 
 @inlined
-def partner_moved(state: Any, k: Any, when: float) -> float:
+def partner_moved(state: np.void, k: np.void, when: float) -> float:
     """Return the expected displacement of the partner's hand from where it was seen to a later time [m]."""
     lag, rise = delay_to_hand(k), 0.0
     for i in range(state["intent_count"]):
@@ -146,7 +147,7 @@ def partner_moved(state: Any, k: Any, when: float) -> float:
 
 
 @inlined
-def observe_partner(state: Any, k: Any, now: float) -> None:
+def observe_partner(state: np.void, k: np.void, now: float) -> None:
     """Update what the force tells of the partner, by the newest force felt and the view that is seen."""
     o, c, seen, side = state["observed"], k["observer"], state["percept"], k["hands"] - 1
     then = now - k["haptic_delay"]

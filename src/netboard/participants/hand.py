@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import inlined, kernel, machine_code
+from netboard.base.compiled import Records, inlined, kernel, machine_code
 from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant, VirtualDevice
 from netboard.participants.cable import CABLES, TIP, pack_cables, stretch
@@ -152,7 +152,7 @@ def pack_arm(participant: Participant, device: VirtualDevice, held: bool = True)
 
 
 @inlined
-def _advanced(place: Any, v: Any, force: Any, arm: Any) -> tuple[Any, Any]:
+def _advanced(place: Any, v: Any, force: Any, arm: np.void) -> tuple[Any, Any]:
     """Advance all axes by one step: implicit friction and damping (Moreau's time stepping), then the stops."""
     v = v + arm["per_force"] * force
     v = arm["damping_factor"] * (v - smaller(larger(v, -arm["friction_step"]), arm["friction_step"]))
@@ -161,7 +161,7 @@ def _advanced(place: Any, v: Any, force: Any, arm: Any) -> tuple[Any, Any]:
 
 
 @inlined
-def _aim(s: Any, plan: Any, when: float, bound: float) -> float:
+def _aim(s: np.void, plan: NDArray[np.float64], when: float, bound: float) -> float:
     """Return the commanded height at a time; completed submovements are added to ``aim`` and removed from the plan."""
     wanted = s["aim"]
     kept = 0
@@ -179,7 +179,7 @@ def _aim(s: Any, plan: Any, when: float, bound: float) -> float:
 
 
 @inlined
-def _force_response(s: Any, arm: Any, force: float) -> float:
+def _force_response(s: np.void, arm: np.void, force: float) -> float:
     """Return the displacement of the equilibrium point by forces: along an unexpected one, against an expected one [m].
 
     ``r = G (F(t - delay) - expected) / K``, where the expected force follows the delayed one with a time constant; the
@@ -197,7 +197,7 @@ def _force_response(s: Any, arm: Any, force: float) -> float:
 
 
 @inlined
-def _stiffen(s: Any, arm: Any) -> None:
+def _stiffen(s: np.void, arm: np.void) -> None:
     """Adapt the arm's stiffness to the hand's distance from its aim: ``dK/dt = alpha |d| - gamma``, within limits.
 
     A person contracts opposing muscles together where errors are large, and relaxes slowly where they are not
@@ -209,7 +209,7 @@ def _stiffen(s: Any, arm: Any) -> None:
 
 
 @inlined
-def update_muscles(s: Any, arm: Any, plan: Any, when: float, force: float) -> None:
+def update_muscles(s: np.void, arm: np.void, plan: NDArray[np.float64], when: float, force: float) -> None:
     """Update stiffness, equilibrium point, friction compensation and force noise.
 
     Parameters
@@ -233,7 +233,7 @@ def update_muscles(s: Any, arm: Any, plan: Any, when: float, force: float) -> No
 
 
 @inlined
-def integrate(s: Any, arm: Any, fx: float, fy: float, fz: float, steps: int) -> None:
+def integrate(s: np.void, arm: np.void, fx: float, fy: float, fz: float, steps: int) -> None:
     """Advance a hand between two updates, under a constant motor force."""
     stiffness = s["stiffness"]
     push = gathered(
@@ -253,7 +253,7 @@ def integrate(s: Any, arm: Any, fx: float, fy: float, fz: float, steps: int) -> 
 
 
 @kernel
-def integrate_on_cables(s: Any, tip: Any, cables: Any, fx: float, fy: float, fz: float, steps: int) -> None:
+def integrate_on_cables(s: np.void, tip: np.void, cables: np.void, fx: float, fy: float, fz: float, steps: int) -> None:
     """Advance a hand as `integrate` does, with compliant cables; `s` is then the state of the motor side."""
     t, load = tip, s["compensation"] + s["noise_z"]
     place, v = s["place"], s["v"]
@@ -270,10 +270,10 @@ def integrate_on_cables(s: Any, tip: Any, cables: Any, fx: float, fy: float, fz:
 
 @kernel
 def advance_hand(
-    state: Any,
-    tip: Any,
-    constants: Any,
-    cables: Any,
+    state: Records,
+    tip: Records,
+    constants: Records,
+    cables: Records,
     plan: NDArray[np.float64],
     origin: float,
     fx: float,

@@ -122,7 +122,7 @@ def stationary(model: DyadModel, haptic: bool) -> tuple[Matrix, Matrix, Matrix]:
     return sense, gains, spread
 
 
-def _add_stretch(one: Any, model: DyadModel, way: int, spread: Matrix, haptic: bool) -> None:
+def _add_stretch(one: np.void, model: DyadModel, way: int, spread: Matrix, haptic: bool) -> None:
     """Add the weights with which the state, and forces and commands since, tell the partner's aim.
 
     ``spread``: covariance of the state at the time that is seen.
@@ -161,14 +161,14 @@ def uncertainty(person: Participant, physics: Physics, virtual: VirtualDevice, h
 
 
 @inlined
-def forget(o: Any) -> None:
+def forget(o: np.void) -> None:
     """Begin anew: nothing is known from the force."""
     o["running"] = o["count"] = 0
     o["surprise"] = 0.0
 
 
 @inlined
-def feel(o: Any, c: Any, force: float, own: float, other: float) -> None:
+def feel(o: np.void, c: np.void, force: float, own: float, other: float) -> None:
     """Store a perceived force, and the displacements of both aims in the step before it.
 
     Parameters
@@ -190,7 +190,7 @@ def feel(o: Any, c: Any, force: float, own: float, other: float) -> None:
 
 
 @inlined
-def observe(o: Any, c: Any, p: float, theta: float, own: float, partner: float) -> None:
+def observe(o: np.void, c: np.void, p: float, theta: float, own: float, partner: float) -> None:
     """Take what is seen, and update what the force tells; nothing before the memory holds forces since then.
 
     Parameters
@@ -222,7 +222,7 @@ def observe(o: Any, c: Any, p: float, theta: float, own: float, partner: float) 
 
 
 @inlined
-def _begin(o: Any, c: Any, p: float, own: float, partner: float) -> None:
+def _begin(o: np.void, c: np.void, p: float, own: float, partner: float) -> None:
     """Begin with hands and board at rest."""
     o["running"] = 1
     rest = lanes_at(c["rest_weight"], 0, STATES)
@@ -233,7 +233,7 @@ def _begin(o: Any, c: Any, p: float, own: float, partner: float) -> None:
 
 
 @inlined
-def _update(state: Any, c: Any, way: int, given: Any) -> None:
+def _update(state: Any, c: np.void, way: int, given: Any) -> None:
     """Advance a filter by a step, and take what was measured at its end."""
     total = lanes_at(c["weight"], way * STATES, STATES)
     total = total + given[4] * lanes_at(c["commands"], (2 * way) * STATES, STATES)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import inlined, kernel
+from netboard.base.compiled import Records, inlined, kernel
 from netboard.stage.curtain import NO_PHASE
 from netboard.task.trials.state_machine import Phase, is_free
 
@@ -116,7 +116,7 @@ def ou_factors(time: float, dt: float) -> tuple[float, float]:
 
 
 @kernel
-def store(senses: Any, now: float, glimpse: Any, felt: float) -> None:
+def store(senses: np.void, now: float, glimpse: np.void, felt: float) -> None:
     """Store what the display shows and what the hand feels now."""
     seen, count = senses["seen"], senses["seen_count"]
     newest = seen[(senses["first_seen"] + count - 1) % ROOM]["time"]
@@ -138,7 +138,7 @@ def store(senses: Any, now: float, glimpse: Any, felt: float) -> None:
 
 
 @inlined
-def _store_force(senses: Any, now: float, felt: float) -> None:
+def _store_force(senses: np.void, now: float, felt: float) -> None:
     """Store the force on the hand; without haptic feedback, forget all forces."""
     forces, count = senses["felt"], senses["felt_count"]
     if isnan(felt):
@@ -157,7 +157,7 @@ def _store_force(senses: Any, now: float, felt: float) -> None:
 
 
 @inlined
-def _newest_until(ring: Any, first: int, count: int, until: float) -> int:
+def _newest_until(ring: Records, first: int, count: int, until: float) -> int:
     """Return the place, counted from the oldest, of the newest entry that is not later than a time; -1 for none."""
     if count == 0:
         return -1
@@ -171,7 +171,7 @@ def _newest_until(ring: Any, first: int, count: int, until: float) -> int:
 
 
 @kernel
-def perceive(senses: Any, until: float, span: float, percept: Any) -> bool:
+def perceive(senses: np.void, until: float, span: float, percept: np.void) -> bool:
     """Perceive the display as it was at a time, with present perceptual noise; return whether anything was displayed.
 
     Parameters
@@ -200,7 +200,7 @@ def perceive(senses: Any, until: float, span: float, percept: Any) -> bool:
 
 
 @inlined
-def _velocity(senses: Any, last: int, span: float) -> float:
+def _velocity(senses: np.void, last: int, span: float) -> float:
     """Return the velocity of the free ball from its positions within a window; 0 with only one [m/s]."""
     seen, first = senses["seen"], senses["first_seen"]
     end = seen[(first + last) % ROOM]
@@ -218,7 +218,7 @@ def _velocity(senses: Any, last: int, span: float) -> float:
 
 
 @kernel
-def force_at(senses: Any, when: float) -> float:
+def force_at(senses: np.void, when: float) -> float:
     """Return the force on the participant's hand at a past time, + = up; NaN if none was rendered then [N]."""
     forces, first = senses["felt"], senses["first_felt"]
     place = _newest_until(forces, first, senses["felt_count"], when)

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import inlined, kernel
+from netboard.base.compiled import Numbers, Records, Words, inlined, kernel
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.tables.experiment import Block
 from netboard.base.tick import TICK_WORDS
@@ -148,7 +148,7 @@ _LEVELLING, _HOLDING, _FINISHED = int(Phase.LEVELLING), int(Phase.HOLDING), int(
 
 
 @inlined
-def shown_of(curtain: Any, words: Any, numbers: Any, best: float, pause: int) -> Shown:
+def shown_of(curtain: np.void, words: Words, numbers: Numbers, best: float, pause: int) -> Shown:
     """Return what one station may see of a tick. These are the rules of the curtain.
 
     Parameters
@@ -188,7 +188,7 @@ def shown_of(curtain: Any, words: Any, numbers: Any, best: float, pause: int) ->
 
 
 @kernel
-def _shown(curtain: Any, words: Any, best: float, pause: int) -> Shown:
+def _shown(curtain: Records, words: Words, best: float, pause: int) -> Shown:
     """Return `shown_of` for an array of one record."""
     return shown_of(curtain[0], words, words.view(np.float64), best, pause)
 
@@ -252,7 +252,7 @@ def _known(value: float) -> float | None:
 
 
 @kernel
-def glimpse(curtain: Any, words: Any, numbers: Any, when: float, seen: Any) -> None:
+def glimpse(curtain: np.void, words: Words, numbers: Numbers, when: float, seen: np.void) -> None:
     """Write what one station sees of a tick, for a simulated participant.
 
     Parameters

@@ -18,7 +18,7 @@ import numpy as np
 from numba import literal_unroll
 from numpy.typing import NDArray
 
-from netboard.base.compiled import borrowed, inlined
+from netboard.base.compiled import Records, borrowed, inlined
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError
 from netboard.base.tables.declared import number_of
@@ -53,7 +53,7 @@ _NONE, _FAULT = int(Cause.NONE), int(Cause.FAULT)
 
 @inlined
 def _force(
-    s: Any, board: State, row: Any, hands: State, parts: Parts, felt: Rendering, packed: Any, scene: Any
+    s: np.void, board: State, row: np.void, hands: State, parts: Parts, felt: Rendering, packed: np.void, scene: np.void
 ) -> None:
     """Write the forces of the couplings and the commanded forces."""
     on_left, on_right = coupling(board, hands[0], hands[4], parts, scene)
@@ -76,7 +76,7 @@ def _force(
 
 
 @inlined
-def _settle(s: Any, x: State) -> bool:
+def _settle(s: np.void, x: State) -> bool:
     """Store the state of board and ball; if it is implausible, put them at rest and return False."""
     # One test for all six: a NaN or an infinity makes the sum non-finite.
     sound = bool(np.isfinite(x[0] + x[1] + x[2] + x[3] + x[4] + x[5])) and abs(x[2]) <= MAX_TILT
@@ -92,7 +92,7 @@ _STATE_NAMES = tuple(STATE.names or ())
 
 
 @inlined
-def _keep(row: Any, s: Any) -> None:
+def _keep(row: np.void, s: np.void) -> None:
     """Copy the state into the row, one assignment for each field: a kernel finds fields by constant names only."""
     for name in literal_unroll(_STATE_NAMES):
         row[name] = s[name]
@@ -106,7 +106,9 @@ def _make_ticks(
     STEP = TICK_SECONDS / SUBSTEPS
 
     @inlined
-    def ticks(state: Any, rows: Any, first: int, count: int, book: Any, tables: Any) -> None:
+    def ticks(
+        state: Records, rows: Records, first: int, count: int, book: Records, tables: NDArray[np.float64]
+    ) -> None:
         s, scene, rules, packed = state[0], book[0]["scene"], book[0]["rules"], book[0]["rendering"]
         limit = book[0]["settings"]["stylus_range"]
         tables = borrowed(tables)
@@ -152,7 +154,7 @@ BOOK = np.dtype([("scene", SCENE), ("rules", RULES), ("rendering", RENDERING), (
 
 
 @inlined
-def commanded_tick(number: int, delay: int, trial: int, catch: Any) -> int:
+def commanded_tick(number: int, delay: int, trial: int, catch: NDArray[np.int64]) -> int:
     """Return the tick whose forces are commanded at a tick: `delay` before, in a catch trial the tick itself [1].
 
     In a catch trial, the delayed force may be of the trial before, and the tick itself has no force.

@@ -4,20 +4,12 @@ A tick gets the newest sample of each hand, which is older than its deadline, or
 state of the stage (`netboard.base.tick.STATE`) and the row of the tick.
 """
 
-from typing import Any
-
 import numpy as np
 
 from netboard.base.compiled import inlined
 from netboard.base.tables.declared import EXTRAPOLATIONS, require
 from netboard.physics.arithmetic.vectors import State
-from netboard.physics.hands.extrapolation import (
-    ACCELERATION_HORIZON,
-    VELOCITY_HORIZON,
-    moving,
-    reached,
-    resting,
-)
+from netboard.physics.hands.extrapolation import ACCELERATION_HORIZON, VELOCITY_HORIZON, moving, reached, resting
 
 MIN_SAMPLE_INTERVAL = 0.25e-3
 """Samples closer than this give no acceleration: their difference in velocity is noise [s]."""
@@ -66,7 +58,7 @@ def _used(
 
 
 @inlined
-def sense_left(s: Any, row: Any, limit: float, hold: int) -> None:
+def sense_left(s: np.void, row: np.void, limit: float, hold: int) -> None:
     """Update state and row from the left stylus. Records have constant field names in kernels: one for each side."""
     z, vz, stamp_ns = row["left_sent_z"], row["left_sent_vz"], row["left_stamp_ns"]
     live = row["left_live"] != 0 and np.isfinite(z) and abs(vz) <= MAX_STYLUS_SPEED
@@ -80,7 +72,7 @@ def sense_left(s: Any, row: Any, limit: float, hold: int) -> None:
 
 
 @inlined
-def sense_right(s: Any, row: Any, limit: float, hold: int) -> None:
+def sense_right(s: np.void, row: np.void, limit: float, hold: int) -> None:
     """Update state and row from the right stylus."""
     z, vz, stamp_ns = row["right_sent_z"], row["right_sent_vz"], row["right_stamp_ns"]
     live = row["right_live"] != 0 and np.isfinite(z) and abs(vz) <= MAX_STYLUS_SPEED
@@ -94,7 +86,7 @@ def sense_right(s: Any, row: Any, limit: float, hold: int) -> None:
 
 
 @inlined
-def drives(row: Any, hold: int, scene: Any) -> State:
+def drives(row: np.void, hold: int, scene: np.void) -> State:
     """Return the drives of both hands during the tick, as polynomials in time [SI]."""
     left_z, left_vz, right_z, right_vz = (
         row["left_used_z"],

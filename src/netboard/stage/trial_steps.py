@@ -3,7 +3,7 @@
 The table of phases, causes and actions is `netboard.task.trials.state_machine`.
 """
 
-from typing import Any
+import numpy as np
 
 from netboard.base.compiled import inlined
 from netboard.base.tick import TICK_SECONDS
@@ -30,14 +30,14 @@ _REOPEN = int(Action.REOPEN)
 
 
 @inlined
-def _place_ball(s: Any, rules: Any) -> None:
+def _place_ball(s: np.void, rules: np.void) -> None:
     """Put the ball at rest opposite the target."""
     s["p"] = -s["target"] * rules["target_distance"]
     s["vp"] = 0.0
 
 
 @inlined
-def _act(s: Any, action: int, rules: Any) -> None:
+def _act(s: np.void, action: int, rules: np.void) -> None:
     """Apply an action of the trial state machine to the state."""
     if action == _RELEASE:
         s["run_ticks"] = 0
@@ -68,7 +68,7 @@ def _act(s: Any, action: int, rules: Any) -> None:
 
 
 @inlined
-def _count(s: Any, rules: Any) -> None:
+def _count(s: np.void, rules: np.void) -> None:
     """Update the tick counters: of the block, since the release, while level, inside the target."""
     phase = s["phase"]
     if is_active(phase):
@@ -83,7 +83,7 @@ def _count(s: Any, rules: Any) -> None:
 
 
 @inlined
-def take_transition(s: Any, cause: int, rules: Any) -> int:
+def take_transition(s: np.void, cause: int, rules: np.void) -> int:
     """Take the transition for a cause and return the cause; return 0 if there is none [1].
 
     Parameters
@@ -100,7 +100,7 @@ def take_transition(s: Any, cause: int, rules: Any) -> int:
 
 
 @inlined
-def decide(s: Any, command: int, rules: Any) -> int:
+def decide(s: np.void, command: int, rules: np.void) -> int:
     """Run the trial state machine; return the cause of the transition taken, 0 for none [1].
 
     Parameters

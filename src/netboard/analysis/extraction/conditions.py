@@ -22,16 +22,7 @@ from netboard.base.tables.experiment import Mover
 from netboard.base.tables.forces import CONDITIONS
 from netboard.recording.export.factors import fields_of
 from netboard.recording.format.channels import Field
-from netboard.task.studies.factors import (
-    KIND,
-    BlockFactor,
-    Declared,
-    Scope,
-    column_of,
-    factors_of,
-    level_text,
-    merge,
-)
+from netboard.task.studies.factors import KIND, BlockFactor, Declared, Scope, column_of, factors_of, level_text, merge
 
 SETTINGS = {"block": ("force_scale", "force_delay_ms"), "physics": (), "task": (), "geometry": ()}
 """Configuration tables, and their keys (empty: all), that may differ without being a declared factor."""
@@ -189,12 +180,12 @@ def _undeclared(
         yield StudyFactor(key, "trial" if any(len(set(one)) > 1 for one in own) else "block", of), own
 
 
-def _listed(value: Any) -> list[Any]:
+def _listed(value: object) -> list[Any]:
     """Return the values of a setting in a block: one, one for each trial, or none if it is not known."""
     return value if isinstance(value, list) else [] if value is None else [value]
 
 
-def _level(value: Any) -> str:
+def _level(value: object) -> str:
     """Return a value as a short text, with as many digits as tell it from all others."""
     short = f"{value:g}" if isinstance(value, float) else str(value)
     return short if not isinstance(value, float) or float(short) == value else repr(value)

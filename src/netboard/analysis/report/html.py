@@ -116,7 +116,7 @@ def _template() -> Any:
     return pages.get_template("report.html.jinja")
 
 
-def _shown(value: Any) -> Any:
+def _shown(value: object) -> Any:
     """Make invisible characters of a text visible; markup is left as it is."""
     return visible(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 

@@ -36,7 +36,7 @@ def text_of_cell(cell: str) -> str:
     return cell[1:] if cell.startswith(QUOTE) and cell[1:].startswith(MARKED) else cell
 
 
-def cell_of(value: Any) -> Any:
+def cell_of(value: object) -> Any:
     """Return a value as a cell holds it: a text marked if necessary, anything else as it is."""
     return text_cell(value) if isinstance(value, str) else value
 
@@ -73,7 +73,7 @@ def tsv_lines(rows: Iterable[Iterable[Any]], shown: Callable[[Any], str]) -> Ite
     return ("\t".join(_shown(value, shown(value)) for value in values) + "\n" for values in rows)
 
 
-def _shown(value: Any, cell: str) -> str:
+def _shown(value: object, cell: str) -> str:
     return text_cell(cell) if isinstance(value, str) else cell
 
 

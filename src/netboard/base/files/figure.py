@@ -3,10 +3,13 @@
 from importlib.util import find_spec
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from netboard.base.errors import ConfigError, NetboardError, writing
 from netboard.base.files.new import new_file, refuse_existing, try_writing
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def refuse_figure(figure: Path | None) -> None:
@@ -24,7 +27,7 @@ def refuse_figure(figure: Path | None) -> None:
         try_writing(figure.parent)
 
 
-def save_figure(figure: Any, path: Path, dpi: int) -> None:
+def save_figure(figure: "Figure", path: Path, dpi: int) -> None:
     """Save a figure of matplotlib."""
     data = BytesIO()
     figure.savefig(data, format=path.suffix[1:].lower(), dpi=dpi)

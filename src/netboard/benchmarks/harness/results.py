@@ -111,7 +111,7 @@ class Folder:
             figure.savefig(self.path / f"{name}.svg", metadata={"Date": None})
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> Any:
     """Return a value as JSON types, with non-finite numbers as text."""
     if isinstance(value, dict):
         return {name: _plain(inner) for name, inner in value.items()}

@@ -46,7 +46,7 @@ DeviceName = Literal["virtual", "touch"]
 
 
 @kernel
-def read_now(parts: Any, now_ns: int) -> tuple[bool, Fields]:
+def read_now(parts: tuple[Any, ...], now_ns: int) -> tuple[bool, Fields]:
     """Read a Touch as its agent does, but with the time of the reading as its stamp."""
     found, (_, x, y, z, vx, vy, vz, buttons, ready) = access.read(parts, now_ns)
     return found, (now_ns, x, y, z, vx, vy, vz, buttons, ready)

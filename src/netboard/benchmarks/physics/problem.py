@@ -115,7 +115,7 @@ def multiples(count: int, h: float) -> Array:
     return np.arange(count, dtype=np.float64) * h
 
 
-def styluses_at(times: Any, spread: float = 1.0) -> tuple[Array, Array]:
+def styluses_at(times: NDArray[np.floating[Any]], spread: float = 1.0) -> tuple[Array, Array]:
     """Return heights and velocities of the left and the right stylus, shape (..., 2) [m, m/s].
 
     - `spread`: factor of their movement against each other [1].
@@ -154,13 +154,13 @@ def drive_waves(physics: Physics) -> Array:
 
 
 @kernel
-def _fill_drives(waves: Any, times: Any, out: Any) -> None:
+def _fill_drives(waves: NDArray[np.float64], times: NDArray[np.float64], out: NDArray[np.float64]) -> None:
     for i in range(len(times)):
         out[i, 0], out[i, 1] = both_drives(waves, times[i])
 
 
 @inlined
-def both_drives(waves: Any, t: float) -> tuple[float, float]:
+def both_drives(waves: NDArray[np.float64], t: float) -> tuple[float, float]:
     """Return the drives of both hands at a time."""
     push, turn = 0.0, 0.0
     for i in range(3):

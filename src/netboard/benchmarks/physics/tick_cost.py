@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import kernel
+from netboard.base.compiled import Records, kernel
 from netboard.base.config import SIDES, Config
 from netboard.base.tables.experiment import Task
 from netboard.base.tables.scene import Geometry, Physics
@@ -24,6 +24,7 @@ from netboard.benchmarks.harness.results import ResultPart
 from netboard.benchmarks.harness.running import in_turns, timed
 from netboard.benchmarks.physics.problem import STATE_NAMES, Array, Problem, multiples, styluses_at
 from netboard.physics.arithmetic.trig import sincos
+from netboard.physics.arithmetic.vectors import State
 from netboard.physics.methods.catalogue import NUMBER
 from netboard.physics.methods.march import make_grid, make_march
 from netboard.physics.scene.models import rates
@@ -53,7 +54,7 @@ def _sincos_chain(theta: float, count: int) -> float:
 
 
 @kernel
-def _sincos_beside(angles: Any, out: Any) -> None:
+def _sincos_beside(angles: NDArray[np.float64], out: NDArray[np.float64]) -> None:
     for i in range(len(angles)):
         s, c = sincos(angles[i])
         out[i] = s + c
@@ -64,7 +65,7 @@ def _make_right_sides(PARTS: Parts) -> tuple[Callable[..., float], Callable[...,
     """Compile a chain of dependent right-hand sides, and independent ones."""
 
     @kernel
-    def chain(x: Any, left: float, right: float, scene: Any, count: int) -> float:
+    def chain(x: State, left: float, right: float, scene: Records, count: int) -> float:
         turning, rest = 0.0, 0.0
         for _ in range(count):
             y = (x[0], x[1], x[2] + _NOTHING * turning, x[3], x[4], x[5])
@@ -74,7 +75,9 @@ def _make_right_sides(PARTS: Parts) -> tuple[Callable[..., float], Callable[...,
         return turning + rest
 
     @kernel
-    def beside(states: Any, left: float, right: float, scene: Any, out: Any) -> None:
+    def beside(
+        states: NDArray[np.float64], left: float, right: float, scene: Records, out: NDArray[np.float64]
+    ) -> None:
         for i in range(len(states)):
             x = (states[i, 0], states[i, 1], states[i, 2], states[i, 3], states[i, 4], states[i, 5])
             rate = rates(x, left, right, PARTS, scene[0])

@@ -9,9 +9,10 @@ run is no longer bounded.
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from netboard.base.tables.scene import Physics
 from netboard.base.tick import TICK_SECONDS
@@ -28,13 +29,10 @@ from netboard.benchmarks.stability.runs import (
 )
 from netboard.physics.scene.parameters import pack_scene, parts_of
 from netboard.physics.stability.method_choice import EXPONENTIAL, GROWTH_TOLERANCE
-from netboard.physics.stability.step_matrix import (
-    Matrix,
-    is_stable,
-    largest_step,
-    spectral_radius,
-    tilted_matrix,
-)
+from netboard.physics.stability.step_matrix import Matrix, is_stable, largest_step, spectral_radius, tilted_matrix
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 ALLOWED = {"verlet": 0.08}
 USUALLY_ALLOWED = 0.04
@@ -237,7 +235,7 @@ def draw_map(plane: Plane, cells: Sequence[MapCell]) -> Any:
     return figure
 
 
-def _draw_steps(ax: Any, steps: Any, norm: Any) -> None:
+def _draw_steps(ax: "Axes", steps: NDArray[np.float64], norm: Any) -> None:
     """Draw one heat map with its values in milliseconds."""
     ax.imshow(np.minimum(steps, 1.0), origin="lower", norm=norm, cmap="viridis", aspect="auto")
     for (i, j), h in np.ndenumerate(steps):

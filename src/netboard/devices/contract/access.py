@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import composed, inlined, kernel
+from netboard.base.compiled import Records, composed, inlined, kernel
 from netboard.devices.contract.estimators import Estimator
 
 Fields: TypeAlias = tuple[int, float, float, float, float, float, float, int, bool]
@@ -47,7 +47,7 @@ PLACEMENT = np.dtype(
 
 @kernel
 def in_scene_frame(
-    placement: Any,
+    placement: Records,
     stamp_ns: int,
     x: float,
     y: float,
@@ -90,32 +90,32 @@ def within(limit: float, fx: float, fy: float, fz: float) -> tuple[float, float,
     return fx * share, fy * share, fz * share
 
 
-def _own_read(parts: Any, now_ns: int) -> tuple[bool, Fields]:
+def _own_read(parts: tuple[Any, ...], now_ns: int) -> tuple[bool, Fields]:
     """Stand for the reading of a backend."""
     return True, (now_ns, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, False)
 
 
-def _own_write(parts: Any, fx: float, fy: float, fz: float) -> None:
+def _own_write(parts: tuple[Any, ...], fx: float, fy: float, fz: float) -> None:
     """Stand for the writing of a backend."""
 
 
-def _own_live(parts: Any, now_ns: int) -> None:
+def _own_live(parts: tuple[Any, ...], now_ns: int) -> None:
     """Stand for what a backend does after a force."""
 
 
-def _estimate(state: Any, stamp_ns: int, x: float, y: float, z: float) -> tuple[float, float, float]:
+def _estimate(state: Records, stamp_ns: int, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Stand for the estimator of the velocity."""
     return 0.0, 0.0, 0.0
 
 
-def _read_placed(parts: Any, now_ns: int) -> tuple[bool, Fields]:
+def _read_placed(parts: tuple[Any, ...], now_ns: int) -> tuple[bool, Fields]:
     """Read as `Device.read` does, with the velocity of the backend."""
     own, placement, _ = parts
     found, reading = _own_read(own, now_ns)
     return found, in_scene_frame(placement, *reading)
 
 
-def _read_estimated(parts: Any, now_ns: int) -> tuple[bool, Fields]:
+def _read_estimated(parts: tuple[Any, ...], now_ns: int) -> tuple[bool, Fields]:
     """Read as `Device.read` does, with the velocity of an estimator."""
     own, placement, state = parts
     found, reading = _own_read(own, now_ns)
@@ -126,12 +126,12 @@ def _read_estimated(parts: Any, now_ns: int) -> tuple[bool, Fields]:
     return found, in_scene_frame(placement, stamp_ns, x, y, z, vx, vy, vz, buttons, ready)
 
 
-def _write_placed(parts: Any, fx: float, fy: float, fz: float) -> None:
+def _write_placed(parts: tuple[Any, ...], fx: float, fy: float, fz: float) -> None:
     """Write as the backend does."""
     _own_write(parts[0], fx, fy, fz)
 
 
-def _live_placed(parts: Any, now_ns: int) -> None:
+def _live_placed(parts: tuple[Any, ...], now_ns: int) -> None:
     """Do what the backend does after a force."""
     _own_live(parts[0], now_ns)
 

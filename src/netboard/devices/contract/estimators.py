@@ -17,7 +17,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import kernel, machine_code
+from netboard.base.compiled import Records, kernel, machine_code
 from netboard.base.tick import TICK_SECONDS
 
 WINDOW_NS = 15_000_000
@@ -63,7 +63,7 @@ SLOPE = np.dtype(
 
 
 @kernel
-def slope_velocity(state: Any, stamp_ns: int, x: float, y: float, z: float) -> tuple[float, float, float]:
+def slope_velocity(state: Records, stamp_ns: int, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Add a position to an array of one `SLOPE`, and return the slope along each axis [m/s]."""
     s = state[0]
     stamps, places = s["stamps"], s["places"]
@@ -96,7 +96,7 @@ FILTER = np.dtype(
 
 
 @kernel
-def filtered_velocity(state: Any, stamp_ns: int, x: float, y: float, z: float) -> tuple[float, float, float]:
+def filtered_velocity(state: Records, stamp_ns: int, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Predict from the previous state, correct by a position; an array of one `FILTER`; return the velocity [m/s]."""
     f = state[0]
     stamps, states, gains = f["stamps"], f["states"], f["gains"]

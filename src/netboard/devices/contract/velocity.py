@@ -16,7 +16,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import inlined, kernel
+from netboard.base.compiled import Records, inlined, kernel
 from netboard.devices.contract import estimators
 from netboard.devices.contract.estimators import Estimator
 from netboard.physics.arithmetic.simd import gathered, lane, lanes_at, larger, put, smaller, where_within
@@ -36,12 +36,7 @@ def make_windowed(LANES: int) -> Callable[..., tuple[int, Any]]:
 
     @inlined
     def windowed(
-        stamps: NDArray[np.int64],
-        places: NDArray[np.float64],
-        count: int,
-        band: float,
-        stamp_ns: int,
-        newest: Any,
+        stamps: NDArray[np.int64], places: NDArray[np.float64], count: int, band: float, stamp_ns: int, newest: Any
     ) -> tuple[int, Any]:
         """Add a position to the stored ones; return their number and the velocities [m/s].
 
@@ -96,7 +91,7 @@ WINDOW = np.dtype(
 
 
 @kernel
-def windowed_velocity(window: Any, stamp_ns: int, x: float, y: float, z: float) -> tuple[float, float, float]:
+def windowed_velocity(window: Records, stamp_ns: int, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Add a position to an array of one `WINDOW`, and return the velocity x, y, z; see `Estimator.update` [m/s]."""
     w = window[0]
     newest = gathered((x, y, z), AXES)

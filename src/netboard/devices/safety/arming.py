@@ -7,11 +7,9 @@ Rule 3: the device is armed only while the server allows it and commands no forc
 connection is lost in a trial, the device stays disarmed until the trial has been paused and resumed.
 """
 
-from typing import Any
-
 import numpy as np
 
-from netboard.base.compiled import kernel
+from netboard.base.compiled import Records, kernel
 from netboard.devices.safety.chain import Guard, SafetyChain, Trip, fail, trip
 from netboard.network.protocol.motion import Safeguard
 
@@ -37,7 +35,7 @@ _STOPPED, _NOT_READY = int(Safeguard.STOPPED), int(Safeguard.NOT_READY)
 
 
 @kernel
-def arm(arming: Any, chain: Any, buttons: int, ready: bool, permission: int, answered_seq: int) -> int:
+def arm(arming: Records, chain: Records, buttons: int, ready: bool, permission: int, answered_seq: int) -> int:
     """Apply the rules to a reading; return the safeguards.
 
     ``permission``: of the server, as `SILENT`. ``answered_seq``: number of the newest sample that it has answered.
@@ -58,7 +56,7 @@ def arm(arming: Any, chain: Any, buttons: int, ready: bool, permission: int, ans
 
 
 @kernel
-def _disarm(arming: Any, chain: Any, answered_seq: int) -> None:
+def _disarm(arming: Records, chain: Records, answered_seq: int) -> None:
     """Disarm, unless that would clear an emergency stop of which the server may not know."""
     a = arming[0]
     if a["stop_seq"] != KNOWN and answered_seq >= a["stop_seq"]:
@@ -68,7 +66,7 @@ def _disarm(arming: Any, chain: Any, answered_seq: int) -> None:
 
 
 @kernel
-def note_stop(arming: Any, seq: int, safeguards: int) -> None:
+def note_stop(arming: Records, seq: int, safeguards: int) -> None:
     """Note that a sample is sent.
 
     The first one with the pressed button does not tell of the stop: its safeguards are those before it.

@@ -23,11 +23,11 @@ Rule 6: the gate requires only a small vertical force. The lateral force is a sp
 
 from enum import IntEnum
 from math import isfinite, sqrt
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from netboard.base.compiled import inlined, kernel
+from netboard.base.compiled import Records, inlined, kernel
 from netboard.base.tables.rig import Safety as Limits
 from netboard.base.tick import NEVER_NS
 from netboard.network.protocol.motion import Safeguard
@@ -173,7 +173,7 @@ def _norm(x: float, y: float, z: float) -> float:
 
 
 @kernel
-def trip(chain: Any, trigger: int) -> bool:
+def trip(chain: Records, trigger: int) -> bool:
     """Follow the edge of the table for a trigger, if there is one; return True if there is."""
     c = chain[0]
     then = _NEXT[c["guard"], trigger]
@@ -188,7 +188,7 @@ def trip(chain: Any, trigger: int) -> bool:
 
 
 @kernel
-def fail(chain: Any, cause: int) -> None:
+def fail(chain: Records, cause: int) -> None:
     """Enter the fault state with zero force at once."""
     c = chain[0]
     c["cause"] |= cause
@@ -197,7 +197,7 @@ def fail(chain: Any, cause: int) -> None:
 
 
 @kernel
-def _watch(chain: Any, age_ms: float, too_fast: bool, fz: float) -> bool:
+def _watch(chain: Records, age_ms: float, too_fast: bool, fz: float) -> bool:
     """Follow the first edge of the table that the current conditions trigger; return False if there is none."""
     c = chain[0]
     stale, expired = age_ms > c["stale_after_ms"], age_ms > c["disarm_after_ms"]
@@ -215,7 +215,7 @@ def _watch(chain: Any, age_ms: float, too_fast: bool, fz: float) -> bool:
 
 
 @inlined
-def _force_limit(c: Any) -> float:
+def _force_limit(c: np.void) -> float:
     """Return the current force limit: the clamp, or less while the mean is near its limit [N]."""
     if c["mean"] <= (1.0 - MARGIN) * c["mean_limit"]:
         return float(c["clamp"])
@@ -225,7 +225,7 @@ def _force_limit(c: Any) -> float:
 
 
 @inlined
-def _fade_or_grow(c: Any, dt: float) -> None:
+def _fade_or_grow(c: np.void, dt: float) -> None:
     """Update the gains: decrease the vertical gain while stale, otherwise increase both."""
     if c["guard"] == _HOLDS:
         c["vertical_gain"] = max(0.0, c["vertical_gain"] - dt / (c["fade_ms"] * 1e-3))
@@ -236,7 +236,7 @@ def _fade_or_grow(c: Any, dt: float) -> None:
 
 
 @inlined
-def _damped(c: Any, fz: float, vz: float) -> float:
+def _damped(c: np.void, fz: float, vz: float) -> float:
     """Add damping to a vertical force that fades.
 
     The damping never exceeds the force that it accompanies. So it adds no force where there was none, and both end
@@ -247,7 +247,7 @@ def _damped(c: Any, fz: float, vz: float) -> float:
 
 
 @kernel
-def _aim(chain: Any, dt: float, fx: float, fy: float, fz: float, vz: float) -> tuple[float, float, float, int]:
+def _aim(chain: Records, dt: float, fx: float, fy: float, fz: float, vz: float) -> tuple[float, float, float, int]:
     """Return the wanted force under gains and limits, and the safeguards that this takes; only in a live state."""
     c = chain[0]
     bits = _ARMED | (_RAMPING if c["guard"] == _RAMPS else 0)
@@ -264,7 +264,7 @@ def _aim(chain: Any, dt: float, fx: float, fy: float, fz: float, vz: float) -> t
 
 
 @kernel
-def _slew(chain: Any, dt: float, fx: float, fy: float, fz: float) -> int:
+def _slew(chain: Records, dt: float, fx: float, fy: float, fz: float) -> int:
     """Move the force towards the target, within the slew limit."""
     c = chain[0]
     most = c["max_slew"] * min(dt, MAX_STEP_NS * 1e-9)
@@ -282,7 +282,7 @@ def _slew(chain: Any, dt: float, fx: float, fy: float, fz: float) -> int:
 
 @kernel
 def limit(
-    chain: Any, now_ns: int, fx: float, fy: float, fz: float, fresh_ns: int, vx: float, vy: float, vz: float
+    chain: Records, now_ns: int, fx: float, fy: float, fz: float, fresh_ns: int, vx: float, vy: float, vz: float
 ) -> int:
     """Limit one wanted force; return the safeguards. The limited force is in the chain. See `SafetyChain.step`."""
     c = chain[0]

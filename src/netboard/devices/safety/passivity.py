@@ -22,11 +22,10 @@ side.
 """
 
 from math import isfinite
-from typing import Any
 
 import numpy as np
 
-from netboard.base.compiled import kernel
+from netboard.base.compiled import Records, kernel
 from netboard.base.tick import TICK_SECONDS
 
 STORED = 2e-3
@@ -60,7 +59,7 @@ PASSIVITY = np.dtype(
 
 
 @kernel
-def restart(passivity: Any) -> None:
+def restart(passivity: Records) -> None:
     """Restart at zero energy, at a time without force."""
     p = passivity[0]
     p["energy"] = p["force"] = p["answered"] = p["height"] = 0.0
@@ -68,13 +67,13 @@ def restart(passivity: Any) -> None:
 
 
 @kernel
-def remember_height(passivity: Any, seq: int, height: float) -> None:
+def remember_height(passivity: Records, seq: int, height: float) -> None:
     """Store the height of the stylus in a sample [m]."""
     passivity[0]["heights"][seq % REMEMBERED] = height
 
 
 @kernel
-def passive_force(passivity: Any, force: float, seq: int, height: float, velocity: float, rendered: float) -> float:
+def passive_force(passivity: Records, force: float, seq: int, height: float, velocity: float, rendered: float) -> float:
     """Limit a commanded force; see `Passivity.step`."""
     p = passivity[0]
     answered = p["heights"][seq % REMEMBERED]

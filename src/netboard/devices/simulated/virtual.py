@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import StrictBool
 
-from netboard.base.compiled import inlined, kernel, machine_code
+from netboard.base.compiled import Records, inlined, kernel, machine_code
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
 from netboard.base.tick import NEVER_NS, TICK_NS
@@ -64,7 +64,7 @@ def _quantised(x: float, y: float, z: float, step: float) -> tuple[float, float,
 
 
 @kernel
-def encoded(state: Any, rest: float, stop: float, step: float) -> tuple[float, float, float]:
+def encoded(state: Records, rest: float, stop: float, step: float) -> tuple[float, float, float]:
     """Return the position in whole encoder steps a given time [s] after the state, not beyond the stops [m]."""
     place, v = state[0]["place"], state[0]["v"]
     x = min(max(place[0] + rest * v[0], -stop), stop)
@@ -87,14 +87,14 @@ DEVICE = np.dtype(
 
 
 @inlined
-def _act(d: Any) -> None:
+def _act(d: np.void) -> None:
     """Let the force written last act on the hand."""
     for axis in range(3):
         d["acting"][axis] = d["written"][axis]
 
 
 @kernel
-def advance_to(parts: Any, now_ns: int) -> None:
+def advance_to(parts: tuple[Any, ...], now_ns: int) -> None:
     """Simulate the hand up to now under the acting force, in whole steps, and over `CATCH_UP_NS` at most."""
     device, _, state, tip, arm, cables, plan = parts
     d = device[0]
@@ -107,14 +107,14 @@ def advance_to(parts: Any, now_ns: int) -> None:
 
 
 @kernel
-def live(parts: Any, now_ns: int) -> None:
+def live(parts: tuple[Any, ...], now_ns: int) -> None:
     """Simulate the hand up to now; the force written last acts from then on."""
     advance_to(parts, now_ns)
     _act(parts[0][0])
 
 
 @kernel
-def read(parts: Any, now_ns: int) -> tuple[bool, Fields]:
+def read(parts: tuple[Any, ...], now_ns: int) -> tuple[bool, Fields]:
     """Read the stylus, after a simulation up to now unless the last one was within a millisecond."""
     device, window, state, _, _, _, _ = parts
     d = device[0]
@@ -128,7 +128,7 @@ def read(parts: Any, now_ns: int) -> tuple[bool, Fields]:
 
 
 @kernel
-def write(parts: Any, fx: float, fy: float, fz: float) -> None:
+def write(parts: tuple[Any, ...], fx: float, fy: float, fz: float) -> None:
     """Set the force, limited to what the motors can deliver [N]."""
     d = parts[0][0]
     d["written"][0], d["written"][1], d["written"][2] = within(d["limit"], fx, fy, fz)

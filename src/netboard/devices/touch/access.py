@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numba.core import types
 
-from netboard.base.compiled import kernel
+from netboard.base.compiled import Records, kernel
 from netboard.base.tick import NEVER_NS
 from netboard.devices.contract.access import Fields, within
 
@@ -63,14 +63,14 @@ _servo_put = _shim_function("servo_put", types.void, types.intp, _FLOAT, _FLOAT,
 
 
 @kernel
-def has_stalled(library: Any, device: Any, sample: Any, now_ns: int) -> bool:
+def has_stalled(library: Records, device: Records, sample: Records, now_ns: int) -> bool:
     """Return whether the servo should have run since its newest sample."""
     since_ns = library[0]["since_ns"]
     return bool(since_ns != NEVER_NS and now_ns - max(sample[0]["stamp_ns"], since_ns) > device[0]["stall_ns"])
 
 
 @kernel
-def reading_of(library: Any, device: Any, sample: Any, now_ns: int) -> Fields:
+def reading_of(library: Records, device: Records, sample: Records, now_ns: int) -> Fields:
     """Convert the newest sample to a reading."""
     s = sample[0]
     rested = now_ns >= device[0]["rested_ns"]
@@ -90,14 +90,14 @@ def reading_of(library: Any, device: Any, sample: Any, now_ns: int) -> Fields:
 
 
 @kernel
-def to_motors(device: Any, fx: float, fy: float, fz: float) -> tuple[float, float, float]:
+def to_motors(device: Records, fx: float, fy: float, fz: float) -> tuple[float, float, float]:
     """Limit a force to what the motors can deliver, and return it in the vendor's frame [N]."""
     fx, fy, fz = within(device[0]["max_force"], fx, fy, fz)
     return fy, fz, fx
 
 
 @kernel
-def read(parts: Any, now_ns: int) -> tuple[bool, Fields]:
+def read(parts: tuple[Any, ...], now_ns: int) -> tuple[bool, Fields]:
     """Read a device with a servo in C, unless Python must judge an error or a stall."""
     library, device, sample, _ = parts
     servo = device[0]["servo"]
@@ -111,7 +111,7 @@ def read(parts: Any, now_ns: int) -> tuple[bool, Fields]:
 
 
 @kernel
-def write(parts: Any, fx: float, fy: float, fz: float) -> None:
+def write(parts: tuple[Any, ...], fx: float, fy: float, fz: float) -> None:
     """Set the force of a device with a servo in C, unless it is released."""
     _, device, _, _ = parts
     servo = device[0]["servo"]
@@ -121,5 +121,5 @@ def write(parts: Any, fx: float, fy: float, fz: float) -> None:
 
 
 @kernel
-def live(parts: Any, now_ns: int) -> None:
+def live(parts: tuple[Any, ...], now_ns: int) -> None:
     """Do nothing: a real hand lives by itself."""

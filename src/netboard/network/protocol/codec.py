@@ -118,11 +118,11 @@ def message_of(kind: type[M], values: Mapping[str, Any]) -> M:
 # --- one field ---------------------------------------------------------------------------------------------------
 
 
-def _call(check: Check, value: Any) -> Any:
+def _call(check: Check, value: object) -> Any:
     return check(value)
 
 
-def _read_int(value: Any) -> int:
+def _read_int(value: object) -> int:
     if type(value) is not int or value >= 2**63:  # MessagePack itself has nothing below -2**63
         raise ValueError(f"expected an integer of 64 bits, got {short(value)}")
     return value
@@ -141,19 +141,19 @@ def _write_float(value: Any) -> float:
     return float(value)
 
 
-def _exactly(expected: type, value: Any) -> Any:
+def _exactly(expected: type, value: object) -> Any:
     if type(value) is not expected:
         raise ValueError(f"expected {expected.__name__}, got {short(value)}")
     return value
 
 
-def _one_of(allowed: tuple[str, ...], value: Any) -> Any:
+def _one_of(allowed: tuple[str, ...], value: object) -> Any:
     if type(value) is not str or value not in allowed:
         raise ValueError(f"expected one of {allowed}, got {short(value)}")
     return value
 
 
-def _optional(check: Check, value: Any) -> Any:
+def _optional(check: Check, value: object) -> Any:
     return None if value is None else check(value)
 
 
@@ -169,7 +169,7 @@ def _sequence(check: Check, most_items: int, value: Any) -> Any:
     return tuple(map(check, value))
 
 
-def _rows_of_integers(item_by_item: Check, width: int, most_items: int, value: Any) -> Any:
+def _rows_of_integers(item_by_item: Check, width: int, most_items: int, value: object) -> Any:
     """Read an array of records of integers, with each check applied to all of them at once.
 
     An array that fails is checked item by item, so that the error names the item.
@@ -181,7 +181,7 @@ def _rows_of_integers(item_by_item: Check, width: int, most_items: int, value: A
     return item_by_item(value)
 
 
-def _record(make: Check, checks: tuple[Check, ...], value: Any) -> Any:
+def _record(make: Check, checks: tuple[Check, ...], value: object) -> Any:
     if not isinstance(value, tuple):
         raise ValueError(f"expected tuple, got {short(value)}")
     if len(value) != len(checks):
@@ -281,7 +281,7 @@ def _plan(number: int, kind: MessageKind) -> _Plan:
     )
 
 
-def _ready_type(hint: Any, has_choices: bool) -> type | None:
+def _ready_type(hint: object, has_choices: bool) -> type | None:
     """Return the type of those values of a field that are packed as they are; None if all need a writer."""
     if has_choices or typing.get_origin(hint) not in (None, types.UnionType):
         return None

@@ -10,12 +10,12 @@ that names them.
 """
 
 import struct
-from typing import Any, NamedTuple, get_type_hints
+from typing import NamedTuple, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import kernel
+from netboard.base.compiled import Bytes, Words, kernel
 from netboard.network.protocol.messages import KINDS, Message
 from netboard.network.protocol.motion import Force, Heartbeat, Point, Stylus
 
@@ -83,7 +83,7 @@ STYLUS, FORCE, POINT, HEARTBEAT = map(form_of, (Stylus, Force, Point, Heartbeat)
 
 
 @kernel
-def read(frame: Any, form: FixedForm, words: Any) -> bool:
+def read(frame: Bytes, form: FixedForm, words: Words) -> bool:
     """Read a frame of a fixed form; return False, and leave the words undefined, if it has another form.
 
     Parameters
@@ -117,7 +117,7 @@ def read(frame: Any, form: FixedForm, words: Any) -> bool:
 
 
 @kernel
-def write(frame: Any, form: FixedForm, words: Any) -> None:
+def write(frame: Bytes, form: FixedForm, words: Words) -> None:
     """Write a frame of a fixed form.
 
     Parameters

@@ -6,11 +6,10 @@ number in its widest form; `netboard.network.protocol.codec` decodes it like any
 """
 
 from dataclasses import fields
-from typing import Any
 
 import numpy as np
 
-from netboard.base.compiled import inlined, kernel
+from netboard.base.compiled import Bytes, Records, Words, inlined, kernel
 from netboard.base.config import SIDES
 from netboard.network.protocol.fixed import WIDE
 from netboard.network.protocol.messages import KINDS
@@ -40,7 +39,7 @@ MAX_SIZE = 4 + len(fields(View)) * (1 + _LETTERS.shape[1])
 
 
 @inlined
-def _put_text(frame: Any, at: int, place: int) -> int:
+def _put_text(frame: Bytes, at: int, place: int) -> int:
     """Write one of the texts; return where the next field begins."""
     size = int(_SIZES[place])
     frame[at] = _TEXT | size
@@ -50,7 +49,7 @@ def _put_text(frame: Any, at: int, place: int) -> int:
 
 
 @inlined
-def _put_word(frame: Any, at: int, marker: int, word: int) -> int:
+def _put_word(frame: Bytes, at: int, marker: int, word: int) -> int:
     """Write a number in its widest form; return where the next field begins."""
     frame[at] = marker
     for byte in range(8, 0, -1):
@@ -60,12 +59,12 @@ def _put_word(frame: Any, at: int, marker: int, word: int) -> int:
 
 
 @inlined
-def _put_integer(frame: Any, at: int, value: int) -> int:
+def _put_integer(frame: Bytes, at: int, value: int) -> int:
     return _put_word(frame, at, _INTEGER, value)
 
 
 @inlined
-def _put_number(frame: Any, at: int, value: float) -> int:
+def _put_number(frame: Bytes, at: int, value: float) -> int:
     """Write a number, or nil for NaN; return where the next field begins."""
     if np.isnan(value):
         frame[at] = _NIL
@@ -74,7 +73,7 @@ def _put_number(frame: Any, at: int, value: float) -> int:
 
 
 @inlined
-def _is_new(content: Any, shown: Shown) -> bool:
+def _is_new(content: Words, shown: Shown) -> bool:
     """Store what a view shows; return whether it differs from what the last one has shown."""
     values = np.empty(CONTENT)
     values[0], values[1], values[2], values[3] = shown.phase, shown.z, shown.theta, shown.p
@@ -91,10 +90,10 @@ def _is_new(content: Any, shown: Shown) -> bool:
 
 @kernel
 def write_view(
-    frame: Any,
-    curtains: Any,
-    words: Any,
-    content: Any,
+    frame: Bytes,
+    curtains: Records,
+    words: Words,
+    content: Words,
     at_any_rate: bool,
     best: float,
     sent_ns: int,

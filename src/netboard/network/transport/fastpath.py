@@ -18,8 +18,9 @@ import numpy as np
 import zmq
 from llvmlite import binding
 from numba import types
+from numpy.typing import NDArray
 
-from netboard.base.compiled import kernel, machine_code
+from netboard.base.compiled import Records, kernel, machine_code
 from netboard.base.errors import NetboardError
 
 MACHINE_CLOCK = -1
@@ -128,7 +129,7 @@ _CLOCK = int(getattr(time, "CLOCK_UPTIME_RAW", getattr(time, "CLOCK_MONOTONIC", 
 
 
 @kernel
-def now_ns(fast: Any) -> int:
+def now_ns(fast: Records) -> int:
     """Return this machine's monotonic time, as `netboard.base.clock.now_ns` does, or the simulated time [ns]."""
     if fast[0]["simulated_ns"] != MACHINE_CLOCK:
         return int(fast[0]["simulated_ns"])
@@ -152,20 +153,20 @@ def _not_sent() -> int:
 
 
 @kernel
-def copy(target: Any, source: Any, count: int) -> None:
+def copy(target: NDArray[np.uint8], source: NDArray[np.uint8], count: int) -> None:
     """Copy the first elements of an array; for a slice Numba compiles the text of an error, which takes seconds."""
     for k in range(count):
         target[k] = source[k]
 
 
 @kernel
-def _clear(target: Any) -> None:
+def _clear(target: NDArray[np.uint8]) -> None:
     for k in range(len(target)):
         target[k] = 0
 
 
 @kernel
-def _place_of_sender(fast: Any) -> int:
+def _place_of_sender(fast: Records) -> int:
     """Return the place of the newest frame's sender, or `OTHER` if it is not registered."""
     path = fast[0]
     name, size = path["name"].ctypes.data, path["name_size"]
@@ -179,7 +180,7 @@ def _place_of_sender(fast: Any) -> int:
 
 
 @kernel
-def _note_sender(fast: Any) -> None:
+def _note_sender(fast: Records) -> None:
     """Store the key and the address of the newest frame's sender."""
     path = fast[0]
     message = path["message"].ctypes.data
@@ -194,7 +195,7 @@ def _note_sender(fast: Any) -> None:
 
 
 @kernel
-def _skip_parts(fast: Any) -> bool:
+def _skip_parts(fast: Records) -> bool:
     """Skip the rest of a multipart message, a bounded number of parts; return whether nothing is left of it."""
     path = fast[0]
     message = path["message"].ctypes.data
@@ -208,7 +209,7 @@ def _skip_parts(fast: Any) -> bool:
 
 
 @kernel
-def receive(fast: Any, frame: Any) -> int:
+def receive(fast: Records, frame: NDArray[np.uint8]) -> int:
     """Receive one frame of a router, without waiting.
 
     A message of several parts, or one that is too long, counts as an empty frame, which is no valid message. Parts are
@@ -242,7 +243,7 @@ def receive(fast: Any, frame: Any) -> int:
 
 
 @kernel
-def send_to(fast: Any, place: int, frame: Any) -> int:
+def send_to(fast: Records, place: int, frame: NDArray[np.uint8]) -> int:
     """Send a frame to a registered peer, without waiting.
 
     Returns `SENT`, `NOT_SENT` if the peer is gone or its queue is full, or `FAILED`.
@@ -255,7 +256,7 @@ def send_to(fast: Any, place: int, frame: Any) -> int:
 
 
 @kernel
-def receive_one(fast: Any, frame: Any) -> int:
+def receive_one(fast: Records, frame: NDArray[np.uint8]) -> int:
     """Receive one frame on a socket with one peer, without waiting.
 
     ``frame`` receives it, truncated to the size of this buffer.
@@ -265,7 +266,7 @@ def receive_one(fast: Any, frame: Any) -> int:
 
 
 @kernel
-def send_one(fast: Any, frame: Any) -> int:
+def send_one(fast: Records, frame: NDArray[np.uint8]) -> int:
     """Send a frame on a socket with one peer, without waiting.
 
     Returns `SENT`, `NOT_SENT` if no peer is connected or the queue is full, or `FAILED`.
@@ -274,14 +275,14 @@ def send_one(fast: Any, frame: Any) -> int:
 
 
 @kernel
-def forget_files(fast: Any) -> None:
+def forget_files(fast: Records) -> None:
     """Wait for no file."""
     fast[0]["highest"] = NO_FILE
     _clear(fast[0]["files"])
 
 
 @kernel
-def await_file(fast: Any, file: int) -> None:
+def await_file(fast: Records, file: int) -> None:
     """Wait for one more file; `NO_FILE` for none."""
     path = fast[0]
     if file != NO_FILE:
@@ -290,13 +291,13 @@ def await_file(fast: Any, file: int) -> None:
 
 
 @kernel
-def has_signalled(fast: Any, file: int) -> bool:
+def has_signalled(fast: Records, file: int) -> bool:
     """Return whether a file that was waited for has signalled."""
     return bool(file != NO_FILE and fast[0]["files"][file // 64] >> np.uint64(file % 64) & np.uint64(1))
 
 
 @kernel
-def sleep_until_signalled(fast: Any, longest_ns: int) -> None:
+def sleep_until_signalled(fast: Records, longest_ns: int) -> None:
     """Sleep until one of the files signals, a signal of the system comes, or the time is over [ns]."""
     path = fast[0]
     files, time = path["files"], path["sleep"]
@@ -306,7 +307,7 @@ def sleep_until_signalled(fast: Any, longest_ns: int) -> None:
 
 
 @kernel
-def sleep(fast: Any, longest_ns: int) -> bool:
+def sleep(fast: Records, longest_ns: int) -> bool:
     """Sleep until something may have arrived, the watched file signals, a signal comes, or the time is over [ns].
 
     The socket must have been read until it was empty, because only then its file signals again. Simulated time passes

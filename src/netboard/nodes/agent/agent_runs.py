@@ -10,6 +10,8 @@ the device. It then continues the tick with the single steps of `netboard.nodes.
 from functools import cache, partial
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from netboard.base.clock import CATCH_UP_TICKS
 from netboard.base.compiled import composed, inlined, kernel, machine_code, waiting
 from netboard.base.tick import LEAD_NS, TICK_NS
@@ -79,21 +81,21 @@ def shifted(shift_ns: int, lead_ns: int) -> int:
     return _limited_shift(shift_ns + phase_shift(lead_ns))
 
 
-def _read(parts: Any, now_ns: int) -> tuple[bool, Fields]:
+def _read(parts: tuple[Any, ...], now_ns: int) -> tuple[bool, Fields]:
     """Stand for the reading of a device."""
     return False, (now_ns, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, False)
 
 
-def _write(parts: Any, fx: float, fy: float, fz: float) -> None:
+def _write(parts: tuple[Any, ...], fx: float, fy: float, fz: float) -> None:
     """Stand for the writing of a device."""
 
 
-def _live(parts: Any, now_ns: int) -> None:
+def _live(parts: tuple[Any, ...], now_ns: int) -> None:
     """Stand for what a device does right after a force."""
 
 
 @kernel
-def _may_begin(state: Any, now_ns: int, due_ns: int) -> bool:
+def _may_begin(state: np.void, now_ns: int, due_ns: int) -> bool:
     """Return whether the next tick may run without Python, as far as is known before the reading."""
     return bool(
         now_ns - due_ns <= _BEHIND_NS
@@ -104,8 +106,8 @@ def _may_begin(state: Any, now_ns: int, due_ns: int) -> bool:
 
 
 def _run(
-    motion: Any,
-    parts: Any,
+    motion: tuple[Any, ...],
+    parts: tuple[Any, ...],
     rules: Rules,
     progress: RunProgress,
     begun: Begun,

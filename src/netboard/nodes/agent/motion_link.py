@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.clock import Pacer, now_ns
-from netboard.base.compiled import kernel, machine_code
+from netboard.base.compiled import Records, kernel, machine_code
 from netboard.base.errors import WireError
 from netboard.base.terminal.logs import RateLimitedLog
 from netboard.base.tick import NEVER_NS, TICK_NS
@@ -82,7 +82,7 @@ def empty() -> NDArray[Any]:
 
 
 @kernel
-def _is_fresh(link: Any, seq: int) -> bool:
+def _is_fresh(link: Records, seq: int) -> bool:
     """Return whether the message just received answers a recent sample, or says that there is none.
 
     Messages that arrived while the agent stalled thus do not count as fresh.
@@ -95,7 +95,7 @@ def _is_fresh(link: Any, seq: int) -> bool:
 
 
 @kernel
-def take(link: Any, kind: int, now_ns: int) -> bool:
+def take(link: Records, kind: int, now_ns: int) -> bool:
     """Take an answer, whose words are in ``came``; return False if it is not newer than the newest one."""
     state = link[0]
     if not state["in_session"] or (state["kind"] != NONE and state["came"][_TICK] <= state["words"][_TICK]):
@@ -108,7 +108,7 @@ def take(link: Any, kind: int, now_ns: int) -> bool:
 
 
 @kernel
-def wait_for_answer(fast: Any, frame: Any, link: Any, until_ns: int) -> int:
+def wait_for_answer(fast: Records, frame: NDArray[np.uint8], link: Records, until_ns: int) -> int:
     """Wait for a newer answer until a time [ns]; a time that is over: only look.
 
     A signal of the watched file is noted, and the file is not watched any more.
@@ -141,9 +141,9 @@ def wait_for_answer(fast: Any, frame: Any, link: Any, until_ns: int) -> int:
 
 @kernel
 def send_sample(
-    fast: Any,
-    frame: Any,
-    link: Any,
+    fast: Records,
+    frame: NDArray[np.uint8],
+    link: Records,
     seq: int,
     stamp_ns: int,
     x: float,
@@ -175,7 +175,7 @@ def send_sample(
 
 
 @kernel
-def close_loop(link: Any, at_ns: int) -> None:
+def close_loop(link: Records, at_ns: int) -> None:
     """Note that the newest answer was rendered, which closes the loop of the sample it was computed from."""
     state = link[0]
     # The server may compute several ticks from one sample; only the first answer to it closes its loop.

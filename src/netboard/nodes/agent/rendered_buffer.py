@@ -3,11 +3,9 @@
 Every sample has a row, whether it was sent or not. The ring holds the last two minutes, until the process ends.
 """
 
-from typing import Any
-
 import numpy as np
 
-from netboard.base.compiled import kernel, machine_code
+from netboard.base.compiled import Records, kernel, machine_code
 from netboard.base.tick import RENDERED
 from netboard.network.protocol.motion import BACKFILL_ROWS, Backfill, BackfillRequest
 
@@ -16,7 +14,7 @@ CAPACITY = 131_072
 
 
 @kernel
-def remember(rows: Any, seq: int, stamp_ns: int, rendered: float, safeguards: int) -> None:
+def remember(rows: Records, seq: int, stamp_ns: int, rendered: float, safeguards: int) -> None:
     """Store a sample's row in its place of the ring."""
     row = rows[seq % len(rows)]
     row["seq"], row["stamp_ns"], row["rendered"], row["safeguards"] = seq, stamp_ns, rendered, safeguards

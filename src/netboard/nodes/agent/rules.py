@@ -6,8 +6,9 @@ The rules themselves are the kernels of `netboard.devices.safety`; here they mee
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from netboard.base.compiled import kernel, machine_code, waiting
+from netboard.base.compiled import Records, kernel, machine_code, waiting
 from netboard.base.tables.rig import Fixture
 from netboard.devices.safety.arming import ALLOWS, FORBIDS, SILENT, Arming, arm, note_stop
 from netboard.devices.safety.chain import SafetyChain, limit
@@ -41,7 +42,7 @@ def rules_of(safety: SafetyChain, arming: Arming, passivity: Passivity, fixture:
 
 
 @kernel
-def apply_reading(link: Any, rules: Rules, seq: int, z: float, buttons: int, ready: bool, safeguards: int) -> int:
+def apply_reading(link: Records, rules: Rules, seq: int, z: float, buttons: int, ready: bool, safeguards: int) -> int:
     """Arm, disarm or stop the device after a reading; return the safeguards of its sample, number ``seq``."""
     chain, arming, passivity, _ = rules
     state, permission, answered_seq = link[0], SILENT, -1
@@ -57,7 +58,7 @@ def apply_reading(link: Any, rules: Rules, seq: int, z: float, buttons: int, rea
 
 @kernel
 def limited_force(
-    link: Any,
+    link: Records,
     rules: Rules,
     now_ns: int,
     stamp_ns: int,
@@ -96,9 +97,9 @@ def limited_force(
 
 @waiting
 def await_limited_force(
-    fast: Any,
-    frame: Any,
-    link: Any,
+    fast: Records,
+    frame: NDArray[np.uint8],
+    link: Records,
     rules: Rules,
     until_ns: int,
     limits: bool,
@@ -127,7 +128,7 @@ def await_limited_force(
 class RuleKernels:
     """The kernels above as machine code, without the look-up of types at each call."""
 
-    def __init__(self, frame: Any, rules: Rules) -> None:
+    def __init__(self, frame: NDArray[np.uint8], rules: Rules) -> None:
         nowhere, link, hand = fastpath.FastPath(None).record, motion_link.empty(), (0, *(0.0,) * 7)
         self.await_limited_force = machine_code(await_limited_force, nowhere, frame, link, rules, 0, False, *hand)
         self.limited_force = machine_code(limited_force, link, rules, 0, *hand)

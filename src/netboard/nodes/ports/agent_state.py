@@ -4,9 +4,9 @@ The newest sample is in the row of words that `netboard.nodes.ports.samples` rea
 """
 
 from operator import attrgetter
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from netboard.base.compiled import machine_code
 from netboard.base.config import Side
@@ -28,7 +28,7 @@ _PACK = fixed.packer_of(Stylus)
 class AgentState:
     """The server's state of one side's agent."""
 
-    def __init__(self, side: Side, words: Any) -> None:
+    def __init__(self, side: Side, words: NDArray[np.int64]) -> None:
         self.side = side
         self.hello: Hello | None = None
         self.peer = b""

@@ -6,9 +6,9 @@ answer. An agent that was restarted has forgotten it, and the force stays unknow
 """
 
 from collections import deque
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from netboard.base.config import SIDES, Side
 from netboard.base.tick import RENDERED
@@ -96,7 +96,7 @@ class Backfiller:
             for gaps in self._gaps.values():
                 gaps.begin()
 
-    def attend(self, motion: MotionPort, rows: Any, number: int, now_ns: int) -> list[BackfillRecord]:
+    def attend(self, motion: MotionPort, rows: NDArray[np.void], number: int, now_ns: int) -> list[BackfillRecord]:
         """Take the answers that have arrived, scan the new ticks if there are many, and send requests that are due.
 
         An answer counts only while the agent's clock is known: its rows are dated by that clock. Else it comes again.
@@ -114,12 +114,12 @@ class Backfiller:
                 motion.ask(side, request)
         return [record for record in records if record is not None]
 
-    def pending(self, motion: MotionPort, rows: Any, number: int) -> bool:
+    def pending(self, motion: MotionPort, rows: NDArray[np.void], number: int) -> bool:
         """Scan the last ticks, and return whether an agent that is connected still has rows to send."""
         self.poll(rows, number)
         return any(self._gaps[side].open and motion.agents[side].hello is not None for side in SIDES)
 
-    def poll(self, rows: Any, number: int) -> None:
+    def poll(self, rows: NDArray[np.void], number: int) -> None:
         """Scan the ticks since the last call."""
         places = np.arange(max(self._scanned, number - len(rows)), number) % len(rows)
         self._scanned = number

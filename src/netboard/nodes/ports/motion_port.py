@@ -15,6 +15,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from netboard.base.compiled import machine_code
 from netboard.base.config import SIDES, Side
@@ -59,7 +60,12 @@ class MotionPort:
     """
 
     def __init__(
-        self, router: endpoints.Router, welcome: Welcome, timeout_ns: int, bound_ns: int, ends: Any = None
+        self,
+        router: endpoints.Router,
+        welcome: Welcome,
+        timeout_ns: int,
+        bound_ns: int,
+        ends: NDArray[np.float64] | None = None,
     ) -> None:
         self.fast = fastpath.FastPath(router.socket, router.keyed)
         self._motion = samples.motion_of(self.fast.record)
@@ -139,7 +145,7 @@ class MotionPort:
             self.refusals.note("strangers", TOO_MANY_MESSAGES, now_ns, int(unregistered["dropped"]))
             unregistered["dropped"] = 0
 
-    def fill(self, row: Any, number: int, due_ns: int, late_ns: int) -> int:
+    def fill(self, row: NDArray[np.int64], number: int, due_ns: int, late_ns: int) -> int:
         """Begin the row of a tick with both sides' samples; see `netboard.nodes.ports.samples.fill`."""
         return self._fill(row, self._motion.agents, number, due_ns, late_ns, self._timeout_ns)
 
@@ -150,7 +156,7 @@ class MotionPort:
         self._permit()
         return partial(ticks, self._motion, self.gains, stage, run, delay, self._timeout_ns)
 
-    def force(self, row: Any, commanded: Any) -> None:
+    def force(self, row: NDArray[np.int64], commanded: NDArray[np.int64]) -> None:
         """Send each agent its commanded force of a tick, or the board's state from which it computes the force.
 
         An agent at a side without a person gets nothing; it needs heartbeats.
@@ -228,7 +234,7 @@ class MotionPort:
         """Return the connections of the agents."""
         return [link for agent in self.agents.values() if (link := agent.link(now_ns)) is not None]
 
-    def renew(self, welcome: Welcome, ends: Any, people: tuple[Side, ...] = SIDES) -> None:
+    def renew(self, welcome: Welcome, ends: NDArray[np.float64], people: tuple[Side, ...] = SIDES) -> None:
         """Send the welcome of a new block to both agents. ``people``: the sides whose hand is a person's."""
         self._welcome, self._ends, self._people = encode(welcome), ends, people
         for agent in self.agents.values():

@@ -3,7 +3,8 @@
 Each port handles its own channel; the session handles what the ports bring.
 """
 
-from typing import Any
+import numpy as np
+from numpy.typing import NDArray
 
 from netboard.base.config import Config, Side
 from netboard.network.protocol.control import RefusalCount
@@ -29,11 +30,7 @@ class Ports:
     """All ports of a session. ``authenticator`` is None without authentication."""
 
     def __init__(
-        self,
-        config: Config,
-        welcome: Welcome,
-        context: sockets.Context,
-        authenticator: Authenticator | None,
+        self, config: Config, welcome: Welcome, context: sockets.Context, authenticator: Authenticator | None
     ) -> None:
         network = config.network
         where = channels.addresses(network, authenticator)
@@ -50,7 +47,7 @@ class Ports:
         # Numbers of the files that wake the session when a message arrives: motion, control.
         self.files = waitable(motion.socket.fileno()), waitable(control.socket.fileno())
 
-    def renew(self, welcome: Welcome, ends: Any, people: tuple[Side, ...]) -> None:
+    def renew(self, welcome: Welcome, ends: NDArray[np.float64], people: tuple[Side, ...]) -> None:
         """Send the welcome of a new block to all peers. ``people``: the sides whose hand is a person's."""
         self.motion.renew(welcome, ends, people)
         self.control.renew(welcome)

@@ -10,8 +10,9 @@ Times in a sample are on the agent's clock, such as its `AGENT_STAMP`; `SERVER_S
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from netboard.base.compiled import inlined, kernel
+from netboard.base.compiled import Records, inlined, kernel
 from netboard.base.config import SIDES
 from netboard.base.tables.scene import Physics
 from netboard.base.tick import KNOWN_NS, TICK_WORDS
@@ -133,7 +134,7 @@ class MotionChannel(NamedTuple):
     words: Any  # its words
 
 
-def motion_of(fast: Any) -> MotionChannel:
+def motion_of(fast: Records) -> MotionChannel:
     """Return the motion channel of a socket, without agents."""
     agents = np.zeros((len(SIDES), WORDS), np.int64)
     for agent in agents:
@@ -144,7 +145,7 @@ def motion_of(fast: Any) -> MotionChannel:
 
 
 @kernel
-def empty(agent: Any) -> None:
+def empty(agent: NDArray[np.int64]) -> None:
     """Reset a row, for another agent or none."""
     for k in range(len(agent)):
         agent[k] = 0
@@ -152,7 +153,7 @@ def empty(agent: Any) -> None:
 
 
 @kernel
-def take(agent: Any, sample: Any, now_ns: int, due_ns: int) -> bool:
+def take(agent: NDArray[np.int64], sample: NDArray[np.int64], now_ns: int, due_ns: int) -> bool:
     """Take a sample if it is the newest; return False if it is older, or (not counted) its numbers are invalid."""
     seq, newest = sample[SEQ], agent[SEQ]
     if seq > MAX_SEQ:
@@ -177,7 +178,9 @@ def take(agent: Any, sample: Any, now_ns: int, due_ns: int) -> bool:
 
 
 @kernel
-def take_frame(agent: Any, frame: Any, sample: Any, now_ns: int, due_ns: int) -> int:
+def take_frame(
+    agent: NDArray[np.int64], frame: NDArray[np.uint8], sample: NDArray[np.int64], now_ns: int, due_ns: int
+) -> int:
     """Take a fixed-form sample; return -1 if the frame is anything else, else whether the sample was taken."""
     if not fixed.read(frame, fixed.STYLUS, sample):
         return -1
@@ -185,7 +188,7 @@ def take_frame(agent: Any, frame: Any, sample: Any, now_ns: int, due_ns: int) ->
 
 
 @kernel
-def awaited(agents: Any) -> bool:
+def awaited(agents: NDArray[np.int64]) -> bool:
     """Return whether a sample is still expected, so that a tick should wait for its deadline.
 
     It is if a side that was on time at the last tick has not sent one yet, or if no side has. A sample that
@@ -240,7 +243,9 @@ def drain(motion: MotionChannel, due_ns: int, eager: bool, most: int) -> int:
 
 
 @kernel
-def fill(row: Any, agents: Any, number: int, due_ns: int, late_ns: int, timeout_ns: int) -> int:
+def fill(
+    row: NDArray[np.int64], agents: NDArray[np.int64], number: int, due_ns: int, late_ns: int, timeout_ns: int
+) -> int:
     """Begin the row of a tick with the newest samples; return which sides are live, armed, stopped or newly tripped.
 
     The rendered force is NaN where the newest sample is too old or too new to be valid.
@@ -280,13 +285,21 @@ def fill(row: Any, agents: Any, number: int, due_ns: int, late_ns: int, timeout_
     return found
 
 
-def leave_out(row: Any, place: int) -> None:
+def leave_out(row: NDArray[np.int64], place: int) -> None:
     """Clear what `fill` has written of a side whose connected device is not in use."""
     row[_COPIED_TO[place]] = 0
 
 
 @kernel
-def write_force(words: Any, row: Any, commanded: Any, agents: Any, gains: Any, place: int, now_ns: int) -> None:
+def write_force(
+    words: NDArray[np.int64],
+    row: NDArray[np.int64],
+    commanded: NDArray[np.int64],
+    agents: NDArray[np.int64],
+    gains: NDArray[np.float64],
+    place: int,
+    now_ns: int,
+) -> None:
     """Fill in one side's `Force` of a tick.
 
     ``commanded``: words of the row with the commanded force (`netboard.stage.stage.Stage.commanded_row`).
@@ -297,7 +310,15 @@ def write_force(words: Any, row: Any, commanded: Any, agents: Any, gains: Any, p
 
 
 @kernel
-def write_point(words: Any, row: Any, agents: Any, gains: Any, place: int, ends: Any, now_ns: int) -> None:
+def write_point(
+    words: NDArray[np.int64],
+    row: NDArray[np.int64],
+    agents: NDArray[np.int64],
+    gains: NDArray[np.float64],
+    place: int,
+    ends: NDArray[np.float64],
+    now_ns: int,
+) -> None:
     """Fill in one side's `Point` of a tick: position and velocity of its end of the board after the tick.
 
     ``ends``: for each side: board's centre to control point, + = right; stiffness and damping of the virtual coupling
@@ -314,7 +335,7 @@ def write_point(words: Any, row: Any, agents: Any, gains: Any, place: int, ends:
 
 
 @kernel
-def _has_person(fast: Any, agents: Any, place: int) -> bool:
+def _has_person(fast: Records, agents: NDArray[np.int64], place: int) -> bool:
     """Return whether an agent is connected at a side whose hand is a person's."""
     return bool(fast[0]["name_sizes"][place] and agents[place, PERSON])
 
@@ -328,7 +349,9 @@ def _send(motion: MotionChannel, form: fixed.FixedForm, place: int) -> int:
 
 
 @kernel
-def send_forces(motion: MotionChannel, row: Any, commanded: Any, gains: Any) -> int:
+def send_forces(
+    motion: MotionChannel, row: NDArray[np.int64], commanded: NDArray[np.int64], gains: NDArray[np.float64]
+) -> int:
     """Send each connected side with a person its `Force` of a tick; the side that goes first alternates.
 
     ``commanded``: words of the row with the commanded force (`netboard.stage.stage.Stage.commanded_row`). Returns
@@ -349,7 +372,9 @@ def send_forces(motion: MotionChannel, row: Any, commanded: Any, gains: Any) -> 
 
 
 @kernel
-def send_points(motion: MotionChannel, row: Any, gains: Any, ends: Any) -> int:
+def send_points(
+    motion: MotionChannel, row: NDArray[np.int64], gains: NDArray[np.float64], ends: NDArray[np.float64]
+) -> int:
     """Send each live side its `Point` of a tick, as `send_forces` sends forces.
 
     A side without a valid sample gets nothing: its agent lets the force fade.

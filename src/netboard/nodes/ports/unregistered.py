@@ -3,11 +3,10 @@
 Samples wait behind them in the same socket, so such a frame is set aside at once and handled after the tick.
 """
 
-from typing import Any
-
 import numpy as np
+from numpy.typing import NDArray
 
-from netboard.base.compiled import kernel
+from netboard.base.compiled import Records, kernel
 from netboard.network.protocol.joining import Hello
 from netboard.network.protocol.messages import KINDS
 from netboard.network.transport import fastpath
@@ -52,7 +51,7 @@ UNREGISTERED = np.dtype(
 
 
 @kernel
-def keep(unregistered: Any, fast: Any, frame: Any, now_ns: int) -> None:
+def keep(unregistered: Records, fast: Records, frame: NDArray[np.uint8], now_ns: int) -> None:
     """Keep a frame of an unregistered peer for later, or only count it.
 
     The rate is limited for each name, with `Hello` counted apart from all other messages. A peer that says hello is

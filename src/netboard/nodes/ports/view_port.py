@@ -1,12 +1,12 @@
 """The server's endpoint of the two view channels: each station gets what its participant may see, at the view rate."""
 
 from math import ceil, nan
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from netboard.base.clock import now_ns
-from netboard.base.compiled import machine_code
+from netboard.base.compiled import Records, machine_code
 from netboard.base.config import SIDES, Side
 from netboard.base.tables.rig import VIEW_REPEAT_MS, Network
 from netboard.network.protocol.view_frame import CONTENT, MAX_SIZE, write_view
@@ -56,7 +56,7 @@ class ViewPort:
         self,
         elapsed_ms: int,
         curtain: Curtain,
-        words: Any,
+        words: NDArray[np.int64],
         best: float | None,
         rest: float | None,
         pause: int = Pause.NONE,
@@ -80,7 +80,15 @@ class ViewPort:
             self._show_to(side, elapsed_ms, curtain.stations[side], words, *numbers)
 
     def _show_to(
-        self, side: Side, elapsed_ms: int, curtain: Any, words: Any, best: float, sent_ns: int, rest: float, pause: int
+        self,
+        side: Side,
+        elapsed_ms: int,
+        curtain: Records,
+        words: NDArray[np.int64],
+        best: float,
+        sent_ns: int,
+        rest: float,
+        pause: int,
     ) -> None:
         """Publish a station's view if it has changed, or has not been sent for long."""
         at_any_rate, seq = elapsed_ms - self._shown_ms[side] >= VIEW_REPEAT_MS, self._seq[side]

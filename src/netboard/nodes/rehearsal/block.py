@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import borrowed, composed, machine_code
+from netboard.base.compiled import Records, borrowed, composed, machine_code
 from netboard.base.config import SIDES, Config
 from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant
@@ -53,7 +53,7 @@ _TICK, _TIME, _LATE, _COMMAND, _EVENT = (
 )
 
 
-def _ticks(state: Any, rows: Any, first: int, count: int, book: Any, tables: Any) -> None:
+def _ticks(state: Records, rows: Records, first: int, count: int, book: Records, tables: NDArray[np.float64]) -> None:
     """Placeholder for the ticks of a stage, which `composed` replaces."""
     raise NotImplementedError
 
@@ -83,11 +83,11 @@ class Participants(NamedTuple):
 
 
 def _loop(
-    state: Any,
+    state: Records,
     piece: TickRun,
     number: int,
-    book: Any,
-    tables: Any,
+    book: Records,
+    tables: NDArray[np.float64],
     devices: Devices,
     participants: Participants,
     completions: NDArray[np.float64],

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import inlined
+from netboard.base.compiled import Records, inlined
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant
@@ -111,7 +111,7 @@ _windowed = make_windowed(_BOTH)
 
 
 @inlined
-def _integrate(bodies: Any, first: int, stop: int, steps: int) -> None:
+def _integrate(bodies: Records, first: int, stop: int, steps: int) -> None:
     """Integrate some of the hands for some steps, each under the force that acts on it."""
     for side in range(first, stop):
         body = bodies[side]
@@ -123,7 +123,7 @@ def _integrate(bodies: Any, first: int, stop: int, steps: int) -> None:
 
 
 @inlined
-def advance(bodies: Any, first: int, stop: int, words: Any, numbers: Any) -> None:
+def advance(bodies: Records, first: int, stop: int, words: NDArray[np.int64], numbers: NDArray[np.float64]) -> None:
     """Integrate from the last reading to that of this tick, and write rendered forces and safeguards into its row.
 
     Each phase is done for all hands before the next one, so that the processor can overlap their computations.
@@ -146,7 +146,7 @@ def advance(bodies: Any, first: int, stop: int, words: Any, numbers: Any) -> Non
 
 
 @inlined
-def _render(d: Any, side: int, words: Any, numbers: Any) -> None:
+def _render(d: np.void, side: int, words: NDArray[np.int64], numbers: NDArray[np.float64]) -> None:
     """Let the commanded force act, with that of the fixture, and write what a device has rendered."""
     words[_GUARDS[side]] = _ARMED
     numbers[_RENDERED[side]] = 0.0
@@ -161,7 +161,9 @@ def _render(d: Any, side: int, words: Any, numbers: Any) -> None:
 
 
 @inlined
-def read(bodies: Any, first: int, stop: int, readings: Any, words: Any, numbers: Any) -> None:
+def read(
+    bodies: Records, first: int, stop: int, readings: np.void, words: NDArray[np.int64], numbers: NDArray[np.float64]
+) -> None:
     """Put positions and velocities, as read by the encoders, into a tick's row.
 
     ``first``, ``stop``: the hands that are read, as in `advance`. ``readings``: a record of `READINGS`.
@@ -183,7 +185,14 @@ def read(bodies: Any, first: int, stop: int, readings: Any, words: Any, numbers:
 
 
 @inlined
-def apply_force(bodies: Any, side: int, force_queue: Any, catch: Any, words: Any, numbers: Any) -> float:
+def apply_force(
+    bodies: Records,
+    side: int,
+    force_queue: NDArray[np.float64],
+    catch: NDArray[np.int64],
+    words: NDArray[np.int64],
+    numbers: NDArray[np.float64],
+) -> float:
     """Give a body the force of a tick; if the block has a force delay, an earlier tick's.
 
     ``force_queue``: forces of the last n ticks on both hands, for a delay of n - 1 ticks [N]. ``catch``: that of
@@ -206,7 +215,7 @@ def _slot(number: int, size: int) -> int:
 
 
 @inlined
-def plan(bodies: Any, moves: Any, count: int) -> None:
+def plan(bodies: Records, moves: Records, count: int) -> None:
     """Begin the first ``count`` of these movements, which are `netboard.participants.controller.MOVE` records."""
     for k in range(count):
         move = moves[k]

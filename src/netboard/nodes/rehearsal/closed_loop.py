@@ -89,13 +89,13 @@ def newest_seen(parts: ParticipantParts, tick: int) -> int:
 
 
 @inlined
-def see(parts: ParticipantParts, words: Any, numbers: Any) -> None:
+def see(parts: ParticipantParts, words: NDArray[np.int64], numbers: NDArray[np.float64]) -> None:
     """Take the view of a tick, given as words and as numbers of the same memory."""
     glimpse(parts.curtain[0], words, numbers, (words[_TIME] + TICK_NS) * 1e-9, parts.shown[0])
 
 
 @inlined
-def decide_in_tick(parts: ParticipantParts, words: Any, force: float) -> int:
+def decide_in_tick(parts: ParticipantParts, words: NDArray[np.int64], force: float) -> int:
     """Decide after a tick; return the number of new movements, which are in ``parts.moves``."""
     scale = scale_in(parts, words)
     felt = force / scale if scale != 0.0 else nan
@@ -103,7 +103,7 @@ def decide_in_tick(parts: ParticipantParts, words: Any, force: float) -> int:
 
 
 @inlined
-def scale_in(parts: ParticipantParts, words: Any) -> float:
+def scale_in(parts: ParticipantParts, words: NDArray[np.int64]) -> float:
     """Return the factor of the force on the hand; 0 if the force carries no information on the partner [1]."""
     scales, catch, trial = parts.scales, parts.catch, words[_TRIAL]
     if len(scales) == 0 or not is_active(words[_PHASE]):

@@ -9,7 +9,10 @@ import re
 from collections import deque
 from collections.abc import Callable
 from dataclasses import asdict, replace
-from typing import Any, Literal
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
 
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import NetboardError
@@ -39,16 +42,7 @@ from netboard.task.journal.progress import SessionProgress
 from netboard.task.trials.exclusion import ExclusionRule, rule_of
 from netboard.task.trials.quality import Referee, Verdict
 from netboard.task.trials.repeats import Repeats, wants_repeat
-from netboard.task.trials.state_machine import (
-    BALL_FREE,
-    EMERGENCY_STOP,
-    OUTCOMES,
-    TABLE,
-    Cause,
-    Outcome,
-    Phase,
-    ticks,
-)
+from netboard.task.trials.state_machine import BALL_FREE, EMERGENCY_STOP, OUTCOMES, TABLE, Cause, Outcome, Phase, ticks
 
 MAX_ROWS = 200
 """Largest number of attempts in one answer to an operator [1]."""
@@ -167,7 +161,7 @@ class Attempts:
 
     # --- ticks and decisions ---------------------------------------------------------------------------------------
 
-    def poll(self, rows: Any, following: int) -> None:
+    def poll(self, rows: NDArray[np.void], following: int) -> None:
         """Apply the quality rules to all ticks before `following`."""
         if self._referee is not None and following > self._seen:
             verdicts = self._referee.watch(rows, self._seen, following - self._seen)
@@ -179,7 +173,9 @@ class Attempts:
         if self._referee is not None:
             self._referee.paint(frame.station, frame.tick, frame.painted_ns)
 
-    def record_decision(self, rows: Any, number: int, state: Any, *, halted: bool = False) -> list[Event]:
+    def record_decision(
+        self, rows: NDArray[np.void], number: int, state: np.void, *, halted: bool = False
+    ) -> list[Event]:
         """Take the decision of the trial state machine at a tick, and return the events to record.
 
         ``halted``: whether there is an emergency stop.
@@ -205,7 +201,7 @@ class Attempts:
             self._end = None
         return events
 
-    def _end_attempt(self, outcome: Outcome, row: Any, state: Any, number: int) -> Event:
+    def _end_attempt(self, outcome: Outcome, row: np.void, state: np.void, number: int) -> Event:
         """Record the outcome of an attempt, and return its event."""
         trial, attempt = int(row["trial"]), int(row["attempt"])
         flags = self._verdict.flags if self._verdict is not None else ()

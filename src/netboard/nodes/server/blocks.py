@@ -5,6 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from netboard.base.config import SIDES, Config, Side, resolve
 from netboard.base.errors import ConfigError, RecordingError
 from netboard.base.tables.experiment import Session
@@ -33,7 +36,7 @@ class PreparedBlock:
     unrelated: Unrelated | None
     run: Callable[..., int] | None  # its undisturbed ticks, if the block can have some
 
-    def stand_in(self, row: Any, words: Any, number: int, due_ns: int, state: Any) -> int:
+    def stand_in(self, row: np.void, words: NDArray[np.int64], number: int, due_ns: int, state: Any) -> int:
         """Fill in the inputs of a tick that come from no agent.
 
         Return the `samples.LIVE` and `samples.ARMED` bits of the robots.

@@ -6,7 +6,8 @@ recorded when it opens. The log of the server process shows every event at once.
 
 import logging
 from collections.abc import Iterable
-from typing import Any
+
+import numpy as np
 
 from netboard.base.clock import now_ns
 from netboard.base.plural import plural
@@ -112,7 +113,7 @@ def printable_line(words: str) -> str:
     return "".join(letter if letter.isprintable() else "?" for letter in words)
 
 
-def change_of(row: Any, state: Any) -> dict[str, str]:
+def change_of(row: np.void, state: np.void) -> dict[str, str]:
     """Return a decision of the trial state machine as event details."""
     details = {
         "from": PHASE_NAMES[int(row["phase"])],

@@ -12,9 +12,10 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from netboard.base.clock import CATCH_UP_TICKS
-from netboard.base.compiled import composed, kernel, machine_code, waiting
+from netboard.base.compiled import Records, composed, kernel, machine_code, waiting
 from netboard.base.tick import HEARTBEAT_TICKS, LATE_NS, TICK, TICK_NS, TICK_WORDS
 from netboard.network.transport import fastpath
 from netboard.nodes.ports import samples
@@ -59,25 +60,34 @@ _EVENT, _TICK, _TRIAL = (TICK_WORDS[name] for name in ("event", "tick", "trial")
 _UNREAD = samples.OTHER | samples.FAILED
 
 
-def _ticks(state: Any, rows: Any, first: int, count: int, book: Any, tables: Any) -> None:
+def _ticks(state: Records, rows: Records, first: int, count: int, book: Records, tables: NDArray[np.float64]) -> None:
     """Stand for the ticks of a stage."""
 
 
 @kernel
-def _wake(agents: Any, due_ns: int) -> int:
+def _wake(agents: NDArray[np.int64], due_ns: int) -> int:
     """Return when a tick can begin if no other sample arrives [ns]."""
     return due_ns if awaited(agents) else due_ns - EARLIEST_NS
 
 
 @kernel
-def _send(motion: MotionChannel, gains: Any, forces: int, row: Any, commanded: Any) -> int:
+def _send(
+    motion: MotionChannel, gains: NDArray[np.float64], forces: int, row: NDArray[np.int64], commanded: NDArray[np.int64]
+) -> int:
     """Send the forces of a tick, or the heartbeats that are due; return a result of sending."""
     if forces:
         return send_forces(motion, row, commanded, gains)
     return send_heartbeats(motion, row[_TICK], BOTH) if row[_TICK] % HEARTBEAT_TICKS == 0 else fastpath.SENT
 
 
-def _run(motion: MotionChannel, gains: Any, stage: Any, runs: Any, delay: int, timeout_ns: int) -> int:
+def _run(
+    motion: MotionChannel,
+    gains: NDArray[np.float64],
+    stage: tuple[Any, ...],
+    runs: Records,
+    delay: int,
+    timeout_ns: int,
+) -> int:
     """Run ticks while their samples are in order, and send the forces or heartbeats of each.
 
     ``stage``, ``runs``: as in `run_of`. Returns why it returns.

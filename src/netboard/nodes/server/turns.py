@@ -4,11 +4,10 @@ A server of many dyads wakes ten times a millisecond, so this is compiled: Pytho
 ticks that follow it.
 """
 
-from typing import Any
-
 import numpy as np
+from numpy.typing import NDArray
 
-from netboard.base.compiled import machine_code, waiting
+from netboard.base.compiled import Records, machine_code, waiting
 from netboard.network.transport import fastpath
 
 MOTION, CONTROL, DUE = 1, 2, 4
@@ -18,7 +17,7 @@ _WAKE, _MOTION_FILE, _CONTROL_FILE, _FOUND = range(4)
 
 
 @waiting
-def _wait(fast: Any, turns: Any, longest_ns: int) -> None:
+def _wait(fast: Records, turns: NDArray[np.int64], longest_ns: int) -> None:
     """Sleep until a session has something to do, or for the longest time [ns], and note for each what it is."""
     begun_ns = fastpath.now_ns(fast)
     wake_ns = begun_ns + longest_ns

@@ -8,12 +8,16 @@ output (O'Neill, HMC-CS-2014-0905), and the numbers those of the ziggurat: of 25
 Rule 1: a `STREAM` goes on where its generator was when it was packed; the generator itself stays there.
 """
 
+from collections.abc import Sequence
 from math import exp, log1p
 from typing import Any
 
 import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
+from numba.core.base import BaseContext
+from numba.core.typing.context import Context
+from numba.core.typing.templates import Signature
 from numba.extending import intrinsic
 from numba.np.random import _constants as ziggurat
 from numpy.typing import NDArray
@@ -75,10 +79,10 @@ def _advanced(high: int, low: int, step_high: int, step_low: int) -> tuple[int, 
     return _signed(upper), _signed(lower), _signed(bits)
 
 
-def _stepping(typing: Any, high: Any, low: Any, step_high: Any, step_low: Any) -> Any:
+def _stepping(typing: Context, high: types.Type, low: types.Type, step_high: types.Type, step_low: types.Type) -> Any:
     result, word, wide = types.UniTuple(types.int64, 3), ir.IntType(64), ir.IntType(128)
 
-    def write(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    def write(context: BaseContext, builder: ir.IRBuilder, sig: Signature, args: Sequence[ir.Value]) -> Any:
         state, step = (
             builder.or_(builder.shl(builder.zext(upper, wide), wide(64)), builder.zext(lower, wide))
             for upper, lower in (args[:2], args[2:])
@@ -97,12 +101,12 @@ _stepped: Any = intrinsic(_stepping)
 
 
 @specialised(_advanced)
-def _choose(high: Any, low: Any, step_high: Any, step_low: Any) -> Any:
+def _choose(high: types.Type, low: types.Type, step_high: types.Type, step_low: types.Type) -> Any:
     return lambda high, low, step_high, step_low: _stepped(high, low, step_high, step_low)
 
 
 @inlined
-def _next_bits(stream: Any) -> int:
+def _next_bits(stream: np.void) -> int:
     """Return the next 64 random bits of a stream, as a signed integer."""
     stream["high"], stream["low"], bits = _advanced(
         stream["high"], stream["low"], stream["step_high"], stream["step_low"]
@@ -111,13 +115,13 @@ def _next_bits(stream: Any) -> int:
 
 
 @inlined
-def _uniform(stream: Any) -> float:
+def _uniform(stream: np.void) -> float:
     """Return the next number of a stream that is uniform in [0, 1)."""
     return (_next_bits(stream) >> 11 & 2**53 - 1) * 2.0**-53
 
 
 @inlined
-def normal(stream: Any) -> float:
+def normal(stream: np.void) -> float:
     """Return the next standard normal number of a stream, a record of STREAM [1]."""
     bits = _next_bits(stream)
     place = bits >> 9 & _SIZE
@@ -127,7 +131,7 @@ def normal(stream: Any) -> float:
 
 
 @inlined
-def coin(stream: Any) -> int:
+def coin(stream: np.void) -> int:
     """Return 0 or 1, as ``Generator.integers(0, 2)`` does, which keeps half of the bits for its next call [1]."""
     half = stream["rest"]
     stream["rest"] = -1
@@ -138,7 +142,7 @@ def coin(stream: Any) -> int:
 
 
 @kernel
-def _normal_of(stream: Any, bits: int) -> float:
+def _normal_of(stream: np.void, bits: int) -> float:
     """Return the number that these bits begin; more are drawn if it is near or beyond the edge of its layer."""
     while True:
         layer, place = bits & 255, bits >> 9 & _SIZE
@@ -154,7 +158,7 @@ def _normal_of(stream: Any, bits: int) -> float:
 
 
 @inlined
-def _tail(stream: Any, place: int) -> float:
+def _tail(stream: np.void, place: int) -> float:
     """Return a number from the tail (Marsaglia 1964), on the side that a bit of the place gives."""
     while True:
         beyond, other = -_PER_TAIL * log1p(-_uniform(stream)), -log1p(-_uniform(stream))

@@ -10,15 +10,18 @@ Numba has no such type, so this module generates LLVM instructions.
 import inspect
 import math
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
+from numba.core.base import BaseContext
+from numba.core.datamodel.manager import DataModelManager
 from numba.core.typeconv.castgraph import Conversion
-from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba.core.typing.context import Context
+from numba.core.typing.templates import AbstractTemplate, Signature, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, lower_cast, models, register_model
 from numpy.typing import NDArray
 
@@ -26,6 +29,9 @@ from netboard.base.compiled import specialised
 from netboard.physics.arithmetic.vectors import State
 
 Array = NDArray[np.float64]
+
+Packed = Array | float
+"""Lanes, or a number that stands for lanes that are all equal to it."""
 
 _DOUBLE = ir.DoubleType()
 _INT = ir.IntType(32)
@@ -45,7 +51,7 @@ class Lanes(types.Type):
         self.count = count
         super().__init__(name=f"lanes({count})")
 
-    def can_convert_from(self, typingctx: Any, other: Any) -> Any:
+    def can_convert_from(self, typingctx: Context, other: types.Type) -> Any:
         """Convert a number to lanes that are all equal to it.
 
         Parameters
@@ -58,27 +64,27 @@ class Lanes(types.Type):
         return Conversion.safe if isinstance(other, types.Float | types.Integer) else None
 
 
-def _make_model(manager: Any, lanes: Any) -> Any:
+def _make_model(manager: DataModelManager, lanes: Lanes) -> Any:
     return models.PrimitiveModel(manager, lanes, ir.VectorType(_DOUBLE, lanes.count))
 
 
 register_model(Lanes)(_make_model)
 
 
-def _spread_value(builder: Any, value: Any, count: int) -> Any:
+def _spread_value(builder: ir.IRBuilder, value: ir.Value, count: int) -> Any:
     """Broadcast a float to all lanes."""
     vector = ir.VectorType(_DOUBLE, count)
     first = builder.insert_element(ir.Constant(vector, ir.Undefined), value, _INT(0))
     return _spread_lane(builder, first, 0, count)
 
 
-def _spread_lane(builder: Any, lanes: Any, i: int, count: int) -> Any:
+def _spread_lane(builder: ir.IRBuilder, lanes: ir.Value, i: int, count: int) -> Any:
     """Broadcast one lane to all lanes."""
     mask = ir.Constant(ir.VectorType(_INT, count), [i] * count)
     return builder.shuffle_vector(lanes, ir.Constant(lanes.type, ir.Undefined), mask)
 
 
-def _cast(context: Any, builder: Any, source: Any, target: Any, value: Any) -> Any:
+def _cast(context: BaseContext, builder: ir.IRBuilder, source: types.Type, target: Lanes, value: ir.Value) -> Any:
     return _spread_value(builder, context.cast(builder, value, source, types.float64), target.count)
 
 
@@ -89,7 +95,7 @@ lower_cast(types.Integer, Lanes)(_cast)
 class _Arithmetic(AbstractTemplate):
     """Typing of arithmetic between lanes, or lanes and numbers."""
 
-    def generic(self, args: Any, kws: Any) -> Any:
+    def generic(self, args: Sequence[types.Type], kws: Mapping[str, types.Type]) -> Any:
         """Return the signature for the given types."""
         found = [a for a in args if isinstance(a, Lanes)]
         if not found or not all(a == found[0] or isinstance(a, types.Float | types.Integer) for a in args):
@@ -97,10 +103,10 @@ class _Arithmetic(AbstractTemplate):
         return signature(found[0], *[found[0]] * len(args))
 
 
-def _define(operation: Any, instruction: Callable[..., Any], operands: int) -> None:
+def _define(operation: Callable[..., Any], instruction: Callable[..., Any], operands: int) -> None:
     """Implement a Python function for lanes by an instruction."""
 
-    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    def lower(context: BaseContext, builder: ir.IRBuilder, sig: Signature, args: Sequence[ir.Value]) -> Any:
         return instruction(builder, *args)
 
     infer_global(operation)(type(f"_{operation.__name__}", (_Arithmetic,), {}))
@@ -110,7 +116,7 @@ def _define(operation: Any, instruction: Callable[..., Any], operands: int) -> N
 def _intrinsic(name: str) -> Callable[..., Any]:
     """Return a generator of an LLVM intrinsic that is exact or correctly rounded."""
 
-    def write(builder: Any, value: Any) -> Any:
+    def write(builder: ir.IRBuilder, value: ir.Value) -> Any:
         of_lanes = f"llvm.{name}.v{value.type.count}f64"
         return builder.call(
             builder.module.declare_intrinsic(of_lanes, (), ir.FunctionType(value.type, [value.type])), [value]
@@ -119,17 +125,17 @@ def _intrinsic(name: str) -> Callable[..., Any]:
     return write
 
 
-def larger(one: Any, other: Any) -> Any:
+def larger(one: Packed, other: Packed) -> Any:
     """Return the larger of two in each lane, as ``max(one, other)`` does."""
     return np.where(other > one, other, one)
 
 
-def smaller(one: Any, other: Any) -> Any:
+def smaller(one: Packed, other: Packed) -> Any:
     """Return the smaller of two in each lane, as ``min(one, other)`` does."""
     return np.where(other < one, other, one)
 
 
-def where_within(lanes: Any, low: Any, high: Any, inside: Any, outside: Any) -> Any:
+def where_within(lanes: Packed, low: Packed, high: Packed, inside: Packed, outside: Packed) -> Any:
     """Return ``inside`` in each lane whose number lies between its bounds or on them, and ``outside`` elsewhere.
 
     NaN counts as inside, so that it is passed on as by arithmetic.
@@ -147,13 +153,15 @@ def where_within(lanes: Any, low: Any, high: Any, inside: Any, outside: Any) -> 
 def _choice(comparison: str) -> Callable[..., Any]:
     """Return a generator of a choice between two lanes, which compares as Python's max and min do."""
 
-    def write(builder: Any, one: Any, other: Any) -> Any:
+    def write(builder: ir.IRBuilder, one: ir.Value, other: ir.Value) -> Any:
         return builder.select(builder.fcmp_ordered(comparison, other, one), other, one)
 
     return write
 
 
-def _write_within(builder: Any, value: Any, low: Any, high: Any, inside: Any, outside: Any) -> Any:
+def _write_within(
+    builder: ir.IRBuilder, value: ir.Value, low: ir.Value, high: ir.Value, inside: ir.Value, outside: ir.Value
+) -> Any:
     above, below = (builder.fcmp_ordered("<", one, other) for one, other in ((high, value), (value, low)))
     return builder.select(builder.or_(above, below), outside, inside)
 
@@ -175,30 +183,32 @@ _define(smaller, _choice("<"), 2)
 _define(where_within, _write_within, 5)
 
 
-def _element(context: Any, builder: Any, array_type: Any, array: Any, offset: Any) -> Any:
+def _element(
+    context: BaseContext, builder: ir.IRBuilder, array_type: types.Type, array: ir.Value, offset: ir.Value
+) -> Any:
     """Generate the address of an element of an array, by its flat index."""
     structure = cgutils.create_struct_proxy(array_type)(context, builder, array)
     return builder.gep(structure.data, [offset])
 
 
-def _load(context: Any, builder: Any, sig: Any, args: Any, count: int) -> Any:
+def _load(context: BaseContext, builder: ir.IRBuilder, sig: Signature, args: Sequence[ir.Value], count: int) -> Any:
     place = _element(context, builder, sig.args[0], args[0], context.cast(builder, args[1], sig.args[1], types.intp))
     pointer = builder.bitcast(place, ir.VectorType(_DOUBLE, count).as_pointer())
     return builder.load(pointer, align=8)
 
 
-def _loading(typing: Any, array: Any, offset: Any, count: Any) -> Any:
-    def write(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+def _loading(typing: Context, array: types.Type, offset: types.Type, count: types.IntegerLiteral) -> Any:
+    def write(context: BaseContext, builder: ir.IRBuilder, sig: Signature, args: Sequence[ir.Value]) -> Any:
         return _load(context, builder, sig, args, count.literal_value)
 
     return Lanes(count.literal_value)(array, types.intp, count), write
 
 
-def _pairing(typing: Any, array: Any, offset: Any, count: Any) -> Any:
+def _pairing(typing: Context, array: types.Type, offset: types.Type, count: types.IntegerLiteral) -> Any:
     n = count.literal_value
     result = types.UniTuple(Lanes(n), 2)
 
-    def write(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    def write(context: BaseContext, builder: ir.IRBuilder, sig: Signature, args: Sequence[ir.Value]) -> Any:
         both = _load(context, builder, sig, args, 2 * n)
         masks = [ir.Constant(ir.VectorType(_INT, n), list(range(side, 2 * n, 2))) for side in (0, 1)]
         parts = [builder.shuffle_vector(both, ir.Constant(both.type, ir.Undefined), mask) for mask in masks]
@@ -207,8 +217,8 @@ def _pairing(typing: Any, array: Any, offset: Any, count: Any) -> Any:
     return result(array, types.intp, count), write
 
 
-def _storing(typing: Any, array: Any, offset: Any, lanes: Any) -> Any:
-    def write(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+def _storing(typing: Context, array: types.Type, offset: types.Type, lanes: Lanes) -> Any:
+    def write(context: BaseContext, builder: ir.IRBuilder, sig: Signature, args: Sequence[ir.Value]) -> Any:
         place = _element(context, builder, sig.args[0], args[0], args[1])
         builder.store(args[2], builder.bitcast(place, args[2].type.as_pointer()), align=8)
         return context.get_dummy_value()
@@ -216,22 +226,22 @@ def _storing(typing: Any, array: Any, offset: Any, lanes: Any) -> Any:
     return types.none(array, types.intp, lanes), write
 
 
-def _extracting(typing: Any, lanes: Any, i: Any) -> Any:
-    def write(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+def _extracting(typing: Context, lanes: Lanes, i: types.Type) -> Any:
+    def write(context: BaseContext, builder: ir.IRBuilder, sig: Signature, args: Sequence[ir.Value]) -> Any:
         return builder.extract_element(args[0], context.cast(builder, args[1], sig.args[1], types.int32))
 
     return types.float64(lanes, types.intp), write
 
 
-def _spreading(typing: Any, lanes: Any, i: Any) -> Any:
-    def write(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+def _spreading(typing: Context, lanes: Lanes, i: types.IntegerLiteral) -> Any:
+    def write(context: BaseContext, builder: ir.IRBuilder, sig: Signature, args: Sequence[ir.Value]) -> Any:
         return _spread_lane(builder, args[0], i.literal_value, lanes.count)
 
     return lanes(lanes, i), write
 
 
-def _gathering(typing: Any, values: Any, count: Any) -> Any:
-    def write(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+def _gathering(typing: Context, values: types.UniTuple, count: types.IntegerLiteral) -> Any:
+    def write(context: BaseContext, builder: ir.IRBuilder, sig: Signature, args: Sequence[ir.Value]) -> Any:
         vector = ir.Constant(ir.VectorType(_DOUBLE, count.literal_value), [0.0] * count.literal_value)
         for i in range(values.count):
             vector = builder.insert_element(vector, builder.extract_value(args[0], i), _INT(i))
@@ -240,15 +250,15 @@ def _gathering(typing: Any, values: Any, count: Any) -> Any:
     return Lanes(count.literal_value)(values, count), write
 
 
-def _rounding(typing: Any, lanes: Any) -> Any:
-    def write(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+def _rounding(typing: Context, lanes: Lanes) -> Any:
+    def write(context: BaseContext, builder: ir.IRBuilder, sig: Signature, args: Sequence[ir.Value]) -> Any:
         return builder.fadd(_intrinsic("rint")(builder, args[0]), ir.Constant(args[0].type, [0.0] * lanes.count))
 
     return lanes(lanes), write
 
 
-def _bounding(typing: Any, lanes: Any, bound: Any) -> Any:
-    def write(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+def _bounding(typing: Context, lanes: Lanes, bound: types.Type) -> Any:
+    def write(context: BaseContext, builder: ir.IRBuilder, sig: Signature, args: Sequence[ir.Value]) -> Any:
         n = lanes.count
         high = _spread_value(builder, args[1], n)
         low = _spread_value(builder, builder.fneg(args[1]), n)
@@ -259,10 +269,10 @@ def _bounding(typing: Any, lanes: Any, bound: Any) -> Any:
     return types.boolean(lanes, types.float64), write
 
 
-def _applying(typing: Any, array: Any, offset: Any, lanes: Any, count: Any) -> Any:
+def _applying(typing: Context, array: types.Type, offset: types.Type, lanes: Lanes, count: types.IntegerLiteral) -> Any:
     n = count.literal_value
 
-    def write(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    def write(context: BaseContext, builder: ir.IRBuilder, sig: Signature, args: Sequence[ir.Value]) -> Any:
         pointer = ir.VectorType(_DOUBLE, n).as_pointer()
         start = context.cast(builder, args[1], sig.args[1], types.intp)
         chains: list[Any] = []  # two, which the processor adds up side by side
@@ -290,17 +300,17 @@ def pair_at(array: Array, offset: int, count: int) -> tuple[Any, Any]:
     return both[::2], both[1::2]
 
 
-def put(array: Array, offset: int, lanes: Any) -> None:
+def put(array: Array, offset: int, lanes: Array) -> None:
     """Store lanes in an array."""
     array.ravel()[offset : offset + len(lanes)] = lanes
 
 
-def lane(lanes: Any, i: int) -> float:
+def lane(lanes: Array, i: int) -> float:
     """Return lane i, in the unit of the lanes [1]."""
     return float(lanes[i])
 
 
-def spread(lanes: Any, i: int) -> Any:
+def spread(lanes: Array, i: int) -> Any:
     """Return lanes that are all equal to lane i."""
     return np.full(len(lanes), lanes[i])
 
@@ -316,12 +326,12 @@ def gathered(values: State, count: int) -> Any:
     return np.array([*values, *[0.0] * (count - len(values))])
 
 
-def nearest(lanes: Any) -> Any:
+def nearest(lanes: Array) -> Any:
     """Return the nearest whole number in each lane, the even one of two, as ``round`` does; never -0.0."""
     return np.rint(lanes) + 0.0
 
 
-def within(lanes: Any, bound: float) -> bool:
+def within(lanes: Array, bound: float) -> bool:
     """Return whether the magnitude of every lane is at most a bound; False if any is NaN.
 
     Parameters
@@ -332,7 +342,7 @@ def within(lanes: Any, bound: float) -> bool:
     return bool((np.abs(lanes) <= bound).all())
 
 
-def applied(array: Array, offset: int, lanes: Any, count: int) -> Any:
+def applied(array: Array, offset: int, lanes: Array, count: int) -> Any:
     """Return the product of a matrix and lanes.
 
     The array holds the columns of the matrix, one for each lane, each of `count` rows.
@@ -344,12 +354,12 @@ def applied(array: Array, offset: int, lanes: Any, count: int) -> Any:
     return chains[0] + chains[1]
 
 
-def _is(plain: Callable[..., Any], instructions: Any) -> None:
+def _is(plain: Callable[..., Any], instructions: Callable[..., Any]) -> None:
     """Let numba write some instructions in place of a function; not for arrays whose elements are not in C order."""
     names = ", ".join(inspect.signature(plain).parameters)
     text = eval(f"lambda {names}: instructions({names})", {"instructions": instructions, "__name__": __name__})
 
-    def choose(*arguments: Any) -> Any:
+    def choose(*arguments: types.Type) -> Any:
         return None if any(isinstance(a, types.Array) and a.layout != "C" for a in arguments) else text
 
     specialised(plain)(eval(f"lambda {names}: choose({names})", {"choose": choose}))

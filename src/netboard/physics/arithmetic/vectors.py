@@ -7,6 +7,10 @@ the unrolled code that Numba compiles instead. Both do the same operations in th
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
 from netboard.base.compiled import specialised
 
 State = tuple[float, ...]
@@ -16,7 +20,7 @@ State = tuple[float, ...]
 def _unrolled(function: Callable[..., Any], names: str, write: Callable[..., str]) -> None:
     """Register the expression that `write` makes from the types of the arguments as the compiled code of a function."""
 
-    def compose(*arguments: Any) -> Any:
+    def compose(*arguments: types.Type) -> Any:
         return eval(f"lambda {names}: {write(*arguments)}")
 
     specialised(function)(eval(f"lambda {names}: compose({names})", {"compose": compose}))
@@ -73,7 +77,7 @@ _unrolled(
 )
 
 
-def row(table: Any, i: int, like: State) -> State:
+def row(table: NDArray[np.float64], i: int, like: State) -> State:
     """Return a row of a table as a tuple.
 
     Parameters

@@ -32,11 +32,11 @@ def written(names: str, write: Callable[..., str]) -> Callable[..., Any]:
         exec("\n    ".join([f"def composed({names}):", *lines, f"return {result}"]), known)
         return known["composed"]
 
-    def run(*arguments: Any) -> Any:
+    def run(*arguments: object) -> Any:
         sizes = [len(a) if isinstance(a, tuple) else a if isinstance(a, int) else 0 for a in arguments]
         return compose(*sizes)(*arguments)
 
-    def choose(*arguments: Any) -> Any:
+    def choose(*arguments: types.Type) -> Any:
         sizes = [len(a) if isinstance(a, types.BaseTuple) else getattr(a, "literal_value", 0) for a in arguments]
         return compose(*sizes)
 

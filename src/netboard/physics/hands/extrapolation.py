@@ -122,7 +122,7 @@ def _polynomials(u: State, t: float) -> tuple[float, float]:
 
 
 @specialised(drives)
-def _drives(hands: Any, node: Any, t: Any) -> Any:
+def _drives(hands: types.Type, node: types.Type, t: types.Type) -> Any:
     """Select the implementation at compile time."""
     if isinstance(hands, types.UniTuple):
         return lambda hands, node, t: _polynomials(hands, t)

@@ -159,16 +159,16 @@ def _filled(held: Held, gaps: NDArray[np.int64]) -> Held:
 
 @kernel
 def _fill(
-    ticks: Any,
-    z: Any,
-    vz: Any,
-    parts: Any,
-    first: Any,
-    ends: Any,
+    ticks: NDArray[np.int64],
+    z: NDArray[np.float64],
+    vz: NDArray[np.float64],
+    parts: NDArray[np.int64],
+    first: NDArray[np.int64],
+    ends: NDArray[np.int64],
     scale: float,
-    out_ticks: Any,
-    out_z: Any,
-    out_vz: Any,
+    out_ticks: NDArray[np.int64],
+    out_z: NDArray[np.float64],
+    out_vz: NDArray[np.float64],
 ) -> None:
     """Write samples and inserted samples, from osculating polynomials through four (Newton's form, double nodes)."""
     x, c = np.empty(8), np.empty(8)
@@ -233,7 +233,16 @@ def styluses_along(held: Held, ticks: NDArray[np.int64]) -> NDArray[np.float64]:
 
 @kernel
 def _write_drives(
-    knots: Any, samples: Any, ticks: Any, scale: float, z: Any, vz: Any, az: Any, hold: int, scene: Any, out: Any
+    knots: NDArray[np.int64],
+    samples: NDArray[np.int64],
+    ticks: NDArray[np.int64],
+    scale: float,
+    z: NDArray[np.float64],
+    vz: NDArray[np.float64],
+    az: NDArray[np.float64],
+    hold: int,
+    scene: np.void,
+    out: NDArray[np.float64],
 ) -> None:
     """Write the drives relative to their knots."""
     k_left, c_left, k_right, c_right = scene["k_left"], scene["c_left"], scene["k_right"], scene["c_right"]

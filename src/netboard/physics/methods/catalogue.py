@@ -14,16 +14,10 @@ from numpy.typing import NDArray
 from netboard.base.compiled import specialised
 from netboard.physics.arithmetic.vectors import State
 from netboard.physics.methods.dop853 import NODES, dop853
-from netboard.physics.methods.exponential import (
-    etd2rk,
-    etd2rk_tables,
-    etdrk4,
-    etdrk4_tables,
-    exact,
-    exact_tables,
-)
+from netboard.physics.methods.exponential import etd2rk, etd2rk_tables, etdrk4, etdrk4_tables, exact, exact_tables
 from netboard.physics.methods.implicit import midpoint, verlet
 from netboard.physics.methods.one_step import euler, heun, rk4, semi_implicit
+from netboard.physics.methods.semilinear import StepTables
 from netboard.physics.scene.parameters import Parts
 
 Step = Callable[[State, float, Any, Any, Parts, Any], State]
@@ -31,7 +25,7 @@ Tables = Callable[[Any, Parts, int, float], NDArray[np.float64]]
 """Function of scene record, structure, length of the state vector and step size [s]."""
 
 
-def _no_tables(scene: Any, parts: Parts, length: int, h: float) -> NDArray[np.float64]:
+def _no_tables(scene: np.void, parts: Parts, length: int, h: float) -> NDArray[np.float64]:
     """Return the tables of a method that needs none."""
     return np.zeros((0, 0, 0))
 
@@ -79,7 +73,7 @@ NUMBER = {method.name: i for i, method in enumerate(METHODS)}
 """Number of each method by its name."""
 
 
-def advance(method: int, x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any) -> State:
+def advance(method: int, x: State, h: float, hands: Any, tables: StepTables, parts: Parts, scene: np.void) -> State:
     """Return the state after one step.
 
     Parameters
@@ -91,7 +85,15 @@ def advance(method: int, x: State, h: float, hands: Any, tables: Any, parts: Par
 
 
 @specialised(advance)
-def _advance(method: Any, x: Any, h: Any, hands: Any, tables: Any, parts: Any, scene: Any) -> Any:
+def _advance(
+    method: types.Type,
+    x: types.Type,
+    h: types.Type,
+    hands: types.Type,
+    tables: types.Type,
+    parts: types.Type,
+    scene: types.Type,
+) -> Any:
     """Select the implementation at compile time."""
     if not isinstance(method, types.IntegerLiteral):
         return None

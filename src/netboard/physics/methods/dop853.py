@@ -4,7 +4,7 @@ Coefficients of DOP853 by Hairer and Wanner (Hairer, Norsett and Wanner, Solving
 II.5), the nearest numbers of float64; those that are zero are left out, with their products.
 """
 
-from typing import Any
+import numpy as np
 
 from netboard.base.compiled import inlined
 from netboard.physics.arithmetic.vectors import State, blend, plus
@@ -110,7 +110,7 @@ _B = (
 
 
 @inlined
-def dop853(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any) -> State:
+def dop853(x: State, h: float, hands: np.void, tables: object, parts: Parts, scene: np.void) -> State:
     """Return the state after one step of DOP853 without its control of the step (order 8)."""
     left, right = drives(hands, 0, 0.0)
     k1 = rates(x, left, right, parts, scene)

@@ -19,14 +19,14 @@ from netboard.base.compiled import inlined, specialised
 from netboard.physics.arithmetic.vectors import State, joined, places, plus, speeds
 from netboard.physics.hands.extrapolation import drives
 from netboard.physics.methods.phi import phi
-from netboard.physics.methods.semilinear import pushed, remainder, times
+from netboard.physics.methods.semilinear import StepTables, pushed, remainder, times
 from netboard.physics.scene.linear import scene_matrix
 from netboard.physics.scene.models import rates
 from netboard.physics.scene.parameters import Parts
 
 
 @inlined
-def etd2rk(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any) -> State:
+def etd2rk(x: State, h: float, hands: np.void, tables: StepTables, parts: Parts, scene: np.void) -> State:
     """Return the state after one step of the exponential Heun method (order 2).
 
     S. M. Cox, P. C. Matthews, "Exponential time differencing for stiff systems", J. Comput. Phys. 176, 2002, eq. 22.
@@ -45,7 +45,7 @@ def etd2rk(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any
 
 
 @inlined
-def etdrk4(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any) -> State:
+def etdrk4(x: State, h: float, hands: np.void, tables: StepTables, parts: Parts, scene: np.void) -> State:
     """Return the state after one step of Krogstad's exponential Runge-Kutta method (order 4).
 
     S. Krogstad, "Generalized integrating factor methods for stiff PDEs", J. Comput. Phys. 203, 2005, ETDRK4-B; in
@@ -75,7 +75,7 @@ MAX_EXPLICIT_STIFFNESS = 2.0
 """Largest stiffness of the remainder N per step; the limit of RK4 is 2.8 [1]."""
 
 
-def solved(parts: Parts, scene: Any, length: int, h: float) -> NDArray[np.float64]:
+def solved(parts: Parts, scene: np.void, length: int, h: float) -> NDArray[np.float64]:
     """Return the matrix A that is solved exactly: of the scene, or of the board without the inertia of balls [SI].
 
     In the Lagrangian model a ball away from the centre adds less inertia to the heave than A assumes; the difference is
@@ -87,14 +87,14 @@ def solved(parts: Parts, scene: Any, length: int, h: float) -> NDArray[np.float6
     return scene_matrix(parts._replace(lagrangian=False) if stiff else parts, scene, length)
 
 
-def etd2rk_tables(scene: Any, parts: Parts, length: int, h: float) -> NDArray[np.float64]:
+def etd2rk_tables(scene: np.void, parts: Parts, length: int, h: float) -> NDArray[np.float64]:
     """Return the tables of `etd2rk`, stored by columns: A, phi_0, h phi_1 and h phi_2 [SI]."""
     a = solved(parts, scene, length, h)
     full = phi(a, h, 2)
     return _by_columns(a, full[0], h * full[1], h * full[2])
 
 
-def etdrk4_tables(scene: Any, parts: Parts, length: int, h: float) -> NDArray[np.float64]:
+def etdrk4_tables(scene: np.void, parts: Parts, length: int, h: float) -> NDArray[np.float64]:
     """Return the tables of `etdrk4`, stored by columns: A, phi_0 of half and of a whole step, and the tableau [SI]."""
     a = solved(parts, scene, length, h)
     half, full = phi(a, 0.5 * h, 2), phi(a, h, 3)
@@ -109,7 +109,7 @@ def _by_columns(*matrices: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 @inlined
-def exact(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any) -> State:
+def exact(x: State, h: float, hands: Any, tables: StepTables, parts: Parts, scene: np.void) -> State:
     """Return the state after one step of a board that cannot tilt, exact for drives that are cubic in time.
 
     Parameters
@@ -125,7 +125,7 @@ def exact(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any)
 
 
 @inlined
-def _row(x: State, drive: State, table: Any, kind: int, row: int, by: int) -> float:
+def _row(x: State, drive: State, table: NDArray[np.float64], kind: int, row: int, by: int) -> float:
     """Return one component of the final state: contributions of weight and drives, and of the initial state."""
     w0, w1 = table[kind, 0, row, by] * drive[0], table[kind, 0, row, by + 1] * drive[1]
     w2, w3 = table[kind, 0, row, by + 2] * drive[2], table[kind, 0, row, by + 3] * drive[3]
@@ -143,7 +143,7 @@ def _both(hands: Any) -> tuple[int, State]:
 
 
 @specialised(_both)
-def _write_both(hands: Any) -> Any:
+def _write_both(hands: types.Type) -> Any:
     """Select the implementation at compile time."""
     if isinstance(hands, types.UniTuple):
         return lambda hands: (3, (hands[0] + hands[4], hands[1] + hands[5], hands[2] + hands[6], hands[3] + hands[7]))
@@ -158,7 +158,7 @@ def _write_both(hands: Any) -> Any:
     )
 
 
-def exact_tables(scene: Any, parts: Parts, length: int, h: float) -> NDArray[np.float64]:
+def exact_tables(scene: np.void, parts: Parts, length: int, h: float) -> NDArray[np.float64]:
     """Return the table of `exact`, with columns for state, 1, coefficients of the drives, and their values at nodes.
 
     Returns

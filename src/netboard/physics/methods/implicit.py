@@ -7,7 +7,8 @@ error.
 """
 
 from math import sqrt
-from typing import Any
+
+import numpy as np
 
 from netboard.base.compiled import inlined
 from netboard.physics.arithmetic.vectors import State, affine, alike, dot, joined, plus, speeds
@@ -27,7 +28,7 @@ MIN_ITERATIONS = 2
 
 
 @inlined
-def _inertia(y: State, s: float, c: float, parts: Parts, scene: Any) -> tuple[float, float, float]:
+def _inertia(y: State, s: float, c: float, parts: Parts, scene: np.void) -> tuple[float, float, float]:
     """Return the inertia against heave, heave with tilt, and tilt [kg, kg m, kg m2]."""
     if parts.lagrangian:
         return inertia(y, s, c, parts, scene)
@@ -36,7 +37,7 @@ def _inertia(y: State, s: float, c: float, parts: Parts, scene: Any) -> tuple[fl
 
 @inlined
 def _corrected(
-    y: State, residual_z: float, residual_o: float, t: float, reach: float, parts: Parts, scene: Any
+    y: State, residual_z: float, residual_o: float, t: float, reach: float, parts: Parts, scene: np.void
 ) -> tuple[float, float]:
     """Return the Newton steps of the velocities of heave and tilt, from the residuals of their equations."""
     s, c = turned(y[2], parts)
@@ -54,7 +55,7 @@ def _corrected(
 
 @inlined
 def _swept(
-    x: State, y: State, t: float, reach: float, left: float, right: float, parts: Parts, scene: Any
+    x: State, y: State, t: float, reach: float, left: float, right: float, parts: Parts, scene: np.void
 ) -> tuple[State, float]:
     """Return the next iterate, and its change, as a speed of control points and balls [m/s]."""
     k = rates(y, left, right, parts, scene)
@@ -76,7 +77,7 @@ def _swept(
 
 @inlined
 def _settled(
-    x: State, t: float, reach: float, left: float, right: float, straight: bool, parts: Parts, scene: Any
+    x: State, t: float, reach: float, left: float, right: float, straight: bool, parts: Parts, scene: np.void
 ) -> State:
     """Return the state y whose velocities are those of x plus t times the accelerations of y.
 
@@ -94,7 +95,7 @@ def _settled(
 
 
 @inlined
-def verlet(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any) -> State:
+def verlet(x: State, h: float, hands: np.void, tables: object, parts: Parts, scene: np.void) -> State:
     """Return the state after one step of Verlet's method, with the midpoint rule for the velocities (order 2).
 
     Half a step of the positions, a step of the velocities at fixed positions, half a step of the positions (Hairer,
@@ -110,7 +111,7 @@ def verlet(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any
 
 
 @inlined
-def midpoint(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any) -> State:
+def midpoint(x: State, h: float, hands: np.void, tables: object, parts: Parts, scene: np.void) -> State:
     """Return the state after one step of the implicit midpoint rule (order 2).
 
     It is A-stable, and conserves the energy of linear oscillations (Hairer, Lubich and Wanner, Geometric Numerical

@@ -9,7 +9,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from netboard.base.compiled import borrowed, kernel, specialised
+from netboard.base.compiled import Records, borrowed, kernel, specialised
 from netboard.physics.arithmetic.vectors import State, calm
 from netboard.physics.hands.extrapolation import later
 from netboard.physics.methods.catalogue import METHODS, NUMBER, advance
@@ -40,12 +40,7 @@ class TimeGrid:
 
 
 def make_grid(
-    method: str,
-    lengths: NDArray[np.float64],
-    counts: NDArray[np.int64],
-    parts: Parts,
-    length: int,
-    scene: NDArray[Any],
+    method: str, lengths: NDArray[np.float64], counts: NDArray[np.int64], parts: Parts, length: int, scene: NDArray[Any]
 ) -> TimeGrid:
     """Make the steps of a run, with the tables of its method.
 
@@ -62,7 +57,7 @@ def make_grid(
     return TimeGrid(lengths, counts, kinds.astype(np.int64), tables)
 
 
-def hands_at(hands: Any, i: int) -> Any:
+def hands_at(hands: NDArray[np.float64], i: int) -> Any:
     """Return the drives during interval i, as `netboard.physics.hands.extrapolation.drives` takes them [N].
 
     Parameters
@@ -76,7 +71,7 @@ def hands_at(hands: Any, i: int) -> Any:
 
 
 @specialised(hands_at)
-def _hands_at(hands: Any, i: Any) -> Any:
+def _hands_at(hands: types.Array, i: types.Type) -> Any:
     if hands.ndim == 2:
         return lambda hands, i: (
             hands[i, 0],
@@ -105,7 +100,7 @@ def moved_on(hands: Any, t: float) -> Any:
 
 
 @specialised(moved_on)
-def _moved_on(hands: Any, t: Any) -> Any:
+def _moved_on(hands: types.Type, t: types.Type) -> Any:
     if isinstance(hands, types.UniTuple):
         return lambda hands, t: later(hands, t)  # noqa: PLW0108  (numba takes no compiled function here)
     return lambda hands, t: hands
@@ -130,7 +125,16 @@ def make_march(METHOD: int, PARTS: Parts) -> Callable[..., State]:
     """
 
     @kernel
-    def march(x: State, hands: Any, lengths: Any, counts: Any, kinds: Any, tables: Any, scene: Any, out: Any) -> State:
+    def march(
+        x: State,
+        hands: NDArray[np.float64],
+        lengths: NDArray[np.float64],
+        counts: NDArray[np.int64],
+        kinds: NDArray[np.int64],
+        tables: NDArray[np.float64],
+        scene: Records,
+        out: NDArray[np.float64],
+    ) -> State:
         keep, one = len(out) > 0, scene[0]
         hands, tables = borrowed(hands), borrowed(tables)
         if keep:
@@ -153,12 +157,7 @@ def make_march(METHOD: int, PARTS: Parts) -> Callable[..., State]:
 
 
 def run(
-    method: str,
-    x: State,
-    hands: NDArray[np.float64],
-    grid: TimeGrid,
-    parts: Parts,
-    scene: NDArray[Any],
+    method: str, x: State, hands: NDArray[np.float64], grid: TimeGrid, parts: Parts, scene: NDArray[Any]
 ) -> NDArray[np.float64]:
     """Integrate a scene along a grid; return the first state and that after each interval, shape (n + 1, length) [SI].
 
@@ -182,7 +181,9 @@ def _make_forces(PARTS: Parts) -> Callable[..., None]:
     """Compile the coupling forces along a trajectory."""
 
     @kernel
-    def forces(states: Any, drives: Any, scene: Any, out: Any) -> None:
+    def forces(
+        states: NDArray[np.float64], drives: NDArray[np.float64], scene: Records, out: NDArray[np.float64]
+    ) -> None:
         for i in range(len(states)):
             x = (states[i, 0], states[i, 1], states[i, 2], states[i, 3])
             out[i, 0], out[i, 1] = coupling(x, drives[i, 0], drives[i, 1], PARTS, scene[0])

@@ -4,7 +4,7 @@ Every method is a function ``step(x, h, hands, tables, parts, scene)`` of the sa
 `netboard.physics` describe. `netboard.physics.methods.catalogue` lists the methods with their orders and nodes.
 """
 
-from typing import Any
+import numpy as np
 
 from netboard.base.compiled import inlined
 from netboard.physics.arithmetic.vectors import State, blend, joined, places, plus, speeds
@@ -31,14 +31,14 @@ def moved(x: State, t: float, y: State, parts: Parts) -> State:
 
 
 @inlined
-def euler(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any) -> State:
+def euler(x: State, h: float, hands: np.void, tables: object, parts: Parts, scene: np.void) -> State:
     """Return the state after one step of Euler's explicit method (order 1)."""
     left, right = drives(hands, 0, 0.0)
     return plus(x, h, rates(x, left, right, parts, scene))
 
 
 @inlined
-def semi_implicit(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any) -> State:
+def semi_implicit(x: State, h: float, hands: np.void, tables: object, parts: Parts, scene: np.void) -> State:
     """Return the state after one step of the semi-implicit method of Euler (order 1).
 
     First the velocities, then the positions with the new velocities (Hairer, Lubich and Wanner, Geometric Numerical
@@ -49,7 +49,7 @@ def semi_implicit(x: State, h: float, hands: Any, tables: Any, parts: Parts, sce
 
 
 @inlined
-def heun(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any) -> State:
+def heun(x: State, h: float, hands: np.void, tables: object, parts: Parts, scene: np.void) -> State:
     """Return the state after one step of Heun's method, the explicit trapezoidal rule (order 2)."""
     left, right = drives(hands, 0, 0.0)
     k1 = rates(x, left, right, parts, scene)
@@ -59,7 +59,7 @@ def heun(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any) 
 
 
 @inlined
-def rk4(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any) -> State:
+def rk4(x: State, h: float, hands: np.void, tables: object, parts: Parts, scene: np.void) -> State:
     """Return the state after one step of the classical Runge-Kutta method (order 4)."""
     half = 0.5 * h
     left, right = drives(hands, 0, 0.0)

@@ -9,13 +9,18 @@ The rules of `netboard.physics.scene.models` hold here.
 """
 
 from collections.abc import Callable
-from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from netboard.base.compiled import inlined
 from netboard.physics.arithmetic.vectors import State, alike, joined, places, plus, speeds, total
 from netboard.physics.arithmetic.written import listed, written
 from netboard.physics.scene.models import friction, rates, turned
 from netboard.physics.scene.parameters import Parts
+
+StepTables = tuple[NDArray[np.float64], int]
+"""Tables of a method for each step size, and the index of the current one."""
 
 EVEN, FIXED, PAPER = 1, 2, 4
 """Flags of the structure: heave is decoupled; balls are fixed; the paper's equations without friction."""
@@ -118,7 +123,7 @@ _left_over: Callable[..., State] = written("rate, x, tables, known", _write_left
 
 
 @inlined
-def times(x: State, tables: Any, k: int, parts: Parts) -> State:
+def times(x: State, tables: StepTables, k: int, parts: Parts) -> State:
     """Return the product of table k and a state."""
     if parts.loaded and not parts.free:
         return _times(x, tables, k, _EVEN_FIXED) if parts.even else _times(x, tables, k, FIXED)
@@ -126,7 +131,7 @@ def times(x: State, tables: Any, k: int, parts: Parts) -> State:
 
 
 @inlined
-def pushed(x: State, tables: Any, k: int, rest: State, parts: Parts) -> State:
+def pushed(x: State, tables: StepTables, k: int, rest: State, parts: Parts) -> State:
     """Return the sum of a state and the product of table k and N.
 
     Parameters
@@ -140,7 +145,7 @@ def pushed(x: State, tables: Any, k: int, rest: State, parts: Parts) -> State:
 
 
 @inlined
-def _paper_remainder(x: State, left: float, right: float, tables: Any, parts: Parts, scene: Any) -> State:
+def _paper_remainder(x: State, left: float, right: float, tables: StepTables, parts: Parts, scene: np.void) -> State:
     """Return N of the paper's equations; coefficients from A leave few operations after sine and cosine."""
     a, kind, p = tables[0], tables[1], places(x)
     s, c = turned(x[2], parts)
@@ -177,7 +182,7 @@ def _paper_remainder(x: State, left: float, right: float, tables: Any, parts: Pa
 
 
 @inlined
-def remainder(x: State, left: float, right: float, tables: Any, parts: Parts, scene: Any) -> State:
+def remainder(x: State, left: float, right: float, tables: StepTables, parts: Parts, scene: np.void) -> State:
     """Return N, the accelerations less A x; 0 except in rows of accelerations."""
     if not parts.lagrangian:
         return _paper_remainder(x, left, right, tables, parts, scene)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.polynomial.polynomial import polyder, polyval
 from numpy.typing import NDArray
 
-from netboard.base.compiled import inlined, kernel
+from netboard.base.compiled import Records, inlined, kernel
 from netboard.physics.arithmetic.vectors import State, affine, alike, dot, places, row, speeds, total
 from netboard.physics.scene.models import friction, rates, turned
 from netboard.physics.scene.parameters import Parts
@@ -69,7 +69,7 @@ class Powers(NamedTuple):
 
 
 @inlined
-def _moving(x: State, s: float, c: float, parts: Parts, scene: Any) -> float:
+def _moving(x: State, s: float, c: float, parts: Parts, scene: np.void) -> float:
     """Return the kinetic energy of the balls [J]; in the paper's model only that of their motion along the board."""
     p, vz, omega = places(x), x[1], x[3]
     m: float = scene["m"]
@@ -87,7 +87,7 @@ def _moving(x: State, s: float, c: float, parts: Parts, scene: Any) -> float:
 
 
 @inlined
-def stored(x: State, left_z: float, right_z: float, parts: Parts, scene: Any) -> StoredEnergy:
+def stored(x: State, left_z: float, right_z: float, parts: Parts, scene: np.void) -> StoredEnergy:
     """Return the stored energies of the scene; their sum is its whole energy [J]."""
     s, c = turned(x[2], parts)
     z, arm = x[0], scene["l"] * s
@@ -111,7 +111,9 @@ def stored(x: State, left_z: float, right_z: float, parts: Parts, scene: Any) ->
 
 
 @inlined
-def flows(x: State, left_z: float, left_vz: float, right_z: float, right_vz: float, parts: Parts, scene: Any) -> Powers:
+def flows(
+    x: State, left_z: float, left_vz: float, right_z: float, right_vz: float, parts: Parts, scene: np.void
+) -> Powers:
     """Return the power flows of the scene; their sum is the rate of the stored energy [W]."""
     s, c = turned(x[2], parts)
     z, vz, omega = x[0], x[1], x[3]
@@ -166,7 +168,16 @@ _CUBIC = _values_and_slopes((0.0, 0.0, 3.0, -2.0), (0.0, 1.0, -2.0, 1.0), (0.0, 
 
 
 @inlined
-def _interpolate_state(w: Any, x: Any, before: State, after: State, i: int, j: int, h: float, out: Any) -> None:
+def _interpolate_state(
+    w: NDArray[np.float64],
+    x: NDArray[np.float64],
+    before: State,
+    after: State,
+    i: int,
+    j: int,
+    h: float,
+    out: NDArray[np.float64],
+) -> None:
     """Write coordinate j and its rate at a node of interval i, interpolated by the quintic."""
     step, start, end = x[i + 1, j] - x[i, j], h * x[i, j + 1], h * x[i + 1, j + 1]
     bend, last = (h * h) * before[j + 1], (h * h) * after[j + 1]
@@ -175,7 +186,7 @@ def _interpolate_state(w: Any, x: Any, before: State, after: State, i: int, j: i
 
 
 @inlined
-def _stylus_at(w: Any, styluses: Any, i: int, j: int, h: float) -> tuple[float, float]:
+def _stylus_at(w: NDArray[np.float64], styluses: NDArray[np.float64], i: int, j: int, h: float) -> tuple[float, float]:
     """Return height and rate of the stylus in columns j and j + 1 at a node of interval i, by the cubic."""
     step, start, end = styluses[i + 1, j] - styluses[i, j], h * styluses[i, j + 1], h * styluses[i + 1, j + 1]
     z = styluses[i, j] + (w[0, 0] * step + w[0, 1] * start + w[0, 2] * end)
@@ -183,7 +194,9 @@ def _stylus_at(w: Any, styluses: Any, i: int, j: int, h: float) -> tuple[float, 
 
 
 @inlined
-def _rate(like: State, states: Any, styluses: Any, i: int, parts: Parts, scene: Any) -> State:
+def _rate(
+    like: State, states: NDArray[np.float64], styluses: NDArray[np.float64], i: int, parts: Parts, scene: np.void
+) -> State:
     """Return the rate of state i under the styluses of row i."""
     left = scene["k_left"] * styluses[i, 0] + scene["c_left"] * styluses[i, 1]
     right = scene["k_right"] * styluses[i, 2] + scene["c_right"] * styluses[i, 3]
@@ -195,14 +208,27 @@ def _make_along(PARTS: Parts) -> tuple[Callable[..., None], Callable[..., None]]
     """Compile the energies of many states, and the work between them."""
 
     @kernel
-    def all_stored(like: State, states: Any, styluses: Any, scene: Any, out: Any) -> None:
+    def all_stored(
+        like: State,
+        states: NDArray[np.float64],
+        styluses: NDArray[np.float64],
+        scene: Records,
+        out: NDArray[np.float64],
+    ) -> None:
         for i in range(len(states)):
             energies = stored(row(states, i, like), styluses[i, 0], styluses[i, 2], PARTS, scene[0])
             for j in range(len(energies)):
                 out[i, j] = energies[j]
 
     @kernel
-    def all_work(like: State, times: Any, states: Any, styluses: Any, scene: Any, out: Any) -> None:
+    def all_work(
+        like: State,
+        times: NDArray[np.float64],
+        states: NDArray[np.float64],
+        styluses: NDArray[np.float64],
+        scene: Records,
+        out: NDArray[np.float64],
+    ) -> None:
         one, at = scene[0], np.empty((1, len(like)))
         after = _rate(like, states, styluses, 0, PARTS, one)
         for i in range(len(times) - 1):

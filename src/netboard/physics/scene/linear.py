@@ -3,20 +3,18 @@
 The exponential methods solve it exactly, and the stability analysis uses it. NumPy; not for use in a tick.
 """
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from netboard.physics.scene.parameters import Parts, load_mass
 
 
-def board_matrix(parts: Parts, scene: Any) -> NDArray[np.float64]:
+def board_matrix(parts: Parts, scene: np.void) -> NDArray[np.float64]:
     """Return the matrix A of (z, vz, theta, omega), of shape (4, 4): the board without balls [SI]."""
     return scene_matrix(parts, scene, 4)
 
 
-def scene_matrix(parts: Parts, scene: Any, length: int) -> NDArray[np.float64]:
+def scene_matrix(parts: Parts, scene: np.void, length: int) -> NDArray[np.float64]:
     """Return the matrix A about the level board with the balls at its centre, of shape (length, length) [SI]."""
     a = np.zeros((length, length))
     arm = float(scene["l"])

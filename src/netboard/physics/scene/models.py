@@ -14,21 +14,13 @@ origin. This module is independent of trials, samples and steps.
 
 from typing import Any
 
+import numpy as np
+from numba import types
+
 from netboard.base.compiled import inlined, specialised
 from netboard.base.tables.scene import FRICTION
 from netboard.physics.arithmetic.trig import sincos
-from netboard.physics.arithmetic.vectors import (
-    State,
-    affine,
-    alike,
-    dot,
-    joined,
-    places,
-    plus,
-    replaced,
-    speeds,
-    total,
-)
+from netboard.physics.arithmetic.vectors import State, affine, alike, dot, joined, places, plus, replaced, speeds, total
 from netboard.physics.scene.parameters import Parts
 
 
@@ -39,7 +31,7 @@ def turned(theta: float, parts: Parts) -> tuple[float, float]:
 
 
 @inlined
-def coupling(x: State, left: float, right: float, parts: Parts, scene: Any) -> tuple[float, float]:
+def coupling(x: State, left: float, right: float, parts: Parts, scene: np.void) -> tuple[float, float]:
     """Return the forces of the left and the right virtual coupling on the board, + = up (paper eq. 1-2) [N].
 
     The hands feel the reactions.
@@ -52,7 +44,7 @@ def coupling(x: State, left: float, right: float, parts: Parts, scene: Any) -> t
     )
 
 
-def friction(vp: State, load: float, parts: Parts, scene: Any) -> State:
+def friction(vp: State, load: float, parts: Parts, scene: np.void) -> State:
     """Return the force of friction on each ball, the sum of all laws, against its motion along the board [N].
 
     Parameters
@@ -65,7 +57,7 @@ def friction(vp: State, load: float, parts: Parts, scene: Any) -> State:
     return tuple([_resistance(v, load, parts, scene) for v in vp])
 
 
-def _resistance(vp: float, load: float, parts: Parts, scene: Any) -> float:
+def _resistance(vp: float, load: float, parts: Parts, scene: np.void) -> float:
     """Return the force of friction on one ball [N]."""
     force = 0.0
     for (key, law), there in zip(FRICTION.items(), parts.friction, strict=True):
@@ -78,7 +70,7 @@ _LAWS = {f"law{i}": inlined(law.force) for i, law in enumerate(FRICTION.values()
 
 
 @specialised(friction)
-def _friction(vp: Any, load: Any, parts: Any, scene: Any) -> Any:
+def _friction(vp: types.UniTuple, load: types.Type, parts: types.Type, scene: types.Type) -> Any:
     """Write the sum of all laws; the compiler removes those that the scene lacks."""
     terms = [f'(law{i}(scene["{key}"], vp[#], load) if parts.friction[{i}] else 0.0)' for i, key in enumerate(FRICTION)]
     sums = "".join(f"0.0 + {' + '.join(terms)}, ".replace("#", str(ball)) for ball in range(vp.count))
@@ -87,7 +79,7 @@ def _friction(vp: Any, load: Any, parts: Any, scene: Any) -> Any:
 
 @inlined
 def _board_load(
-    x: State, left: float, right: float, s: float, c: float, parts: Parts, scene: Any
+    x: State, left: float, right: float, s: float, c: float, parts: Parts, scene: np.void
 ) -> tuple[float, float]:
     """Return the upward force on a board without balls, and the difference of the hands' forces, right - left [N]."""
     arm, arm_rate = scene["l"] * s, scene["l"] * x[3] * c
@@ -102,7 +94,7 @@ def _board_load(
 
 
 @inlined
-def _paper(x: State, left: float, right: float, parts: Parts, scene: Any) -> State:
+def _paper(x: State, left: float, right: float, parts: Parts, scene: np.void) -> State:
     """Return the rate of the state by the paper's equations (3-5), where balls act on the board by weight alone."""
     s, c = turned(x[2], parts)
     force, turn = _board_load(x, left, right, s, c, parts, scene)
@@ -129,7 +121,7 @@ def _paper(x: State, left: float, right: float, parts: Parts, scene: Any) -> Sta
 
 
 @inlined
-def inertia(x: State, s: float, c: float, parts: Parts, scene: Any) -> tuple[float, float, float]:
+def inertia(x: State, s: float, c: float, parts: Parts, scene: np.void) -> tuple[float, float, float]:
     """Return the inertia a11, a12, a22 of board and balls by Lagrange's equations [kg, kg m, kg m2].
 
     The coordinates of free balls are eliminated.
@@ -167,7 +159,7 @@ def solved(a11: float, a12: float, a22: float, force: float, torque: float, part
 
 
 @inlined
-def _lagrangian(x: State, left: float, right: float, parts: Parts, scene: Any) -> State:
+def _lagrangian(x: State, left: float, right: float, parts: Parts, scene: np.void) -> State:
     """Return the rate of the state by Lagrange's equations of the same scene (docs/explanation/physics.md)."""
     s, c = turned(x[2], parts)
     omega, g, r = x[3], scene["g"], scene["ball_height"]
@@ -202,7 +194,7 @@ def _lagrangian(x: State, left: float, right: float, parts: Parts, scene: Any) -
 
 
 @inlined
-def rates(x: State, left: float, right: float, parts: Parts, scene: Any) -> State:
+def rates(x: State, left: float, right: float, parts: Parts, scene: np.void) -> State:
     """Return the rate of change of a state [SI]."""
     if parts.lagrangian:
         return _lagrangian(x, left, right, parts, scene)
@@ -210,7 +202,7 @@ def rates(x: State, left: float, right: float, parts: Parts, scene: Any) -> Stat
 
 
 @inlined
-def _reflected(x: State, i: int, parts: Parts, scene: Any) -> State:
+def _reflected(x: State, i: int, parts: Parts, scene: np.void) -> State:
     """Return the state after the impact of ball i on its stop; in the Lagrangian model it acts on the board, too."""
     back = -(1.0 + scene["restitution"]) * x[5 + 2 * i]
     if not parts.lagrangian:
@@ -229,7 +221,7 @@ def _reflected(x: State, i: int, parts: Parts, scene: Any) -> State:
 
 
 @inlined
-def stopped(x: State, parts: Parts, scene: Any) -> State:
+def stopped(x: State, parts: Parts, scene: np.void) -> State:
     """Return the state after a step, with balls beyond a stop put on it and reflected (Newton's restitution).
 
     An impact takes effect at the end of its step.

@@ -137,7 +137,7 @@ def state_length(physics: Physics) -> int:
     return 4 + 2 * physics.balls
 
 
-def load_mass(parts: Parts, scene: Any) -> float:
+def load_mass(parts: Parts, scene: np.void) -> float:
     """Return the part of a ball's mass that loads the board; 0 without balls [kg]."""
     if not parts.loaded:
         return 0.0

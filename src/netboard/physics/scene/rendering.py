@@ -12,6 +12,7 @@ on the partial conditions. docs/explanation/forces.md has the equations.
 from typing import Any, NamedTuple, get_args
 
 import numpy as np
+from numba import types
 from numpy.typing import NDArray
 
 from netboard.base.compiled import inlined, specialised
@@ -91,7 +92,7 @@ _KERNELS = {f"force{place}": inlined(CONDITIONS[name].force) for place, name in 
 
 
 @specialised(_rendered)
-def _compiled_rendered(number: Any, hand: Any) -> Any:
+def _compiled_rendered(number: types.Type, hand: types.Type) -> Any:
     """Write the choice out; the number is a constant of a block, so the compiler keeps one condition."""
     text = "nan"
     for place in reversed(range(len(FORCES))):
@@ -115,7 +116,7 @@ def force_on_hand(hand: ForceInputs, scale: float, rendering: Rendering) -> floa
 
 
 @inlined
-def is_listed(trial: int, catch: Any) -> bool:
+def is_listed(trial: int, catch: NDArray[np.int64]) -> bool:
     """Return whether a trial is in the list of catch trials.
 
     Parameters
@@ -127,13 +128,13 @@ def is_listed(trial: int, catch: Any) -> bool:
 
 
 @inlined
-def is_catch(trial: int, packed: Any, rendering: Rendering) -> bool:
+def is_catch(trial: int, packed: np.void, rendering: Rendering) -> bool:
     """Return whether a trial is a catch trial, without force."""
     return rendering.catches and is_listed(trial, packed["catch"])
 
 
 @inlined
-def scale_in(trial: int, packed: Any, rendering: Rendering) -> float:
+def scale_in(trial: int, packed: np.void, rendering: Rendering) -> float:
     """Return the factor of the commanded force in a trial [1]."""
     if rendering.varies and 0 < trial < TRIAL_ENTRIES:
         return float(packed["scales"][trial])
@@ -180,7 +181,7 @@ def pack_rendering(config: Config) -> NDArray[Any]:
     return packed
 
 
-def gains_of(parts: Parts, scene: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
+def gains_of(parts: Parts, scene: np.void) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Return the gains of both hands, as in `GAINS`, from the linear static balance of the board [N, N/m].
 
     Plain arithmetic instead of a library gives the same bits on every machine, so that recordings verify.
@@ -204,7 +205,7 @@ def gains_of(parts: Parts, scene: Any) -> tuple[tuple[float, ...], tuple[float, 
     return (left[0], left[1], left[2], left[3]), (right[0], right[2], right[1], right[3])
 
 
-def _rest(force: float, torque: float, parts: Parts, scene: Any) -> tuple[float, float]:
+def _rest(force: float, torque: float, parts: Parts, scene: np.void) -> tuple[float, float]:
     """Return height and tilt at which the springs balance a force and a torque, linear [m, rad]."""
     k_left, k_right, arm = float(scene["k_left"]), float(scene["k_right"]), float(scene["l"])
     heave = k_left + k_right + float(scene["k_s"])

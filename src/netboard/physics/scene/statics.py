@@ -8,8 +8,9 @@ positions: fixed, or just released (`Parts.free`).
 import cmath
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+import numpy as np
 from scipy.optimize import brentq
 
 from netboard.physics.scene.parameters import Parts, load_mass
@@ -47,12 +48,12 @@ class _Springs(NamedTuple):
     turn: float
 
 
-def _springs(left_z: float, right_z: float, scene: Any) -> _Springs:
+def _springs(left_z: float, right_z: float, scene: np.void) -> _Springs:
     left, right = float(scene["k_left"]), float(scene["k_right"])
     return _Springs(left + right, right - left, left * left_z + right * right_z, right * right_z - left * left_z)
 
 
-def _heights(springs: _Springs, balls: int, parts: Parts, scene: Any) -> tuple[float, float, float]:
+def _heights(springs: _Springs, balls: int, parts: Parts, scene: np.void) -> tuple[float, float, float]:
     """Return the equilibrium height as a polynomial in the sine of the tilt [m]."""
     if not parts.heaves:
         return 0.0, 0.0, 0.0
@@ -86,7 +87,7 @@ def _level_sine(a: float, b: float, q: float, e: float) -> float:
 
 
 def _sine(
-    heights: tuple[float, float, float], springs: _Springs, p: tuple[float, ...], parts: Parts, scene: Any
+    heights: tuple[float, float, float], springs: _Springs, p: tuple[float, ...], parts: Parts, scene: np.void
 ) -> float:
     """Return the sine of the tilt at which the torque vanishes [1]."""
     if not parts.tilts:
@@ -105,7 +106,7 @@ def _sine(
     )
 
 
-def equilibrium(left_z: float, right_z: float, p: tuple[float, ...], parts: Parts, scene: Any) -> Equilibrium:
+def equilibrium(left_z: float, right_z: float, p: tuple[float, ...], parts: Parts, scene: np.void) -> Equilibrium:
     """Return the static equilibrium of the board with styluses and balls at rest.
 
     A hinged board is at height 0, a level one at tilt 0. Zero force gives the height as a polynomial of the sine of the
@@ -141,7 +142,7 @@ def _poles(inertia: float, damping: float, stiffness: float) -> tuple[complex, c
     return fast, slow
 
 
-def ball_poles(balls: int, parts: Parts, scene: Any) -> tuple[complex, complex]:
+def ball_poles(balls: int, parts: Parts, scene: np.void) -> tuple[complex, complex]:
     """Return both poles of the balls rolling together, with still hands and a board that follows at once, linear [1/s].
 
     The weight of a ball at p tilts the board by ``-m g p`` over its stiffness: downhill is away from the centre, and

@@ -79,7 +79,7 @@ def _ball_inertia(parts: Parts, value: dict[str, float], s: float, c: float, p: 
     return m * value["fixed_load"] * np.array([[1.0, c * p - r * s], [c * p - r * s, p * p + r * r / mass_ratio]])
 
 
-def solved_matrix(parts: Parts, scene: Any, balls: int, h: float) -> Matrix:
+def solved_matrix(parts: Parts, scene: np.void, balls: int, h: float) -> Matrix:
     """Return the matrix A of (z, vz, theta, omega) that the exponential methods solve exactly, shape (4, 4) [SI]."""
     return solved(parts, scene, 4 + 2 * balls, h)[:4, :4]
 

@@ -5,7 +5,7 @@ black-and-white print. Needs matplotlib, which is imported when a figure is draw
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from netboard.recording.counterfactual.what_if import (
     seconds_since_release,
 )
 from netboard.task.trials.state_machine import BALL_FREE
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 _RECORDED, _COMPUTED, _OTHERS = "#0072B2", "#D55E00", "0.75"
 
@@ -54,7 +57,7 @@ def _outcomes(shown: AttemptComparison) -> str:
     return f"{then.outcome}, now {now.outcome}"
 
 
-def _draw_values(axis: Any, found: WhatIf, quantity: ComparedQuantity, shown: AttemptComparison) -> None:
+def _draw_values(axis: "Axes", found: WhatIf, quantity: ComparedQuantity, shown: AttemptComparison) -> None:
     """Draw one quantity of the shown attempt, recorded and recomputed, each while the ball is free."""
     start = int(np.searchsorted(found.recorded["tick"], shown.then.tick))
     for rows, attempt, colour, style, label in (
@@ -71,7 +74,7 @@ def _draw_values(axis: Any, found: WhatIf, quantity: ComparedQuantity, shown: At
     axis.grid(True, alpha=0.3)
 
 
-def _draw_difference(axis: Any, found: WhatIf, quantity: ComparedQuantity, shown: AttemptComparison) -> None:
+def _draw_difference(axis: "Axes", found: WhatIf, quantity: ComparedQuantity, shown: AttemptComparison) -> None:
     """Draw the difference of one quantity in all attempts, with the shown one on top."""
     others = [one for one in found.comparisons if one is not shown]
     for place, one in enumerate([*others, shown]):

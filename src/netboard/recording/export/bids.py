@@ -314,7 +314,7 @@ def _write_table(path: Path, rows: Iterable[Row]) -> None:
         file.writelines(tsv_lines([lines[0].keys(), *(row.values() for row in lines)], _cell))
 
 
-def _cell(value: Any) -> str:
+def _cell(value: object) -> str:
     """Format a table cell. BIDS has no quoting, so spaces replace tabs and line feeds."""
     if isinstance(value, bool):
         return str(value).lower()

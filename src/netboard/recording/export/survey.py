@@ -100,7 +100,7 @@ class Survey:
         return tick * TICK_NS + self._jumps[place][1]
 
 
-def _phase_change(row: Any) -> PhaseChange:
+def _phase_change(row: np.void) -> PhaseChange:
     name = EVENT_NAMES.get(int(row["event"]), "unknown")
     return PhaseChange(int(row["tick"]), name, int(row["trial"]), int(row["attempt"]), int(row["target"]))
 

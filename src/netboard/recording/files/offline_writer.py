@@ -65,7 +65,7 @@ class BlockWriter:
         if len(rest):
             self._write_ticks(rest)
 
-    def _event_of(self, row: Any) -> tuple[str, dict[str, str]]:
+    def _event_of(self, row: np.void) -> tuple[str, dict[str, str]]:
         name, details = event_of(row)
         return name, details | self._details.of(int(row["trial"]))
 
@@ -109,7 +109,7 @@ def is_edge(rows: NDArray[Any]) -> NDArray[np.bool_]:
     return np.asarray(known)
 
 
-def event_of(row: Any) -> tuple[str, dict[str, str]]:
+def event_of(row: np.void) -> tuple[str, dict[str, str]]:
     """Return the name and details of the event in a tick, as a live session records it."""
     phase, cause = Phase(int(row["phase"])), Cause(int(row["event"]))
     details = {

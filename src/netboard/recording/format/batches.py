@@ -73,7 +73,14 @@ def pack(rows: NDArray[Any], constants: Mapping[str, float]) -> bytes:
 
 
 @waiting
-def unpack_columns(planes: Any, places: Any, orders: Any, folded: bool, words: Any, first: int) -> None:
+def unpack_columns(
+    planes: NDArray[np.uint8],
+    places: NDArray[np.int64],
+    orders: NDArray[np.int64],
+    folded: bool,
+    words: NDArray[np.int64],
+    first: int,
+) -> None:
     """Decode some columns of a batch: join their byte planes, unfold the signs, and undo the differences.
 
     ``planes``: uint8 of shape (columns, WORD, n). ``places``: the k columns to read. ``orders``: how often each was

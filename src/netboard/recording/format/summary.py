@@ -198,7 +198,7 @@ def _outcome(cause: int) -> str:
     return Cause(cause).name.lower() if cause in _CAUSES else "unknown"
 
 
-def _levelled(before: NDArray[Any], release: Any) -> int:
+def _levelled(before: NDArray[Any], release: np.void) -> int:
     """Return the first tick of the levelling before a release, or the release itself."""
     same = (before["trial"] == release["trial"]) & (before["attempt"] == release["attempt"])
     found = np.flatnonzero(same & (before["phase"] == Phase.LEVELLING))

@@ -135,7 +135,7 @@ def _exported_whole(cell: Any) -> int:
     return _in_64_bits(cell if isinstance(cell, int) else whole_of(cell))
 
 
-def _whole(cell: Any) -> int:
+def _whole(cell: object) -> int:
     """Read a cell as `_number`; text may end in ``.0``."""
     if isinstance(cell, int) and not isinstance(cell, bool):
         return _in_64_bits(cell)
@@ -149,7 +149,7 @@ def _whole(cell: Any) -> int:
     return _in_64_bits(whole_of(digits))
 
 
-def _is_missing(cell: Any) -> bool:
+def _is_missing(cell: object) -> bool:
     return cell is None or (isinstance(cell, str) and cell.lower() in _MISSING)
 
 

@@ -75,7 +75,7 @@ class Manifest:
             for place, one in zip(places, _with_block_counts(base, own), strict=True):
                 self._add(one, place)
 
-    def _base(self, name: Any) -> dict[str, Any]:
+    def _base(self, name: object) -> dict[str, Any]:
         """Read the base configuration of all recordings."""
         if name is None:
             return {}

@@ -1,6 +1,6 @@
 """Figure of a trace: the ticks around one as a timeline of three lanes, the lateness of all ticks, and when it was."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -8,6 +8,9 @@ from netboard.base.config import SIDES, Side
 from netboard.recording.timing.causes import CAUSES
 from netboard.recording.timing.stamps import UNKNOWN, Stamps, Times
 from netboard.recording.timing.trace import MS, TimingTrace
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 TICKS_BEFORE, TICKS_AFTER = 6, 10
 """Ticks in the timeline before and after the one shown [1]."""
@@ -48,7 +51,7 @@ def _shown(found: TimingTrace) -> int:
     return evidence.first + int(np.argmax(late_ns[evidence.first : evidence.last + 1]))
 
 
-def _draw_timeline(axis: Any, found: TimingTrace, shown: int) -> None:
+def _draw_timeline(axis: "Axes", found: TimingTrace, shown: int) -> None:
     """Draw when samples were read and arrived, ticks began and forces were rendered."""
     stamps = found.stamps
     rows = np.arange(max(shown - TICKS_BEFORE, 0), min(shown + TICKS_AFTER + 1, stamps.tick.size))
@@ -81,7 +84,7 @@ def _title(found: TimingTrace, shown: int) -> str:
     return "no stutter here"
 
 
-def _draw_ticks(axis: Any, stamps: Stamps, rows: Times, zero_ns: int, limit_ns: int) -> None:
+def _draw_ticks(axis: "Axes", stamps: Stamps, rows: Times, zero_ns: int, limit_ns: int) -> None:
     """Draw the ticks in the server's lane, with their lateness."""
     lane, began = _LANES["server"], (stamps.began_ns[rows] - zero_ns) * MS
     late = stamps.late_ns[rows] > limit_ns
@@ -93,7 +96,7 @@ def _draw_ticks(axis: Any, stamps: Stamps, rows: Times, zero_ns: int, limit_ns: 
     axis.plot(began[late], np.full(int(late.sum()), lane), "|", color=_LATE, markersize=16, markeredgewidth=2)
 
 
-def _draw_side(axis: Any, stamps: Stamps, side: Side, rows: Times, zero_ns: int) -> None:
+def _draw_side(axis: "Axes", stamps: Stamps, side: Side, rows: Times, zero_ns: int) -> None:
     """Draw the samples of a side on their way to the server, and the forces on their way back."""
     one, lane, server = stamps.sides[side], _LANES[side], _LANES["server"]
     colour, edge = _COLOURS[side], server + (0.12 if lane > server else -0.12)
@@ -119,12 +122,12 @@ def _draw_side(axis: Any, stamps: Stamps, side: Side, rows: Times, zero_ns: int)
     )
 
 
-def _draw_histogram(axis: Any, found: TimingTrace) -> None:
+def _draw_histogram(axis: "Axes", found: TimingTrace) -> None:
     """Draw the distribution of the starts of ticks relative to their deadlines."""
     late = found.stamps.late_ns * MS
     high = max(float(late.max()), found.limit_ns * MS * 1.2)
     bins = np.linspace(min(float(late.min()), -0.6), min(high, 3.0), 120)
-    axis.hist(np.clip(late, bins[0], bins[-1]), bins, color="0.55", log=True)
+    axis.hist(np.clip(late, bins[0], bins[-1]), bins.tolist(), color="0.55", log=True)
     axis.axvline(found.limit_ns * MS, color=_LATE, linewidth=1.2, label=f"limit, {found.limit_ns * MS:g} ms")
     lateness = next(iter(found.spreads.values()))
     for value, style in ((lateness.p50, "-"), (lateness.p99, "--"), (lateness.p999, ":")):
@@ -136,7 +139,7 @@ def _draw_histogram(axis: Any, found: TimingTrace) -> None:
     axis.legend(loc="best", fontsize=8, frameon=False)  # named: Matplotlib warns of its default on a slow machine
 
 
-def _draw_course(axis: Any, found: TimingTrace) -> None:
+def _draw_course(axis: "Axes", found: TimingTrace) -> None:
     """Draw when episodes happened, by cause."""
     for cause, colour in zip(CAUSES, _MARKS, strict=True):
         mine = [one for one in found.episodes if one.cause is cause]

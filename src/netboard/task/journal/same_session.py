@@ -90,7 +90,7 @@ def _differences(header: Header, now: Header, words: dict[str, str], when: str =
     return [f"{word}: {_text(then)} {when}, {_text(new)} now" for word, then, new in both if then != new]
 
 
-def _text(value: Any) -> str:
+def _text(value: object) -> str:
     match value:
         case bool():
             return "yes" if value else "no"

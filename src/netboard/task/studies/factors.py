@@ -81,7 +81,7 @@ def _only_key(factor: Factor) -> tuple[str, list[Any]]:
     return key, [one[key] for one in set_by]
 
 
-def _number(value: Any) -> float:
+def _number(value: object) -> float:
     """Return a number as float; NaN for anything else."""
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else nan
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import inlined, kernel
+from netboard.base.compiled import Records, inlined, kernel
 from netboard.base.config import SIDES, Config
 from netboard.base.tables.experiment import Block, Quality
 from netboard.base.tick import LATE_NS, TICK, TICK_NS, TICK_SECONDS
@@ -105,7 +105,7 @@ def empty_tally() -> Any:
 
 
 @inlined
-def _begin(counts: Any, row: Any) -> None:
+def _begin(counts: np.void, row: np.void) -> None:
     """Reset the counts for a new attempt."""
     counts["under_way"], counts["ended"], counts["cause"] = 1, 0, 0
     counts["trial"], counts["attempt"], counts["release"] = row["trial"], row["attempt"], row["tick"]
@@ -118,7 +118,7 @@ def _begin(counts: Any, row: Any) -> None:
 
 @inlined
 def _count(
-    counts: Any, side: int, live: int, stamp_ns: int, sent_z: float, edge: bool, clamped: bool, counting: bool
+    counts: np.void, side: int, live: int, stamp_ns: int, sent_z: float, edge: bool, clamped: bool, counting: bool
 ) -> None:
     """Count a tick of one side, and keep what the next tick is compared with."""
     if counting:
@@ -134,7 +134,7 @@ def _count(
 
 
 @kernel
-def tally(counts: Any, rows: Any, first: int, count: int, stylus_range: float, clamped: int) -> int:
+def tally(counts: np.void, rows: Records, first: int, count: int, stylus_range: float, clamped: int) -> int:
     """Count ticks, up to the end of an attempt.
 
     Parameters

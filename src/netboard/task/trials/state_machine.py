@@ -125,14 +125,8 @@ _UNDER_WAY: dict[Cause, tuple[Phase, Action]] = {
 """Edges that interrupt or end an attempt, from the levelling on."""
 
 TABLE: dict[Phase, dict[Cause, tuple[Phase, Action]]] = {
-    Phase.IDLE: {
-        Cause.START: (Phase.LEVELLING, Action.PREPARE),
-        Cause.STOP: (Phase.FINISHED, Action.HALT),
-    },
-    Phase.LEVELLING: {
-        Cause.LEVEL: (Phase.RUNNING, Action.RELEASE),
-        **_UNDER_WAY,
-    },
+    Phase.IDLE: {Cause.START: (Phase.LEVELLING, Action.PREPARE), Cause.STOP: (Phase.FINISHED, Action.HALT)},
+    Phase.LEVELLING: {Cause.LEVEL: (Phase.RUNNING, Action.RELEASE), **_UNDER_WAY},
     Phase.RUNNING: {
         Cause.ENTERED: (Phase.HOLDING, Action.MARK),
         Cause.FELL: (Phase.FAILED, Action.FAIL),
@@ -145,23 +139,15 @@ TABLE: dict[Phase, dict[Cause, tuple[Phase, Action]]] = {
         Cause.FELL: (Phase.FAILED, Action.FAIL),
         **_UNDER_WAY,
     },
-    Phase.SUCCEEDED: {
-        Cause.NEXT: (Phase.LEVELLING, Action.ADVANCE),
-        Cause.LAST: (Phase.FINISHED, Action.HALT),
-    },
-    Phase.FAILED: {
-        Cause.NEXT: (Phase.LEVELLING, Action.RETRY),
-        Cause.LAST: (Phase.FINISHED, Action.HALT),
-    },
+    Phase.SUCCEEDED: {Cause.NEXT: (Phase.LEVELLING, Action.ADVANCE), Cause.LAST: (Phase.FINISHED, Action.HALT)},
+    Phase.FAILED: {Cause.NEXT: (Phase.LEVELLING, Action.RETRY), Cause.LAST: (Phase.FINISHED, Action.HALT)},
     Phase.PAUSED: {
         Cause.RESUME: (Phase.LEVELLING, Action.RETRY),
         Cause.SKIP: (Phase.PAUSED, Action.PASS),
         Cause.LAST: (Phase.FINISHED, Action.HALT),
         Cause.STOP: (Phase.FINISHED, Action.HALT),
     },
-    Phase.FINISHED: {
-        Cause.REPEAT: (Phase.PAUSED, Action.REOPEN),
-    },
+    Phase.FINISHED: {Cause.REPEAT: (Phase.PAUSED, Action.REOPEN)},
 }
 for _phase, _from_there in TABLE.items():
     if _phase != Phase.FINISHED:
@@ -276,7 +262,7 @@ def is_free(phase: float) -> bool:
 
 
 @kernel
-def is_level(z: float, theta: float, omega: float, rules: Any) -> bool:
+def is_level(z: float, theta: float, omega: float, rules: np.void) -> bool:
     """Return whether the board counts as level.
 
     Parameters
@@ -291,19 +277,19 @@ def is_level(z: float, theta: float, omega: float, rules: Any) -> bool:
 
 
 @kernel
-def is_over(block_ticks: int, rules: Any) -> bool:
+def is_over(block_ticks: int, rules: np.void) -> bool:
     """Return whether the time limit of the block has passed, so that the current attempt is the last."""
     return bool(0 < rules["block_ticks"] <= block_ticks)
 
 
 @kernel
-def is_last(trial: int, extra: int, block_ticks: int, rules: Any) -> bool:
+def is_last(trial: int, extra: int, block_ticks: int, rules: np.void) -> bool:
     """Return whether this trial is the last of the block."""
     return bool(trial >= rules["trials"] + extra or is_over(block_ticks, rules))
 
 
 @kernel
-def wished(command: int, trial: int, extra: int, block_ticks: int, rules: Any) -> int:
+def wished(command: int, trial: int, extra: int, block_ticks: int, rules: np.void) -> int:
     """Return the cause of a command: the command itself, except that skipping the last trial ends the block.
 
     Parameters
@@ -331,7 +317,7 @@ def sense(
     trial: int,
     extra: int,
     block_ticks: int,
-    rules: Any,
+    rules: np.void,
 ) -> int:
     """Return the cause that the state of board and ball gives in this phase.
 

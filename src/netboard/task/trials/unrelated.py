@@ -28,7 +28,7 @@ class Unrelated:
 
     trials: tuple[NDArray[np.float64], ...]
 
-    def at(self, state: Any) -> tuple[float, float]:
+    def at(self, state: np.void) -> tuple[float, float]:
         """Return the forces for a tick: its `left_other` and `right_other`.
 
         Parameters

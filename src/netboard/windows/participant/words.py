@@ -7,7 +7,6 @@ it, so that a display cannot miss a text in the middle of a session.
 
 import string
 from dataclasses import dataclass, fields
-from typing import Any
 
 from netboard.base.config import Config, Side
 from netboard.base.errors import ConfigError
@@ -110,7 +109,7 @@ def parse_words(text: str, source: str) -> DisplayTexts:
     return DisplayTexts(**found)
 
 
-def _problem(key: str, text: Any) -> str:
+def _problem(key: str, text: object) -> str:
     """Describe what is wrong with a text; empty if nothing is."""
     if text is None:
         return "missing; expected every text"
