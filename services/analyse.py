@@ -27,7 +27,7 @@ def _print_template(wanted: bool) -> None:
         "netboard analyse recordings/ --set filters.fast=10 --set exclusions.warm_up=5",
         "netboard analyse --template > analysis.toml",
         "netboard analyse recordings/ --settings analysis.toml --dask tcp://10.0.0.5:8786",
-    ),
+    )
 )
 def analyse(
     recordings: Recordings,

@@ -20,7 +20,7 @@ ENDINGS = (".mcap", ".mcap.part", ".spill")
 @app.command(
     epilog=examples(
         "netboard check recordings/S01.mcap", "netboard check recordings/ --verify", "netboard check S01.mcap --json"
-    ),
+    )
 )
 def check(
     recordings: Annotated[

@@ -29,7 +29,7 @@ app = typer.Typer()
         "netboard cohort paper --studies 1000 --dyads 4 -o cohort --resume",
         "netboard cohort paper --studies 1000 --posterior bimanual_off -o uncertain",
         "netboard cohort paper --studies 100 --dyads 4 -o all --trials parquet --dask tcp://10.0.0.5:8786",
-    ),
+    )
 )
 def cohort(
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder of the cohort.")],

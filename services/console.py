@@ -8,9 +8,7 @@ from netboard.services.options import ConfigFile, Offscreen, Overrides, Screensh
 app = typer.Typer()
 
 
-@app.command(
-    epilog=examples("netboard console", "netboard console -c rig.toml", "netboard console --screenshot c.png"),
-)
+@app.command(epilog=examples("netboard console", "netboard console -c rig.toml", "netboard console --screenshot c.png"))
 def console(
     config: ConfigFile = None,
     overrides: Overrides = None,

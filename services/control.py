@@ -44,10 +44,7 @@ class _NegativeNumbers(TyperCommand):
     ),
 )
 def control(
-    command: Annotated[
-        CommandName,
-        typer.Argument(help=COMMAND_HELP),
-    ],
+    command: Annotated[CommandName, typer.Argument(help=COMMAND_HELP)],
     arguments: Annotated[
         list[str] | None,
         typer.Argument(metavar="[ARGUMENT...]", help="Argument of the command: a form, a note, a trial."),

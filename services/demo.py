@@ -18,7 +18,7 @@ app = typer.Typer()
         "netboard demo --play left",
         "netboard demo --trials 2 --haptics off --bimanual",
         "netboard demo --study paper --dyad 3 --blocks 4 --trials 5",
-    ),
+    )
 )
 def demo(
     config: ConfigFile = None,

@@ -6,15 +6,7 @@ import typer
 
 from netboard.base.errors import ConfigError
 from netboard.services.loading import load
-from netboard.services.options import (
-    ConfigFile,
-    Offscreen,
-    Overrides,
-    Screenshot,
-    ScreenshotDelay,
-    Side,
-    examples,
-)
+from netboard.services.options import ConfigFile, Offscreen, Overrides, Screenshot, ScreenshotDelay, Side, examples
 
 if TYPE_CHECKING:
     from netboard.base.config import Config
@@ -27,7 +19,7 @@ app = typer.Typer()
         "netboard display --station left",
         "netboard display --station right --offscreen --screenshot r.png",
         "netboard display --calibrate --set display.screen=1",
-    ),
+    )
 )
 def display(
     station: Annotated[Side | None, typer.Option(help="Seat of the participant.")] = None,

@@ -12,9 +12,7 @@ from netboard.services.options import ConfigFile, Overrides, examples
 app = typer.Typer()
 
 
-@app.command(
-    epilog=examples("netboard doctor -c rig.toml", "netboard doctor --quick --json report.json"),
-)
+@app.command(epilog=examples("netboard doctor -c rig.toml", "netboard doctor --quick --json report.json"))
 def doctor(
     config: ConfigFile = None,
     overrides: Overrides = None,

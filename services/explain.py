@@ -23,7 +23,7 @@ KINDS = ("png", "svg", "pdf")
     epilog=examples(
         "netboard explain S01.mcap --trial 12",
         "netboard explain S01.mcap --trial 12 --set peaks.window=whole -o trial12.svg",
-    ),
+    )
 )
 def explain(
     recording: RecordingFile,

@@ -12,9 +12,7 @@ from netboard.services.options import NewFolder, Recordings, examples
 app = typer.Typer()
 
 
-@app.command(
-    epilog=examples("netboard export S01.mcap --to csv", "netboard export recordings/ --to parquet -o study"),
-)
+@app.command(epilog=examples("netboard export S01.mcap --to csv", "netboard export recordings/ --to parquet -o study"))
 def export(
     recordings: Recordings,
     to: Annotated[str, typer.Option(metavar="FORMAT", help=f"One of {', '.join(names())}.")],

@@ -19,8 +19,7 @@ USED_FILE = "Configuration file (TOML); default: ./netboard.toml if it exists, e
 
 ConfigFile = Annotated[Path | None, typer.Option("--config", "-c", metavar="FILE", help=USED_FILE)]
 Overrides = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="TABLE.KEY=VALUE", help="Override one setting; repeat for several."),
+    list[str] | None, typer.Option("--set", metavar="TABLE.KEY=VALUE", help="Override one setting; repeat for several.")
 ]
 HandSide = Annotated[Side, typer.Option(help="Side of the board that the device moves.")]
 Agreed = Annotated[bool, typer.Option("--yes", help="Do not ask; everybody at the device has agreed.")]
@@ -34,10 +33,7 @@ ScreenshotDelay = Annotated[
         min=0, metavar="SECONDS", help="Take the screenshot this long after the first data, and keep the window open."
     ),
 ]
-Offscreen = Annotated[
-    bool,
-    typer.Option("--offscreen", help="Draw windows off screen, where nobody sees them."),
-]
+Offscreen = Annotated[bool, typer.Option("--offscreen", help="Draw windows off screen, where nobody sees them.")]
 Insecure = Annotated[
     bool, typer.Option("--insecure", help='Permit network.curve = "off" at an address that other machines can reach.')
 ]

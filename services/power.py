@@ -33,7 +33,7 @@ app = typer.Typer()
         "netboard power paper --cohort cohort --dyads 4 -o four",
         "netboard power study.toml --dyads 8,16 --models -o models",
         "netboard power paper --posterior bimanual_off --dyads 8,16 -o assured",
-    ),
+    )
 )
 def power(
     study: Study,
@@ -48,8 +48,7 @@ def power(
     ] = None,
     dyads: Annotated[str, typer.Option(metavar="N,N", help="Numbers of dyads.")] = "4,8,12,16,24",
     trials: Annotated[
-        str,
-        typer.Option(metavar="N,N", help="Use only this many first trials of each condition, in groups of 30."),
+        str, typer.Option(metavar="N,N", help="Use only this many first trials of each condition, in groups of 30.")
     ] = "all",
     studies: Studies = 200,
     seed: CohortSeed = 1,

@@ -18,9 +18,7 @@ if TYPE_CHECKING:
 app = typer.Typer()
 
 
-@app.command(
-    epilog=examples("netboard recover recordings/S01.mcap.part", "netboard recover recordings"),
-)
+@app.command(epilog=examples("netboard recover recordings/S01.mcap.part", "netboard recover recordings"))
 def recover(
     recordings: Annotated[
         list[Path],

@@ -19,20 +19,18 @@ app = typer.Typer()
         "netboard replay S01.mcap --serve -c rig.toml",
         "netboard replay S01.mcap --markers",
         "netboard replay S01.mcap --verify",
-    ),
+    )
 )
 def replay(
     recordings: Annotated[
-        list[Path],
-        typer.Argument(metavar="RECORDING...", help="The recording (.mcap), or two to show side by side."),
+        list[Path], typer.Argument(metavar="RECORDING...", help="The recording (.mcap), or two to show side by side.")
     ],
     verify: Annotated[
         bool, typer.Option("--verify", help="Recompute every tick, which must give the same bits; show nothing.")
     ] = False,
     headless: Annotated[bool, typer.Option("--headless", help="Print the events instead of opening a window.")] = False,
     serve: Annotated[
-        bool,
-        typer.Option("--serve", help="Replay on the ports of a server, for displays, console and status."),
+        bool, typer.Option("--serve", help="Replay on the ports of a server, for displays, console and status.")
     ] = False,
     markers: Annotated[bool, typer.Option("--markers", help="List the trials and events with their times.")] = False,
     station: Annotated[Side, typer.Option(help="Seat of the participant whose view is shown.")] = "left",

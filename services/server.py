@@ -42,7 +42,7 @@ log = logging.getLogger(__name__)
         "netboard server -c rig.toml --study paper --dyad 3",
         "netboard server -c rig.toml --study paper --dyad 3 --resume",
         "netboard server -c a.toml -c b.toml",
-    ),
+    )
 )
 def server(
     config: Annotated[

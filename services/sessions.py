@@ -20,7 +20,7 @@ app = typer.Typer()
         "netboard sessions",
         "netboard sessions recordings/ --dyad D03 --no-pilot",
         "netboard sessions --study paper --since 2026-01-31 --check --verdict damaged",
-    ),
+    )
 )
 def sessions(
     folder: Annotated[

@@ -41,7 +41,7 @@ Output = Annotated[
         "netboard simulate --input stylus.csv --output live.csv --hold ca --method rk4 --dt 0.001",
         "netboard simulate --input hands/ --output results/",
         "netboard simulate --input 'hands/*.csv' --output 'results/{}.parquet' --scene rig.toml --gaps hold",
-    ),
+    )
 )
 def simulate(
     inputs: Inputs,

@@ -21,9 +21,7 @@ ROUND_SECONDS = 1.2
 """Interval between two requests; rates and losses are those of a second [s]."""
 
 
-@app.command(
-    epilog=examples("netboard status", "netboard status --watch -c rig.toml", "netboard status --json"),
-)
+@app.command(epilog=examples("netboard status", "netboard status --watch -c rig.toml", "netboard status --json"))
 def status(
     config: ConfigFile = None,
     overrides: Overrides = None,

@@ -11,9 +11,7 @@ from netboard.services.options import ConfigFile, Overrides, examples
 app = typer.Typer()
 
 
-@app.command(
-    epilog=examples("netboard stop", "netboard stop --guard -c rig.toml", "netboard stop --release"),
-)
+@app.command(epilog=examples("netboard stop", "netboard stop --guard -c rig.toml", "netboard stop --release"))
 def stop(
     config: ConfigFile = None,
     overrides: Overrides = None,

@@ -43,7 +43,7 @@ app = typer.Typer()
         "netboard up --server --study paper --dyad 3 -c /etc/netboard/netboard.toml",
         "netboard up --station left -c /etc/netboard/netboard.toml",
         "netboard up --server --station both",
-    ),
+    )
 )
 def up(
     file: Annotated[Path | None, typer.Argument(metavar="[FILE]", help="The same as --config.")] = None,

@@ -21,7 +21,7 @@ app = typer.Typer()
         "netboard whatif S01.mcap --set physics.k_h=400 --figure stiffer.png",
         "netboard whatif S01.mcap --set block.force=none --json",
         "netboard whatif S01.mcap --model lagrangian --output S01-lagrangian.mcap",
-    ),
+    )
 )
 def whatif(
     recording: RecordingFile,

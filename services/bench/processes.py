@@ -19,12 +19,7 @@ RealTime = Annotated[bool, typer.Option("--realtime/--no-realtime", help="Real-t
 Displays = Annotated[int, typer.Option(min=0, metavar="N", help="Displays per dyad, rendered without a screen.")]
 
 
-@benchmark(
-    app,
-    "netboard bench loop --quick",
-    "netboard bench loop --device touch",
-    "netboard bench loop --displays 2",
-)
+@benchmark(app, "netboard bench loop --quick", "netboard bench loop --device touch", "netboard bench loop --displays 2")
 def loop(
     options: "Options",
     seconds: Annotated[

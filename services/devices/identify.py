@@ -20,8 +20,7 @@ def identify(
     config: ConfigFile = None,
     overrides: Overrides = None,
     held: Annotated[
-        bool,
-        typer.Option("--held", help="A hand holds the stylus: identify both together; write no profile."),
+        bool, typer.Option("--held", help="A hand holds the stylus: identify both together; write no profile.")
     ] = False,
     yes: Agreed = False,
     replace: ReplaceProfile = False,

@@ -14,10 +14,7 @@ app = typer.Typer()
 
 
 @app.command(
-    epilog=examples(
-        "netboard devices monitor --side left -c rig.toml",
-        "netboard devices monitor --side left --text",
-    )
+    epilog=examples("netboard devices monitor --side left -c rig.toml", "netboard devices monitor --side left --text")
 )
 def monitor(
     side: HandSide,

@@ -17,7 +17,7 @@ app = typer.Typer()
         "netboard participants fit -o fit",
         "netboard participants fit --designs 2000 --calibrations 300 --truths 200 -o long",
         "netboard participants fit --set participant.arm_stiffness=250 -o stiffer",
-    ),
+    )
 )
 def fit(
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="New folder of the results.")],

@@ -41,8 +41,7 @@ class MouseOptions:
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
     input: Annotated[
-        Literal["pointer", "keys"],
-        about("what moves the stylus: pointer (mouse, finger, or keys) or keys alone"),
+        Literal["pointer", "keys"], about("what moves the stylus: pointer (mouse, finger, or keys) or keys alone")
     ] = "pointer"
     stiffness: Annotated[
         float, about("stiffness of the simulated hand between pointer and stylus", "N/m", ge=100, le=2000)

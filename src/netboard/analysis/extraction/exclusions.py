@@ -107,11 +107,7 @@ def _ended_otherwise(text: str) -> Iterator[tuple[int, int, str]]:
 
 
 def _reasons(
-    row: dict[str, Any],
-    block: dict[str, Any],
-    rules: Exclusions,
-    pilots: bool,
-    named: dict[tuple[str, int], str],
+    row: dict[str, Any], block: dict[str, Any], rules: Exclusions, pilots: bool, named: dict[tuple[str, int], str]
 ) -> Iterator[str]:
     if row["outcome"] == "success" and isnan(row["completion"]):
         yield NO_COMPLETION

@@ -154,8 +154,7 @@ class Summaries:
     extent: Annotated[Extent, about("extent of an ellipse")] = "middle_90"
     scaling: Annotated[Scaling, about("units of an ellipse's components")] = "si"
     ends: Annotated[
-        int,
-        about("number of first and of last trials; 0: 30, or half of a short condition", "1", ge=0, le=1000),
+        int, about("number of first and of last trials; 0: 30, or half of a short condition", "1", ge=0, le=1000)
     ] = 0
     group: Annotated[
         int, about("trials in a group whose strategies are compared, 3 or more; 0: 30, or fewer", "1", ge=0, le=1000)

@@ -81,11 +81,7 @@ class BlockData:
 
     @classmethod
     def of(
-        cls,
-        recording: Recording,
-        config: Config,
-        readings: Readings,
-        columns: Mapping[str, NDArray[Any]] | None = None,
+        cls, recording: Recording, config: Config, readings: Readings, columns: Mapping[str, NDArray[Any]] | None = None
     ) -> "BlockData":
         """Return an open recording, read here and not needed afterwards; columns already read are not copied."""
         if not recording.counts["/ticks"]:

@@ -152,11 +152,7 @@ def groups_of(order: NDArray[np.int64], size: int = GROUP) -> NDArray[np.int64]:
 
 
 def convergence(
-    points: NDArray[np.float64],
-    groups: NDArray[np.int64],
-    *,
-    extent: Extent = "middle_90",
-    scaling: Scaling = "si",
+    points: NDArray[np.float64], groups: NDArray[np.int64], *, extent: Extent = "middle_90", scaling: Scaling = "si"
 ) -> Convergence:
     """Return the ellipses and variances of the strategies in each group of trials.
 

@@ -154,13 +154,7 @@ def driven(force: ArrayLike, rate: float, hand: PassiveHand) -> NDArray[np.float
 
 @kernel
 def _rubbed(
-    force: NDArray[np.float64],
-    parts: int,
-    step: float,
-    mass: float,
-    damping: float,
-    stiffness: float,
-    friction: float,
+    force: NDArray[np.float64], parts: int, step: float, mass: float, damping: float, stiffness: float, friction: float
 ) -> NDArray[np.float64]:
     """Integrate a hand with Coulomb friction; damping and friction are implicit (Moreau), so a held hand is at rest.
 

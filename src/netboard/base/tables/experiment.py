@@ -76,10 +76,7 @@ class Block:
     ] = "dyadic"
     performer: Annotated[Literal["A", "B"], about("the participant who performs a bimanual block")] = "A"
     station: Annotated[Literal["left", "right"], about("the station whose display shows a bimanual block")] = "left"
-    force: Annotated[
-        Force,
-        about("force condition: which forces the haptic feedback contains"),
-    ] = "full"
+    force: Annotated[Force, about("force condition: which forces the haptic feedback contains")] = "full"
     force_scale: Annotated[float, about("factor of the commanded force", "1", ge=0, le=2)] = 1.0
     force_delay_ms: Annotated[int, about("added delay of the commanded force", "ms", ge=0, le=500)] = 0
     catch: Annotated[
@@ -87,13 +84,11 @@ class Block:
         about("numbers of the catch trials, which have no haptic feedback", max_length=1000, strict=False),
     ] = ()
     trial_scales: Annotated[
-        tuple[Number, ...],
-        about("force_scale of each trial, in place of force_scale; the list repeats", strict=False),
+        tuple[Number, ...], about("force_scale of each trial, in place of force_scale; the list repeats", strict=False)
     ] = ()
     unrelated: Annotated[str, about('recording whose forces are rendered with force = "unrelated"')] = ""
     left: Annotated[
-        Mover,
-        about("mover of the left hand: a person, none (held still at height 0), or a simulated partner"),
+        Mover, about("mover of the left hand: a person, none (held still at height 0), or a simulated partner")
     ] = "person"
     right: Annotated[Mover, about("mover of the right hand, likewise")] = "person"
     trials: Annotated[int, about("successful trials in the block", "1", ge=1, le=MAX_TRIALS)] = 60
@@ -183,8 +178,7 @@ class Quality:
         tuple[Flag, ...], about("flags with which an attempt is excluded from the analysis", strict=False)
     ] = TECHNICAL
     excluded_share: Annotated[
-        float,
-        about("share of the trials of a block that may be excluded before a repeat is offered", "1", ge=0, le=1),
+        float, about("share of the trials of a block that may be excluded before a repeat is offered", "1", ge=0, le=1)
     ] = 0.1
 
 

@@ -69,17 +69,7 @@ class Physics:
     ] = "ca"
     method: Annotated[
         Literal[
-            "auto",
-            "euler",
-            "semi_implicit",
-            "heun",
-            "verlet",
-            "midpoint",
-            "rk4",
-            "etd2rk",
-            "etdrk4",
-            "dop853",
-            "exact",
+            "auto", "euler", "semi_implicit", "heun", "verlet", "midpoint", "rk4", "etd2rk", "etdrk4", "dop853", "exact"
         ],
         about("numerical integrator; auto: rk4, or another where rk4 is unstable; exact: for a level board only"),
     ] = "auto"

@@ -135,11 +135,7 @@ class FittedTable:
     def _table(self, group: Sequence[int], widths: Sequence[int]) -> Table:
         """Return the table of some columns."""
         table = Table(
-            box=box.SIMPLE_HEAD,
-            show_edge=False,
-            pad_edge=False,
-            padding=(0, 1, 0, 0),
-            show_header=self.header,
+            box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0), show_header=self.header
         )
         for place, width in zip(group, widths, strict=True):
             column = self.columns[place]

@@ -47,11 +47,7 @@ BACKENDS = {
     "openhaptics": Backend(
         "netboard.devices.touch.device:OpenHaptics",
         DeviceKind.HAPTIC,
-        {
-            (0x2988, 0x0302): "Touch (USB)",
-            (0x2988, 0x0304): "Touch (HID)",
-            (0x0301, 0x2988): "Touch 3D Stylus",
-        },
+        {(0x2988, 0x0302): "Touch (USB)", (0x2988, 0x0304): "Touch (HID)", (0x0301, 0x2988): "Touch 3D Stylus"},
         selectors=("serial", "name"),
         lists_serials=True,
         buttons=4,

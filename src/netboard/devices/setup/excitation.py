@@ -68,12 +68,7 @@ def limits_of(chirp: Chirp, own: Limits) -> Limits:
             "the spring that moves the stylus would oscillate"
         )
     most = min(chirp.max_force, own.max_force)
-    return replace(
-        own,
-        max_force=most,
-        max_speed=min(chirp.max_speed, own.max_speed),
-        arm_gate=min(own.arm_gate, most),
-    )
+    return replace(own, max_force=most, max_speed=min(chirp.max_speed, own.max_speed), arm_gate=min(own.arm_gate, most))
 
 
 def run(device: Device, clock: LoopClock, chirp: Chirp, own: Limits, progress: Progress = lambda _: None) -> DeviceRun:

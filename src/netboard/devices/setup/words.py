@@ -80,11 +80,7 @@ def plain_identified(info: DeviceInfo, found: Identified) -> Mapping[str, object
 def placement_table(title: str, place: Placement) -> FittedTable:
     """Format origin, workspace and scale, in millimetres."""
     table = FittedTable("", *numbers("x", "y", "z"), "", title=title)
-    rows = {
-        "zero": (place.zero_x, place.zero_y, place.zero_z),
-        "workspace from": place.box[:3],
-        "to": place.box[3:],
-    }
+    rows = {"zero": (place.zero_x, place.zero_y, place.zero_z), "workspace from": place.box[:3], "to": place.box[3:]}
     for name, values in rows.items():
         table.add_row(name, *(f"{value * 1e3:.1f}" for value in values), "mm")
     table.add_row("scale", "", "", f"{place.scale:.3f}", "")

@@ -90,12 +90,7 @@ class AgentNode:
     """One device, its safety chain and its link to the server."""
 
     def __init__(
-        self,
-        config: Config,
-        side: Side,
-        device: Device,
-        context: sockets.Context,
-        source: StylusSource | None = None,
+        self, config: Config, side: Side, device: Device, context: sockets.Context, source: StylusSource | None = None
     ) -> None:
         where = keys.reach(config.network, f"agent.{side}")
         socket = sockets.motion_agent(context, where.reach(channels.MOTION), f"agent.{side}@{NAME}")

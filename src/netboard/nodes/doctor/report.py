@@ -96,10 +96,7 @@ def steps(config: Config, effort: Effort) -> dict[str, Step]:
             network.secrets(config.network),
             network.card(config.network),
         ],
-        "disk": lambda progress: [
-            disk.space(config.recording),
-            disk.speed(config.recording, effort.chunks, progress),
-        ],
+        "disk": lambda progress: [disk.space(config.recording), disk.speed(config.recording, effort.chunks, progress)],
         "windows": lambda progress: list(system.windows()),
         "devices": lambda progress: [usb.devices(), *listing.configured(config, missing)],
     }

@@ -17,14 +17,7 @@ from netboard.base.errors import WireError
 from netboard.base.tick import TICK
 from netboard.network.protocol.joining import Goodbye, Welcome
 from netboard.network.protocol.messages import Message
-from netboard.network.protocol.records import (
-    ClockRecord,
-    EventRecord,
-    LogBatch,
-    LogRequest,
-    TickRecord,
-    kind_of_peer,
-)
+from netboard.network.protocol.records import ClockRecord, EventRecord, LogBatch, LogRequest, TickRecord, kind_of_peer
 from netboard.nodes.logger.log_link import Connection, LogEndpoint
 from netboard.recording.format.channels import record_of
 

@@ -64,12 +64,7 @@ class LogPort:
     """Keeps the records of a session and sends them to the loggers. ``clock``: monotonic time [ns]."""
 
     def __init__(
-        self,
-        router: endpoints.Router,
-        welcome: Welcome,
-        capacity: int,
-        spill: Spill,
-        clock: Callable[[], int] = now_ns,
+        self, router: endpoints.Router, welcome: Welcome, capacity: int, spill: Spill, clock: Callable[[], int] = now_ns
     ) -> None:
         self.trouble = ""  # why a trial that must be recorded cannot continue, or empty; set by `pump`
         self.free_bytes = 0

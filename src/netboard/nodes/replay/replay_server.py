@@ -217,7 +217,5 @@ def serve_recording(path: Path, network: Network, speed: float, at: float | None
         if keyboard.available:
             console.print(KEYS_LINE)
         server.run(
-            stopping,
-            lambda: KEYS.get(keyboard.pressed() or ""),
-            lambda words: console.print(printable_line(words)),
+            stopping, lambda: KEYS.get(keyboard.pressed() or ""), lambda words: console.print(printable_line(words))
         )

@@ -75,10 +75,7 @@ FORMATS = {
             "MATLAB, GNU Octave, `scipy.io.loadmat`",
         ),
         Format(
-            "bids",
-            f"{PACKAGE}.bids:write",
-            "a [Motion-BIDS](bids-nwb.md) dataset",
-            "BIDS tools, MNE-BIDS, archives",
+            "bids", f"{PACKAGE}.bids:write", "a [Motion-BIDS](bids-nwb.md) dataset", "BIDS tools, MNE-BIDS, archives"
         ),
         Format(
             "nwb",

@@ -115,12 +115,7 @@ def origin_beside(path: Path) -> dict[str, str]:
 
 
 def import_table(
-    path: Path,
-    folder: Path,
-    config: Config,
-    options: ImportOptions,
-    utc_ns: int,
-    progress: Progress,
+    path: Path, folder: Path, config: Config, options: ImportOptions, utc_ns: int, progress: Progress
 ) -> Imported:
     """Convert a table to a recording.
 

@@ -123,11 +123,7 @@ class FoundRecording:
         self._add(other.metadata, other.configs, other.damage, other.finished)
 
     def _add(
-        self,
-        metadata: dict[str, dict[str, str]],
-        configs: list[Attachment],
-        damage: list[Damage],
-        finished: bool,
+        self, metadata: dict[str, dict[str, str]], configs: list[Attachment], damage: list[Damage], finished: bool
     ) -> None:
         self.metadata = {**metadata, **self.metadata}
         self.configs += configs

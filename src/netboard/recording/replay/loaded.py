@@ -33,11 +33,7 @@ TICK_LENGTH = 1e-3 - ROUNDING
 """Time after a tick by which the next one is due [s]."""
 
 
-_PAUSES: dict[int, Pause] = {
-    Cause.PAUSE: Pause.OPERATOR,
-    Cause.FAULT: Pause.FAULT,
-    Cause.REPEAT: Pause.REPEATS,
-}
+_PAUSES: dict[int, Pause] = {Cause.PAUSE: Pause.OPERATOR, Cause.FAULT: Pause.FAULT, Cause.REPEAT: Pause.REPEATS}
 """Causes of pauses; a repeat is one only in a block that was over."""
 
 

@@ -207,11 +207,7 @@ def _agent(side: SideStamps, first: int, last: int, due_ns: int, began_ns: int) 
 
 
 def _missing(
-    stamps: Stamps,
-    first: int,
-    last: int,
-    stale: Mapping[Side, Mask],
-    medians: Mapping[Side, TypicalTimes],
+    stamps: Stamps, first: int, last: int, stale: Mapping[Side, Mask], medians: Mapping[Side, TypicalTimes]
 ) -> EpisodeEvidence:
     """Return the evidence of an episode with missing samples: of the side that was later."""
     found: list[tuple[int, int, Side]] = []
@@ -238,11 +234,7 @@ def _missing(
 
 
 def _slow(
-    stamps: Stamps,
-    first: int,
-    last: int,
-    slow: Mapping[Side, Mask],
-    medians: Mapping[Side, TypicalTimes],
+    stamps: Stamps, first: int, last: int, slow: Mapping[Side, Mask], medians: Mapping[Side, TypicalTimes]
 ) -> EpisodeEvidence:
     """Return the evidence of an episode with long loops only."""
     rows = slice(first, last + 1)

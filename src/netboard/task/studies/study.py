@@ -57,8 +57,7 @@ class Study(Changes):
         tuple[str, ...], about("names of orders that dyads take in turn; none: the first of [orders]", strict=False)
     ] = ()
     trials_per_condition: Annotated[
-        int,
-        about("trials of each participant in each kind and condition; 0: any number", "1", ge=0, le=1_000_000),
+        int, about("trials of each participant in each kind and condition; 0: any number", "1", ge=0, le=1_000_000)
     ] = 0
     long_rest: Annotated[float, about("rest where an order has a /", "s", ge=0, le=3600)] = 300.0
     orders: Annotated[dict[str, str], about("orders of blocks by name")] = field(default_factory=dict)

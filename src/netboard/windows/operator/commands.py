@@ -146,11 +146,7 @@ COMMANDS: tuple[OperatorCommand, ...] = (
         "skip", "Skip trial", "F10", "Count this trial as done without a success.", _in(*ACTIVE, "paused"), confirm=True
     ),
     OperatorCommand(
-        "stop_after_block",
-        "Stop after block",
-        "F12",
-        "End the session after this block.",
-        _stop_after_block,
+        "stop_after_block", "Stop after block", "F12", "End the session after this block.", _stop_after_block
     ),
     OperatorCommand(
         "disarm",

@@ -27,13 +27,7 @@ FACES = {
 }
 """Background, text colour and sign of each level."""
 
-TONES = {
-    Tone.QUIET: PLAIN.quiet,
-    Tone.PLAIN: PLAIN.headline,
-    Tone.GOOD: GOOD,
-    Tone.WATCH: WATCH,
-    Tone.BAD: "#ff7a2f",
-}
+TONES = {Tone.QUIET: PLAIN.quiet, Tone.PLAIN: PLAIN.headline, Tone.GOOD: GOOD, Tone.WATCH: WATCH, Tone.BAD: "#ff7a2f"}
 """Text colour of each tone."""
 
 

@@ -30,16 +30,7 @@ from netboard.windows.operator.commands import CONFIRM_KEY, CONFIRMING, STOP_KEY
 from netboard.windows.operator.controls import CommandBar, CommandButton, ConfirmationField, NoteField, StopPanel
 from netboard.windows.operator.form import SessionForm
 from netboard.windows.operator.form_fields import first_entry
-from netboard.windows.operator.lamp_widget import (
-    BAD,
-    PANEL,
-    PLAIN,
-    TONES,
-    WATCH,
-    SessionLamps,
-    StationLamps,
-    label,
-)
+from netboard.windows.operator.lamp_widget import BAD, PANEL, PLAIN, TONES, WATCH, SessionLamps, StationLamps, label
 from netboard.windows.operator.lamps import ACTIVE, SESSION_LAMPS, SILENT, Limits, alarm, faded, session_lamps
 from netboard.windows.operator.stations import STATION_LAMPS, station_lamps
 from netboard.windows.operator.strips import StripCharts

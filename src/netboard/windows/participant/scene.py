@@ -190,10 +190,7 @@ class _Pose:
 
     def place(self, along: float, above: float) -> Point:
         """Transform a point from board coordinates, along and above its middle line, to the scene [m]."""
-        return (
-            to_grain(along * self.cos - above * self.sin),
-            to_grain(self.z + along * self.sin + above * self.cos),
-        )
+        return (to_grain(along * self.cos - above * self.sin), to_grain(self.z + along * self.sin + above * self.cos))
 
 
 def _strip(pose: _Pose, centre: float, width: float, thickness: float) -> tuple[Point, ...]:

@@ -17,12 +17,7 @@ from netboard.windows.participant.scene import (
     Point,
 )
 
-LINES = {
-    "headline": (0.075, 0.052),
-    "detail": (0.140, 0.034),
-    "notice": (0.900, 0.034),
-    "counter": (0.955, 0.024),
-}
+LINES = {"headline": (0.075, 0.052), "detail": (0.140, 0.034), "notice": (0.900, 0.034), "counter": (0.955, 0.024)}
 """Middle and letter height of each line of text, in heights of the window [1]."""
 
 ALONE = {"headline": 0.46, "detail": 0.54}

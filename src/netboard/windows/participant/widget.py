@@ -9,17 +9,7 @@ from functools import cache, lru_cache
 from math import ceil
 
 from PySide6.QtCore import QEvent, QPointF, QRect, QRectF, Qt, Signal
-from PySide6.QtGui import (
-    QColor,
-    QFont,
-    QFontMetricsF,
-    QPainter,
-    QPaintEvent,
-    QPen,
-    QPolygonF,
-    QResizeEvent,
-    QTransform,
-)
+from PySide6.QtGui import QColor, QFont, QFontMetricsF, QPainter, QPaintEvent, QPen, QPolygonF, QResizeEvent, QTransform
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from netboard.windows.participant.scene import DisplayPicture, Point
@@ -89,10 +79,7 @@ class BoardView(QWidget):
         if picture == before:
             return False
         self.picture = picture
-        if before is None or (picture.extent, picture.colours.background) != (
-            before.extent,
-            before.colours.background,
-        ):
+        if before is None or (picture.extent, picture.colours.background) != (before.extent, before.colours.background):
             self._rearrange()
             return True
         parts = self._arranged(picture, self._parts)
