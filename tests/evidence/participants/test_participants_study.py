@@ -12,7 +12,6 @@ from evidence.participants.bench import ABLATIONS, Prediction, order_part, studi
 from evidence.participants.paper import STATEMENTS, Sample, Statement
 from evidence.participants.trials import ATTEMPT, Performance, Population, perform
 from netboard.analysis.cohort.block import measured, rehearse
-from netboard.analysis.measures.peaks import velocity_peaks
 from netboard.benchmarks.harness.running import Options, run
 
 
@@ -134,10 +133,6 @@ def test_measures_are_those_of_an_analysis() -> None:
     assert len(rows) == len(expected) >= 4
     for name, column in {"completion": "completion", "peaks": "peaks", "distance": "braking_distance"}.items():
         np.testing.assert_array_equal(rows[name], expected[column])
-    # Peaks of any size would be more: an analysis ignores the ringing of its filter.
-    assert rows["peaks"].sum() < sum(
-        velocity_peaks(t.motion.speed[t.trial.window()]).count for t in found.block.takes()
-    )
 
 
 @pytest.mark.slow
