@@ -377,6 +377,7 @@ def test_unrelated_force_is_that_of_the_row_during_trials_only() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("force", [name for name in CONDITIONS if name != "none"])
 def test_force_scale_multiplies_and_unmanned_sides_have_zero_force(force: str) -> None:
     rows, block = waving(), CONDITIONS[force]
