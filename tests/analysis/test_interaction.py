@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.optimize import minimize_scalar
 
+from evidence.physics.statics import equilibrium
 from netboard.analysis.measures.interaction import (
     effort,
     exchanged,
@@ -21,7 +22,6 @@ from netboard.analysis.measures.interaction import (
 from netboard.base.tables.scene import Physics
 from netboard.physics.hands.sampled import Hands
 from netboard.physics.scene.parameters import pack_scene, parts_of
-from netboard.physics.scene.statics import equilibrium
 from netboard.physics.simulation import energies_of, simulate
 
 RATE = 1000.0

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
+from evidence.physics.statics import equilibrium
 from netboard.base.config import SIDES, Side
 from netboard.base.tables.experiment import Task
 from netboard.base.tables.scene import Physics
@@ -18,7 +19,6 @@ from netboard.participants.observer import OBSERVED, feel, observe, pack_observe
 from netboard.participants.senses import Glimpse
 from netboard.participants.submovement import minimum_jerk
 from netboard.physics.scene.parameters import pack_scene, parts_of
-from netboard.physics.scene.statics import equilibrium
 
 PERSON, PHYSICS, DEVICE = Participant(), Physics(), VirtualDevice()
 GOAL = replace(PERSON, partner_model="goal")

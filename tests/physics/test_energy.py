@@ -10,9 +10,9 @@ from independent import Hands, still, waving
 from numpy.typing import NDArray
 from trajectories import Scene, convergence_order, drive, sampled_trajectory, samples, scene_of, trajectory
 
+from evidence.physics.statics import equilibrium
 from netboard.physics.scene.energy import Powers, flows, stored, stored_along, work_along
 from netboard.physics.scene.models import rates
-from netboard.physics.scene.statics import equilibrium
 
 heights = st.floats(-0.1, 0.1)
 speeds = st.floats(-1, 1)

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 from trajectories import Scene, changed, convergence_order, drive, scene_of, trajectory
 
+from evidence.physics.statics import equilibrium
 from netboard.physics.scene.models import coupling, rates, stopped
-from netboard.physics.scene.statics import equilibrium
 
 heights = st.floats(-0.1, 0.1)
 speeds = st.floats(-1, 1)

@@ -11,9 +11,9 @@ from independent import Hands
 from trajectories import Scene, sampled_trajectory, samples, scene_of, trajectory
 
 import sampling
+from evidence.physics.statics import equilibrium
 from netboard.base.errors import ConfigError
 from netboard.physics.scene.energy import stored_along, work_along
-from netboard.physics.scene.statics import equilibrium
 from netboard.physics.stability.method_choice import choose
 
 TICK = 1e-3

@@ -10,6 +10,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from trajectories import scene_of
 
+from evidence.physics.statics import equilibrium
 from netboard.base.config import Config, parse
 from netboard.base.errors import ConfigError
 from netboard.base.tables.experiment import Block
@@ -28,7 +29,6 @@ from netboard.physics.scene.rendering import (
     rendering_of,
     scale_in,
 )
-from netboard.physics.scene.statics import equilibrium
 
 PAPER = scene_of()
 LEFT = np.array([(0.218, 25.93, 25.93, -0.981)], GAINS)[0]

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from independent import still, waving
 from trajectories import drive, scene_of, trajectory
 
+from evidence.physics.statics import ball_poles, equilibrium
 from netboard.physics.scene.linear import scene_matrix
 from netboard.physics.scene.models import coupling, rates
-from netboard.physics.scene.statics import ball_poles, equilibrium
 
 MM = 1e-3
 PAPER, BARE = scene_of(), scene_of(balls=0)

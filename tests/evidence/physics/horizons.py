@@ -11,13 +11,13 @@ from math import exp, inf
 import numpy as np
 
 from evidence.physics.reference import ERRORS, Reference, largest
+from evidence.physics.statics import ball_poles
 from netboard.base.tables.scene import Physics
 from netboard.base.tick import TICK_SECONDS
 from netboard.benchmarks.harness.results import ResultPart, Value
 from netboard.benchmarks.physics.problem import STATE_NAMES, Array, Problem, multiples, styluses_at
 from netboard.benchmarks.physics.tick_cost import live_rows, live_stage, live_state
 from netboard.physics.hands.sampled import Hands
-from netboard.physics.scene.statics import ball_poles
 from netboard.physics.simulation import choose_steps, simulate
 
 Row = tuple[Value, ...]

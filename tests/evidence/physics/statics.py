@@ -1,6 +1,6 @@
 """Closed forms of a scene: static equilibrium, and poles of the balls near it.
 
-Tests, documentation and studies compare the kernels with them; nothing here runs in a tick. All results follow from the
+Tests and other evidence compare the kernels with them. All results follow from the
 equations in docs/explanation/physics.md, without approximation unless a docstring says "linear". Balls are at given
 positions: fixed, or just released (`Parts.free`).
 """
