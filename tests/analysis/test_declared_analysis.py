@@ -160,6 +160,20 @@ def test_answer_begins_with_the_primary_contrast_and_adjusts_the_others() -> Non
     assert [row[1] for row in table.rows] == ["primary", "secondary", "secondary"]
 
 
+def test_secondary_effect_that_only_its_own_p_supports_is_not_said_to_be_shown() -> None:
+    """Its own interval lies on one side of no effect, but the gate is closed."""
+    study = crossed_study(DECLARED, TWO)
+    slow = study.trials["factor_mass"] == "heavy"
+    slower = study.trials["completion"].where(~slow, 6.0 * study.trials["completion"])
+    found = analysed(replace(study, trials=study.trials.assign(completion=slower)))
+    main = found.primary.effects[0]
+    assert main.counts.tested.p < 0.05 < found.contrast.adjusted <= main.adjusted
+    assert main.counts.estimate.low > 1.0
+    (text,) = [one for one in answer_sentences(found) if one.startswith("Secondary. Mass:")]
+    assert text.endswith("by the adjusted p the absence of an effect is not excluded.")
+    assert "exclude the absence" not in text
+
+
 def test_equivalence_interval_has_twice_the_level_less_one() -> None:
     study = crossed_study(DECLARED, TWO)
     effect = analysed(study).primary.effects[0]

@@ -65,9 +65,22 @@ def _paragraph(found: DeclaredAnalysis, effect: DeclaredEffect) -> Iterator[str]
     row = asdict(effect_result(outcome, effect, effect.counts))
     role = "Primary contrast" if effect is found.contrast else "Secondary"
     yield f"{role}. {_estimate_clause(found, effect, row)} ({'; '.join(_aside(outcome, effect, row))})."
-    yield compatible(row, _null(effect))
+    yield OVERRULED if _overruled(found, effect) else compatible(row, _null(effect))
     if found.declaration.smallest_effect:
         yield _equivalence(found.declaration.smallest_effect, effect, row)
+
+
+OVERRULED = (
+    "This confidence interval is not adjusted for the other tests. It lies on one side of no effect, but by the "
+    "adjusted p the absence of an effect is not excluded."
+)
+"""Sentence on a secondary effect whose interval excludes no effect, and whose adjusted p does not."""
+
+
+def _overruled(found: DeclaredAnalysis, effect: DeclaredEffect) -> bool:
+    """Return whether the p of a secondary test is below the level, and its adjusted p is not."""
+    level = 1.0 - found.declaration.level
+    return effect is not found.contrast and effect.counts.tested.p <= level < effect.adjusted
 
 
 def _estimate_clause(found: DeclaredAnalysis, effect: DeclaredEffect, row: Mapping[str, Any]) -> str:
