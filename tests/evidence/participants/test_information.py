@@ -45,6 +45,8 @@ def test_models_of_the_partner_differ_only_where_the_force_tells_something() -> 
 @pytest.mark.slow
 def test_study_tabulates_scenes_hands_and_skills(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(information, "QUICK_TRIALS", 1)
-    verdicts = run("information", partial(study, 2, 1), Options(tmp_path, tmp_path / "found.json", quick=True))
+    verdicts = run(
+        "information", partial(study, 2, 1), Options(tmp_path / "found", tmp_path / "found.json", quick=True)
+    )
     assert len(verdicts) == 3
     assert verdicts[1].holds, "one person with both hands has no partner"
