@@ -346,7 +346,7 @@ def analysis_evidence() -> str:
 SENSITIVITY = ("about", "readings", "pairs", "concerned", "paths", "statements", "disturbances", "forms")
 """Those of `make evidence ARGS=sensitivity`; its headlines are in the page on the analysis."""
 
-CALIBRATION = ("about", "false-positives", "power", "interaction", "differences")
+CALIBRATION = ("about", "false-positives", "power", "interaction", "variations", "differences", "effect-sizes")
 """Those of `make evidence ARGS=calibration`."""
 
 POWER = ("about", "power", "false-positives", "precision")
