@@ -249,7 +249,8 @@ def loop_in_short() -> str:
     limits = f"""
 It is not hard real time.** Python on a stock kernel misses some deadlines of the 1 kHz loop; every deadline miss is
 counted and recorded. The sample-to-force latency was compared with a minimal ZeroMQ round trip with messages of the
-same size, with server, agents and logger on one virtual machine of two cores. For a Touch the ratio of the medians
+same size, with server, agents and logger on one virtual machine of two cores. Each ratio is netboard's latency divided
+by that of the round trip; below 1, netboard is faster. For a Touch the ratio of the medians
 was {touch[0]:.2f} (single rounds: {ranges[0]}), of the 99 % quantiles {touch[1]:.2f} ({ranges[1]}), and of the 99.9 %
 quantiles {touch[2]:.2f} ({ranges[2]}). For the simulated device the ratios were {simulated[0]:.2f}, {simulated[1]:.2f}
 and {simulated[2]:.2f} ([all results](docs/explanation/latency.md)). The Touch was a stand-in for the vendor's library;

@@ -216,7 +216,7 @@ def test_page_lists_block_orders_and_participants(whole: Element) -> None:
 def test_dyads_shared_by_several_studies_are_noted(tmp_path: Path, whole: Element) -> None:
     assert "more than one study" not in section(whole, "question").text
     study = study_of([block("a"), block("b", study="another", block=2), block("c", study="", dyad="D02")], Readings())
-    note = "1 dyad of the same pseudonym in more than one study (another, made up): treated as the same people"
+    note = "1 dyad pseudonym in more than one study (another, made up): each is treated as one dyad"
     assert note in section(written(tmp_path, study), "question").text
 
 
@@ -308,13 +308,13 @@ def test_sentences_say_what_the_data_exclude_and_what_not() -> None:
         "group": "a vs b",
     }
     assert compatible(row, 1.0) == (
-        "The data exclude effects beyond −6.0\u00a0% and +12\u00a0%. All effects between them, including no "
+        "The data exclude effects below −6.0\u00a0% and above +12\u00a0%. All effects between them, including no "
         "effect, remain compatible with the data. So the data do not show that there is no effect."
     )
     seconds = row | {"value": 0.4, "low": 0.1, "high": 0.7, "unit": "s", "quantity": "time in target: difference"}
     assert compatible(seconds, 0.0) == (
-        "The data exclude the absence of an effect. "
-        "Effects from +0.10\u00a0s to +0.70\u00a0s remain compatible with them."
+        "The confidence interval does not contain the value of no effect. "
+        "Effects from +0.10\u00a0s to +0.70\u00a0s remain compatible with the data."
     )
     assert "exclude nothing" in compatible(row | {"low": float("nan"), "high": float("nan")}, 1.0)
 

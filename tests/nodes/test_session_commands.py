@@ -45,7 +45,7 @@ def test_block_that_starts_by_itself_waits_for_the_end_of_its_rest(automatic: St
     automatic.finish_block()
     automatic.tick(PAGE_TICKS + READY_TICKS)
     assert (automatic.block, automatic.phase) == (2, Phase.IDLE)
-    assert automatic.state.missing == ("the rest to be over",)
+    assert automatic.state.missing == ("the end of the rest break",)
     automatic.state.rest_until_ns = 0
     automatic.tick(2 * READY_TICKS)
     assert automatic.phase != Phase.IDLE

@@ -67,4 +67,4 @@ def test_status_names_the_latency_in_words() -> None:
     loops = (("agent.left", math.nan, 0.007),)
     text = " ".join(printed(replace(STATUS, loops=loops)).split())
     assert "agent.left: sample-to-force latency not measured" in text
-    assert "(with nobody holding it, the device is stable up to 7.00 ms)" in text
+    assert "(with no hand on it, the stylus is stable up to 7.00 ms)" in text

@@ -33,10 +33,10 @@ def answer_sentences(found: DeclaredAnalysis) -> Iterator[str]:
     tests = len(found.secondary_effects)
     if tests:
         yield (
-            f"The primary contrast has the whole level of {percent(1.0 - found.declaration.level)}. The other "
-            f"{plural(tests, 'declared test')} are secondary. Each has an adjusted p: the larger of the primary p and "
-            "its own p, corrected over all secondary tests by Holm's method (gatekeeping). So an adjusted p can be "
-            "below the level only if the primary p is."
+            f"The primary contrast is tested at the full level of {percent(1.0 - found.declaration.level)}. The other "
+            f"{plural(tests, 'declared test')} are secondary. Each has an adjusted p: the larger of two "
+            "values, the primary p and its own p after Holm's correction over all secondary tests (gatekeeping). So an "
+            "adjusted p can be below the level only if the primary p is."
         )
     if len(found.primary.effects) > 1:
         yield "A main effect is averaged over the levels of the other factor: read it together with the interaction."
@@ -71,8 +71,8 @@ def _paragraph(found: DeclaredAnalysis, effect: DeclaredEffect) -> Iterator[str]
 
 
 OVERRULED = (
-    "This confidence interval is not adjusted for the other tests. It lies on one side of no effect, but by the "
-    "adjusted p the absence of an effect is not excluded."
+    "This confidence interval is not adjusted for the other tests. It does not contain the value of no effect. But the "
+    "adjusted p is above the level, so no effect remains possible."
 )
 """Sentence on a secondary effect whose interval excludes no effect, and whose adjusted p does not."""
 
@@ -139,10 +139,13 @@ def compatible(row: Mapping[str, Any], none: float) -> str:
     low, high = _sized(row, "low", none), _sized(row, "high", none)
     if row["low"] <= none <= row["high"]:
         return (
-            f"The data exclude effects beyond {low} and {high}. All effects between them, including no effect, remain "
-            "compatible with the data. So the data do not show that there is no effect."
+            f"The data exclude effects below {low} and above {high}. All effects between them, including no effect, "
+            "remain compatible with the data. So the data do not show that there is no effect."
         )
-    return f"The data exclude the absence of an effect. Effects from {low} to {high} remain compatible with them."
+    return (
+        f"The confidence interval does not contain the value of no effect. Effects from {low} to {high} remain "
+        "compatible with the data."
+    )
 
 
 def _sized(row: Mapping[str, Any], end: str, none: float) -> str:

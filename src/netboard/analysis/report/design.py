@@ -111,8 +111,9 @@ def _studies(blocks: pd.DataFrame) -> list[str]:
         return []
     every = ", ".join(sorted({name or "one without a name" for own in several for name in own}))
     return [
-        f"{plural(len(several), 'dyad')} of the same pseudonym in more than one study ({every}): treated as the "
-        "same people, with consecutive trial numbers. If they are different people, analyse each study separately."
+        f"{plural(len(several), 'dyad pseudonym')} in more than one study ({every}): each "
+        "is treated as one dyad, with consecutive trial numbers. If they are different people, analyse each study "
+        "separately."
     ]
 
 

@@ -230,7 +230,7 @@ def picture(study: StudyData) -> Drawn:
     """
     found = [one for one in comparisons(study).parts if np.isfinite(one.hedges.value)]
     if not found:
-        return "Sizes of effects take three dyads or more that have two conditions, and that differ."
+        return "An effect size needs at least three dyads with both conditions, whose differences are not all equal."
     kinds = [kind for kind in KINDS if any(one.question.kind == kind for one in found)]
     names = list(dict.fromkeys(one.measure.name for one in found))
     looks = looks_of(study, [one.question for one in found])

@@ -242,8 +242,9 @@ def _caption(found: list[DyadComparison]) -> str:
         )
     intervals = interval_text(one.gain for one in found)
     return (
-        "A, B: one point for each participant, with the two of a dyad joined. To the right: better than the partner, "
-        "both alone in the same haptic condition; upwards: the dyad takes longer than the participant alone. "
+        "A, B: one point for each participant, with the two of a dyad joined. To the right: the participant alone is "
+        "better than the partner alone, in the same haptic condition. Upwards: the dyad takes longer than the "
+        "participant alone. "
         f"C, D: gains of the dyads (small points); large points: their means with {intervals}. "
         f"{due_count(known)}{power}"
     )

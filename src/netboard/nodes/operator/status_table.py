@@ -105,7 +105,7 @@ def _loops(status: Status) -> list[Text]:
     return [
         Text(
             f"{what}: sample-to-force latency {'not measured' if isnan(late) else _milliseconds(late)} "
-            f"(with nobody holding it, the device is stable up to {_milliseconds(most)})"
+            f"(with no hand on it, the stylus is stable up to {_milliseconds(most)})"
         )
         for what, late, most in status.loops
     ]

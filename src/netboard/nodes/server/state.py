@@ -27,7 +27,7 @@ from netboard.task.trials.state_machine import Phase
 RING_ROWS = 1024
 """Ticks kept in memory: more than the longest `block.force_delay_ms`, and a second of what operators see [1]."""
 
-REST = "the rest to be over"
+REST = "the end of the rest break"
 """What a block waits for that would start by itself."""
 
 _FIRST_ACTIVE, _LAST_ACTIVE = int(Phase.LEVELLING), int(Phase.FAILED)

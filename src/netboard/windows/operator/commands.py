@@ -101,7 +101,7 @@ def _repeat(status: Status) -> str:
     done = range(1, status.trial + free)
     if not done:
         return "no trial of this block is done yet"
-    return "" if set(done) - set(status.repeats) else "all trials that are done will be repeated already"
+    return "" if set(done) - set(status.repeats) else "all trials done so far are already marked for a repeat"
 
 
 def _repeat_lost(status: Status) -> str:
@@ -136,7 +136,7 @@ COMMANDS: tuple[OperatorCommand, ...] = (
         "repeat_lost",
         "Repeat lost trials",
         "Ctrl+F9",
-        "Repeat every trial of this block that the analysis will exclude, at the end of the block.",
+        "At the end of this block, repeat its lost trials: those that the analysis will exclude.",
         _repeat_lost,
     ),
     OperatorCommand(

@@ -134,7 +134,7 @@ def _latency(station: _Station, limits: Limits) -> LampState:
     if isnan(late):
         return LampLevel.OFF, "unknown", "Sample-to-force latency: not measured yet."
     words = milliseconds(late)
-    tip = f"Sample-to-force latency {words}; without a hand on it, the device is stable up to {milliseconds(most)}."
+    tip = f"Sample-to-force latency {words}. With no hand on it, the stylus is stable up to {milliseconds(most)}."
     if late > most:
         return LampLevel.BAD, words, f"{tip} The stylus may vibrate: pause (F5), and check the network."
     level = LampLevel.WATCH if late > most / 2 else LampLevel.GOOD

@@ -235,7 +235,7 @@ class ConsoleWindow(Window):
         self._confirm_timer.start()
         self._button(command).ask(True)
         lost = self.state.status.lost if self.state.status is not None and command.name in ("end", "next") else ()
-        loss = f"; {plural(len(lost), 'lost trial is', 'lost trials are')} not repeated (Ctrl+F9)" if lost else ""
+        loss = f"; {plural(len(lost), 'lost trial')} will not be repeated (to repeat: Ctrl+F9)" if lost else ""
         self.say(TonedText(f"{command.label}: to confirm, press {command.key} once more{loss}", Tone.WATCH))
 
     def _cancel_confirmation(self) -> None:
