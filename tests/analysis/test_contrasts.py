@@ -1,6 +1,7 @@
 """Differences between two conditions within dyads, against other libraries and direct computation."""
 
 import gc
+from random import Random
 
 import numpy as np
 import pytest
@@ -168,6 +169,15 @@ def test_secondary_p_values_are_those_of_holm_and_at_least_the_primary_one() -> 
     assert gatekept(0.01, [0.01, np.nan]) == pytest.approx([0.01, np.nan], nan_ok=True)
     assert np.isnan(gatekept(np.nan, [0.01, 0.04])).all()
     assert len(gatekept(0.01, [])) == 0
+
+
+@pytest.mark.evidence("properties", gatekept, of="order")
+@given(st.floats(0.0, 1.0), st.lists(st.floats(0.0, 1.0), min_size=1, max_size=8), st.randoms(use_true_random=False))
+def test_adjusted_p_values_follow_the_order_of_the_tests(primary: float, p: list[float], random: Random) -> None:
+    places = list(range(len(p)))
+    random.shuffle(places)
+    shuffled = gatekept(primary, [p[place] for place in places])
+    assert shuffled.tolist() == gatekept(primary, p)[places].tolist()
 
 
 @pytest.mark.evidence("truth", gatekept)
