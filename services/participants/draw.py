@@ -18,7 +18,10 @@ app = typer.Typer()
 )
 def draw(
     posterior: Annotated[
-        str, typer.Option(metavar=POSTERIOR, help="Posterior of netboard participants fit, or the one of netboard.")
+        str,
+        typer.Option(
+            metavar=POSTERIOR, help="File of netboard participants fit, or the posterior that comes with netboard."
+        ),
     ] = "bimanual_off",
     number: Annotated[int, typer.Option(min=1, max=400, help="Number of participants.")] = 4,
     seed: Annotated[int, typer.Option(min=0, help="Random seed of the first one; the others have the next ones.")] = 1,

@@ -236,7 +236,9 @@ def test_file_that_is_no_posterior_is_refused(tmp_path: Path, text: str, words: 
 
 
 def test_missing_file_is_an_error_that_names_the_posterior_of_netboard(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"none.json: no such file; expected one of netboard .* or bimanual_off"):
+    with pytest.raises(
+        ConfigError, match=r"none.json: no such file; expected the posterior.json of netboard .* or bimanual_off"
+    ):
         read_posterior(str(tmp_path / "none.json"))
 
 

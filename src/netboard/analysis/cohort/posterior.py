@@ -63,7 +63,9 @@ def read_posterior(source: str = PACKAGED) -> Posterior:
     if source == PACKAGED:
         text = (files(__package__) / f"{PACKAGED}.json").read_text(encoding="utf-8")
     else:
-        text = read_text(Path(source), f"no such file; expected one of netboard participants fit, or {PACKAGED}")
+        text = read_text(
+            Path(source), f"no such file; expected the posterior.json of netboard participants fit, or {PACKAGED}"
+        )
     try:
         about = dict(parse_json(text))
         names, draws = tuple(about.pop("parameters")), np.array(about.pop("draws"), np.float64)
