@@ -29,8 +29,8 @@ from netboard.base.tables.scene import FRICTION
 from netboard.base.tables.simulated import PARTICIPANT_SOURCES
 from netboard.devices.falcon.device import FalconOptions
 from netboard.devices.spacemouse import SpaceMouseOptions
-from netboard.nodes.rehearsal.population import VARIED
-from netboard.participants.device_models import MODELS, DeviceModel
+from netboard.participants.body.device_models import MODELS, DeviceModel
+from netboard.participants.people.population import VARIED
 from netboard.recording.export.formats import FORMATS
 from netboard.recording.export.tables import TRIALS
 from netboard.recording.importing.columns import COLUMNS

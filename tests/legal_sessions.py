@@ -19,8 +19,8 @@ from netboard.base.config import Config, resolve
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import TICK_NS
 from netboard.network.protocol.records import BLOCK_BEGAN, ClockRecord, EventRecord, FrameRecord, TickRecord
-from netboard.nodes.rehearsal.block import START_TICK, Rehearsal
 from netboard.nodes.server.attempts import Attempts
+from netboard.participants.seat.block import START_TICK, Rehearsal
 from netboard.recording.files.offline_writer import event_of
 from netboard.recording.recovery.journal_file import journal_path
 from netboard.task.journal.entries import Entry, Header, line_of

@@ -14,7 +14,7 @@ from netboard.base.tables.experiment import Block
 from netboard.base.tables.simulated import Participant
 from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.records import ClockRecord, EventRecord, TickRecord
-from netboard.nodes.rehearsal.block import Rehearsal
+from netboard.participants.seat.block import Rehearsal
 from netboard.recording.files.offline_writer import event_of
 from netboard.recording.files.provenance import provenance
 from netboard.recording.files.writer import RecordingWriter

@@ -7,7 +7,7 @@ import pytest
 
 from netboard.analysis.extraction.devices import DeviceMechanics, at, mechanics_of
 from netboard.base.config import Config
-from netboard.participants.device_models import MODELS, resolved
+from netboard.participants.body.device_models import MODELS, resolved
 
 
 @dataclass

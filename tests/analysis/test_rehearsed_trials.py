@@ -15,7 +15,7 @@ from netboard.analysis.measures.peaks import velocity_peaks
 from netboard.analysis.measures.segments import board_segments
 from netboard.base.config import Config
 from netboard.base.tables.simulated import Participant
-from netboard.nodes.rehearsal.block import Rehearsal
+from netboard.participants.seat.block import Rehearsal
 from netboard.recording.format.summary import Attempt, find_attempts
 
 pytestmark = pytest.mark.slow

@@ -8,8 +8,8 @@ import pytest
 from netboard.analysis.extraction.recordings import measure
 from netboard.analysis.extraction.settings import Readings, parse
 from netboard.analysis.extraction.trials import BlockData, columns_for
+from netboard.base.safeguards import Safeguard
 from netboard.base.tick import TICK
-from netboard.network.protocol.motion import Safeguard
 from netboard.recording.export.runs import runs_of
 from netboard.recording.files.reader import Recording
 from netboard.recording.integrity.quality_check import judged

@@ -16,7 +16,7 @@ from netboard.base.tables.declared import EXTRAPOLATIONS, number_of, require, wo
 from netboard.base.tables.experiment import Block
 from netboard.base.tables.forces import FORCES, ForceInputs
 from netboard.base.tables.scene import Physics
-from netboard.nodes.rehearsal.closed_loop import person_at
+from netboard.participants.seat.closed_loop import person_at
 from netboard.physics.scene.parameters import parts_of
 from netboard.physics.scene.rendering import GAINS, Rendering, force_on_hand, rendering_of
 from netboard.stage.stage import make_stage

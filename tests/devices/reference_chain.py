@@ -2,6 +2,7 @@
 
 from math import isfinite, sqrt
 
+from netboard.base.safeguards import Safeguard
 from netboard.base.tables.rig import Safety as Limits
 from netboard.devices.safety.chain import (
     LIVE,
@@ -15,7 +16,6 @@ from netboard.devices.safety.chain import (
     Trip,
     Vector,
 )
-from netboard.network.protocol.motion import Safeguard
 
 _NONE = 0
 _ARMED, _RAMPING, _CLAMPED, _SLEWED = map(

@@ -4,7 +4,7 @@ from math import hypot, inf, nan
 
 import pytest
 
-from netboard.devices.contract.access import within
+from netboard.participants.body.device_forces import within
 
 
 @pytest.mark.parametrize("limit", [3.3, 0.0, 1e-300, 1e308, inf])

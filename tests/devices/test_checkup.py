@@ -11,7 +11,7 @@ from netboard.devices.contract.device import DeviceInfo, Reading
 from netboard.devices.contract.profile import Mechanics
 from netboard.devices.setup import checkup
 from netboard.devices.setup.loop import DeviceRun, Driver, track_of, watch
-from netboard.participants.submovement import Submovement
+from netboard.participants.people.submovement import Submovement
 
 INFO = DeviceInfo("it", "1", 3.3, 0.88, 5.5e-5)
 

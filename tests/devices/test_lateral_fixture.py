@@ -3,10 +3,10 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lateral import lateral_force
 from netboard.base.config import Config
 from netboard.base.tables.rig import Fixture
 from netboard.devices.contract.device import Reading
-from netboard.devices.safety.fixture import lateral_force
 from netboard.devices.simulated.virtual import VirtualTouch
 
 number = st.floats(-0.1, 0.1)

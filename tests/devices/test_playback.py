@@ -16,7 +16,7 @@ from netboard.devices.simulated.playback import Playback, Track, read_csv, read_
 from netboard.devices.simulated.virtual import VirtualTouch
 from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.records import TickRecord
-from netboard.participants.submovement import Submovement
+from netboard.participants.people.submovement import Submovement
 from netboard.recording.files.provenance import provenance
 from netboard.recording.files.writer import RecordingWriter
 from netboard.testing.device import MS, DeviceContract

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from reference_chain import ReferenceSafety
 
+from netboard.base.safeguards import Safeguard
 from netboard.base.tables.rig import Safety as Limits
 from netboard.devices.safety.chain import (
     LIVE,
@@ -22,7 +23,6 @@ from netboard.devices.safety.chain import (
     SafetyChain,
     Trip,
 )
-from netboard.network.protocol.motion import Safeguard
 from netboard.recording.files.reader import Recording
 
 DATA = Path(__file__).parents[1] / "data" / "recordings"

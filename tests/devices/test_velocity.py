@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from netboard.devices.contract.velocity import SAMPLES, SLACK, Velocimeter
+from netboard.devices.contract.velocity import Velocimeter
+from netboard.participants.body.velocity_window import SAMPLES, SLACK
 
 STEP = 0.055e-3
 MS = 1_000_000

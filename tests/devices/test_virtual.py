@@ -10,9 +10,9 @@ from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import VirtualDevice
 from netboard.devices.contract.device import Device
 from netboard.devices.simulated.virtual import CATCH_UP_NS, VirtualTouch
-from netboard.participants.device_models import resolved
-from netboard.participants.hand import STEP
-from netboard.participants.submovement import Submovement
+from netboard.participants.body.device_models import resolved
+from netboard.participants.people.hand import STEP
+from netboard.participants.people.submovement import Submovement
 from netboard.testing.device import MS, DeviceContract
 
 IMPERFECTIONS = {"cable_stiffness": "model", "thermal_time": "model", "read_latency_ms": 3.0, "write_latency_ms": 2.0}

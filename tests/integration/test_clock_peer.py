@@ -15,8 +15,8 @@ from skewed import SkewedClock
 from evidence.faults.relay import Impairment, relay_to_server
 from netboard.base.clock import now_ns
 from netboard.base.config import Side
+from netboard.base.safeguards import Safeguard
 from netboard.benchmarks.harness.rig import TIMEOUT, Rig, Route
-from netboard.network.protocol.motion import Safeguard
 from netboard.network.protocol.records import ClockRecord
 from netboard.network.transport.ports import free_port
 from netboard.recording.files.reader import Recording

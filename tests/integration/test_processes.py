@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from netboard.base.config import parse
+from netboard.base.safeguards import Safeguard
 from netboard.benchmarks.harness.rig import Rig
-from netboard.network.protocol.motion import Safeguard
 from netboard.network.transport import channels, sockets
 from netboard.recording.files.reader import Recording
 from netboard.recording.integrity.verification import verify_recording

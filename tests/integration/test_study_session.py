@@ -14,10 +14,10 @@ import pytest
 import sampling
 from netboard.base.config import parse
 from netboard.base.errors import NetboardError
+from netboard.base.safeguards import Safeguard
 from netboard.base.tables.experiment import Session
 from netboard.benchmarks.harness.rig import Rig
 from netboard.network.protocol.control import Status
-from netboard.network.protocol.motion import Safeguard
 from netboard.nodes.operator.operator import Operator
 from netboard.nodes.server.blocks import BlockSequence
 from netboard.recording.files.reader import Recording

@@ -12,11 +12,12 @@ from wire_strategies import CLASSES, messages, messages_of
 
 from fakes import STATUS
 from netboard.base.errors import WireError
+from netboard.base.safeguards import Safeguard
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.control import Command, StatusRequest
 from netboard.network.protocol.joining import Hello, Refusal
 from netboard.network.protocol.messages import CHOICES, KINDS, Message
-from netboard.network.protocol.motion import Force, Heartbeat, Safeguard, Stylus
+from netboard.network.protocol.motion import Force, Heartbeat, Stylus
 from netboard.network.protocol.records import EventRecord, LogBatch, LogEnd
 from netboard.network.protocol.views import Frames
 from netboard.stage.view import View

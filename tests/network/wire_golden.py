@@ -10,6 +10,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+from netboard.base.safeguards import Safeguard
 from netboard.network.protocol import control, joining, motion, records, views
 from netboard.network.protocol.codec import encode
 from netboard.network.protocol.messages import KINDS, Message
@@ -39,7 +40,7 @@ EXAMPLES: dict[str, Message] = {
         vy=0.0,
         vz=-0.03125,
         buttons=0,
-        safeguards=motion.Safeguard.ARMED | motion.Safeguard.CLAMPED,
+        safeguards=Safeguard.ARMED | Safeguard.CLAMPED,
         rendered=-0.735,
         force_tick=123_400,
         force_sent_ns=SERVER_NS,
@@ -193,10 +194,8 @@ EXAMPLES: dict[str, Message] = {
     "backfill": motion.Backfill(
         123_457,
         123_459,
-        struct.pack("<qqdq", 123_457, PEER_NS + 123_457_000_000, -0.735, motion.Safeguard.ARMED)
-        + struct.pack(
-            "<qqdq", 123_458, PEER_NS + 123_458_000_000, -0.5, motion.Safeguard.ARMED | motion.Safeguard.STALE
-        ),
+        struct.pack("<qqdq", 123_457, PEER_NS + 123_457_000_000, -0.735, Safeguard.ARMED)
+        + struct.pack("<qqdq", 123_458, PEER_NS + 123_458_000_000, -0.5, Safeguard.ARMED | Safeguard.STALE),
     ),
     "backfill-none": motion.Backfill(123_457, 131_072, b""),
     "backfill-record": records.BackfillRecord(

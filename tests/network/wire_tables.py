@@ -11,10 +11,10 @@ import typing
 from pathlib import Path
 from typing import Any
 
+from netboard.base.safeguards import Safeguard
 from netboard.network.protocol import codec
 from netboard.network.protocol.joining import ROLES
 from netboard.network.protocol.messages import CHOICES, KINDS, MessageKind
-from netboard.network.protocol.motion import Safeguard
 
 PROTOCOL = Path(codec.__file__).with_name("PROTOCOL.md")
 BEGIN, END = "<!-- tables: begin (made by tests/network/wire_tables.py) -->", "<!-- tables: end -->"

@@ -14,13 +14,14 @@ import pytest
 from netboard.base.clock import now_ns
 from netboard.base.config import Config
 from netboard.base.errors import DeviceLost, DeviceNotFound
+from netboard.base.safeguards import Safeguard
 from netboard.base.tick import TICK_NS
 from netboard.devices.contract import profile
 from netboard.devices.contract.device import Device, DeviceInfo, Reading
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import Goodbye, Hello, Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
-from netboard.network.protocol.motion import Heartbeat, Safeguard, Stylus
+from netboard.network.protocol.motion import Heartbeat, Stylus
 from netboard.network.transport import channels, sockets
 from netboard.network.transport.ports import free_port
 from netboard.nodes.agent.agent import AgentNode

@@ -9,16 +9,17 @@ import pytest
 from stepped_agent import SteppedAgent, answers, fixed_form
 
 from netboard.base.config import Config
+from netboard.base.safeguards import Safeguard
 from netboard.base.tick import TICK_NS
 from netboard.devices.safety.chain import Guard
 from netboard.devices.simulated.virtual import VirtualTouch
 from netboard.network.protocol.codec import encode
 from netboard.network.protocol.joining import Goodbye
-from netboard.network.protocol.motion import Force, Heartbeat, Point, Safeguard, Stylus
+from netboard.network.protocol.motion import Force, Heartbeat, Point, Stylus
 from netboard.network.transport import sockets
 from netboard.network.transport.fastpath import NO_FILE
 from netboard.nodes.agent.agent_runs import ANSWERED, NEVER_DUE_NS, NOT_BEGUN, NOTHING_BEGUN, Begun, RunProgress
-from netboard.participants.submovement import Submovement
+from netboard.participants.people.submovement import Submovement
 
 TICKS = 3000
 

@@ -16,6 +16,7 @@ from stepped_agent import START_NS, SteppedAgent, answers, fixed_form
 from libhd import FIRST, Fake, configured, fake_library
 from netboard.base.config import Config
 from netboard.base.errors import DeviceError
+from netboard.base.safeguards import Safeguard
 from netboard.base.tick import TICK_NS
 from netboard.devices.contract.profile import Identity, Placement, Profile, save
 from netboard.devices.safety.arming import KNOWN
@@ -23,7 +24,7 @@ from netboard.devices.touch import library as touch_library
 from netboard.devices.touch.api import Error
 from netboard.devices.touch.device import OpenHaptics
 from netboard.devices.touch.shim import ShimServo
-from netboard.network.protocol.motion import Force, Heartbeat, Safeguard, Stylus
+from netboard.network.protocol.motion import Force, Heartbeat, Stylus
 from netboard.network.transport import sockets
 
 TICKS = 3000

@@ -1,6 +1,6 @@
 """Emergency stops; each trip of a device's safety chain is reported once."""
 
-from netboard.network.protocol.motion import TRIP_CAUSES, Safeguard
+from netboard.base.safeguards import TRIP_CAUSES, Safeguard
 from netboard.nodes.ports.emergency import RELEASE, REPEAT_INTERVAL_NS, STOP, EmergencyStop
 from netboard.nodes.ports.samples import STOPPED, TRIPPED
 

@@ -9,8 +9,9 @@ import pytest
 from fake_router import hello
 from motion_rig import MotionRig
 
+from netboard.base.safeguards import Safeguard
 from netboard.base.tick import KNOWN_NS, RENDERED, TICK
-from netboard.network.protocol.motion import BACKFILL_ROWS, Backfill, BackfillRequest, Safeguard, Stylus
+from netboard.network.protocol.motion import BACKFILL_ROWS, Backfill, BackfillRequest, Stylus
 from netboard.network.protocol.records import BackfillRecord
 from netboard.network.transport import sockets
 from netboard.nodes.agent.rendered_buffer import RenderedRing

@@ -16,8 +16,8 @@ from netboard.network.transport import sockets
 from netboard.nodes.ports import samples
 from netboard.nodes.ports.control_port import CommandRequest
 from netboard.nodes.ports.latency import LatencySupervisor
-from netboard.nodes.rehearsal.block import Rehearsal
 from netboard.nodes.server.block_changes import PAGE_TICKS
+from netboard.participants.seat.block import Rehearsal
 from netboard.task.trials.state_machine import Phase
 
 

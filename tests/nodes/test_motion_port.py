@@ -12,13 +12,14 @@ from fake_router import WELCOME, hello
 from motion_rig import TIMEOUT_NS, MotionRig
 
 from netboard.base.config import SIDES
+from netboard.base.safeguards import Safeguard
 from netboard.base.tables.scene import Physics
 from netboard.base.tick import HEARTBEAT_TICKS, TICK, TICK_NS
 from netboard.network.protocol import fixed
 from netboard.network.protocol.codec import encode
 from netboard.network.protocol.control import StatusRequest
 from netboard.network.protocol.joining import Goodbye, Refusal, Welcome
-from netboard.network.protocol.motion import Force, Heartbeat, Point, Safeguard, Stylus
+from netboard.network.protocol.motion import Force, Heartbeat, Point, Stylus
 from netboard.network.transport import sockets
 from netboard.network.transport.sockets import MAX_SAMPLE
 from netboard.nodes.ports import samples

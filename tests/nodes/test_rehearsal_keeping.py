@@ -9,7 +9,7 @@ import pytest
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant
-from netboard.nodes.rehearsal.block import Rehearsal
+from netboard.participants.seat.block import Rehearsal
 from netboard.recording.files.offline_writer import BlockWriter
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.summary import find_attempts

@@ -12,10 +12,11 @@ from motion_rig import MotionRig
 
 from netboard.base.clock import CATCH_UP_TICKS, now_ns
 from netboard.base.config import Config
+from netboard.base.safeguards import Safeguard
 from netboard.base.tick import HEARTBEAT_TICKS, TICK, TICK_NS
 from netboard.network.protocol import fixed
 from netboard.network.protocol.joining import Goodbye
-from netboard.network.protocol.motion import Force, Heartbeat, Safeguard, Stylus
+from netboard.network.protocol.motion import Force, Heartbeat, Stylus
 from netboard.network.transport import sockets
 from netboard.network.transport.fastpath import MACHINE_CLOCK
 from netboard.nodes.server.server_runs import DONE, IN_TRIAL, INTERRUPTED, MESSAGE, RUN, STEPS, WAITING, WAITS, run_of

@@ -12,7 +12,7 @@ from netboard.base.errors import ConfigError
 from netboard.network.transport import sockets
 from netboard.network.transport.ports import free_port
 from netboard.nodes.agent.stylus_source import LiveController, LiveParticipant, SecondHand
-from netboard.participants.submovement import Submovement
+from netboard.participants.people.submovement import Submovement
 
 TIMEOUT = 60.0
 """Timeout, far above the usual time [s]."""

@@ -10,15 +10,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lateral import lateral_force
 from netboard.base.config import SIDES, Config, Side
+from netboard.base.safeguards import Safeguard
 from netboard.base.tick import TICK, TICK_NS
 from netboard.devices.safety.chain import Guard, SafetyChain
-from netboard.devices.safety.fixture import lateral_force
 from netboard.devices.simulated.virtual import VirtualTouch
-from netboard.network.protocol.motion import Safeguard
-from netboard.participants.controller import Controller
-from netboard.participants.senses import DECISION_INTERVAL, Glimpse
-from netboard.participants.submovement import Submovement
+from netboard.participants.people.controller import Controller
+from netboard.participants.people.senses import DECISION_INTERVAL, Glimpse
+from netboard.participants.people.submovement import Submovement
 from netboard.stage.stage import make_stage
 from netboard.task.trials.state_machine import Cause, Phase
 

@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from netboard.base.tables.simulated import Participant, VirtualDevice
-from netboard.participants.cable import pack_cables, stretch
-from netboard.participants.device_models import MODELS, DeviceModel, resolved
-from netboard.participants.hand import STEP, Hand, make_hand, pack_arm
-from netboard.participants.submovement import Submovement
+from netboard.participants.body.cable import pack_cables, stretch
+from netboard.participants.body.device_models import MODELS, DeviceModel, resolved
+from netboard.participants.people.hand import STEP, Hand, make_hand, pack_arm
+from netboard.participants.people.submovement import Submovement
 
 PERSON = Participant(force_noise=0.0, rest_skill=0.0, load_skill=0.0)
 FREE = VirtualDevice(friction=0.0, damping=0.0, workspace=1.0, cable_stiffness=1000.0, cable_damping=0.0)

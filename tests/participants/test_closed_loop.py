@@ -5,7 +5,7 @@ import pytest
 from closed_loop import BlockResult, play, with_block
 
 from netboard.base.config import Config
-from netboard.network.protocol.motion import Safeguard
+from netboard.base.safeguards import Safeguard
 
 CONDITIONS = [("dyadic", True), ("dyadic", False), ("bimanual", True), ("bimanual", False)]
 

@@ -12,9 +12,9 @@ from netboard.base.config import Side
 from netboard.base.tables.experiment import Task
 from netboard.base.tables.scene import Physics
 from netboard.base.tables.simulated import Participant, VirtualDevice
-from netboard.participants.controller import Controller, _learn_partner, learned
-from netboard.participants.senses import Glimpse
-from netboard.participants.submovement import Submovement
+from netboard.participants.people.controller import Controller, _learn_partner, learned
+from netboard.participants.people.senses import Glimpse
+from netboard.participants.people.submovement import Submovement
 
 NOISELESS = Participant(
     position_noise=0.0,

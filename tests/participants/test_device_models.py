@@ -7,7 +7,7 @@ import pytest
 
 from netboard.base.config import Config, parse
 from netboard.base.tables.simulated import VirtualDevice
-from netboard.participants.device_models import MODELS, DeviceModel, resolved
+from netboard.participants.body.device_models import MODELS, DeviceModel, resolved
 
 MECHANICS = ("mass", "friction", "damping", "resolution", "max_force", "continuous_force", "workspace")
 IMPERFECTIONS = ("cable_stiffness", "cable_damping", "tip_share", "thermal_time")

@@ -8,9 +8,9 @@ from scipy.signal import lti, step
 
 from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant, VirtualDevice
-from netboard.participants.device_models import resolved
-from netboard.participants.hand import CAPACITY, STEP, Hand, make_hand, pack_arm
-from netboard.participants.submovement import Submovement
+from netboard.participants.body.device_models import resolved
+from netboard.participants.people.hand import CAPACITY, STEP, Hand, make_hand, pack_arm
+from netboard.participants.people.submovement import Submovement
 
 PERSON = Participant(force_noise=0.0, rest_skill=0.0, load_skill=0.0)
 YIELDING = replace(PERSON, reflex_gain=1.5)

@@ -12,12 +12,20 @@ from netboard.base.config import SIDES, Side
 from netboard.base.tables.experiment import Task
 from netboard.base.tables.scene import Physics
 from netboard.base.tables.simulated import Participant, VirtualDevice
-from netboard.participants.controller import Controller
-from netboard.participants.device_models import resolved
-from netboard.participants.dyad_model import STATES, DyadModel, X, dyad_model, felt_noise
-from netboard.participants.observer import OBSERVED, feel, observe, pack_observer, stationary, stretch_of, uncertainty
-from netboard.participants.senses import Glimpse
-from netboard.participants.submovement import minimum_jerk
+from netboard.participants.body.device_models import resolved
+from netboard.participants.people.controller import Controller
+from netboard.participants.people.dyad_model import STATES, DyadModel, X, dyad_model, felt_noise
+from netboard.participants.people.observer import (
+    OBSERVED,
+    feel,
+    observe,
+    pack_observer,
+    stationary,
+    stretch_of,
+    uncertainty,
+)
+from netboard.participants.people.senses import Glimpse
+from netboard.participants.people.submovement import minimum_jerk
 from netboard.physics.scene.parameters import pack_scene, parts_of
 
 PERSON, PHYSICS, DEVICE = Participant(), Physics(), VirtualDevice()

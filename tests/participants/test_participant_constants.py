@@ -7,6 +7,19 @@ from pathlib import Path
 import netboard.participants
 
 KNOWN = {
+    "block": {
+        "PIECE": "capacity",
+        "START_TICK": "waiting time of the live server",
+        "MAX_MEAN_TRIAL": "time after which a block is stopped",
+        "KEPT": "capacity",
+    },
+    "body": {
+        "LEAD_NS": "step of the integration",
+        "STEPS": "steps of the integration",
+        "BODY": "type",
+        "READINGS": "type",
+    },
+    "closed_loop": {"DECISION_TICKS": "step of the controller"},
     "controller": {"FORESIGHT_STEPS": "steps of an integration", "CONSTANTS": "type", "MOVE": "type", "STATE": "type"},
     "cable": {"CABLES": "type", "TIP": "type"},
     "device_models": {"MODELS": "devices, each with its source"},
@@ -37,6 +50,11 @@ KNOWN = {
         "OBSERVED": "type",
     },
     "policy": {"SIMULATED_PARTICIPANT": "a name"},
+    "population": {
+        "SPREAD": "how participants differ, on the page of the participants",
+        "VARIED": "how participants differ, on the page of the participants",
+        "LETTERS": "names",
+    },
     "senses": {
         "DECISION_INTERVAL": "step of the controller",
         "MEMORY": "capacity: longer than every delay",
@@ -47,6 +65,7 @@ KNOWN = {
         "SENSES": "type",
         "PERCEPT": "type",
     },
+    "velocity_window": {"SAMPLES": "capacity", "AXES": "length of a register", "SLACK": "allows for rounding"},
 }
 """Constants of the modules that are no parameter of a participant, and what they are."""
 
@@ -62,7 +81,7 @@ def constants_of(path: Path) -> Iterator[str]:
 
 def test_every_constant_of_the_participants_is_known() -> None:
     (folder,) = map(Path, netboard.participants.__path__)
-    found = {path.stem: set(constants_of(path)) for path in folder.glob("*.py")}
+    found = {path.stem: set(constants_of(path)) for path in folder.rglob("*.py")}
     assert {module: names for module, names in found.items() if names} == {
         module: set(names) for module, names in KNOWN.items()
     }

@@ -17,7 +17,7 @@ from netboard.analysis.extraction.devices import DeviceMechanics
 from netboard.analysis.measures.movements import classify, movement_times
 from netboard.analysis.measures.passive import Gains, PassiveHand, passive_partner
 from netboard.base.config import Config
-from netboard.participants.device_models import resolved
+from netboard.participants.body.device_models import resolved
 from netboard.physics.scene.parameters import pack_scene, parts_of
 from netboard.physics.scene.rendering import gains_of
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from netboard.base.config import parse
 from netboard.base.errors import ConfigError
-from netboard.participants.senses import (
+from netboard.participants.people.senses import (
     MEMORY,
     PERCEPT,
     SEEN,

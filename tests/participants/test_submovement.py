@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from netboard.participants.submovement import Submovement, minimum_jerk
+from netboard.participants.people.submovement import Submovement, minimum_jerk
 
 
 def test_minimum_jerk_starts_and_ends_at_rest() -> None:

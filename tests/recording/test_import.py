@@ -18,7 +18,7 @@ from netboard.base.config import Config, resolve
 from netboard.base.errors import ConfigError, RecordingError
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import TICK
-from netboard.nodes.rehearsal.block import Rehearsal
+from netboard.participants.seat.block import Rehearsal
 from netboard.recording.export.formats import export
 from netboard.recording.export.runs import people_in
 from netboard.recording.files.offline_writer import BlockWriter

@@ -7,11 +7,11 @@ import pytest
 from typer.testing import CliRunner
 
 from netboard.base.config import Config, resolve
+from netboard.base.safeguards import Safeguard
 from netboard.base.tables.experiment import Quality
 from netboard.base.tables.rig import RecordingSettings
 from netboard.base.tick import TICK, TICK_SECONDS
 from netboard.network.protocol.joining import Welcome
-from netboard.network.protocol.motion import Safeguard
 from netboard.network.protocol.records import FrameRecord, TickRecord
 from netboard.recording.files.provenance import provenance
 from netboard.recording.files.reader import Recording as OpenRecording

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from netboard.base.config import parse
+from netboard.base.safeguards import Safeguard
 from netboard.base.tick import TICK
-from netboard.network.protocol.motion import Safeguard
 from netboard.network.protocol.records import ClockRecord, EventRecord, FrameRecord
 from netboard.recording.format.summary import Gap, find_attempts, find_gaps, spread, summarise, with_emergency_stops
 from netboard.recording.integrity.trial_check import _wrong_list

@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from netboard.base.config import Config, parse
+from netboard.base.safeguards import Safeguard
 from netboard.base.tables.experiment import Block, Quality
 from netboard.base.tables.scene import Physics
 from netboard.base.tick import LATE_NS, TICK
-from netboard.network.protocol.motion import Safeguard
 from netboard.recording.format.summary import find_attempts
 from netboard.stage.stage import make_stage
 from netboard.task.trials.quality import (

@@ -14,6 +14,7 @@ from functools import partial
 from importlib.metadata import version
 
 from fakes import STATUS
+from netboard.base.safeguards import Safeguard
 from netboard.base.tables.rig import Network
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.control import (
@@ -36,7 +37,6 @@ from netboard.network.protocol.control import (
 )
 from netboard.network.protocol.joining import HELLO_FIRST, Goodbye, Hello, Refusal, Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
-from netboard.network.protocol.motion import Safeguard
 from netboard.network.transport import channels, sockets
 from netboard.network.transport.ports import free_port
 from netboard.nodes.ports.emergency import AWAITING_RELEASE, RELEASE, STOP

@@ -11,11 +11,11 @@ from console_server import IDLE, MINE, RUNNING, STATES, UNARMED_LINK, attempts
 from rich.console import Console
 
 from netboard.base.config import SIDES, Config
+from netboard.base.safeguards import Safeguard
 from netboard.base.tables.experiment import Block, Session
 from netboard.network.protocol import control
 from netboard.network.protocol.control import REPLAY_OF, LinkStatus, LoopStatus, RecordingStatus, Status
 from netboard.network.protocol.joining import HELLO_FIRST
-from netboard.network.protocol.motion import Safeguard
 from netboard.nodes.operator.status_table import status_tables
 from netboard.nodes.ports.control_port import CommandRequest
 from netboard.nodes.ports.emergency import AWAITING_ARMING, AWAITING_RELEASE, STOP

@@ -141,7 +141,7 @@ RENDERED = np.dtype(
         ("seq", "<i8"),  # number of the sample
         ("stamp_ns", "<i8"),  # when it was read, on the agent's clock [ns]
         ("rendered", "<f8"),  # vertical force handed to the device since the sample before [N]
-        ("safeguards", "<i8"),  # actions of the safety chain since then (netboard.network.protocol.motion.Safeguard)
+        ("safeguards", "<i8"),  # actions of the safety chain since then (netboard.base.safeguards.Safeguard)
     ]
 )
 """Data of each sample that an agent keeps for ticks without one (`netboard.network.protocol.motion.Backfill`)."""

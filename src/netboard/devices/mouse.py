@@ -22,8 +22,8 @@ from typing import Annotated, Literal, final
 
 from netboard.base.config import Config, Side
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
-from netboard.devices.contract.access import within
 from netboard.devices.contract.device import Box, Device, DeviceInfo, Reading
+from netboard.participants.body.device_forces import within
 
 SILENCE_TIMEOUT_NS = 1_000_000_000
 """Timeout after which a silent window counts as gone [ns]."""

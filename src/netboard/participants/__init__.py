@@ -1,8 +1,8 @@
-"""Simulated participants: perception, controller, hand and device mechanics. Pure.
+"""Policies that hold a stylus in place of a person, the simulated device in their hand, and the closed loop. Pure.
 
-Open `controller.py` first: an intermittent, predictive, delayed PD controller. `senses` models its perception,
-`observer` what the force tells it of its partner, `submovement` its actions, `hand` the arm that holds a stylus, and
-`device_models` the haptic devices. This wing knows no device driver, no network and no clock.
+Open `people/controller.py` first: the simulated participant, an intermittent, predictive, delayed PD controller.
+`body` has the mechanics of haptic devices, and `seat` the closed loop of a block. This wing knows no device driver, no
+network and no clock.
 
 Parameters
 ----------

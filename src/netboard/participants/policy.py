@@ -11,7 +11,7 @@ from dataclasses import asdict
 from netboard.base.tables.simulated import Participant
 
 SIMULATED_PARTICIPANT = "simulated participant"
-"""Kind of the policy of a `netboard.participants.controller.Controller`."""
+"""Kind of the policy of a `netboard.participants.people.controller.Controller`."""
 
 
 def identity_of(kind: str, parameters: Participant | None = None) -> dict[str, str]:

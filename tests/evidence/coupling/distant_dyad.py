@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.config import SIDES, Config, Side
+from netboard.base.safeguards import Safeguard
 from netboard.base.tables.rig import Agent, Agents, Fixture
 from netboard.base.tables.scene import Physics
 from netboard.base.tick import START_NS, TICK, TICK_NS, TICK_WORDS
@@ -23,7 +24,7 @@ from netboard.devices.safety.passivity import Passivity
 from netboard.devices.safety.virtual_coupling import hand_force
 from netboard.devices.simulated.virtual import VirtualTouch
 from netboard.network.protocol import fixed
-from netboard.network.protocol.motion import Force, Point, Safeguard, Stylus
+from netboard.network.protocol.motion import Force, Point, Stylus
 from netboard.nodes.ports import samples
 from netboard.stage.stage import Stage, make_stage
 from netboard.task.trials.state_machine import Cause

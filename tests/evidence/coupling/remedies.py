@@ -29,7 +29,7 @@ from netboard.base.tick import START_NS, TICK_NS, TICK_SECONDS
 from netboard.benchmarks.harness.results import ResultPart, Value
 from netboard.benchmarks.harness.running import Tell
 from netboard.devices.simulated.virtual import VirtualTouch
-from netboard.participants.device_models import resolved
+from netboard.participants.body.device_models import resolved
 from netboard.physics.stability.delayed_coupling import At, is_stable
 
 RELEASE_HEIGHT = 0.010

@@ -35,9 +35,9 @@ from evidence.faults.checks import (
 from evidence.faults.relay import UNIMPAIRED, Impairment
 from evidence.faults.sites import Setup
 from netboard.base.config import SIDES, Side
+from netboard.base.safeguards import Safeguard
 from netboard.network.protocol.codec import encode
 from netboard.network.protocol.messages import PROTOCOL_VERSION
-from netboard.network.protocol.motion import Safeguard
 
 LEFT, RIGHT, SERVER, LOGGER, DISPLAY = "left agent", "right agent", "server", "logger", "left display"
 

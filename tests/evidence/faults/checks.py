@@ -23,9 +23,9 @@ from evidence.faults.evidence import (
     step_shares,
 )
 from netboard.base.config import SIDES, Side
+from netboard.base.safeguards import Safeguard
 from netboard.base.tick import TICK_NS
 from netboard.benchmarks.harness.results import BenchVerdict
-from netboard.network.protocol.motion import Safeguard
 from netboard.nodes.ports import emergency
 from netboard.recording.integrity.severity import Severity
 from netboard.task.trials.state_machine import Phase

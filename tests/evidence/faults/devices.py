@@ -26,8 +26,8 @@ from netboard.devices.contract.device import Device, DeviceInfo, Reading
 from netboard.devices.contract.registry import GROUP
 from netboard.devices.contract.velocity import Velocimeter
 from netboard.devices.simulated.virtual import VirtualTouch
-from netboard.participants.device_models import resolved
-from netboard.participants.submovement import Submovement
+from netboard.participants.body.device_models import resolved
+from netboard.participants.people.submovement import Submovement
 
 NAME = "tampered"
 

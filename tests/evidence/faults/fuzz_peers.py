@@ -25,6 +25,7 @@ from evidence.faults.rigs import tampered
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES, Config, Side, resolve
 from netboard.base.errors import NetboardError
+from netboard.base.safeguards import Safeguard
 from netboard.base.tables.rig import Network
 from netboard.base.tick import TICK
 from netboard.benchmarks.harness.results import BenchVerdict, ResultPart
@@ -33,7 +34,7 @@ from netboard.benchmarks.harness.running import Tell
 from netboard.network.protocol.codec import encode
 from netboard.network.protocol.joining import Goodbye, Hello, Refusal, Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
-from netboard.network.protocol.motion import Force, Heartbeat, Point, Safeguard, Stylus
+from netboard.network.protocol.motion import Force, Heartbeat, Point, Stylus
 from netboard.network.protocol.records import LogAck, LogBatch, LogEnd, LogRequest, TickRecord
 from netboard.network.protocol.views import Frames
 from netboard.network.transport import channels, sockets

@@ -26,6 +26,7 @@ from evidence.faults.sites import PACE
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES
 from netboard.base.errors import NetboardError
+from netboard.base.safeguards import Safeguard
 from netboard.base.tables.rig import Network
 from netboard.base.tick import LATE_NS, TICK_NS
 from netboard.benchmarks.harness.results import ResultPart
@@ -35,7 +36,7 @@ from netboard.network.protocol.codec import encode
 from netboard.network.protocol.control import Command
 from netboard.network.protocol.joining import Goodbye, Hello
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
-from netboard.network.protocol.motion import Safeguard, Stylus
+from netboard.network.protocol.motion import Stylus
 from netboard.network.protocol.records import EventRecord, LogAck, LogRequest
 from netboard.network.transport import channels, sockets
 from netboard.recording.files.reader import Recording

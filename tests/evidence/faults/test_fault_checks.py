@@ -30,9 +30,9 @@ from evidence.faults.checks import (
 )
 from evidence.faults.devices import TRACE
 from evidence.faults.evidence import DyadRecordings, Evidence, Pause, Window
+from netboard.base.safeguards import Safeguard
 from netboard.base.tables.rig import Safety
 from netboard.base.tick import TICK
-from netboard.network.protocol.motion import Safeguard
 from netboard.network.protocol.records import EventRecord
 from netboard.recording.integrity.account import Account, NumberRange
 from netboard.recording.integrity.account import PauseRecord as Told

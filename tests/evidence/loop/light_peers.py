@@ -25,6 +25,7 @@ from netboard.base.compiled import kernel, machine_code
 from netboard.base.config import SIDES, Config, Side, parse
 from netboard.base.process.realtime import Priority, cpus_for, io_priority, prepare, steady_loop
 from netboard.base.process.resources import NAME
+from netboard.base.safeguards import Safeguard
 from netboard.base.terminal.logs import log_to_stderr
 from netboard.base.tick import TICK, TICK_NS
 from netboard.benchmarks.harness.workers import serve
@@ -34,7 +35,6 @@ from netboard.network import keys
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import HELLO_INTERVAL_NS, Hello, Ping, Pong, Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION
-from netboard.network.protocol.motion import Safeguard
 from netboard.network.protocol.records import LogAck, LogBatch, LogRequest, TickRecord
 from netboard.network.transport import channels, fastpath, sockets
 from netboard.nodes.agent.agent_runs import phase_shift

@@ -8,12 +8,13 @@ import pytest
 
 from evidence.loop.light_peers import LightAgent, LightDyad, LightLogger
 from netboard.base.config import SIDES, Config, parse
+from netboard.base.safeguards import Safeguard
 from netboard.base.tick import TICK, TICK_NS
 from netboard.network.protocol import fixed
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import Hello, Ping, Pong, Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
-from netboard.network.protocol.motion import Force, Heartbeat, Safeguard, Stylus
+from netboard.network.protocol.motion import Force, Heartbeat, Stylus
 from netboard.network.protocol.records import EventRecord, LogAck, LogBatch, LogRequest, TickRecord
 from netboard.network.transport import channels, endpoints, poller, sockets
 from netboard.network.transport.ports import free_port

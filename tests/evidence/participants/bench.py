@@ -28,8 +28,8 @@ from netboard.base.tables.simulated import Participant
 from netboard.benchmarks.harness.results import Folder, ResultPart
 from netboard.benchmarks.harness.running import Tell
 from netboard.nodes.rehearsal.jobs import RehearsalJob
-from netboard.participants.device_models import resolved
-from netboard.participants.dyad_model import felt_noise
+from netboard.participants.body.device_models import resolved
+from netboard.participants.people.dyad_model import felt_noise
 
 STATES = 4
 """Starting states of the paper's plan, one for each of its dyads [1]."""

@@ -22,9 +22,9 @@ from netboard.base.tables.simulated import Participant, PartnerModel
 from netboard.benchmarks.harness.processes import fresh_processes
 from netboard.benchmarks.harness.results import Folder, ResultPart
 from netboard.benchmarks.harness.running import Tell
-from netboard.nodes.rehearsal.block import Rehearsal
-from netboard.nodes.rehearsal.population import LETTERS, person_of
-from netboard.participants.observer import uncertainty
+from netboard.participants.people.observer import uncertainty
+from netboard.participants.people.population import LETTERS, person_of
+from netboard.participants.seat.block import Rehearsal
 
 SEED = 44
 """Seed of the participants and of their blocks [1]."""

@@ -12,8 +12,8 @@ from evidence.participants.trials import Population
 from netboard.base.tick import TICK_SECONDS
 from netboard.benchmarks.harness.results import ResultPart
 from netboard.benchmarks.harness.running import Tell, timed
-from netboard.nodes.rehearsal.block import Rehearsal
 from netboard.nodes.rehearsal.jobs import RehearsalJob
+from netboard.participants.seat.block import Rehearsal
 from netboard.stage.stage import make_stage
 
 DYADS = 4

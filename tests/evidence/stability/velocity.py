@@ -25,7 +25,7 @@ from netboard.benchmarks.harness.results import Folder, ResultPart, Value
 from netboard.benchmarks.harness.running import Tell
 from netboard.devices.contract.estimators import WINDOW_NS, Estimator, alpha_beta_gains, kalman_gains
 from netboard.devices.contract.velocity import KINDS
-from netboard.participants.device_models import MODELS
+from netboard.participants.body.device_models import MODELS
 
 Array = NDArray[np.float64]
 

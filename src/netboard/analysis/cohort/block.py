@@ -20,9 +20,9 @@ from netboard.analysis.extraction.recordings import ATTEMPT, BLOCKS, Measured, a
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.tables import columns_of
 from netboard.analysis.extraction.trials import PLACES, BlockData
-from netboard.network.protocol.motion import Safeguard
-from netboard.nodes.rehearsal.block import Rehearsal
+from netboard.base.safeguards import Safeguard
 from netboard.nodes.rehearsal.jobs import RehearsalJob
+from netboard.participants.seat.block import Rehearsal
 from netboard.recording.export.runs import Run, people_in
 from netboard.recording.files.offline_writer import REHEARSED, recording_name
 from netboard.recording.format.summary import attempts_along

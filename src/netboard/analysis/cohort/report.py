@@ -35,7 +35,7 @@ from netboard.base.files.new import refuse_existing
 from netboard.base.plural import plural
 from netboard.base.settings import tables
 from netboard.base.tables.simulated import Participant
-from netboard.nodes.rehearsal.population import LETTERS, person_of
+from netboard.participants.people.population import LETTERS, person_of
 
 ENOUGH = 0.8
 """Power that is usually asked for, which the lower limit of its confidence interval must reach [1]."""

@@ -23,8 +23,8 @@ from netboard.base.config import Config
 from netboard.base.errors import ConfigError
 from netboard.base.settings import parse_json
 from netboard.base.tick import TICK_SECONDS
-from netboard.nodes.rehearsal.block import Rehearsal
 from netboard.nodes.rehearsal.jobs import RehearsalJob, jobs_of
+from netboard.participants.seat.block import Rehearsal
 from netboard.recording.format.channels import Field
 from netboard.task.plans.plan import blocks_of
 from netboard.task.studies.study import Study

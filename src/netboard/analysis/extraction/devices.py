@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from math import isnan, nan
 
 from netboard.base.config import SIDES, Config, Side
-from netboard.participants.device_models import MODELS, DeviceModel, resolved
+from netboard.participants.body.device_models import MODELS, DeviceModel, resolved
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.summary import agents_of
 

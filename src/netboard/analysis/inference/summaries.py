@@ -25,7 +25,7 @@ from netboard.analysis.topics.delay import OVER_ALL
 from netboard.analysis.topics.paper import REPORTED, Reported
 from netboard.base.config import Config
 from netboard.nodes.rehearsal.jobs import RehearsalJob
-from netboard.nodes.rehearsal.population import LETTERS
+from netboard.participants.people.population import LETTERS
 from netboard.task.studies.study import paper_study
 
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import Records, composed, inlined, kernel
+from netboard.base.compiled import Records, composed, kernel
 from netboard.devices.contract.estimators import Estimator
 
 Fields: TypeAlias = tuple[int, float, float, float, float, float, float, int, bool]
@@ -73,21 +73,6 @@ def in_scene_frame(
         buttons,
         bool(ready and (holds or p["limited"] == 0)),
     )
-
-
-@inlined
-def within(limit: float, fx: float, fy: float, fz: float) -> tuple[float, float, float]:
-    """Scale a force down to a limit [N]; a force that is not finite, or a limit that is none, gives zero."""
-    # No vector is longer than the sum of its parts, and roots take long.
-    if abs(fx) + abs(fy) + abs(fz) <= limit < np.inf:
-        return fx, fy, fz
-    size = np.hypot(np.hypot(fx, fy), fz)
-    if not (size < np.inf and limit >= 0.0):
-        return 0.0, 0.0, 0.0
-    if size <= limit:
-        return fx, fy, fz
-    share = limit / size
-    return fx * share, fy * share, fz * share
 
 
 def _own_read(parts: tuple[Any, ...], now_ns: int) -> tuple[bool, Fields]:

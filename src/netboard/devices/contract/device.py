@@ -27,7 +27,7 @@ from netboard.devices.contract import profile, velocity
 from netboard.devices.contract.access import PLACEMENT, CompiledAccess, in_scene_frame, placed_access
 from netboard.devices.contract.estimators import Estimator
 from netboard.devices.contract.profile import Profile
-from netboard.participants.device_models import resolved
+from netboard.participants.body.device_models import resolved
 
 O = TypeVar("O")  # noqa: E741
 

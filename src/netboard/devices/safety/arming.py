@@ -10,8 +10,8 @@ connection is lost in a trial, the device stays disarmed until the trial has bee
 import numpy as np
 
 from netboard.base.compiled import Records, kernel
+from netboard.base.safeguards import Safeguard
 from netboard.devices.safety.chain import Guard, SafetyChain, Trip, fail, trip
-from netboard.network.protocol.motion import Safeguard
 
 SILENT, FORBIDS, ALLOWS = range(3)
 """What the server's newest message says of arming: nothing, unless it is a heartbeat."""

@@ -28,9 +28,9 @@ from typing import NamedTuple
 import numpy as np
 
 from netboard.base.compiled import Records, inlined, kernel
+from netboard.base.safeguards import Safeguard
 from netboard.base.tables.rig import Safety as Limits
 from netboard.base.tick import NEVER_NS
-from netboard.network.protocol.motion import Safeguard
 
 MAX_STEP_NS = 2_000_000
 """Upper bound of the step duration wherever the force may grow [ns]."""

@@ -8,7 +8,7 @@ encoder steps, and the velocity that `netboard.devices.contract.velocity` estima
 their largest force.
 
 The configuration table ``virtual`` selects the device model and further imperfections of real hardware: cable
-compliance (`netboard.participants.cable`), motor heating, delayed readings and forces. An imperfection that is not
+compliance (`netboard.participants.body.cable`), motor heating, delayed readings and forces. An imperfection that is not
 configured is absent and costs no time.
 
 Options (``agents.<side>.options``): see `VirtualOptions`.
@@ -28,12 +28,13 @@ from netboard.base.compiled import Records, inlined, kernel, machine_code
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
 from netboard.base.tick import NEVER_NS, TICK_NS
-from netboard.devices.contract.access import CompiledAccess, Fields, within
+from netboard.devices.contract.access import CompiledAccess, Fields
 from netboard.devices.contract.device import Box, Device, DeviceInfo, Reading
 from netboard.devices.contract.velocity import Velocimeter, windowed_velocity
-from netboard.participants.device_models import resolved
-from netboard.participants.hand import STEP, STEP_NS, advance_hand, make_hand
-from netboard.participants.submovement import Submovement
+from netboard.participants.body.device_forces import within
+from netboard.participants.body.device_models import resolved
+from netboard.participants.people.hand import STEP, STEP_NS, advance_hand, make_hand
+from netboard.participants.people.submovement import Submovement
 
 CATCH_UP_NS = 50_000_000
 """Longest simulated time per reading; a longer pause between readings is cut to this [ns]."""

@@ -13,7 +13,8 @@ from numba.core import types
 
 from netboard.base.compiled import Records, kernel
 from netboard.base.tick import NEVER_NS
-from netboard.devices.contract.access import Fields, within
+from netboard.devices.contract.access import Fields
+from netboard.participants.body.device_forces import within
 
 SYMBOL = "netboard_"
 """What the names of the shim's functions begin with where kernels call them."""

@@ -12,7 +12,6 @@ from netboard.base.compiled import Records, kernel, machine_code, waiting
 from netboard.base.tables.rig import Fixture
 from netboard.devices.safety.arming import ALLOWS, FORBIDS, SILENT, Arming, arm, note_stop
 from netboard.devices.safety.chain import SafetyChain, limit
-from netboard.devices.safety.fixture import fixture_force
 from netboard.devices.safety.passivity import Passivity, passive_force, remember_height, restart
 from netboard.devices.safety.virtual_coupling import coupling_force
 from netboard.network.protocol import fixed
@@ -20,6 +19,7 @@ from netboard.network.protocol.motion import Force, Point
 from netboard.network.transport import fastpath
 from netboard.nodes.agent import motion_link
 from netboard.nodes.agent.motion_link import BEAT, COMMANDED, FORCE, MAY_ARM, NEWER, NONE, POINT, wait_for_answer
+from netboard.participants.body.device_forces import fixture_force
 
 LIMITED = -5
 """Result of `await_limited_force` beside those of `wait_for_answer`: a limited force is ready [1]."""

@@ -25,10 +25,10 @@ from netboard.network.protocol.motion import Felt, Move, Pointer
 from netboard.network.transport import channels, sockets
 from netboard.network.transport.fastpath import NO_FILE, Receiver
 from netboard.nodes.agent.agent_runs import NEVER_DUE_NS
-from netboard.participants.controller import Controller, pack_constants
+from netboard.participants.people.controller import Controller, pack_constants
+from netboard.participants.people.senses import DECISION_INTERVAL, Glimpse
+from netboard.participants.people.submovement import Submovement
 from netboard.participants.policy import SIMULATED_PARTICIPANT, identity_of
-from netboard.participants.senses import DECISION_INTERVAL, Glimpse
-from netboard.participants.submovement import Submovement
 from netboard.stage.view import View
 
 HOST: Side = "left"

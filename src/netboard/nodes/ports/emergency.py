@@ -6,7 +6,7 @@ Pure: it gets everything as arguments and only remembers.
 """
 
 from netboard.base.config import SIDES, Side
-from netboard.network.protocol.motion import TRIP_CAUSES, Safeguard
+from netboard.base.safeguards import TRIP_CAUSES, Safeguard
 from netboard.network.protocol.records import RELEASED, STOPPED
 from netboard.nodes.ports import samples
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from netboard.base.config import SIDES, Config, Side
 from netboard.devices.safety.virtual_coupling import REACH
-from netboard.participants.device_models import resolved
+from netboard.participants.body.device_models import resolved
 from netboard.physics.stability.delayed_coupling import FIXED, LONGEST, Loop, Mechanism, ends_of, largest_round_trip
 
 MARGIN = 2.0

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from netboard.base.compiled import Records, inlined, kernel
 from netboard.base.config import SIDES
+from netboard.base.safeguards import TRIP_CAUSES, Safeguard
 from netboard.base.tables.scene import Physics
 from netboard.base.tick import KNOWN_NS, TICK_WORDS
 from netboard.network.protocol import fixed
-from netboard.network.protocol.motion import TRIP_CAUSES, Force, Heartbeat, Point, Safeguard, Stylus
+from netboard.network.protocol.motion import Force, Heartbeat, Point, Stylus
 from netboard.network.transport import fastpath, sockets
 from netboard.nodes.ports.unregistered import UNREGISTERED, keep
 from netboard.physics.arithmetic.trig import sincos

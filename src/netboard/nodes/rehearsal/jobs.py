@@ -16,9 +16,9 @@ from netboard.base.process.stopping import uninterrupted
 from netboard.base.process.workers import ctrl_c, interrupt_workers, interrupted, worker_processes
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import TICK_SECONDS
-from netboard.nodes.rehearsal.block import PIECE, Rehearsal
-from netboard.nodes.rehearsal.population import people_of
+from netboard.participants.people.population import people_of
 from netboard.participants.policy import SIMULATED_PARTICIPANT, identity_of
+from netboard.participants.seat.block import PIECE, Rehearsal
 from netboard.recording.files.offline_writer import REHEARSED, BlockWriter
 
 SECOND = round(1.0 / TICK_SECONDS)

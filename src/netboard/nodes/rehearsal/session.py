@@ -15,8 +15,8 @@ from netboard.base.plural import plural
 from netboard.base.terminal.bars import progress_bars
 from netboard.base.terminal.output import FittedTable, numbers, plain_console
 from netboard.base.tick import TICK_SECONDS
-from netboard.nodes.rehearsal.block import Rehearsal
 from netboard.nodes.rehearsal.jobs import BlockResult, RehearsalJob, jobs_of, rehearse, rehearse_all
+from netboard.participants.seat.block import Rehearsal
 
 console = plain_console()
 

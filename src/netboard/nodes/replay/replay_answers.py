@@ -12,6 +12,7 @@ import numpy as np
 
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES, Side
+from netboard.base.safeguards import Safeguard
 from netboard.base.tables.experiment import MAX_TRIALS
 from netboard.base.tick import LATE_NS
 from netboard.network.protocol.control import (
@@ -23,7 +24,6 @@ from netboard.network.protocol.control import (
     Status,
     Trace,
 )
-from netboard.network.protocol.motion import Safeguard
 from netboard.nodes.ports.control_port import ControlPort
 from netboard.nodes.server.answers import (
     SAFEGUARD_TICKS,

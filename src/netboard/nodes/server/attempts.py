@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import NetboardError
+from netboard.base.safeguards import Safeguard
 from netboard.network.protocol.control import Outcomes
-from netboard.network.protocol.motion import Safeguard
 from netboard.network.protocol.records import FrameRecord
 from netboard.nodes.ports.emergency import RELEASE, STOP, Event
 from netboard.recording.recovery.journal_file import Journal

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.tick import TICK_WORDS
 from netboard.nodes.ports.samples import leave_out
-from netboard.nodes.rehearsal.body import Body, plan
-from netboard.nodes.rehearsal.closed_loop import DECISION_TICKS, SimulatedParticipant, person_at
 from netboard.participants.policy import SIMULATED_PARTICIPANT, identity_of
+from netboard.participants.seat.body import Body, plan
+from netboard.participants.seat.closed_loop import DECISION_TICKS, SimulatedParticipant, person_at
 
 _TICK, _TIME = TICK_WORDS["tick"], TICK_WORDS["time_ns"]
 

@@ -16,9 +16,9 @@ import msgpack
 import numpy as np
 
 from netboard.base.errors import RecordingError, WireError
+from netboard.base.safeguards import Safeguard
 from netboard.base.tick import RENDERED, TICK
 from netboard.network.protocol.codec import decode, message_of
-from netboard.network.protocol.motion import Safeguard
 from netboard.network.protocol.records import (
     BLOCK_BEGAN,
     BackfillRecord,

@@ -13,8 +13,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from netboard.base.safeguards import Safeguard
 from netboard.base.tick import LATE_NS, TICK_SECONDS, joined
-from netboard.network.protocol.motion import Safeguard
 from netboard.network.protocol.records import (
     AGENT_JOINED,
     AGENT_PRESENT,

@@ -12,7 +12,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from netboard.base.config import Config
-from netboard.network.protocol.motion import Safeguard
+from netboard.base.safeguards import Safeguard
 from netboard.recording.files.reader import Recording
 from netboard.task.journal.lost import Losses, losses
 from netboard.task.journal.outcome import AttemptOutcome

@@ -8,8 +8,8 @@ from netboard.base.config import Side
 from netboard.base.device_kind import MOVED_BY_SERVER, STAND_INS, DeviceKind
 from netboard.base.plural import plural
 from netboard.base.process.display_server import unseen
+from netboard.base.safeguards import TRIP_CAUSES, Safeguard
 from netboard.network.protocol.control import LinkStatus, StationStatus, Status
-from netboard.network.protocol.motion import TRIP_CAUSES, Safeguard
 from netboard.nodes.ports.emergency import AWAITING_RELEASE
 from netboard.windows.operator.changes import LATELY, RecentCounts
 from netboard.windows.operator.commands import CONFIRM_KEY

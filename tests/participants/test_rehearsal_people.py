@@ -8,8 +8,8 @@ import pytest
 from netboard.base.config import Config
 from netboard.base.tables.simulated import PARTICIPANT_SOURCES, Participant
 from netboard.base.tick import TICK
-from netboard.nodes.rehearsal.closed_loop import SimulatedParticipant, scale_in, seats_of
-from netboard.nodes.rehearsal.population import VARIED, people_of, performers, person_of
+from netboard.participants.people.population import VARIED, people_of, performers, person_of
+from netboard.participants.seat.closed_loop import SimulatedParticipant, scale_in, seats_of
 
 
 def participant(config: Config, station: str, sides: tuple[str, ...]) -> SimulatedParticipant:

@@ -9,10 +9,10 @@ import pytest
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant, VirtualDevice
-from netboard.nodes.rehearsal import block as rehearsed
-from netboard.nodes.rehearsal.block import START_TICK, BlockSummary, Rehearsal
-from netboard.nodes.rehearsal.closed_loop import person_at
-from netboard.participants.hand import CAPACITY
+from netboard.participants.people.hand import CAPACITY
+from netboard.participants.seat import block as rehearsed
+from netboard.participants.seat.block import START_TICK, BlockSummary, Rehearsal
+from netboard.participants.seat.closed_loop import person_at
 from netboard.recording.integrity.verification import verify
 from netboard.stage.stage import commanded_forces, make_stage
 from netboard.task.trials.state_machine import Cause, Phase

@@ -31,9 +31,9 @@ from netboard.base.config import SIDES, Side
 from netboard.base.tables.experiment import Task
 from netboard.base.tables.scene import Physics
 from netboard.base.tables.simulated import Participant, VirtualDevice
-from netboard.participants.device_models import resolved
-from netboard.participants.dyad_model import felt_noise
-from netboard.participants.expectations import (
+from netboard.participants.body.device_models import resolved
+from netboard.participants.people.dyad_model import felt_noise
+from netboard.participants.people.expectations import (
     BOTH,
     INTENT,
     INTENTS,
@@ -46,9 +46,9 @@ from netboard.participants.expectations import (
     partner_height_seen,
     shares_done,
 )
-from netboard.participants.hand import CAPACITY
-from netboard.participants.observer import OBSERVED, OBSERVER, pack_observer
-from netboard.participants.senses import (
+from netboard.participants.people.hand import CAPACITY
+from netboard.participants.people.observer import OBSERVED, OBSERVER, pack_observer
+from netboard.participants.people.senses import (
     PERCEPT,
     SEEN,
     SENSES,
@@ -58,7 +58,7 @@ from netboard.participants.senses import (
     store,
     write_glimpse,
 )
-from netboard.participants.submovement import Submovement
+from netboard.participants.people.submovement import Submovement
 from netboard.physics.arithmetic.random_numbers import STREAM, coin, normal, pack_stream
 from netboard.physics.arithmetic.simd import gathered, lane
 from netboard.task.trials.state_machine import Phase, is_free

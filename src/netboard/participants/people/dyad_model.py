@@ -19,8 +19,8 @@ from scipy.linalg import expm
 from netboard.base.config import Side
 from netboard.base.tables.scene import Physics
 from netboard.base.tables.simulated import Participant, VirtualDevice
-from netboard.participants.device_models import DeviceModel, resolved
-from netboard.participants.senses import DECISION_INTERVAL
+from netboard.participants.body.device_models import DeviceModel, resolved
+from netboard.participants.people.senses import DECISION_INTERVAL
 from netboard.physics.scene.linear import scene_matrix
 from netboard.physics.scene.parameters import load_mass, pack_scene, parts_of
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.compiled import kernel
-from netboard.participants.device_models import DeviceModel
+from netboard.participants.body.device_models import DeviceModel
 
 CABLES = np.dtype(
     [

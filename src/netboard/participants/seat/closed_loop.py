@@ -19,8 +19,8 @@ from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import TICK_NS, TICK_SECONDS, TICK_WORDS
-from netboard.participants.controller import MOVE, decide, initial_state, pack_constants
-from netboard.participants.senses import DECISION_INTERVAL, SEEN
+from netboard.participants.people.controller import MOVE, decide, initial_state, pack_constants
+from netboard.participants.people.senses import DECISION_INTERVAL, SEEN
 from netboard.stage.curtain import glimpse, make_curtain
 from netboard.task.trials.state_machine import is_active
 

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.compiled import inlined
-from netboard.participants.hand import CAPACITY
-from netboard.participants.observer import feel, forget, observe
-from netboard.participants.senses import force_at
-from netboard.participants.submovement import jerk_polynomial, minimum_jerk
+from netboard.participants.people.hand import CAPACITY
+from netboard.participants.people.observer import feel, forget, observe
+from netboard.participants.people.senses import force_at
+from netboard.participants.people.submovement import jerk_polynomial, minimum_jerk
 from netboard.physics.arithmetic.simd import larger, smaller
 from netboard.task.trials.state_machine import is_free
 

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lateral import lateral_force
 from netboard.base.config import Config
+from netboard.base.safeguards import Safeguard
 from netboard.base.tables.simulated import Participant, VirtualDevice
 from netboard.base.tick import TICK, TICK_NS
-from netboard.devices.safety.fixture import lateral_force
 from netboard.devices.simulated.virtual import VirtualTouch
-from netboard.network.protocol.motion import Safeguard
-from netboard.nodes.rehearsal.body import LEAD_NS, Body, plan
-from netboard.participants.controller import MOVE
-from netboard.participants.submovement import Submovement
+from netboard.participants.people.controller import MOVE
+from netboard.participants.people.submovement import Submovement
+from netboard.participants.seat.body import LEAD_NS, Body, plan
 from netboard.task.trials.state_machine import Phase
 
 T0 = 1_000_000_000

@@ -8,7 +8,7 @@ import pytest
 
 from netboard.base.config import Config, Side
 from netboard.base.tick import TICK
-from netboard.participants.senses import NO_PHASE, SEEN
+from netboard.participants.people.senses import NO_PHASE, SEEN
 from netboard.stage.curtain import AWAY, glimpse, make_curtain, view_of
 from netboard.task.trials.state_machine import Phase
 

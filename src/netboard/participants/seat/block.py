@@ -22,8 +22,8 @@ from netboard.base.config import SIDES, Config
 from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import START_NS, TICK, TICK_NS, TICK_SECONDS, TICK_WORDS
-from netboard.nodes.rehearsal.body import BODY, LEAD_NS, READINGS, advance, apply_force, pack_body, plan, read
-from netboard.nodes.rehearsal.closed_loop import (
+from netboard.participants.seat.body import BODY, LEAD_NS, READINGS, advance, apply_force, pack_body, plan, read
+from netboard.participants.seat.closed_loop import (
     DECISION_TICKS,
     SimulatedParticipant,
     decide_in_tick,

@@ -2,14 +2,14 @@
 
 The arm is a mass on a spring-damper to an equilibrium point. The equilibrium point is the sum of the planned
 submovements, low-passed by two muscle lags. The device adds its mass, viscous damping, Coulomb friction and motor
-force; compliant cables (`netboard.participants.cable`) lie between motors and arm. Motor noise is a low-pass filtered
-force; the state of its random numbers is part of the hand's. Two optional responses shift the equilibrium point along
-an unexpected force, and stiffen the arm where the hand misses its aim.
+force; compliant cables (`netboard.participants.body.cable`) lie between motors and arm. Motor noise is a low-pass
+filtered force; the state of its random numbers is part of the hand's. Two optional responses shift the equilibrium
+point along an unexpected force, and stiffen the arm where the hand misses its aim.
 
 Rule 1: `Hand.advance` takes the number of steps as argument; there is no clock.
 Rule 2: friction is solved implicitly, so a hand held by friction is exactly at rest and does not creep.
 Rule 3: the axes x, y, z are integrated together as lanes of a vector register, a step at a time.
-Rule 4: this module knows nothing of perception; see `netboard.participants.senses`.
+Rule 4: this module knows nothing of perception; see `netboard.participants.people.senses`.
 """
 
 from collections.abc import Iterable
@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from netboard.base.compiled import Records, inlined, kernel, machine_code
 from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant, VirtualDevice
-from netboard.participants.cable import CABLES, TIP, pack_cables, stretch
-from netboard.participants.device_models import resolved
-from netboard.participants.submovement import Submovement, minimum_jerk
+from netboard.participants.body.cable import CABLES, TIP, pack_cables, stretch
+from netboard.participants.body.device_models import resolved
+from netboard.participants.people.submovement import Submovement, minimum_jerk
 from netboard.physics.arithmetic.random_numbers import STREAM, normal, pack_stream
 from netboard.physics.arithmetic.simd import gathered, lanes_at, larger, put, smaller, where_within
 

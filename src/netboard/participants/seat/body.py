@@ -15,15 +15,14 @@ from numpy.typing import NDArray
 from netboard.base.compiled import Records, inlined
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import ConfigError
+from netboard.base.safeguards import Safeguard
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import TICK_NS, TICK_WORDS
-from netboard.devices.contract.access import within
-from netboard.devices.contract.velocity import AXES, SAMPLES, SLACK, make_windowed
-from netboard.devices.safety.fixture import fixture_force
-from netboard.network.protocol.motion import Safeguard
-from netboard.participants.cable import CABLES, TIP
-from netboard.participants.device_models import resolved
-from netboard.participants.hand import (
+from netboard.participants.body.cable import CABLES, TIP
+from netboard.participants.body.device_forces import fixture_force, within
+from netboard.participants.body.device_models import resolved
+from netboard.participants.body.velocity_window import AXES, SAMPLES, SLACK, make_windowed
+from netboard.participants.people.hand import (
     ARM,
     CAPACITY,
     HAND,
@@ -216,7 +215,7 @@ def _slot(number: int, size: int) -> int:
 
 @inlined
 def plan(bodies: Records, moves: Records, count: int) -> None:
-    """Begin the first ``count`` of these movements, which are `netboard.participants.controller.MOVE` records."""
+    """Begin the first ``count`` of these `netboard.participants.people.controller.MOVE` records."""
     for k in range(count):
         move = moves[k]
         hand, course = bodies[move["side"]]["hand"], bodies[move["side"]]["submovements"]

@@ -1,8 +1,8 @@
 """What a participant knows of its hidden partner: a Kalman filter of the dyad's mechanics, with and without the force.
 
 A participant sees the board one visual delay ago, and feels the force on its hand one haptic delay ago. Both filters
-follow `netboard.participants.dyad_model`; one takes what is seen and what is felt, the other only what is seen. What
-the force tells is the difference of their estimates of where the partner's movement leads. So a force that tells
+follow `netboard.participants.people.dyad_model`; one takes what is seen and what is felt, the other only what is seen.
+What the force tells is the difference of their estimates of where the partner's movement leads. So a force that tells
 nothing changes nothing, whatever the stiffness of the couplings.
 
 The filters stand at the time that is seen now. Beyond it lie the forces felt since: the gains of this stretch depend
@@ -24,8 +24,8 @@ from netboard.base.compiled import inlined
 from netboard.base.config import Side
 from netboard.base.tables.scene import Physics
 from netboard.base.tables.simulated import Participant, VirtualDevice
-from netboard.participants.dyad_model import SEEN, STATES, DyadModel, Matrix, dyad_model
-from netboard.participants.senses import DECISION_INTERVAL
+from netboard.participants.people.dyad_model import SEEN, STATES, DyadModel, Matrix, dyad_model
+from netboard.participants.people.senses import DECISION_INTERVAL
 from netboard.physics.arithmetic.simd import applied, lanes_at, put
 
 MEASURED = len(SEEN) + 1
