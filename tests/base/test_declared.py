@@ -16,7 +16,7 @@ from netboard.base.tables.declared import EXTRAPOLATIONS, number_of, require, wo
 from netboard.base.tables.experiment import Block
 from netboard.base.tables.forces import FORCES, ForceInputs
 from netboard.base.tables.scene import Physics
-from netboard.participants.seat.closed_loop import person_at
+from netboard.participants.seat.partners import make_partner
 from netboard.physics.scene.parameters import parts_of
 from netboard.physics.scene.rendering import GAINS, Rendering, force_on_hand, rendering_of
 from netboard.stage.stage import make_stage
@@ -95,9 +95,8 @@ def test_unknown_extrapolation_is_refused() -> None:
 
 
 def test_rehearsal_refuses_an_unknown_partner() -> None:
-    config = replace(Config(), block=block(right="made_up"))
-    with pytest.raises(ConfigError, match=r'right: found "made_up", expected person, still or robot'):
-        person_at(config, "right", {})
+    with pytest.raises(ConfigError, match=r"no robot partner 'made_up'; it has: robot"):
+        make_partner("made_up", Config(), "right")
 
 
 def test_unknown_condition_number_gives_nan_instead_of_zero_force() -> None:

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from netboard.devices.simulated.virtual import COOL, DelayLine, MotorTemperature
+from netboard.devices.simulated.device import COOL, DelayLine, MotorTemperature
 
 MS = 1_000_000
 

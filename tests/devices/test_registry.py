@@ -12,15 +12,15 @@ from netboard.devices.contract.device import Device
 from netboard.devices.simulated.virtual import VirtualTouch
 
 PLUGIN = """
-from netboard.devices.simulated.virtual import VirtualTouch
+from netboard.devices.contract.device import Device
 
-class Other(VirtualTouch.__mro__[1]):
+class Other(Device):
     def _open(self): ...
     def _read(self, now_ns): ...
     def _write(self, fx, fy, fz): ...
     def _close(self): ...
 
-class Unfinished(VirtualTouch.__mro__[1]):
+class Unfinished(Device):
     def _open(self): ...
 
 NO_DEVICE = 3

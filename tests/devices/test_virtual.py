@@ -9,9 +9,10 @@ from netboard.base.config import Config
 from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import VirtualDevice
 from netboard.devices.contract.device import Device
-from netboard.devices.simulated.virtual import CATCH_UP_NS, VirtualTouch
+from netboard.devices.simulated.device import CATCH_UP_NS
+from netboard.devices.simulated.virtual import VirtualTouch
 from netboard.participants.body.device_models import resolved
-from netboard.participants.people.hand import STEP
+from netboard.participants.body.stylus import STEP
 from netboard.participants.people.submovement import Submovement
 from netboard.testing.device import MS, DeviceContract
 

@@ -48,6 +48,13 @@ class Mover:
             self._device.command([Submovement("left", now_ns * 1e-9, 0.1, rise)])
 
 
+def remembered(device: VirtualTouch) -> list[np.ndarray[Any, Any]]:
+    """Everything that a simulated device remembers."""
+    state, window, held = device._parts
+    *mechanics, holder = held
+    return [state, window, *mechanics, *holder]
+
+
 class Simulated(SteppedAgent):
     """An agent of a virtual device."""
 
@@ -57,7 +64,7 @@ class Simulated(SteppedAgent):
         device = VirtualTouch("left", config)
         device.open()
         self.source = Mover(device)
-        super().__init__(context, config, device, self.source, lambda: list(device._parts), compiled=compiled)
+        super().__init__(context, config, device, self.source, lambda: remembered(device), compiled=compiled)
 
 
 @pytest.fixture
@@ -223,7 +230,7 @@ def test_first_point_of_a_tick_that_python_continues_is_rendered_alike(make: Cal
 def test_position_that_is_not_a_number_is_not_ready_in_both_ways(make: Callable[..., Simulated]) -> None:
     both = [rendering(make, compiled=compiled) for compiled in (True, False)]
     for one in both:
-        one.device._hand.state["place"][0, 2] = float("nan")
+        one.device._stylus.held.stylus["place"][0, 2] = float("nan")
         for _ in range(3):
             one.deliver(force_after(one))
             one.tick()

@@ -80,5 +80,5 @@ def test_robot_renders_no_force_without_haptic_feedback() -> None:
 
 
 def test_robot_refuses_a_mover_that_it_does_not_know() -> None:
-    with pytest.raises(ConfigError, match=r'\[block\] right: found "mirror", expected person, still or robot'):
+    with pytest.raises(ConfigError, match="no robot partner 'mirror'; it has: robot"):
         Robot(config("person", "mirror"), "right")

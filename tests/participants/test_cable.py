@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from held_stylus import HeldStylus
 from netboard.base.tables.simulated import Participant, VirtualDevice
 from netboard.participants.body.cable import pack_cables, stretch
 from netboard.participants.body.device_models import MODELS, DeviceModel, resolved
-from netboard.participants.people.hand import STEP, Hand, make_hand, pack_arm
+from netboard.participants.body.stylus import STEP
 from netboard.participants.people.submovement import Submovement
 
 PERSON = Participant(force_noise=0.0, rest_skill=0.0, load_skill=0.0)
@@ -18,12 +19,12 @@ FREE = VirtualDevice(friction=0.0, damping=0.0, workspace=1.0, cable_stiffness=1
 NO_FORCE = (0.0, 0.0, 0.0)
 
 
-def make(device: VirtualDevice, held: bool = True, person: Participant = PERSON) -> Hand:
-    return make_hand(person, device, np.random.default_rng(1), held)
+def make(device: VirtualDevice, held: bool = True, person: Participant = PERSON) -> HeldStylus:
+    return HeldStylus(person, device, held)
 
 
-def constants(device: VirtualDevice, held: bool = False) -> np.ndarray:
-    return pack_cables(resolved(device), pack_arm(PERSON, device, held), STEP)
+def constants(device: VirtualDevice) -> np.ndarray:
+    return pack_cables(resolved(device), 0.0, 0.0, (0.0, 0.0), STEP)
 
 
 def test_rigid_cables_do_not_stretch() -> None:
@@ -122,7 +123,7 @@ def test_very_stiff_cables_approximate_rigid_ones() -> None:
 
 @pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
 def test_free_oscillation_of_every_model_decays(model: DeviceModel) -> None:
-    cables = pack_cables(model, pack_arm(PERSON, VirtualDevice(mass=model.mass), held=False), STEP)[0]
+    cables = pack_cables(model, 0.0, 0.0, (0.0, 0.0), STEP)[0]
     x, v, tip, rate = 0.0, 0.0, 0.001, 0.0
     for _ in range(40_000):
         x, v, tip, rate = stretch(x, v, tip, rate, 0.0, 0.0, 0.0, cables)

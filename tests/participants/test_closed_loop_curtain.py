@@ -8,8 +8,8 @@ import pytest
 
 from netboard.base.config import Config, Side
 from netboard.base.tick import TICK
-from netboard.participants.people.senses import NO_PHASE, SEEN
-from netboard.stage.curtain import AWAY, glimpse, make_curtain, view_of
+from netboard.participants.policy import SEEN
+from netboard.stage.curtain import AWAY, NO_PHASE, glimpse, make_curtain, view_of
 from netboard.task.trials.state_machine import Phase
 
 

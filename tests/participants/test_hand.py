@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from scipy.signal import lti, step
 
+from held_stylus import HeldStylus
 from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant, VirtualDevice
 from netboard.participants.body.device_models import resolved
-from netboard.participants.people.hand import CAPACITY, STEP, Hand, make_hand, pack_arm
+from netboard.participants.body.stylus import STEP
+from netboard.participants.people.muscles import CAPACITY, hand_mechanics
 from netboard.participants.people.submovement import Submovement
 
 PERSON = Participant(force_noise=0.0, rest_skill=0.0, load_skill=0.0)
@@ -19,11 +21,11 @@ TOUCH = resolved(VirtualDevice())
 NO_FORCE = (0.0, 0.0, 0.0)
 
 
-def make(person: Participant = PERSON, device: VirtualDevice = SMOOTH, held: bool = True, seed: int = 1) -> Hand:
-    return Hand(pack_arm(person, device, held), np.random.default_rng(seed))
+def make(person: Participant = PERSON, device: VirtualDevice = SMOOTH, held: bool = True, seed: int = 1) -> HeldStylus:
+    return HeldStylus(person, device, held, seed)
 
 
-def heights(hand: Hand, steps: int, force: float = 0.0, every: int = 1) -> np.ndarray:
+def heights(hand: HeldStylus, steps: int, force: float = 0.0, every: int = 1) -> np.ndarray:
     found = []
     for k in range(0, steps, every):
         hand.advance(every, k * STEP, (0.0, 0.0, force))
@@ -40,7 +42,7 @@ def test_constant_force_deflects_the_arm_by_force_over_stiffness() -> None:
 def test_released_hand_follows_a_damped_oscillator() -> None:
     """The scheme is of first order; at 0.25 ms its error is below the encoder's resolution."""
     hand = make()
-    hand.state["place"][0, 2] = 0.01
+    hand.put(0.01)
     m, k = PERSON.arm_mass + TOUCH.mass, PERSON.arm_stiffness
     decay = (PERSON.arm_damping + TOUCH.damping) / (2 * m)
     omega = np.sqrt(k / m - decay**2)
@@ -62,7 +64,7 @@ def test_coulomb_friction_lowers_the_amplitude_linearly() -> None:
     """Without damping the amplitude falls by ``4 F / K`` per period, and then the hand sticks."""
     friction = 0.03
     hand = make(replace(PERSON, arm_damping=0.0), VirtualDevice(friction=friction, damping=0.0))
-    hand.state["place"][0, 2] = 0.01
+    hand.put(0.01)
     trajectory = heights(hand, 12_000)
     peaks = trajectory[1:-1][(trajectory[1:-1] > trajectory[:-2]) & (trajectory[1:-1] >= trajectory[2:])]
     fall = 4 * friction / PERSON.arm_stiffness
@@ -105,7 +107,7 @@ def test_submovements_are_superimposed_and_completed() -> None:
     hand.plan([Submovement("left", 0.0, 0.3, 0.02), Submovement("left", 0.1, 0.3, -0.005)])
     hand.advance(8000, 0.0, NO_FORCE)
     assert hand.position[2] == pytest.approx(0.015, abs=1e-7)
-    assert hand.state["moves"][0] == 0
+    assert hand.muscle("moves") == 0
 
 
 def test_movement_lags_by_the_delays_of_muscles_and_arm() -> None:
@@ -130,7 +132,7 @@ def test_force_noise_has_the_configured_standard_deviation() -> None:
     samples = []
     for _ in range(4000):
         hand.advance(400, 0.0, NO_FORCE)
-        samples.append(float(hand.state["noise_z"][0]))
+        samples.append(hand.muscle("noise_z"))
     assert np.std(samples) == pytest.approx(0.02, rel=0.06)
     assert np.mean(samples) == pytest.approx(0.0, abs=0.002)
 
@@ -145,7 +147,7 @@ def test_same_seed_gives_identical_states_for_any_partition_of_time() -> None:
     whole.advance(400, 0.0, (0.1, 0.2, 0.5))
     for k in range(100):
         parts.advance(4, k * 4 * STEP, (0.1, 0.2, 0.5))
-    assert whole.state.tobytes() == parts.state.tobytes()
+    assert whole.bits() == parts.bits()
 
 
 def test_plan_beyond_the_capacity_is_rejected() -> None:
@@ -155,11 +157,11 @@ def test_plan_beyond_the_capacity_is_rejected() -> None:
         hand.plan([Submovement("left", 9.0, 0.3, 0.0)])
 
 
-def equilibria(hand: Hand, steps: int, force: float) -> np.ndarray:
+def equilibria(hand: HeldStylus, steps: int, force: float) -> np.ndarray:
     found = []
     for k in range(steps):
         hand.advance(1, k * STEP, (0.0, 0.0, force))
-        found.append(float(hand.state["equilibrium"][0]))
+        found.append(hand.muscle("equilibrium"))
     return np.array(found)
 
 
@@ -205,8 +207,8 @@ def test_compensation_at_rest_leaves_the_uncompensated_friction() -> None:
     assert hand.position[2] > 0.0
 
 
-def stiffness(hand: Hand) -> float:
-    return float(hand.state["stiffness"][0])
+def stiffness(hand: HeldStylus) -> float:
+    return hand.muscle("stiffness")
 
 
 def test_impedance_adapts_until_the_error_equals_decay_over_gain() -> None:
@@ -243,4 +245,4 @@ def test_stiffness_is_constant_by_default() -> None:
 def test_variable_stiffness_is_rejected_with_compliant_cables() -> None:
     device = VirtualDevice(cable_stiffness=2000.0)
     with pytest.raises(ConfigError, match="impedance_gain: found 100, expected 0: with compliant cables"):
-        make_hand(replace(PERSON, impedance_gain=100.0), device, np.random.default_rng(1))
+        hand_mechanics(replace(PERSON, impedance_gain=100.0), resolved(device))

@@ -6,30 +6,49 @@ import numpy as np
 import pytest
 
 from lateral import lateral_force
+from netboard.base.compiled import kernel
 from netboard.base.config import Config
 from netboard.base.safeguards import Safeguard
-from netboard.base.tables.simulated import Participant, VirtualDevice
+from netboard.base.tables.simulated import VirtualDevice
 from netboard.base.tick import TICK, TICK_NS
 from netboard.devices.simulated.virtual import VirtualTouch
-from netboard.participants.people.controller import MOVE
+from netboard.participants.body.device_models import resolved
+from netboard.participants.body.stylus import ACTION, HandMechanics
+from netboard.participants.people.hand import Hand
+from netboard.participants.people.muscles import hand_mechanics, update_muscles
 from netboard.participants.people.submovement import Submovement
-from netboard.participants.seat.body import LEAD_NS, Body, plan
+from netboard.participants.seat.body import BODY, LEAD_NS, READINGS, advance, apply_force, pack_body, read
+from netboard.physics.scene.rendering import pack_rendering
 from netboard.task.trials.state_machine import Phase
 
 T0 = 1_000_000_000
 
 
 def simulate_hand(config: Config, forces: list[float], move: Submovement) -> list[np.void]:
-    body = Body(config, "right", config.participant, np.random.default_rng((config.block.seed, 1)))
-    plan(body.bodies, np.array([(1, move.start, move.duration, move.displacement)], MOVE), 1)
-    rows = np.zeros(len(forces), TICK)
+    model = resolved(config.virtual)
+    hand = Hand(config.participant, model, np.random.default_rng((config.block.seed, 1)))
+    hand.plan([move])
+    bodies, actions, readings = np.zeros(2, BODY), np.zeros(2, ACTION), np.zeros(1, READINGS)
+    x, y, _ = hand.stylus.position
+    pack_body(config, hand_mechanics(config.participant, model), (x, y), bodies[1])
+    rows, queue, catch = np.zeros(len(forces), TICK), np.zeros((2, 1)), pack_rendering(config)["catch"][0].copy()
     words = rows.view(np.int64).reshape(len(rows), -1)
     for k, force in enumerate(forces):
         rows[k]["tick"], rows[k]["time_ns"], rows[k]["phase"] = k, T0 + k * TICK_NS, Phase.RUNNING
-        body.fill(words[k])
+        numbers = words[k].view(np.float64)
+        when = (T0 + k * TICK_NS - TICK_NS - LEAD_NS) * 1e-9
+        _muscles(hand.muscles, hand.stylus.held.holder[1], when, bodies[1:], actions[1:])
+        advance(bodies, actions, 1, 2, words[k], numbers)
+        read(bodies, 1, 2, readings[0], words[k], numbers)
         rows[k]["right_force"] = force
-        body.apply_force(words[k])
+        apply_force(bodies, 1, queue, catch, words[k], numbers)
     return list(rows)
+
+
+@kernel
+def _muscles(muscles: np.ndarray, arm: np.ndarray, when: float, bodies: np.ndarray, actions: np.ndarray) -> None:
+    body = bodies[0]
+    update_muscles(muscles[0], arm[0], when, body["stylus"]["place"][2], body["device"]["fz"], actions[0])
 
 
 @pytest.mark.slow
@@ -62,11 +81,12 @@ def test_large_force_is_clamped_and_flagged() -> None:
 
 @pytest.mark.slow
 def test_no_force_acts_outside_a_trial() -> None:
-    body = Body(Config(), "left", Participant(), np.random.default_rng(1))
-    row = np.zeros(1, TICK)
+    bodies, row, queue = np.zeros(2, BODY), np.zeros(1, TICK), np.zeros((2, 1))
+    pack_body(Config(), HandMechanics(), (0.0, 0.0), bodies[0])
+    catch = pack_rendering(Config())["catch"][0].copy()
     row["left_force"], row["phase"] = 0.5, Phase.PAUSED
-    words = row.view(np.int64)
-    assert body.apply_force(words) == 0.0
+    words, numbers = row.view(np.int64), row.view(np.float64)
+    assert apply_force(bodies, 0, queue, catch, words, numbers) == 0.0
     row["phase"] = Phase.HOLDING
-    assert body.apply_force(words) == 0.5
-    assert body.commanded == 0.5
+    assert apply_force(bodies, 0, queue, catch, words, numbers) == 0.5
+    assert bodies["device"]["commanded"][0] == 0.5

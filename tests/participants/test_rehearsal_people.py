@@ -8,12 +8,13 @@ import pytest
 from netboard.base.config import Config
 from netboard.base.tables.simulated import PARTICIPANT_SOURCES, Participant
 from netboard.base.tick import TICK
+from netboard.participants.people.person import ParticipantPolicy
 from netboard.participants.people.population import VARIED, people_of, performers, person_of
-from netboard.participants.seat.closed_loop import SimulatedParticipant, scale_in, seats_of
+from netboard.participants.seat.closed_loop import Seat, is_shown, make_seat, scale_in, seats_of
 
 
-def participant(config: Config, station: str, sides: tuple[str, ...]) -> SimulatedParticipant:
-    return SimulatedParticipant(config, config.participant, station, sides, np.random.default_rng(1))
+def seat(config: Config, station: str, sides: tuple[str, ...]) -> Seat:
+    return make_seat(config, ParticipantPolicy(config, config.participant, sides), station, (1,))
 
 
 def test_simulated_participant_is_deterministic() -> None:
@@ -69,13 +70,17 @@ def test_robot_and_fixed_partner_are_not_performers() -> None:
     assert performers(replace(swapped, block=replace(config.block, left="still"))) == ("A",)
 
 
-def test_views_arrive_at_the_view_rate_one_tick_late() -> None:
+def test_views_arrive_at_the_view_rate() -> None:
     config = Config()
-    left, right = participant(config, "left", ("left",)), participant(config, "right", ("right",))
-    assert [left.shown(tick) for tick in (1, 9, 10, 18, 19)] == [0, 0, 9, 9, 18]
-    assert [right.shown(tick) for tick in (4, 5, 13, 14)] == [-5, 4, 4, 13]
     slow = replace(config, network=replace(config.network, view_rate_hz=50.0))
-    assert [participant(slow, "left", ("left",)).shown(tick) for tick in (20, 21)] == [0, 20]
+
+    def shown(config: Config, side: str) -> list[int]:
+        timing = seat(config, side, (side,)).timing
+        return [tick for tick in range(30) if is_shown(timing, tick)]
+
+    assert shown(config, "left") == [0, 9, 18, 27]
+    assert shown(config, "right") == [4, 13, 22]
+    assert shown(slow, "left") == [0, 20]
 
 
 def test_force_is_informative_only_with_full_haptic_feedback() -> None:
@@ -84,8 +89,8 @@ def test_force_is_informative_only_with_full_haptic_feedback() -> None:
 
     def is_informative(sides: tuple[str, ...] = ("left",), **keys: object) -> bool:
         config = Config()
-        observer = participant(replace(config, block=replace(config.block, **keys)), "left", sides)
-        return scale_in(observer.parts, row.view(np.int64)) > 0.0
+        observer = seat(replace(config, block=replace(config.block, **keys)), "left", sides)
+        return scale_in(observer, row.view(np.int64)) > 0.0
 
     assert is_informative()
     assert is_informative(force_scale=0.5)

@@ -9,10 +9,10 @@ import pytest
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant, VirtualDevice
-from netboard.participants.people.hand import CAPACITY
+from netboard.participants.people.muscles import CAPACITY
 from netboard.participants.seat import block as rehearsed
 from netboard.participants.seat.block import START_TICK, BlockSummary, Rehearsal
-from netboard.participants.seat.closed_loop import person_at
+from netboard.participants.seat.closed_loop import policy_at
 from netboard.recording.integrity.verification import verify
 from netboard.stage.stage import commanded_forces, make_stage
 from netboard.task.trials.state_machine import Cause, Phase
@@ -111,7 +111,7 @@ def test_participant_without_pauses_between_movements_has_no_more_than_a_hand_ca
     config = replace(with_block(trials=1, configuration=configuration), participant=restless)
     rehearsal, most = Rehearsal(config, {"A": restless, "B": restless}), 0
     for _, rows in zip(range(60), rehearsal.pieces(100), strict=False):
-        most = max(most, *rehearsal._devices.bodies["hand"]["moves"])
+        most = max(most, *(seat.state["muscles"]["moves"].max() for seat in rehearsal._seats if seat.hands.any()))
         assert np.isfinite(rows["left_sent_z"]).all()
     assert most == CAPACITY
 
@@ -120,7 +120,7 @@ def test_participant_moves_by_sight_alone_if_stylus_and_board_are_not_coupled() 
     config = replace(with_block(trials=1), physics=replace(Config().physics, k_h=0.0))
     rehearsal = Rehearsal(config, DEFAULT_PEOPLE)
     for _, rows in zip(range(30), rehearsal.pieces(100), strict=False):
-        assert np.isfinite(rehearsal._devices.bodies["submovements"]).all()
+        assert all(np.isfinite(seat.state["muscles"]["submovements"]).all() for seat in rehearsal._seats)
         assert np.isfinite(rows["left_sent_z"]).all()
 
 
@@ -138,13 +138,16 @@ def test_participants_are_assigned_to_their_seats() -> None:
     a, b = Participant(kp=2.0), Participant(kp=3.0)
     people = {"A": a, "B": b}
     config = with_block()
-    assert (person_at(config, "left", people), person_at(config, "right", people)) == (a, b)
+
+    def seated(config: Config, *sides: str) -> list[Participant]:
+        return [policy_at(config, (side,), people)._person for side in sides]
+
+    assert seated(config, "left", "right") == [a, b]
     swapped = replace(config, session=replace(config.session, seat_a="right"))
-    assert (person_at(swapped, "left", people), person_at(swapped, "right", people)) == (b, a)
+    assert seated(swapped, "left", "right") == [b, a]
     bimanual = with_block(configuration="bimanual", performer="B")
-    assert (person_at(bimanual, "left", people), person_at(bimanual, "right", people)) == (b, b)
-    robot = with_block(left="robot", right="still")
-    assert (person_at(robot, "left", people), person_at(robot, "right", people)) == (Participant(), None)
+    assert policy_at(bimanual, ("left", "right"), people)._person == b
+    assert seated(with_block(left="robot"), "left", "right") == [Participant(), b]
 
 
 @pytest.mark.slow

@@ -44,16 +44,14 @@ haptic : bool
     Whether the filter takes the force in.
 device, virtual : VirtualDevice
     The table ``[virtual]`` of the configuration.
-held : bool
-    False for a released stylus: the device alone.
-s, arm : record of HAND, record of ARM
-    State of a hand, changed in place, and its constants.
+s, arm : record of MUSCLES, record of ARM
+    State of an arm, changed in place, and its constants.
 tip, cables : record of TIP, record or ndarray of CABLES
     State of the stylus side of compliant cables, changed in place, and their constants; no row for rigid cables.
-plan : ndarray, shape (CAPACITY, 3)
-    Start, duration and displacement of each submovement, changed in place [s, s, m].
+action : record of ACTION
+    What a hand does to the stylus until the next update.
 fx, fy, fz : float
     Motor force on the stylus [N].
 steps : int
-    Number of steps of length `hand.STEP` [1].
+    Number of steps of length `stylus.STEP` [1].
 """

@@ -265,7 +265,7 @@ def glimpse(curtain: np.void, words: Words, numbers: Numbers, when: float, seen:
         The same memory as numbers.
     when : float
         Time at which the station displays the tick [s].
-    seen : record of netboard.participants.people.senses.SEEN
+    seen : record of netboard.participants.policy.SEEN
         What is seen, written; NaN for what is hidden.
     """
     shown = shown_of(curtain, words, numbers, np.nan, 0)

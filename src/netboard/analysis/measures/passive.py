@@ -158,7 +158,7 @@ def _rubbed(
 ) -> NDArray[np.float64]:
     """Integrate a hand with Coulomb friction; damping and friction are implicit (Moreau), so a held hand is at rest.
 
-    `netboard.participants.people.hand` has the same rule. After a missing sample all values are NaN.
+    `netboard.participants.body.stylus` has the same rule. After a missing sample all values are NaN.
     """
     heights = np.zeros(len(force))
     z, v = 0.0, 0.0

@@ -38,23 +38,24 @@ TIP = np.dtype([(name, "<f8") for name in ("x", "y", "z", "vx", "vy", "vz")])
 """State of the stylus side: position [m] and velocity [m/s]."""
 
 
-def pack_cables(device: DeviceModel, arm: NDArray[Any], step: float) -> NDArray[Any]:
+def pack_cables(
+    device: DeviceModel, mass: float, friction: float, impedance: tuple[float, float], step: float
+) -> NDArray[Any]:
     """Return the constants of compliant cables, packed for the kernel: ndarray of CABLES, shape (1,) [SI].
 
     Parameters
     ----------
     device : DeviceModel
         The device; its cable stiffness is not zero.
-    arm : ndarray of ARM, shape (1,)
-        Constants of device and arm with rigid cables.
+    mass, friction, impedance
+        What the hand adds, as in `netboard.participants.body.stylus.HandMechanics`.
     step : float
         Length of a step [s].
     """
     k, c, half = device.cable_stiffness, device.cable_damping, 0.5 * step
+    pull, held = impedance
     motor = device.mass * (1.0 - device.tip_share)
-    tip = float(arm["mass"][0]) - motor
-    held = float(arm["damping"][0]) - device.damping
-    pull = float(arm["stiffness"][0])
+    tip = device.mass + mass - motor
     across = -half * (c + half * k)
     on_tip = tip + half * (held + c) + half * half * (k + pull)
     on_motor = motor + half * (device.damping + c) + half * half * k
@@ -62,7 +63,7 @@ def pack_cables(device: DeviceModel, arm: NDArray[Any], step: float) -> NDArray[
     cables["step"], cables["stiffness"], cables["damping"], cables["pull"] = step, k, c, pull
     cables["keep_motor"], cables["keep_tip"] = motor - half * device.damping, tip - half * held
     cables["across"], cables["tip"], cables["motor"] = across, on_tip, on_motor - across * across / on_tip
-    cables["grip"], cables["stop"] = step * float(arm["friction"][0]), device.workspace
+    cables["grip"], cables["stop"] = step * (device.friction - friction), device.workspace
     return cables
 
 

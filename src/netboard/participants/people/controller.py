@@ -46,11 +46,10 @@ from netboard.participants.people.expectations import (
     partner_height_seen,
     shares_done,
 )
-from netboard.participants.people.hand import CAPACITY
+from netboard.participants.people.muscles import CAPACITY
 from netboard.participants.people.observer import OBSERVED, OBSERVER, pack_observer
 from netboard.participants.people.senses import (
     PERCEPT,
-    SEEN,
     SENSES,
     Glimpse,
     ou_factors,
@@ -59,6 +58,7 @@ from netboard.participants.people.senses import (
     write_glimpse,
 )
 from netboard.participants.people.submovement import Submovement
+from netboard.participants.policy import SEEN
 from netboard.physics.arithmetic.random_numbers import STREAM, coin, normal, pack_stream
 from netboard.physics.arithmetic.simd import gathered, lane
 from netboard.task.trials.state_machine import Phase, is_free

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.compiled import inlined
-from netboard.participants.people.hand import CAPACITY
+from netboard.participants.people.muscles import CAPACITY
 from netboard.participants.people.observer import feel, forget, observe
 from netboard.participants.people.senses import force_at
 from netboard.participants.people.submovement import jerk_polynomial, minimum_jerk

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.compiled import Records, inlined, kernel
+from netboard.participants.policy import SEEN
 from netboard.stage.curtain import NO_PHASE
 from netboard.task.trials.state_machine import Phase, is_free
 
@@ -59,9 +60,6 @@ class Glimpse:
     left: float | None
     right: float | None
 
-
-SEEN = np.dtype([(name, "<f8") for name in ("time", "phase", "z", "theta", "p", "target", "left", "right")])
-"""A `Glimpse` as kernels see it: NaN for what is not shown; the phase is the number of a `Phase`, or `NO_PHASE`."""
 
 FELT = np.dtype([("time", "<f8"), ("force", "<f8")])
 """A force on the hand, + = up; NaN without haptic feedback [s, N]."""

@@ -17,21 +17,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import Records, borrowed, composed, machine_code
+from netboard.base.compiled import Numbers, Records, Words, borrowed, composed, machine_code
 from netboard.base.config import SIDES, Config
 from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import START_NS, TICK, TICK_NS, TICK_SECONDS, TICK_WORDS
-from netboard.participants.seat.body import BODY, LEAD_NS, READINGS, advance, apply_force, pack_body, plan, read
-from netboard.participants.seat.closed_loop import (
-    DECISION_TICKS,
-    SimulatedParticipant,
-    decide_in_tick,
-    newest_seen,
-    person_at,
-    seats_of,
-    see,
-)
+from netboard.participants.body.stylus import ACTION
+from netboard.participants.policy import Decide, Nobody
+from netboard.participants.seat.body import BODY, LEAD_NS, READINGS, advance, apply_force, pack_body, read
+from netboard.participants.seat.closed_loop import Seat, kernels_of, make_seat, policy_at, seats_of
 from netboard.stage.stage import make_stage
 from netboard.task.trials.state_machine import Cause, Phase
 
@@ -44,8 +38,8 @@ START_TICK = 500
 MAX_MEAN_TRIAL = 120.0
 """A block is stopped after this time for each planned trial: its participants cannot do it [s]."""
 
-KEPT = DECISION_TICKS
-"""Ticks kept before a piece, for participants that see them late [1]."""
+KEPT = 1
+"""Ticks kept before a piece, which policies see one tick late [1]."""
 
 _FINISHED, _NONE, _STOP = int(Phase.FINISHED), int(Cause.NONE), int(Cause.STOP)
 _TICK, _TIME, _LATE, _COMMAND, _EVENT = (
@@ -58,6 +52,30 @@ def _ticks(state: Records, rows: Records, first: int, count: int, book: Records,
     raise NotImplementedError
 
 
+def _begin(seat: Seat, bodies: Records, actions: Records) -> None:
+    """Placeholder for how a seat begins, which `composed` replaces, as those below."""
+    raise NotImplementedError
+
+
+_begin_other = _begin
+
+
+def _attend(
+    seat: Seat,
+    bodies: Records,
+    actions: Records,
+    words: Words,
+    numbers: Numbers,
+    words_before: Words,
+    numbers_before: Numbers,
+) -> None:
+    """Placeholder for how a seat attends to a tick."""
+    raise NotImplementedError
+
+
+_attend_other = _attend
+
+
 class TickRun(NamedTuple):
     """Some ticks of a block: those before them, and room for the new ones."""
 
@@ -68,18 +86,12 @@ class TickRun(NamedTuple):
 
 
 class Devices(NamedTuple):
-    """Both devices with their hands."""
+    """Both devices, and what the hands on them do."""
 
     bodies: Any
+    actions: Any
     readings: Any
     force_queue: NDArray[np.float64]
-
-
-class Participants(NamedTuple):
-    """Who decides in a block."""
-
-    parts: Any  # of each participant
-    hands: NDArray[np.int64]  # for each, the hand whose force it feels: 0 left, 1 right
 
 
 def _loop(
@@ -89,38 +101,35 @@ def _loop(
     book: Records,
     tables: NDArray[np.float64],
     devices: Devices,
-    participants: Participants,
+    one: Seat,
+    other: Seat,
     completions: NDArray[np.float64],
 ) -> int:
-    """Run ticks with both hands and all participants, to the end of the block at most.
+    """Run ticks with both devices and both seats, to the end of the block at most.
 
     ``number``: number of the first new tick; ``completions``: completion time of the last trial, by the number of
     successful ones [s]. Returns how many ticks were run.
     """
     state, book, tables, completions = borrowed(state), borrowed(book), borrowed(tables), borrowed(completions)
     rows, words, numbers, commands = borrowed(piece)
-    bodies, readings, force_queue = borrowed(devices)
-    everyone, hands = borrowed(participants)
+    bodies, actions, readings, force_queue = borrowed(devices)
+    one, other = borrowed(one), borrowed(other)
+    if number == 0:
+        _begin(one, bodies, actions)
+        _begin_other(other, bodies, actions)
     count = len(rows) - KEPT
     for k in range(count):
         place, tick = KEPT + k, number + k
         row, values = words[place], numbers[place]
         row[_TICK], row[_TIME], row[_LATE] = tick, START_NS + tick * TICK_NS, -LEAD_NS
         row[_COMMAND] = commands[k]
-        advance(bodies, 0, 2, row, values)
+        advance(bodies, actions, 0, 2, row, values)
         read(bodies, 0, 2, readings[0], row, values)
         _ticks(state, rows, place, 1, book, tables)
         for side in range(2):
             apply_force(bodies, side, force_queue, book[0]["rendering"]["catch"], row, values)
-        if tick % DECISION_TICKS == 0:
-            for which in range(len(hands)):
-                parts = everyone[which]
-                age = tick - newest_seen(parts, tick)
-                if age <= min(tick, DECISION_TICKS):  # otherwise the view is not new
-                    see(parts, words[place - age], numbers[place - age])
-                felt = bodies[hands[which]]["device"]["commanded"]
-                begun = decide_in_tick(parts, row, felt)
-                plan(bodies, parts.moves, begun)
+        _attend(one, bodies, actions, row, values, words[place - 1], numbers[place - 1])
+        _attend_other(other, bodies, actions, row, values, words[place - 1], numbers[place - 1])
         if state[0]["successes"] < len(completions):  # an operator may have trials repeated, beyond the planned ones
             completions[state[0]["successes"]] = state[0]["completion"]
         if state[0]["phase"] == _FINISHED:
@@ -129,9 +138,13 @@ def _loop(
 
 
 @cache
-def _loop_around(ticks: Callable[..., None]) -> Callable[..., int]:
-    """Compile the loop around the ticks of a stage."""
-    return composed(_loop, _ticks=ticks)
+def _loop_around(ticks: Callable[..., None], one: Decide, other: Decide) -> Callable[..., int]:
+    """Compile the loop around the ticks of a stage and two policies."""
+    begin, attend = kernels_of(one)
+    begin_other, attend_other = kernels_of(other)
+    return composed(
+        _loop, _ticks=ticks, _begin=begin, _attend=attend, _begin_other=begin_other, _attend_other=attend_other
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,24 +174,19 @@ class Rehearsal:
         self._state = self._stage.initial()
         self._code: Callable[..., int] | None = None
         block = config.block
-        moving = {side: person_at(config, side, people) for side in SIDES}
         seed = (block.seed, block.number)
+        taken = [(policy_at(config, sides, people), station) for station, sides in seats_of(config)]
+        taken += [(Nobody(), "left")] * (len(SIDES) - len(taken))
+        self._seats = tuple(make_seat(config, policy, station, seed) for policy, station in taken)
+        self._decides = tuple(policy.decide for policy, _ in taken)
         bodies = np.zeros(len(SIDES), BODY)
-        for place, side in enumerate(SIDES):
-            pack_body(config, side, moving[side], np.random.default_rng((*seed, 1 + place)), bodies)
+        for side in SIDES:
+            pack_body(config, None, (0.0, 0.0), bodies[SIDES.index(side)])
+        for (policy, _), seat in zip(taken, self._seats, strict=True):
+            for side in policy.sides:
+                pack_body(config, policy.hand(), policy.across(seat.state, side), bodies[SIDES.index(side)])
         force_queue = np.zeros((len(SIDES), block.force_delay_ms + 1))
-        self._devices = Devices(bodies, np.zeros(1, READINGS), force_queue)
-        participants = [
-            SimulatedParticipant(
-                config, who, station, sides, np.random.default_rng((*seed, 3 + SIDES.index(sides[0])))
-            ).parts
-            for station, sides in seats_of(config)
-            if (who := moving[sides[0]]) is not None
-        ]
-        hands = np.array([SIDES.index(sides[0]) for _, sides in seats_of(config)], np.int64)
-        nobody = SimulatedParticipant(config, config.participant, "left", ("left",), np.random.default_rng(0)).parts
-        parts = tuple(participants) or (nobody,)  # a kernel cannot take an empty tuple
-        self._participants = Participants(parts, hands)
+        self._devices = Devices(bodies, np.zeros(len(SIDES), ACTION), np.zeros(1, READINGS), force_queue)
         self._last_tick = START_TICK + round(block.trials * MAX_MEAN_TRIAL / TICK_SECONDS)
         self._completions = np.zeros(1 + block.trials)
         self._ticks = 0
@@ -220,7 +228,7 @@ class Rehearsal:
         """Run the next ticks; return their number."""
         stage = self._stage
         of_stage = self._state, piece, self._ticks, stage.book, stage.tables
-        arguments = *of_stage, self._devices, self._participants, self._completions
+        arguments = *of_stage, self._devices, *self._seats, self._completions
         if self._code is None:
-            self._code = machine_code(_loop_around(stage.ticks), *arguments)
+            self._code = machine_code(_loop_around(stage.ticks, *self._decides), *arguments)
         return self._code(*arguments)

@@ -1,41 +1,35 @@
-"""A simulated hand on its virtual device, a tick at a time: the samples that its agent would send to the server.
+"""A simulated device in its holder's hand, a tick at a time: the samples that its agent would send to the server.
 
 Its milliseconds are those of an agent that follows the server's ticks: the stylus is read `LEAD_NS` before the deadline
-of a tick, and the force computed in that tick acts from the deadline on. Hand, encoder, velocity, fixture and the
-motors' limit follow the equations of `netboard.devices.simulated.virtual` and the agent. A tick is one kernel. Of the
-safety chain only the clamp is simulated: nothing else that it guards against happens here, so an armed chain passes the
-force on. Motors do not heat up, and no step takes time.
+of a tick, and the force computed in that tick acts from the deadline on. Stylus, encoder, velocity, fixture and the
+motors' limit follow the equations of `netboard.devices.simulated.device` and the agent. Of the safety chain only the
+clamp is simulated: nothing else that it guards against happens here, so an armed chain passes the force on. Motors do
+not heat up, and no step takes time.
 """
-
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.compiled import Records, inlined
-from netboard.base.config import SIDES, Config, Side
+from netboard.base.config import SIDES, Config
 from netboard.base.errors import ConfigError
 from netboard.base.safeguards import Safeguard
-from netboard.base.tables.simulated import Participant
 from netboard.base.tick import TICK_NS, TICK_WORDS
 from netboard.participants.body.cable import CABLES, TIP
 from netboard.participants.body.device_forces import fixture_force, within
 from netboard.participants.body.device_models import resolved
-from netboard.participants.body.velocity_window import AXES, SAMPLES, SLACK, make_windowed
-from netboard.participants.people.hand import (
-    ARM,
-    CAPACITY,
-    HAND,
-    STEP,
+from netboard.participants.body.stylus import (
+    ACTION,
+    MECHANICS,
     STEP_NS,
-    UPDATE_STEPS,
+    STYLUS,
+    HandMechanics,
+    hold,
     integrate,
     integrate_on_cables,
-    make_hand,
-    update_muscles,
 )
+from netboard.participants.body.velocity_window import AXES, SAMPLES, SLACK, make_windowed
 from netboard.physics.arithmetic.simd import gathered, lane, nearest
-from netboard.physics.scene.rendering import pack_rendering
 from netboard.stage.stage import commanded_tick
 from netboard.task.trials.state_machine import is_active
 
@@ -70,30 +64,31 @@ _DEVICE = np.dtype(
         ("resolution", "<f8"),  # size of an encoder step [m]
         ("x", "<f8"),  # the newest reading [m]
         ("y", "<f8"),
+        ("z", "<f8"),
         ("vx", "<f8"),  # [m/s]
         ("vy", "<f8"),
+        ("vz", "<f8"),
         ("fx", "<f8"),  # force that acts [N]
         ("fy", "<f8"),
         ("fz", "<f8"),
         ("commanded", "<f8"),  # vertical force to act next [N]
         ("received", "<i8"),  # number of forces received [1]
-        ("simulated", "<i8"),  # 1: held by a simulated hand; 0: at rest at height 0
+        ("held", "<i8"),  # 1: in a hand; 0: at rest at height 0
     ]
 )
 """A device as the kernels see it."""
 
 BODY = np.dtype(
     [
-        ("hand", HAND),
+        ("stylus", STYLUS),
         ("tip", TIP),  # state of the stylus side, with compliant cables
-        ("arm", ARM),
+        ("mechanics", MECHANICS),
         ("cables", CABLES),
         ("rigid", "<i8"),  # 1: without compliant cables
-        ("submovements", "<f8", (CAPACITY, 3)),  # start, duration and displacement of each submovement [s, s, m]
         ("device", _DEVICE),
     ]
 )
-"""A hand on its device, as one record, because kernels count references to arrays, which takes longer than a step."""
+"""A stylus and its device, as one record: kernels count references to arrays, which takes longer than a step."""
 
 _BOTH = len(SIDES) * AXES
 
@@ -110,38 +105,42 @@ _windowed = make_windowed(_BOTH)
 
 
 @inlined
-def _integrate(bodies: Records, first: int, stop: int, steps: int) -> None:
-    """Integrate some of the hands for some steps, each under the force that acts on it."""
+def _integrate(bodies: Records, actions: Records, first: int, stop: int, steps: int) -> None:
+    """Integrate some of the styluses for some steps, each under the force that acts on it."""
     for side in range(first, stop):
-        body = bodies[side]
+        body, action = bodies[side], actions[side]
         d = body["device"]
         if body["rigid"]:
-            integrate(body["hand"], body["arm"], d["fx"], d["fy"], d["fz"], steps)
+            integrate(body["stylus"], body["mechanics"], action, d["fx"], d["fy"], d["fz"], steps)
         else:
-            integrate_on_cables(body["hand"], body["tip"], body["cables"], d["fx"], d["fy"], d["fz"], steps)
+            integrate_on_cables(body["stylus"], body["tip"], body["cables"], action, d["fx"], d["fy"], d["fz"], steps)
 
 
 @inlined
-def advance(bodies: Records, first: int, stop: int, words: NDArray[np.int64], numbers: NDArray[np.float64]) -> None:
+def advance(
+    bodies: Records,
+    actions: Records,
+    first: int,
+    stop: int,
+    words: NDArray[np.int64],
+    numbers: NDArray[np.float64],
+) -> None:
     """Integrate from the last reading to that of this tick, and write rendered forces and safeguards into its row.
 
-    Each phase is done for all hands before the next one, so that the processor can overlap their computations.
+    Each phase is done for all styluses before the next one, so that the processor can overlap their computations.
 
-    ``bodies``: BODY records of the left and the right hand, of which those from ``first`` to before ``stop`` advance.
-    ``words``, ``numbers``: the row of this tick, as words and as numbers of the same memory; ``tick`` and ``time_ns``
-    are set.
+    ``bodies``, ``actions``: BODY and ACTION records of the left and the right side, of which those from ``first`` to
+    before ``stop`` advance. ``words``, ``numbers``: the row of this tick, as words and as numbers of the same memory;
+    ``tick`` and ``time_ns`` are set.
     """
     stamp_ns = words[_TIME] - LEAD_NS
-    when = (stamp_ns - TICK_NS) * 1e-9 + 0.5 * UPDATE_STEPS * STEP
     for side in range(first, stop):
-        body = bodies[side]
         words[_LIVE[side]], words[_SEQ[side]] = 1, words[_TICK]
         words[_STAMP[side]], words[_LEAD[side]] = stamp_ns, LEAD_NS
-        update_muscles(body["hand"], body["arm"], body["submovements"], when, body["device"]["fz"])
-    _integrate(bodies, first, stop, _BEFORE)
+    _integrate(bodies, actions, first, stop, _BEFORE)
     for side in range(first, stop):
         _render(bodies[side]["device"], side, words, numbers)
-    _integrate(bodies, first, stop, STEPS - _BEFORE)
+    _integrate(bodies, actions, first, stop, STEPS - _BEFORE)
 
 
 @inlined
@@ -149,7 +148,7 @@ def _render(d: np.void, side: int, words: NDArray[np.int64], numbers: NDArray[np
     """Let the commanded force act, with that of the fixture, and write what a device has rendered."""
     words[_GUARDS[side]] = _ARMED
     numbers[_RENDERED[side]] = 0.0
-    if d["simulated"] == 0:
+    if d["held"] == 0:
         return
     fx, fy = fixture_force(d["k"], d["c"], d["x"], d["vx"]), fixture_force(d["k"], d["c"], d["y"], d["vy"])
     fx, fy, fz = within(d["limit"], fx, fy, d["commanded"])
@@ -167,7 +166,11 @@ def read(
 
     ``first``, ``stop``: the hands that are read, as in `advance`. ``readings``: a record of `READINGS`.
     """
-    left, right, step = bodies[0]["hand"]["place"], bodies[1]["hand"]["place"], bodies[first]["device"]["resolution"]
+    left, right, step = (
+        bodies[0]["stylus"]["place"],
+        bodies[1]["stylus"]["place"],
+        bodies[first]["device"]["resolution"],
+    )
     places = gathered((left[0], left[1], left[2], 0.0, right[0], right[1], right[2]), _BOTH)
     if step > 0.0:
         places = nearest(places / step) * step
@@ -177,10 +180,11 @@ def read(
     )
     for side in range(first, stop):
         d, x = bodies[side]["device"], AXES * side
-        if d["simulated"]:
-            d["x"], d["y"], d["vx"], d["vy"] = lane(places, x), lane(places, x + 1), lane(v, x), lane(v, x + 1)
+        if d["held"]:
+            d["x"], d["y"], d["z"] = lane(places, x), lane(places, x + 1), lane(places, x + 2)
+            d["vx"], d["vy"], d["vz"] = lane(v, x), lane(v, x + 1), lane(v, x + 2)
             numbers[_X[side]], numbers[_Y[side]] = d["x"], d["y"]
-            numbers[_Z[side]], numbers[_VZ[side]] = lane(places, x + 2), lane(v, x + 2)
+            numbers[_Z[side]], numbers[_VZ[side]] = d["z"], d["vz"]
 
 
 @inlined
@@ -213,73 +217,25 @@ def _slot(number: int, size: int) -> int:
     return number % size if size > 1 else 0
 
 
-@inlined
-def plan(bodies: Records, moves: Records, count: int) -> None:
-    """Begin the first ``count`` of these `netboard.participants.people.controller.MOVE` records."""
-    for k in range(count):
-        move = moves[k]
-        hand, course = bodies[move["side"]]["hand"], bodies[move["side"]]["submovements"]
-        under_way = hand["moves"]
-        if under_way == CAPACITY:
-            raise ValueError("a simulated hand has too many submovements under way")
-        course[under_way, 0], course[under_way, 1] = move["start"], move["duration"]
-        course[under_way, 2] = move["displacement"]
-        hand["moves"] = under_way + 1
+def pack_body(config: Config, hand: HandMechanics | None, place: tuple[float, float], body: np.void) -> None:
+    """Put a stylus on its device, in the record of its side.
 
-
-def pack_body(
-    config: Config, side: Side, person: Participant | None, rng: np.random.Generator, bodies: NDArray[Any]
-) -> None:
-    """Put a hand on its device, in the record of its side.
-
-    ``person``: the participant whose hand it is; None for a stylus that is held still at height 0.
+    ``hand``: what the hand adds; None for a stylus that is held still at height 0. ``place``: where the hand is across
+    the vertical line [m].
     """
     refuse_flaws(config)
-    device_model = resolved(config.virtual)
-    hand, body = make_hand(person or config.participant, config.virtual, rng), bodies[SIDES.index(side)]
-    body["hand"], body["tip"], body["arm"] = hand.state[0], hand.end[0], hand.arm[0]
-    body["rigid"] = len(hand.cables) == 0
-    if len(hand.cables):
-        body["cables"] = hand.cables[0]
+    model = resolved(config.virtual)
+    held = hold(model, hand or HandMechanics(), np.zeros(1, ACTION))
+    body["stylus"], body["tip"], body["mechanics"] = held.stylus[0], held.tip[0], held.mechanics[0]
+    body["rigid"] = len(held.cables) == 0
+    if len(held.cables):
+        body["cables"] = held.cables[0]
+    for axis, (name, at) in enumerate(zip("xy", place, strict=True)):
+        body["stylus"]["place"][axis] = body["tip"][name] = at
     device = body["device"]
     device["k"], device["c"] = config.fixture.stiffness, config.fixture.damping
-    device["limit"] = min(device_model.max_force, config.safety.max_force)
-    device["resolution"], device["simulated"] = device_model.resolution, person is not None
-
-
-class Body:
-    """One hand on one device, by itself: that of a robot partner. ``person``: as in `pack_body`."""
-
-    def __init__(self, config: Config, side: Side, person: Participant | None, rng: np.random.Generator) -> None:
-        self.bodies = np.zeros(len(SIDES), BODY)
-        self._place = SIDES.index(side)
-        pack_body(config, side, person, rng, self.bodies)
-        self._force_queue = np.zeros((len(SIDES), config.block.force_delay_ms + 1))
-        self._catch = pack_rendering(config)["catch"][0].copy()
-        self._readings = np.zeros(1, READINGS)[0]
-
-    @property
-    def commanded(self) -> float:
-        """Vertical force on the hand that acts next [N]."""
-        return float(self.bodies["device"]["commanded"][self._place])
-
-    def warm(self) -> None:
-        """Compile or load the kernels by running a tick of this body, which changes its state."""
-        words = np.zeros(len(TICK_WORDS), np.int64)
-        self.fill(words)
-        self.apply_force(words)
-
-    def fill(self, words: NDArray[np.int64]) -> None:
-        """Advance by a millisecond, and put the stylus into a tick's row."""
-        numbers = words.view(np.float64)
-        sides = self._place, self._place + 1
-        advance(self.bodies, *sides, words, numbers)
-        read(self.bodies, *sides, self._readings, words, numbers)
-
-    def apply_force(self, words: NDArray[np.int64]) -> float:
-        """Take the force of a tick; return the vertical force that acts next [N]."""
-        numbers = words.view(np.float64)
-        return apply_force(self.bodies, self._place, self._force_queue, self._catch, words, numbers)
+    device["limit"] = min(model.max_force, config.safety.max_force)
+    device["resolution"], device["held"] = model.resolution, hand is not None
 
 
 def refuse_flaws(config: Config) -> None:
@@ -293,6 +249,6 @@ def refuse_flaws(config: Config) -> None:
     for key, value in flaws.items():
         if value > 0.0:
             raise ConfigError(
-                f"[virtual] {key}: found {value:g}, expected 0: a rehearsal and a robot partner have motors that stay "
-                "cool and devices that answer at once (only agents with virtual devices have the others)"
+                f"[virtual] {key}: found {value:g}, expected 0: a rehearsal has motors that stay cool and devices that "
+                "answer at once (only agents with virtual devices have the others)"
             )

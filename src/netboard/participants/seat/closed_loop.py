@@ -1,111 +1,147 @@
-"""A simulated participant behind the curtain: sees its station's views, feels its own hand, and decides.
+"""A seat: a policy behind the curtain, which sees its station's views, feels its own hands, and acts.
 
-Rule 1: `netboard.stage.curtain.glimpse` says what it sees, at the server's view rate and one tick late. Rule 2: it
-infers the partner's height from the force only where the force determines that height: with the full force of the
-board. Any other force pushes the hand, but carries no information. Rule 3: time is that of the ticks; randomness comes
-from the given generator.
+Rule 1: `netboard.stage.curtain.glimpse` says what it sees, at the server's view rate and one tick late. Rule 2: the
+force tells something of the partner only where it determines the partner's height: with the full force of the board.
+Any other force pushes the hand, but carries no information. Rule 3: time is that of the ticks; randomness comes from
+the given seed.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import cache
 from math import ceil, nan
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import inlined, machine_code
+from netboard.base.compiled import Numbers, Records, Words, composed, inlined
 from netboard.base.config import SIDES, Config, Side
-from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant
-from netboard.base.tick import TICK_NS, TICK_SECONDS, TICK_WORDS
-from netboard.participants.people.controller import MOVE, decide, initial_state, pack_constants
-from netboard.participants.people.senses import DECISION_INTERVAL, SEEN
+from netboard.base.tick import START_NS, TICK_NS, TICK_SECONDS, TICK_WORDS
+from netboard.participants.people.person import ParticipantPolicy
+from netboard.participants.policy import OBSERVATION, TRUTH, Decide, Policy
+from netboard.participants.seat.body import LEAD_NS
+from netboard.participants.seat.partners import make_partner
 from netboard.stage.curtain import glimpse, make_curtain
 from netboard.task.trials.state_machine import is_active
 
-DECISION_TICKS = round(DECISION_INTERVAL / TICK_SECONDS)
-"""A participant decides after each tick whose number is a multiple of this [1]."""
-
-_TIME, _PHASE, _TRIAL = (TICK_WORDS[name] for name in ("time_ns", "phase", "trial"))
+_TICK, _TIME, _PHASE, _TRIAL = (TICK_WORDS[name] for name in ("tick", "time_ns", "phase", "trial"))
+_SCENE = tuple(TICK_WORDS[name] for name in ("z", "vz", "theta", "omega", "p", "vp"))
 
 
-class ParticipantParts(NamedTuple):
-    """A participant as the kernels see it."""
+class Seat(NamedTuple):
+    """A policy in its seat, as the kernels see it."""
 
-    state: Any  # of the controller, as its constants
-    constants: Any
-    curtain: Any
-    shown: Any  # the newest view
-    timing: Any  # ticks between two views, and the first of them [1]
-    scales: Any  # factors of the force, by trial [1]
-    catch: Any  # catch trials
-    moves: NDArray[Any]  # room for new movements
+    state: NDArray[Any]  # of the policy, as its constants
+    constants: NDArray[Any]
+    observation: NDArray[Any]
+    curtain: NDArray[Any]
+    timing: NDArray[np.int64]  # ticks between two views, and the first of them [1]
+    hands: NDArray[np.int64]  # 1 for each side that it moves
+    scales: NDArray[np.float64]  # factors of the force, by trial; none if the force tells nothing [1]
+    catch: NDArray[np.int64]  # catch trials
+    truth: NDArray[np.int64]  # one number: whether it sees the true state
 
 
-class SimulatedParticipant:
-    """Perception and controller of one participant."""
+def make_seat(config: Config, policy: Policy, station: Side, seed: tuple[int, ...]) -> Seat:
+    """Put a policy into a seat: it sees the views of a station."""
+    block = config.block
+    seen = replace(block, left="person", right="person")  # a robot also sees the board
+    curtain = make_curtain(replace(config, block=seen)).stations[station]
+    view_ticks = ceil(1.0 / (TICK_SECONDS * config.network.view_rate_hz))
+    timing = np.array([view_ticks, view_ticks // 2 if station == "right" else 0])
+    told = block.force == "full" and len(policy.sides) == 1
+    scales = np.array((block.trial_scales or (block.force_scale,)) if told else (), float)
+    hands = np.array([side in policy.sides for side in SIDES], np.int64)
+    observation = np.zeros(1, OBSERVATION)
+    observation["seen"]["time"] = nan
+    for name in TRUTH.names or ():
+        observation["truth"][name] = nan
+    catch, truth = np.array(block.catch, np.int64), np.array([policy.sees_truth], np.int64)
+    return Seat(policy.initial(seed), policy.constants, observation, curtain, timing, hands, scales, catch, truth)
 
-    def __init__(
-        self, config: Config, person: Participant, station: Side, sides: tuple[Side, ...], rng: np.random.Generator
-    ) -> None:
-        block = config.block
-        constants = pack_constants(person, config.physics, config.task, config.virtual, sides)
-        seen = replace(block, left="person", right="person")  # a robot also sees the board
-        curtain = make_curtain(replace(config, block=seen)).stations[station]
-        view_ticks = ceil(1.0 / (TICK_SECONDS * config.network.view_rate_hz))
-        timing = np.array([view_ticks, view_ticks // 2 if station == "right" else 0])
-        scales = (block.trial_scales or (block.force_scale,)) if block.force == "full" and len(sides) == 1 else ()
-        shown = np.zeros(1, SEEN)
-        shown["time"] = nan
-        state, catch, moves = initial_state(constants, rng), np.array(block.catch, np.int64), np.zeros(2, MOVE)
-        self.parts = ParticipantParts(state, constants, curtain, shown, timing, np.array(scales, float), catch, moves)
-        self._decide = decide_in_tick
 
-    def warm(self) -> None:
-        """Compile or load `decide_in_tick`: its look-up by the types of its arguments takes longer than a decision."""
-        self._decide = machine_code(decide_in_tick, self.parts, np.zeros(len(TICK_WORDS), np.int64), 0.0)
+def _decide(state: np.void, constants: np.void, observation: np.void, actions: Records) -> None:
+    """Placeholder for the kernel of a policy, which `composed` replaces."""
+    raise NotImplementedError
 
-    def shown(self, tick: int) -> int:
-        """Return the newest tick that has been seen when a tick is done; negative before the first view."""
-        return int(newest_seen(self.parts, tick))
 
-    def see(self, words: NDArray[np.int64]) -> None:
-        """Take the view of a tick."""
-        see(self.parts, words, words.view(np.float64))
+def _begin(seat: Seat, bodies: Records, actions: Records) -> None:
+    """Let the policy act before the first tick."""
+    _feel(seat, bodies, -1, START_NS - TICK_NS)
+    _decide(seat.state[0], seat.constants[0], seat.observation[0], actions)
 
-    def decide(self, words: NDArray[np.int64], force: float) -> NDArray[Any]:
-        """Decide, at a multiple of `DECISION_TICKS`; return the new movements, an array of `MOVE`.
 
-        ``force``: vertical force that acts on this participant's hand from now on [N].
-        """
-        return self.parts.moves[: self._decide(self.parts, words, force)]
+def _attend(
+    seat: Seat,
+    bodies: Records,
+    actions: Records,
+    words: Words,
+    numbers: Numbers,
+    words_before: Words,
+    numbers_before: Numbers,
+) -> None:
+    """Let the policy see, feel and act after a tick.
+
+    ``words``, ``numbers``: the row of the tick, as words and as numbers of the same memory; the others: of the tick
+    before.
+    """
+    tick, time_ns = words[_TICK], words[_TIME]
+    if tick > 0 and is_shown(seat.timing, tick - 1):
+        when = (words_before[_TIME] + TICK_NS) * 1e-9
+        glimpse(seat.curtain[0], words_before, numbers_before, when, seat.observation[0]["seen"])
+    _feel(seat, bodies, tick, time_ns)
+    seat.observation[0]["felt"] = felt(seat, bodies, words)
+    if seat.truth[0]:
+        _see_truth(seat.observation[0]["truth"], bodies, numbers)
+    _decide(seat.state[0], seat.constants[0], seat.observation[0], actions)
+
+
+class SeatKernels(NamedTuple):
+    """The kernels of a seat around what its policy does."""
+
+    begin: Callable[[Seat, Records, Records], None]
+    attend: Callable[..., None]
+
+
+@cache
+def kernels_of(decide: Decide) -> SeatKernels:
+    """Compile a seat around the kernel of its policy."""
+    return SeatKernels(composed(_begin, inlined, _decide=decide), composed(_attend, inlined, _decide=decide))
 
 
 @inlined
-def newest_seen(parts: ParticipantParts, tick: int) -> int:
-    """Return the newest tick that has been seen when a tick is done; see `SimulatedParticipant.shown`."""
-    return int(tick - 1 - (tick - 1 - parts.timing[1]) % parts.timing[0])
+def is_shown(timing: NDArray[np.int64], tick: int) -> bool:
+    """Return whether a tick is shown in a view, which is seen one tick later."""
+    return bool((tick - timing[1]) % timing[0] == 0)
 
 
 @inlined
-def see(parts: ParticipantParts, words: NDArray[np.int64], numbers: NDArray[np.float64]) -> None:
-    """Take the view of a tick, given as words and as numbers of the same memory."""
-    glimpse(parts.curtain[0], words, numbers, (words[_TIME] + TICK_NS) * 1e-9, parts.shown[0])
+def _feel(seat: Seat, bodies: Records, tick: int, time_ns: int) -> None:
+    """Observe its own styluses and the forces on them."""
+    o = seat.observation[0]
+    o["tick"], o["time"], o["start"] = tick, time_ns * 1e-9, (time_ns - LEAD_NS) * 1e-9
+    for side in range(2):
+        if seat.hands[side]:
+            d = bodies[side]["device"]
+            o["height"][side], o["z"][side], o["vz"][side] = bodies[side]["stylus"]["place"][2], d["z"], d["vz"]
+            o["force"][side] = d["fz"]
 
 
 @inlined
-def decide_in_tick(parts: ParticipantParts, words: NDArray[np.int64], force: float) -> int:
-    """Decide after a tick; return the number of new movements, which are in ``parts.moves``."""
-    scale = scale_in(parts, words)
-    felt = force / scale if scale != 0.0 else nan
-    return decide(parts.state[0], parts.constants[0], words[_TIME] * 1e-9, parts.shown[0], felt, parts.moves)
+def felt(seat: Seat, bodies: Records, words: Words) -> float:
+    """Return the force of the board on the one hand of a policy, without its factor; else NaN [N]."""
+    scale = scale_in(seat, words)
+    if scale == 0.0:
+        return nan
+    return float(bodies[seat.hands[1]]["device"]["commanded"] / scale)
 
 
 @inlined
-def scale_in(parts: ParticipantParts, words: NDArray[np.int64]) -> float:
+def scale_in(seat: Seat, words: Words) -> float:
     """Return the factor of the force on the hand; 0 if the force carries no information on the partner [1]."""
-    scales, catch, trial = parts.scales, parts.catch, words[_TRIAL]
+    scales, catch, trial = seat.scales, seat.catch, words[_TRIAL]
     if len(scales) == 0 or not is_active(words[_PHASE]):
         return 0.0
     for k in range(len(catch)):
@@ -114,10 +150,20 @@ def scale_in(parts: ParticipantParts, words: NDArray[np.int64]) -> float:
     return float(scales[(trial - 1) % len(scales)])
 
 
+@inlined
+def _see_truth(truth: np.void, bodies: Records, numbers: Numbers) -> None:
+    """Observe the true state of board, ball and both styluses."""
+    truth["z"], truth["vz"], truth["theta"] = numbers[_SCENE[0]], numbers[_SCENE[1]], numbers[_SCENE[2]]
+    truth["omega"], truth["p"], truth["vp"] = numbers[_SCENE[3]], numbers[_SCENE[4]], numbers[_SCENE[5]]
+    left, right = bodies[0]["stylus"], bodies[1]["stylus"]
+    truth["left_z"], truth["left_vz"] = left["place"][2], left["v"][2]
+    truth["right_z"], truth["right_vz"] = right["place"][2], right["v"][2]
+
+
 def seats_of(config: Config) -> tuple[tuple[Side, tuple[Side, ...]], ...]:
     """Return who decides in a block: at which station, with which hands.
 
-    One for each participant; a hand that is held still has none.
+    One for each policy; a hand that is held still has none.
     """
     block = config.block
     if block.configuration == "bimanual":
@@ -126,18 +172,12 @@ def seats_of(config: Config) -> tuple[tuple[Side, tuple[Side, ...]], ...]:
     return tuple((side, (side,)) for side in SIDES if moved[side] != "still")
 
 
-def person_at(config: Config, side: Side, people: Mapping[str, Participant]) -> Participant | None:
-    """Return the participant that moves a hand: of people, or a robot; None for a hand that is held still."""
+def policy_at(config: Config, sides: tuple[Side, ...], people: Mapping[str, Participant]) -> Policy:
+    """Return the policy that moves some hands: one of people, or a robot partner."""
     block = config.block
-    match block.left if side == "left" else block.right:
-        case "still":
-            return None
-        case "robot":
-            return config.participant
-        case "person":
-            pass
-        case other:
-            raise ConfigError(f'[block] {side}: found "{other}", expected person, still or robot')
+    mover = block.left if sides[0] == "left" else block.right
+    if mover != "person":
+        return make_partner(mover, config, sides[0])
     if block.configuration == "bimanual":
-        return people[block.performer]
-    return people["A" if config.session.seat_a == side else "B"]
+        return ParticipantPolicy(config, people[block.performer], sides)
+    return ParticipantPolicy(config, people["A" if config.session.seat_a == sides[0] else "B"], sides)

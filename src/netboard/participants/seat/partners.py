@@ -1,0 +1,36 @@
+"""Registry of robot partners: one entry for each, from its word in ``[block] left`` or ``right`` to its policy.
+
+A partner is imported only when it is used. Other packages register partners in the entry-point group
+``netboard.partners``, under the same kind of target.
+"""
+
+from netboard.base import plugins
+from netboard.base.config import Config, Side
+from netboard.base.errors import ConfigError
+from netboard.participants.policy import Policy
+
+GROUP = "netboard.partners"
+"""Entry-point group of third-party partners."""
+
+POLICIES = {
+    "robot": "netboard.participants.people.person:partner",
+}
+"""For each built-in partner, the module and the function of ``(config, side)`` that makes its policy."""
+
+
+def names() -> tuple[str, ...]:
+    """Return the names of all partners, sorted."""
+    return plugins.names(GROUP, POLICIES)
+
+
+def make_partner(name: str, config: Config, side: Side) -> Policy:
+    """Return the policy of a partner at a side; its parameters are those of ``[partners.<side>]``."""
+    made = plugins.load(GROUP, name, POLICIES, "robot partner", ConfigError)
+    if not callable(made):
+        raise ConfigError(f"the robot partner {name!r} is {made!r}, expected a function of (config, side)")
+    policy = made(config, side)
+    if not isinstance(policy, Policy):
+        raise ConfigError(
+            f"the robot partner {name!r} makes {policy!r}, expected a netboard.participants.policy.Policy"
+        )
+    return policy
