@@ -26,6 +26,7 @@ def check(
     from netboard.devices.setup.profiles import require_profiles
     from netboard.network.keys import require_keys
     from netboard.nodes.server.blocks import unrelated_in
+    from netboard.participants.seat.partners import require_known
     from netboard.recording.format.disk import require_writable
     from netboard.stage.stage import make_stage
     from netboard.windows.participant.language import load_words
@@ -35,6 +36,7 @@ def check(
     problems = []
     for one in (
         lambda: make_stage(settings),
+        lambda: require_known(settings),
         lambda: registry.check(settings),
         lambda: require_profiles(Path(settings.agents.profiles)),
         lambda: require_keys(settings.network),

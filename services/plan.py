@@ -64,12 +64,15 @@ def check(
     """Check whether a study is valid and its trial counts are balanced; exit code 2 and the reasons if not."""
     settings = load(config, overrides)
     from netboard.base.terminal.output import plain_console
-    from netboard.task.plans.plan import plan_of
+    from netboard.participants.seat.partners import problems_of
+    from netboard.task.plans.plan import configs_of, plan_of
     from netboard.task.plans.tables import examine, fitted, refuse, valid_in_words
 
     found, console = load_study(study, settings), plain_console(soft_wrap=True)
     plans = [plan_of(found, seed, number) for number in range(1, dyads + 1)]
     balance, problems = examine(settings, found, plans)
+    if not problems:
+        problems = problems_of(one for made in plans for one in configs_of(settings, made))
     for part in [fitted(balance.tables[0])] if problems else valid_in_words(study, found, plans, balance):
         console.print(part)
     refuse(problems)

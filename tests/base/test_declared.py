@@ -16,7 +16,7 @@ from netboard.base.tables.declared import EXTRAPOLATIONS, number_of, require, wo
 from netboard.base.tables.experiment import Block
 from netboard.base.tables.forces import FORCES, ForceInputs
 from netboard.base.tables.scene import Physics
-from netboard.participants.seat.partners import make_partner
+from netboard.participants.seat.partners import problems_of, require_known
 from netboard.physics.scene.parameters import parts_of
 from netboard.physics.scene.rendering import GAINS, Rendering, force_on_hand, rendering_of
 from netboard.stage.stage import make_stage
@@ -70,15 +70,11 @@ def test_missing_and_surplus_registry_entries_are_named() -> None:
         number_of("made_up", FORCES, "[block] force")
 
 
-@pytest.mark.parametrize(
-    ("words", "where"),
-    [({"force": "made_up"}, r"\[block\] force"), ({"left": "made_up"}, r"\[block\] left")],
-)
-def test_unknown_force_condition_or_partner_is_refused(words: dict[str, Any], where: str) -> None:
-    with pytest.raises(ConfigError, match=f'{where}: found "made_up"'):
-        rendering_of(block(**words))
-    with pytest.raises(ConfigError, match=f'{where}: found "made_up"'):
-        make_stage(replace(Config(), block=block(**words)))
+def test_unknown_force_condition_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r'\[block\] force: found "made_up"'):
+        rendering_of(block(force="made_up"))
+    with pytest.raises(ConfigError, match=r'\[block\] force: found "made_up"'):
+        make_stage(replace(Config(), block=block(force="made_up")))
 
 
 @pytest.mark.parametrize("key", ["model", "board", "coupling", "ball_sign", "fixed_ball"])
@@ -94,9 +90,12 @@ def test_unknown_extrapolation_is_refused() -> None:
         make_stage(replace(Config(), physics=physics))
 
 
-def test_rehearsal_refuses_an_unknown_partner() -> None:
-    with pytest.raises(ConfigError, match=r"no robot partner 'made_up'; it has: robot"):
-        make_partner("made_up", Config(), "right")
+def test_unknown_partner_is_refused() -> None:
+    config = replace(Config(), block=block(left="made_up"))
+    with pytest.raises(ConfigError, match=r"no robot partner 'made_up'; it has: .*robot"):
+        require_known(config)
+    (problem,) = problems_of([config, config])
+    assert problem.startswith("block 1 (): this machine has no robot partner 'made_up'")
 
 
 def test_unknown_condition_number_gives_nan_instead_of_zero_force() -> None:

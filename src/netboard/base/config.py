@@ -27,6 +27,7 @@ from netboard.base.tables.rig import (
     Display,
     Fixture,
     Network,
+    Partners,
     Realtime,
     RecordingSettings,
     Safety,
@@ -65,6 +66,7 @@ class Config:
     safety: Safety = field(default_factory=Safety)
     fixture: Fixture = field(default_factory=Fixture)
     agents: Agents = field(default_factory=Agents)
+    partners: Partners = field(default_factory=Partners)
     virtual: VirtualDevice = field(default_factory=VirtualDevice)
     participant: Participant = field(default_factory=Participant)
     display: Display = field(default_factory=Display)

@@ -461,7 +461,7 @@ def _table_lines(table: SettingsTable, values: dict[str, Any], *, comments: bool
     if not values:
         return []
     plain = [(key, f"{key.name} = {to_toml(values[key.name])}") for key in table.keys if not _is_table(values, key)]
-    width = max(len(line) for _, line in plain)
+    width = max((len(line) for _, line in plain), default=0)
     lines = ["", f"[{table.name}]"]
     if comments:
         lines.insert(1, f"# {table.text.splitlines()[0]}")

@@ -14,13 +14,14 @@ import json
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
-from typing import Any, ClassVar, final
+from typing import Any, ClassVar, TypeVar, final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from netboard.base import settings
 from netboard.base.compiled import inlined
-from netboard.base.config import Side
+from netboard.base.config import Config, Side
 from netboard.participants.body.stylus import HandMechanics
 
 SEEN = np.dtype([(name, "<f8") for name in ("time", "phase", "z", "theta", "p", "target", "left", "right")])
@@ -51,6 +52,27 @@ OBSERVATION = np.dtype(
 Decide = Callable[[Any, Any, Any, Any], None]
 """A kernel ``decide(state, constants, observation, actions)``: records of the policy's own types and of `OBSERVATION`,
 and an array of two `ACTION`, by side, of which it writes those of its hands."""
+
+
+_P = TypeVar("_P")
+
+
+def parameters_of(cls: type[_P], config: Config, side: Side) -> _P:
+    """Return the parameters of a robot partner, ``[partners.<side>]`` in the configuration.
+
+    Parameters
+    ----------
+    cls : type
+        Frozen dataclass whose fields are annotated with `netboard.base.settings.about`.
+    config : Config
+        The configuration of the block.
+
+    Raises
+    ------
+    ConfigError
+        If a parameter is unknown, has the wrong type or is out of range.
+    """
+    return settings.check(cls, dict(config.partners.of(side)), ("partners", side))
 
 
 class Policy(ABC):

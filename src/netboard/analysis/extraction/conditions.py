@@ -10,7 +10,7 @@ import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from math import nan
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -18,8 +18,9 @@ import pandas as pd
 from netboard.analysis.extraction.tables import words
 from netboard.base.config import Config
 from netboard.base.settings import tables
-from netboard.base.tables.experiment import Mover
+from netboard.base.tables.experiment import STILL
 from netboard.base.tables.forces import CONDITIONS
+from netboard.participants.seat import partners
 from netboard.recording.export.factors import fields_of
 from netboard.recording.format.channels import Field
 from netboard.task.studies.factors import KIND, BlockFactor, Declared, Scope, column_of, factors_of, level_text, merge
@@ -196,7 +197,7 @@ def _unit_of(key: str) -> str:
     return next((one.unit for own in tables(Config) if own.name == table for one in own.keys if one.name == name), "")
 
 
-STAND_INS = tuple(sorted({*get_args(Mover)} - {"person"}))
+STAND_INS = tuple(sorted({STILL, *partners.names()}))
 """Movers of a stylus that are not participants."""
 
 

@@ -148,7 +148,7 @@ def _file(figure: "Figure", kind: str) -> bytes:
 
 
 PARTNERS = {"robot partner": SKY, "still partner": PINK}
-"""Colours of dyadic conditions without a human partner."""
+"""Colours of dyadic conditions with the partners of the built-in study `controls`; others have those of `MORE`."""
 
 MORE = (VERMILION, BLUE, SKY, GREEN, ORANGE, PINK)
 """Colours of teams that differ in the levels of other factors, in order."""

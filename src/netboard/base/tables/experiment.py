@@ -14,8 +14,8 @@ from netboard.base.tables.forces import Force
 MAX_TRIALS = 10_000
 """Largest number of trials in a block [1]."""
 
-Mover = Literal["person", "still", "robot"]
-"""Who can move a hand; every mover but "still" receives a force."""
+PERSON, STILL = "person", "still"
+"""Movers of a hand besides robot partners: a person, and none, who receives no force."""
 
 Flag = Literal[
     "late_ticks",
@@ -88,9 +88,14 @@ class Block:
     ] = ()
     unrelated: Annotated[str, about('recording whose forces are rendered with force = "unrelated"')] = ""
     left: Annotated[
-        Mover, about("mover of the left hand: a person, none (held still at height 0), or a simulated partner")
-    ] = "person"
-    right: Annotated[Mover, about("mover of the right hand, likewise")] = "person"
+        str,
+        about(
+            'mover of the left hand: "person", "still" (held at height 0), or a robot partner, of those that '
+            "`netboard agent --help` names",
+            form=LABEL,
+        ),
+    ] = PERSON
+    right: Annotated[str, about("mover of the right hand, likewise", form=LABEL)] = PERSON
     trials: Annotated[int, about("successful trials in the block", "1", ge=1, le=MAX_TRIALS)] = 60
     duration: Annotated[float, about("no trial begins after this time; 0: no time limit", "s", ge=0, le=36_000)] = 0.0
     first_target: Annotated[Literal["left", "right", "random"], about("side of the first target")] = "random"

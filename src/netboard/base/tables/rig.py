@@ -168,6 +168,28 @@ class Agents:
         return self.left if side == "left" else self.right
 
 
+Options = dict[str, str | int | float | bool]
+
+
+@dataclass(frozen=True, slots=True)
+class Partners:
+    """Parameters of the robot partners at both sides, in place of their defaults."""
+
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
+    left: Annotated[Options, about("parameters of the robot partner at the left side")] = field(default_factory=dict)
+    right: Annotated[Options, about("parameters of the robot partner at the right side")] = field(default_factory=dict)
+
+    def of(self, side: Literal["left", "right"]) -> Options:
+        """Return the parameters of a side.
+
+        Parameters
+        ----------
+        side : {"left", "right"}
+            End of the board that the partner moves.
+        """
+        return self.left if side == "left" else self.right
+
+
 @dataclass(frozen=True, slots=True)
 class Display:
     """The participants' windows."""

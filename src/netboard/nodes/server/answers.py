@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.device_kind import MOVED_BY_SERVER, held_by
-from netboard.base.tables.experiment import MAX_TRIALS, Mover
+from netboard.base.tables.experiment import MAX_TRIALS
 from netboard.network.protocol.control import (
     DeviceStatus,
     DisplayStatus,
@@ -145,7 +145,7 @@ def device_status(side: Side, details: Mapping[str, str]) -> DeviceStatus:
     return DeviceStatus(side, str(held.kind), held.model, held.serial, held.text)
 
 
-def moved_by_server(side: Side, mover: Mover) -> DeviceStatus:
+def moved_by_server(side: Side, mover: str) -> DeviceStatus:
     """Return what moves a hand that no device moves."""
     return DeviceStatus(side, mover, "", "", MOVED_BY_SERVER[mover])
 

@@ -4,9 +4,12 @@ A partner is imported only when it is used. Other packages register partners in 
 ``netboard.partners``, under the same kind of target.
 """
 
+from collections.abc import Iterable
+
 from netboard.base import plugins
-from netboard.base.config import Config, Side
+from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import ConfigError
+from netboard.base.tables.experiment import PERSON, STILL
 from netboard.participants.policy import Policy
 
 GROUP = "netboard.partners"
@@ -21,6 +24,24 @@ POLICIES = {
 def names() -> tuple[str, ...]:
     """Return the names of all partners, sorted."""
     return plugins.names(GROUP, POLICIES)
+
+
+def require_known(config: Config) -> None:
+    """Refuse a block whose robot partners this machine does not have, or cannot make."""
+    for side, mover in zip(SIDES, (config.block.left, config.block.right), strict=True):
+        if mover not in (PERSON, STILL):
+            make_partner(mover, config, side)
+
+
+def problems_of(configs: Iterable[Config]) -> list[str]:
+    """Return why this machine cannot make the robot partners of some blocks; each reason once, with its first block."""
+    found: dict[str, str] = {}
+    for config in configs:
+        try:
+            require_known(config)
+        except ConfigError as error:
+            found.setdefault(str(error), f"block {config.block.number} ({config.block.label}): {error}")
+    return list(found.values())
 
 
 def make_partner(name: str, config: Config, side: Side) -> Policy:

@@ -9,7 +9,7 @@ with four gains for each hand that depend on the scene alone. Rates, damping and
 on the partial conditions. docs/explanation/forces.md has the equations.
 """
 
-from typing import Any, NamedTuple, get_args
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import types
@@ -19,7 +19,7 @@ from netboard.base.compiled import inlined, specialised
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError
 from netboard.base.tables.declared import number_of
-from netboard.base.tables.experiment import MAX_TRIALS, Block, Mover
+from netboard.base.tables.experiment import MAX_TRIALS, STILL, Block
 from netboard.base.tables.forces import CONDITIONS, FORCES, ForceInputs
 from netboard.physics.scene.parameters import Parts, load_mass, pack_scene, parts_of
 
@@ -147,13 +147,11 @@ def rendering_of(block: Block) -> Rendering:
     Raises
     ------
     ConfigError
-        If the force condition or the mover of a hand is unknown.
+        If the force condition is unknown.
     """
-    left, right = block.left != "still", block.right != "still"
+    left, right = block.left != STILL, block.right != STILL
     varies = bool(block.trial_scales)
     force = number_of(block.force, FORCES, "[block] force")
-    for side, mover in (("left", block.left), ("right", block.right)):
-        number_of(mover, get_args(Mover), f"[block] {side}")
     if block.force == "none" or (block.force_scale == 0.0 and not varies) or not (left or right):
         return NO_FORCE
     scaled = varies or block.force_scale != 1.0

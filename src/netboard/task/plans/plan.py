@@ -44,7 +44,7 @@ class PlanBlock:
     number: int
     kind: str
     performer: Performer
-    other_hand: Literal["own", "still", "robot"]
+    other_hand: str
     conditions: tuple[tuple[str, str], ...]
     count: int
     duration: float  # time limit after which no trial begins; 0: none [s]
@@ -287,6 +287,14 @@ def config_of(config: Config, session: PlanSession, number: int) -> Config:
     if problems:
         raise ConfigError(problems)
     return config
+
+
+def configs_of(config: Config, plan: Plan) -> Iterator[Config]:
+    """Make the configuration of each block of a plan on a rig; see `config_of`."""
+    rig = seated(config, plan)
+    for session in plan.sessions:
+        for block in session.blocks:
+            yield config_of(rig, session, block.number)
 
 
 def _block_of(config: Config, session: PlanSession, plan: PlanBlock) -> Block:

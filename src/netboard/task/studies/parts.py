@@ -116,8 +116,8 @@ class Kind(Changes):
         | Literal["auto"]
     ) = "auto"
     other_hand: Annotated[
-        Literal["own", "still", "robot"],
-        about("mover of a lone participant's other hand: the same one (bimanual), nobody, a simulated partner"),
+        str,
+        about('mover of a lone participant\'s other hand: "own" (bimanual), "still", or a robot partner'),
     ] = "own"
     factors: Annotated[tuple[str, ...], about('factors that vary over its blocks; "all": every one', strict=False)] = (
         ALL,
