@@ -5,16 +5,24 @@ import logging
 import typer
 
 from netboard.services.loading import load
-from netboard.services.options import ConfigFile, HandSide, Overrides, examples
+from netboard.services.options import ConfigFile, HandSide, Overrides, RobotPartnerName, examples, partner_settings
 
 app = typer.Typer()
 log = logging.getLogger(__name__)
 
 
-@app.command(epilog=examples("netboard agent --side left", "netboard agent --side right -c rig.toml"))
-def agent(side: HandSide, config: ConfigFile = None, overrides: Overrides = None) -> None:
+@app.command(
+    epilog=examples(
+        "netboard agent --side left",
+        "netboard agent --side right -c rig.toml",
+        "netboard agent --side right --partner robot",
+    )
+)
+def agent(
+    side: HandSide, config: ConfigFile = None, overrides: Overrides = None, partner: RobotPartnerName = None
+) -> None:
     """Run the agent of one device: it reads the stylus, and renders the force within safety limits."""
-    settings = load(config, overrides)
+    settings = load(config, [*partner_settings(side, partner), *(overrides or ())])
     backend = settings.agents.of(side).device
     from netboard.base.device_kind import WORDS
     from netboard.base.process.realtime import Priority, cpus_for, io_priority, prepare

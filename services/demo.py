@@ -7,7 +7,18 @@ import typer
 
 from netboard.base.errors import ConfigError
 from netboard.services.loading import load, load_study
-from netboard.services.options import MOST_SEED, MOST_TRIALS, Blocks, ConfigFile, Dyad, Overrides, SessionOf, examples
+from netboard.services.options import (
+    MOST_SEED,
+    MOST_TRIALS,
+    Blocks,
+    ConfigFile,
+    Dyad,
+    Overrides,
+    RobotPartnerName,
+    SessionOf,
+    examples,
+    partner_settings,
+)
 
 app = typer.Typer()
 
@@ -16,6 +27,7 @@ app = typer.Typer()
     epilog=examples(
         "netboard demo",
         "netboard demo --play left",
+        "netboard demo --play left --partner robot",
         "netboard demo --trials 2 --haptics off --bimanual",
         "netboard demo --study paper --dyad 3 --blocks 4 --trials 5",
     )
@@ -39,6 +51,7 @@ def demo(
             "and down keys the right end."
         ),
     ] = None,
+    partner: RobotPartnerName = None,
     study: SessionOf = None,
     dyad: Dyad = 1,
     blocks: Blocks = None,
@@ -48,9 +61,12 @@ def demo(
         raise ConfigError(f"--no-displays: found with --play {play}, which needs a window to play in")
     if play in ("left", "right") and bimanual:
         raise ConfigError(f"--bimanual: found with --play {play}, expected --play both: one person moves both hands")
+    if partner and (bimanual or play == "both"):
+        raise ConfigError(f"--partner: found {partner}, expected none where one person moves both hands")
     demo_options = demo_settings(
         trials=trials or 6, haptics=haptics, bimanual=bimanual, seed=seed, directory=directory, play=play
     )
+    demo_options += partner_settings("left" if play == "right" else "right", partner)
     if study is not None:
         load_study(study)  # refused before any process starts
         demo_options.append("session.pilot=true")

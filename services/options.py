@@ -22,6 +22,15 @@ Overrides = Annotated[
     list[str] | None, typer.Option("--set", metavar="TABLE.KEY=VALUE", help="Override one setting; repeat for several.")
 ]
 HandSide = Annotated[Side, typer.Option(help="Side of the board that the device moves.")]
+RobotPartnerName = Annotated[
+    str | None,
+    typer.Option(
+        "--partner",
+        metavar="NAME",
+        help="A robot partner holds the stylus of a simulated device in place of a person, such as robot (the "
+        "simulated participant).",
+    ),
+]
 Agreed = Annotated[bool, typer.Option("--yes", help="Do not ask; everybody at the device has agreed.")]
 ReplaceProfile = Annotated[bool, typer.Option("--replace", help="Keep no backup (.bak) of the previous profile.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one line of JSON.")]
@@ -101,6 +110,13 @@ NewFolder = Annotated[
 def changes_of(overrides: Sequence[str] | None, model: str | None) -> list[str]:
     """Return the overrides, and --model as another one."""
     return [*(overrides or ()), *([f"physics.model={model}"] if model else ())]
+
+
+def partner_settings(side: str, partner: str | None) -> list[str]:
+    """Return the settings with which a robot partner holds the stylus of a side; none without one."""
+    if partner is None:
+        return []
+    return [f"agents.{side}.device=partner", f"agents.{side}.options.partner={partner}"]
 
 
 def examples(*lines: str) -> str:

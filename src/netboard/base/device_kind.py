@@ -20,6 +20,7 @@ class DeviceKind(StrEnum):
     POINTER = "pointer"
     SIMULATED = "simulated"
     PLAYBACK = "playback"
+    ROBOT = "robot"
     UNDECLARED = "undeclared"
 
 
@@ -29,6 +30,7 @@ WORDS = {
     DeviceKind.POINTER: "mouse pointer, no device",
     DeviceKind.SIMULATED: "simulated, no device",
     DeviceKind.PLAYBACK: "recorded movements, no device",
+    DeviceKind.ROBOT: "robot partner, no device",
     DeviceKind.UNDECLARED: "device of undeclared kind",
 }
 """Text of each kind."""
@@ -38,6 +40,7 @@ STAND_INS = {
     DeviceKind.POINTER: "mouse pointer",
     DeviceKind.SIMULATED: "simulated",
     DeviceKind.PLAYBACK: "playback",
+    DeviceKind.ROBOT: "robot partner",
     DeviceKind.UNDECLARED: "undeclared",
 }
 """Kinds that stand in for a haptic device, in the words that confirm them; `INPUT` only where haptic feedback is on."""

@@ -91,7 +91,7 @@ class Block:
         str,
         about(
             'mover of the left hand: "person", "still" (held at height 0), or a robot partner, of those that '
-            "`netboard agent --help` names",
+            "`netboard plan check` knows",
             form=LABEL,
         ),
     ] = PERSON

@@ -52,6 +52,7 @@ BACKENDS = {
         lists_serials=True,
         buttons=4,
     ),
+    "partner": Backend("netboard.devices.simulated.partner:RobotPartner", DeviceKind.ROBOT),
     "playback": Backend("netboard.devices.simulated.playback:Playback", DeviceKind.PLAYBACK),
     "spacemouse": Backend(
         "netboard.devices.spacemouse:SpaceMouse",

@@ -73,6 +73,9 @@ DEVICE = np.dtype(
         ("time_ns", "<i8"),  # time up to which the hand has been simulated, or NEVER_NS [ns]
         ("written", "<f8", (3,)),  # force written last, within the limit [N]
         ("acting", "<f8", (3,)),  # force of the motors on the hand [N]
+        ("faulty", "<i8"),  # 1: what holds the stylus has failed, so no force may be rendered
+        ("z", "<f8"),  # height of the newest reading [m]
+        ("vz", "<f8"),  # and its velocity [m/s]
         ("limit", "<f8"),  # largest force of the motors [N]
         ("stop", "<f8"),  # mechanical stop of each axis [m]
         ("step", "<f8"),  # encoder step, 0 for none [m]
@@ -127,7 +130,8 @@ def read(parts: SimulatedParts, now_ns: int) -> tuple[bool, Fields]:
     rest = max(now_ns - d["time_ns"], 0) * 1e-9
     x, y, z = encoded(parts.held.stylus, rest, d["stop"], d["step"])
     vx, vy, vz = windowed_velocity(parts.window, now_ns, x, y, z)
-    return True, (now_ns, x, y, z, vx, vy, vz, 0, True)
+    d["z"], d["vz"] = z, vz
+    return True, (now_ns, x, y, z, vx, vy, vz, 0, d["faulty"] == 0)
 
 
 class Kernels(NamedTuple):
@@ -285,7 +289,9 @@ class SimulatedDevice(Device):
             self._advance_imperfect(now_ns)
         x, y, z = self._encoder(now_ns)
         vx, vy, vz = self._velocimeter.update(now_ns, x, y, z)
-        return Reading(now_ns, x, y, z, vx, vy, vz, 0, self._heat is None or not self._heat.warm)
+        self._device["z"], self._device["vz"] = z, vz
+        cool = self._heat is None or not self._heat.warm
+        return Reading(now_ns, x, y, z, vx, vy, vz, 0, cool and not self._device["faulty"])
 
     def _write(self, fx: float, fy: float, fz: float) -> None:
         limit = self._device["limit"]

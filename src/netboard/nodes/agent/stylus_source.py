@@ -7,13 +7,15 @@ right hand over the channel ``moves`` to the right agent. Simulated participants
 sits at the display, which sends the pointer's position to its side's agent and receives the force on the hand.
 """
 
-from collections.abc import Iterable
+import logging
+from collections.abc import Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from math import isfinite
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from netboard.base.config import SIDES, Config, Side, parse
 from netboard.base.errors import WireError
@@ -26,10 +28,13 @@ from netboard.network.transport import channels, sockets
 from netboard.network.transport.fastpath import NO_FILE, Receiver
 from netboard.nodes.agent.agent_runs import NEVER_DUE_NS
 from netboard.participants.people.controller import Controller, pack_constants
-from netboard.participants.people.senses import DECISION_INTERVAL, Glimpse
+from netboard.participants.people.senses import DECISION_INTERVAL, Glimpse, write_glimpse
 from netboard.participants.people.submovement import Submovement
-from netboard.participants.policy import SIMULATED_PARTICIPANT, identity_of
+from netboard.participants.policy import SIMULATED_PARTICIPANT, Policy, identity_of
+from netboard.participants.seat.closed_loop import force_scales
 from netboard.stage.view import View
+
+log = logging.getLogger(__name__)
 
 HOST: Side = "left"
 """Side whose agent runs the controller of a bimanual participant."""
@@ -79,6 +84,7 @@ class ViewReceiver:
 
     def __init__(self, socket: sockets.Socket) -> None:
         self.glimpse: Glimpse | None = None
+        self.trial = 0  # the one that is shown
         self._receiver = Receiver(socket, "view", sockets.MAX_SAMPLE)
         self.file = self._receiver.file
 
@@ -90,6 +96,7 @@ class ViewReceiver:
             except WireError:
                 continue
             if isinstance(view, View):
+                self.trial = view.trial
                 self.glimpse = Glimpse(
                     now_ns * 1e-9, view.phase, view.z, view.theta, view.p, view.target, view.left, view.right
                 )
@@ -174,6 +181,89 @@ class SecondHand:
         self._moves.close()
 
 
+@runtime_checkable
+class PartnerDevice(Protocol):
+    """A device whose stylus a robot partner holds."""
+
+    side: Side
+    identity: Mapping[str, str]
+    observation: NDArray[Any]
+
+    def prepared(self, config: Config) -> tuple[Policy, NDArray[Any]]:
+        """Return the partner for the block of a configuration, and its state."""
+
+    def play(self, policy: Policy, state: NDArray[Any]) -> None:
+        """Begin a block."""
+
+    @property
+    def fault(self) -> str:
+        """Why the partner has let go of the stylus in this block; empty if it has not."""
+
+    def tell(self, scale: float) -> None:
+        """Tell the partner the factor of the board's force on its hand; 0 if the force tells nothing [1]."""
+
+    def live(self, now_ns: int) -> None:
+        """Integrate the hand's mechanics up to now."""
+
+
+class PartnerSource:
+    """The robot partner at a device: it gets its station's views, and is made anew for each block.
+
+    The configuration of a block is read in a thread, and the partner made, because both take many milliseconds.
+    """
+
+    def __init__(self, config: Config, device: PartnerDevice, context: sockets.Context) -> None:
+        where = keys.reach(config.network, f"agent.{device.side}")
+        self._views = ViewReceiver(sockets.view_subscriber(context, where.reach(channels.VIEW[device.side])))
+        self._reader = ThreadPoolExecutor(1, "configuration", beside_loop)
+        self._coming: Future[tuple[Config, Policy, NDArray[Any]]] | None = None
+        self._config, self._device = config, device
+        self._scales = force_scales(config)
+        self._fault = ""
+        self.file = self._views.file
+
+    @property
+    def identity(self) -> Mapping[str, str]:
+        """What is recorded of the partner."""
+        return self._device.identity
+
+    @property
+    def due_ns(self) -> int:
+        """When Python must advance the partner, if `file` does not signal first [ns]."""
+        return 0 if self._coming is not None else NEVER_DUE_NS
+
+    def begin(self, text: str) -> None:
+        """Make the partner for a block, as soon as its configuration has been read."""
+        self._coming = self._reader.submit(self._prepare, text)
+
+    def step(self, now_ns: int, haptics: bool) -> None:
+        """Take the newest view."""
+        self._device.live(now_ns)
+        if self._coming is not None and self._coming.done():
+            self._config, policy, state = self._coming.result()
+            self._coming, self._scales = None, force_scales(self._config)
+            self._device.play(policy, state)
+        if self._device.fault != self._fault:
+            self._fault = self._device.fault
+            if self._fault:
+                log.error("%s: no force is rendered until the next block", self._fault)
+        self._views.poll(now_ns)
+        if self._views.glimpse is not None:
+            write_glimpse(self._views.glimpse, self._device.observation["seen"])
+        self._device.tell(self._scale() if haptics else 0.0)
+
+    def _scale(self) -> float:
+        """Return the factor of the force in the trial that is shown; 0 if the force tells nothing [1]."""
+        trial = self._views.trial
+        if not self._scales or trial < 1 or trial in self._config.block.catch:
+            return 0.0
+        return self._scales[(trial - 1) % len(self._scales)]
+
+    def _prepare(self, text: str) -> tuple[Config, Policy, NDArray[Any]]:
+        config = block_of(self._config, text)
+        return config, *self._device.prepared(config)
+
+
 class PlayerSource:
     """A player at this side's display, whose pointer moves the stylus."""
 
@@ -207,6 +297,12 @@ class PlayerSource:
             return
         if isinstance(pointer, Pointer) and pointer.side == self._device.side and isfinite(pointer.z or 0.0):
             self._device.point(pointer.z, now_ns)
+
+
+def block_of(config: Config, text: str) -> Config:
+    """Return an agent's configuration with the block, the scene and the task of the server's."""
+    received = parse(text, "the server's configuration")
+    return replace(config, block=received.block, physics=received.physics, task=received.task)
 
 
 def _is_possible(move: Move) -> bool:
@@ -252,8 +348,7 @@ class LiveParticipant:
 
     def _read(self, text: str) -> Config:
         """Return the configuration of a block; the gains of its observer are then known, too."""
-        received = parse(text, "the server's configuration")
-        config = replace(self._config, block=received.block, physics=received.physics, task=received.task)
+        config = block_of(self._config, text)
         pack_constants(config.participant, config.physics, config.task, config.virtual, (self._device.side,))
         return config
 
@@ -279,8 +374,12 @@ class LiveParticipant:
         return self._moves
 
 
-def stylus_source_of(config: Config, device: Device, context: sockets.Context) -> LiveParticipant | PlayerSource | None:
-    """Return the simulated participant or player of a device; None if a real hand holds it."""
+def stylus_source_of(
+    config: Config, device: Device, context: sockets.Context
+) -> LiveParticipant | PartnerSource | PlayerSource | None:
+    """Return the simulated participant, robot partner or player of a device; None if a real hand holds it."""
+    if isinstance(device, PartnerDevice):
+        return PartnerSource(config, device, context)
     if isinstance(device, PointerDevice):
         return PlayerSource(config, device, context)
     return LiveParticipant(config, device, context) if isinstance(device, SimulatedHandDevice) else None

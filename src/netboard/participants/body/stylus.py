@@ -43,6 +43,22 @@ ACTION = np.dtype(
 )
 """What a hand does to the stylus until the next update."""
 
+
+@inlined
+def let_go_unless_finite(action: np.void) -> bool:
+    """Return whether all of an action is a number; otherwise the hand lets go, with no stiffness, damping and force."""
+    target, force = action["target"], action["force"]
+    total = action["stiffness"] + action["damping"]
+    for axis in range(3):
+        total += target[axis] + force[axis]
+    if np.isfinite(total):
+        return True
+    action["stiffness"] = action["damping"] = 0.0
+    for axis in range(3):
+        target[axis] = force[axis] = 0.0
+    return False
+
+
 MECHANICS = np.dtype(
     [
         ("per_force", "<f8"),  # change of velocity per force in a step [m/s/N]

@@ -19,6 +19,7 @@ from netboard.base.compiled import Numbers, Records, Words, composed, inlined
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import START_NS, TICK_NS, TICK_SECONDS, TICK_WORDS
+from netboard.participants.body.stylus import let_go_unless_finite
 from netboard.participants.people.person import ParticipantPolicy
 from netboard.participants.policy import OBSERVATION, TRUTH, Decide, Policy
 from netboard.participants.seat.body import LEAD_NS
@@ -44,6 +45,12 @@ class Seat(NamedTuple):
     truth: NDArray[np.int64]  # one number: whether it sees the true state
 
 
+def force_scales(config: Config) -> tuple[float, ...]:
+    """Return the factors of the force of the board on a hand, by trial; none if the force is another one [1]."""
+    block = config.block
+    return (block.trial_scales or (block.force_scale,)) if block.force == "full" else ()
+
+
 def make_seat(config: Config, policy: Policy, station: Side, seed: tuple[int, ...]) -> Seat:
     """Put a policy into a seat: it sees the views of a station."""
     block = config.block
@@ -51,8 +58,7 @@ def make_seat(config: Config, policy: Policy, station: Side, seed: tuple[int, ..
     curtain = make_curtain(replace(config, block=seen)).stations[station]
     view_ticks = ceil(1.0 / (TICK_SECONDS * config.network.view_rate_hz))
     timing = np.array([view_ticks, view_ticks // 2 if station == "right" else 0])
-    told = block.force == "full" and len(policy.sides) == 1
-    scales = np.array((block.trial_scales or (block.force_scale,)) if told else (), float)
+    scales = np.array(force_scales(config) if len(policy.sides) == 1 else (), float)
     hands = np.array([side in policy.sides for side in SIDES], np.int64)
     observation = np.zeros(1, OBSERVATION)
     observation["seen"]["time"] = nan
@@ -96,6 +102,9 @@ def _attend(
     if seat.truth[0]:
         _see_truth(seat.observation[0]["truth"], bodies, numbers)
     _decide(seat.state[0], seat.constants[0], seat.observation[0], actions)
+    for side in range(2):
+        if seat.hands[side]:
+            let_go_unless_finite(actions[side])
 
 
 class SeatKernels(NamedTuple):
