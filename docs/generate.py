@@ -421,6 +421,8 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     **{f"recovery-{name}": ("explanation/recovery.md", study_part("recovery", name)) for name in RECOVERY},
     "recording machine": ("explanation/recording.md", study_machine("recording")),
     "analysis evidence": ("explanation/analysis-evidence.md", analysis_evidence),
+    "controls machine": ("explanation/analysis-controls.md", study_machine("controls")),
+    "controls parts": ("explanation/analysis-controls.md", study_part("controls", "parts")),
     "truth machine": ("explanation/analysis-evidence.md", study_machine("truth")),
     "truth": ("explanation/analysis-evidence.md", study_part("truth", "truth")),
     **{f"recording-{name}": ("explanation/recording.md", study_part("recording", name)) for name in RECORDING},

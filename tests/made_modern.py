@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from made_study import Block, made_study, random_movement, random_trial
 from netboard.analysis.extraction.attempts import MODERN
+from netboard.analysis.extraction.controls import CONTROLS, GROUPS, arms_of
 from netboard.analysis.extraction.details import PATHS
+from netboard.analysis.extraction.settings import ControlSettings
 from netboard.analysis.extraction.study import StudyData
 from netboard.recording.format.channels import DTYPES
 
@@ -30,7 +32,7 @@ def modern_trial(chance: np.random.Generator) -> dict[str, float]:
         )
     }
     names = ("to_left", "to_right", "interaction", "force_share", "in_target", "overshoot")
-    measured = [field.name for group in MODERN for field in group.fields if not field.name.startswith("passive_")]
+    measured = [field.name for group in MODERN for field in group.fields]
     others = chance.spawn(1)[0]  # so that a new measure changes no other number
     return {
         **{name: float(others.random()) for name in measured},
@@ -43,6 +45,26 @@ def modern_trial(chance: np.random.Generator) -> dict[str, float]:
         "sparc": float(chance.normal(-1.8, 0.1)),
         "ldlj": float(chance.normal(-8.0, 0.5)),
     }
+
+
+MOVED = {arm.name: 0.02 * (number + 1) for number, arm in enumerate(arms_of(ControlSettings()))}
+"""What the arms of a made control add to the cooperative share, and take from the share of single movement."""
+
+
+def control_rows(trials: Sequence[Mapping[str, float]]) -> list[dict[str, Any]]:
+    """Make the controls of trials, in which each arm moves `MOVED` of the time to cooperative movement."""
+    found: list[dict[str, Any]] = []
+    for number, trial in enumerate(trials, start=1):
+        own = {field.name: trial[field.name] for group in GROUPS for field in group.fields if field.name in trial}
+        own |= {"trial": number, "delay_20": 0.1, "movements": 3}
+        whole = sum(trial[name] for name in ("cooperative", "competitive", "single", "still"))
+        for control in CONTROLS:
+            found.append(own | {"control": control.name, "arm": ""})
+            for arm in list(MOVED)[: None if control.every_arm else 2]:
+                more = MOVED[arm] * whole
+                moved = {"cooperative": own["cooperative"] + more, "single": own["single"] - more}
+                found.append(own | moved | {"control": control.name, "arm": arm})
+    return found
 
 
 def modern_blocks(
@@ -64,14 +86,11 @@ def modern_blocks(
             for performer, configuration in ((f"{dyad}A", "bimanual"), (f"{dyad}B", "bimanual"), (dyad, "dyadic")):
                 rows = [modern_trial(chance) for _ in range(trials)]
                 for row in rows:
-                    if configuration == "dyadic" and force != "none":
-                        row |= {f"passive_{k}": share for k, share in ((50, 0.3), (150, 0.2), (300, 0.1))}
-                        row |= {f"passive_{k}_device": share for k, share in ((50, 0.03), (150, 0.02), (300, 0.01))}
-                        row["passive_friction"] = 0.26
                     change(row, configuration, force, number)
                 moves = [random_movement(chance, trial) for trial in range(1, trials + 1) for _ in range(3)]
                 partner = f"{dyad}B" if configuration == "dyadic" else ""
-                blocks.append(Block(dyad, performer, configuration, force, rows, moves, partner))
+                controls = control_rows(rows) if force == "none" else []
+                blocks.append(Block(dyad, performer, configuration, force, rows, moves, partner, controls))
     return blocks
 
 

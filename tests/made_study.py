@@ -39,6 +39,7 @@ class Block:
     trials: Sequence[Row]
     movements: Sequence[Row] = ()
     right_by: str = ""
+    controls: Sequence[Row] = ()
 
 
 def measured(block: Block, number: int) -> Measured:
@@ -52,6 +53,8 @@ def measured(block: Block, number: int) -> Measured:
         "configuration": block.configuration,
         "force": block.force,
         "haptics": int(block.force != "none"),
+        "force_scale": 1.0,
+        "force_delay": 0.0,
         "performer": block.performer,
         "left_by": block.performer,
         "right_by": block.right_by or block.performer,
@@ -66,11 +69,15 @@ def measured(block: Block, number: int) -> Measured:
         {"recording": name, "trial": 1, "attempt": 1, "movement": k, "cooperative": 1, **row}
         for k, row in enumerate(block.movements, start=1)
     ]
+    done = {(row["trial"], row["attempt"]) for row in trials}
+    controls = [{"recording": name, "attempt": 1, **row} for row in block.controls]
+    controls = [row for row in controls if (row["trial"], row["attempt"]) in done]
     return Measured(
         rows_of(BLOCKS, [whole]),
         rows_of(FIELDS["trials"], trials),
         rows_of(FIELDS["movements"], movements),
         rows_of(FIELDS["paths"], []),
+        rows_of(FIELDS["controls"], controls),
     )
 
 

@@ -7,9 +7,10 @@ import pytest
 from numpy.typing import NDArray
 
 from made_recordings import recorded, two_trials
+from netboard.analysis.extraction.controls import CONTROLS, arms_of
 from netboard.analysis.extraction.exclusions import NO_RELEASE
 from netboard.analysis.extraction.recordings import FIELDS, Measured, measure
-from netboard.analysis.extraction.settings import Readings, parse
+from netboard.analysis.extraction.settings import ControlSettings, Readings, parse
 from netboard.analysis.extraction.study import study_of
 from netboard.analysis.extraction.trials import RATE, BlockData
 from netboard.analysis.measures.peaks import velocity_peaks
@@ -145,15 +146,39 @@ def test_movements_lie_within_trials_and_paths_start_at_release(folder: Path) ->
         np.testing.assert_allclose(np.abs(one.paths["p"][starts]), 0.15, atol=0.002)
 
 
-def test_passive_partner_is_computed_only_for_dyads_with_haptics(folder: Path) -> None:
+def test_controls_are_computed_only_with_haptics_off(folder: Path) -> None:
     for one in tables(folder):
-        felt = one.blocks["haptics"][0] and one.blocks["configuration"][0] == "dyadic"
-        assert np.isfinite(one.trials["passive_150"]).all() == bool(felt)
-        assert np.isfinite(one.trials["passive_150_device"]).all() == bool(felt)
-        if felt:
-            assert one.trials["passive_friction"] == pytest.approx(0.26)
-            assert (one.trials["passive_150_device"] <= one.trials["passive_150"] + 0.02).all()
-            assert (one.trials["passive_50"] >= one.trials["passive_300"]).all()
+        rows = one.controls
+        assert bool(len(rows["trial"])) == (not one.blocks["haptics"][0])
+        if not len(rows["trial"]):
+            continue
+        assert set(rows["control"]) <= {control.name for control in CONTROLS}
+        assert set(rows["arm"][rows["control"] == "passive"]) == {"", *(arm.name for arm in arms_of(ControlSettings()))}
+        held = np.char.find(rows["arm"].astype(str), "device") >= 0
+        assert rows["friction"][held] == pytest.approx(0.26)
+        assert np.isnan(rows["friction"][~held]).all()
+
+
+def test_control_without_a_force_is_the_attempt_itself(folder: Path) -> None:
+    for one in tables(folder):
+        rows, trials = one.controls, one.trials
+        for place in np.flatnonzero((rows["control"] != "recorded partner") & (rows["arm"] == "")):
+            (own,) = np.flatnonzero((trials["trial"] == rows["trial"][place]) & (trials["outcome"] == "success"))
+            for name in ("cooperative", "single", "lag", "left_reaction", "right_effort", "interaction"):
+                np.testing.assert_allclose(rows[name][place], trials[name][own], atol=1e-9)
+
+
+def test_stiffer_arms_yield_less_and_few_attempts_have_controls(folder: Path) -> None:
+    words = ("controls.attempts=1", "controls.stiffest=2000")
+    found = [one.controls for one in tables(folder, *words) if len(one.controls["trial"])]
+    assert found
+    for every in found:
+        rows = {name: values[every["control"] == "passive"] for name, values in every.items()}
+        assert len(set(rows["trial"])) == 1
+        effort = dict(zip(rows["arm"], rows["left_effort"], strict=True))
+        soft, stiff = (abs(effort[f"{k} N/m, no friction"] - effort[""]) for k in (50, 2000))
+        assert stiff < 0.3 * soft
+    assert not any(len(one.controls["trial"]) for one in tables(folder, "controls.attempts=0"))
 
 
 def test_missing_samples_count_as_unknown_movement(tmp_path: Path) -> None:

@@ -4,10 +4,10 @@ from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from two_hands import ARM, TwoHands, minimum_jerk, minimum_jerk_rate, rolled, two_hands
+from two_hands import ARM, TwoHands, minimum_jerk_rate, rolled, two_hands
 
 from netboard.analysis.measures.braking import first_braking
 from netboard.analysis.measures.cooperation import contributions
@@ -17,15 +17,7 @@ from netboard.analysis.measures.interaction import effort, exchanged, point_velo
 from netboard.analysis.measures.lags import lag_of, leadership, windowed_lags
 from netboard.analysis.measures.motion import Trial, ball_speed, find_completion, motion, placements
 from netboard.analysis.measures.movements import classify, mean_shares, shares
-from netboard.analysis.measures.passive import (
-    Gains,
-    Heights,
-    PassiveHand,
-    driven,
-    linear_partner,
-    passive_control,
-    passive_partner,
-)
+from netboard.analysis.measures.passive import PassiveHand, driven
 from netboard.analysis.measures.peaks import velocity_peaks
 from netboard.analysis.measures.performance import (
     RelativePerformance,
@@ -46,7 +38,6 @@ from netboard.analysis.statistics.exact_tests import permutation_test, permutati
 
 RATE = 1000.0
 ONE = Past(step=1, own=1, other=1, delay=1)
-LEFT, RIGHT = Gains(74.1, 25.9, 0.98), Gains(74.1, 25.9, -0.98)
 
 units = st.floats(1e-3, 1e3)
 offsets = st.floats(-5, 5)
@@ -488,36 +479,6 @@ def test_driven_hand_is_linear_and_time_invariant(
     assert_close(driven(-unit * force + at, RATE, hand), -unit * found, within=1e-9 * (1 + unit))
     assert_close(driven(np.pad(force, (late, 0)), RATE, hand)[late:], found)
     assert_close(driven(force[::4], RATE / 4, hand), found[::4], within=2e-5)
-
-
-def cooperative(left: np.ndarray, right: np.ndarray) -> float:
-    return float(np.mean(np.gradient(left) * np.gradient(right) < -1e-12))
-
-
-@pytest.mark.evidence("properties", linear_partner, of=("mirror", "unit"))
-@pytest.mark.evidence("properties", passive_control, of=("mirror", "order"))
-@given(st.integers(0, 99), st.floats(0.1, 10))
-@settings(max_examples=15)
-def test_passive_partner_is_mirror_symmetric(seed: int, unit: float) -> None:
-    source = np.random.default_rng(seed)
-    times = np.arange(400) / RATE
-    respond = linear_partner(RATE, PassiveHand(), LEFT, RIGHT)
-
-    def trial(scale: float) -> Heights:
-        ends = scale * source.uniform(-0.02, 0.02, 2)
-        ball = minimum_jerk(times, 0.1, 0.3, source.uniform(-0.2, 0.2))
-        return Heights(*(minimum_jerk(times, 0.02, 0.3, end) for end in ends), ball)
-
-    one = trial(1.0)
-    assert_close(respond(unit * one.left, unit * one.p, "right"), unit * respond(one.left, one.p, "right"))
-    assert_close(respond(one.left, one.p, "right"), respond(one.left, -one.p, "left"))
-    assert_close(respond(one.left, one.p, "right"), passive_partner(one.left, one.p, RATE, PassiveHand(), RIGHT))
-    on, off = ([[trial(scale) for _ in range(2)] for _ in range(3)] for scale in (1.0, 0.5))
-    found = passive_control(on, off, respond, cooperative)
-    mirrored = [[[Heights(t.right, t.left, -t.p) for t in dyad[::-1]] for dyad in kind] for kind in (on, off)]
-    other = passive_control(*mirrored, respond, cooperative)
-    assert_close(other.effect, found.effect)
-    assert_close(other.passive, found.passive)
 
 
 # --- smoothness, the task ----------------------------------------------------------------------------------------

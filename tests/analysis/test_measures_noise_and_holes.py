@@ -30,11 +30,8 @@ from netboard.analysis.measures.motion import FilteredMotion, Trial, ball_speed,
 from netboard.analysis.measures.movements import classify, mean_shares, movement_times
 from netboard.analysis.measures.passive import (
     Gains,
-    Heights,
     PassiveHand,
     driven,
-    linear_partner,
-    passive_control,
     passive_partner,
 )
 from netboard.analysis.measures.peaks import velocity_peaks
@@ -417,14 +414,12 @@ def test_chance_level_with_a_missing_value_is_nan() -> None:
     assert np.isnan([holed.value, holed.excess, holed.p]).all()
 
 
-@pytest.mark.evidence("disturbance", driven, passive_partner, linear_partner, of="holes")
+@pytest.mark.evidence("disturbance", driven, passive_partner, of="holes")
 @given(speeds, holes)
 def test_passive_hand_is_nan_after_a_hole(force: np.ndarray, missing: list[int]) -> None:
-    respond = linear_partner(RATE, PassiveHand(), GAINS, GAINS)
     for measure in (
         lambda x: driven(x, RATE, PassiveHand()),
         lambda x: passive_partner(x, 0 * x, RATE, PassiveHand(), GAINS),
-        lambda x: respond(x, 0 * x, "left"),
     ):
         assert_equal_or_nan(measure, missing, force)
         assert np.isnan(measure(with_holes(force, missing))[min(missing) :]).all()
@@ -438,25 +433,6 @@ def test_passive_hand_smooths_noise_as_predicted() -> None:
     assert driven(noise, RATE, PassiveHand())[1000:].std() == pytest.approx(expected, rel=0.15)
     moved = passive_partner(1e-3 * noise, 0 * noise, RATE, PassiveHand(), GAINS)
     assert moved[1000:].std() < 1e-3 * GAINS.partner * expected
-
-
-@pytest.mark.evidence("disturbance", passive_control, of="holes")
-def test_trial_with_a_hole_makes_the_effect_of_its_dyad_nan() -> None:
-    times = np.arange(300) / RATE
-
-    def trial(far: float) -> Heights:
-        z = minimum_jerk(times, 0.02, 0.2, far)
-        return Heights(z, -z / 2, 0 * z)
-
-    def product(left: np.ndarray, right: np.ndarray) -> float:
-        return float(left @ right)
-
-    respond = linear_partner(RATE, PassiveHand(), GAINS, GAINS)
-    on, off = [[trial(0.02)], [trial(0.03)]], [[trial(0.01)], [trial(0.01)]]
-    on[1] = [on[1][0]._replace(left=with_holes(on[1][0].left, [150]))]
-    found = passive_control(on, off, respond, product)
-    np.testing.assert_array_equal(np.isnan([found.effect, found.passive]), [[False, True]] * 2)
-    assert np.isnan(found.share)
 
 
 @pytest.mark.evidence("disturbance", evenly, of=("noise", "holes"))

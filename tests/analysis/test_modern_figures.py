@@ -17,8 +17,10 @@ from made_modern import Path, modern_blocks, modern_study, with_paths
 from made_study import Block, declared, made_study, random_block, times
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.study import StudyData, study_of
-from netboard.analysis.topics import contrasts, delay, influence, models, passive
+from netboard.analysis.topics import contrasts, delay, influence, models
 from netboard.analysis.topics.contrasts import comparisons
+from netboard.analysis.topics.controls import controls
+from netboard.analysis.topics.controls import picture as draw_controls
 from netboard.analysis.topics.everything import MODERN as FOUND
 from netboard.analysis.topics.everything import MODERN_FIGURES as MODERN
 from netboard.analysis.topics.figure import STYLE, TopicFigure, as_bytes
@@ -26,7 +28,6 @@ from netboard.analysis.topics.influence import influences
 from netboard.analysis.topics.leadership import leaders
 from netboard.analysis.topics.measures import overview
 from netboard.analysis.topics.models import fits
-from netboard.analysis.topics.passive import controls
 from netboard.analysis.topics.paths import mean_paths
 from netboard.analysis.topics.quality import quality as find_quality
 from netboard.analysis.topics.result import table_of
@@ -152,7 +153,7 @@ def test_axis_of_ratios_has_several_ticks_in_a_narrow_range(masses: StudyData) -
     assert sum(low <= tick <= high for tick in axes.get_xticks()) >= 3
 
 
-@pytest.mark.parametrize("draw", [influence.picture, passive.picture])
+@pytest.mark.parametrize("draw", [influence.picture, draw_controls])
 def test_figures_are_reproducible_to_the_byte(
     draw: Callable[[StudyData], TopicFigure], drawn: dict[str, TopicFigure], study: StudyData
 ) -> None:
@@ -292,17 +293,20 @@ def test_influence_caption_says_whether_all_exchanges_were_made(
     assert "share of randomly drawn exchanges of partners" in influence._caption(some)
 
 
-def test_passive_figure_shows_effect_and_passive_partner(study: StudyData, drawn: dict[str, TopicFigure]) -> None:
-    picture = drawn["passive"]
-    axes = figure_of(picture).axes[0]
-    found = controls(study).parts
-    for k, dyad in enumerate(found[0].dyads):
-        expected = [found[0].effect[k], *(one.passive[k] for one in found)]
-        np.testing.assert_allclose(points(axes, f"dyadic, haptics on, {dyad}")[:, 1], 100 * np.array(expected))
-    assert points(axes, "dyadic, haptics on, 0")[0, 1] == pytest.approx(100 * found[0].mean_effect.value)
-    shown_shares = [f"{one.stiffness} N/m: {100 * one.share.value:.0f} %" for one in found if one.has_effect]
-    assert all(part in picture.caption for part in shown_shares or ["cannot be estimated"])
-    assert ("95 % bootstrap intervals" in picture.caption) == bool(shown_shares)
+def test_controls_figure_shows_effects_and_their_parts(study: StudyData, drawn: dict[str, TopicFigure]) -> None:
+    figure = figure_of(drawn["controls"])
+    found = [one for one in controls(study).parts if one.passive]
+    assert {axes.get_title(loc="left") for axes in figure.axes} == {one.measure.name for one in found}
+    (axes,) = [axes for axes in figure.axes if axes.get_title(loc="left") == "cooperative share"]
+    for one in found:
+        if one.measure.name == "cooperative share":
+            assert points(axes, f"{one.group}, effect")[0, 0] == pytest.approx(100 * one.effect.value)
+            for each in one.usual:
+                assert each.arm is not None
+                for part, mean in (("passive part", each.predicted), ("rest", each.rest)):
+                    shown = points(axes, f"{one.group}, {part}, {each.arm.name}")[0, 0]
+                    assert shown == pytest.approx(100 * mean.value)
+    assert "filled: with the mass and friction of the recorded device" in drawn["controls"].caption
 
 
 def test_paths_figure_shows_means_and_bands(study: StudyData, drawn: dict[str, TopicFigure]) -> None:

@@ -1,4 +1,4 @@
-"""The passive partner, against closed forms and the scene integrated by another library."""
+"""Passive hands and arms that yield, against closed forms and scenes integrated by another library."""
 
 from itertools import pairwise
 
@@ -8,16 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from netboard.analysis.measures.passive import (
-    Gains,
-    Heights,
-    PassiveHand,
-    driven,
-    linear_partner,
-    passive_control,
-    passive_partner,
-)
-from netboard.analysis.statistics.estimates import bootstrap, ratio_of_sums
+from netboard.analysis.measures.passive import Gains, PassiveHand, driven, passive_partner, yielding
 from netboard.base.tables.scene import Physics
 from netboard.physics.scene.parameters import pack_scene, parts_of
 from netboard.physics.scene.rendering import gains_of
@@ -112,53 +103,97 @@ def test_linear_partner_equals_the_integrated_scene(side: int) -> None:
     assert cooperative(active, here) == pytest.approx(cooperative(active, there), abs=0.005)
 
 
-def trials(seed: int, follow: float) -> list[Heights]:
-    """Trials whose left hand moves up and down, and whose right hand mirrors it, scaled by `follow`."""
-    source = np.random.default_rng(seed)
-    left = [steps([0.0, *source.uniform(-0.02, 0.02, 6)]) for _ in range(4)]
-    return [Heights(z, -follow * z + 0.0, np.zeros(len(z))) for z in left]
+def arms(stiffness: float = 150.0, friction: float = 0.0) -> tuple[PassiveHand, PassiveHand]:
+    hand = PassiveHand(stiffness=stiffness, friction=friction)
+    return hand, hand
 
 
-@pytest.mark.evidence("truth", passive_control, linear_partner)
-def test_fully_passive_partner_explains_the_whole_effect() -> None:
+@pytest.mark.evidence("truth", yielding)
+@pytest.mark.parametrize(("stiffness", "millimetres"), [(50.0, -3.4), (150.0, -1.5), (300.0, -0.8)])
+def test_arm_at_rest_yields_as_a_passive_hand(stiffness: float, millimetres: float) -> None:
+    active, still = steps([0.0, 0.01, 0.01, 0.01, 0.01]), np.zeros(2400)
+    force = np.array([still, -RIGHT.partner * active])
+    found = yielding(force, np.zeros_like(force), RATE, (None, arms(stiffness)[1]), (LEFT, RIGHT))
+    assert not found.z[0].any()
+    assert not found.vz[0].any()
+    assert 1000.0 * found.z[1, -1] == pytest.approx(millimetres, abs=0.05)
+    expected = passive_partner(active, still, RATE, PassiveHand(stiffness=stiffness), RIGHT)
+    assert found.z[1] == pytest.approx(expected, abs=2e-5)
+    assert found.vz[1] == pytest.approx(np.gradient(expected, 1 / RATE), abs=5e-4)
+
+
+@pytest.mark.evidence("independent", yielding, by="scipy")
+def test_two_arms_that_yield_to_each_other_equal_solve_ivp() -> None:
+    t = np.arange(1500) / RATE
+    force = np.array([0.4 * np.sin(7.0 * t), 0.3 * np.sin(4.0 * t)])
     hand = PassiveHand()
-    respond = linear_partner(RATE, hand, LEFT, RIGHT)
-    off = [trials(seed, 0.0) for seed in range(4)]
-    on = [[Heights(one.left, respond(one.left, one.p, "right"), one.p) for one in dyad] for dyad in off]
 
-    def left_alone(left: np.ndarray, right: np.ndarray) -> float:
-        # What the right hand does when the left one is the active one; the other way round nothing is known of.
-        return cooperative(left, right) if np.ptp(left) > np.ptp(right) else 0.0
+    def slopes(now: float, y: np.ndarray) -> list[float]:
+        left, right, left_v, right_v = y
+        push = 0.4 * np.sin(7.0 * now), 0.3 * np.sin(4.0 * now)
+        pulls = (
+            (hand.stiffness + LEFT.own) * left + LEFT.partner * right,
+            (hand.stiffness + RIGHT.own) * right + RIGHT.partner * left,
+        )
+        accelerations = [
+            (own - pull - hand.damping * v) / hand.mass
+            for own, pull, v in zip(push, pulls, (left_v, right_v), strict=True)
+        ]
+        return [left_v, right_v, *accelerations]
 
-    found = passive_control(on, off, respond, left_alone)
-    assert found.effect == pytest.approx([cooperative(*dyad[0][:2]) for dyad in on], abs=0.2)
-    assert found.effect.min() > 0.3
-    assert found.share == pytest.approx(0.5, abs=0.01)
-    assert (found.n, found.unit) == (4, "dyad")
+    solved = solve_ivp(slopes, (0.0, t[-1]), np.zeros(4), t_eval=t, rtol=1e-9, atol=1e-12)
+    found = yielding(force, np.zeros_like(force), RATE, arms(), (LEFT, RIGHT))
+    assert found.z == pytest.approx(solved.y[:2], abs=0.01 * np.abs(solved.y[:2]).max())
+    assert found.vz == pytest.approx(solved.y[2:], abs=0.02 * np.abs(solved.y[2:]).max())
 
 
-def test_active_partners_leave_a_small_passive_share() -> None:
-    respond = linear_partner(RATE, PassiveHand(), LEFT, RIGHT)
-    off, on = [trials(seed, 0.0) for seed in range(5)], [trials(seed, 0.8) for seed in range(5)]
+@pytest.mark.evidence("truth", yielding)
+def test_friction_holds_a_hand_at_rest_and_not_one_that_slides() -> None:
+    ramp = np.minimum(np.arange(2000) / 1000.0, 1.0)
+    force, rest = np.array([0.2 * ramp, 0.0 * ramp]), np.zeros((2, 2000))
+    held = yielding(force, rest, RATE, arms(friction=0.26), (LEFT, RIGHT))
+    assert np.abs(held.vz).max() < 1e-12
+    fast = rest + 0.05
+    slid, free = (yielding(force, fast, RATE, arms(friction=k), (LEFT, RIGHT)) for k in (0.26, 0.0))
+    assert slid.z == pytest.approx(free.z, abs=1e-9)
+    # A force against the movement stops the hand, and the friction then holds it: its whole velocity is 0.
+    against = yielding(np.array([-5.0 * ramp, 0.0 * ramp]), rest + 0.003, RATE, arms(friction=8.0), (LEFT, RIGHT))
+    assert against.vz[0, -1] == pytest.approx(-0.003, abs=1e-6)
 
-    def opposed(left: np.ndarray, right: np.ndarray) -> float:
-        return -float(np.cov(left, right)[0, 1]) * 1e6
 
-    found = passive_control(on, off, respond, opposed)
-    assert 0.05 < found.share < 0.35
-    interval = bootstrap([found.passive, found.effect], ratio_of_sums, np.random.default_rng(1))
-    assert interval.value == pytest.approx(found.share)
-    assert interval.low < found.share < interval.high
-    without_effect = passive_control(off, off, lambda active, p, side: np.zeros_like(active), opposed)
-    assert np.isnan(without_effect.share)
-    assert without_effect.passive.tolist() == [0.0] * 5
+@pytest.mark.evidence("properties", yielding, of=("mirror", "unit", "constant", "time"))
+@given(st.floats(0.1, 5.0), st.floats(-1.0, 1.0), st.integers(1, 200))
+def test_yielding_is_linear_without_friction_and_mirror_symmetric(scale: float, offset: float, late: int) -> None:
+    t = np.arange(600) / RATE
+    force, rates = np.array([np.sin(9.0 * t), np.cos(5.0 * t) - 1.0]), np.array([np.cos(3.0 * t), np.sin(2.0 * t)])
+    once = yielding(force, rates, RATE, arms(), (LEFT, RIGHT))
+    scaled = yielding(-scale * force + offset, rates, RATE, arms(), (LEFT, RIGHT))
+    assert scaled.z == pytest.approx(-scale * once.z, abs=1e-9)
+    mirrored = yielding(force[::-1], rates[::-1], RATE, arms(friction=0.2), (RIGHT, LEFT))
+    straight = yielding(force, rates, RATE, arms(friction=0.2), (LEFT, RIGHT))
+    assert mirrored.z == pytest.approx(straight.z[::-1], abs=1e-12)
+    held = np.pad(force, ((0, 0), (late, 0)), mode="edge"), np.pad(rates, ((0, 0), (late, 0)))
+    assert yielding(*held, RATE, arms(), (LEFT, RIGHT)).z[:, late:] == pytest.approx(once.z, abs=1e-12)
+
+
+@pytest.mark.evidence("disturbance", yielding, of=("holes", "noise"))
+def test_arms_are_unknown_after_a_hole_and_smooth_noise() -> None:
+    noise = np.random.default_rng(3).normal(size=(2, 20_000))
+    found = yielding(noise, np.zeros_like(noise), RATE, arms(), (LEFT, RIGHT))
+    # The deviation of m z'' + b z' + k z = white force of density S is sqrt(S / (2 b k)), S = 1 / rate.
+    assert found.z[0, 1000:].std() == pytest.approx(np.sqrt(1 / RATE / (2 * 8.0 * (150.0 + LEFT.own))), rel=0.15)
+    noise[1, 500] = np.nan
+    holed = yielding(noise, np.zeros_like(noise), RATE, arms(), (LEFT, RIGHT))
+    assert holed.z[:, :500] == pytest.approx(found.z[:, :500])
+    assert np.isnan(holed.z[:, 500:]).all()
+    assert np.isnan(holed.vz[:, 500:]).all()
 
 
 def test_invalid_arguments_are_refused() -> None:
     with pytest.raises(ValueError, match="a mass"):
         PassiveHand(mass=0.0)
-    with pytest.raises(ValueError, match="each dyad"):
-        passive_control([trials(0, 0.0)], [], linear_partner(RATE, PassiveHand(), LEFT, RIGHT), cooperative)
+    with pytest.raises(ValueError, match="two sides"):
+        yielding(np.zeros((2, 4)), np.zeros((2, 5)), RATE, arms(), (LEFT, RIGHT))
 
 
 @pytest.mark.slow

@@ -19,7 +19,7 @@ def changed(found: Measured, **values: Any) -> Measured:
         if name in trials:
             trials[name] = trials[name].copy().astype(object)
             trials[name][:] = value
-    return Measured(rows_of(BLOCKS, [row | values]), trials, found.movements, found.paths)
+    return Measured(rows_of(BLOCKS, [row | values]), trials, found.movements, found.paths, found.controls)
 
 
 def with_practice(*overrides: str, kind: str = "practice") -> StudyData:

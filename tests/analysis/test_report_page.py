@@ -96,6 +96,7 @@ def test_page_has_every_section_with_a_heading(whole: Element) -> None:
     assert names == [
         "question",
         "summary",
+        "controls",
         "design",
         "participants",
         "quality",
@@ -273,7 +274,7 @@ def test_undeclared_study_is_exploratory_and_has_its_summary_open(whole: Element
     assert "This study declares no primary outcome and no contrast." in head.text
     assert "no test was chosen before the data were seen, and none of its 0 tests counts" in head.text
     opened = [one.all("details")[0].attributes for one in whole.all("section") if one["aria-labelledby"] != "question"]
-    assert ["open" in one for one in opened] == [True] + [False] * 9
+    assert ["open" in one for one in opened] == [True] + [False] * 10
     assert "1 dyad in 3 conditions: 15 trials planned, 15 done, 9 counted; 11 attempts excluded." in head.text
 
 

@@ -44,6 +44,10 @@ PLAIN = {
     ),
     "forces": ("coupling.forces", "Forces on both hands for one movement under each force condition."),
     "calibration": ("analysis.calibration", "False positive rate of the tests in simulated studies."),
+    "controls": (
+        "analysis.control_truth",
+        "Parts of the effects of haptic feedback on simulated dyads of known truth.",
+    ),
     "truth": ("analysis.ground_truth_bench", "Errors of the measures on trials whose true values are known."),
     "recovery": (
         "recording.recovery_bench",

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.analysis.extraction.attempts import PAPER
+from netboard.analysis.extraction.controls import FIELDS as CONTROLS
 from netboard.analysis.extraction.details import MOVEMENTS, movements
 from netboard.analysis.extraction.devices import always, simulated_mechanics
 from netboard.analysis.extraction.recordings import ATTEMPT, BLOCKS, Measured, attempt_row, block_row, place_of
@@ -85,6 +86,7 @@ def measured(job: RehearsalJob, place: int, found: Rehearsed) -> Measured:
         columns_of(TRIALS, [attempt_row(name, take, found.flags, PAPER) for take in takes]),
         columns_of(MOVEMENTS, turns),
         {},
+        columns_of(CONTROLS, []),
     )
 
 

@@ -1,18 +1,15 @@
 """Measures of an attempt, computed by `analysis.measures` as the settings say: the paper's, and those beyond it.
 
-The modern measures are lags, smoothness, reactions, time in target, forces and the passive partner. Their window always
-ends at the completion. Forces are those of the hands on the board, filtered like all data; static support is subtracted
-where the two hands are compared.
+The modern measures are lags, smoothness, reactions, time in target and forces. Their window always ends at the
+completion. Forces are those of the hands on the board, filtered like all data; static support is subtracted where the
+two hands are compared.
 """
 
-from dataclasses import astuple
 from math import nan
 
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.analysis.extraction.devices import at
-from netboard.analysis.extraction.settings import Movements
 from netboard.analysis.extraction.tables import Group, number, words
 from netboard.analysis.extraction.trials import RATE, AttemptData
 from netboard.analysis.measures.braking import Braking, Strategy, first_braking
@@ -20,14 +17,10 @@ from netboard.analysis.measures.interaction import effort, exchanged, force_shar
 from netboard.analysis.measures.lags import lag_of
 from netboard.analysis.measures.motion import Window
 from netboard.analysis.measures.movements import classify, movement_times
-from netboard.analysis.measures.passive import Gains, PassiveHand, passive_partner
 from netboard.analysis.measures.peaks import Peaks, velocity_peaks
-from netboard.analysis.measures.signals import derivative
 from netboard.analysis.measures.smoothness import log_dimensionless_jerk, spectral_arc_length
 from netboard.analysis.measures.task import overshoots, reaction, time_in_target
-from netboard.base.config import SIDES, Side
-from netboard.physics.scene.parameters import pack_scene, parts_of
-from netboard.physics.scene.rendering import gains_of
+from netboard.base.config import SIDES
 
 
 def peaks_of(take: AttemptData, window: Window) -> Peaks:
@@ -126,6 +119,7 @@ PAPER = (
             number("unknown", "time without velocities", "s"),
         ),
         _movements,
+        of_hands=True,
     ),
     Group(
         (
@@ -158,12 +152,6 @@ PAPER = (
 
 MAX_LAG = 0.5
 """Largest delay in the cross-correlation [s]."""
-
-STIFFNESSES = (50, 150, 300)
-"""Stiffnesses of a passive partner's arm; the participants' own are unknown [N/m]."""
-
-PAIRS: tuple[tuple[Side, Side], ...] = (("left", "right"), ("right", "left"))
-"""Pairs of active and passive side."""
 
 _LEAST = 3
 """Minimum number of samples for smoothness measures [1]."""
@@ -228,46 +216,6 @@ def _forces(take: AttemptData) -> dict[str, float]:
     }
 
 
-def _passive_partner(take: AttemptData) -> dict[str, float]:
-    """Return the share of cooperative movement of a passive partner minus that of a still one, for each side.
-
-    Computed without friction, and with the mechanics of the passive side's device.
-    """
-    config = take.block.config
-    if config.block.configuration != "dyadic" or not config.block.haptics or config.physics.board != "free":
-        return {}
-    window = take.trial.window()
-    p = take.motion.p[window]
-    if p.size < _LEAST:
-        return {}
-    held = {side: at(devices, take.attempt.tick) for side, devices in take.block.mechanics.items()}
-    gains = dict(zip(SIDES, gains_of(parts_of(config.physics), pack_scene(config.physics)[0]), strict=True))
-    moved = {side: getattr(take.motion, f"{side}_z")[window] for side in SIDES}
-    rates = {side: getattr(take.motion, f"{side}_vz")[window] for side in SIDES}
-
-    def share(active: Side, passive: Side, hand: PassiveHand) -> float:
-        height = passive_partner(moved[active], p, RATE, hand, Gains(*gains[passive][1:]))
-        return _cooperative(rates[active], derivative(height, RATE), take.block.readings.movements)
-
-    found = {"passive_friction": np.mean([np.nan if one is None else one.friction for one in held.values()])}
-    for stiffness in STIFFNESSES:
-        arm = PassiveHand(stiffness=float(stiffness))
-        found[f"passive_{stiffness}"] = np.mean([share(one, other, arm) for one, other in PAIRS])
-        found[f"passive_{stiffness}_device"] = np.mean(
-            [
-                np.nan if (device := held[other]) is None else share(one, other, arm.holding(*astuple(device)))
-                for one, other in PAIRS
-            ]
-        )
-    return {name: float(value) for name, value in found.items()}
-
-
-def _cooperative(one: NDArray[np.float64], other: NDArray[np.float64], how: Movements) -> float:
-    """Return the share of cooperative movement; it is zero with a still partner."""
-    classes = classify(one, other, still_below=how.still_below, at_limit=how.at_limit)
-    return float(movement_times(classes, RATE).shares[0])
-
-
 MODERN = (
     Group(
         (
@@ -276,6 +224,7 @@ MODERN = (
             number("correlation", "correlation without a delay", "1"),
         ),
         _lag,
+        of_hands=True,
     ),
     Group(
         (
@@ -298,6 +247,7 @@ MODERN = (
             )
         ),
         _reactions,
+        of_hands=True,
     ),
     Group(
         (
@@ -325,24 +275,7 @@ MODERN = (
             number("force_share", "share of the right hand in the forces of both, without static support", "1"),
         ),
         _forces,
-    ),
-    Group(
-        (
-            *(
-                field
-                for k in STIFFNESSES
-                for field in (
-                    number(f"passive_{k}", f"cooperative share with a passive partner of {k} N/m, no friction", "1"),
-                    number(
-                        f"passive_{k}_device",
-                        f"cooperative share with a passive partner of {k} N/m and the device's mass and friction",
-                        "1",
-                    ),
-                )
-            ),
-            number("passive_friction", "Coulomb friction of the passive partner's device", "N"),
-        ),
-        _passive_partner,
+        of_hands=True,
     ),
 )
 """The measures beyond the paper, by groups."""

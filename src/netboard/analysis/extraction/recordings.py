@@ -7,6 +7,7 @@ A recording and its settings always give the same tables, in any process on any 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from math import nan
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,8 @@ from numpy.typing import NDArray
 
 from netboard.analysis.extraction.attempts import MODERN, PAPER
 from netboard.analysis.extraction.conditions import factors_text, settings_text
+from netboard.analysis.extraction.controls import FIELDS as CONTROLS
+from netboard.analysis.extraction.controls import controls
 from netboard.analysis.extraction.details import MOVEMENTS, PATHS, movements, path
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.tables import PLACE, Columns, Group, columns_of, count, number, words
@@ -51,6 +54,8 @@ BLOCKS = (
     words("configuration", "dyadic: two people with one hand each; bimanual: one with both"),
     words("force", HAPTICS),
     count("haptics", "1: with haptic feedback; 0: haptics off"),
+    number("force_scale", "factor of the commanded force, were it on; NaN: differs between trials", "1"),
+    number("force_delay", "added delay of the commanded force", "s"),
     words("performer", "performer: pseudonym of the participant, or of the dyad if both performed"),
     words("left_by", "pseudonym of the person who moved the left stylus; else still or robot"),
     words("right_by", "pseudonym of the person who moved the right stylus; else still or robot"),
@@ -107,9 +112,10 @@ class Measured:
     trials: Columns
     movements: Columns
     paths: Columns
+    controls: Columns
 
 
-FIELDS = {"blocks": BLOCKS, "trials": TRIALS, "movements": MOVEMENTS, "paths": PATHS}
+FIELDS = {"blocks": BLOCKS, "trials": TRIALS, "movements": MOVEMENTS, "paths": PATHS, "controls": CONTROLS}
 """Columns of each table of `Measured`."""
 
 
@@ -131,6 +137,7 @@ def measure(run: Run, readings: Readings) -> Measured:
         columns_of(TRIALS, [attempt_row(name, take, flags) for take in takes]),
         columns_of(MOVEMENTS, turns),
         _paths(places, takes),
+        columns_of(CONTROLS, list(controls(name, block, takes))),
     )
 
 
@@ -223,6 +230,8 @@ def block_row(run: Run, block: BlockData, repaired: bool, unknown: int) -> dict[
         "configuration": config.block.configuration,
         "force": config.block.force,
         "haptics": int(config.block.haptics),
+        "force_scale": nan if config.block.trial_scales else config.block.force_scale,
+        "force_delay": 1e-3 * config.block.force_delay_ms,
         "performer": run.people[0].label if len(run.people) == 1 else config.session.dyad,
         "left_by": _mover(run, "left"),
         "right_by": _mover(run, "right"),

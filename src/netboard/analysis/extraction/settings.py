@@ -127,6 +127,30 @@ class StrategySettings:
 
 
 @dataclass(frozen=True, slots=True)
+class ControlSettings:
+    """Controls of the effects of haptic feedback: arms that yield to a force, with the device and without friction."""
+
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
+    attempts: Annotated[
+        int, about("attempts of a recording that have controls, evenly spaced; 0: none", "1", ge=0, le=10_000)
+    ] = 12
+    stiffness: Annotated[
+        float, about("stiffness of the usual arm (assumed; published: 100 to 500)", "N/m", gt=0, le=2000)
+    ] = 150.0
+    softest: Annotated[float, about("stiffness of a softer arm (assumed)", "N/m", gt=0, le=2000)] = 50.0
+    stiffest: Annotated[float, about("stiffness of a stiffer arm (assumed)", "N/m", gt=0, le=2000)] = 300.0
+    arm_mass: Annotated[
+        float, about("effective mass of an arm (assumed; published: 0.5 to 1.5)", "kg", gt=0, le=10)
+    ] = 0.5
+    arm_damping: Annotated[float, about("damping of an arm (assumed; published: 5 to 30)", "N s/m", ge=0, le=100)] = 8.0
+
+    @property
+    def stiffnesses(self) -> tuple[float, ...]:
+        """Stiffnesses of all arms, the usual one first [N/m]."""
+        return tuple(dict.fromkeys((self.stiffness, self.softest, self.stiffest)))
+
+
+@dataclass(frozen=True, slots=True)
 class Summaries:
     """Summaries of the trials."""
 
@@ -197,6 +221,7 @@ class Readings:
     delays: DelaySettings = field(default_factory=DelaySettings)
     peaks: PeakSettings = field(default_factory=PeakSettings)
     strategy: StrategySettings = field(default_factory=StrategySettings)
+    controls: ControlSettings = field(default_factory=ControlSettings)
     summaries: Summaries = field(default_factory=Summaries)
     exclusions: Exclusions = field(default_factory=Exclusions)
 

@@ -58,7 +58,7 @@ _RAW = ("factors", "settings")
 
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class StudyData:
-    """All tables of a study; trials and movements with the columns of `PLACE_IN_STUDY`."""
+    """All tables of a study; trials, movements and controls with the columns of `PLACE_IN_STUDY`."""
 
     readings: Readings
     blocks: pd.DataFrame
@@ -67,6 +67,7 @@ class StudyData:
     paths: Mapping[str, pd.DataFrame]
     exclusions: pd.DataFrame
     levels: FactorLevels
+    controls: pd.DataFrame
 
     @property
     def factors(self) -> tuple[StudyFactor, ...]:
@@ -126,7 +127,8 @@ def study_of(
     in_order = _in_order(measured)
     if paths is None:
         paths = {one.blocks["recording"][0]: pd.DataFrame(one.paths) for one in in_order}
-    tables = {name: _joined([getattr(one, name) for one in in_order]) for name in ("blocks", "trials", "movements")}
+    joined = ("blocks", "trials", "movements", "controls")
+    tables = {name: _joined([getattr(one, name) for one in in_order]) for name in joined}
     blocks = tables["blocks"]
     blocks["partner"] = [partner_of(movers) for movers in zip(blocks["left_by"], blocks["right_by"], strict=True)]
     roles = readings.exclusions.roles
@@ -137,7 +139,8 @@ def study_of(
     left_out = excluded(blocks, tables["trials"], readings.exclusions)
     trials = _placed(tables["trials"], blocks, left_out, readings, levels)
     blocks = blocks.assign(**_block_columns(levels))
-    return StudyData(readings, blocks, trials, _moved(tables["movements"], trials, levels), paths, left_out, levels)
+    moves, controls = (_of_attempts(tables[name], trials, levels) for name in ("movements", "controls"))
+    return StudyData(readings, blocks, trials, moves, paths, left_out, levels, controls)
 
 
 def pooled(study: StudyData, over: Collection[str]) -> StudyData:
@@ -152,7 +155,8 @@ def pooled(study: StudyData, over: Collection[str]) -> StudyData:
         study,
         blocks=blocks,
         trials=trials,
-        movements=_moved(study.movements.drop(columns=[*added, "role"]), trials, levels),
+        movements=_of_attempts(study.movements.drop(columns=[*added, "role"]), trials, levels),
+        controls=_of_attempts(study.controls.drop(columns=[*added, "role"]), trials, levels),
         levels=levels,
     )
 
@@ -196,10 +200,10 @@ def _block_conditions(blocks: pd.DataFrame, levels: FactorLevels) -> list[str]:
     return names_of(blocks, names, blocks["role"])
 
 
-def _moved(movements: pd.DataFrame, trials: pd.DataFrame, levels: FactorLevels) -> pd.DataFrame:
-    """Add the columns of its trial to each movement."""
+def _of_attempts(rows: pd.DataFrame, trials: pd.DataFrame, levels: FactorLevels) -> pd.DataFrame:
+    """Add the columns of its attempt to each row."""
     shared = [*ATTEMPT_KEY, *_SHARED, "role", *_columns_of(levels)]
-    return movements.merge(trials[shared], on=ATTEMPT_KEY, how="left", validate="many_to_one")
+    return rows.merge(trials[shared], on=ATTEMPT_KEY, how="left", validate="many_to_one")
 
 
 def _in_order(measured: Iterable[Measured]) -> list[Measured]:
@@ -278,11 +282,10 @@ FIELDS_IN_STUDY = {
         *(field for field in PLACE_IN_STUDY if field.name in ("partner", "condition")),
     ),
     "trials": (*FIELDS["trials"], *PLACE_IN_STUDY),
-    "movements": (
-        *FIELDS["movements"],
-        *PLACE_IN_STUDY,
-        *(field for field in FIELDS["trials"] if field.name == "role"),
-    ),
+    **{
+        name: (*FIELDS[name], *PLACE_IN_STUDY, *(field for field in FIELDS["trials"] if field.name == "role"))
+        for name in ("movements", "controls")
+    },
     "paths": FIELDS["paths"],
 }
 """Columns of each table of a study, without those of its factors."""

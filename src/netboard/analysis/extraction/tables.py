@@ -23,10 +23,15 @@ Columns = dict[str, NDArray[Any]]
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """Measures of an attempt that are computed together; `measure` returns none if the attempt does not allow them."""
+    """Measures of an attempt that are computed together; `measure` returns none if the attempt does not allow them.
+
+    `of_hands`: whether the hands and the recorded ball determine them, so that controls have them, too
+    (`netboard.analysis.extraction.controls`).
+    """
 
     fields: tuple[Field, ...]
     measure: Callable[[AttemptData], Mapping[str, float | int | str]]
+    of_hands: bool = False
 
     def of(self, take: AttemptData) -> Mapping[str, float | int | str]:
         """Return the measures of an attempt; all NaN if it has none."""

@@ -220,7 +220,7 @@ class BlockData:
             filtered = self.filtered(part)
             segments = self.segments(filtered)
         elif how.segments.ends == "trial":
-            segments = _shifted(self.segments(_cut(filtered, trial)), release)
+            segments = _shifted(self.segments(_cut(filtered, trial.window("whole"))), release)
         return AttemptData(self, attempt, part, trial, filtered, segments, completion.time, completion.entries, source)
 
     def _completion(self, attempt: Attempt, p: NDArray[np.float64], target: float) -> tuple[Completion, str]:
@@ -252,7 +252,8 @@ class BlockData:
 class AttemptData:
     """An attempt, with its position in the recording, and its completion time; NaN without one [s].
 
-    Its `source` is the ``samples`` of the ball, or the ``recording`` if they show no hold; empty without one.
+    Its `source` is the ``samples`` of the ball, or the ``recording`` if they show no hold; empty without one. `changed`
+    is the change of the hands' forces on the board in a control, shape (2, n) over `part` [N].
     """
 
     block: BlockData
@@ -264,6 +265,7 @@ class AttemptData:
     completion: float
     entries: float
     source: str
+    changed: NDArray[np.float64] | None = None
 
     def raw(self, name: str) -> NDArray[np.float64]:
         """Return a column of `part` with short gaps bridged, shape (n,) [SI]."""
@@ -271,7 +273,9 @@ class AttemptData:
 
     def force(self, side: Literal["left", "right"], window: slice) -> NDArray[np.float64]:
         """Return the filtered force of a hand on the board [N]."""
-        return self.block.forces[SIDES.index(side)][self.part][window]
+        place = SIDES.index(side)
+        recorded = self.block.forces[place][self.part][window]
+        return recorded if self.changed is None else recorded + self.changed[place][window]
 
     def knows(self, window: Window) -> bool:
         """Return whether the end of a window is known.
@@ -281,14 +285,30 @@ class AttemptData:
         """
         return window == "whole" or self.trial.completion is not None or self.attempt.outcome != "success"
 
+    def within(self, start: int, stop: int) -> "AttemptData":
+        """Return these samples of it, with the movements of the board in them."""
+        done, motion = self.trial.completion, _cut(self.motion, slice(start, stop))
+        return replace(
+            self,
+            part=slice(self.part.start + start, self.part.start + stop),
+            trial=Trial(
+                self.trial.release - start,
+                min(self.trial.stop, stop) - start,
+                self.trial.target,
+                None if done is None else min(done, stop) - start,
+            ),
+            motion=motion,
+            segments=self.block.segments(motion),
+            changed=None if self.changed is None else self.changed[:, start:stop],
+        )
+
     @cached_property
     def own_segments(self) -> Segments:
         """Movements of the board that begin in the attempt."""
         return self.segments.of_trial(self.trial)
 
 
-def _cut(recording: FilteredMotion, trial: Trial) -> FilteredMotion:
-    inside = trial.window("whole")
+def _cut(recording: FilteredMotion, inside: slice) -> FilteredMotion:
     arrays = {name: getattr(recording, name)[inside] for name in FilteredMotion.__slots__ if name != "rate"}
     return FilteredMotion(rate=recording.rate, **arrays)
 

@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.signal import correlate
+from scipy.fft import irfft, next_fast_len, rfft
 
 from netboard.analysis.measures.signals import paired
 
@@ -193,7 +193,9 @@ def _correlations(a: NDArray[np.float64], b: NDArray[np.float64], reach: int, ov
     """Correlate at delays of -reach to reach samples: element ``reach + k`` compares ``a[i + k]`` with ``b[i]``."""
     a, b = a - a.mean(), b - b.mean()
     n, lags = len(a), np.arange(-reach, reach + 1)
-    products = correlate(a, b, method="fft")[n - 1 - reach : n + reach]
+    size = next_fast_len(n + reach, real=True)  # so that no delay of the search wraps around
+    around = irfft(rfft(a, size) * np.conj(rfft(b, size)), size)
+    products = np.concatenate([around[size - reach :], around[: reach + 1]])
     # Not `a @ a`: its last bits depend on the number of threads of the linear algebra library.
     square_a, square_b = np.sum(a * a), np.sum(b * b)
     if overlap == "full":

@@ -9,11 +9,10 @@ Rule 1: the scene's action on a hand enters only as gains or as a callable.
 Rule 2: the passive part is not the whole effect of touch on a movement; it is the part that needs no perception.
 """
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import ceil
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,15 +20,16 @@ from scipy.signal import cont2discrete, lfilter
 
 from netboard.base.compiled import kernel
 
-Side = Literal["left", "right"]
-Respond = Callable[[NDArray[np.float64], NDArray[np.float64], Side], NDArray[np.float64]]
-"""Function of the active stylus's height, ball position and passive side; returns the passive stylus's height."""
-Measure = Callable[[NDArray[np.float64], NDArray[np.float64]], float]
-"""Function of the heights of the left and right stylus in a trial; returns the compared quantity."""
-
-
 MAX_STEP = 0.25e-3
 """Largest integration step for a hand with friction, the same as for simulated participants [s]."""
+
+LARGEST_STEP = 1e-3
+"""Largest integration step for arms that yield: shares of a trial's time change by less than 0.001 from 0.25 ms [s]."""
+
+SLIDING = 0.003
+"""Recorded speed from which the friction of a stylus is full; below, it is proportional: the hand may be at rest [m/s].
+
+The paper's limit between moving and still."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,45 +88,17 @@ class Gains(NamedTuple):
     ball: float
 
 
-class Heights(NamedTuple):
-    """Recorded positions of both styluses and the ball in one trial.
+class Yielding(NamedTuple):
+    """Displacement of two arms by haptic forces.
 
     Attributes
     ----------
-    left, right : ndarray of float64, shape (n,)
-        Heights of the styluses [m].
-    p : ndarray of float64, shape (n,)
-        Ball position along the board [m].
+    z, vz : ndarray of float64, shape (2, n)
+        Displacement of the left and the right stylus, and its rate [m, m/s].
     """
 
-    left: NDArray[np.float64]
-    right: NDArray[np.float64]
-    p: NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True)
-class PassiveControl:
-    """Effect of haptic feedback, and its passive part.
-
-    Attributes
-    ----------
-    effect : ndarray of float64, shape (n,)
-        Measure with haptic feedback minus measure without, for each dyad [unit of the measure].
-    passive : ndarray of float64, shape (n,)
-        Measure of active and passive hand minus measure of active and still hand, for each dyad [unit of the measure].
-    share : float
-        Sum of the passive effects divided by the sum of the effects: 1 = all is mechanics; NaN without an effect [1].
-    n : int
-        Number of units of replication [1].
-    unit : str
-        Name of that unit.
-    """
-
-    effect: NDArray[np.float64]
-    passive: NDArray[np.float64]
-    share: float
-    n: int
-    unit: str
+    z: NDArray[np.float64]
+    vz: NDArray[np.float64]
 
 
 def driven(force: ArrayLike, rate: float, hand: PassiveHand) -> NDArray[np.float64]:
@@ -205,64 +177,79 @@ def passive_partner(
     return driven(push, rate, replace(hand, stiffness=hand.stiffness + gains.own))
 
 
-def linear_partner(rate: float, hand: PassiveHand, left: Gains, right: Gains) -> Respond:
-    """Return a passive partner for `passive_control`, based on `passive_partner`.
+def yielding(
+    forces: ArrayLike,
+    rates: ArrayLike,
+    rate: float,
+    hands: tuple[PassiveHand | None, PassiveHand | None],
+    gains: tuple[Gains, Gains],
+) -> Yielding:
+    """Return how far forces would displace two arms that otherwise move as recorded.
+
+    Each arm keeps its recorded drive. The haptic force F displaces it by r, as ``m r'' + b r' + k r = F - F(0) + change
+    of the friction``, where the force changes with the displacements of both, ``-own r - partner r_other``. Coulomb
+    friction opposes the whole velocity of the stylus: a moving hand slides, so friction does not hold it against a
+    further force; a hand at rest sticks.
 
     Parameters
     ----------
-    left, right : Gains
-        Gains of the board that each hand feels.
-    """
+    forces : array_like, shape (2, n)
+        Haptic forces on the left and the right hand at their recorded places, + = up; linear between samples [N].
+    rates : array_like, shape (2, n)
+        Recorded vertical velocities of both styluses; the velocity is held between samples [m/s].
+    hands : tuple of PassiveHand or None
+        Arm at each side, with its device; None for a side that is moved as recorded, whatever the force.
+    gains : tuple of Gains
+        Gains of the board that each hand feels; the one of the ball is not used.
 
-    def respond(active: NDArray[np.float64], p: NDArray[np.float64], side: Side) -> NDArray[np.float64]:
-        return passive_partner(active, p, rate, hand, left if side == "left" else right)
-
-    return respond
-
-
-def passive_control(
-    with_forces: Sequence[Sequence[Heights]],
-    without: Sequence[Sequence[Heights]],
-    respond: Respond,
-    measure: Measure,
-    *,
-    unit: str = "dyad",
-) -> PassiveControl:
-    """Compare the effect of haptic feedback with its effect on a passive partner.
-
-    In each trial with haptic feedback each side in turn keeps its recorded movement, and the other side is replaced
-    twice: by the passive partner and by a motionless partner, which is what a passive partner is without haptic
-    feedback. The passive effect is the difference of the measure between the two. For a confidence interval of the
-    share, use `netboard.analysis.statistics.estimates.bootstrap` with `ratio_of_sums` of `passive` and `effect`.
-
-    Parameters
+    References
     ----------
-    with_forces, without : sequence of sequence of Heights
-        Trials of each dyad with and without haptic feedback, at least one of each kind.
-    respond : callable
-        Passive partner: a function of the active stylus's height, the ball position and the passive side; returns a
-        height.
-    measure : callable
-        Function of the heights of the left and right stylus, for example the share of cooperative movement.
+    Moreau's time stepping, as in `driven`; the board is taken to be in static equilibrium between the hands.
     """
-    if len(with_forces) != len(without) or not all(map(len, [*with_forces, *without])):
-        raise ValueError(
-            "expected trials with and without haptic feedback in each dyad; found dyads that lack one of them"
-        )
-    live = np.array([[_mean_of(trials, measure) for trials in kind] for kind in (with_forces, without)])
-    effect = live[0] - live[1]
-    passive = np.array([np.mean([_passive(trial, respond, measure) for trial in trials]) for trials in with_forces])
-    total = float(effect.sum())
-    return PassiveControl(effect, passive, float(passive.sum()) / total if total else np.nan, len(effect), unit)
+    push, own = np.ascontiguousarray(forces, dtype=float), np.ascontiguousarray(rates, dtype=float)
+    if push.ndim != 2 or push.shape[0] != 2 or push.shape != own.shape:
+        raise ValueError(f"expected forces and rates of two sides and equal shape, found {push.shape} and {own.shape}")
+    parts = max(1, ceil(1.0 / (rate * LARGEST_STEP)))
+    arms = np.array([(np.inf, 0.0, 0.0, 0.0) if one is None else _constants(one) for one in hands])
+    springs = np.array([(one.own, one.partner) for one in gains])
+    whole = np.isfinite(push).all(axis=0) & np.isfinite(own).all(axis=0)
+    known = push.shape[1] if whole.all() else int(np.argmin(whole))
+    found = np.full((2, 2, push.shape[1]), np.nan)
+    _yield(push[:, :known], own[:, :known], parts, 1.0 / (rate * parts), arms, springs, found)
+    return Yielding(found[0], found[1])
 
 
-def _mean_of(trials: Sequence[Heights], measure: Measure) -> float:
-    return float(np.mean([measure(trial.left, trial.right) for trial in trials]))
+def _constants(hand: PassiveHand) -> tuple[float, float, float, float]:
+    return hand.mass, hand.damping, hand.stiffness, hand.friction
 
 
-def _passive(trial: Heights, respond: Respond, measure: Measure) -> float:
-    """Return the effect of haptic feedback on a passive partner, averaged over both sides."""
-    still = np.zeros_like(trial.p)
-    of_right = measure(trial.left, respond(trial.left, trial.p, "right")) - measure(trial.left, still)
-    of_left = measure(respond(trial.right, trial.p, "left"), trial.right) - measure(still, trial.right)
-    return 0.5 * (of_right + of_left)
+@kernel
+def _yield(
+    force: NDArray[np.float64],
+    rates: NDArray[np.float64],
+    parts: int,
+    step: float,
+    arms: NDArray[np.float64],
+    springs: NDArray[np.float64],
+    found: NDArray[np.float64],
+) -> None:
+    """Write displacements and their rates at the known samples. An infinite mass does not move."""
+    z, v = np.zeros(2), np.zeros(2)
+    found[:, :, : min(1, force.shape[1])] = 0.0
+    for i in range(1, force.shape[1]):
+        for part in range(1, parts + 1):
+            left, right = z[0], z[1]
+            for side in range(2):
+                mass, damping, stiffness, friction = arms[side, 0], arms[side, 1], arms[side, 2], arms[side, 3]
+                here, there = (left, right) if side == 0 else (right, left)
+                push = force[side, i - 1] + (force[side, i] - force[side, i - 1]) * part / parts - force[side, 0]
+                push -= (stiffness + springs[side, 0]) * here + springs[side, 1] * there
+                recorded = rates[side, i]
+                push += friction * max(-1.0, min(1.0, recorded / SLIDING))
+                slower = 1.0 + step * damping / mass
+                whole, grip = recorded + (v[side] + step * push / mass) / slower, step * friction / mass / slower
+                whole = max(whole - grip, 0.0) if whole > 0.0 else min(whole + grip, 0.0)
+                v[side] = whole - recorded
+                z[side] += step * v[side]
+        for side in range(2):
+            found[0, side, i], found[1, side, i] = z[side], v[side]

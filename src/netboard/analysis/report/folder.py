@@ -47,6 +47,7 @@ TABLES = (
     TableKind("blocks", "one recording", FIELDS_IN_STUDY["blocks"]),
     TableKind("trials", "one attempt at a trial", FIELDS_IN_STUDY["trials"]),
     TableKind("movements", "one movement of the board that begins in an attempt", FIELDS_IN_STUDY["movements"]),
+    TableKind("controls", "one successful attempt with haptics off in a control", FIELDS_IN_STUDY["controls"]),
     TableKind("paths", "one sample of the path of an attempt, each 20 ms", FIELDS_IN_STUDY["paths"]),
     TableKind("people", "one performer in one condition: a participant, or a dyad", PEOPLE),
     TableKind("exclusions", "one reason why an attempt is excluded", EXCLUSIONS),
@@ -124,7 +125,7 @@ def write_tables(
     write_dictionary(folder, kinds, PLACES)
 
 
-OF_TRIALS = ("blocks", "trials", "movements", "paths", "people", "exclusions")
+OF_TRIALS = ("blocks", "trials", "movements", "controls", "paths", "people", "exclusions")
 """Tables with factor columns."""
 
 

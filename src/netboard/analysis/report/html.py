@@ -23,6 +23,7 @@ from markupsafe import Markup
 
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.study import StudyData, notes
+from netboard.analysis.report.controls import controls_section
 from netboard.analysis.report.data_quality import data_quality
 from netboard.analysis.report.design import design, participants
 from netboard.analysis.report.grids import Cell, Grid, GridColumn, code, grid, name
@@ -80,6 +81,7 @@ def write_report(
         running=Markup(css_text(f"netboard: study {top.title}")),
         style=Markup(files("netboard.analysis.report").joinpath("pages/report.css").read_text(encoding="utf-8")),
         summary=summary(results, titles),
+        controls=controls_section(study),
         few=few(study.counted["dyad"].nunique()),
         design=design(study),
         participants=participants(study, provenance.get("handedness", {})),

@@ -21,6 +21,7 @@ from netboard.analysis.statistics.effect_sizes import paired_effect
 from netboard.analysis.statistics.estimates import Estimate, mean_interval
 from netboard.analysis.statistics.exact_tests import SYMMETRIC
 from netboard.analysis.topics.figure import (
+    BAND,
     BLACK,
     NO_EFFECT,
     Drawn,
@@ -219,8 +220,6 @@ KINDS = {
 TICKS = (-100, -30, -10, -3, -1, 0, 1, 3, 10, 30, 100)
 """Ticks of an axis that is linear up to 1 and logarithmic beyond [1]."""
 
-_BAND = "#F3F3F3"
-
 
 @pictured("Effects of forces and of a partner, standardised (exploratory)")
 def picture(study: StudyData) -> Drawn:
@@ -275,7 +274,7 @@ def _panel(
     questions = list(dict.fromkeys(one.question for one in found))
     offsets = dict(zip(questions, beside(len(questions), 0.5 if len(questions) <= 2 else 0.75), strict=True))
     for row in range(0, len(names), 2):
-        axes.axhspan(row - 0.5, row + 0.5, color=_BAND, zorder=0, linewidth=0.0)
+        axes.axhspan(row - 0.5, row + 0.5, color=BAND, zorder=0, linewidth=0.0)
     axes.axvline(0.0, **NO_EFFECT)
     for one in found:
         at = names.index(one.measure.name) + offsets[one.question]

@@ -14,6 +14,7 @@ from netboard.analysis.extraction.study import StudyData
 from netboard.analysis.topics import (
     classes,
     contrasts,
+    controls,
     delay,
     differences,
     dyads,
@@ -22,7 +23,6 @@ from netboard.analysis.topics import (
     learning,
     measures,
     models,
-    passive,
     paths,
     primary,
     quality,
@@ -53,10 +53,10 @@ MODERN: tuple[Topic, ...] = (
     quality.quality,
     measures.overview,
     contrasts.comparisons,
+    controls.controls,
     models.fits,
     leadership.leaders,
     influence.influences,
-    passive.controls,
     paths.mean_paths,
     testing.families,
 )
@@ -90,7 +90,7 @@ PAPER_FIGURES = tuple(topic.picture for topic in (learning, dyads, classes, stra
 
 MODERN_FIGURES = tuple(
     topic.picture
-    for topic in (quality, measures, contrasts, differences, models, leadership, influence, passive, paths)
+    for topic in (quality, measures, contrasts, differences, controls, models, leadership, influence, paths)
 )
 """Figures beyond the paper."""
 

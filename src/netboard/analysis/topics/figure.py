@@ -60,6 +60,9 @@ STACK = ("cooperative", "single", "competitive", "still")
 NO_EFFECT: Any = {"color": "#888888", "linewidth": 0.8, "zorder": 1}
 """Style of the line at the value of no effect."""
 
+BAND = "#F3F3F3"
+"""Colour of every second row of a panel with many rows."""
+
 STYLE: Any = {
     "font.size": 8.0,
     "axes.titlesize": 8.5,

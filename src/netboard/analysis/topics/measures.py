@@ -49,6 +49,14 @@ PLACE = ["condition", "dyad", "performer"]
 _UNITS = {field.name: field.unit for group in (*PAPER, *MODERN) for field in group.fields}
 """Units of the measures of an attempt, which are columns of the table of trials."""
 
+_OF_HANDS = {field.name for group in (*PAPER, *MODERN) if group.of_hands for field in group.fields}
+
+OF_THE_BALL = (
+    "not identifiable from recorded hands: it depends on the ball, and people correct a ball that rolls otherwise; "
+    "a condition with the environment's force, an unrelated force, or a still or robot partner would show it"
+)
+"""Reason why measures of the ball have no computed control."""
+
 
 @dataclass(frozen=True, slots=True)
 class Measure:
@@ -68,6 +76,8 @@ class Measure:
         Function of a performer's values in a condition; returns one number [its unit]. None: their mean.
     compared : bool
         Whether conditions are compared in this measure. If not, a difference says nothing about performance.
+    uncontrolled : str
+        Reason why no control is computed from recorded hands; empty if one is (`netboard.analysis.topics.controls`).
     note : str
         What figures and tables say of its interpretation.
     """
@@ -82,6 +92,7 @@ class Measure:
     weights: Callable[[pd.DataFrame], ArrayLike] | None = None
     level: Callable[[pd.Series], float] | None = None
     compared: bool = True
+    uncontrolled: str = ""
     note: str = ""
 
     @property
@@ -134,7 +145,9 @@ def _of_trials(
             "one of a Group in analysis/extraction/attempts.py"
         )
     unit, values = _UNITS[source], itemgetter(source)
-    return Measure(name, unit, family, "trial", within, values, compared=compared, ratio=ratio, note=note)
+    why = "" if source in _OF_HANDS else OF_THE_BALL
+    made = Measure(name, unit, family, "trial", within, values, compared=compared, ratio=ratio, note=note)
+    return replace(made, uncontrolled=why)
 
 
 def _magnitude(name: str) -> Callable[[pd.DataFrame], ArrayLike]:
@@ -158,7 +171,15 @@ MEASURES = (
     _of_trials("time in target", "in_target", "performance", "positive", note="before the hold"),
     _of_trials("overshoots", "overshoots", "performance", "positive"),
     _of_trials("largest overshoot", "overshoot", "performance", "positive", compared=False),
-    Measure("falls per attempt", "1", "performance", "attempt", "share", lambda rows: rows["outcome"] == "fell"),
+    Measure(
+        "falls per attempt",
+        "1",
+        "performance",
+        "attempt",
+        "share",
+        lambda rows: rows["outcome"] == "fell",
+        uncontrolled=OF_THE_BALL,
+    ),
     *(Measure(f"{name} share", "1", "coordination", "trial", "share", _share(name)) for name in CLASSES),
     Measure(
         "|delay at 20 %|",
@@ -220,12 +241,12 @@ def levels(study: StudyData, measure: Measure) -> pd.DataFrame:
     return performers.groupby(["condition", "dyad"], as_index=False).agg(level=("level", "mean"), rows=("rows", "sum"))
 
 
-def levels_of_performers(study: StudyData, measure: Measure) -> pd.DataFrame:
-    """Return the level of each performer in each condition, as `levels` those of dyads.
+def levels_of_performers(study: StudyData, measure: Measure, rows: pd.DataFrame | None = None) -> pd.DataFrame:
+    """Return the level of each performer in each condition, as `levels` those of dyads, from its `rows_of` by default.
 
     A setting decides whether trials or seconds have equal weight in shares.
     """
-    rows = rows_of(study, measure.of)
+    rows = rows_of(study, measure.of) if rows is None else rows
     values = np.asarray(measure.values(rows), dtype=float)
     if measure.ratio:
         values = np.log(np.where(values > 0.0, values, np.nan))

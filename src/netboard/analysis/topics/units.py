@@ -37,9 +37,8 @@ READ_IN = {
 
 _SHORT = re.compile(r"\b(delay|lag|reaction)\b")
 _SHARE = re.compile(r"\bshare\b|^falls per attempt")
-_DIFFERENCE = re.compile(r": difference|^change of |\beffect on ")
-_QUOTIENT = re.compile(r"\bshare of the effect\b")
-_THE_MEASURE_ITSELF = {"", "difference", "difference, bootstrap", "difference, t test", "difference, permutation test"}
+_DIFFERENCE = re.compile(r": difference|^change of ")
+_THE_MEASURE_ITSELF = re.compile(r"(difference\b.*)?")
 _RAISED = {"2": "²", "3": "³", "4": "⁴"}
 
 
@@ -51,8 +50,8 @@ def read_in(unit: str, quantity: str = "", group: str = "") -> Unit:
     """
     if unit == "s" and _SHORT.search(quantity):
         return MS
-    if unit == "1" and _SHARE.search(quantity) and quantity.partition(": ")[2] in _THE_MEASURE_ITSELF:
-        differs = (" vs " in group and not _QUOTIENT.search(quantity)) or _DIFFERENCE.search(quantity)
+    if unit == "1" and _SHARE.search(quantity) and _THE_MEASURE_ITSELF.fullmatch(quantity.partition(": ")[2]):
+        differs = " vs " in group or _DIFFERENCE.search(quantity)
         return POINTS if differs else PERCENT
     if unit in READ_IN:
         return READ_IN[unit]

@@ -67,6 +67,8 @@ class ForceCondition:
         It needs forces of another recording.
     local : bool
         An agent can compute it from its own coupling alone.
+    control : bool
+        It contains nothing of the partner's hand, so that its effect is a control of that of the whole force.
     """
 
     feels: str
@@ -76,6 +78,7 @@ class ForceCondition:
     quasi_static: bool = False
     recorded: bool = False
     local: bool = False
+    control: bool = False
 
 
 def _none(hand: ForceInputs) -> float:
@@ -129,9 +132,15 @@ CONDITIONS: dict[str, ForceCondition] = {
         "environment's force",
         _environment_only,
         quasi_static=True,
+        control=True,
     ),
     "unrelated": ForceCondition(
-        "the force that a hand felt in another session", "nothing", "unrelated force", _unrelated, recorded=True
+        "the force that a hand felt in another session",
+        "nothing",
+        "unrelated force",
+        _unrelated,
+        recorded=True,
+        control=True,
     ),
     "own_only": ForceCondition(
         "weights and its own height, as if the partner's stylus rested at z = 0 and the ball at the centre",
@@ -139,6 +148,7 @@ CONDITIONS: dict[str, ForceCondition] = {
         "own force",
         _own_only,
         quasi_static=True,
+        control=True,
     ),
 }
 """All conditions by name, in display order; a condition's number in kernels is its place. Append new ones."""
