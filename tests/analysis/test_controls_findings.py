@@ -111,8 +111,7 @@ def test_unknown_device_leaves_the_arms_without_friction() -> None:
     one = effect(blocks)
     assert [each.arm.device for each in one.passive if each.arm] == [False] * 3
     assert "without a device, which is unknown" in picture(modern_study(blocks)).caption
-    parts = controls_section(modern_study(blocks)).comparisons[0].arms
-    assert parts is not None
+    parts = controls_section(modern_study(blocks)).comparisons[0].details["Parts with the usual arm"]
     assert {row[1] for row in parts.rows} == {"–"}
 
 
@@ -144,6 +143,10 @@ def test_still_partner_is_a_control() -> None:
     (only,) = [each for one in found for each in one.predictions]
     assert only.name == "still partner, measured"
     assert [only.effect.value, only.predicted.value, only.rest.value] == pytest.approx([0.5, 0.75, 2 / 3])
+    (compared,) = controls_section(made_study(blocks)).comparisons
+    assert compared.measured is not None
+    assert ["completion time [ratio]", "0.750", "0.667", "3"] in [list(row) for row in compared.measured.rows]
+    assert compared.details == {}
 
 
 def test_other_forces_and_missing_rows_are_reasons() -> None:

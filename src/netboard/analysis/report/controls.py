@@ -3,10 +3,10 @@
 The numbers are those of `netboard.analysis.topics.controls`. All of them are exploratory.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 
-from netboard.analysis.extraction.controls import CONTROLS, arms_of
+from netboard.analysis.extraction.controls import CONTROLS, Arm, arms_of
 from netboard.analysis.extraction.study import StudyData
 from netboard.analysis.report.grids import Cell, Grid, GridColumn, grid_of, name, number
 from netboard.analysis.report.numbers import between, unit_of, written
@@ -22,16 +22,17 @@ Row = dict[GridColumn, Cell | float]
 
 @dataclass(frozen=True, slots=True)
 class ComparedControls:
-    """Controls of one comparison: a sentence, the parts of its effects, and details; None for none.
+    """Controls of one comparison: a sentence, the parts of its effects, and other tables; None for none.
 
-    `arms` has the parts with each arm of the usual stiffness, `others` the other controls.
+    `measured` has the conditions of the study that are controls. `details` are tables by their titles: the parts with
+    each arm of the usual stiffness, and the other computed controls.
     """
 
     title: str
     sentence: str
     parts: Grid
-    arms: Grid | None
-    others: Grid | None
+    measured: Grid | None
+    details: dict[str, Grid]
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,14 +76,13 @@ def _about(study: StudyData) -> Iterator[str]:
 
 def _compared(found: Sequence[ControlledEffect], notes: Sequence[str]) -> ComparedControls:
     title, known = capital(found[0].group), [one for one in found if one.passive]
-    others = [one for one in found if _other_predictions(one)]
-    return ComparedControls(
-        title,
-        _sentence(found),
-        grid_of(f"{title}: each effect and its parts. {PARTS}", [_parts(one, notes) for one in found]),
-        grid_of(f"{title}: parts with the arm of the usual stiffness", [*map(_by_arm, known)]) if known else None,
-        grid_of(f"{title}: other controls", [_others(one, others) for one in others]) if others else None,
-    )
+    measured, computed = (_others(title, found, measured=kind) for kind in (True, False))
+    details = {"Other computed controls": computed} if computed else {}
+    if known:
+        arms = grid_of(f"{title}, an arm of the usual stiffness", [*map(_by_arm, known)])
+        details = {"Parts with the usual arm": arms, **details}
+    parts = grid_of(f"{title}: each effect and its parts. {PARTS}", [_parts(one, notes) for one in found])
+    return ComparedControls(title, _sentence(found), parts, measured, details)
 
 
 PARTS = (
@@ -159,20 +159,34 @@ def _by_arm(one: ControlledEffect) -> Row:
     return row
 
 
-def _other_predictions(one: ControlledEffect) -> list[ControlPrediction]:
-    return [each for each in one.predictions if each.control is not PASSIVE]
+def _others(title: str, found: Sequence[ControlledEffect], *, measured: bool) -> Grid | None:
+    """Return the other controls of all effects, those that are conditions of the study or the computed ones."""
+    chosen = {
+        one.measure.name: {(each.name, each.arm): each for each in one.predictions if _is_other(each, measured)}
+        for one in found
+    }
+    keys = dict.fromkeys(key for own in chosen.values() for key in own)
+    rows = [_controls(one, chosen[one.measure.name], keys) for one in found if chosen[one.measure.name]]
+    what = "conditions of this study that are controls" if measured else "other computed controls"
+    return grid_of(f"{title}: {what}", rows) if rows else None
 
 
-def _others(one: ControlledEffect, found: Sequence[ControlledEffect]) -> Row:
+def _is_other(each: ControlPrediction, measured: bool) -> bool:
+    return each.control is not PASSIVE and each.measured == measured
+
+
+def _controls(
+    one: ControlledEffect,
+    known: Mapping[tuple[str, Arm | None], ControlPrediction],
+    keys: Iterable[tuple[str, Arm | None]],
+) -> Row:
     """Return the row of an effect with its other controls, and for conditions of the study the rest."""
-    columns = dict.fromkeys((each.name, each.arm) for every in found for each in _other_predictions(every))
-    by_name = {(each.name, each.arm): each for each in one.predictions}
     row: Row = _named(one)
-    for key in columns:
-        each, (title, arm) = by_name.get(key), key
+    for title, arm in keys:
+        each = known.get((title, arm))
         arms = "" if arm is None else f", {arm.holding}"
         row[number(f"{capital(title)}{arms}")] = _cell(one, each.predicted if each else None)
         if arm is None:
-            row[number(f"Effect minus {title}")] = _cell(one, each.rest if each else None)
-    row[number("Dyads")] = min(each.effect.n for each in _other_predictions(one))
+            row[number(f"Effect minus {title.removesuffix(', measured')}")] = _cell(one, each.rest if each else None)
+    row[number("Dyads")] = min(each.effect.n for each in known.values())
     return row
