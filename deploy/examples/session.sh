@@ -4,7 +4,7 @@
 #     session.sh [FOLDER]
 #
 # FOLDER (./pilot) gets the configuration, the journal, a recording of each block, and what every process said. Needs
-# `netboard` in the PATH; PORT is the first of the six ports it uses. On a rig the processes run on their machines already (netboard up): then only
+# `netboard` in the PATH; PORT is the first of the eight ports it uses. On a rig the processes run on their machines already (netboard up): then only
 # the part from "arm" on counts.
 set -eu
 

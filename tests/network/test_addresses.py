@@ -12,7 +12,8 @@ def test_channels_have_consecutive_ports() -> None:
     assert where.listen(channels.MOTION).address == "tcp://0.0.0.0:6000"
     assert where.reach(channels.CONTROL).address == "tcp://10.0.0.1:6004"
     assert {channels.VIEW["left"], channels.VIEW["right"]} == {2, 3}
-    assert len(channels.CHANNELS) == channels.MOVES + 1
+    assert channels.PARTNER == {"left": 6, "right": 7}
+    assert len(channels.CHANNELS) == 8
 
 
 @pytest.mark.parametrize("host", ["fe80::1%eth0", "[fe80::1%eth0]"])

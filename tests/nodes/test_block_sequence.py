@@ -74,7 +74,8 @@ def test_each_block_is_prepared() -> None:
         assert int(block.stage.initial()["phase"][0]) == Phase.IDLE
         assert block.curtain.block == block.config.block.number
     assert [block.people for block in blocks] == [("left", "right"), ("left", "right"), ("right",), ("left", "right")]
-    assert [[robot.side for robot in block.robots] for block in blocks] == [[], [], ["left"], []]
+    assert [block.moved for block in blocks] == [("left", "right")] * 4
+    assert [tuple(block.curtain.partners) for block in blocks] == [(), (), ("left",), ()]
     assert [block.curtain.away for block in blocks] == [(), (), ("left",), ("left",)]
     assert [block.ends for block in blocks] == [None] * 4
 

@@ -386,8 +386,8 @@ def test_device_replaced_in_a_trial_is_recorded_and_awaits_the_operator(automati
     join(Phase.PAUSED, "a:2", "3")
     assert state.supervisor._replaced == "the left device was replaced by another one"
     join(Phase.PAUSED, "b:1", "3")
-    whole, state.block = state.block, replace(state.block, people=("right",))
-    join(Phase.PAUSED, "b:1", "4")  # at the side of a robot, where it has no force
+    whole, state.block = state.block, replace(state.block, moved=("right",))
+    join(Phase.PAUSED, "b:1", "4")  # at the side of a hand that is held still, where it has no force
     state.block = whole
     assert [details for name, details in seen if name == "device_replaced"] == [
         {"side": "left", "before": "virtual virtual Touch 2 at a", "now": "virtual virtual Touch 3 at a"},

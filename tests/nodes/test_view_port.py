@@ -1,6 +1,7 @@
 """Views for the stations: together, only for subscribers, and only new ones."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from netboard.base.config import SIDES, Config, Side, parse
 from netboard.base.tables.rig import VIEW_REPEAT_MS
 from netboard.base.tick import TICK
 from netboard.network.protocol.codec import decode
-from netboard.network.transport import sockets
+from netboard.network.transport import channels, sockets
 from netboard.network.transport.ports import free_port
 from netboard.nodes.ports.view_port import ViewPort
 from netboard.stage.curtain import Curtain, make_curtain
@@ -43,7 +44,11 @@ class Rig:
     def __init__(self, port: ViewPort, config: Config) -> None:
         self.port = port
         self.stations = {side: Publisher() for side in SIDES}
-        port._views = dict(self.stations)  # type: ignore[arg-type]
+        self.partners = {side: Publisher() for side in SIDES}
+        port._views = {  # type: ignore[assignment]
+            **{channels.VIEW[side]: self.stations[side] for side in SIDES},
+            **{channels.PARTNER[side]: self.partners[side] for side in SIDES},
+        }
         self.curtain: Curtain = make_curtain(config)
         self.rows = np.zeros(1, TICK)
         self.rows["phase"], self.rows["trial"], self.rows["attempt"] = Phase.RUNNING, 1, 1
@@ -164,3 +169,20 @@ def test_station_receives_only_what_its_participant_may_see(rig: Rig) -> None:
 def test_closing_the_port_closes_both_publishers(rig: Rig) -> None:
     rig.port.close()
     assert all(publisher.closed for publisher in rig.stations.values())
+
+
+def test_robot_partner_sees_the_board_and_the_display_of_its_side_does_not(config: Config) -> None:
+    config = replace(config, block=replace(config.block, right="robot"))
+    with sockets.open_context() as context:
+        port = ViewPort(config.network, context, None)
+        bound = port._views
+        rig = Rig(port, config)
+        rig.run(40)
+        for publisher in bound.values():
+            publisher.close()
+    seen, shown = rig.partners["right"].sent, rig.stations["right"].sent
+    assert not rig.partners["left"].sent
+    assert {view.phase for view in shown} == {"away"}
+    assert {view.phase for view in seen} == {"running"}
+    assert len(seen) > 2
+    assert all(view.z == pytest.approx(view.tick * 1e-6) and view.right == 0.02 and view.left is None for view in seen)

@@ -170,3 +170,19 @@ def test_block_is_given_up_if_trials_take_too_long(monkeypatch: pytest.MonkeyPat
 def test_unsupported_configuration_is_refused(config: Config, problem: str) -> None:
     with pytest.raises(ConfigError, match=problem):
         Rehearsal(config, DEFAULT_PEOPLE)
+
+
+@pytest.mark.slow
+def test_two_robot_partners_complete_the_task_together() -> None:
+    rows, summary = play(with_block(trials=2, left="robot", right="robot"))
+    assert len(summary.completions) == 2
+    assert not np.array_equal(rows["left_sent_z"], -rows["right_sent_z"])
+    again, _ = play(with_block(trials=2, left="robot", right="robot"))
+    assert rows.tobytes() == again.tobytes()
+
+
+@pytest.mark.slow
+def test_robot_partner_renders_no_force_without_haptic_feedback() -> None:
+    rows, summary = play(with_block(trials=1, left="robot", right="robot", force="none"))
+    assert len(summary.completions) == 1
+    assert not rows["left_rendered"].any()

@@ -58,6 +58,15 @@ def test_hand_that_the_server_moves_needs_no_device() -> None:
     assert not rig.stand_ins
 
 
+def test_robot_partner_of_a_block_is_no_stand_in() -> None:
+    config = replace(Config(), block=Block(right="robot"))
+    own, seated = VIRTUAL | {"side": "right"}, VIRTUAL | {"side": "right", "kind": "robot", "partner": "robot"}
+    rig = rig_of(config, {}, events(("agent_joined", 0, own), ("agent_joined", 1, seated)), ())
+    assert rig.hands["right"] == (f"robot partner, no device: {VIRTUAL['model']}, serial {VIRTUAL['serial']}",)
+    assert "right" not in rig.simulated
+    assert not rig.stand_ins
+
+
 def test_rehearsal_has_simulated_participants_and_no_stand_ins() -> None:
     rig = rig_of(Config(), {"rehearsed": "true"}, (), ())
     assert set(rig.hands.values()) == {(REHEARSED,)}

@@ -56,7 +56,8 @@ KINDS_BEFORE = {
 """Kinds of the backends in recordings from before agents stated the kind of their device."""
 
 MOVED_BY_SERVER = {"robot": "robot partner, moved by the server", "still": "held still by the server"}
-"""Text of each hand that no device moves, by its mover in ``[block]``."""
+"""Text of each hand that no agent moves, by its mover in ``[block]``. The server moved robots in recordings from before
+agents did."""
 
 UNMEASURED = {"profile_calibrated": "never calibrated", "profile_identified": "mass not identified"}
 """Details of an agent that say when its device was measured, each with the text where it never was."""

@@ -35,6 +35,8 @@ OPENS: dict[str, tuple[str, ...]] = {
     "log": ("logger", "listener"),
     "view.left": ("display.left", "agent.left"),
     "view.right": ("display.right", "agent.right"),
+    "partner.left": ("agent.left",),
+    "partner.right": ("agent.right",),
     "control": ("display.left", "display.right", "console"),
 }
 """Roles whose keys open each channel. An agent gets its station's view for the simulated participant at it."""

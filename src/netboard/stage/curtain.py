@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from netboard.base.compiled import Numbers, Records, Words, inlined, kernel
 from netboard.base.config import SIDES, Config, Side
-from netboard.base.tables.experiment import Block
+from netboard.base.tables.experiment import PERSON, STILL, Block
 from netboard.base.tick import TICK_WORDS
 from netboard.stage.view import View
 from netboard.task.trials.state_machine import Phase, ticks
@@ -80,12 +80,15 @@ class Curtain:
         Stations whose participant has nothing to do.
     stations : dict of ndarray of CURTAIN, shape (1,)
         What each station may see.
+    partners : dict of ndarray of CURTAIN, shape (1,)
+        What the robot partner at each side may see: as much as a person there. Empty without one.
     """
 
     ball: bool
     block: int
     away: tuple[Side, ...]
     stations: Mapping[Side, NDArray[Any]]
+    partners: Mapping[Side, NDArray[Any]]
 
 
 def make_curtain(config: Config) -> Curtain:
@@ -93,14 +96,16 @@ def make_curtain(config: Config) -> Curtain:
     block, ball = config.block, config.physics.balls > 0
     away = tuple(side for side in SIDES if _is_away(block, side))
     stations = {side: _pack(config, side, away=side in away) for side in SIDES}
-    return Curtain(ball, block.number, away, stations)
+    robots = [side for side in SIDES if getattr(block, side) not in (PERSON, STILL)]
+    partners = {side: _pack(config, side, away=False) for side in robots}
+    return Curtain(ball, block.number, away, stations, partners)
 
 
 def _is_away(block: Block, station: Side) -> bool:
     """Whether nobody at a station takes part in a block."""
     if block.configuration == "bimanual":
         return station != block.station
-    return (block.left if station == "left" else block.right) != "person"
+    return (block.left if station == "left" else block.right) != PERSON
 
 
 def _pack(config: Config, station: Side, *, away: bool) -> NDArray[Any]:

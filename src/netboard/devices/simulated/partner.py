@@ -24,6 +24,9 @@ from netboard.participants.body.stylus import ACTION, StylusMechanics, hold, let
 from netboard.participants.policy import OBSERVATION, TRUTH, Decide, Policy
 from netboard.participants.seat.partners import make_partner
 
+BACKEND = "partner"
+"""Name of this backend."""
+
 
 @dataclass(frozen=True, slots=True)
 class PartnerOptions:
@@ -33,7 +36,7 @@ class PartnerOptions:
     partner: Annotated[str, about("robot partner that holds the stylus", min_length=1)] = "robot"
 
 
-class Holder(NamedTuple):
+class SeatedPolicy(NamedTuple):
     """A policy that holds a stylus, as the kernels see it."""
 
     state: NDArray[Any]  # of the policy, as its constants
@@ -50,7 +53,7 @@ def _decide(state: np.void, constants: np.void, observation: np.void, actions: R
     raise NotImplementedError
 
 
-def _act(holder: Holder, stylus: np.void, force: float, when: float, action: np.void) -> None:
+def _act(holder: SeatedPolicy, stylus: np.void, force: float, when: float, action: np.void) -> None:
     """Let the policy see, feel and act."""
     o, d, side = holder.observation[0], holder.reading[0], holder.side[0]
     o["tick"] += 1
@@ -81,7 +84,7 @@ class RobotPartner(SimulatedDevice):
         self._constants, self._policy_state = policy.constants.copy(), state
         self.observation = np.zeros(1, OBSERVATION)
         self._actions, self._scale = np.zeros(len(SIDES), ACTION), np.zeros(1)
-        holder = Holder(
+        holder = SeatedPolicy(
             state,
             self._constants,
             self.observation,
@@ -97,6 +100,9 @@ class RobotPartner(SimulatedDevice):
         stylus = StylusMechanics(held, acts)
         stylus.put(*policy.across(state, self.side), 0.0)
         return stylus, acts
+
+    def _details(self) -> dict[str, str]:
+        return {**super()._details(), "partner": self.partner}
 
     def play(self, policy: Policy, state: NDArray[Any]) -> None:
         """Begin a block with the same partner, as `prepared` returns it."""

@@ -14,14 +14,17 @@ from netboard.base.errors import ConfigError, NetboardError
 from netboard.base.tables.rig import Network
 from netboard.network.transport.authenticator import Authenticator, Credentials
 
-MOTION, LOG, VIEW_LEFT, VIEW_RIGHT, CONTROL, MOVES = range(6)
+MOTION, LOG, VIEW_LEFT, VIEW_RIGHT, CONTROL, MOVES, PARTNER_LEFT, PARTNER_RIGHT = range(8)
 """Channels: TCP port = network.port + channel."""
 
-CHANNELS = ("motion", "log", "view.left", "view.right", "control", "moves")
+CHANNELS = ("motion", "log", "view.left", "view.right", "control", "moves", "partner.left", "partner.right")
 """Their names."""
 
 VIEW: dict[Side, int] = {"left": VIEW_LEFT, "right": VIEW_RIGHT}
 """Channel of each station's views."""
+
+PARTNER: dict[Side, int] = {"left": PARTNER_LEFT, "right": PARTNER_RIGHT}
+"""Channel of the views of a block's robot partner at each side; the display of that side sees none of them."""
 
 
 @dataclass(frozen=True, slots=True)

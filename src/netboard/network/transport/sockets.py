@@ -28,7 +28,7 @@ from zmq import Again, ZMQError
 from netboard.base.errors import NetboardError
 from netboard.network.transport import authenticator
 from netboard.network.transport.authenticator import Authenticator, Credentials, readable
-from netboard.network.transport.channels import CHANNELS, CONTROL, LOG, VIEW_LEFT, VIEW_RIGHT, Endpoint
+from netboard.network.transport.channels import CHANNELS, CONTROL, LOG, PARTNER, VIEW, Endpoint
 from netboard.network.transport.endpoints import GOODBYE_LINGER_MS, Publisher, Router
 from netboard.network.transport.names import Name, addresses_of, is_loopback, is_numeric, known, unresolved
 from netboard.network.transport.ports import reserved, try_to_bind
@@ -61,7 +61,7 @@ This is a peer's largest message plus the overhead of encryption.
 """
 MAX_SUBSCRIPTION = 2**10
 """The same limit for the view channels: each byte of a subscription becomes a node of a tree in the server [bytes]."""
-_THREADS = {CONTROL: 0, LOG: 1, VIEW_LEFT: 2, VIEW_RIGHT: 2}
+_THREADS = {CONTROL: 0, LOG: 1, **dict.fromkeys((*VIEW.values(), *PARTNER.values()), 2)}
 """Thread of the second context that serves each channel that may wait."""
 IO_THREAD = "ZMQbg/IO"
 """Prefix of the names of libzmq's threads that exchange frames."""

@@ -14,7 +14,6 @@ arrived, and the agent slowly shifts its phase until that is `LEAD_NS`. A sample
 import logging
 from collections.abc import Callable, Mapping
 from importlib.metadata import version
-from typing import Protocol
 
 from netboard.base.clock import Pacer, now_ns
 from netboard.base.compiled import machine_code
@@ -49,6 +48,7 @@ from netboard.nodes.agent.agent_runs import (
     run_of,
     shifted,
 )
+from netboard.nodes.agent.holders import Holder, Holders, StylusSource, holder_of
 from netboard.nodes.agent.motion_link import FORCE, POINT, MotionLink
 from netboard.nodes.agent.rendered_buffer import RenderedRing
 from netboard.nodes.agent.rules import LIMITED, RuleKernels, Rules, rules_of
@@ -64,28 +64,6 @@ SEARCH_INTERVAL_NS = 500_000_000
 """Interval at which the agent looks for a lost device [ns]."""
 
 
-class StylusSource(Protocol):
-    """The simulated participant or player that moves a virtual stylus, in the agent's process."""
-
-    @property
-    def due_ns(self) -> int:
-        """When it must be advanced, if `file` does not signal first [ns]."""
-
-    @property
-    def file(self) -> int:
-        """Number of a file that signals when it must be advanced, or `netboard.network.transport.fastpath.NO_FILE`."""
-
-    @property
-    def identity(self) -> Mapping[str, str]:
-        """What is recorded of it; see `netboard.participants.policy`."""
-
-    def begin(self, text: str) -> None:
-        """Take the configuration of the block that begins."""
-
-    def step(self, now_ns: int, haptics: bool) -> None:
-        """Advance up to now; `haptics` says whether haptic feedback is on."""
-
-
 class AgentNode:
     """One device, its safety chain and its link to the server."""
 
@@ -96,17 +74,16 @@ class AgentNode:
         socket = sockets.motion_agent(context, where.reach(channels.MOTION), f"agent.{side}@{NAME}")
         timeout_ns = int(config.network.sample_timeout_ms * 1e6)
         self._config, self._side = config, side
-        self._identity: Mapping[str, str] = {} if source is None else source.identity
-        introduced = introduction(side, config, device.info, self._identity)
+        self._holder = holder_of(config, device, source)
+        self._holders = Holders(side, self._holder, context)
+        introduced = introduction(side, config, device.info, self._holder.identity)
         log.info("%s hand: %s", side, held_by(introduced.details).text)
         self._link = MotionLink(socket, introduced, timeout_ns)
-        self._device = device
-        self._safety = SafetyChain(config.safety, device.info.max_force, device.info.continuous_force)
+        self._device, self._source, self._safety = device, source, self._holder.safety
         self._fixture = config.fixture
         self._passivity = Passivity(on=config.safety.passivity)
         self._arming = Arming(device.agent.stop_buttons, device.agent.consent_buttons)
         self._rules = self._current_rules()
-        self._source = source
         self._seq = 0
         self._safeguards = 0
         self._rendered = 0.0
@@ -126,12 +103,16 @@ class AgentNode:
         def ends() -> bool:
             return stopping() or self._link.refusal != ""
 
-        while not ends():
-            try:
-                self._serve(ends)
-            except DeviceError as error:
-                self._close_lost_device(error)
-                self._find_device(ends)
+        try:
+            while not ends():
+                try:
+                    if (holder := self._serve(ends)) is not None:
+                        self._take_holder(holder)
+                except DeviceError as error:
+                    self._close_lost_device(error)
+                    self._find_device(ends)
+        finally:
+            self._holders.close()
         self._link.leave("the agent was stopped")
         if self._link.refusal:
             where = f"{self._config.network.host}:{self._config.network.port}"
@@ -145,10 +126,11 @@ class AgentNode:
         self._link.warm()
         self._undisturbed_ticks()
 
-    def _serve(self, stopping: Callable[[], bool]) -> None:
-        """Serve the connected device, and leave it with zero force."""
-        run, pacer = self._undisturbed_ticks(), Pacer(now_ns() + TICK_NS)
-        while not stopping():
+    def _serve(self, stopping: Callable[[], bool]) -> Holder | None:
+        """Serve the connected device, and leave it with zero force; return the block's holder if it is another one."""
+        run, pacer, holder = self._undisturbed_ticks(), Pacer(now_ns() + TICK_NS), self._holder
+        while not stopping() and holder is self._holder:
+            holder = self._holders.chosen() or holder
             pacer.wait()
             begun, reading = NOTHING_BEGUN, None
             if run is not None and not self._link.server_silent:
@@ -159,6 +141,18 @@ class AgentNode:
                     continue
             pacer.shift(self._tick(pacer.due_ns + TICK_NS, begun, reading))
         self._device.write(0.0, 0.0, 0.0)
+        return None if holder is self._holder else holder
+
+    def _take_holder(self, holder: Holder) -> None:
+        """Serve the device of another holder from now on; the one before has zero force."""
+        self._link.part("the block has another holder of the stylus")
+        self._holder, self._rendered = holder, 0.0
+        self._device, self._source, self._safety = holder.device, holder.source, holder.safety
+        self._arming.keep_stop(self._safety)
+        self._rules = self._current_rules()
+        introduced = introduction(self._side, holder.config, self._device.info, holder.identity)
+        log.info("%s hand: %s", self._side, held_by(introduced.details).text)
+        self._link.introduce(introduced)
 
     def _undisturbed_ticks(self) -> Kernel | None:
         """Return the function that runs undisturbed ticks of the connected device, if it has compiled access."""
@@ -211,11 +205,12 @@ class AgentNode:
                 trouble.log(f"the device is back, but cannot be used yet: {error}")
                 Pacer(now_ns() + SEARCH_INTERVAL_NS).wait()
                 continue
-            introduced = introduction(self._side, self._config, info, self._identity)
+            introduced = introduction(self._side, self._holder.config, info, self._holder.identity)
             log.info("the device is back: %s", held_by(introduced.details).text)
             lost, self._safety = self._safety, SafetyChain(self._config.safety, info.max_force, info.continuous_force)
             self._safety.keep_mean_of(lost)
             self._arming.keep_stop(self._safety)
+            self._holder = self._holders.renewed(self._holder, self._safety)
             self._rules = self._current_rules()
             self._link.introduce(introduced)
             return
@@ -281,10 +276,12 @@ class AgentNode:
 
     def _advance_source(self) -> None:
         """Advance the stylus source, at a time when that delays no force."""
+        if self._link.block:
+            text, self._link.block = self._link.block, ""
+            self._holders.begin(text)
+            if self._source is not None:
+                self._source.begin(text)
         if self._source is not None:
-            if self._link.block:
-                self._source.begin(self._link.block)
-                self._link.block = ""
             self._source.step(now_ns(), self._link.kind in (FORCE, POINT))
 
     def _render(self, reading: Reading) -> None:

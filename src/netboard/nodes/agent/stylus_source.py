@@ -207,14 +207,14 @@ class PartnerDevice(Protocol):
 
 
 class PartnerSource:
-    """The robot partner at a device: it gets its station's views, and is made anew for each block.
+    """The robot partner at a device: it gets the views of a channel, and is made anew for each block.
 
     The configuration of a block is read in a thread, and the partner made, because both take many milliseconds.
     """
 
-    def __init__(self, config: Config, device: PartnerDevice, context: sockets.Context) -> None:
+    def __init__(self, config: Config, device: PartnerDevice, context: sockets.Context, channel: int) -> None:
         where = keys.reach(config.network, f"agent.{device.side}")
-        self._views = ViewReceiver(sockets.view_subscriber(context, where.reach(channels.VIEW[device.side])))
+        self._views = ViewReceiver(sockets.view_subscriber(context, where.reach(channel)))
         self._reader = ThreadPoolExecutor(1, "configuration", beside_loop)
         self._coming: Future[tuple[Config, Policy, NDArray[Any]]] | None = None
         self._config, self._device = config, device
@@ -379,7 +379,7 @@ def stylus_source_of(
 ) -> LiveParticipant | PartnerSource | PlayerSource | None:
     """Return the simulated participant, robot partner or player of a device; None if a real hand holds it."""
     if isinstance(device, PartnerDevice):
-        return PartnerSource(config, device, context)
+        return PartnerSource(config, device, context, channels.VIEW[device.side])
     if isinstance(device, PointerDevice):
         return PlayerSource(config, device, context)
     return LiveParticipant(config, device, context) if isinstance(device, SimulatedHandDevice) else None

@@ -13,7 +13,7 @@ import numpy as np
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES, Side
 from netboard.base.safeguards import Safeguard
-from netboard.base.tables.experiment import MAX_TRIALS
+from netboard.base.tables.experiment import MAX_TRIALS, PERSON, STILL
 from netboard.base.tick import LATE_NS
 from netboard.network.protocol.control import (
     REPLAY_OF,
@@ -110,7 +110,7 @@ class ReplayAnswers:
         recording = self._state.recording
         for side in SIDES:
             mover, details = getattr(recording.config.block, side), recording.device(side, index)
-            if mover != "person":
+            if mover == STILL or (mover != PERSON and details is None):
                 yield moved_by_server(side, mover)
             elif details is not None:
                 yield device_status(side, details)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.device_kind import MOVED_BY_SERVER, held_by
-from netboard.base.tables.experiment import MAX_TRIALS
+from netboard.base.tables.experiment import MAX_TRIALS, STILL
 from netboard.network.protocol.control import (
     DeviceStatus,
     DisplayStatus,
@@ -103,7 +103,7 @@ class SessionAnswers:
         session = self._state
         for side in SIDES:
             mover, agent = getattr(session.block.config.block, side), session.ports.motion.agents[side]
-            if mover != "person":
+            if mover == STILL:
                 yield moved_by_server(side, mover)
             elif agent.hello is not None:
                 yield device_status(side, agent.hello.details)

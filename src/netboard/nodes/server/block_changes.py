@@ -4,6 +4,7 @@ from dataclasses import asdict
 
 from netboard.network.protocol.records import AGENT_PRESENT, BLOCK_BEGAN, DISPLAY_PRESENT
 from netboard.nodes.server.state import SessionState
+from netboard.nodes.server.still_hand import IDENTITY
 from netboard.task.studies.factors import TrialDetails
 
 PAGE_TICKS = 1500
@@ -93,5 +94,5 @@ class BlockChanges:
             own = {"side": hello.side, "name": hello.name}
             state.note(DISPLAY_PRESENT, {**own, **hello.details, **own})
         state.confirmations.begin_block()
-        for robot in state.block.robots:
-            state.note("robot_joined", {"side": robot.side, **robot.identity})
+        for held in state.block.still:
+            state.note("robot_joined", {"side": held, **IDENTITY})

@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from netboard.base.config import SIDES, Config, Side, resolve
 from netboard.base.errors import ConfigError, RecordingError
-from netboard.base.tables.experiment import Session
+from netboard.base.tables.experiment import PERSON, STILL, Session
 from netboard.nodes.ports import samples
 from netboard.nodes.ports.latency import LatencySupervisor
-from netboard.nodes.server.robot import Robot
 from netboard.nodes.server.server_runs import run_of
+from netboard.nodes.server.still_hand import fill_still
+from netboard.participants.seat.partners import require_known
 from netboard.recording.files.reader import Recording
 from netboard.stage.curtain import Curtain, make_curtain
 from netboard.stage.stage import Stage, make_stage
@@ -31,20 +32,21 @@ class PreparedBlock:
     curtain: Curtain
     latency: LatencySupervisor  # blocks with the same scene share it
     ends: Any
-    people: tuple[Side, ...]
-    robots: tuple[Robot, ...]
+    people: tuple[Side, ...]  # sides of persons
+    moved: tuple[Side, ...]  # sides whose hand an agent moves: those of persons and of robot partners
+    still: tuple[Side, ...]  # sides whose hand is held still
     unrelated: Unrelated | None
     run: Callable[..., int] | None  # its undisturbed ticks, if the block can have some
 
     def stand_in(self, row: np.void, words: NDArray[np.int64], number: int, due_ns: int, state: Any) -> int:
         """Fill in the inputs of a tick that come from no agent.
 
-        Return the `samples.LIVE` and `samples.ARMED` bits of the robots.
+        Return the `samples.LIVE` and `samples.ARMED` bits of the hands that are held still.
         """
         found = 0
-        for robot in self.robots:
-            robot.fill(words, number, due_ns)
-            found |= (samples.LIVE | samples.ARMED) << SIDES.index(robot.side)
+        for side in self.still:
+            fill_still(words, side, number, due_ns)
+            found |= (samples.LIVE | samples.ARMED) << SIDES.index(side)
         if self.unrelated is not None:
             row["left_other"], row["right_other"] = self.unrelated.at(state)
         return found
@@ -91,13 +93,14 @@ class BlockSequence:
 def _prepared(config: Config, supervisors: dict[Any, LatencySupervisor]) -> PreparedBlock:
     stage = make_stage(config)
     stage.warm()
-    people = tuple(side for side in SIDES if getattr(config.block, side) == "person")
+    require_known(config)
+    movers = {side: getattr(config.block, side) for side in SIDES}
+    still = tuple(side for side in SIDES if movers[side] == STILL)
     scene = config.physics, config.virtual, config.network.delay_action
     if scene not in supervisors:
         supervisors[scene] = LatencySupervisor(config)
-    robots = tuple(Robot(config, side) for side in SIDES if side not in people)
     both = config.physics.coupling_at == "both"
-    plain = not (robots or config.block.unrelated or both)
+    plain = not (still or config.block.unrelated or both)
     return PreparedBlock(
         config=config,
         text=resolve(config),
@@ -105,8 +108,9 @@ def _prepared(config: Config, supervisors: dict[Any, LatencySupervisor]) -> Prep
         curtain=make_curtain(config),
         latency=supervisors[scene],
         ends=samples.ends_of(config.physics) if both else None,
-        people=people,
-        robots=robots,
+        people=tuple(side for side in SIDES if movers[side] == PERSON),
+        moved=tuple(side for side in SIDES if side not in still),
+        still=still,
         unrelated=unrelated_in(config.block.unrelated) if config.block.unrelated else None,
         run=run_of(stage) if plain else None,
     )

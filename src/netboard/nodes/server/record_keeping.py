@@ -95,7 +95,7 @@ class RecordKeeping:
         state = self._state
         if not state.operators.opened:
             return 0
-        self._backfiller.expect(state.block.people, state.number)
+        self._backfiller.expect(state.block.moved, state.number)
         records = self._backfiller.attend(state.ports.motion, state.rows, state.number, now)
         for record in records:
             state.event_log.record(record)
@@ -125,7 +125,7 @@ class RecordKeeping:
         side, machine = details["side"], details["name"].rpartition(":")[0]
         device = " ".join(filter(None, (*map(details.get, DEVICE), machine and f"at {machine}")))
         before, self._devices[side] = self._devices.get(side, device), device
-        in_use = side in self._state.block.people and self._state.phase not in (Phase.IDLE, Phase.FINISHED)
+        in_use = side in self._state.block.moved and self._state.phase not in (Phase.IDLE, Phase.FINISHED)
         if device != before and in_use:
             self._state.supervisor.device_replaced(side)
             self._state.note("device_replaced", {"side": side, "before": before, "now": device})

@@ -331,7 +331,7 @@ class DyadSession:
         words = state.words[number % RING_ROWS]
         if found is None:
             found = self._motion.fill(words, number, due_ns, late_ns)
-        if block.robots or block.unrelated is not None:
+        if block.still or block.unrelated is not None:
             found |= block.stand_in(state.rows[number % RING_ROWS], words, number, due_ns, state.stage[0])
         active, felt = state.active, state.felt
         if not active or found != ALL_FINE or not self._no_command_due:  # asking for a command would delay the forces
@@ -340,12 +340,10 @@ class DyadSession:
         halted = bool(state.emergency_stop.halted)
         if felt and not halted:
             self._motion.force(words, block.stage.commanded_row(state.words, number))
-            if block.robots:
-                self._motion.send_heartbeat(number, sides=[robot.side for robot in block.robots])
+            if block.still:
+                self._motion.send_heartbeat(number, sides=block.still)
         else:
             self._motion.send_heartbeat(number, at_once=active and halted)
-        for robot in block.robots:
-            robot.take(words)
         self._clock.began(late_ns)
         self._follow_up(1)
 
@@ -484,7 +482,7 @@ class DyadSession:
     def _poll_latency(self) -> None:
         block = self._state.block
         loops_ns = zip(SIDES, self._motion.loops_ns, strict=True)
-        used = [loop_ns if side in block.people else 0 for side, loop_ns in loops_ns]
+        used = [loop_ns if side in block.moved else 0 for side, loop_ns in loops_ns]
         block.latency.poll(used, haptics=self._state.felt)
 
     def _housekeeping(self) -> None:

@@ -1,6 +1,7 @@
 """The state of a session: what its parts share, and what answers to operators are made from."""
 
 import uuid
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -111,7 +112,7 @@ class SessionState:
         for side, agent in motion.agents.items():
             if agent.hello is not None:
                 block.latency.take_limit(side, agent.hello.details)
-        self.ports.renew(self._welcome(), block.ends, block.people)
+        self.ports.renew(self._welcome(), block.ends, block.moved)
         self.rest_until_ns = now_ns() + int(block.config.block.rest * 1e9)
         self.missing = self.find_missing()  # otherwise the block would start by itself with what the last one needed
 
@@ -132,7 +133,8 @@ class SessionState:
     def find_missing(self) -> tuple[str, ...]:
         """Return what is missing now before the block can begin."""
         now, log = now_ns(), self.ports.log
-        lacking = [*self.ports.motion.find_missing(now, self.block.people), *self.block.latency.missing]
+        lacking = [*self.ports.motion.find_missing(now, self.block.moved), *self._missing_partners()]
+        lacking += self.block.latency.missing
         if self.block.config.network.require_logger and not log.loggers:
             lacking.append("the logger")
         if self.block.config.session.real and (found := self.confirmations.unconfirmed(self.find_stand_ins())):
@@ -142,6 +144,13 @@ class SessionState:
         if self.supervisor.autostart and self.rest(now) is not None:
             lacking.append(REST)
         return tuple(lacking)
+
+    def _missing_partners(self) -> Iterator[str]:
+        """Yield the robot partners of the block that the agents at their sides do not hold yet."""
+        for side in self.block.curtain.partners:
+            wanted, hello = getattr(self.block.config.block, side), self.ports.motion.agents[side].hello
+            if hello is not None and hello.details.get("partner") != wanted:
+                yield f"the {side} agent to seat the robot partner {wanted}"
 
     @property
     def loss(self) -> str:

@@ -7,7 +7,6 @@ the given seed.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from functools import cache
 from math import ceil, nan
 from typing import Any, NamedTuple
@@ -54,8 +53,8 @@ def force_scales(config: Config) -> tuple[float, ...]:
 def make_seat(config: Config, policy: Policy, station: Side, seed: tuple[int, ...]) -> Seat:
     """Put a policy into a seat: it sees the views of a station."""
     block = config.block
-    seen = replace(block, left="person", right="person")  # a robot also sees the board
-    curtain = make_curtain(replace(config, block=seen)).stations[station]
+    every = make_curtain(config)
+    curtain = every.partners.get(station, every.stations[station])
     view_ticks = ceil(1.0 / (TICK_SECONDS * config.network.view_rate_hz))
     timing = np.array([view_ticks, view_ticks // 2 if station == "right" else 0])
     scales = np.array(force_scales(config) if len(policy.sides) == 1 else (), float)

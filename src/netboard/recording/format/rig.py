@@ -41,6 +41,11 @@ def rig_of(
     hands: dict[Side, tuple[str, ...]] = {
         side: (MOVED_BY_SERVER[mover],) for side, mover in movers.items() if mover in MOVED_BY_SERVER
     }
+    robots = [side for side, mover in movers.items() if mover not in ("person", "still")]
+    for side in robots:
+        partners = [details for details in agents_in_use(events, attempts, side) if "partner" in details]
+        if held := [held_by(details) for details in partners]:  # none where the server moved it
+            hands[side] = tuple(dict.fromkeys(one.text for one in held))
     people = [side for side, mover in movers.items() if mover == "person"]
     if metadata.get("rehearsed") == "true":
         return RecordedRig(hands | dict.fromkeys(people, (REHEARSED,)), simulated=tuple(people))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import isnan, nan
 
 from netboard.base.config import Side
-from netboard.base.device_kind import MOVED_BY_SERVER, STAND_INS, DeviceKind
+from netboard.base.device_kind import STAND_INS, DeviceKind
 from netboard.base.plural import plural
 from netboard.base.process.display_server import unseen
 from netboard.base.safeguards import TRIP_CAUSES, Safeguard
@@ -64,7 +64,7 @@ def _device(station: _Station, limits: Limits) -> LampState:
     agent = f"Agent {name}, version {version}."
     if held is None:
         return LampLevel.GOOD, "ready", agent
-    if held.kind in MOVED_BY_SERVER:
+    if held.kind == "still":
         return LampLevel.OFF, held.kind, f"No device moves this hand: {held.text}."
     tip = f"{held.text}. {agent}"
     if held.kind != DeviceKind.HAPTIC:

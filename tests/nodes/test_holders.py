@@ -1,0 +1,92 @@
+"""The holder that an agent serves in a block: its own device, or that of the block's robot partner."""
+
+import logging
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import pytest
+
+from netboard.base.config import Config, parse, resolve
+from netboard.devices.simulated.partner import RobotPartner
+from netboard.devices.simulated.virtual import VirtualTouch
+from netboard.network.transport import sockets
+from netboard.network.transport.ports import free_port
+from netboard.nodes.agent.agent import introduction
+from netboard.nodes.agent.holders import Holder, Holders, holder_of
+
+TIMEOUT = 60.0
+"""Timeout, far above the usual time [s]."""
+
+
+@pytest.fixture
+def config() -> Config:
+    return parse("", "test", (f"network.port={free_port()}",))
+
+
+@pytest.fixture
+def holders(config: Config) -> Iterator[Holders]:
+    device = VirtualTouch("right", config)
+    device.open()
+    with sockets.open_context() as context:
+        made = Holders("right", holder_of(config, device, None), context)
+        yield made
+        made.close()
+
+
+@pytest.fixture
+def chosen(config: Config, holders: Holders) -> Callable[[str], Holder | None]:
+    """Returns the holder of a block whose right hand is somebody's; None if it cannot be made."""
+
+    def begin(mover: str) -> Holder | None:
+        holders.begin(resolve(replace(config, block=replace(config.block, right=mover))))
+        until = time.monotonic() + TIMEOUT
+        while holders._coming is not None:
+            assert time.monotonic() < until
+            if (found := holders.chosen()) is not None:
+                return found
+        return None
+
+    return begin
+
+
+def test_agent_serves_its_own_device_unless_the_block_has_a_robot_partner(
+    holders: Holders, chosen: Callable[[str], Holder | None]
+) -> None:
+    own = holders._own
+    assert chosen("person") is own
+    partner = chosen("robot")
+    assert partner is not None
+    assert isinstance(partner.device, RobotPartner)
+    assert chosen("still") is own
+    assert chosen("robot") is partner
+    assert chosen("person") is own
+
+
+def test_agent_introduces_the_partner_that_holds_its_device(chosen: Callable[[str], Holder | None]) -> None:
+    partner = chosen("robot")
+    assert partner is not None
+    details = introduction("right", partner.config, partner.device.info, partner.identity).details
+    assert (details["device"], details["kind"], details["partner"]) == ("partner", "robot", "robot")
+    assert details["policy"] == "simulated participant"
+
+
+def test_unknown_partner_is_reported_and_the_device_stays(
+    chosen: Callable[[str], Holder | None], caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.ERROR):
+        assert chosen("nobody") is None
+    assert "the robot partner of the block cannot be seated: this machine has no robot partner 'nobody'" in caplog.text
+
+
+def test_lost_device_that_is_back_has_a_new_safety_chain(
+    holders: Holders, config: Config, chosen: Callable[[str], Holder | None]
+) -> None:
+    own = holders._own
+    again = holder_of(config, own.device, None).safety
+    assert holders.renewed(own, again).safety is again
+    assert chosen("person") is holders._own
+    assert holders._own.safety is again
+    partner = chosen("robot")
+    assert partner is not None
+    assert holders.renewed(partner, again) is chosen("robot")
