@@ -26,10 +26,11 @@ from netboard.base.config import Config
 from netboard.base.settings import Key, tables, to_toml
 from netboard.base.tables.forces import CONDITIONS
 from netboard.base.tables.scene import FRICTION
-from netboard.base.tables.simulated import PARTICIPANT_SOURCES
+from netboard.base.tables.simulated import PARTICIPANT_SOURCES, Participant
 from netboard.devices.falcon.device import FalconOptions
 from netboard.devices.spacemouse import SpaceMouseOptions
 from netboard.participants.body.device_models import MODELS, DeviceModel
+from netboard.participants.people.partner_models import PARTNER_MODELS
 from netboard.participants.people.population import VARIED
 from netboard.recording.export.formats import FORMATS
 from netboard.recording.export.tables import TRIALS
@@ -298,6 +299,18 @@ def device_models() -> str:
     return "\n".join(lines)
 
 
+def partner_models() -> str:
+    """Write the models of the partner as a table."""
+    lines = ["| `partner_model` | what the force tells | `reflex_gain` | `impedance_gain` | what it does | source |"]
+    lines += ["|---|---|---|---|---|---|"]
+    for name, it in PARTNER_MODELS.items():
+        shown = f"`{name}` (default)" if name == Participant().partner_model else f"`{name}`"
+        lines.append(
+            f"| {shown} | {it.tells} | {it.reflex_gain:g} | {it.impedance_gain:g} | {it.does} | {_cell(it.source)} |"
+        )
+    return "\n".join(lines)
+
+
 def participant_parameters() -> str:
     """Write the parameters of a simulated participant as a table, with source and spread of each."""
     spreads = {name: spread for names, spread in VARIED.items() for name in names}
@@ -353,10 +366,10 @@ CALIBRATION = ("about", "false-positives", "power", "interaction", "variations",
 POWER = ("about", "power", "false-positives", "precision")
 """Those of `netboard power`."""
 
-INFORMATION = ("scenes", "hands", "skills")
+INFORMATION = ("scenes", "models", "hands", "skills", "acquaintance")
 """Those of `make evidence ARGS=information`."""
 
-PARTICIPANTS = ("others", "predictions", "order", "ablations", "slowing", "speed")
+PARTICIPANTS = ("others", "predictions", "order", "ablations", "slowing", "rest")
 """Those of `make evidence ARGS=participants`."""
 
 FIT = ("summaries", "parameters", "recovery", "fit")
@@ -388,12 +401,15 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "soak machine": ("explanation/latency.md", study_machine("soak")),
     **{f"soak-{name}": ("explanation/latency.md", study_part("soak", name)) for name in SOAK},
     "participant parameters": ("explanation/participants.md", participant_parameters),
+    "partner models": ("explanation/participants.md", partner_models),
     "device models": ("explanation/participants.md", device_models),
     "participants machine": ("explanation/participants.md", study_machine("participants")),
     **{
         f"participants {name}": ("explanation/participants.md", study_part("participants", name))
         for name in PARTICIPANTS
     },
+    "rehearsals machine": ("explanation/participants.md", study_machine("rehearsals")),
+    "rehearsals speed": ("explanation/participants.md", study_part("rehearsals", "speed")),
     **{f"fit {name}": ("explanation/participants.md", study_part("fit", name)) for name in FIT},
     **{f"information {name}": ("explanation/participants.md", study_part("information", name)) for name in INFORMATION},
     "velocity machine": ("explanation/velocity.md", study_machine("velocity")),

@@ -43,6 +43,7 @@ PLAIN = {
         "Maximum stable delay of the virtual coupling, and what extends it.",
     ),
     "forces": ("coupling.forces", "Forces on both hands for one movement under each force condition."),
+    "rehearsals": ("participants.speed", "Speed of rehearsals on one core, beside the stage alone, in the same run."),
     "calibration": ("analysis.calibration", "False positive rate of the tests in simulated studies."),
     "controls": (
         "analysis.control_truth",

@@ -38,6 +38,7 @@ KNOWN = {
         "OBSERVER": "type",
         "OBSERVED": "type",
     },
+    "partner_models": {"PARTNER_MODELS": "models, each with its source", "INFORMED": "names"},
     "partners": {"GROUP": "a name", "POLICIES": "names"},
     "person": {"DECISION_TICKS": "step of the controller", "PERSON": "type"},
     "policy": {

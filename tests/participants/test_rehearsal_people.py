@@ -52,9 +52,14 @@ def test_practice_counts_the_trials_of_earlier_own_blocks() -> None:
     people = list(people_of(blocks(), 1, 1))
     assert [block_people["A"].practice for block_people in people] == [0, 10, 10, 40]
     assert [block_people["B"].practice for block_people in people] == [0, 0, 20, 50]
-    assert {replace(block_people["A"], practice=0) for block_people in people} == {
-        replace(person_of(Participant(), 1, 1, "A"), practice=0)
+    assert {replace(block_people["A"], practice=0, acquaintance=0) for block_people in people} == {
+        replace(person_of(Participant(), 1, 1, "A"), practice=0, acquaintance=0)
     }
+
+
+def test_acquaintance_counts_the_dyadic_trials_before() -> None:
+    for letter in "AB":
+        assert [block_people[letter].acquaintance for block_people in people_of(blocks(), 1, 1)] == [0, 0, 0, 30]
 
 
 def test_configured_practice_is_kept() -> None:

@@ -1,8 +1,7 @@
 """``make evidence ARGS=participants``: which of the paper's results the simulated participants reproduce.
 
 Agreement is no prediction: an earlier search for parameters used all of the paper's figures. Rows that a later
-adjustment used again are marked. The results do not depend on the machine, but for the speed of the rehearsals, which
-is measured last.
+adjustment used again are marked. The results do not depend on the machine.
 
 A pool of dyads performs the paper's plan at full length. A virtual study draws four of them as the paper
 counterbalanced its own: one dyad of each starting state. The 95 % predictive interval lies between the 2.5th and
@@ -20,8 +19,8 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from evidence.participants.paper import CONFIGURATIONS, EXTRA, STATEMENTS, Sample, Statement
-from evidence.participants.speed import ROUNDS, speed_part
 from evidence.participants.trials import PAPER_TRIALS, SEED, Performance, Population, perform_all
+from netboard.analysis.cohort.posterior import read_posterior
 from netboard.base.config import Config
 from netboard.base.process.workers import cores
 from netboard.base.tables.simulated import Participant
@@ -30,6 +29,7 @@ from netboard.benchmarks.harness.running import Tell
 from netboard.nodes.rehearsal.jobs import RehearsalJob
 from netboard.participants.body.device_models import resolved
 from netboard.participants.people.dyad_model import felt_noise
+from netboard.participants.people.partner_models import PARTNER_MODELS
 
 STATES = 4
 """Starting states of the paper's plan, one for each of its dyads [1]."""
@@ -39,18 +39,17 @@ LIKELY = 0.8
 
 DEFAULT = Participant()
 
-ABLATIONS = {
+ABLATIONS: dict[str, Participant] = {
     "full model": DEFAULT,
     "friction at rest": replace(DEFAULT, rest_skill=0.0),
     "no load skill": replace(DEFAULT, load_skill=0.0),
-    "no information": replace(DEFAULT, partner_model="mechanics"),
     "fixed partner": replace(DEFAULT, mirror_rate=0.0),
     "no learning": replace(DEFAULT, novice=1.0),
-    "with yielding": replace(DEFAULT, reflex_gain=1.0),
-    "with impedance": replace(DEFAULT, impedance_gain=20_000.0),
-    "with goal": replace(DEFAULT, partner_model="goal"),
+    "known partner": replace(DEFAULT, stranger=1.0),
+    "understood force": replace(DEFAULT, reading=1.0),
+    **{name: replace(DEFAULT, partner_model=name) for name in PARTNER_MODELS if name != DEFAULT.partner_model},
 }
-"""Variants of the model: each is without one part, or ("with") has a part that the model leaves out."""
+"""Variants of the model: each is without one part, or has another model of the partner."""
 
 
 def studies(dyads: Sequence[NDArray[Any]], count: int) -> list[Sample]:
@@ -112,16 +111,16 @@ QUICK_TRIALS = 6
 DYADS, QUICK_DYADS = 32, 8
 """Number of dyads of the full model [1]."""
 
-ABLATED_DYADS, QUICK_ABLATED_DYADS = 8, 4
+ABLATED_DYADS, QUICK_ABLATED_DYADS = 16, 4
 """Largest number of dyads of the other variants [1]."""
+
+DRAWS, QUICK_DRAWS = 40, 2
+"""Number of draws of the posterior, each with a virtual study of its own [1]."""
 
 SLOWING_DYADS, SLOWING_TRIALS = 8, 8
 """Number of dyads, and of trials in a block, for the effect of parts of the force [1]."""
 
-QUICK_TIMED_TRIALS, QUICK_ROUNDS = 10, 3
-"""Number of trials in a block that is timed, and of rounds [1]."""
-
-QUICK_VARIANTS = ("full model", "no information")
+QUICK_VARIANTS = ("full model", "mechanics")
 
 
 def study(
@@ -140,16 +139,19 @@ def study(
         performances = list(_performances(name, size, trials, workers, number, len(variants), tell))
         found[name] = predictions(studies([one.attempts for one in performances], count))
         if name == variants[0]:
-            yield predictions_part(found[name], performances, trials, count)
+            title = f"{count} virtual studies of {STATES} dyads, drawn from {len(performances)} dyads"
+            yield predictions_part("predictions", f"{title}, {trials} trials a block", found[name], performances)
             folder.save("participants", lambda: draw(found[variants[0]]))
-            sample = Sample(np.concatenate([one.attempts for one in performances]))
+            attempts = np.concatenate([one.attempts for one in performances])
+            sample = Sample(attempts)
             yield order_part(sample)
             yield others_part(sample, Participant(), Config())
+            yield rest_part(attempts)
     yield ablations_part(found)
+    yield posterior_part(QUICK_DRAWS if quick else DRAWS, QUICK_TRIALS if quick else PAPER_TRIALS, workers, tell)
     if not quick:
         tell("bimanual blocks with parts of the force", 1.0)
         yield slowing_part(SLOWING_DYADS, SLOWING_TRIALS, workers)
-    yield speed_part(QUICK_TIMED_TRIALS, QUICK_ROUNDS, tell) if quick else speed_part(PAPER_TRIALS, ROUNDS, tell)
 
 
 def _performances(
@@ -162,14 +164,29 @@ def _performances(
         yield performance
 
 
+def posterior_part(draws: int, trials: int, workers: int, tell: Tell) -> ResultPart:
+    """Tabulate the predictions with participants of the posterior: one draw, and dyads of its own, in each study."""
+    posterior, tasks = read_posterior(), []
+    for number in range(draws):
+        population = Population(posterior.participant(DEFAULT, SEED + number), trials)
+        tasks += [(population.jobs(dyad), dyad) for dyad in range(STATES * number + 1, STATES * (number + 1) + 1)]
+    performances = []
+    for done, performance in enumerate(perform_all(tasks, workers)):
+        tell(f"posterior: dyad {done + 1} of {len(tasks)}", done / len(tasks))
+        performances.append(performance)
+    each = [performances[first : first + STATES] for first in range(0, len(performances), STATES)]
+    found = predictions([Sample(np.concatenate([one.attempts for one in study])) for study in each])
+    title = f"{draws} virtual studies of {STATES} dyads, each of another draw of the posterior, {trials} trials a block"
+    return predictions_part("posterior", title, found, performances)
+
+
 def predictions_part(
-    found: Sequence[Prediction], performances: Sequence[Performance], trials: int, count: int
+    name: str, title: str, found: Sequence[Prediction], performances: Sequence[Performance]
 ) -> ResultPart:
-    """Tabulate the predictions of the full model, and whether it reproduces each result."""
+    """Tabulate predictions of the model, and whether it reproduces each result."""
     part = ResultPart(
-        "predictions",
-        f"Results of the paper: {count} virtual studies of {STATES} dyads, "
-        f"drawn from {len(performances)} dyads, {trials} trials a block",
+        name,
+        f"Results of the paper: {title}",
         "result | use | paper | direction | median | 2.5 % | 97.5 % | P(direction) | reproduced",
     )
     for one in found:
@@ -264,6 +281,28 @@ def order_part(sample: Sample) -> ResultPart:
     return part
 
 
+# --- hands at rest ---------------------------------------------------------------------------------------------------
+
+LONG_REST = 2.0
+"""Time for which people do not hold a hand still in a trial [s]."""
+
+
+def rest_part(rows: NDArray[Any]) -> ResultPart:
+    """Tabulate how often the reading of a hand does not change for long."""
+    part = ResultPart(
+        "rest",
+        f"Attempts in which the reading of a hand does not change for {LONG_REST:g} s or more",
+        "configuration | haptics | attempts | share of them [%] | longest such time [s]",
+    )
+    for configuration in CONFIGURATIONS:
+        for haptics in (False, True):
+            chosen = ((rows["performer"] == "dyad") == (configuration == "dyadic")) & (rows["haptics"] == haptics)
+            rest = rows["rest"][chosen]
+            share = 100.0 * float(np.mean(rest >= LONG_REST))
+            part.add(configuration, "on" if haptics else "off", len(rest), share, float(rest.max()))
+    return part
+
+
 # --- comparison with measurements and models of others ---------------------------------------------------------------
 
 
@@ -313,8 +352,8 @@ CASES: dict[str, tuple[str, dict[str, Any]]] = {
     "force of ball and board only": ("environment_only", {}),
     "full force, no load compensation": ("full", {"load_skill": 0.0}),
     "full force, friction not compensated at rest": ("full", {"rest_skill": 0.0}),
-    "full force, with reflex yielding": ("full", {"reflex_gain": 1.0}),
-    "full force, with impedance adaptation": ("full", {"impedance_gain": 20_000.0}),
+    "full force, with reflex yielding": ("full", {"partner_model": "follower"}),
+    "full force, with impedance adaptation": ("full", {"partner_model": "impedance"}),
 }
 """Force condition and changed parameters of each case."""
 

@@ -1,16 +1,15 @@
 """``make evidence ARGS=information``: what the force tells simulated partners, and what it is worth, in many scenes.
 
-Dyads perform a block with haptic feedback. The same dyads, with the same random numbers, perform it with each model of
-the partner: `mechanics` (the force pushes the hand but tells nothing), `position` and `goal`. So a ratio of completion
-times is the worth of what the force tells; its confidence interval is that of a paired t test over dyads, of the
-logarithms.
+Dyads perform a block with haptic feedback on and off. The same dyads, with the same random numbers, perform it with
+each model of the partner. So a ratio of completion times is the effect of haptic feedback, or of what one model does
+more than another; its confidence interval is that of a paired t test over dyads, of the logarithms.
 """
 
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
 from math import sqrt
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +22,7 @@ from netboard.benchmarks.harness.processes import fresh_processes
 from netboard.benchmarks.harness.results import Folder, ResultPart
 from netboard.benchmarks.harness.running import Tell
 from netboard.participants.people.observer import uncertainty
+from netboard.participants.people.partner_models import INFORMED, PARTNER_MODELS
 from netboard.participants.people.population import LETTERS, person_of
 from netboard.participants.seat.block import Rehearsal
 
@@ -38,7 +38,7 @@ TRIALS, QUICK_TRIALS = 40, 6
 PRACTICE = 300.0
 """Trials that each participant has practised [1]."""
 
-MODELS: tuple[PartnerModel, ...] = ("mechanics", "position", "goal")
+MODELS: tuple[PartnerModel, ...] = tuple(PARTNER_MODELS)
 
 SCENES: dict[str, tuple[str, str, tuple[float, ...]]] = {
     "k_s": ("physics", "N/m", (1.4, 14.0, 35.0, 140.0, 560.0)),
@@ -55,6 +55,9 @@ QUICK_SCENES = {"k_s": (1.4, 140.0), "c_h": (10.0,)}
 SKILLS = (0.5, 1.0, 1.5, 2.0)
 """Factors of the noise of the partner's senses and movements, in the comparison of partners [1]."""
 
+ACQUAINTANCES = (0.0, 60.0, 120.0, 240.0, 480.0)
+"""Numbers of dyadic trials that partners have performed before the block [1]."""
+
 _NOISY = ("position_noise", "velocity_noise", "tilt_noise_deg", "amplitude_cv", "threshold_cv")
 
 
@@ -69,11 +72,12 @@ class Case:
     force: str = "full"
     keys: dict[str, dict[str, float]] = field(default_factory=dict)
     skill: float = 1.0
+    acquaintance: float | Literal["plan"] = "plan"  # a dyad that knows each other
 
     def config(self) -> Config:
         """Return the configuration of the block."""
         base = Config()
-        person = replace(base.participant, partner_model=self.model, practice=PRACTICE)
+        person = replace(base.participant, partner_model=self.model, practice=PRACTICE, acquaintance=self.acquaintance)
         changed = {table: replace(getattr(base, table), **values) for table, values in self.keys.items()}
         block = replace(
             base.block, configuration=self.configuration, force=self.force, trials=self.trials, seed=self.dyad
@@ -112,15 +116,45 @@ def study(dyads: int | None, workers: int | None, folder: Folder, tell: Tell, *,
     size, trials = dyads or (QUICK_DYADS if quick else DYADS), QUICK_TRIALS if quick else TRIALS
     levels = QUICK_SCENES if quick else {name: values for name, (_, _, values) in SCENES.items()}
     with fresh_processes(workers or cores()) as pool:
-        yield scenes_part(levels, size, trials, pool, tell)
+        cells = list(_cells(levels, size, trials, pool, tell))
+        yield scenes_part(cells, size, trials)
+        yield models_part(cells, size, trials)
         yield hands_part(size, trials, pool)
         yield skills_part(SKILLS[::3] if quick else SKILLS, size, trials, pool, tell)
+        yield acquaintance_part(ACQUAINTANCES[::4] if quick else ACQUAINTANCES, size, trials, pool, tell)
 
 
-def scenes_part(
+@dataclass(frozen=True)
+class Cell:
+    """A scene: the changed keys, and the results of all dyads with haptic feedback off and on, for each model."""
+
+    label: str
+    keys: dict[str, dict[str, float]]
+    off: dict[PartnerModel, list[Result]]
+    on: dict[PartnerModel, list[Result]]
+
+
+def _cells(
     levels: dict[str, tuple[float, ...]], dyads: int, trials: int, pool: ProcessPoolExecutor, tell: Tell
-) -> ResultPart:
-    """Tabulate each scene: completion times with haptic feedback off and on, and the ratio that information makes."""
+) -> Iterator[Cell]:
+    """Perform the block of every dyad in each scene, with haptic feedback off and on, with each model."""
+    scenes = [(name, level) for name, values in levels.items() for level in values]
+    for number, (name, level) in enumerate(scenes):
+        table, unit, _ = SCENES[name]
+        label, keys = f"{name} = {level:g} {unit}", {table: {name: level}}
+        tell(label, number / len(scenes))
+        off, on = (
+            {
+                model: performed([Case(model, d, trials, force=f, keys=keys) for d in numbered(dyads)], pool)
+                for model in MODELS
+            }
+            for f in ("none", "full")
+        )
+        yield Cell(label, keys, off, on)
+
+
+def scenes_part(cells: Sequence[Cell], dyads: int, trials: int) -> ResultPart:
+    """Tabulate what information is worth: completion times, and their ratio to those of the mechanics alone."""
     part = ResultPart(
         "scenes",
         f"Completion time of {dyads} dyads, {trials} trials in a block, by what the force tells of the partner",
@@ -129,31 +163,37 @@ def scenes_part(
         "| 95 % CI low | 95 % CI high | falls, mechanics | falls, position | falls, goal",
     )
     harmed: list[str] = []
-    cells = [(name, level) for name, values in levels.items() for level in values]
-    for number, (name, level) in enumerate(cells):
-        table, unit, _ = SCENES[name]
-        tell(f"{name} = {level:g} {unit}", number / len(cells))
-        keys = {table: {name: level}}
-        off = performed([Case("mechanics", dyad, trials, force="none", keys=keys) for dyad in numbered(dyads)], pool)
-        found = {
-            model: performed([Case(model, dyad, trials, keys=keys) for dyad in numbered(dyads)], pool)
-            for model in MODELS
-        }
-        config = Case("position", 1, trials, keys=keys).config()
-        known = [
-            1e3 * uncertainty(config.participant, config.physics, config.virtual, force) for force in (False, True)
-        ]
-        ratios = [ratio(found[model], found["mechanics"]) for model in MODELS[1:]]
-        falls = {model: sum(one.falls for one in found[model]) for model in MODELS}
-        times = [mean_time(one) for one in (off, *found.values())]
-        part.add(f"{name} = {level:g} {unit}", *known, *times, *ratios[0], *ratios[1], *falls.values())
-        if ratios[0][1] > 1.0 or more_falls(falls["position"], falls["mechanics"]):
-            harmed.append(f"{name} = {level:g}")
+    for cell in cells:
+        config = Case("position", 1, trials, keys=cell.keys).config()
+        known = [1e3 * uncertainty(config.participant, config.physics, config.virtual, way) for way in (False, True)]
+        alone = cell.on["mechanics"]
+        ratios = {model: ratio(cell.on[model], alone) for model in INFORMED}
+        falls = {model: sum(one.falls for one in cell.on[model]) for model in ("mechanics", *INFORMED)}
+        times = [mean_time(one) for one in (cell.off["mechanics"], *(cell.on[model] for model in falls))]
+        part.add(
+            cell.label, *known, *times, *(number for three in ratios.values() for number in three), *falls.values()
+        )
+        if ratios["position"][1] > 1.0 or more_falls(falls["position"], falls["mechanics"]):
+            harmed.append(cell.label)
     part.claim(
         "information on the partner's position never makes a dyad slower or less successful, within 95 % confidence",
         not harmed,
         ", ".join(harmed) or f"{len(cells)} scenes",
     )
+    return part
+
+
+def models_part(cells: Sequence[Cell], dyads: int, trials: int) -> ResultPart:
+    """Tabulate the effect of haptic feedback with each model of the partner."""
+    part = ResultPart(
+        "models",
+        f"Completion time with haptic feedback over that without it, and its 95 % CI: {dyads} dyads, "
+        f"{trials} trials in a block",
+        ("changed", *MODELS),
+    )
+    for cell in cells:
+        found = [ratio(cell.on[model], cell.off[model]) for model in MODELS]
+        part.add(cell.label, *(f"{middle:.2f} ({low:.2f} to {high:.2f})" for middle, low, high in found))
     return part
 
 
@@ -186,7 +226,7 @@ def more_falls(found: int, expected: int) -> bool:
 
 
 def hands_part(dyads: int, trials: int, pool: ProcessPoolExecutor) -> ResultPart:
-    """Show that one person with both hands, who has no partner, does the same with each model."""
+    """Show that one person with both hands, who has no partner, does the same whatever a force would tell."""
     part = ResultPart(
         "hands",
         "One person with both hands, haptic feedback on",
@@ -197,8 +237,9 @@ def hands_part(dyads: int, trials: int, pool: ProcessPoolExecutor) -> ResultPart
         cases = [Case(model, dyad, trials, configuration="bimanual") for dyad in numbered(dyads)]
         found[model] = performed(cases, pool)
         part.add(model, mean_time(found[model]), sum(one.falls for one in found[model]))
-    same = all(results == found[MODELS[0]] for results in found.values())
-    part.claim("one person with both hands performs the same trials with each model", same, f"{dyads} participants")
+    same = all(found[model] == found["mechanics"] for model in INFORMED)
+    claim = f"one person with both hands performs the same trials with mechanics, {' and '.join(INFORMED)}"
+    part.claim(claim, same, f"{dyads} participants")
     return part
 
 
@@ -207,23 +248,56 @@ def skills_part(skills: Sequence[float], dyads: int, trials: int, pool: ProcessP
     part = ResultPart(
         "skills",
         f"Benefit of information by the partner's skill: {dyads} dyads, {trials} trials in a block",
-        "noise of partner B, over that of A | mechanics [s] | position [s] | position / mechanics | 95 % CI low "
-        "| 95 % CI high",
+        ("noise of partner B, over that of A", *_WORTH),
     )
-    worse: list[str] = []
+    worths = {}
     for number, skill in enumerate(skills):
         tell(f"noise of partner B x {skill:g}", number / len(skills))
-        found = [
-            performed([Case(model, dyad, trials, skill=skill) for dyad in numbered(dyads)], pool)
-            for model in MODELS[:2]
-        ]
-        middle, low, high = ratio(found[1], found[0])
-        part.add(skill, mean_time(found[0]), mean_time(found[1]), middle, low, high)
-        if middle >= 1.0:
-            worse.append(f"{skill:g}")
+        worths[skill] = _worth({"skill": skill}, dyads, trials, pool)
+        part.add(skill, *worths[skill])
+    worse = [f"{skill:g}" for skill, worth in worths.items() if worth[2] >= 1.0]
     part.claim(
         "information makes dyads faster on average, with a better and with a worse partner",
         not worse,
         ", ".join(worse) or f"{len(skills)} skills",
     )
     return part
+
+
+def acquaintance_part(
+    counts: Sequence[float], dyads: int, trials: int, pool: ProcessPoolExecutor, tell: Tell
+) -> ResultPart:
+    """Tabulate the benefit of information by the dyadic trials that the partners have performed."""
+    part = ResultPart(
+        "acquaintance",
+        f"Benefit of information by the dyadic trials before the block: {dyads} dyads, {trials} trials in the block",
+        ("dyadic trials before", "haptics off [s]", *_WORTH),
+    )
+    harmed = []
+    for number, count in enumerate(counts):
+        tell(f"{count:g} dyadic trials before", number / len(counts))
+        off = [Case("mechanics", dyad, trials, force="none", acquaintance=count) for dyad in numbered(dyads)]
+        worth = _worth({"acquaintance": count}, dyads, trials, pool)
+        part.add(count, mean_time(performed(off, pool)), *worth)
+        if worth[3] > 1.0:
+            harmed.append(f"{count:g}")
+    part.claim(
+        "information never makes a dyad slower, however little it knows each other, within 95 % confidence",
+        not harmed,
+        ", ".join(harmed) or f"{len(counts)} levels",
+    )
+    return part
+
+
+_WORTH = ("mechanics [s]", "position [s]", "position / mechanics", "95 % CI low", "95 % CI high")
+
+
+def _worth(
+    keys: dict[str, Any], dyads: int, trials: int, pool: ProcessPoolExecutor
+) -> tuple[float, float, float, float, float]:
+    """Return completion times with the mechanics alone and with position exchange, and their ratio with its limits."""
+    alone, informed = (
+        performed([Case(model, dyad, trials, **keys) for dyad in numbered(dyads)], pool)
+        for model in ("mechanics", "position")
+    )
+    return mean_time(alone), mean_time(informed), *ratio(informed, alone)

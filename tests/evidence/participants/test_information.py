@@ -10,6 +10,7 @@ from evidence.participants import information
 from evidence.participants.information import MODELS, Case, Result, more_falls, perform, ratio, study, with_skill
 from netboard.base.tables.simulated import Participant
 from netboard.benchmarks.harness.running import Options, run
+from netboard.participants.people.partner_models import INFORMED
 
 
 def test_ratio_is_the_geometric_mean_over_dyads_with_the_interval_of_a_t_test() -> None:
@@ -35,11 +36,11 @@ def test_skill_multiplies_all_noises() -> None:
 
 
 @pytest.mark.slow
-def test_models_of_the_partner_differ_only_where_the_force_tells_something() -> None:
+def test_models_of_the_partner_differ_in_dyads_that_feel_a_force_and_what_it_tells_only_there() -> None:
     dyadic = {model: perform(Case(model, 1, 1)) for model in MODELS}
     assert len(set(dyadic.values())) == len(MODELS)
     for case in ({"configuration": "bimanual"}, {"force": "none"}):
-        assert len({perform(Case(model, 1, 1, **case)) for model in MODELS}) == 1
+        assert len({perform(Case(model, 1, 1, **case)) for model in ("mechanics", *INFORMED)}) == 1
 
 
 @pytest.mark.slow
@@ -48,5 +49,5 @@ def test_study_tabulates_scenes_hands_and_skills(tmp_path: Path, monkeypatch: py
     verdicts = run(
         "information", partial(study, 2, 1), Options(tmp_path / "found", tmp_path / "found.json", quick=True)
     )
-    assert len(verdicts) == 3
+    assert len(verdicts) == 4
     assert verdicts[1].holds, "one person with both hands has no partner"

@@ -1,16 +1,19 @@
 """The validation of the simulated participants: statistics on synthetic trials, and the quick benchmark."""
 
 import json
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from evidence.participants.bench import ABLATIONS, Prediction, order_part, studies, study
+from evidence.participants import speed
+from evidence.participants.bench import ABLATIONS, Prediction, order_part, posterior_part, rest_part, studies, study
 from evidence.participants.paper import STATEMENTS, Sample, Statement
-from evidence.participants.trials import ATTEMPT, Performance, Population, perform
+from evidence.participants.trials import ATTEMPT, Performance, Population, longest_rest, perform
 from netboard.analysis.cohort.block import measured, rehearse
 from netboard.benchmarks.harness.running import Options, run
 
@@ -113,6 +116,21 @@ def test_haptic_effect_is_known_by_the_condition_that_a_performer_began_with() -
         assert row["95 % CI low"] < row["difference [%]"] < row["95 % CI high"] < 0.0
 
 
+def test_longest_rest_is_that_between_two_changes_or_an_end() -> None:
+    assert longest_rest(np.array([1.0, 1.0, 2.0, 2.0, 2.0, 2.0, 3.0])) == pytest.approx(0.004)
+    assert longest_rest(np.array([1.0, 2.0, 3.0, 3.0, 3.0])) == pytest.approx(0.003)
+    assert longest_rest(np.full(10, 1.0)) == pytest.approx(0.010)
+
+
+def test_share_of_attempts_with_a_hand_at_rest() -> None:
+    rows = np.concatenate([attempts_of_dyad(1), attempts_of_dyad(2)])
+    rows["rest"][(rows["performer"] == "dyad") & rows["haptics"]] = np.tile([1.9, 2.0, 5.0], 12)
+    shares = {row[:2]: row[2:] for row in rest_part(rows).rows}
+    assert shares["dyadic", "on"] == (36, pytest.approx(200.0 / 3.0), 5.0)
+    assert shares["dyadic", "off"] == (36, 0.0, 0.0)
+    assert shares["bimanual", "on"][0] == 72
+
+
 @pytest.mark.slow
 def test_simulated_dyad_is_reproducible() -> None:
     jobs = Population(trials=1).jobs(1)[8:9]
@@ -147,9 +165,35 @@ def test_study_writes_predictions_ablations_and_comparisons(tmp_path: Path, monk
     )
     run("participants", partial(study, 3, 4, 1), Options(tmp_path / "found", tmp_path / "found.json", quick=True))
     parts = {part["name"]: part for part in json.loads((tmp_path / "found.json").read_text())["parts"]}
-    assert set(parts) == {"predictions", "order", "others", "ablations", "speed"}
-    alone, one, batch = (dict(zip(parts["speed"]["columns"], row, strict=True)) for row in parts["speed"]["rows"])
-    assert alone["/ stage alone"] == 1.0
-    assert alone["ticks"] < one["ticks"] < batch["ticks"]
+    assert set(parts) == {"predictions", "posterior", "order", "others", "rest", "ablations"}
     assert len(parts["predictions"]["rows"]) == len(parts["ablations"]["rows"]) > len(STATEMENTS)
+    assert [row[0] for row in parts["posterior"]["rows"]] == [row[0] for row in parts["predictions"]["rows"]]
     assert (tmp_path / "found" / "participants.png").stat().st_size > 10_000
+
+
+@pytest.mark.slow
+def test_posterior_gives_each_virtual_study_another_draw(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[str, int]] = []
+
+    def performed(tasks: Any, _: int) -> Iterator[Performance]:
+        for jobs, dyad in tasks:
+            asked.append((repr(jobs[0].config.participant), dyad))
+            yield Performance(attempts_of_dyad(dyad), given_up=0)
+
+    monkeypatch.setattr("evidence.participants.bench.perform_all", performed)
+    part = posterior_part(3, 1, 1, lambda *_: None)
+    people, dyads = [person for person, _ in asked], [dyad for _, dyad in asked]
+    assert [len(set(people[first : first + 4])) for first in (0, 4, 8)] == [1, 1, 1]
+    assert len(set(people)) == 3
+    assert dyads == list(range(1, 13))
+    assert "3 virtual studies of 4 dyads" in part.title
+
+
+@pytest.mark.slow
+def test_speed_is_measured_beside_the_stage_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(speed, "QUICK_TRIALS", 1)
+    run("rehearsals", speed.study, Options(tmp_path / "found", tmp_path / "found.json", quick=True))
+    (part,) = json.loads((tmp_path / "found.json").read_text())["parts"]
+    alone, uninformed, one, batch = (dict(zip(part["columns"], row, strict=True)) for row in part["rows"])
+    assert alone["/ stage alone"] == 1.0
+    assert alone["ticks"] < min(uninformed["ticks"], one["ticks"]) <= one["ticks"] < batch["ticks"]

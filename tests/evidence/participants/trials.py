@@ -19,7 +19,7 @@ from netboard.analysis.extraction.trials import RATE, BlockData
 from netboard.analysis.measures.cooperation import PORTIONS
 from netboard.analysis.measures.movements import shares
 from netboard.analysis.measures.smoothness import spectral_arc_length
-from netboard.base.config import Config
+from netboard.base.config import SIDES, Config
 from netboard.base.tables.simulated import Participant
 from netboard.benchmarks.harness.processes import fresh_processes
 from netboard.nodes.rehearsal.jobs import RehearsalJob, jobs_of
@@ -50,6 +50,7 @@ ATTEMPT = np.dtype(
         ("velocity", "<f8"),
         ("first_move", "<f8"),  # onset of the initial movement of the board [s]
         ("sparc", "<f8"),  # spectral arc length of the ball's speed to completion [1]
+        ("rest", "<f8"),  # longest time for which the reading of a hand does not change [s]
         ("segments", "<i8"),  # cooperative movements of the board [1]
         ("delay", "<f8", (len(PORTIONS),)),  # sum of their absolute delays at each portion of the peak [s]
         ("delays", "<i8", (len(PORTIONS),)),  # number of known delays [1]
@@ -114,6 +115,12 @@ def perform_all(tasks: Sequence[tuple[Sequence[RehearsalJob], int]], workers: in
         yield from pool.map(perform, *zip(*tasks, strict=True))
 
 
+def longest_rest(heights: NDArray[np.float64]) -> float:
+    """Return the longest time for which a height does not change, to the bit [s]."""
+    changes = np.flatnonzero(np.diff(heights))
+    return float(np.diff(changes, prepend=-1, append=len(heights) - 1).max() / RATE)
+
+
 def _attempts(block: BlockData, dyad: int) -> NDArray[Any]:
     takes = [take for take in block.takes() if take.attempt.outcome in ("success", "fell")]
     rows, conditions = np.zeros(len(takes), ATTEMPT), block.config.block
@@ -129,6 +136,8 @@ def _attempts(block: BlockData, dyad: int) -> NDArray[Any]:
         row["first_move"] = measured["initial_onset"]
         speed = take.motion.speed[take.trial.window()]
         row["sparc"] = spectral_arc_length(speed, RATE) if len(speed) > 1 else np.nan
+        course = slice(take.attempt.tick - block.first, take.attempt.stop - block.first)
+        row["rest"] = max(longest_rest(block.raw(f"{side}_used_z")[course]) for side in SIDES)
         moved, delays, _ = delays_of(take)
         row["segments"] = moved.cooperative.sum()
         row["delay"], row["delays"] = np.nansum(delays.absolute, axis=0), np.isfinite(delays.absolute).sum(axis=0)

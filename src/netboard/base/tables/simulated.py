@@ -10,7 +10,7 @@ from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
 
 OfModel = Literal["model"]
 OfPlan = Literal["plan"]
-PartnerModel = Literal["mechanics", "position", "goal"]
+PartnerModel = Literal["mechanics", "follower", "position", "goal", "impedance"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +52,7 @@ class VirtualDevice:
 
 @dataclass(frozen=True, slots=True)
 class Participant:
-    """The simulated participant: arm, senses and controller."""
+    """The simulated participant: arm, senses and controller; "model" stands for the value of its partner model."""
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
     arm_mass: Annotated[float, about("effective mass of hand and arm", "kg", gt=0, le=10)] = 0.5
@@ -92,18 +92,27 @@ class Participant:
     ] = 0.005
     rest_skill: Annotated[float, about("share of that compensation that also acts at rest", "1", ge=0, le=1)] = 1.0
     load_skill: Annotated[float, about("share of an expected force that the arm compensates", "1", ge=0, le=1)] = 1.0
-    reflex_gain: Annotated[
-        float,
-        about("yielding of the arm to an unexpected force, relative to its yielding by stiffness", "1", ge=0, le=5),
-    ] = 0.0
+    reflex_gain: (
+        Annotated[
+            float,
+            about("yielding of the arm to an unexpected force, relative to its yielding by stiffness", "1", ge=0, le=5),
+        ]
+        | OfModel
+    ) = "model"
     reflex_delay: Annotated[float, about("delay of the responses to a force", "s", ge=0, le=0.1)] = 0.060
     reflex_time: Annotated[float, about("time after which a force is expected", "s", gt=0, le=10)] = 0.3
-    impedance_gain: Annotated[
-        float,
-        about(
-            "rate of stiffening per distance of the hand from its equilibrium point; 0: none", "N/m/(m s)", ge=0, le=1e6
-        ),
-    ] = 0.0
+    impedance_gain: (
+        Annotated[
+            float,
+            about(
+                "rate of stiffening per distance of the hand from its equilibrium point; 0: none",
+                "N/m/(m s)",
+                ge=0,
+                le=1e6,
+            ),
+        ]
+        | OfModel
+    ) = "model"
     impedance_decay: Annotated[
         float, about("rate at which the stiffness returns to that of the relaxed arm", "N/m/s", ge=0, le=10_000)
     ] = 20.0
@@ -141,9 +150,18 @@ class Participant:
     velocity_noise: Annotated[float, about("standard deviation of the seen ball velocity", "m/s", ge=0, le=1)] = 0.0087
     tilt_noise_deg: Annotated[float, about("standard deviation of the seen tilt", "deg", ge=0, le=45)] = 0.22
     partner_noise: Annotated[float, about("uncertainty about the partner's movement", "1", ge=0, le=5)] = 0.5
+    stranger: Annotated[
+        float, about("uncertainty about an unknown partner, relative to a known one; 1: no learning", "1", ge=1, le=100)
+    ] = 2.0
+    reading: Annotated[
+        float,
+        about(
+            "share of what the force tells that is understood of an unknown partner; 1: no learning", "1", ge=0, le=1
+        ),
+    ] = 0.0
     partner_model: Annotated[
         PartnerModel,
-        about("what the force tells of the partner: nothing (mechanics only), where its hand is, or where it is going"),
+        about("what the participant does with the force that it feels from its partner"),
     ] = "position"
     mirror: Annotated[
         float,
@@ -188,6 +206,9 @@ class Participant:
         float, about("trials after which 1/e of the difference remains", "1", gt=0, le=10_000)
     ] = 200.0
     practice: Annotated[float, about("trials practised before the block", "1", ge=0, le=100_000)] | OfPlan = "plan"
+    acquaintance: (
+        Annotated[float, about("dyadic trials performed before the block", "1", ge=0, le=100_000)] | OfPlan
+    ) = "plan"
 
 
 _ARM = "assumed; published arms in posture have 0.5 to 1.5 kg, 5 to 30 N s/m, 100 to 500 N/m"
@@ -203,13 +224,14 @@ PARTICIPANT_SOURCES = {
         ("muscle_lag",): "a model: Lokesh et al. 2023",
         ("visual_delay",): "models: Takagi et al. 2017, Lokesh et al. 2023",
         ("haptic_delay", "reflex_delay"): "measured: Cluff, Crevecoeur and Scott 2015",
-        ("rest_skill", "load_skill", "reflex_gain", "mirror_rate"): _BY_HAND,
-        ("impedance_gain", "impedance_decay", "impedance_limit"): "assumed; the law is that of Franklin et al. 2008",
+        ("rest_skill", "load_skill", "mirror_rate"): _BY_HAND,
+        ("impedance_decay", "impedance_limit"): "assumed; the law is that of Franklin et al. 2008",
+        ("reflex_gain", "impedance_gain"): "that of the partner model",
         ("kp", "kd", "max_tilt_deg", "lookahead", "partner_noise", "centring"): _SEARCHED,
         ("threshold_cv", "movement_cv", "amplitude_cv", "bimanual_amplitude_cv", "mirror"): _SEARCHED,
         ("threshold_deg", "refractory", "movement_time"): _ADJUSTED,
         ("position_noise", "velocity_noise", "tilt_noise_deg", "bimanual_async", "novice"): _ADJUSTED,
-        ("partner_model",): "position exchange or goal exchange: Takagi et al. 2017",
+        ("partner_model",): "position exchange: Takagi et al. 2017",
         ("weber_fraction",): "measured: 7 to 10 %, Pang, Tan and Durlach 1991",
         ("goal_speed",): "a critically damped approach that is as late, on average, as a submovement",
         ("force_noise", "force_noise_time", "forearm", "lateral_sd", "friction_skill", "compensation_speed"): _ASSUMED,
@@ -217,7 +239,9 @@ PARTICIPANT_SOURCES = {
         ("aim_beyond_stop",): "assumed; aiming farther would not move the hand",
         ("threshold_limit",): "assumed; without it, one threshold in two thousand could never be exceeded",
         ("level_margin",): "assumed; at 1 the board would be left at the limit",
-        ("practice",): "number of trials in the plan",
+        ("stranger",): "assumed: an unknown partner may do nothing, or twice what is expected (a relative SD of 1)",
+        ("reading",): "assumed: what a force tells has to be learned, from nothing",
+        ("practice", "acquaintance"): "number of trials in the plan",
     }.items()
     for name in names
 }

@@ -11,7 +11,8 @@ moves it towards its neutral height. With one hand, the controller expects the p
 to share its lifting, unless the force on its hand shows otherwise. In a bimanual block it moves both hands.
 
 Each part can be switched off by a parameter: ``partner_model = "mechanics"`` (force tells nothing), ``mirror_rate = 0``
-(the partner's share is not learned) and ``novice = 1`` (no learning over trials).
+(the partner's share is not learned), ``novice = 1`` (no learning over trials), ``stranger = 1`` (the partner is known
+from the start) and ``reading = 1`` (so is what the force tells).
 
 `decide` is the controller as one kernel over records; `Controller` runs it for one live participant.
 
@@ -104,6 +105,9 @@ STATE = np.dtype(
         ("practice", "<f8"),  # attempts done [1]
         ("random", STREAM),  # its random numbers
         ("learning_factor", "<f8"),  # of noise, threshold and reaction time; 1: trained [1]
+        ("acquaintance", "<f8"),  # dyadic attempts done [1]
+        ("strangeness", "<f8"),  # factor of the uncertainty about the partner; 1: known [1]
+        ("reading", "<f8"),  # share of what the force tells that is understood [1]
     ]
 )
 """State of a controller."""
@@ -128,7 +132,9 @@ def pack_constants(
     packed["hands"] = sum(1 << SIDES.index(side) for side in sides)
     packed["felt_noise"] = felt_noise(person, physics, resolved(virtual))
     if len(sides) == 1:
-        packed["observer"] = pack_observer(replace(person, practice="plan"), physics, virtual, sides[0])
+        packed["observer"] = pack_observer(
+            replace(person, practice="plan", acquaintance="plan"), physics, virtual, sides[0]
+        )
     return packed
 
 
@@ -153,6 +159,8 @@ def _initialise(states: Records, constants: Records) -> None:
     senses = state["senses"]
     state["mirror"], state["practice"] = k["mirror"], k["practice"]
     factor = state["learning_factor"] = learned(k["novice"], k["practice"], k["learning_trials"])
+    state["acquaintance"] = k["acquaintance"]
+    _know_partner(state, k)
     senses["noise_p"] = factor * k["position_noise"] * normal(state["random"])
     senses["noise_v"] = factor * k["velocity_noise"] * normal(state["random"])
     senses["noise_theta"] = factor * radians(k["tilt_noise_deg"]) * normal(state["random"])
@@ -238,12 +246,21 @@ def _detect_release(state: np.void, k: np.void) -> None:
     phase = state["percept"]["phase"]
     if is_free(phase) and not is_free(state["phase"]):
         state["learning_factor"] = learned(k["novice"], state["practice"], k["learning_trials"])
+        _know_partner(state, k)
         state["practice"] += 1.0
+        state["acquaintance"] += 1.0
         reaction = (
             state["learning_factor"] * k["reaction_time"] * max(0.0, 1.0 + k["reaction_cv"] * normal(state["random"]))
         )
         state["ready"] = state["percept"]["time"] + reaction
     state["phase"] = phase
+
+
+@inlined
+def _know_partner(state: np.void, k: np.void) -> None:
+    """Set how uncertain the partner is, and how much of what the force tells is understood, by the dyadic trials."""
+    state["strangeness"] = learned(k["stranger"], state["acquaintance"], k["learning_trials"])
+    state["reading"] = 1.0 - (1.0 - k["reading"]) * exp(-state["acquaintance"] / k["learning_trials"])
 
 
 @inlined
@@ -352,7 +369,7 @@ def _act(state: np.void, k: np.void, now: float, turn: float, lift: float, moves
         late = coin(state["random"])
         wait = abs(k["bimanual_async"] * normal(state["random"]))
         uneven = k["bimanual_amplitude_cv"] / 2.0 * normal(state["random"])
-    partner_error = min(max(k["partner_noise"] * normal(state["random"]), -1.0), 1.0)
+    partner_error = min(max(state["strangeness"] * k["partner_noise"] * normal(state["random"]), -1.0), 1.0)
     count = 0
     for side in range(2):
         if not k["hands"] & (1 << side):

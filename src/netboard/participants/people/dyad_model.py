@@ -20,6 +20,7 @@ from netboard.base.config import Side
 from netboard.base.tables.scene import Physics
 from netboard.base.tables.simulated import Participant, VirtualDevice
 from netboard.participants.body.device_models import DeviceModel, resolved
+from netboard.participants.people.partner_models import tells
 from netboard.participants.people.senses import DECISION_INTERVAL
 from netboard.physics.scene.linear import scene_matrix
 from netboard.physics.scene.parameters import load_mass, pack_scene, parts_of
@@ -106,7 +107,7 @@ def dyad_model(person: Participant, physics: Physics, virtual: VirtualDevice, si
     """Return the model of a participant whose hand is on a side."""
     device = resolved(virtual)
     mechanics = _mechanics(person, physics, device, 1.0 if side == "right" else -1.0)
-    aim = "goal" if person.partner_model == "goal" else "partner_aim"
+    aim = "goal" if tells(person) == "goal" else "partner_aim"
     advance, commands, weight = _step(mechanics, person, aim)
     seen = np.zeros((len(SEEN), STATES))
     for row, name in zip(seen, SEEN, strict=True):

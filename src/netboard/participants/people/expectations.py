@@ -126,7 +126,7 @@ def expected_tilt(state: np.void, k: np.void) -> float:
     side = k["hands"] - 1
     sign = 2.0 * side - 1.0
     own = moved(state, k, side, inf)
-    other = partner_moved(state, k, inf) + state["observed"]["surprise"]
+    other = partner_moved(state, k, inf) + state["reading"] * state["observed"]["surprise"]
     return float(theta + sign * own / lever - sign * other / lever)
 
 

@@ -19,6 +19,7 @@ from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant
 from netboard.participants.body.device_models import DeviceModel
 from netboard.participants.body.stylus import STEP, UPDATE_STEPS, HandMechanics
+from netboard.participants.people.partner_models import arm_gain
 from netboard.participants.people.submovement import minimum_jerk
 from netboard.physics.arithmetic.random_numbers import STREAM, normal, pack_stream
 
@@ -80,9 +81,10 @@ def hand_mechanics(participant: Participant, device: DeviceModel) -> HandMechani
     ConfigError
         If the cables are compliant and the arm's stiffness is not constant, which the cables' solver requires.
     """
-    if device.cable_stiffness > 0.0 and participant.impedance_gain > 0.0:
+    stiffening = arm_gain(participant, "impedance_gain")
+    if device.cable_stiffness > 0.0 and stiffening > 0.0:
         raise ConfigError(
-            f"[participant] impedance_gain: found {participant.impedance_gain:g}, expected 0: with compliant cables "
+            f"[participant] impedance_gain: found {stiffening:g}, expected 0: with compliant cables "
             "(virtual.cable_stiffness) the stiffness of the simulated arm is constant"
         )
     friction = participant.friction_skill * device.friction * participant.rest_skill
@@ -101,11 +103,11 @@ def pack_arm(participant: Participant, device: DeviceModel) -> NDArray[Any]:
     arm["swing"] = 0.5 / participant.forearm
     arm["relaxed"], arm["damping"] = participant.arm_stiffness, participant.arm_damping
     arm["stiffest"] = participant.impedance_limit * participant.arm_stiffness
-    arm["stiffening"] = participant.impedance_gain * update
+    arm["stiffening"] = arm_gain(participant, "impedance_gain") * update
     arm["relaxing"] = participant.impedance_decay * update
     arm["largest_compensation"] = participant.friction_skill * device.friction * (1.0 - participant.rest_skill)
     arm["loading"] = participant.load_skill / participant.arm_stiffness
-    arm["yielding"] = participant.reflex_gain / participant.arm_stiffness
+    arm["yielding"] = arm_gain(participant, "reflex_gain") / participant.arm_stiffness
     arm["expectation_decay"] = np.exp(-update / participant.reflex_time)
     arm["delay_updates"] = round(participant.reflex_delay / update)
     arm["noise_step"] = participant.force_noise * np.sqrt(1.0 - arm["noise_decay"] ** 2)

@@ -25,6 +25,7 @@ from netboard.base.config import Side
 from netboard.base.tables.scene import Physics
 from netboard.base.tables.simulated import Participant, VirtualDevice
 from netboard.participants.people.dyad_model import SEEN, STATES, DyadModel, Matrix, dyad_model
+from netboard.participants.people.partner_models import tells
 from netboard.participants.people.senses import DECISION_INTERVAL
 from netboard.physics.arithmetic.simd import applied, lanes_at, put
 
@@ -79,7 +80,7 @@ OBSERVED = np.dtype(
 def pack_observer(person: Participant, physics: Physics, virtual: VirtualDevice, side: Side) -> NDArray[Any]:
     """Return the constants of an observer with a hand on this side: ndarray of OBSERVER, shape (1,), shared [SI]."""
     packed = np.zeros(1, OBSERVER)
-    if person.partner_model == "mechanics" or physics.k_h == 0.0 or physics.coupling != "both":
+    if tells(person) == "nothing" or physics.k_h == 0.0 or physics.coupling != "both":
         return packed
     model = dyad_model(person, physics, virtual, side)
     one = packed[0]
