@@ -17,7 +17,9 @@ import textwrap
 from collections.abc import Callable, Iterator
 from dataclasses import fields
 from importlib.util import module_from_spec, spec_from_file_location
+from inspect import isclass
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 import typer.main
@@ -32,6 +34,8 @@ from netboard.devices.spacemouse import SpaceMouseOptions
 from netboard.participants.body.device_models import MODELS, DeviceModel
 from netboard.participants.people.partner_models import PARTNER_MODELS
 from netboard.participants.people.population import VARIED
+from netboard.participants.robots.robot import RobotPolicy
+from netboard.participants.seat.partners import POLICIES
 from netboard.recording.export.formats import FORMATS
 from netboard.recording.export.tables import TRIALS
 from netboard.recording.importing.columns import COLUMNS
@@ -325,6 +329,23 @@ def participant_parameters() -> str:
     return "\n".join(lines)
 
 
+def robot_parameters() -> str:
+    """Write the parameters of the robot partners as a table, with the source of each."""
+    found: dict[tuple[str, ...], list[str]] = {}
+    for name, target in POLICIES.items():
+        policy = resolve_name(target)
+        if isclass(policy) and issubclass(policy, RobotPolicy):
+            for key in tables(policy.Parameters, (name,))[0].keys:
+                row = (key.name, key.text, f"{key.default}", key.unit, policy.sources[key.name])
+                found.setdefault(row, []).append(name)
+    lines = ["| key | of | meaning | value | unit | source of the value |", "|---|---|---|---|---|---|"]
+    robots = max(map(len, found.values()))
+    for (key, text, value, unit, source), of in found.items():
+        who = "all" if len(of) == robots else ", ".join(of)
+        lines.append(f"| `{key}` | {who} | {text} | {value} | {unit} | {source} |")
+    return "\n".join(lines)
+
+
 def force_conditions() -> str:
     """Write the force conditions as a table."""
     lines = ["| `force` | the hand feels | information about the partner |", "|---|---|---|"]
@@ -381,6 +402,7 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "options of falcon": ("how-to/falcon.md", device_options(FalconOptions)),
     "options of spacemouse": ("how-to/spacemouse.md", device_options(SpaceMouseOptions)),
     "configuration": ("reference/configuration.md", configuration),
+    "robot parameters": ("explanation/robots.md", robot_parameters),
     "force conditions": ("explanation/forces.md", force_conditions),
     "laws of friction": ("explanation/physics.md", friction_laws),
     "commands": ("reference/commands.md", commands),

@@ -53,6 +53,28 @@ KNOWN = {
         "VARIED": "how participants differ, on the page of the participants",
         "LETTERS": "names",
     },
+    "leader": {
+        "PEAK": "of the minimum-jerk polynomial",
+        "LEADER_SOURCES": "sources of the parameters",
+        "PATH": "type",
+        "LEADING": "type",
+    },
+    "robot": {
+        "MARGIN": "margin of stability, on the page of the robots",
+        "SOURCES": "sources of the parameters",
+        "HAND": "type",
+    },
+    "sight": {
+        "PLAUSIBLE": "limit of a view",
+        "SMOOTHING": "views, on the page of the robots",
+        "BOARD": "type",
+        "SIGHT": "type",
+    },
+    "steering": {
+        "STEERING_SOURCES": "sources of the parameters",
+        "STEERING": "type",
+        "LONGEST_STEERING": "limit of a search",
+    },
     "senses": {
         "DECISION_INTERVAL": "step of the controller",
         "MEMORY": "capacity: longer than every delay",

@@ -16,7 +16,10 @@ GROUP = "netboard.partners"
 """Entry-point group of third-party partners."""
 
 POLICIES = {
+    "follower": "netboard.participants.robots.follower:Follower",
+    "leader": "netboard.participants.robots.leader:Leader",
     "robot": "netboard.participants.people.person:partner",
+    "shared": "netboard.participants.robots.shared:Shared",
 }
 """For each built-in partner, the module and the function of ``(config, side)`` that makes its policy."""
 

@@ -168,7 +168,7 @@ def largest_delay(loop: Loop, most: int = LONGEST) -> int:
     most : int
         Largest delay examined [ms].
     """
-    return _furthest(lambda way: is_stable(delayed(loop, way, way)), most)
+    return furthest(lambda way: is_stable(delayed(loop, way, way)), most)
 
 
 def largest_round_trip(loop: Loop, most: int = LONGEST) -> int:
@@ -183,11 +183,19 @@ def largest_round_trip(loop: Loop, most: int = LONGEST) -> int:
     most : int
         Largest round-trip delay examined [ms].
     """
-    return _furthest(lambda trip: is_stable(delayed(loop, trip - trip // 2, trip // 2)), most)
+    return furthest(lambda trip: is_stable(delayed(loop, trip - trip // 2, trip // 2)), most)
 
 
-def _furthest(stable: Callable[[int], bool], most: int) -> int:
-    """Return the last integer for which a condition holds; large steps first, because each check is slow."""
+def furthest(stable: Callable[[int], bool], most: int) -> int:
+    """Return the last integer from 0 for which a condition holds, -1 for none; large steps first, for slow checks [1].
+
+    Parameters
+    ----------
+    stable : callable
+        The condition, which holds up to some integer [1].
+    most : int
+        Largest integer examined [1].
+    """
     start = 0
     while start <= most and stable(start):
         start += STRIDE
