@@ -32,3 +32,11 @@ def physics(
     from netboard.benchmarks.physics.bench import main
 
     main(model, repeats, options)
+
+
+@benchmark(app, "netboard bench environments --quick", "netboard bench environments -o results")
+def environments(options: "Options") -> None:
+    """Speed of the environments for reinforcement learning, beside Gymnasium's vector CartPole."""
+    from netboard.benchmarks.environments.bench import main
+
+    main(options)

@@ -14,6 +14,7 @@ KNOWN = {
         "KEPT": "capacity",
     },
     "body": {
+        "BEFORE": "steps of the integration",
         "LEAD_NS": "step of the integration",
         "STEPS": "steps of the integration",
         "BODY": "type",
@@ -84,6 +85,16 @@ KNOWN = {
         "SENSES": "type",
         "PERCEPT": "type",
     },
+    "registration": {"BOARD": "a name"},
+    "scenes": {"Array": "type"},
+    "spaces": {
+        "ACTIONS": "scales of an agent's numbers",
+        "VIEW": "scales of an agent's numbers",
+        "HAND": "scales of an agent's numbers",
+        "TRUTH": "scales of an agent's numbers",
+        "BOUND": "bound of an agent's numbers",
+    },
+    "stepping": {"LANES": "length of a register"},
     "stylus": {
         "STEP_NS": "step of the integration",
         "STEP": "step of the integration",
@@ -93,6 +104,7 @@ KNOWN = {
         "MECHANICS": "type",
         "STYLUS": "type",
     },
+    "vector": {"MAX_SEED": "range of seeds"},
     "velocity_window": {"SAMPLES": "capacity", "AXES": "length of a register", "SLACK": "allows for rounding"},
 }
 """Constants of the modules that are no parameter of a participant, and what they are."""

@@ -12,7 +12,7 @@ k, so a verification can start at any row.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import literal_unroll
@@ -52,11 +52,9 @@ _NONE, _FAULT = int(Cause.NONE), int(Cause.FAULT)
 
 
 @inlined
-def _force(
-    s: np.void, board: State, row: np.void, hands: State, parts: Parts, felt: Rendering, packed: np.void, scene: np.void
-) -> None:
-    """Write the forces of the couplings and the commanded forces."""
-    on_left, on_right = coupling(board, hands[0], hands[4], parts, scene)
+def _command(s: np.void, row: np.void, on_board: tuple[float, float], felt: Rendering, packed: np.void) -> None:
+    """Write the forces of the couplings on the board, left and right, and the commanded forces."""
+    on_left, on_right = on_board
     row["left_coupling"], row["right_coupling"] = on_left, on_right
     row["left_force"], row["right_force"] = 0.0, 0.0
     if not (felt.left or felt.right) or not is_active(s["phase"]) or is_catch(s["trial"], packed, felt):
@@ -92,18 +90,79 @@ _STATE_NAMES = tuple(STATE.names or ())
 
 
 @inlined
-def _keep(row: np.void, s: np.void) -> None:
+def keep(row: np.void, s: np.void) -> None:
     """Copy the state into the row, one assignment for each field: a kernel finds fields by constant names only."""
     for name in literal_unroll(_STATE_NAMES):
         row[name] = s[name]
 
 
+@inlined
+def _unstopped(x: State, parts: Parts, scene: np.void) -> State:
+    """Return the state as it is: the board has no stops."""
+    return x
+
+
+class TickKernels(NamedTuple):
+    """The kernels of a tick, in their order. Those of the board are for numbers and, without stops, for lanes."""
+
+    sense: Callable[..., State]  # (s, row, limit, scene): the drives of both hands
+    couple: Callable[..., tuple[float, float]]  # (board, hands, scene): forces of the couplings on the board [N]
+    command: Callable[..., None]  # (s, row, on_board, packed): writes the forces
+    roll: Callable[..., State]  # (x, hands, tables, scene): the state after the tick, with a free ball
+    rest: Callable[..., State]  # the same with a fixed ball
+    settle: Callable[..., None]  # (s, row, x, cause, rules): stores it, and the event
+
+
 @cache
-def _make_ticks(
-    METHOD: int, SUBSTEPS: int, HOLD: int, FREE: Parts, FIXED: Parts, FELT: Rendering
-) -> Callable[..., None]:
-    """Compile the ticks of a kind of block: method, scene with the ball free and fixed, and commanded forces."""
+def _tick_kernels(METHOD: int, SUBSTEPS: int, HOLD: int, FREE: Parts, FIXED: Parts, FELT: Rendering) -> TickKernels:
+    """Compile the kernels of a kind of block: method, scene with the ball free and fixed, and commanded forces."""
     STEP = TICK_SECONDS / SUBSTEPS
+    halted = stopped if FREE.stops else _unstopped
+
+    # Recordings verify against these steps to the bit: another order or rounding would refute those that exist.
+    @inlined
+    def sense(s: np.void, row: np.void, limit: float, scene: np.void) -> State:
+        sense_left(s, row, limit, HOLD)
+        sense_right(s, row, limit, HOLD)
+        return drives(row, HOLD, scene)
+
+    @inlined
+    def couple(board: State, hands: State, scene: np.void) -> tuple[float, float]:
+        return coupling(board, hands[0], hands[4], FIXED, scene)
+
+    @inlined
+    def command(s: np.void, row: np.void, on_board: tuple[float, float], packed: np.void) -> None:
+        _command(s, row, on_board, FELT, packed)
+
+    @inlined
+    def roll(x: State, hands: State, tables: NDArray[np.float64], scene: np.void) -> State:
+        for step in range(SUBSTEPS):
+            if step > 0:
+                hands = later(hands, STEP)
+            x = halted(advance(METHOD, x, STEP, hands, (tables, 0), FREE, scene), FREE, scene)
+        return x
+
+    @inlined
+    def rest(x: State, hands: State, tables: NDArray[np.float64], scene: np.void) -> State:
+        for step in range(SUBSTEPS):
+            if step > 0:
+                hands = later(hands, STEP)
+            x = advance(METHOD, x, STEP, hands, (tables, 1), FIXED, scene)
+        return x
+
+    @inlined
+    def settle(s: np.void, row: np.void, x: State, cause: int, rules: np.void) -> None:
+        if not _settle(s, calm(x)):
+            cause = take_transition(s, _FAULT, rules) or cause
+        row["event"] = cause
+
+    return TickKernels(sense, couple, command, roll, rest, settle)
+
+
+@cache
+def _make_ticks(kernels: TickKernels) -> Callable[..., None]:
+    """Compile the ticks of a kind of block."""
+    sense, couple, command, roll, rest, settle = kernels
 
     @inlined
     def ticks(
@@ -116,27 +175,16 @@ def _make_ticks(
         for _ in range(count):
             row = rows[place]
             place = place + 1 if place + 1 < len(rows) else 0
-            # Recordings verify against these steps to the bit: another order or rounding would refute those that exist.
-            _keep(row, s)
-            sense_left(s, row, limit, HOLD)
-            sense_right(s, row, limit, HOLD)
-            hands = drives(row, HOLD, scene)
+            keep(row, s)
+            hands = sense(s, row, limit, scene)
             # Read once, so that the sine and cosine of this tilt are computed once for the force and the first step.
             z, vz, theta, omega = s["z"], s["vz"], s["theta"], s["omega"]
-            _force(s, (z, vz, theta, omega), row, hands, FIXED, FELT, packed, scene)
+            command(s, row, couple((z, vz, theta, omega), hands, scene), packed)
             cause = decide(s, row["command"], rules)
             rolls = is_free(s["phase"])
             x: State = (z, vz, theta, omega, s["p"], s["vp"] if rolls else 0.0)
-            for step in range(SUBSTEPS):
-                if step > 0:
-                    hands = later(hands, STEP)
-                if rolls:
-                    x = stopped(advance(METHOD, x, STEP, hands, (tables, 0), FREE, scene), FREE, scene)
-                else:
-                    x = advance(METHOD, x, STEP, hands, (tables, 1), FIXED, scene)
-            if not _settle(s, calm(x)):
-                cause = take_transition(s, _FAULT, rules) or cause
-            row["event"] = cause
+            x = roll(x, hands, tables, scene) if rolls else rest(x, hands, tables, scene)
+            settle(s, row, x, cause, rules)
 
     return ticks
 
@@ -181,8 +229,8 @@ class Stage:
         Integration method, with the reason.
     tables : ndarray of float64, shape (2, k, 6, 6)
         Tables of the method for a free ball and for a fixed one [SI].
-    ticks : callable
-        The kernel of `advance`, compiled for this kind of block.
+    kernels : TickKernels
+        The kernels of a tick, compiled for this kind of block.
     first_target : int
         Side of the first target, that of trial 1: -1 left, +1 right [1].
     delay : int
@@ -192,9 +240,14 @@ class Stage:
     book: NDArray[Any]
     choice: MethodChoice
     tables: NDArray[np.float64]
-    ticks: Callable[..., None]
+    kernels: TickKernels
     first_target: int
     delay: int
+
+    @property
+    def ticks(self) -> Callable[..., None]:
+        """The kernel of `advance`."""
+        return _make_ticks(self.kernels)
 
     def initial(
         self,
@@ -300,7 +353,7 @@ def make_stage(config: Config) -> Stage:
         book=book,
         choice=choice,
         tables=np.stack([METHODS[method].tables(book["scene"][0], parts, 6, step) for parts in kinds]),
-        ticks=_make_ticks(
+        kernels=_tick_kernels(
             method,
             choice.substeps,
             number_of(physics.hold, KNOWN_EXTRAPOLATIONS, "[physics] hold"),

@@ -19,7 +19,7 @@ from netboard.base.compiled import composed, inlined, kernel, machine_code
 from netboard.base.errors import ConfigError
 from netboard.participants.body.cable import CABLES, TIP, pack_cables, stretch
 from netboard.participants.body.device_models import DeviceModel
-from netboard.physics.arithmetic.simd import gathered, lanes_at, larger, put, smaller, where_within
+from netboard.physics.arithmetic.simd import Packed, gathered, lanes_at, larger, put, smaller, where_within
 
 STEP_NS = 250_000
 """Length of an integration step [ns]."""
@@ -101,7 +101,7 @@ def pack_mechanics(device: DeviceModel, hand: HandMechanics) -> NDArray[Any]:
 
 
 @inlined
-def _advanced(place: Any, v: Any, force: Any, damping_factor: float, m: np.void) -> tuple[Any, Any]:
+def _advanced(place: Packed, v: Packed, force: Packed, damping_factor: Packed, m: np.void) -> tuple[Any, Any]:
     """Advance all axes by one step: implicit friction and damping (Moreau's time stepping), then the stops."""
     v = v + m["per_force"] * force
     v = damping_factor * (v - smaller(larger(v, -m["friction_step"]), m["friction_step"]))
@@ -110,10 +110,23 @@ def _advanced(place: Any, v: Any, force: Any, damping_factor: float, m: np.void)
 
 
 @inlined
+def pulled(
+    place: Packed, v: Packed, push: Packed, stiffness: Packed, damping: Packed, m: np.void, steps: int
+) -> tuple[Any, Any]:
+    """Advance lanes, the axes of one stylus or the heights of many, under a force and the stiffness of a hand.
+
+    ``push``: force at place 0 [N]. ``stiffness``, ``damping``: those of the hand, a number or lanes [N/m, N s/m].
+    """
+    damping_factor = 1.0 / (1.0 + m["per_force"] * (m["damping"] + damping))
+    for _ in range(steps):
+        place, v = _advanced(place, v, push - stiffness * place, damping_factor, m)
+    return place, v
+
+
+@inlined
 def integrate(s: np.void, m: np.void, action: np.void, fx: float, fy: float, fz: float, steps: int) -> None:
     """Advance a stylus between two updates, under a constant motor force."""
     stiffness, target, force = action["stiffness"], action["target"], action["force"]
-    damping_factor = 1.0 / (1.0 + m["per_force"] * (m["damping"] + action["damping"]))
     push = gathered(
         (
             stiffness * target[0] + force[0] + fx,
@@ -123,8 +136,7 @@ def integrate(s: np.void, m: np.void, action: np.void, fx: float, fy: float, fz:
         LANES,
     )
     place, v = lanes_at(s["place"], 0, LANES), lanes_at(s["v"], 0, LANES)
-    for _ in range(steps):
-        place, v = _advanced(place, v, push - stiffness * place, damping_factor, m)
+    place, v = pulled(place, v, push, stiffness, action["damping"], m, steps)
     put(s["place"], 0, place)
     put(s["v"], 0, v)
     s["steps"] += steps

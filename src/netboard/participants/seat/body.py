@@ -39,7 +39,7 @@ LEAD_NS = STEP_NS
 STEPS = TICK_NS // STEP_NS
 """Steps of the hand in a tick [1]."""
 
-_BEFORE = LEAD_NS // STEP_NS
+BEFORE = LEAD_NS // STEP_NS
 """Those of them in which the force of the tick before still acts [1]."""
 
 _ARMED, _CLAMPED = int(Safeguard.ARMED), int(Safeguard.CLAMPED)
@@ -137,10 +137,10 @@ def advance(
     for side in range(first, stop):
         words[_LIVE[side]], words[_SEQ[side]] = 1, words[_TICK]
         words[_STAMP[side]], words[_LEAD[side]] = stamp_ns, LEAD_NS
-    _integrate(bodies, actions, first, stop, _BEFORE)
+    _integrate(bodies, actions, first, stop, BEFORE)
     for side in range(first, stop):
         _render(bodies[side]["device"], side, words, numbers)
-    _integrate(bodies, actions, first, stop, STEPS - _BEFORE)
+    _integrate(bodies, actions, first, stop, STEPS - BEFORE)
 
 
 @inlined
@@ -203,12 +203,26 @@ def apply_force(
     trial is running [N].
     """
     d = bodies[side]["device"]
-    received, size = d["received"], force_queue.shape[1]
-    force_queue[side, _slot(received, size)] = numbers[_FORCE[side]]
+    received = d["received"]
     d["received"] = received + 1
-    sent = commanded_tick(received, size - 1, words[_TRIAL], catch)
-    d["commanded"] = force_queue[side, _slot(sent, size)] if is_active(words[_PHASE]) else 0.0
+    d["commanded"] = delayed_force(
+        force_queue[side], received, numbers[_FORCE[side]], words[_TRIAL], words[_PHASE], catch
+    )
     return float(d["commanded"])
+
+
+@inlined
+def delayed_force(
+    queue: NDArray[np.float64], received: int, force: float, trial: int, phase: int, catch: NDArray[np.int64]
+) -> float:
+    """Put the force of a tick into the queue of a hand; return that which acts next [N].
+
+    ``received``: forces before it [1]. ``trial``, ``phase``: of the tick.
+    """
+    size = len(queue)
+    queue[_slot(received, size)] = force
+    sent = commanded_tick(received, size - 1, trial, catch)
+    return float(queue[_slot(sent, size)]) if is_active(phase) else 0.0
 
 
 @inlined

@@ -140,17 +140,21 @@ def _feel(seat: Seat, bodies: Records, tick: int, time_ns: int) -> None:
 @inlined
 def felt(seat: Seat, bodies: Records, words: Words) -> float:
     """Return the force of the board on the one hand of a policy, without its factor; else NaN [N]."""
-    scale = scale_in(seat, words)
-    if scale == 0.0:
-        return nan
-    return float(bodies[seat.hands[1]]["device"]["commanded"] / scale)
+    return felt_of(seat, bodies[seat.hands[1]]["device"]["commanded"], words[_TRIAL], words[_PHASE])
 
 
 @inlined
-def scale_in(seat: Seat, words: Words) -> float:
+def felt_of(seat: Seat, commanded: float, trial: int, phase: int) -> float:
+    """Return `felt` for the commanded force on the hand, in a trial and a phase [N]."""
+    scale = scale_in(seat, trial, phase)
+    return nan if scale == 0.0 else commanded / scale
+
+
+@inlined
+def scale_in(seat: Seat, trial: int, phase: int) -> float:
     """Return the factor of the force on the hand; 0 if the force carries no information on the partner [1]."""
-    scales, catch, trial = seat.scales, seat.catch, words[_TRIAL]
-    if len(scales) == 0 or not is_active(words[_PHASE]):
+    scales, catch = seat.scales, seat.catch
+    if len(scales) == 0 or not is_active(phase):
         return 0.0
     for k in range(len(catch)):
         if catch[k] == trial:

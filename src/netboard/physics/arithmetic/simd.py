@@ -300,9 +300,9 @@ def pair_at(array: Array, offset: int, count: int) -> tuple[Any, Any]:
     return both[::2], both[1::2]
 
 
-def put(array: Array, offset: int, lanes: Array) -> None:
+def put(array: Array, offset: int, lanes: Packed) -> None:
     """Store lanes in an array."""
-    array.ravel()[offset : offset + len(lanes)] = lanes
+    array.ravel()[offset : offset + np.size(lanes)] = lanes
 
 
 def lane(lanes: Array, i: int) -> float:

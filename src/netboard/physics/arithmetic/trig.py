@@ -12,8 +12,16 @@ software is freely granted, provided that this notice is preserved.
 """
 
 import math
+from collections.abc import Callable
+from functools import cache
+from typing import Any
 
-from netboard.base.compiled import inlined
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from netboard.base.compiled import inlined, specialised
+from netboard.physics.arithmetic.simd import Lanes, Packed, lanes_at, put, within
 
 MAX_ANGLE = 1.6e6
 """Angles beyond this give NaN: below it a multiple of pi/2 has at most 20 bits, so its products are exact [rad]."""
@@ -45,12 +53,12 @@ _C6 = -1.13596475577881948265e-11
 
 
 @inlined
-def small(x: float, tail: float) -> tuple[float, float]:
+def small(x: Packed, tail: float) -> tuple[Any, Any]:
     """Return sine and cosine of ``x + tail``, up to `EIGHTH_TURN` [1].
 
     Parameters
     ----------
-    x : float
+    x : float or lanes
         Angle, rounded to float64 [rad].
     tail : float
         Its rounding error, less than the last digit of x [rad].
@@ -93,14 +101,8 @@ def reduced(x: float) -> tuple[float, float, float]:
 
 
 @inlined
-def sincos(x: float) -> tuple[float, float]:
-    """Return sine and cosine of an angle, within 1 ulp up to `MAX_ANGLE`, NaN beyond it [1].
-
-    Parameters
-    ----------
-    x : float
-        Angle [rad].
-    """
+def _of_one(x: float) -> tuple[float, float]:
+    """Return sine and cosine of a number."""
     if abs(x) <= EIGHTH_TURN:
         return small(x, 0.0)
     if not abs(x) <= MAX_ANGLE:
@@ -115,3 +117,41 @@ def sincos(x: float) -> tuple[float, float]:
     if quarter == 2:
         return -s, -c
     return -c, s
+
+
+def sincos(x: Packed) -> tuple[Any, Any]:
+    """Return sine and cosine of an angle, within 1 ulp up to `MAX_ANGLE`, NaN beyond it [1].
+
+    Parameters
+    ----------
+    x : float or lanes
+        Angle, or lanes of angles, each of which gives the bits of the angle alone [rad].
+    """
+    if isinstance(x, np.ndarray):
+        both = np.array([_of_one(float(one)) for one in x])
+        return both[:, 0], both[:, 1]
+    return _of_one(x)
+
+
+@cache
+def _of_lanes(COUNT: int) -> Callable[[Any], tuple[Any, Any]]:
+    """Compile sine and cosine of some lanes."""
+
+    @inlined
+    def sincos_of_lanes(x: NDArray[np.float64]) -> tuple[Any, Any]:
+        if within(x, EIGHTH_TURN):
+            return small(x, 0.0)
+        angles = np.empty((3, COUNT))  # one by one: an angle is too large for the polynomials alone
+        put(angles, 0, x)
+        for i in range(COUNT):
+            angles[1, i], angles[2, i] = _of_one(angles[0, i])
+        return lanes_at(angles, COUNT, COUNT), lanes_at(angles, 2 * COUNT, COUNT)
+
+    return sincos_of_lanes
+
+
+@specialised(sincos)
+def _sincos(x: types.Type) -> Any:
+    """Select the form for numbers or lanes."""
+    of = _of_lanes(x.count) if isinstance(x, Lanes) else _of_one
+    return lambda x: of(x)  # noqa: PLW0108  (numba takes no compiled function here)

@@ -1,0 +1,1 @@
+"""Speed of the environments for reinforcement learning, beside Gymnasium's own CartPole. Open `bench.py`."""
