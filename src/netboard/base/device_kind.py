@@ -67,7 +67,7 @@ class HeldDevice(NamedTuple):
     """The device at one side."""
 
     kind: DeviceKind
-    model: str
+    model: str  # of a robot partner its name
     serial: str
     remark: str  # what of a haptic device was never measured; empty otherwise
 
@@ -88,7 +88,8 @@ def held_by(details: Mapping[str, str]) -> HeldDevice:
     kind = DeviceKind(stated) if stated in set(DeviceKind) else DeviceKind.UNDECLARED
     haptic = kind is DeviceKind.HAPTIC
     remark = ", ".join(text for key, text in UNMEASURED.items() if haptic and not details.get(key))
-    model, serial = (details.get(key, "")[:MAX_CHARACTERS] for key in ("model", "serial"))
+    shown = ("partner", "") if kind is DeviceKind.ROBOT else ("model", "serial")
+    model, serial = (details.get(key, "")[:MAX_CHARACTERS] for key in shown)
     return HeldDevice(kind, model, serial, remark)
 
 
