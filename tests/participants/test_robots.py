@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from robot_pairs import PEOPLE, Pair
+from scipy.linalg import solve_continuous_are
 
 from netboard.base.compiled import composed, kernel
 from netboard.base.config import SIDES, Config, Side
@@ -17,7 +18,24 @@ from netboard.base.errors import ConfigError
 from netboard.base.tick import TICK_SECONDS
 from netboard.participants.body.stylus import ACTION
 from netboard.participants.policy import OBSERVATION, SEEN
-from netboard.participants.robots.robot import RobotPolicy
+from netboard.participants.robots.augmented import AugmentedParameters, partner_filter
+from netboard.participants.robots.board_model import (
+    SEEN as VIEWED,
+)
+from netboard.participants.robots.board_model import (
+    WATCHED,
+    BoardParameters,
+    X,
+    board_model,
+    design,
+    kalman_gains,
+    loop_growth,
+    lqr_gains,
+    seen_variance,
+)
+from netboard.participants.robots.game import best_response, costs_of
+from netboard.participants.robots.lqg import PARTNERS, stable_latency_ms
+from netboard.participants.robots.robot import RobotPolicy, view_ticks
 from netboard.participants.robots.sight import ball_gains
 from netboard.participants.robots.steering import SteeringParameters, steering_latency_ms, steering_matrix
 from netboard.participants.seat.block import Rehearsal
@@ -242,3 +260,130 @@ def test_latency_of_leading_agrees_with_the_phase_margin(role: float) -> None:
 def test_gains_that_do_not_steer_stably_are_refused() -> None:
     with pytest.raises(ConfigError, match=r"steers stably up to a latency of \d+ ms, expected at least 82 ms"):
         robot("leader", lead=40.0, kp=16.0, kd=8.0, max_tilt_deg=10.0, view_delay=0.03)
+
+
+BOARD = BoardParameters()
+
+
+@pytest.mark.parametrize("free", [False, True])
+def test_gains_of_the_whole_board_are_those_of_the_riccati_equations_iterated(free: bool) -> None:
+    config = Config()
+    model = board_model(config, BOARD, "left", free)
+    step, seen = model.watched[:, :WATCHED], np.eye(WATCHED)[list(VIEWED)]
+    spread = model.noise
+    for _ in range(3000):
+        for _ in range(view_ticks(config)):
+            spread = step @ spread @ step.T + model.noise
+        gains = np.linalg.solve(seen @ spread @ seen.T + seen_variance(config, BOARD), seen @ spread).T
+        spread = spread - gains @ seen @ spread
+        spread = 0.5 * (spread + spread.T)
+    assert kalman_gains(config, BOARD, model) == pytest.approx(gains, rel=1e-4, abs=1e-6)
+    found = lqr_gains(BOARD, model, free)
+    closed = model.advance - np.outer(model.command, found)
+    kept = [place for name, place in X.items() if free or name not in ("p", "vp")]
+    assert np.abs(np.linalg.eigvals(closed[np.ix_(kept, kept)])).max() < 1.0
+    if free:  # the cost of a state under these gains is least: no other gain does better
+        start = np.zeros(len(X))
+        start[X["p"]] = 0.1
+        costs = [cost_of(model, found * factor, start) for factor in (0.98, 1.0, 1.02)]
+        assert costs[1] < min(costs[0], costs[2])
+
+
+def cost_of(model: Any, gains: NDArray[Any], x: NDArray[Any]) -> float:
+    """Quadratic cost of the way from a state to rest."""
+    total = 0.0
+    weights = {
+        "p": BOARD.p_scale,
+        "vp": BOARD.vp_scale,
+        "z": BOARD.z_scale,
+        "tilt": np.radians(BOARD.tilt_scale_deg),
+    }
+    for _ in range(20_000):
+        speed = -gains @ x
+        total += sum((x[X[name]] / scale) ** 2 for name, scale in weights.items()) + (speed / BOARD.speed_scale) ** 2
+        x = model.advance @ x + model.command * speed
+    return float(total)
+
+
+def test_rest_of_the_whole_board_is_an_equilibrium_of_its_model() -> None:
+    for free in (False, True):
+        model = board_model(Config(), BOARD, "right", free)
+        for given in ((1.0, 0.15, 0.0), (1.0, -0.15, 0.01)):
+            x = model.rest @ np.array(given)
+            moved = model.advance @ x + model.weight
+            moved[X["aim"]] = x[X["aim"]]  # which fades, and is not at rest
+            assert moved == pytest.approx(x, abs=1e-5)
+            assert x[X["tilt"]] == 0.0
+
+
+def test_filter_and_regulator_together_have_the_eigenvalues_of_both() -> None:
+    # The separation principle: with views that are as late as believed, and the partner as believed.
+    config = Config()
+    believed = design(config, BOARD)
+    model, step = believed.model, believed.model.watched[:, :WATCHED]
+    controlled = np.abs(np.linalg.eigvals(model.advance - np.outer(model.command, believed.regulator)))
+    seen = np.eye(WATCHED)[list(VIEWED)]
+    watching = np.linalg.matrix_power(step, believed.ticks) @ (np.eye(WATCHED) - believed.gains @ seen)
+    slowest = max(controlled.max() ** believed.ticks, np.abs(np.linalg.eigvals(watching)).max())
+    assert loop_growth(believed, model, 0) == pytest.approx(slowest, rel=1e-6)
+
+
+def test_late_views_and_too_strong_a_regulator_are_unstable() -> None:
+    assert all(stable_latency_ms(Config(), BOARD, partner) >= 30 for partner in PARTNERS)
+    eager = replace(BOARD, speed_scale=10.0, p_scale=0.002, vp_scale=10.0, tilt_scale_deg=90.0)
+    believed = design(Config(), eager)
+    assert loop_growth(believed, believed.model, 0) <= 1.0
+    assert loop_growth(believed, believed.model, 100) > 1.0
+
+
+def test_views_that_are_too_late_for_the_filter_of_the_board_are_refused() -> None:
+    with pytest.raises(ConfigError, match=r"the LQG steers stably up to a latency of \d+ ms, expected at least 62 ms"):
+        robot("lqg", view_delay=0.02)
+
+
+@pytest.mark.parametrize("partner", [(0.0, 0.0), (1.0, 2.0), (4.0, 4.0)])
+def test_best_response_solves_the_riccati_equation_beside_the_partner(partner: tuple[float, float]) -> None:
+    l1, l2 = partner
+    a, b, cost = np.array([[0.0, 1.0], [-l1, -l2]]), np.array([[0.0], [1.0]]), np.diag([16.0, 8.0])
+    value = solve_continuous_are(a, b, cost, np.eye(1))
+    assert best_response(l1, l2, 16.0, 8.0) == pytest.approx((b.T @ value)[0])
+    assert best_response(0.0, 0.0, 16.0, 8.0) == pytest.approx((4.0, 4.0))
+
+
+def test_costs_of_a_partner_are_those_to_which_its_gains_are_the_best_response() -> None:
+    gains = (3.0, 2.5)
+    partner = best_response(*gains, 5.0, 6.0)
+    assert costs_of(*partner, *gains) == pytest.approx((5.0, 6.0))
+
+
+@pytest.mark.slow
+def test_follower_moves_on_a_ball_that_has_stopped() -> None:
+    pair = Pair("follower", "person", trials=12)  # without the integral, trial 12 takes 47 s
+    pair.run(84_000)
+    assert pair.state["successes"][0] == 12
+
+
+@pytest.mark.slow
+def test_game_does_less_beside_a_partner_who_does_more() -> None:
+    gains = {}
+    for partner in ("still", "leader"):
+        pair = Pair(partner, "game", trials=3)
+        pair.run(LONG)
+        gains[partner] = float(pair.seats["right"].state["gains"][0, 0])
+    assert gains["leader"] < gains["still"]
+
+
+def test_filter_of_the_partner_is_stationary_and_trusts_a_surer_partner_more() -> None:
+    parameters = AugmentedParameters()
+    advance, gains, variance = partner_filter(parameters, 200.0)
+    noise = np.diag([0.0, 0.0, parameters.aim_sd**2 * (1.0 - advance[2, 2] ** 2)])
+    error = (parameters.force_noise / 200.0) ** 2 + parameters.sight_noise**2
+    after = np.diag([0.0, 0.0, parameters.aim_sd**2])
+    for _ in range(5000):
+        before = advance @ after @ advance.T + noise
+        found = before[:, 0] / (before[0, 0] + error)
+        after = before - np.outer(found, before[0])
+    assert gains == pytest.approx(found, rel=1e-4)
+    assert variance == pytest.approx(after[2, 2], rel=1e-4)
+    weights = [float(robot("augmented", force_noise=f).constants["partner"]["weight"][0]) for f in (0.01, 0.5)]
+    assert weights[0] < weights[1]

@@ -59,6 +59,7 @@ SIGHT = np.dtype(
         ("tilt_rate", "<f8"),  # [rad/s]
         ("ball", "<f8"),  # [m]
         ("ball_rate", "<f8"),  # [m/s]
+        ("integral", "<f8"),  # acceleration by which a ball that has stopped is moved on [m/s2]
         ("age", "<f8"),  # time since the tick of the newest view [s]
         # The same, extrapolated to now.
         ("z_now", "<f8"),

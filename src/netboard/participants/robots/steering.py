@@ -41,6 +41,12 @@ class SteeringParameters(RobotParameters):
     ] = 2.6
     kp: Annotated[float, about("proportional gain: ball acceleration per distance", "1/s2", ge=0, le=16)] = 4.0
     kd: Annotated[float, about("derivative gain: ball acceleration per velocity", "1/s", ge=0, le=8)] = 4.0
+    ki: Annotated[float, about("integral gain, by which a ball that has stopped is moved on", "1/s3", ge=0, le=10)] = (
+        1.0
+    )
+    stall_speed: Annotated[float, about("velocity of the ball below which the integral grows", "m/s", gt=0, le=1)] = (
+        0.03
+    )
 
 
 STEERING_SOURCES = SOURCES | {
@@ -49,10 +55,12 @@ STEERING_SOURCES = SOURCES | {
     "admittance": "a time constant of 0.1 s: as the hand yields, the board's force falls by 26 N/m",
     "kp": "a critically damped ball with a time constant of 0.5 s",
     "kd": "the same",
+    "ki": "a quarter of kp a second; without it, a robot and a participant who waits can hold each other for minutes",
+    "stall_speed": "by hand: a tenth of the velocity of a ball under way",
 }
 """Source of the default of each parameter of robots that lead or follow."""
 
-_GAINS = ("lead", "centring", "admittance", "kp", "kd")
+_GAINS = ("lead", "centring", "admittance", "kp", "kd", "ki", "stall_speed")
 
 STEERING = np.dtype([("hand", HAND), ("board", BOARD), *((name, "<f8") for name in _GAINS)])
 """Constants of a robot that leads or follows."""
@@ -126,9 +134,11 @@ def clipped(value: float, limit: float) -> float:
 
 @inlined
 def wanted_tilt(c: np.void, sight: np.void, target: float, rate: float, pull: float) -> float:
-    """Return the tilt that takes the ball along a path: a PD law about a feed-forward [rad].
+    """Return the tilt that takes the ball along a path: a PD law about a feed-forward, with an integral [rad].
 
-    ``tilt = (kp (ball - target) + kd (ball' - rate) - pull) / slope``
+    ``tilt = (kp (ball - target) + kd (ball' - rate) + integral - pull) / slope``
+
+    The integral of ``ki`` times the distance grows only while the ball hardly moves, and begins anew with each release.
 
     Parameters
     ----------
@@ -137,9 +147,14 @@ def wanted_tilt(c: np.void, sight: np.void, target: float, rate: float, pull: fl
     """
     board = c["board"]
     if sight["free"] == 0 or board["slope"] == 0.0:
+        sight["integral"] = 0.0
         return 0.0
     error, drift = sight["ball_now"] - target, sight["ball_rate_now"] - rate
-    return clipped((c["kp"] * error + c["kd"] * drift - pull) / board["slope"], board["max_tilt"])
+    if abs(sight["ball_rate_now"]) < c["stall_speed"]:
+        most = board["max_tilt"] * abs(board["slope"])
+        sight["integral"] = clipped(sight["integral"] + c["ki"] * TICK_SECONDS * error, most)
+    wanted = c["kp"] * error + c["kd"] * drift + sight["integral"] - pull
+    return clipped(wanted / board["slope"], board["max_tilt"])
 
 
 @inlined
@@ -166,3 +181,13 @@ def load_on_hand(c: np.void, sight: np.void, observation: np.void) -> float:
 def partner_force(sight: np.void, board: np.void, load: float) -> float:
     """Return the partner's force on the board beyond that at rest, from the balance of a light board [N]."""
     return float(load + board["k_s"] * (sight["z_now"] - board["rest"]))
+
+
+@inlined
+def partner_height(sight: np.void, board: np.void, load: float) -> float:
+    """Return the height of the partner's hand: that of its end of the board, and the stretch of its coupling [m]."""
+    end = sight["z_now"] - board["rest"] - board["l"] * sight["tilt_now"]
+    if board["k_h"] == 0.0:
+        return float(end)
+    force = partner_force(sight, board, load) - 0.5 * board["ball_weight"] * sight["ball_now"] / board["l"]
+    return float(end + force / board["k_h"])

@@ -16,8 +16,11 @@ GROUP = "netboard.partners"
 """Entry-point group of third-party partners."""
 
 POLICIES = {
+    "augmented": "netboard.participants.robots.augmented:Augmented",
     "follower": "netboard.participants.robots.follower:Follower",
+    "game": "netboard.participants.robots.game:Game",
     "leader": "netboard.participants.robots.leader:Leader",
+    "lqg": "netboard.participants.robots.lqg:Lqg",
     "robot": "netboard.participants.people.person:partner",
     "shared": "netboard.participants.robots.shared:Shared",
 }
