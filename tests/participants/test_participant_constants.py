@@ -105,7 +105,7 @@ KNOWN = {
         "PERCEPT": "type",
     },
     "registration": {"BOARD": "a name"},
-    "scenes": {"Array": "type"},
+    "scenes": {"Array": "type", "METHOD": "a name"},
     "spaces": {
         "ACTIONS": "scales of an agent's numbers",
         "VIEW": "scales of an agent's numbers",

@@ -179,6 +179,7 @@ def test_impossible_options_are_refused(keys: dict[str, Any], word: str) -> None
         ({"virtual": {"cable_stiffness": 20000.0}}, "cable_stiffness"),
         ({"physics": {"ball_stop": 0.3}}, "ball_stop"),
         ({"block": {"force": "unrelated"}}, "force"),
+        ({"physics": {"k_h": 2000.0, "c_h": 200.0}}, "etdrk4"),
     ],
 )
 def test_blocks_that_environments_do_not_simulate_are_refused(tables: dict[str, dict[str, Any]], key: str) -> None:

@@ -25,7 +25,7 @@ from netboard.base.tables.declared import number_of
 from netboard.base.tables.forces import ForceInputs
 from netboard.base.tick import STATE, TICK, TICK_SECONDS, TICK_WORDS
 from netboard.physics.arithmetic.vectors import State, calm
-from netboard.physics.hands.extrapolation import later
+from netboard.physics.hands.extrapolation import later, moving, resting
 from netboard.physics.methods.catalogue import METHODS, NUMBER, advance
 from netboard.physics.scene.models import coupling, stopped
 from netboard.physics.scene.parameters import SCENE, Parts, pack_scene, parts_of
@@ -40,7 +40,7 @@ from netboard.physics.scene.rendering import (
     scale_in,
 )
 from netboard.physics.stability.method_choice import MethodChoice, choose
-from netboard.stage.styluses import KNOWN_EXTRAPOLATIONS, drives, sense_left, sense_right
+from netboard.stage.styluses import KNOWN_EXTRAPOLATIONS, drives, sense_left, sense_right, used_lanes
 from netboard.stage.trial_steps import decide, take_transition
 from netboard.task.trials.state_machine import RULES, Cause, Phase, first_target, is_active, is_free, pack_rules
 
@@ -97,6 +97,13 @@ def keep(row: np.void, s: np.void) -> None:
 
 
 @inlined
+def _resting(z: float, vz: float, az: float, k: float, c: float) -> State:
+    """Return the drive of a hand under a zero-order hold; its acceleration does not count."""
+    u = resting(z, vz, k, c)[0]
+    return u, u - u, u - u, 0.0
+
+
+@inlined
 def _unstopped(x: State, parts: Parts, scene: np.void) -> State:
     """Return the state as it is: the board has no stops."""
     return x
@@ -106,6 +113,8 @@ class TickKernels(NamedTuple):
     """The kernels of a tick, in their order. Those of the board are for numbers and, without stops, for lanes."""
 
     sense: Callable[..., State]  # (s, row, limit, scene): the drives of both hands
+    sense_lanes: Callable[..., Any]  # (z, vz, seen_vz, gap, age): what is used of lanes of good samples: z, vz, az
+    drive: Callable[..., Any]  # (z, vz, az, k, c): the drive of one hand, also for lanes
     couple: Callable[..., tuple[float, float]]  # (board, hands, scene): forces of the couplings on the board [N]
     command: Callable[..., None]  # (s, row, on_board, packed): writes the forces
     roll: Callable[..., State]  # (x, hands, tables, scene): the state after the tick, with a free ball
@@ -117,7 +126,7 @@ class TickKernels(NamedTuple):
 def _tick_kernels(METHOD: int, SUBSTEPS: int, HOLD: int, FREE: Parts, FIXED: Parts, FELT: Rendering) -> TickKernels:
     """Compile the kernels of a kind of block: method, scene with the ball free and fixed, and commanded forces."""
     STEP = TICK_SECONDS / SUBSTEPS
-    halted = stopped if FREE.stops else _unstopped
+    halted, drive = stopped if FREE.stops else _unstopped, moving if HOLD else _resting
 
     # Recordings verify against these steps to the bit: another order or rounding would refute those that exist.
     @inlined
@@ -125,6 +134,10 @@ def _tick_kernels(METHOD: int, SUBSTEPS: int, HOLD: int, FREE: Parts, FIXED: Par
         sense_left(s, row, limit, HOLD)
         sense_right(s, row, limit, HOLD)
         return drives(row, HOLD, scene)
+
+    @inlined
+    def sense_lanes(z: float, vz: float, seen_vz: float, gap: float, age: float) -> tuple[float, float, float]:
+        return used_lanes(z, vz, seen_vz, gap, age, HOLD)
 
     @inlined
     def couple(board: State, hands: State, scene: np.void) -> tuple[float, float]:
@@ -156,13 +169,13 @@ def _tick_kernels(METHOD: int, SUBSTEPS: int, HOLD: int, FREE: Parts, FIXED: Par
             cause = take_transition(s, _FAULT, rules) or cause
         row["event"] = cause
 
-    return TickKernels(sense, couple, command, roll, rest, settle)
+    return TickKernels(sense, sense_lanes, drive, couple, command, roll, rest, settle)
 
 
 @cache
 def _make_ticks(kernels: TickKernels) -> Callable[..., None]:
     """Compile the ticks of a kind of block."""
-    sense, couple, command, roll, rest, settle = kernels
+    sense, _, _, couple, command, roll, rest, settle = kernels
 
     @inlined
     def ticks(

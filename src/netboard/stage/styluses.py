@@ -8,6 +8,7 @@ import numpy as np
 
 from netboard.base.compiled import inlined
 from netboard.base.tables.declared import EXTRAPOLATIONS, require
+from netboard.physics.arithmetic.simd import larger, smaller
 from netboard.physics.arithmetic.vectors import State
 from netboard.physics.hands.extrapolation import ACCELERATION_HORIZON, VELOCITY_HORIZON, moving, reached, resting
 
@@ -54,6 +55,27 @@ def _used(
         z, vz = reached(z, vz, az, age, ACCELERATION_HORIZON, VELOCITY_HORIZON)
     if abs(z) > limit:
         return limit if z > 0.0 else -limit, 0.0, 0.0
+    return z, vz, az
+
+
+@inlined
+def used_lanes(z: float, vz: float, seen_vz: float, gap: float, age: float, hold: int) -> tuple[float, float, float]:
+    """Return height, rate and acceleration of lanes of live samples in range, as `sense_left` uses them [m, m/s, m/s2].
+
+    Parameters
+    ----------
+    z, vz : lanes
+        Height and rate of the samples [m, m/s].
+    seen_vz : lanes
+        Rate of the samples before [m/s].
+    gap, age : float
+        Time since the samples before, and from the samples to the tick [s].
+    """
+    az = smaller(larger((vz - seen_vz) / gap, -MAX_STYLUS_ACCELERATION), MAX_STYLUS_ACCELERATION)
+    if hold == 1:
+        az = az - az
+    if hold != 0:
+        z, vz = reached(z, vz, az, age, ACCELERATION_HORIZON, VELOCITY_HORIZON)
     return z, vz, az
 
 

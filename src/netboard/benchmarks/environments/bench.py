@@ -146,7 +146,7 @@ def bound_per_tick(seconds: float) -> float:
     """Return the processor time of the motion of board and ball of one scene in a tick [ns]."""
     stage = make_stage(Config())
     motion, count = make_motion(stage.kernels), COUNTS[-1]
-    rooms = np.zeros((count // LANES, 24, LANES))
+    rooms = np.zeros((count // LANES, 27, LANES))
     call = partial(motion, rooms, stage.book, stage.tables, TICKS)
     call()
 

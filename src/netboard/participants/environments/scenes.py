@@ -34,6 +34,7 @@ from netboard.participants.environments.stepping import (
     Viewers,
     make_begin,
     make_steps,
+    write_samples,
 )
 from netboard.participants.people.muscles import hand_mechanics
 from netboard.participants.policy import SEEN, Nobody, Policy
@@ -45,6 +46,10 @@ from netboard.task.trials.state_machine import Cause, Phase, is_free
 Array = NDArray[np.float64]
 
 _LEVELLING, _RUNNING, _HOLDING = (int(phase) for phase in (Phase.LEVELLING, Phase.RUNNING, Phase.HOLDING))
+
+
+METHOD = "rk4"
+"""The integration method of environments: the one that is compiled for lanes."""
 
 
 class SeatedAgent(NamedTuple):
@@ -171,6 +176,11 @@ class Scenes:
         _require(config)
         self.config, self.agents, self.count, self.options = config, tuple(agents), count, options
         self.stage = make_stage(config)
+        if self.stage.choice.method != METHOD:
+            raise ConfigError(
+                f"[physics]: found a scene that {self.stage.choice.method} integrates, expected one for which {METHOD} "
+                "is stable: environments have no other method"
+            )
         padded = ceil(count / LANES) * LANES
         moved = {side for agent in agents for side in agent.sides}
         self.policy, self._station = _other(config, moved)
@@ -222,6 +232,7 @@ class Scenes:
         """Begin an episode in some scenes, each with a seed of its own."""
         arrays, viewers = self._arrays, self._viewers
         g, j = scenes // LANES, scenes % LANES
+        write_samples(arrays, scenes)
         targets = self._targets(seeds)
         for target in (-1, 1):
             arrays.states[scenes[targets == target]] = self._initial(target)
@@ -401,6 +412,9 @@ def _arrays(config: Config, count: int, moved: set[Side], policy: Policy, delay:
         v=np.zeros(hands),
         motor=np.zeros(hands),
         commanded=np.zeros(hands),
+        smooth=np.zeros(groups, np.int64),
+        seen_vz=np.zeros(hands),
+        used_z=np.zeros(hands),
         reading=np.zeros((groups, 2 * len(SIDES), LANES)),
         doing=np.zeros((groups, 4, len(SIDES), LANES)),
         stamps=np.tile(-TICK_NS * np.arange(SAMPLES, dtype=np.int64), (groups, 1)),
@@ -409,7 +423,7 @@ def _arrays(config: Config, count: int, moved: set[Side], policy: Policy, delay:
         rows=rows,
         words=rows.view(np.int64).reshape(LANES, -1),
         numbers=rows.view(np.float64).reshape(LANES, -1),
-        room=np.zeros((24, LANES)),
+        room=np.zeros((27, LANES)),
         mechanics=mechanics,
         device=np.array([device.resolution, min(device.max_force, config.safety.max_force)]),
     )

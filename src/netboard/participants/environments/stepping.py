@@ -24,10 +24,11 @@ from netboard.participants.body.velocity_window import SAMPLES, SLACK, make_wind
 from netboard.participants.policy import Decide
 from netboard.participants.seat.body import BEFORE, LEAD_NS, STEPS, delayed_force
 from netboard.participants.seat.closed_loop import Seat, felt_of
-from netboard.physics.arithmetic.simd import lanes_at, nearest, put
+from netboard.physics.arithmetic.simd import lanes_at, nearest, put, within
 from netboard.physics.arithmetic.vectors import State
 from netboard.stage.curtain import glimpse
 from netboard.stage.stage import TickKernels, keep
+from netboard.stage.styluses import MAX_STYLUS_SPEED
 from netboard.stage.trial_steps import decide as decide_trial
 from netboard.task.trials.state_machine import Cause, is_free
 
@@ -60,6 +61,9 @@ class SceneArrays(NamedTuple):
     v: NDArray[np.float64]  # their velocities [m/s]
     motor: NDArray[np.float64]  # vertical motor forces that act [N]
     commanded: NDArray[np.float64]  # and those commanded next [N]
+    smooth: NDArray[np.int64]  # (g,) 1: each stylus was used at the last tick; the next two then stand for the states
+    seen_vz: NDArray[np.float64]  # (g, 2, LANES) velocities of the last samples [m/s]
+    used_z: NDArray[np.float64]  # heights as last used [m]
     reading: NDArray[np.float64]  # (g, 4, LANES) heights, then velocities, as the encoders read them [m, m/s]
     doing: NDArray[np.float64]  # (g, 4, 2, LANES) what the hands do
     stamps: NDArray[np.int64]  # (g, SAMPLES) times of the positions below [ns]
@@ -68,7 +72,7 @@ class SceneArrays(NamedTuple):
     rows: Any  # (LANES,) TICK: room for a tick of one group
     words: Words  # the same memory as words
     numbers: NDArray[np.float64]  # and as numbers
-    room: NDArray[np.float64]  # (24, LANES) room for state, drives and used styluses of one group
+    room: NDArray[np.float64]  # (27, LANES) room for state, drives and used rates of one group
     mechanics: Any  # (2,) MECHANICS of both sides
     device: NDArray[np.float64]  # encoder step and largest force [m, N]
 
@@ -225,6 +229,14 @@ def put_state(room: NDArray[np.float64], first: int, x: State) -> None:
     put(room, (first + 5) * LANES, x[5])
 
 
+@inlined
+def put_drive(room: NDArray[np.float64], first: int, drive: State) -> None:
+    """Store the lanes of a drive; its last coefficient is 0 between two samples of a stylus."""
+    put(room, first, drive[0])
+    put(room, first + LANES, drive[1])
+    put(room, first + 2 * LANES, drive[2])
+
+
 @cache
 def make_begin(decide: Decide) -> Callable[..., None]:
     """Compile how the partners of some scenes act before the first tick."""
@@ -240,26 +252,102 @@ def make_begin(decide: Decide) -> Callable[..., None]:
     return begin
 
 
+@inlined
+def _write_samples(sc: SceneArrays, g: int) -> None:
+    """Write the last samples of a group into the states of its scenes, which sensing one by one needs."""
+    for j in range(LANES):
+        i = g * LANES + j
+        s = sc.states[i]
+        s["left_seen_ns"] = s["right_seen_ns"] = START_NS + (sc.ticks[i] - 1) * TICK_NS - LEAD_NS
+        s["left_seen_vz"], s["right_seen_vz"] = sc.seen_vz[g, 0, j], sc.seen_vz[g, 1, j]
+        s["left_z"], s["right_z"] = sc.used_z[g, 0, j], sc.used_z[g, 1, j]
+    sc.smooth[g] = 0
+
+
+@kernel
+def write_samples(sc: SceneArrays, scenes: NDArray[np.int64]) -> None:
+    """Write the last samples of the groups of some scenes into the states, before some of these are replaced."""
+    for i in scenes:
+        if sc.smooth[i // LANES]:
+            _write_samples(sc, i // LANES)
+
+
+@inlined
+def _take_samples(sc: SceneArrays, g: int) -> None:
+    """Take the last samples of a group from the states of its scenes, if all were used."""
+    for j in range(LANES):
+        s, row = sc.states[g * LANES + j], sc.rows[j]
+        if s["left_seen_ns"] != row["left_stamp_ns"] or s["right_seen_ns"] != row["right_stamp_ns"]:
+            return
+        sc.seen_vz[g, 0, j], sc.seen_vz[g, 1, j] = s["left_seen_vz"], s["right_seen_vz"]
+        sc.used_z[g, 0, j], sc.used_z[g, 1, j] = s["left_z"], s["right_z"]
+    sc.smooth[g] = 1
+
+
 @cache
-def _make_sense(kernels: TickKernels, PARTNER: bool, RECORD: bool) -> Callable[..., None]:
+def _make_sense_group(kernels: TickKernels) -> Callable[..., bool]:
+    """Compile how good samples of a group become drives, in lanes; it returns False, and does nothing, for others."""
+    sense_lanes, drive = kernels.sense_lanes, kernels.drive
+
+    @inlined
+    def sense_group(sc: SceneArrays, g: int, book: Records) -> bool:
+        room, scene, limit, at = sc.room, book[0]["scene"], book[0]["settings"]["stylus_range"], g * _BOTH
+        z, rate = lanes_at(sc.reading, 2 * at, _BOTH), lanes_at(sc.reading, 2 * at + _BOTH, _BOTH)
+        if not within(rate, MAX_STYLUS_SPEED):
+            return False
+        z, vz, az = sense_lanes(z, rate, lanes_at(sc.seen_vz, at, _BOTH), TICK_NS * 1e-9, LEAD_NS * 1e-9)
+        if not within(z, limit):
+            return False
+        put(sc.seen_vz, at, rate)
+        put(sc.used_z, at, z)
+        put(room, 23 * LANES, vz)
+        put(room, 25 * LANES, az)
+        for side in range(2):
+            k, c = (scene["k_right"], scene["c_right"]) if side else (scene["k_left"], scene["c_left"])
+            height, first = lanes_at(sc.used_z, at + side * LANES, LANES), (6 + 4 * side) * LANES
+            speed, push = lanes_at(room, (23 + side) * LANES, LANES), lanes_at(room, (25 + side) * LANES, LANES)
+            put_drive(room, first, drive(height, speed, push, k, c))
+        return True
+
+    return sense_group
+
+
+@cache
+def _make_sense(kernels: TickKernels, FELT: bool, PARTNER: bool, RECORD: bool) -> Callable[..., None]:
     """Compile how the newest samples of a group become the drives of its boards."""
-    sense = kernels.sense
+    sense, sense_group = kernels.sense, _make_sense_group(kernels)
+
+    @inlined
+    def keep_shown(sc: SceneArrays, viewers: Viewers, partner: Partner, i: int, j: int) -> bool:
+        tick = sc.ticks[i]
+        shown = RECORD or (PARTNER and (tick == partner.following[i] or partner.seat.truth[0] != 0))
+        for a in range(len(viewers.every)):
+            shown = shown or tick == viewers.following[a, i]
+        if shown:
+            keep(sc.rows[j], sc.states[i])
+        return shown
 
     @inlined
     def sense_all(sc: SceneArrays, viewers: Viewers, partner: Partner, g: int, book: Records) -> None:
         room, scene, limit = sc.room, book[0]["scene"], book[0]["settings"]["stylus_range"]
+        if not RECORD and sc.smooth[g] and sense_group(sc, g, book):
+            for j in range(LANES):
+                if keep_shown(sc, viewers, partner, g * LANES + j, j) or FELT:
+                    row = sc.rows[j]
+                    row["left_used_z"], row["right_used_z"] = sc.used_z[g, 0, j], sc.used_z[g, 1, j]
+                    row["left_used_vz"], row["right_used_vz"] = room[23, j], room[24, j]
+            return
+        if sc.smooth[g]:
+            _write_samples(sc, g)
         for j in range(LANES):
             i = g * LANES + j
-            row, s, tick = sc.rows[j], sc.states[i], sc.ticks[i]
-            shown = RECORD or (PARTNER and (tick == partner.following[i] or partner.seat.truth[0] != 0))
-            for a in range(len(viewers.every)):
-                shown = shown or tick == viewers.following[a, i]
-            if shown:
-                keep(row, s)
-            _row_inputs(sc, g, j, tick)
-            hands = sense(s, row, limit, scene)
+            keep_shown(sc, viewers, partner, i, j)
+            _row_inputs(sc, g, j, sc.ticks[i])
+            hands = sense(sc.states[i], sc.rows[j], limit, scene)
             for k in range(8):
                 room[6 + k, j] = hands[k]
+        if not RECORD:
+            _take_samples(sc, g)
 
     return sense_all
 
@@ -399,7 +487,7 @@ def _make_attend(decide: Decide) -> Callable[..., None]:
 def make_steps(kernels: TickKernels, decide: Decide, FELT: bool, PARTNER: bool, RECORD: bool) -> Callable[..., None]:
     """Compile the ticks of many scenes: of a kind of block, around a policy at the other seat, with or without rows."""
     FORCES = FELT or RECORD
-    sense_all, couple_all = _make_sense(kernels, PARTNER, RECORD), _make_couple(kernels)
+    sense_all, couple_all = _make_sense(kernels, FELT, PARTNER, RECORD), _make_couple(kernels)
     decide_all, move_board = _make_decide(kernels, FORCES), _make_move(kernels)
     finish_all = _make_finish(kernels, decide, FELT, PARTNER, RECORD)
 
