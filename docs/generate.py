@@ -390,7 +390,7 @@ POWER = ("about", "power", "false-positives", "precision")
 INFORMATION = ("scenes", "models", "hands", "skills", "acquaintance")
 """Those of `make evidence ARGS=information`."""
 
-PARTICIPANTS = ("others", "predictions", "order", "ablations", "slowing", "rest")
+PARTICIPANTS = ("others", "predictions", "posterior", "order", "ablations", "slowing", "rest")
 """Those of `make evidence ARGS=participants`."""
 
 FIT = ("summaries", "parameters", "recovery", "fit")
