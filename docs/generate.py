@@ -402,6 +402,8 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "options of falcon": ("how-to/falcon.md", device_options(FalconOptions)),
     "options of spacemouse": ("how-to/spacemouse.md", device_options(SpaceMouseOptions)),
     "configuration": ("reference/configuration.md", configuration),
+    "robots completion": ("explanation/robots.md", study_part("robots", "completion")),
+    "robots stability": ("explanation/robots.md", study_part("robots", "stability")),
     "robot parameters": ("explanation/robots.md", robot_parameters),
     "force conditions": ("explanation/forces.md", force_conditions),
     "laws of friction": ("explanation/physics.md", friction_laws),
