@@ -249,7 +249,7 @@ def test_kernels_with_different_constants_never_share_machine_code(tmp_path: Pat
 
 SHARED = """
 import sys
-from netboard.physics.arithmetic.trig import sincos as shared
+from netboard.participants.people.submovement import minimum_jerk as shared
 print("ready", flush=True)
 sys.stdin.readline()
 shared(0.5)

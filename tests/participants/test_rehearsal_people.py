@@ -7,10 +7,10 @@ import pytest
 
 from netboard.base.config import Config
 from netboard.base.tables.simulated import PARTICIPANT_SOURCES, Participant
-from netboard.base.tick import TICK
 from netboard.participants.people.person import ParticipantPolicy
 from netboard.participants.people.population import VARIED, people_of, performers, person_of
 from netboard.participants.seat.closed_loop import Seat, is_shown, make_seat, scale_in, seats_of
+from netboard.task.trials.state_machine import Phase
 
 
 def seat(config: Config, station: str, sides: tuple[str, ...]) -> Seat:
@@ -89,13 +89,12 @@ def test_views_arrive_at_the_view_rate() -> None:
 
 
 def test_force_is_informative_only_with_full_haptic_feedback() -> None:
-    row = np.zeros(1, TICK)
-    row["phase"], row["trial"] = 2, 3
+    phase = Phase.RUNNING
 
     def is_informative(sides: tuple[str, ...] = ("left",), **keys: object) -> bool:
         config = Config()
         observer = seat(replace(config, block=replace(config.block, **keys)), "left", sides)
-        return scale_in(observer, row.view(np.int64)) > 0.0
+        return scale_in(observer, 3, int(phase)) > 0.0
 
     assert is_informative()
     assert is_informative(force_scale=0.5)
@@ -104,7 +103,7 @@ def test_force_is_informative_only_with_full_haptic_feedback() -> None:
     assert not is_informative(force_scale=0.0)
     assert not is_informative(catch=(1, 3))
     assert not is_informative(("left", "right"))
-    row["phase"] = 6
+    phase = Phase.PAUSED
     assert not is_informative()
 
 
