@@ -84,6 +84,8 @@ class Policy(ABC):
         What it is, as recorded.
     sees_truth : bool
         Whether it sees the true state of the scene, which no participant does.
+    checked : bool
+        Whether it lets go of the stylus where its action is not a number; not needed where no observation can cause it.
     decide : callable
         Its kernel, from `netboard.base.compiled.inlined`; see `Decide`. It is called every millisecond, and decides as
         often as it needs to.
@@ -95,6 +97,7 @@ class Policy(ABC):
 
     kind: ClassVar[str]
     sees_truth: ClassVar[bool] = False
+    checked: ClassVar[bool] = True
     decide: ClassVar["staticmethod[[Any, Any, Any, Any], None]"]
     sides: tuple[Side, ...]
     constants: NDArray[Any]

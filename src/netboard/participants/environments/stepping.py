@@ -320,7 +320,7 @@ def _make_sense(kernels: TickKernels, FELT: bool, PARTNER: bool, RECORD: bool) -
     @inlined
     def keep_shown(sc: SceneArrays, viewers: Viewers, partner: Partner, i: int, j: int) -> bool:
         tick = sc.ticks[i]
-        shown = RECORD or (PARTNER and (tick == partner.following[i] or partner.seat.truth[0] != 0))
+        shown = RECORD or (PARTNER and (tick == partner.following[i] or partner.seat.flags[0] != 0))
         for a in range(len(viewers.every)):
             shown = shown or tick == viewers.following[a, i]
         if shown:
@@ -472,7 +472,7 @@ def _make_attend(decide: Decide) -> Callable[..., None]:
         i, seat, row = g * LANES + j, partner.seat, sc.rows[j]
         o = _observe(partner, sc, g, j, tick)
         o["felt"] = felt_of(seat, sc.commanded[g, seat.hands[1], j], row["trial"], row["phase"])
-        if seat.truth[0]:
+        if seat.flags[0]:
             _show_truth(o["truth"], sc, g, j)
         decide(seat.state[i], seat.constants[i], o, partner.actions[i])
         _take(partner, sc, g, j)

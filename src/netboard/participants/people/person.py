@@ -65,6 +65,7 @@ class ParticipantPolicy(Policy):
     """A simulated participant in a block, with one hand or both."""
 
     kind = SIMULATED_PARTICIPANT
+    checked = False
     decide = staticmethod(decide)
 
     def __init__(self, config: Config, person: Participant, sides: tuple[Side, ...]) -> None:

@@ -37,11 +37,11 @@ class Seat(NamedTuple):
     constants: NDArray[Any]
     observation: NDArray[Any]
     curtain: NDArray[Any]
-    timing: NDArray[np.int64]  # ticks between two views, and the first of them [1]
+    timing: NDArray[np.int64]  # ticks between two views, the first of them, and the next one [1]
     hands: NDArray[np.int64]  # 1 for each side that it moves
     scales: NDArray[np.float64]  # factors of the force, by trial; none if the force tells nothing [1]
     catch: NDArray[np.int64]  # catch trials
-    truth: NDArray[np.int64]  # one number: whether it sees the true state
+    flags: NDArray[np.int64]  # whether it sees the true state, and whether its actions are checked
 
 
 def force_scales(config: Config) -> tuple[float, ...]:
@@ -56,15 +56,16 @@ def make_seat(config: Config, policy: Policy, station: Side, seed: tuple[int, ..
     every = make_curtain(config)
     curtain = every.partners.get(station, every.stations[station])
     view_ticks = ceil(1.0 / (TICK_SECONDS * config.network.view_rate_hz))
-    timing = np.array([view_ticks, view_ticks // 2 if station == "right" else 0])
+    first = view_ticks // 2 if station == "right" else 0
+    timing = np.array([view_ticks, first, first])
     scales = np.array(force_scales(config) if len(policy.sides) == 1 else (), float)
     hands = np.array([side in policy.sides for side in SIDES], np.int64)
     observation = np.zeros(1, OBSERVATION)
     observation["seen"]["time"] = nan
     for name in TRUTH.names or ():
         observation["truth"][name] = nan
-    catch, truth = np.array(block.catch, np.int64), np.array([policy.sees_truth], np.int64)
-    return Seat(policy.initial(seed), policy.constants, observation, curtain, timing, hands, scales, catch, truth)
+    catch, flags = np.array(block.catch, np.int64), np.array([policy.sees_truth, policy.checked], np.int64)
+    return Seat(policy.initial(seed), policy.constants, observation, curtain, timing, hands, scales, catch, flags)
 
 
 def _decide(state: np.void, constants: np.void, observation: np.void, actions: Records) -> None:
@@ -93,17 +94,19 @@ def _attend(
     before.
     """
     tick, time_ns = words[_TICK], words[_TIME]
-    if tick > 0 and is_shown(seat.timing, tick - 1):
+    if tick - 1 == seat.timing[2]:  # as `is_shown` says; its remainder takes long
+        seat.timing[2] += seat.timing[0]
         when = (words_before[_TIME] + TICK_NS) * 1e-9
         glimpse(seat.curtain[0], words_before, numbers_before, when, seat.observation[0]["seen"])
     _feel(seat, bodies, tick, time_ns)
     seat.observation[0]["felt"] = felt(seat, bodies, words)
-    if seat.truth[0]:
+    if seat.flags[0]:
         _see_truth(seat.observation[0]["truth"], bodies, numbers)
     _decide(seat.state[0], seat.constants[0], seat.observation[0], actions)
-    for side in range(2):
-        if seat.hands[side]:
-            let_go_unless_finite(actions[side])
+    if seat.flags[1]:
+        for side in range(2):
+            if seat.hands[side]:
+                let_go_unless_finite(actions[side])
 
 
 class SeatKernels(NamedTuple):
@@ -159,7 +162,7 @@ def scale_in(seat: Seat, trial: int, phase: int) -> float:
     for k in range(len(catch)):
         if catch[k] == trial:
             return 0.0
-    return float(scales[(trial - 1) % len(scales)])
+    return float(scales[(trial - 1) % len(scales)] if len(scales) > 1 else scales[0])  # a remainder takes long
 
 
 @inlined
