@@ -134,4 +134,4 @@ class BoardParallelEnv(ParallelEnv):
         return np.concatenate([draw(self.scenes.seen(place, 0), self.scenes.config) for place in range(len(SIDES))])
 
     def close(self) -> None:
-        """Do nothing: there is nothing to close."""
+        """Close nothing: the environment holds no file and no window."""
