@@ -3,11 +3,12 @@
     python docs/generate.py            writes them
     python docs/generate.py --check    exits with 1 and says which are stale
 
-A page holds generated text between ``<!-- generated: NAME -->`` and ``<!-- end of NAME -->``; the rest is written by
-hand. The state diagram comes from the table of the trial state machine, the configuration reference from the
-dataclasses, the command reference from the commands, so they cannot differ from the program. Tables of measurements
-come from the results of `make evidence`, `netboard bench` and `netboard power`, copied unchanged to docs/data/, and the
-evidence for the measures from the marks of their tests.
+A page holds generated text between ``<!-- generated: NAME -->`` and ``<!-- end of NAME -->``, a file of udev rules
+between ``# generated: NAME`` and ``# end of NAME``; the rest is written by hand. The state diagram comes from the table
+of the trial state machine, the configuration reference from the dataclasses, the command reference from the commands,
+so they cannot differ from the program. Tables of measurements come from the results of `make evidence`, `netboard
+bench` and `netboard power`, copied unchanged to docs/data/, and the evidence for the measures from the marks of their
+tests.
 """
 
 import json
@@ -25,12 +26,13 @@ from typing import Any
 import typer.main
 
 from netboard.base.config import Config
+from netboard.base.device_kind import DeviceKind
 from netboard.base.settings import Key, tables, to_toml
 from netboard.base.tables.forces import CONDITIONS
 from netboard.base.tables.scene import FRICTION
 from netboard.base.tables.simulated import PARTICIPANT_SOURCES, Participant
-from netboard.devices.falcon.device import FalconOptions
-from netboard.devices.spacemouse import SpaceMouseOptions
+from netboard.devices.contract.registry import BACKENDS, Backend
+from netboard.devices.setup import udev
 from netboard.participants.body.device_models import MODELS, DeviceModel
 from netboard.participants.people.partner_models import PARTNER_MODELS
 from netboard.participants.people.population import VARIED
@@ -93,6 +95,26 @@ def device_options(options: type) -> Callable[[], str]:
         return "\n".join([head, *map(_key_row, table.keys)])
 
     return write
+
+
+def options_of(backend: Backend) -> type:
+    """Return the options of a backend: by convention a class beside its own, named after it."""
+    options: type = resolve_name(f"{backend.target}Options")
+    return options
+
+
+REAL = {name: backend for name, backend in BACKENDS.items() if backend.kind in (DeviceKind.HAPTIC, DeviceKind.INPUT)}
+"""Backends of devices that can be bought."""
+
+
+def device_table() -> str:
+    """Write the table of the device backends, those of devices that can be bought first."""
+    lines = ["| device | backend | library | tests run with | ran on a real device |", "|---|---|---|---|---|"]
+    for name, backend in sorted(BACKENDS.items(), key=lambda entry: entry[0] not in REAL):
+        ran = (backend.ran_on or "**never**") if name in REAL else ""
+        row = (backend.drives, f"[`{name}`]({backend.guide}.md)", backend.library, backend.tested_with, ran)
+        lines.append(f"| {' | '.join(row)} |")
+    return "\n".join(lines)
 
 
 def _key_row(key: Key) -> str:
@@ -399,8 +421,9 @@ FIT = ("summaries", "parameters", "recovery", "fit")
 GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "state diagram": ("reference/trial-state-machine.md", state_diagram),
     "edge table": ("reference/trial-state-machine.md", edge_table),
-    "options of falcon": ("how-to/falcon.md", device_options(FalconOptions)),
-    "options of spacemouse": ("how-to/spacemouse.md", device_options(SpaceMouseOptions)),
+    **{f"options of {name}": (f"how-to/{it.guide}.md", device_options(options_of(it))) for name, it in REAL.items()},
+    "device table": ("how-to/devices.md", device_table),
+    "udev rules": ("../deploy/udev/70-netboard.rules", udev.rules),
     "configuration": ("reference/configuration.md", configuration),
     "robots completion": ("explanation/robots.md", study_part("robots", "completion")),
     "robots stability": ("explanation/robots.md", study_part("robots", "stability")),
@@ -480,10 +503,13 @@ def renewed(page: str, name: str, text: str) -> str:
         If the page has not exactly one such pair of marks.
     """
     start, end = f"<!-- generated: {name} -->", f"<!-- end of {name} -->"
+    if start not in page:
+        start, end = f"# generated: {name}\n", f"# end of {name}\n"
     if page.count(start) != 1 or page.count(end) != 1:
         raise ValueError(f"the page must hold {start} and {end} once each")
     before, rest = page.split(start)
-    return f"{before}{start}\n\n{text}\n\n{end}{rest.split(end)[1]}"
+    blank = "\n\n" if start.endswith("-->") else "\n"
+    return f"{before}{start}{blank}{text}{blank}{end}{rest.split(end)[1]}"
 
 
 def pages() -> dict[Path, str]:

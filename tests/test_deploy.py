@@ -14,7 +14,9 @@ import typer.main
 
 from netboard.base.config import parse
 from netboard.base.process.realtime import IO_PRIORITY_STEP, Priority
-from netboard.devices.setup.usb import NAMES
+from netboard.devices.contract.registry import UsbLink
+from netboard.devices.setup import udev
+from netboard.devices.setup.usb import MODELS
 from netboard.network.keys import encrypted
 from netboard.nodes.operator.launcher import STOP_SECONDS
 from netboard.nodes.server.record_keeping import FINISH_NS
@@ -269,8 +271,11 @@ def test_udev_rules_and_doctor_list_the_same_devices() -> None:
         for product in parts.get("idProduct", "").split("|"):
             for subsystem in parts.get("SUBSYSTEM", "").split("|"):
                 ruled.setdefault(subsystem, set()).add((parts.get("idVendor", ""), product))
-    assert ruled["usb"] == set(NAMES)
-    assert ruled["hidraw"] | {("0403", "cb48")} == set(NAMES)
+    assert ruled["usb"] == set(MODELS)
+    for link, subsystem in udev.SUBSYSTEMS.items():
+        assert ruled[subsystem] >= {ids for ids, model in MODELS.items() if model.link is link}
+    raw = {ids for ids, model in MODELS.items() if model.link is UsbLink.RAW}
+    assert not raw & (ruled["hidraw"] | ruled["tty"])
 
 
 @pytest.mark.skipif(shutil.which("udevadm") is None, reason="udevadm is not installed")

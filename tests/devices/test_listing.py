@@ -13,9 +13,6 @@ from netboard.base.tables.rig import Agent, Agents
 from netboard.devices.contract import registry
 from netboard.devices.contract.device import Device, Found
 from netboard.devices.setup import listing, usb
-from netboard.devices.setup.usb import NAMES
-
-RULES = Path(__file__).parents[2] / "deploy" / "udev" / "70-netboard.rules"
 
 
 @pytest.fixture
@@ -80,12 +77,6 @@ def test_inaccessible_device_is_listed_with_its_udev_rule(
     assert 'ATTRS{idVendor}=="2988", ATTRS{idProduct}=="0304", GROUP="netboard"' in device.advice
 
 
-def test_every_known_device_has_a_udev_rule() -> None:
-    lines = [line for line in RULES.read_text("utf-8").splitlines() if line.startswith("SUBSYSTEM")]
-    for vendor, product in NAMES:
-        assert any(f'=="{vendor}"' in line and product in line for line in lines), (vendor, product)
-
-
 def test_usb_and_library_entries_are_merged_by_serial_number(machine: Path, backends: dict) -> None:
     backends["touch"] = TwoListed
     first, second = listing.listing(Config(), machine).devices
@@ -135,6 +126,22 @@ def test_configured_device_and_its_library_must_be_here(
     assert (left.name, right.name) == ("left device", "right device")
     assert left.colour == right.colour == colour
     assert left.found.startswith(found)
+
+
+def test_device_that_the_vendors_library_does_not_list_is_yellow(
+    machine: Path, backends: dict, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A driver from before the Touch (HID) leaves the library's list empty, and so does an agent that uses it."""
+    backends.update(openhaptics=Puppet, virtual=Puppet)
+    monkeypatch.setattr(registry, "make", lambda side, config: None)
+    config = Config(agents=Agents(left=Agent("openhaptics", options={"serial": "42"})))
+    left, _ = listing.configured(config, "red", machine)
+    assert (left.colour, left.found) == (
+        "yellow",
+        "Touch (HID), serial 42, at 1-1: its vendor's library does not list it",
+    )
+    assert "driver is missing or older than the device" in left.advice
+    assert "docs/how-to/touch.md" in left.advice
 
 
 def plugged(tmp_path: Path, ids: str, serials: tuple[str, ...]) -> Path:

@@ -216,7 +216,7 @@ def test_reopened_device_starts_at_the_centre(cap: FakeSpaceMouse) -> None:
 def test_every_supported_model_is_named(plug: Plug, ids: tuple[int, int]) -> None:
     plug(FakeSpaceMouse(*ids))
     with mouse() as device:
-        assert device.info.model == f"3Dconnexion {SPACEMOUSE[ids]}"
+        assert device.info.model == f"3Dconnexion {SPACEMOUSE[ids].name}"
         assert device.info.max_force == 0.0
 
 

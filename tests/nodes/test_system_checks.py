@@ -247,6 +247,41 @@ def test_world_accessible_usb_device_is_yellow(plugged: Path) -> None:
     assert "ttyACM0" in finding.found
 
 
+def test_rule_file_that_opens_the_device_to_all_users_is_named(plugged: Path) -> None:
+    """The driver of the Touch (HID) installs one, which comes after netboard's and so overrides it."""
+    (plugged / "dev" / "hidraw3").chmod(0o666)
+    rules = plugged / "etc/udev/rules.d"
+    rules.mkdir(parents=True)
+    vendors = 'SUBSYSTEMS=="usb", ATTRS{idVendor}=="2988", ATTRS{idProduct}=="0304", GROUP="users", MODE="0666"\n'
+    for name, text in {
+        "60-early.rules": vendors,
+        "70-netboard.rules": vendors,
+        "98-other.rules": vendors.replace("2988", "1234"),
+        "99-3dsystems.rules": f"\n{vendors}",
+        "99-tag.rules": vendors.replace('MODE="0666"', 'TAG+="x"'),
+    }.items():
+        (rules / name).write_text(text)
+    finding = usb.devices(plugged)
+    assert (finding.colour, finding.found.endswith("hidraw3")) == ("yellow", True)
+    assert finding.advice.startswith(
+        f"remove {rules / '99-3dsystems.rules'}, which comes after 70-netboard.rules; then "
+    )
+
+
+@pytest.mark.parametrize(
+    ("gone", "why"),
+    [
+        ("hidraw3", "the Touch (HID) at 1-1 has no file /dev/hidraw*: load the kernel module usbhid"),
+        ("ttyACM0", "the Touch (USB) at 1-2 has no file /dev/ttyACM*: load the kernel module cdc_acm"),
+    ],
+)
+def test_usb_device_without_the_file_that_its_library_opens_is_red(plugged: Path, gone: str, why: str) -> None:
+    (plugged / "dev" / gone).unlink()
+    finding = usb.devices(plugged)
+    assert finding.colour == "red"
+    assert finding.advice.startswith(why)
+
+
 def test_other_usb_devices_are_ignored(tmp_path: Path) -> None:
     at = "sys__bus__usb__devices__3-1__"
     write(tmp_path, **{f"{at}idVendor": "046d", f"{at}idProduct": "c52b"})

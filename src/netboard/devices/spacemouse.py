@@ -25,7 +25,7 @@ from netboard.devices.contract.registry import BACKENDS
 from netboard.devices.contract.selection import only
 
 SPACEMOUSE = BACKENDS["spacemouse"].usb
-"""USB ids and names of the models."""
+"""USB ids of the models."""
 
 FULL_SCALE = 350
 """Approximate axis value at the end of the travel [1]."""
@@ -103,7 +103,7 @@ class SpaceMouse(Device):
     def _open(self) -> DeviceInfo:
         hid = _hidapi()
         found = self._find(hid.enumerate())
-        name = SPACEMOUSE[found["vendor_id"], found["product_id"]]
+        name = SPACEMOUSE[found["vendor_id"], found["product_id"]].name
         device = hid.device()
         try:
             device.open_path(found["path"])
@@ -227,7 +227,7 @@ def _hidapi() -> Any:
 
 def _described(found: dict[str, Any]) -> str:
     """Describe a device for an operator who has to select one."""
-    name = SPACEMOUSE[found["vendor_id"], found["product_id"]]
+    name = SPACEMOUSE[found["vendor_id"], found["product_id"]].name
     return f"{name}, serial {found['serial_number']!r}, path {_path_of(found)!r}"
 
 

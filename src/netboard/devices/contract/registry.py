@@ -1,14 +1,15 @@
 """Registry of backends: one entry for each, from its name in the configuration to its class and its USB ids.
 
 A backend is imported only when it is used, so a missing vendor library does not affect the others. Other packages
-register backends in the entry-point group ``netboard.devices``. deploy/udev/70-netboard.rules repeats the USB ids,
-because udev cannot import them; a test compares the two.
+register backends in the entry-point group ``netboard.devices``. The udev rules and the table of devices in the
+documentation are generated from the entries.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from enum import StrEnum
 from inspect import isabstract
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 from netboard.base import plugins
 from netboard.base.config import SIDES, Config, Side
@@ -23,13 +24,36 @@ Ids = tuple[int, int]
 """Vendor and product id of a USB device."""
 
 
+class UsbLink(StrEnum):
+    """What a device's library opens."""
+
+    RAW = "raw USB"
+    HID = "HID"
+    SERIAL = "serial port"
+    HIDAPI = "HID or raw USB"  # hidapi uses either, and may detach the HID driver
+
+
+class UsbModel(NamedTuple):
+    """A model of USB device."""
+
+    name: str
+    link: UsbLink
+
+
 @dataclass(frozen=True)
 class Backend:
     """A built-in backend."""
 
     target: str  # module and class
     kind: DeviceKind  # what it stands for in a session
-    usb: Mapping[Ids, str] = field(default_factory=dict)  # names of its USB devices
+    guide: str  # its page in docs/how-to
+    drives: str  # the devices, in words
+    library: str  # what it needs beside netboard, in words
+    tested_with: str  # what stood in for the device in the tests, in words
+    ran_on: str = ""  # models of real devices on which it ran, in words; empty for none
+    maker: str = ""  # manufacturer of its devices; empty for none
+    usb: Mapping[Ids, UsbModel] = field(default_factory=dict)  # its USB devices
+    unlisted: str = ""  # why its library may not list a connected device, in words
     selectors: tuple[str, ...] = ()  # options that select one of several devices
     lists_serials: bool = False  # whether its own library lists the devices, with serial numbers that the USB may lack
     buttons: int | None = None  # of the model with most; None for a stand-in, which takes the masks of the real device
@@ -39,43 +63,97 @@ BACKENDS = {
     "falcon": Backend(
         "netboard.devices.falcon.device:Falcon",
         DeviceKind.HAPTIC,
-        {(0x0403, 0xCB48): "Falcon"},  # id of its FTDI chip
+        guide="falcon",
+        drives="Novint Falcon",
+        library="pyusb, libusb; Novint's firmware, by its owner",
+        tested_with="simulated Falcon that implements its protocol byte by byte, beneath pyusb",
+        maker="Novint",
+        usb={(0x0403, 0xCB48): UsbModel("Falcon", UsbLink.RAW)},  # id of its FTDI chip
         selectors=("serial", "path"),
         buttons=4,
     ),
-    "mouse": Backend("netboard.devices.mouse:MouseStylus", DeviceKind.POINTER),
+    "mouse": Backend(
+        "netboard.devices.mouse:MouseStylus",
+        DeviceKind.POINTER,
+        guide="simulate",
+        drives="mouse over the participant's display, without force",
+        library="none",
+        tested_with="pointer positions as the display sends them",
+    ),
     "openhaptics": Backend(
         "netboard.devices.touch.device:OpenHaptics",
         DeviceKind.HAPTIC,
-        {(0x2988, 0x0302): "Touch (USB)", (0x2988, 0x0304): "Touch (HID)", (0x0301, 0x2988): "Touch 3D Stylus"},
+        guide="touch",
+        drives="3D Systems Touch (USB and HID), Touch X, and other Phantoms",
+        library="OpenHaptics 3.4 and the Touch device driver, by its owner",
+        tested_with="library in C with the interface of `libHD`",
+        maker="3D Systems",
+        usb={
+            (0x2988, 0x0302): UsbModel("Touch (USB)", UsbLink.SERIAL),
+            (0x2988, 0x0304): UsbModel("Touch (HID)", UsbLink.HID),
+            (0x0301, 0x2988): UsbModel("Touch 3D Stylus", UsbLink.SERIAL),
+        },
+        unlisted=(
+            "an agent uses it, its vendor's driver is missing or older than the device, or its name is unknown to the "
+            "driver; run the vendor's set-up tool"
+        ),
         selectors=("serial", "name"),
         lists_serials=True,
         buttons=4,
     ),
-    "partner": Backend("netboard.devices.simulated.partner:RobotPartner", DeviceKind.ROBOT),
-    "playback": Backend("netboard.devices.simulated.playback:Playback", DeviceKind.PLAYBACK),
+    "partner": Backend(
+        "netboard.devices.simulated.partner:RobotPartner",
+        DeviceKind.ROBOT,
+        guide="add-a-partner",
+        drives="robot partner, a controller in place of a participant",
+        library="none",
+        tested_with="itself: it is a simulation",
+    ),
+    "playback": Backend(
+        "netboard.devices.simulated.playback:Playback",
+        DeviceKind.PLAYBACK,
+        guide="play-back",
+        drives="stylus of a recording",
+        library="none",
+        tested_with="recordings of simulated sessions",
+    ),
     "spacemouse": Backend(
         "netboard.devices.spacemouse:SpaceMouse",
         DeviceKind.INPUT,
-        {
-            (0x046D, 0xC625): "SpacePilot",
-            (0x046D, 0xC626): "SpaceNavigator",
-            (0x046D, 0xC627): "SpaceExplorer",
-            (0x046D, 0xC629): "SpacePilot Pro",
-            (0x046D, 0xC62B): "SpaceMouse Pro",
-            (0x256F, 0xC62E): "SpaceMouse Wireless (cable)",
-            (0x256F, 0xC632): "SpaceMouse Pro Wireless",
-            (0x256F, 0xC633): "SpaceMouse Enterprise",
-            (0x256F, 0xC635): "SpaceMouse Compact",
-            (0x256F, 0xC638): "SpaceMouse Pro Wireless (Bluetooth)",
-            (0x256F, 0xC63A): "SpaceMouse Wireless",
-            (0x256F, 0xC641): "SpaceMouse USB",
-            (0x256F, 0xC652): "SpaceMouse (Universal Receiver)",
+        guide="spacemouse",
+        drives="3Dconnexion SpaceMouse, without force",
+        library="hidapi",
+        tested_with="scripted HID reports, beneath hidapi",
+        maker="3Dconnexion",
+        usb={
+            ids: UsbModel(name, UsbLink.HIDAPI)
+            for ids, name in {
+                (0x046D, 0xC625): "SpacePilot",
+                (0x046D, 0xC626): "SpaceNavigator",
+                (0x046D, 0xC627): "SpaceExplorer",
+                (0x046D, 0xC629): "SpacePilot Pro",
+                (0x046D, 0xC62B): "SpaceMouse Pro",
+                (0x256F, 0xC62E): "SpaceMouse Wireless (cable)",
+                (0x256F, 0xC632): "SpaceMouse Pro Wireless",
+                (0x256F, 0xC633): "SpaceMouse Enterprise",
+                (0x256F, 0xC635): "SpaceMouse Compact",
+                (0x256F, 0xC638): "SpaceMouse Pro Wireless (Bluetooth)",
+                (0x256F, 0xC63A): "SpaceMouse Wireless",
+                (0x256F, 0xC641): "SpaceMouse USB",
+                (0x256F, 0xC652): "SpaceMouse (Universal Receiver)",
+            }.items()
         },
         selectors=("serial", "path"),
         buttons=32,
     ),
-    "virtual": Backend("netboard.devices.simulated.virtual:VirtualTouch", DeviceKind.SIMULATED),
+    "virtual": Backend(
+        "netboard.devices.simulated.virtual:VirtualTouch",
+        DeviceKind.SIMULATED,
+        guide="simulate",
+        drives="simulated device, held by a simulated participant",
+        library="none",
+        tested_with="itself: it is a simulation",
+    ),
 }
 """Built-in backends by name."""
 
@@ -96,6 +174,11 @@ def find(name: str) -> type[Device]:
         lacks = ", ".join(sorted(backend.__abstractmethods__))
         raise DeviceNotFound(f"the device backend {name!r} ({backend.__module__}) must implement {lacks}")
     return backend
+
+
+def maker_of(name: str) -> str:
+    """Return the manufacturer of a built-in backend's devices; empty if it is unknown or there is none."""
+    return BACKENDS[name].maker if name in BACKENDS else ""
 
 
 def kind_of(name: str) -> DeviceKind:

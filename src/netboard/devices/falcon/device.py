@@ -32,7 +32,7 @@ from netboard.devices.falcon import firmware, ftdi, kinematics
 from netboard.devices.falcon.kinematics import CENTRE, REACH, Vector
 from netboard.devices.falcon.serial_protocol import GREEN, HOME, RED, FalconLine, FalconReply
 
-((FALCON, NAME),) = BACKENDS["falcon"].usb.items()
+((FALCON, (NAME, _)),) = BACKENDS["falcon"].usb.items()
 """USB id and name of the device."""
 
 MAX_FORCE = 8.9

@@ -22,8 +22,8 @@ from netboard.devices.contract import registry
 from netboard.devices.contract.device import Found
 from netboard.devices.contract.registry import Backend
 from netboard.devices.contract.selection import in_words
-from netboard.devices.setup import usb
-from netboard.devices.setup.usb import ADVICE, NAMES, Plugged
+from netboard.devices.setup import udev, usb
+from netboard.devices.setup.usb import ADVICE, MODELS, Plugged
 
 PORT = re.compile(r"\d+-[\d.]+")
 """A USB port, as Linux names it."""
@@ -53,7 +53,7 @@ class ListedDevice:
         if not self.shut:
             return ""
         vendor, _, product = self.usb.partition(":")
-        return f"{ADVICE}\n{udev_rule(vendor, product)}"
+        return f"{ADVICE}\n{udev.rules_for(vendor, product)}"
 
 
 class BackendState(NamedTuple):
@@ -70,12 +70,6 @@ class DeviceListing:
     devices: tuple[ListedDevice, ...]
     backends: tuple[BackendState, ...]
     remarks: tuple[str, ...]
-
-
-def udev_rule(vendor: str, product: str) -> str:
-    """Return the udev rule that lets the group netboard and the local user open a device."""
-    where = f'ATTRS{{idVendor}}=="{vendor}", ATTRS{{idProduct}}=="{product}"'
-    return f'SUBSYSTEM=="usb|tty|hidraw", {where}, GROUP="netboard", MODE="0660", TAG+="uaccess"'
 
 
 def listing(config: Config, root: Path = usb.ROOT) -> DeviceListing:
@@ -99,9 +93,7 @@ def _listed(found: Plugged, source: str) -> ListedDevice:
     """Return a connected USB device as an entry of the list."""
     usb = f"{found.vendor}:{found.product}"
     nodes = tuple(map(str, found.nodes))
-    return ListedDevice(
-        NAMES[found.vendor, found.product], found.serial, usb, found.place, (source,), found.shut, nodes
-    )
+    return ListedDevice(found.name, found.serial, usb, found.place, (source,), found.shut, nodes)
 
 
 def joined(devices: list[ListedDevice], backend: str, found: Iterable[Found]) -> list[ListedDevice]:
@@ -128,7 +120,7 @@ def _joined_usb(
     except DeviceNotFound as error:
         return devices, [str(error)]
     out = list(devices)
-    for new in (_listed(each, source) for each in shown if (each.vendor, each.product) in NAMES):
+    for new in (_listed(each, source) for each in shown if (each.vendor, each.product) in MODELS):
         may_be = [i for i, each in enumerate(out) if each.usb == new.usb and source not in each.seen_by]
         at = next((i for i in may_be if new.serial == out[i].serial or not (new.serial and out[i].serial)), None)
         if at is None:
@@ -227,9 +219,10 @@ def _judged(side: Side, mine: DeviceMatch, other: DeviceMatch, missing: Colour) 
     if backend is None or not backend.usb:
         return Finding(title, "green", mine.backend)
     given = in_words(mine.options)
+    guide = f"docs/how-to/{backend.guide}.md"
     if not mine.fitting:
         wanted = f"no {mine.backend} device {f'with {given} ' if given else ''}is connected"
-        return Finding(title, missing, wanted, "connect it, switch it on, and stop its agent")
+        return Finding(title, missing, wanted, f"connect it, switch it on, and stop its agent; see {guide}")
     select = f"write the {' or '.join(backend.selectors)} of each device in [agents.<side>.options]"
     if len(mine.fitting) > 1 and not mine.named:
         chance = f"{len(mine.fitting)} devices fit{f' {given}' if given else ''}: {mine.words}"
@@ -243,6 +236,9 @@ def _judged(side: Side, mine: DeviceMatch, other: DeviceMatch, missing: Colour) 
             f"{mine.words}: the other side's device has the same serial number, so both use one profile, {serial}",
             "run each agent with a configuration file of its own, with a folder of its own in [agents] profiles",
         )
+    if backend.lists_serials and not all(mine.backend in each.seen_by for each in mine.fitting):
+        unlisted = f"{mine.words}: its vendor's library does not list it"
+        return Finding(title, "yellow", unlisted, f"{backend.unlisted}; see {guide}")
     return Finding(title, "green", mine.words)
 
 

@@ -14,16 +14,25 @@ from typing import Any, NamedTuple
 
 from netboard.base.errors import DeviceNotFound
 from netboard.base.finding import Finding, text_of
-from netboard.devices.contract.registry import BACKENDS
+from netboard.devices.contract.registry import BACKENDS, UsbLink
+from netboard.devices.setup import udev
 
 ROOT = Path("/")
 
-NAMES = {
-    (f"{vendor:04x}", f"{product:04x}"): name
+MODELS = {
+    (f"{vendor:04x}", f"{product:04x}"): model
     for backend in BACKENDS.values()
-    for (vendor, product), name in backend.usb.items()
+    for (vendor, product), model in backend.usb.items()
 }
 """Supported devices, by vendor and product as in /sys."""
+
+FILES = {
+    UsbLink.RAW: ("bus/usb/*/*", "plug it in again"),
+    UsbLink.HID: ("hidraw*", "load the kernel module usbhid; a kernel without hidraw (CONFIG_HIDRAW) cannot drive it"),
+    UsbLink.SERIAL: ("ttyACM*", "load the kernel module cdc_acm"),
+    UsbLink.HIDAPI: ("*", "plug it in again"),
+}
+"""File in /dev that a device's library opens, by its link, and what to do if there is none."""
 
 ADVICE = "install deploy/udev/70-netboard.rules and join the group netboard; see docs/how-to/two-stations.md"
 
@@ -42,6 +51,18 @@ class Plugged(NamedTuple):
         """Files that this user may not open."""
         return tuple(str(node) for node in self.nodes if not os.access(node, os.R_OK | os.W_OK))
 
+    @property
+    def name(self) -> str:
+        """Name of the model."""
+        return MODELS[self.vendor, self.product].name
+
+    def undriven(self, root: Path) -> str:
+        """Return why the device's library cannot reach it; empty if the file that it opens is there."""
+        pattern, todo = FILES[MODELS[self.vendor, self.product].link]
+        if any(node.relative_to(root / "dev").match(pattern) for node in self.nodes):
+            return ""
+        return f"the {self.name} at {self.place} has no file /dev/{pattern}: {todo}"
+
 
 def has_sysfs(root: Path = ROOT) -> bool:
     """Return whether /sys shows the USB."""
@@ -52,7 +73,7 @@ def by_sysfs(root: Path = ROOT) -> Iterator[Plugged]:
     """Yield the supported devices in Linux's /sys."""
     for device in sorted((root / "sys/bus/usb/devices").iterdir()):
         vendor, product = text_of(device / "idVendor"), text_of(device / "idProduct")
-        if (vendor, product) in NAMES:
+        if (vendor, product) in MODELS:
             nodes = tuple(node for node in device_nodes(device, root) if node.exists())
             yield Plugged(vendor, product, text_of(device / "serial"), device.name, nodes)
 
@@ -94,16 +115,22 @@ def _library(module: str, package: str) -> Any:
 
 
 def devices(root: Path = ROOT) -> Finding:
-    """Check that the connected devices may be opened through a group, not by world permissions."""
+    """Check that the connected devices have their files, and may be opened through a group, not by all users."""
     name = "USB devices"
     if not has_sysfs(root):
         return Finding(name, "green", "not offered here")
     connected = list(by_sysfs(root))
-    found = ", ".join(f"{NAMES[each.vendor, each.product]} at {each.place}" for each in connected)
+    found = ", ".join(f"{each.name} at {each.place}" for each in connected)
+    if undriven := [why for each in connected if (why := each.undriven(root))]:
+        return Finding(name, "red", found, "\n".join(undriven))
     if shut := [node for each in connected for node in each.shut]:
         return Finding(name, "red", f"{found}; no permission for {', '.join(shut)}", ADVICE)
     if open_to_all := [str(node) for each in connected for node in each.nodes if node.stat().st_mode & 0o002]:
-        return Finding(name, "yellow", f"{found}; all users may open {', '.join(open_to_all)}", ADVICE)
+        later = udev.overriding({each.vendor for each in connected}, root)
+        advice = (
+            f"remove {', '.join(map(str, later))}, which comes after {udev.RULES}; then {ADVICE}" if later else ADVICE
+        )
+        return Finding(name, "yellow", f"{found}; all users may open {', '.join(open_to_all)}", advice)
     return Finding(name, "green", found or "no USB haptic device found")
 
 

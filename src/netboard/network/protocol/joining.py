@@ -40,7 +40,7 @@ class Hello:
         Version of the sender's software.
     details : dict of str
         Further information for the recording. Of an agent: ``device`` (backend), ``kind`` (as in `Status.devices`),
-        ``model``, ``serial`` and limits. Of a display: ``platform``, Qt's name of what draws it.
+        ``maker``, ``model``, ``serial`` and limits. Of a display: ``platform``, Qt's name of what draws it.
     """
 
     role: str

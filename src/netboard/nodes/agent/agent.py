@@ -314,6 +314,7 @@ def introduction(side: Side, config: Config, info: DeviceInfo, policy: Mapping[s
         **info.details,
         "device": agent.device,
         "kind": str(registry.kind_of(agent.device)),
+        "maker": registry.maker_of(agent.device),
         "model": info.model,
         "serial": info.serial,
         "max_force": f"{info.max_force!r} N",

@@ -29,8 +29,8 @@ Letter = Literal["A", "B"]
 _NEEDED = ("session", "part", "opened_log_ns", "opened_monotonic_ns", "welcome_server_ns", "netboard")
 """Metadata that a run needs; a recovered recording may have lost some."""
 
-MAKERS = {"falcon": "Novint", "openhaptics": "3D Systems", "spacemouse": "3Dconnexion"}
-"""Manufacturer of each backend's devices."""
+MAKERS_BEFORE = {"falcon": "Novint", "openhaptics": "3D Systems", "spacemouse": "3Dconnexion"}
+"""Manufacturer of each backend's devices in recordings from before agents stated it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,7 +193,8 @@ def devices_of(config: Config, recording: Recording) -> tuple[HandDevice, ...]:
     for side in SIDES:
         for details in list(agents_in_use(events, attempts, side)) or [dict[str, str]()]:
             backend = details.get("device", config.agents.of(side).device)
-            maker, model, serial = MAKERS.get(backend, ""), details.get("model", ""), details.get("serial", "")
+            maker = details.get("maker", MAKERS_BEFORE.get(backend, ""))
+            model, serial = details.get("model", ""), details.get("serial", "")
             kind = str(held_by({"device": backend, **details}).kind)
             found[HandDevice(side, backend, kind, maker, model, serial)] = None
     return tuple(found)
