@@ -269,6 +269,8 @@ def test_coupling_at_both_ends_allows_full_or_no_force() -> None:
         ("[physics]\nboard = 'hinged'\nb_z = 0.1", "[physics] b_z"),
         ("[physics]\nboard = 'level'\nb_theta = 0.1", "[physics] b_theta"),
         ("[physics]\nmethod = 'exact'", "[physics] method"),
+        ("[block]\nleft = 'still'\nright = 'still'", "[block] left, right"),
+        ("[block]\nconfiguration = 'bimanual'\nleft = 'robot'\nright = 'robot'", "[block] left, right"),
         ("[block]\ncatch = [3, 0]", "[block] catch"),
         ("[block]\ncatch = [10001]", "[block] catch"),
         (AT_BOTH + "force = 'partner_only'", "[block] force"),

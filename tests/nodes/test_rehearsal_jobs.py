@@ -5,9 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from netboard.base.config import Config
+from netboard.base.config import Config, parse
 from netboard.nodes.rehearsal.jobs import jobs_of, rehearse, rehearse_all
+from netboard.recording.export.runs import unnumbered_run
 from netboard.recording.files.reader import Recording
+from netboard.recording.integrity.verification import verify_recording
 
 
 def blocks() -> list[Config]:
@@ -56,3 +58,12 @@ def test_recording_contains_its_start_time(tmp_path: Path) -> None:
     assert files[0].read_bytes() == files[1].read_bytes()
     with Recording(files[0]) as recording:
         assert int(recording.metadata["opened_log_ns"]) == begun_ns
+
+
+def test_recording_of_two_robot_partners_verifies_and_names_both(tmp_path: Path) -> None:
+    config = parse("", overrides=["block.left=robot", "block.right=robot", "block.trials=1"])
+    result = rehearse(jobs_of([config], 1, 1, tmp_path)[0])
+    with Recording(Path(result.recording)) as recording:
+        assert verify_recording(recording).identical
+        assert recording.metadata["left_policy"] == recording.metadata["right_policy"] == "simulated participant"
+    assert unnumbered_run(Path(result.recording)).people == ()

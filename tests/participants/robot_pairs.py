@@ -4,7 +4,6 @@ The ticks are those of `netboard.participants.seat.block`, from the same kernels
 """
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -12,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.compiled import Records, Words, composed, kernel, machine_code
-from netboard.base.config import SIDES, Config, Side
+from netboard.base.config import SIDES, Side, parse
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import START_NS, TICK, TICK_NS, TICK_WORDS
 from netboard.participants.body.stylus import ACTION
@@ -83,9 +82,8 @@ class Pair:
     """Two movers in a block: a participant, a robot, or nobody for a hand that is held still."""
 
     def __init__(self, left: str, right: str, trials: int = 2, seed: int = 1, **block: Any) -> None:
-        config = Config()
-        chosen = replace(config.block, left=left, right=right, trials=trials, seed=seed, **block)
-        self.config = config = replace(config, block=chosen)
+        keys = {"left": left, "right": right, "trials": trials, "seed": seed, **block}
+        self.config = config = parse("", overrides=[f"block.{key}={value}" for key, value in keys.items()])
         self._stage = make_stage(config)
         self.state = self._stage.initial()
         self.bodies, self.actions = np.zeros(2, BODY), np.zeros(2, ACTION)

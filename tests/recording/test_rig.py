@@ -67,6 +67,12 @@ def test_robot_partner_of_a_block_is_no_stand_in() -> None:
     assert not rig.stand_ins
 
 
+def test_rehearsal_names_the_robot_partners_of_both_sides() -> None:
+    rig = rig_of(replace(Config(), block=Block(left="leader", right="robot")), {"rehearsed": "true"}, (), ())
+    assert rig.hands == {"left": ("robot partner, no device: leader",), "right": ("robot partner, no device: robot",)}
+    assert rig.simulated == ()
+
+
 def test_rehearsal_has_simulated_participants_and_no_stand_ins() -> None:
     rig = rig_of(Config(), {"rehearsed": "true"}, (), ())
     assert set(rig.hands.values()) == {(REHEARSED,)}

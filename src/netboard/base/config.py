@@ -242,8 +242,8 @@ def _of_block(block: Block) -> Iterator[str]:
     if CONDITIONS[block.force].recorded != bool(block.unrelated):
         wanted = 'a recording, which force = "unrelated" needs' if not block.unrelated else 'none without "unrelated"'
         yield f'[block] unrelated: found "{block.unrelated}", expected {wanted}'
-    if block.left != "person" and block.right != "person":
-        yield f'[block] left, right: found "{block.left}" and "{block.right}", expected a "person" at one of them'
+    if block.left == block.right == "still":
+        yield '[block] left, right: found "still" and "still", expected a person or a robot partner at one of them'
     if block.configuration == "bimanual" and (block.left, block.right) != ("person", "person"):
         yield '[block] left, right: expected "person" and "person" in a bimanual block'
     for trial in block.catch:

@@ -6,10 +6,9 @@ do not depend on the machine.
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
 from statistics import fmean, stdev
 
-from netboard.base.config import Config
+from netboard.base.config import Config, parse
 from netboard.base.tables.simulated import Participant
 from netboard.benchmarks.harness.results import Folder, ResultPart
 from netboard.benchmarks.harness.running import Tell
@@ -79,9 +78,8 @@ def _row(name: str, trials: int, seeds: int) -> tuple[str | float | int, ...]:
 
 def played(left: str, right: str, trials: int, seed: int) -> BlockSummary:
     """Run a block and return its results."""
-    config = Config()
-    block = replace(config.block, left=left, right=right, trials=trials, seed=seed)
-    rehearsal = Rehearsal(replace(config, block=block), PEOPLE)
+    keys = {"left": left, "right": right, "trials": trials, "seed": seed}
+    rehearsal = Rehearsal(parse("", overrides=[f"block.{key}={value}" for key, value in keys.items()]), PEOPLE)
     for _ in rehearsal.pieces():
         pass
     return rehearsal.summary()

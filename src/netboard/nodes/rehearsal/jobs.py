@@ -85,11 +85,9 @@ def rehearse(job: RehearsalJob, progress: Callable[[int], object] = lambda succe
     began = time.perf_counter()
     rehearsal = Rehearsal(job.config, job.people)
     begun_ns = time.time_ns() if job.begun_ns is None else job.begun_ns
-    metadata = REHEARSED | {
-        f"{letter}_{name}": text
-        for letter, person in job.people.items()
-        for name, text in identity_of(SIMULATED_PARTICIPANT, person).items()
-    }
+    movers = {letter: identity_of(SIMULATED_PARTICIPANT, person) for letter, person in job.people.items()}
+    movers |= {side: dict(own) for side, own in rehearsal.partners.items()}
+    metadata = REHEARSED | {f"{mover}_{name}": text for mover, own in movers.items() for name, text in own.items()}
     writer: BlockWriter | None = None
     ticks = successes = 0
     try:

@@ -18,8 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.compiled import Numbers, Records, Words, borrowed, composed, machine_code
-from netboard.base.config import SIDES, Config
+from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import ConfigError
+from netboard.base.tables.experiment import PERSON, Block
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import START_NS, TICK, TICK_NS, TICK_SECONDS, TICK_WORDS
 from netboard.participants.body.stylus import ACTION
@@ -162,6 +163,11 @@ class BlockSummary:
         return self.ticks * TICK_SECONDS
 
 
+def _is_robot(block: Block, sides: tuple[Side, ...]) -> bool:
+    """Return whether these hands are a robot partner's."""
+    return len(sides) == 1 and getattr(block, sides[0]) != PERSON
+
+
 class Rehearsal:
     """One block. ``people``: the participants A and B; a robot is the participant of ``[participant]``."""
 
@@ -179,6 +185,9 @@ class Rehearsal:
         taken += [(Nobody(), "left")] * (len(SIDES) - len(taken))
         self._seats = tuple(make_seat(config, policy, station, seed) for policy, station in taken)
         self._decides = tuple(policy.decide for policy, _ in taken)
+        self.partners: dict[str, Mapping[str, str]] = {  # identity of each robot partner, by its side
+            policy.sides[0]: policy.identity for policy, _ in taken if _is_robot(block, policy.sides)
+        }
         bodies = np.zeros(len(SIDES), BODY)
         for side in SIDES:
             pack_body(config, None, (0.0, 0.0), bodies[SIDES.index(side)])

@@ -48,6 +48,7 @@ def rig_of(
             hands[side] = tuple(dict.fromkeys(one.text for one in held))
     people = [side for side, mover in movers.items() if mover == "person"]
     if metadata.get("rehearsed") == "true":
+        hands |= {side: (held_by({"kind": DeviceKind.ROBOT, "partner": movers[side]}).text,) for side in robots}
         return RecordedRig(hands | dict.fromkeys(people, (REHEARSED,)), simulated=tuple(people))
     found: dict[str, None] = {}
     simulated: list[Side] = []
