@@ -5,7 +5,7 @@ BIN := .venv/bin
 LIMIT := timeout --signal=ABRT --kill-after=30s 40m
 SETUP := deploy/setup.sh pyproject.toml requirements/constraints.txt
 
-.PHONY: help demo test test-all test-rest test-random test-parallel test-quiet test-quick lint imports types evidence docs docs-check wheel lock clean tree
+.PHONY: help demo test test-all test-rest test-random test-parallel test-quiet test-quick lint imports types evidence docs docs-check wheel lock clean tree site test-site
 .DEFAULT_GOAL := help
 
 help: ## list what can be made
@@ -38,17 +38,18 @@ test-random: ## test-all with random cases of a new seed, which it prints
 # has its own time limit; LIMIT ends a run whose workers are lost, and Python then prints where each thread was. Pytest
 # takes 8 s longer to collect the tests where Python may not keep what it compiles.
 test-parallel: .venv/.ready-to-develop
-	$(LIMIT) $(BIN)/python -m pytest -m "not quiet" -n 2 --max-worker-restart 0 --dist loadfile --no-loadscope-reorder $(ARGS) || [ $$? = 5 ]
+	$(LIMIT) $(BIN)/python -m pytest -m "not quiet and not site" -n 2 --max-worker-restart 0 --dist loadfile --no-loadscope-reorder $(ARGS) || [ $$? = 5 ]
 
 test-quiet: .venv/.ready-to-develop
 	$(LIMIT) $(BIN)/python -m pytest -m quiet tests/integration $(ARGS) || [ $$? = 5 ]
 
 test-quick: lint ## tests without processes and without those that take long, for while you work
-	$(BIN)/python -m pytest -m "not slow and not integration" -n 2 --dist loadfile $(ARGS) || [ $$? = 5 ]
+	$(BIN)/python -m pytest -m "not slow and not integration and not site" -n 2 --dist loadfile $(ARGS) || [ $$? = 5 ]
 
-lint: .venv/.ready-to-develop ## style
+lint: .venv/.ready-to-develop ## style and spelling
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/codespell *.md changes deploy docs services src
 
 imports: .venv/.ready-to-develop tree ## who may import whom
 	PYTHONPATH=build/tree $(BIN)/lint-imports --no-cache --no-logo
@@ -72,13 +73,21 @@ docs: .venv/.ready-to-develop ## write the generated pages of docs/
 docs-check: .venv/.ready-to-develop ## whether the generated pages of docs/ are up to date
 	$(BIN)/python docs/generate.py --check
 
+# Compiled functions are documented as the Python functions that they are compiled from.
+site: .venv/.ready-for-site ## the documentation site, build/site
+	rm -rf build/site
+	NUMBA_DISABLE_JIT=1 $(BIN)/sphinx-build -q -E -W --keep-going -c docs/site -d build/site-cache . build/site
+
+test-site: site ## tests of the site: links, and its search in a browser
+	$(BIN)/python -m pytest -m site tests/site $(ARGS)
+
 wheel: .venv/.ready-to-develop ## dist/netboard-*.whl
 	rm -rf build/lib build/bdist.* dist
 	$(BIN)/python -m build --wheel
 
 lock: ## write requirements/constraints.txt anew, with the newest versions that pyproject.toml allows
 	python3.11 -m venv --clear build/lock
-	build/lock/bin/python -m pip install --quiet --disable-pip-version-check '.[analysis,dask,dev,devices,environments,evidence,fit,fuzz,lsl,notebook,nwb,parquet]'
+	build/lock/bin/python -m pip install --quiet --disable-pip-version-check '.[analysis,dask,dev,devices,environments,evidence,fit,fuzz,lsl,notebook,nwb,parquet,site]'
 	sed -n '/^#/p' requirements/constraints.txt > build/lock/head
 	build/lock/bin/python -m pip freeze --exclude netboard | LC_ALL=C sort -f -u | cat build/lock/head - > requirements/constraints.txt
 
@@ -93,3 +102,7 @@ clean: ## remove everything made, but no recording
 .venv/.ready-to-develop: $(SETUP)
 	deploy/setup.sh dev
 	touch .venv/.ready-to-run $@
+
+.venv/.ready-for-site: $(SETUP)
+	deploy/setup.sh site
+	touch .venv/.ready-to-run .venv/.ready-to-develop $@

@@ -1,5 +1,5 @@
 #!/bin/sh
-# Make .venv and install netboard into it:  deploy/setup.sh run | analysis | notebook | dev
+# Make .venv and install netboard into it:  deploy/setup.sh run | analysis | notebook | dev | site
 #
 # Needs only a Python from 3.11 to 3.13. What else is missing (Debian's venv, the libraries Qt loads) is installed with
 # apt-get if we are root or sudo asks for no password; otherwise one line says what to install.
@@ -11,7 +11,8 @@ run) what="." ;;
 analysis) what=".[analysis,dask]" ;;
 notebook) what=".[analysis,dask,notebook]" ;;
 dev) what=".[dev,devices]" ;;
-*) echo "usage: deploy/setup.sh run | analysis | notebook | dev" >&2; exit 2 ;;
+site) what=".[dev,devices,site]" ;;
+*) echo "usage: deploy/setup.sh run | analysis | notebook | dev | site" >&2; exit 2 ;;
 esac
 
 say() { echo "setup: $*" >&2; }
@@ -88,8 +89,20 @@ test_tools() {
     say "some tests are skipped until these are installed: apt-get install $wanted"
 }
 
+# The browser that tests of the documentation site open.
+browser() {
+    for name in chromium-headless-shell chromium google-chrome; do
+        command -v "$name" >/dev/null && return 0
+    done
+    if can_install && apt_install chromium-headless-shell; then
+        return 0
+    fi
+    say "make test-site needs a browser: apt-get install chromium-headless-shell"
+}
+
 .venv/bin/python -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' 2>/dev/null || make_venv
 say "installing netboard and what it needs into .venv"
 .venv/bin/python -m pip install --quiet --disable-pip-version-check --constraint requirements/constraints.txt --editable "$what"
 qt_libraries
-[ "$1" != dev ] || test_tools
+case "$1" in dev | site) test_tools ;; esac
+[ "$1" != site ] || browser

@@ -71,3 +71,18 @@ def test_links_are_not_broken(page: Path) -> None:
         if not linked.exists() or (anchor and linked.suffix == ".md" and anchor not in anchors(linked)):
             broken.append(target)
     assert broken == []
+
+
+def test_every_page_of_docs_is_listed_in_the_readme_of_its_folder() -> None:
+    """The site makes its tables of contents from these lists, from the landing page on."""
+    docs = ROOT / "docs"
+    reached, waiting = set(), [docs / "README.md"]
+    while waiting:
+        page = waiting.pop()
+        reached.add(page)
+        if page.name == "README.md":
+            items = re.findall(r"^(?:- |\d+\. ).*(?:\n  .*)*", page.read_text(encoding="utf-8"), re.MULTILINE)
+            listed = {(page.parent / target).resolve() for item in items for target in LINK.findall(item)}
+            waiting += [linked for linked in listed - reached if docs in linked.parents]
+    pages = {page for kind in ("md", "ipynb") for page in docs.rglob(f"*.{kind}")}
+    assert sorted(pages - reached) == []

@@ -1,5 +1,7 @@
 """The exceptions of netboard.
 
+::
+
     NetboardError                what a caller may want to catch
     ├── ConfigError              what was asked for is wrong: a setting, an option, or an output that exists
     ├── DeviceError              a haptic device failed

@@ -247,8 +247,8 @@ def energies_of(motion: Motion, hands: Hands, physics: Physics, free: bool = Tru
     Returns
     -------
     dict of str to ndarray of float64, shape (n,)
-        E_ and the fields of `netboard.physics.scene.energy.StoredEnergy`, W_ and those of
-        `netboard.physics.scene.energy.Powers` (W_friction only with friction of balls). Except for the integration
+        ``E_`` and the fields of `netboard.physics.scene.energy.StoredEnergy`, ``W_`` and those of
+        `netboard.physics.scene.energy.Powers` (``W_friction`` only with friction of balls). Except for the integration
         error and impacts at stops, the sum of all E less that of all W is constant [J].
 
     Raises

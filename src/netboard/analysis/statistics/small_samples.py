@@ -2,7 +2,7 @@
 
 The covariance of the coefficients treats the estimated variances as the true ones. With few dyads they are uncertain,
 so the ratio of an effect to its standard error has heavier tails than the normal distribution. Both methods approximate
-it by Student's t.
+it by Student's t::
 
     Satterthwaite   2 v^2 / (g' A g),   v = l' Phi l, g its gradient by the variances, A their asymptotic covariance
     Kenward-Roger   the same with the expected information, and a covariance Phi that is enlarged for the uncertainty
