@@ -87,7 +87,7 @@ wheel: .venv/.ready-to-develop ## dist/netboard-*.whl
 
 lock: ## write requirements/constraints.txt anew, with the newest versions that pyproject.toml allows
 	python3.11 -m venv --clear build/lock
-	build/lock/bin/python -m pip install --quiet --disable-pip-version-check '.[analysis,dask,dev,devices,environments,evidence,fit,fuzz,lsl,notebook,nwb,parquet,site]'
+	build/lock/bin/python -m pip install --quiet --disable-pip-version-check '.[analysis,dask,dev,devices,environments,evidence,fit,fuzz,lsl,notebook,nwb,parquet,site,triggers]'
 	sed -n '/^#/p' requirements/constraints.txt > build/lock/head
 	build/lock/bin/python -m pip freeze --exclude netboard | LC_ALL=C sort -f -u | cat build/lock/head - > requirements/constraints.txt
 

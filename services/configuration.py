@@ -24,6 +24,7 @@ def check(
     from netboard.base.config import digest
     from netboard.devices.contract import registry
     from netboard.devices.setup.profiles import require_profiles
+    from netboard.devices.triggers import registry as trigger_boxes
     from netboard.network.keys import require_keys
     from netboard.nodes.server.blocks import unrelated_in
     from netboard.participants.seat.partners import require_known
@@ -38,6 +39,7 @@ def check(
         lambda: make_stage(settings),
         lambda: require_known(settings),
         lambda: registry.check(settings),
+        lambda: trigger_boxes.require_known(settings.triggers),
         lambda: require_profiles(Path(settings.agents.profiles)),
         lambda: require_keys(settings.network),
         lambda: load_words(settings.display.language),

@@ -25,6 +25,7 @@ def doctor(
     from netboard.base.terminal.output import plain_console
     from netboard.devices.setup.words import findings_table
     from netboard.nodes.doctor import report as examination
+    from netboard.nodes.doctor.loopback import histogram
     from netboard.recording.files.provenance import doctor_report_path
 
     console = plain_console()
@@ -36,6 +37,9 @@ def doctor(
             lambda what, done: progress.update(task, description=f"{what:20}", completed=done),
         )
     console.print(findings_table("This computer", report.findings))
+    for finding in report.findings:
+        for line in histogram(finding):
+            console.print(line, highlight=False)
     console.print(report.summary)
     problems = []
     for copy in (None, json) if json else (None,):

@@ -22,7 +22,7 @@ from netboard.nodes.doctor.timing import WakeUps
 from netboard.recording.files.provenance import doctor_report_path, provenance
 from netboard.services.cli import app
 
-SHORT = Effort(timer_seconds=0.2, exchanges=5, chunks=2)
+SHORT = Effort(timer_seconds=0.2, exchanges=5, chunks=2, pulses=3)
 runner = CliRunner()
 
 

@@ -34,6 +34,7 @@ from netboard.base.tables.rig import (
 )
 from netboard.base.tables.scene import FRICTION, Geometry, Physics, friction_rate
 from netboard.base.tables.simulated import Participant, VirtualDevice
+from netboard.base.tables.triggers import Triggers, contradictions_of_triggers
 from netboard.base.tick import HEARTBEAT_TICKS, TICK_SECONDS
 
 Side = Literal["left", "right"]
@@ -71,6 +72,7 @@ class Config:
     participant: Participant = field(default_factory=Participant)
     display: Display = field(default_factory=Display)
     recording: RecordingSettings = field(default_factory=RecordingSettings)
+    triggers: Triggers = field(default_factory=Triggers)
 
 
 ADAPTER: TypeAdapter[Config] = TypeAdapter(Config)
@@ -197,6 +199,7 @@ def contradictions(config: Config) -> Iterator[str]:
     yield from _of_force(config.block, config.physics)
     yield from _of_sizes(config.geometry, config.task, config.physics)
     yield from _of_safety(config.safety)
+    yield from contradictions_of_triggers(config.triggers)
 
 
 def contradictions_of_scene(physics: Physics) -> Iterator[str]:

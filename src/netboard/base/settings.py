@@ -15,7 +15,7 @@ import tomllib
 from collections.abc import Callable, Sequence
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from pydantic import AllowInfNan, ConfigDict, Field, Strict, StrictStr, TypeAdapter, ValidationError
+from pydantic import AllowInfNan, ConfigDict, Field, Strict, StrictInt, StrictStr, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
@@ -32,7 +32,13 @@ T = TypeVar("T")
 Path = tuple[str, ...]
 """Names of nested tables, outermost first."""
 
-_KINDS = {float: "a number", int: "a whole number", bool: "true or false", str: "text"}
+_KINDS: dict[Any, str] = {
+    float: "a number",
+    int: "a whole number",
+    StrictInt: "a whole number",
+    bool: "true or false",
+    str: "text",
+}
 _DEEP_KEY = re.compile(r"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){100}""")
 """A dotted key, of which `tomllib` needs memory with the square of its parts."""
 

@@ -19,7 +19,7 @@ from netboard.base.finding import Colour, Finding
 from netboard.base.process.realtime import OFF, OK, cpus_for
 from netboard.base.process.workers import usable_cpus
 from netboard.devices.setup import listing, usb
-from netboard.nodes.doctor import disk, exchange, network, prediction, system, timing
+from netboard.nodes.doctor import disk, exchange, loopback, network, prediction, system, timing
 
 Progress = Callable[[float], None]
 Step = Callable[[Progress], list[Finding]]
@@ -35,10 +35,11 @@ class Effort:
     timer_seconds: float  # duration of each of the two timer tests, and of the exchange [s]
     exchanges: int
     chunks: int
+    pulses: int
 
 
-THOROUGH = Effort(10.0, 1000, 200)
-QUICK = Effort(1.0, 100, 20)
+THOROUGH = Effort(10.0, 1000, 200, 500)
+QUICK = Effort(1.0, 100, 20, 50)
 
 
 @dataclass(frozen=True)
@@ -99,6 +100,7 @@ def steps(config: Config, effort: Effort) -> dict[str, Step]:
         "disk": lambda progress: [disk.space(config.recording), disk.speed(config.recording, effort.chunks, progress)],
         "windows": lambda progress: list(system.windows()),
         "devices": lambda progress: [usb.devices(), *listing.configured(config, missing)],
+        "triggers": lambda progress: list(loopback.examine(config.triggers, effort.pulses, missing, progress)),
     }
 
 

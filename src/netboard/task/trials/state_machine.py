@@ -19,8 +19,10 @@ from numpy.typing import NDArray
 
 from netboard.base.compiled import inlined, kernel
 from netboard.base.config import Config
+from netboard.base.tables.declared import require
 from netboard.base.tables.experiment import Block, Task
 from netboard.base.tables.scene import Geometry
+from netboard.base.tables.triggers import TRIAL_EVENTS
 from netboard.base.tick import TICK_SECONDS
 
 
@@ -72,6 +74,8 @@ class Cause(IntEnum):
     VETO = 16  # operator: one added trial less
     SKIP = 17  # operator: count this trial as done, without success
 
+
+require("netboard/task/trials/state_machine.py: Cause", [c.name.lower() for c in Cause if c], TRIAL_EVENTS)
 
 Outcome: TypeAlias = Literal["success", "fell", "timed_out", "aborted", "paused", "emergency_stop", "skipped"]
 """Outcome of an attempt."""
