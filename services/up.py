@@ -1,7 +1,8 @@
-"""``netboard up``: the processes of one machine, started together and stopped in order.
+"""``netboard up``: a whole session with one command, or the processes of one machine.
 
-Nothing is restarted automatically: when a process ends, the others are stopped and the reason is printed. For restarts,
-let systemd run each service (docs/how-to/two-stations.md).
+Without ``--server`` and ``--station`` it starts everything, and what is missing is created first. With them it starts
+the processes of this machine and restarts nothing: when one ends, the others are stopped. For restarts, let systemd run
+each service (docs/how-to/two-stations.md).
 """
 
 from collections.abc import Sequence
@@ -32,26 +33,32 @@ from netboard.services.options import (
 )
 
 if TYPE_CHECKING:
+    from netboard.base.config import Config
     from netboard.base.tables.rig import Network
+    from netboard.nodes.server.planned import StudySession
 
 app = typer.Typer()
 
 
 @app.command(
     epilog=examples(
+        "netboard up --study paper --dyad 3",
+        "netboard up --study paper --dyad 3 -c /etc/netboard/netboard.toml",
         "netboard up --server -c /etc/netboard/netboard.toml",
-        "netboard up --server --study paper --dyad 3 -c /etc/netboard/netboard.toml",
         "netboard up --station left -c /etc/netboard/netboard.toml",
-        "netboard up --server --station both",
     )
 )
 def up(
     file: Annotated[Path | None, typer.Argument(metavar="[FILE]", help="The same as --config.")] = None,
     config: ConfigFile = None,
     station: Annotated[
-        Literal["left", "right", "both"] | None, typer.Option(help="Run the agent and the display of this station.")
+        Literal["left", "right", "both"] | None,
+        typer.Option(help="Run only the agent and display of this station."),
     ] = None,
-    server: Annotated[bool, typer.Option("--server", help="Run the server and the logger.")] = False,
+    server: Annotated[bool, typer.Option("--server", help="Run only the server and the logger.")] = False,
+    console: Annotated[
+        bool, typer.Option("--console/--no-console", help="Open the operator's console, if everything is started.")
+    ] = True,
     offscreen: Offscreen = False,
     overrides: Overrides = None,
     autostart: Autostart = None,
@@ -66,63 +73,71 @@ def up(
     yes: Yes = False,
     confirmation: Confirmation = "",
 ) -> None:
-    """Start all processes of this machine, and stop them in order on Ctrl-C."""
+    """Start a whole session, and stop it in order on Ctrl-C; with --server or --station, only those processes."""
     config = one_file("up", file, config)
     settings = load(config, overrides)
-    if (study is not None or resume) and not server:
+    everything = not server and station is None
+    if (study is not None or resume) and station is not None and not server:
         raise ConfigError("--study, --resume: found without --server, which runs the session of a study")
     if resume and not yes:
         raise ConfigError("--resume: netboard up cannot ask for a confirmation; add --yes")
-    options = []
+    wanted = None
     if study is not None:
         load_study(study)  # refused before any process starts
         from netboard.nodes.server.planned import StudySession
 
-        options = StudySession(study, dyad, session, seed, blocks, trials).options
+        wanted = StudySession(study, dyad, session, seed, blocks, trials)
+    options = [] if wanted is None else wanted.options
     options += (
         ["--resume", "--yes"] * resume + ["--insecure"] * insecure + ["--confirm", confirmation] * bool(confirmation)
     )
     if autostart is not None:
         options.append("--autostart" if autostart else "--no-autostart")
-    wanted = processes(
-        config, overrides or (), server=options if server else None, station=station, offscreen=offscreen
-    )
     from netboard.base.process.stopping import Stopping, no_terminal_suspension
     from netboard.base.terminal.logs import log_to_stderr
-    from netboard.nodes.operator.launcher import supervise
+    from netboard.nodes.launching.programs import session_commands
 
+    words = settings_of(config, overrides or ())
+    sides = ("left", "right") if everything or station == "both" else (station,) if station else ()
+    commands = session_commands(
+        words,
+        sides,  # type: ignore[arg-type]
+        server=options if server or everything else None,
+        console=console and everything,
+        offscreen=offscreen,
+    )
     log_to_stderr("up")
-    address = free_address(settings.network) if server else nullcontext()
+    address = nullcontext() if "server" not in commands else free_address(settings.network)
     with address, Stopping() as stopping, no_terminal_suspension():
-        raise typer.Exit(supervise(wanted, stopping))
+        if not everything:
+            from netboard.nodes.operator.launcher import supervise
+
+            raise typer.Exit(supervise(commands, stopping))
+        from netboard.base.terminal.output import plain_console
+        from netboard.nodes.launching import terminal
+
+        if not insecure:
+            from netboard.network import keys
+
+            keys.refuse_open_network(settings.network)
+        launch = terminal.Launch(settings, blocks_of_session(settings, wanted), words, ("left", "right"), commands)
+        raise typer.Exit(terminal.run(launch, stopping, plain_console()))
 
 
-def processes(
-    config: Path | None,
-    overrides: Sequence[str],
-    *,
-    server: Sequence[str] | None,
-    station: Literal["left", "right", "both"] | None,
-    offscreen: bool = False,
-) -> dict[str, list[str]]:
-    """Return the commands to run, by the names of their processes, in the order of their start.
+def settings_of(config: Path | None, overrides: Sequence[str]) -> list[str]:
+    """Return the options with which every process reads the same configuration."""
+    found = ["-c", str(config)] if config else []
+    return found + [word for setting in overrides for word in ("--set", setting)]
 
-    ``server``: the server's own options; None to run no server. ``offscreen``: whether displays are drawn off screen.
-    """
-    if server is None and station is None:
-        raise ConfigError("up: expected --server, --station left|right|both, or both options")
-    sides = [side for side in ("left", "right") if station in (side, "both")]
-    common = ["-c", str(config)] if config else []
-    common += [word for setting in overrides for word in ("--set", setting)]
-    wanted: dict[str, list[str]] = {}
-    if server is not None:
-        wanted["logger"] = ["logger", *common]
-        wanted["server"] = ["server", *server, *common]
-    for side in sides:
-        wanted[f"{side} agent"] = ["agent", "--side", side, *common]
-    for side in sides:
-        wanted[f"{side} display"] = ["display", "--station", side, *["--offscreen"] * offscreen, *common]
-    return wanted
+
+def blocks_of_session(config: "Config", wanted: "StudySession | None") -> list["Config"]:
+    """Return the blocks that the server will run; raise an error if the plan does not fit the rig."""
+    if wanted is None:
+        return [config]
+    from netboard.nodes.server.planned import Planned
+
+    planned = Planned(config, load_study(wanted.study, config), wanted)
+    return planned.of_session(planned.config.session)
 
 
 def free_address(network: "Network") -> AbstractContextManager[None]:

@@ -2,29 +2,30 @@
 
 import logging
 import signal
-import subprocess
 import sys
-import time
 from pathlib import Path
 from threading import Timer
 
 import pytest
 from typer.testing import CliRunner
 
-from netboard.base.config import parse
-from netboard.base.errors import ConfigError, NetboardError
+from netboard.base.config import SIDES, parse
+from netboard.base.errors import NetboardError
 from netboard.network.transport import channels, sockets
 from netboard.network.transport.ports import free_port
+from netboard.nodes.launching import terminal
+from netboard.nodes.launching.programs import session_commands
 from netboard.nodes.operator import launcher
 from netboard.nodes.operator.launcher import EndedProcess, Launcher
 from netboard.services import up
 from netboard.services.cli import app
+from script_launcher import IGNORES_STOP, SLOW_STOP, ScriptLauncher
 
-RIG = Path("rig.toml")
+RIG = ["-c", "rig.toml"]
 
 
 def test_station_starts_an_agent_and_a_display() -> None:
-    assert up.processes(RIG, (), server=None, station="left") == {
+    assert session_commands(RIG, ["left"], server=None) == {
         "left agent": ["agent", "--side", "left", "-c", "rig.toml"],
         "left display": ["display", "--station", "left", "-c", "rig.toml"],
     }
@@ -39,17 +40,54 @@ def test_configuration_is_an_argument_or_an_option(words: list[str]) -> None:
 
 
 def test_server_starts_with_a_logger_and_gets_its_options() -> None:
-    processes = up.processes(None, ["block.trials=2"], server=["--no-autostart", "--insecure"], station=None)
-    assert processes == {
+    words = up.settings_of(None, ["block.trials=2"])
+    assert session_commands(words, [], server=["--no-autostart", "--insecure"]) == {
         "logger": ["logger", "--set", "block.trials=2"],
         "server": ["server", "--no-autostart", "--insecure", "--set", "block.trials=2"],
     }
 
 
-def test_one_machine_may_run_all_processes() -> None:
-    processes = up.processes(None, (), server=(), station="both")
-    assert list(processes) == ["logger", "server", "left agent", "right agent", "left display", "right display"]
-    assert {command[0] for command in processes.values()} == {kind for kinds in launcher.STOP_ORDER for kind in kinds}
+def test_whole_session_has_every_process_and_windows_off_screen_if_asked() -> None:
+    commands = session_commands(RIG, SIDES, server=(), console=True, offscreen=True)
+    assert list(commands) == [
+        *("logger", "server", "left agent", "right agent", "left display", "right display", "console")
+    ]
+    assert {name for name, words in commands.items() if "--offscreen" in words} == {
+        *("left display", "right display", "console")
+    }
+
+
+@pytest.mark.parametrize(
+    ("words", "names"),
+    [
+        ("", ["logger", "server", "left agent", "right agent", "left display", "right display", "console"]),
+        ("--no-console", ["logger", "server", "left agent", "right agent", "left display", "right display"]),
+    ],
+)
+def test_up_alone_starts_everything(words: str, names: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    launches: list[terminal.Launch] = []
+
+    def run(launch: terminal.Launch, stopping: object, console: object) -> int:
+        launches.append(launch)
+        return 0
+
+    monkeypatch.setattr(terminal, "run", run)
+    port = f"network.port={free_port()}"
+    arguments = ["up", "--study", "pilot", "--dyad", "3", "--set", port, *words.split()]
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 0, result.output
+    (launch,) = launches
+    assert list(launch.commands) == names
+    assert launch.commands["server"][:5] == ["server", "--study", "pilot", "--dyad", "3"]
+    assert {block.session.dyad for block in launch.blocks} == {"D03"}
+
+
+def test_plan_that_does_not_fit_is_refused_before_anything_starts(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(terminal, "run", None)
+    words = f"up --study pilot --session 9 --set network.port={free_port()}"
+    result = CliRunner().invoke(app, words.split())
+    assert result.exit_code == 2
+    assert "--session: found 9, expected 1 to" in result.stderr
 
 
 @pytest.mark.parametrize(
@@ -83,16 +121,13 @@ def test_server_gets_the_options_of_its_session(
     assert started == [{"logger": ["logger", "--set", network], "server": ["server", *options, "--set", network]}]
 
 
-@pytest.mark.parametrize("words", ["--station left --study paper", "--station left --resume", "--server --resume"])
+@pytest.mark.parametrize(
+    "words", ["--station left --study paper", "--station left --resume", "--server --resume", "--resume"]
+)
 def test_study_needs_a_server_and_resuming_a_confirmation(words: str) -> None:
     result = CliRunner().invoke(app, ["up", *words.split()])
     assert result.exit_code == 2
     assert "--resume: " in result.stderr
-
-
-def test_up_requires_a_server_or_a_station() -> None:
-    with pytest.raises(ConfigError, match="--server, --station"):
-        up.processes(None, (), server=None, station=None)
 
 
 @pytest.mark.parametrize("transport", ["tcp", "ipc"])
@@ -149,34 +184,6 @@ def test_end_of_one_process_stops_the_others(
         assert launcher.supervise(wanted, lambda: False) == code
     assert f"the server ended with exit code {2 if code else 0}; stopping the others" in caplog.text
     assert stopped[:3] == [("left agent", "left display"), ("server",), ()]
-
-
-IGNORES_STOP = """
-import signal, time
-signal.signal(signal.SIGTERM, signal.SIG_IGN)
-print("on", flush=True)
-time.sleep(60)
-"""
-
-SLOW_STOP = """
-import signal, sys, time
-signal.signal(signal.SIGTERM, lambda *_: (time.sleep(0.5), print("done", flush=True), sys.exit(0)))
-print("on", flush=True)
-time.sleep(60)
-"""
-
-
-class ScriptLauncher(Launcher):
-    """A launcher whose processes run Python scripts."""
-
-    def start(self, name: str, *arguments: str) -> None:
-        (script,) = arguments
-        path = self.log_of(name)
-        assert path is not None
-        with path.open("ab") as output:
-            self._running[name] = subprocess.Popen([sys.executable, "-c", script], stdout=output)
-        while "on" not in path.read_text():
-            time.sleep(0.01)
 
 
 @pytest.mark.slow

@@ -19,7 +19,7 @@ from netboard.base.terminal.output import plain_console
 from netboard.base.terminal.shell import shell_command
 from netboard.network.transport import sockets
 from netboard.network.transport.ports import free_port
-from netboard.nodes.operator.launcher import Launcher
+from netboard.nodes.operator.launcher import UNBUFFERED, Launcher
 from netboard.nodes.operator.operator import Operator
 from netboard.recording.files.reader import Recording
 from netboard.recording.integrity.quality_check import judged
@@ -118,7 +118,7 @@ def play(
     file.write_text(resolve(config), encoding="utf-8")
     played = played_sides(config)
     shown = () if displays is None else played or SIDES  # a player must not look behind the curtain
-    with Launcher(logs, {"PYTHONUNBUFFERED": "1"}) as launcher, sockets.open_context() as context:
+    with Launcher(logs, UNBUFFERED) as launcher, sockets.open_context() as context:
         launcher.start("logger", "logger", "--once", "-c", str(file))
         launcher.start("server", "server", "-c", str(file), *study)
         for side in SIDES:

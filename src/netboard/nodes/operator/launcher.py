@@ -20,9 +20,15 @@ from netboard.base.process.stopping import STOP_WITH_PARENT, SUPERVISOR
 
 log = logging.getLogger(__name__)
 
-STOP_ORDER = (("agent", "display"), ("server",), ("logger",))
-"""Agents and displays stop before the server that they depend on, and together: no agent renders forces while a display
-hangs. The logger stops last, to write its last records. The kind is a word of the name, as in "left agent 2"."""
+LAST = ("server", "logger")
+"""Agents, displays and consoles stop before the server that they depend on, and together: no agent renders forces while
+a display hangs. The logger stops last, to write its last records. The kind is a word of the name: "left agent 2"."""
+
+UNBUFFERED = {"PYTHONUNBUFFERED": "1"}
+"""Environment of processes whose logs are complete at any moment."""
+
+TERMINATED = -signal.SIGTERM
+"""Exit code of a process that a request to stop ended while it was starting [1]."""
 
 CHECK_INTERVAL_S = 0.1
 
@@ -47,7 +53,7 @@ class EndedProcess:
 
 
 class Launcher:
-    """Runs and supervises processes; on leaving, ends all that still run, in the `STOP_ORDER`.
+    """Runs and supervises processes; on leaving, ends all that still run, in the order of `stop_group`.
 
     ``folder``: folder for their output, one file each; None passes it on to this process's output.
     """
@@ -98,6 +104,23 @@ class Launcher:
                 return EndedProcess(name, code, self._last_line(name))
         return None
 
+    def code(self, name: str) -> int | None:
+        """Return the exit code of a process; None while it runs."""
+        return self._running[name].poll()
+
+    def ask_to_stop(self, name: str) -> None:
+        """Ask a process to stop, without waiting."""
+        self._running[name].terminate()
+
+    def kill(self, name: str) -> None:
+        """Kill a process, and wait for its end."""
+        self._running[name].kill()
+        self._running[name].wait()
+
+    def forget(self, name: str) -> None:
+        """Forget a process that has ended, so that its name can be used again."""
+        del self._running[name]
+
     def wait(self, name: str, seconds: float) -> str:
         """Wait until a process ends by itself, or until the timeout [s]; return what went wrong, or nothing."""
         try:
@@ -108,10 +131,10 @@ class Launcher:
         return str(EndedProcess(name, code, self._last_line(name))) if code else ""
 
     def stop_all(self) -> list[EndedProcess]:
-        """Stop all that still run, in the `STOP_ORDER`; return those that failed."""
+        """Stop all that still run, in the order of `stop_group`; return those that failed."""
         failed: list[EndedProcess] = []
-        for kinds in STOP_ORDER:
-            failed += self.stop(*(name for name in self._running if not set(kinds).isdisjoint(name.split())))
+        for group in range(len(LAST) + 1):
+            failed += self.stop(*(name for name in self._running if stop_group(name) == group))
         return failed
 
     def stop(self, *names: str) -> list[EndedProcess]:
@@ -136,13 +159,18 @@ class Launcher:
         return [
             EndedProcess(name, process.returncode, self._last_line(name))
             for name, process in processes.items()
-            if process.returncode not in (0, -signal.SIGTERM)
+            if process.returncode not in (0, TERMINATED)
         ]
 
     def _last_line(self, name: str) -> str:
         path = self.log_of(name)
         lines = [] if path is None else path.read_text(errors="replace").strip().splitlines()
         return lines[-1].strip() if lines else ""
+
+
+def stop_group(name: str) -> int:
+    """Return which group of processes stops with this one: the first one, or one of the `LAST` [1]."""
+    return max((1 + number for number, kind in enumerate(LAST) if kind in name.split()), default=0)
 
 
 def _await(processes: Iterable["subprocess.Popen[bytes]"], seconds: float) -> None:

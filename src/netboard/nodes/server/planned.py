@@ -85,6 +85,10 @@ class Planned:
             raise ConfigError(
                 "--blocks, --trials: shorten the plan, which only a pilot run may do; expected [session] pilot = true"
             )
+        return self.of_session(session)
+
+    def of_session(self, session: Session) -> list[Config]:
+        """Return the configuration of each block, whatever the form says."""
         config = replace(self.config, session=session)
         whole = [config_of(config, self.session, block.number) for block in self.session.blocks]
         return list(shortened(whole, self.wanted.blocks, self.wanted.trials))

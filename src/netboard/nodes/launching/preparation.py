@@ -1,0 +1,72 @@
+"""What a session lacks before it can start: keys, folders, compiled kernels; found first, then created.
+
+Each step says what is missing, and the command that does the same.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from netboard.base import kernel_cache
+from netboard.base.config import Config, Side
+from netboard.base.errors import NetboardError, writing
+from netboard.base.terminal.shell import shell_command
+from netboard.network import keys
+from netboard.nodes.server.blocks import BlockSequence
+
+
+@dataclass(frozen=True, slots=True)
+class PreparationStep:
+    """One thing that is missing."""
+
+    what: str
+    missing: str
+    command: str  # that does the same
+    do: Callable[[], object]
+
+
+def missing_steps(config: Config, here: Sequence[Side], settings: Sequence[str]) -> Iterator[PreparationStep]:
+    """Yield what is missing on the server's machine; each step must be done before the next one is asked for.
+
+    ``here``: sides whose station is this machine. ``settings``: options with the configuration, for the commands.
+    """
+    yield from _missing_keys(config, here, settings)
+    directory = Path(config.recording.directory)
+    if not directory.is_dir():
+        yield PreparationStep(
+            "folder", f"{directory}: is missing", shell_command("mkdir", "-p", directory), lambda: _make(directory)
+        )
+
+
+def _missing_keys(config: Config, here: Sequence[Side], settings: Sequence[str]) -> Iterator[PreparationStep]:
+    """Yield the keys that this machine lacks."""
+    if not keys.encrypted(config.network):
+        return
+    folder = Path(config.network.keys)
+    server = keys.key_path(folder, keys.SERVER)
+    if not server.exists():
+        command = shell_command("netboard", "keys", "init", *settings)
+        yield PreparationStep("key", f"{server}: is missing", command, lambda: keys.init(folder))
+    for peer in ("logger", "console", *(f"{role}.{side}" for side in here for role in ("agent", "display"))):
+        path = keys.key_path(folder, peer)
+        if not path.exists():
+            yield _key_step(folder, peer, folder, f"{path}: is missing", settings)
+
+
+def _key_step(folder: Path, peer: str, to: Path, missing: str, settings: Sequence[str]) -> PreparationStep:
+    role, _, side = peer.partition(".")
+    elsewhere = () if to == folder else ("--to", to)
+    command = shell_command("netboard", "keys", "add", role, *([side] if side else []), *elsewhere, *settings)
+    return PreparationStep("key", missing, command, lambda: keys.add(folder, role, side, to))  # type: ignore[arg-type]
+
+
+def _make(folder: Path) -> None:
+    with writing(folder, NetboardError):
+        folder.mkdir(parents=True)
+
+
+def compile_kernels(blocks: Sequence[Config]) -> int:
+    """Compile what these blocks need, for up to a minute the first time; return how many kernels were compiled."""
+    before, _, _ = kernel_cache.examine()
+    BlockSequence(blocks)
+    return kernel_cache.examine()[0] - before

@@ -1,0 +1,154 @@
+"""A whole session from a terminal: what is missing is created, everything is started, watched and stopped in order.
+
+Each step is a line with the command that does the same. A process that fails is named with the end of its log. One
+Ctrl-C ends everything in order; a second one shortens the wait.
+"""
+
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from rich.console import Console
+
+from netboard.base.config import Config, Side
+from netboard.base.errors import NetboardError, writing
+from netboard.base.process.display_server import require_screen
+from netboard.base.terminal.shell import shell_command
+from netboard.network.protocol.control import Status
+from netboard.network.protocol.station import ProcessStatus
+from netboard.network.transport import sockets
+from netboard.nodes.launching.machines import LocalMachine
+from netboard.nodes.launching.preparation import compile_kernels, missing_steps
+from netboard.nodes.launching.programs import PROGRAMS
+from netboard.nodes.launching.session import LaunchedSession, UnaskedEnd
+from netboard.nodes.operator.launcher import CHECK_INTERVAL_S, TERMINATED, UNBUFFERED, EndedProcess, Launcher
+from netboard.nodes.operator.operator import Operator
+from netboard.nodes.operator.shell import state_text
+
+HERE = "this machine"
+"""Name of the machine on which a session is started."""
+
+LASTING = ("idle", "paused", "finished")
+"""Phases that have a line each; the others follow each other too fast."""
+
+
+@dataclass(frozen=True, slots=True)
+class Launch:
+    """What is started, and how."""
+
+    config: Config
+    blocks: Sequence[Config]  # of the session, whose kernels are compiled first
+    settings: Sequence[str]  # options with the configuration, such as -c rig.toml
+    here: tuple[Side, ...]  # sides whose station is this machine
+    commands: Mapping[str, Sequence[str]]  # of each process here, in the order of their start
+
+
+def prepare(launch: Launch, say: Callable[[str, str], object]) -> None:
+    """Create what is missing. ``say``: shows a step by its name and in words."""
+    for step in missing_steps(launch.config, launch.here, launch.settings):
+        step.do()
+        say(step.what, f"{step.missing}; created: {step.command}")
+    say("kernels", "being compiled if they are not yet, for up to a minute")
+    compiled = compile_kernels(launch.blocks)
+    say("kernels", f"{compiled} compiled" if compiled else "ready")
+
+
+def run(launch: Launch, stopping: Callable[[], bool], console: Console) -> int:
+    """Prepare and run a session until it ends or is stopped; return 1 if anything failed."""
+    windows = [words for words in launch.commands.values() if PROGRAMS[words[0]].window]
+    if any("--offscreen" not in words for words in windows):
+        require_screen()
+
+    def say(what: str, words: str) -> None:
+        console.print(f"{what:<14} {words}", soft_wrap=True, markup=False, highlight=False)
+
+    prepare(launch, say)
+    folder = log_folder(Path(launch.config.recording.directory))
+    with LocalMachine(launch.commands, Launcher(folder, UNBUFFERED)) as machine, sockets.open_context() as context:
+        session = LaunchedSession({HERE: machine}, dict.fromkeys(launch.commands, HERE), lambda end: _show(end, say))
+        for name, command in launch.commands.items():
+            say(name, shell_command("netboard", *command))
+        say("logs", str(folder))
+        session.start()
+        watch(session, progress(Operator(launch.config.network, context)), stopping, say)
+        with suppress(KeyboardInterrupt):  # leaving ends what is left
+            end(session, say)
+    failed = failures(session)
+    for name, status in failed.items():
+        say("failed", f"{EndedProcess(name, status.code or 0, '')}: {machine.log_of(name)}")
+    return 1 if failed else 0
+
+
+def watch(
+    session: LaunchedSession, lines: Iterator[str], stopping: Callable[[], bool], say: Callable[[str, str], object]
+) -> None:
+    """Watch a session until it is asked to stop, or its server has ended."""
+    while not session.stopping:
+        if stopping():
+            session.stop()
+        session.poll()
+        if line := next(lines):
+            say("session", line)
+        time.sleep(CHECK_INTERVAL_S)
+
+
+def end(session: LaunchedSession, say: Callable[[str, str], object]) -> None:
+    """Wait until all processes have ended; a Ctrl-C shortens the wait."""
+    say("stopping", ", ".join(session.running) or "everything has ended")
+    while not session.over:
+        try:
+            session.poll()
+            time.sleep(CHECK_INTERVAL_S)
+        except KeyboardInterrupt:
+            session.hurry()
+
+
+def failures(session: LaunchedSession) -> dict[str, ProcessStatus]:
+    """Return the processes that have failed, and those that did not end cleanly."""
+    found = {}
+    for name in session.places:
+        status = session.status(name)
+        if status is None:
+            continue
+        unclean = status.phase == "stopped" and status.code not in (0, TERMINATED)
+        if name in session.broken or unclean:
+            found[name] = status
+    return found
+
+
+def progress(operator: Operator) -> Iterator[str]:
+    """Yield a line whenever the state of the session has changed, else an empty text."""
+    shown = line = ""
+    while True:
+        try:
+            status = operator.poll(trace=False)
+        except NetboardError as error:
+            status, line = None, str(error)
+        if status is not None:
+            line = state_line(status)
+        yield line if line != shown else ""
+        shown = line
+
+
+def state_line(status: Status) -> str:
+    """Return the state of a session in one line."""
+    block = f"block {status.block} of {status.blocks}: " if status.blocks > 1 else ""
+    if not status.opened:
+        return f"{block}the session waits for its form (console, F3)"
+    return block + (state_text(status) if status.phase in LASTING else "a trial is running")
+
+
+def log_folder(directory: Path) -> Path:
+    """Create a folder for the logs of a session, beside its recordings."""
+    with writing(directory, NetboardError):
+        return Path(tempfile.mkdtemp(prefix=f"up_{datetime.now(UTC):%Y%m%dT%H%M%SZ}_", dir=directory))
+
+
+def _show(end: UnaskedEnd, say: Callable[[str, str], object]) -> None:
+    say("ended", str(end))
+    for line in end.log:
+        say("", f"| {line}")
