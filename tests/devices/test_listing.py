@@ -12,7 +12,7 @@ from netboard.base.errors import DeviceNotFound
 from netboard.base.tables.rig import Agent, Agents
 from netboard.devices.contract import registry
 from netboard.devices.contract.device import Device, Found
-from netboard.devices.setup import listing, usb
+from netboard.devices.setup import listing, udev, usb
 
 
 @pytest.fixture
@@ -75,6 +75,15 @@ def test_inaccessible_device_is_listed_with_its_udev_rule(
     assert device.shut == (str(machine / "dev/hidraw3"),)
     assert "deploy/udev/70-netboard.rules" in device.advice
     assert 'ATTRS{idVendor}=="2988", ATTRS{idProduct}=="0304", GROUP="netboard"' in device.advice
+
+
+def test_every_product_of_a_vendor_may_be_a_device(tmp_path: Path, backends: dict) -> None:
+    """The USB ids of Force Dimension's models are not published."""
+    (device,) = listing.listing(Config(), plugged(tmp_path, "1451:0499", ("",))).devices
+    assert (device.model, device.usb) == ("Force Dimension device", "1451:0499")
+    assert usb.is_driven(registry.BACKENDS["force_dimension"], "1451", "0499")
+    assert not usb.is_driven(registry.BACKENDS["falcon"], "1451", "0499")
+    assert 'ATTR{idVendor}=="1451", GROUP="netboard"' in udev.rules_for("1451", "0499")
 
 
 def test_usb_and_library_entries_are_merged_by_serial_number(machine: Path, backends: dict) -> None:

@@ -103,7 +103,9 @@ def test_two_backends_of_one_name_are_refused() -> None:
 
 
 @pytest.mark.parametrize("key", ["stop_buttons", "consent_buttons"])
-@pytest.mark.parametrize(("name", "count"), [("falcon", 4), ("openhaptics", 4), ("spacemouse", 32)])
+@pytest.mark.parametrize(
+    ("name", "count"), [("falcon", 4), ("openhaptics", 4), ("spacemouse", 32), ("force_dimension", 32)]
+)
 def test_buttons_that_a_device_does_not_have_are_refused(name: str, count: int, key: str) -> None:
     def config(mask: int) -> Config:
         return Config(agents=Agents(left=Agent(name, **{key: mask})))

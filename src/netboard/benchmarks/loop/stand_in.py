@@ -22,9 +22,9 @@ from netboard.base.errors import NetboardError
 from netboard.devices.contract import registry
 from netboard.devices.contract.access import CompiledAccess, Fields
 from netboard.devices.contract.device import Device, DeviceInfo, Reading
+from netboard.devices.servo.compiling import INSTALL_HINT, CannotCompile, compiled_library
 from netboard.devices.touch import access
 from netboard.devices.touch.device import OpenHaptics
-from netboard.devices.touch.shim import INSTALL_HINT, CannotCompile, compiled_library
 
 SOURCE = Path(__file__).with_name("stand_in_libhd.c")
 

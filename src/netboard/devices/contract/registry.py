@@ -23,6 +23,9 @@ GROUP = "netboard.devices"
 Ids = tuple[int, int]
 """Vendor and product id of a USB device."""
 
+ANY_PRODUCT = -1
+"""Product id that stands for all of a vendor's."""
+
 
 class UsbLink(StrEnum):
     """What a device's library opens."""
@@ -71,6 +74,20 @@ BACKENDS = {
         usb={(0x0403, 0xCB48): UsbModel("Falcon", UsbLink.RAW)},  # id of its FTDI chip
         selectors=("serial", "path"),
         buttons=4,
+    ),
+    "force_dimension": Backend(
+        "netboard.devices.force_dimension.device:ForceDimension",
+        DeviceKind.HAPTIC,
+        guide="force-dimension",
+        drives="Force Dimension omega, delta, sigma and lambda",
+        library="Force Dimension's SDK 3.14 or later, by its owner",
+        tested_with="library in C with the interface of `libdhd`",
+        maker="Force Dimension",
+        usb={(0x1451, ANY_PRODUCT): UsbModel("Force Dimension device", UsbLink.RAW)},
+        unlisted="an agent or another program uses it, or its power is off",
+        selectors=("serial",),
+        lists_serials=True,
+        buttons=32,
     ),
     "mouse": Backend(
         "netboard.devices.mouse:MouseStylus",

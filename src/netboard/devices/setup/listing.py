@@ -23,7 +23,7 @@ from netboard.devices.contract.device import Found
 from netboard.devices.contract.registry import Backend
 from netboard.devices.contract.selection import in_words
 from netboard.devices.setup import udev, usb
-from netboard.devices.setup.usb import ADVICE, MODELS, Plugged
+from netboard.devices.setup.usb import ADVICE, Plugged
 
 PORT = re.compile(r"\d+-[\d.]+")
 """A USB port, as Linux names it."""
@@ -91,9 +91,9 @@ def listing(config: Config, root: Path = usb.ROOT) -> DeviceListing:
 
 def _listed(found: Plugged, source: str) -> ListedDevice:
     """Return a connected USB device as an entry of the list."""
-    usb = f"{found.vendor}:{found.product}"
+    ids = f"{found.vendor}:{found.product}"
     nodes = tuple(map(str, found.nodes))
-    return ListedDevice(found.name, found.serial, usb, found.place, (source,), found.shut, nodes)
+    return ListedDevice(found.model.name, found.serial, ids, found.place, (source,), found.shut, nodes)
 
 
 def joined(devices: list[ListedDevice], backend: str, found: Iterable[Found]) -> list[ListedDevice]:
@@ -120,7 +120,7 @@ def _joined_usb(
     except DeviceNotFound as error:
         return devices, [str(error)]
     out = list(devices)
-    for new in (_listed(each, source) for each in shown if (each.vendor, each.product) in MODELS):
+    for new in (_listed(each, source) for each in shown if usb.model_of(each.vendor, each.product)):
         may_be = [i for i, each in enumerate(out) if each.usb == new.usb and source not in each.seen_by]
         at = next((i for i in may_be if new.serial == out[i].serial or not (new.serial and out[i].serial)), None)
         if at is None:
@@ -189,8 +189,7 @@ def _of_backend(name: str, backend: Backend, devices: tuple[ListedDevice, ...]) 
     shown = [each for each in devices if name in each.seen_by]
     if shown and backend.lists_serials:
         return shown
-    ids = [f"{vendor:04x}:{product:04x}" for vendor, product in backend.usb]
-    return [each for each in devices if each.usb in ids or name in each.seen_by]
+    return [each for each in devices if name in each.seen_by or usb.is_driven(backend, *each.usb.partition(":")[::2])]
 
 
 def _fits(each: ListedDevice, options: dict[str, str], library_only: bool) -> bool:

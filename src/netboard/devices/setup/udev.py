@@ -10,7 +10,7 @@ from itertools import groupby
 from pathlib import Path
 
 from netboard.base.files.text import find_text
-from netboard.devices.contract.registry import BACKENDS, Ids, UsbLink, UsbModel
+from netboard.devices.contract.registry import ANY_PRODUCT, BACKENDS, Ids, UsbLink, UsbModel
 
 RULES = "70-netboard.rules"
 
@@ -35,15 +35,16 @@ def rules() -> str:
 
 def rules_for(vendor: str, product: str) -> str:
     """Return the rules for one device, by its vendor and product as in /sys."""
-    ids = int(vendor, 16), int(product, 16)
-    return "\n".join(_rules_of([(ids, backend.usb[ids]) for backend in BACKENDS.values() if ids in backend.usb]))
+    wanted = (int(vendor, 16), int(product, 16)), (int(vendor, 16), ANY_PRODUCT)
+    models = [(ids, backend.usb[ids]) for backend in BACKENDS.values() for ids in wanted if ids in backend.usb]
+    return "\n".join(_rules_of(models))
 
 
 def _rules_of(models: Iterable[tuple[Ids, UsbModel]]) -> Iterator[str]:
     """Yield the rules for devices, jointly for those of one vendor that are opened alike."""
     for (vendor, link), group in groupby(models, lambda model: (model[0][0], model[1].link)):
-        products = "|".join(f"{product:04x}" for (_, product), _ in group)
-        at = f'ATTR{{idVendor}}=="{vendor:04x}", ATTR{{idProduct}}=="{products}"'
+        products = "|".join(f"{product:04x}" for (_, product), _ in group if product != ANY_PRODUCT)
+        at = f'ATTR{{idVendor}}=="{vendor:04x}"' + (f', ATTR{{idProduct}}=="{products}"' if products else "")
         yield f'SUBSYSTEM=="usb", ENV{{DEVTYPE}}=="usb_device", {at}, {ACCESS}'
         if subsystem := SUBSYSTEMS.get(link):
             above = at.replace("ATTR{", "ATTRS{")  # the ids are those of a device above the HID or serial one

@@ -14,17 +14,32 @@ from typing import Any, NamedTuple
 
 from netboard.base.errors import DeviceNotFound
 from netboard.base.finding import Finding, text_of
-from netboard.devices.contract.registry import BACKENDS, UsbLink
+from netboard.devices.contract.registry import ANY_PRODUCT, BACKENDS, Backend, Ids, UsbLink, UsbModel
 from netboard.devices.setup import udev
 
 ROOT = Path("/")
 
-MODELS = {
-    (f"{vendor:04x}", f"{product:04x}"): model
-    for backend in BACKENDS.values()
-    for (vendor, product), model in backend.usb.items()
-}
+
+def ids_in_words(ids: Ids) -> tuple[str, str]:
+    """Return vendor and product as in /sys; an empty product stands for all of the vendor's."""
+    vendor, product = ids
+    return f"{vendor:04x}", "" if product == ANY_PRODUCT else f"{product:04x}"
+
+
+MODELS = {ids_in_words(ids): model for backend in BACKENDS.values() for ids, model in backend.usb.items()}
 """Supported devices, by vendor and product as in /sys."""
+
+
+def model_of(vendor: str, product: str) -> UsbModel | None:
+    """Return the model of a device; None for one that no backend drives."""
+    return MODELS.get((vendor, product)) or MODELS.get((vendor, ""))
+
+
+def is_driven(backend: Backend, vendor: str, product: str) -> bool:
+    """Tell whether a backend drives a device."""
+    known = {ids_in_words(ids) for ids in backend.usb}
+    return not known.isdisjoint({(vendor, product), (vendor, "")})
+
 
 FILES = {
     UsbLink.RAW: ("bus/usb/*/*", "plug it in again"),
@@ -52,16 +67,19 @@ class Plugged(NamedTuple):
         return tuple(str(node) for node in self.nodes if not os.access(node, os.R_OK | os.W_OK))
 
     @property
-    def name(self) -> str:
-        """Name of the model."""
-        return MODELS[self.vendor, self.product].name
+    def model(self) -> UsbModel:
+        """Its model."""
+        model = model_of(self.vendor, self.product)
+        assert model is not None  # others are not listed
+        return model
 
     def undriven(self, root: Path) -> str:
         """Return why the device's library cannot reach it; empty if the file that it opens is there."""
-        pattern, todo = FILES[MODELS[self.vendor, self.product].link]
+        name, link = self.model
+        pattern, todo = FILES[link]
         if any(node.relative_to(root / "dev").match(pattern) for node in self.nodes):
             return ""
-        return f"the {self.name} at {self.place} has no file /dev/{pattern}: {todo}"
+        return f"the {name} at {self.place} has no file /dev/{pattern}: {todo}"
 
 
 def has_sysfs(root: Path = ROOT) -> bool:
@@ -73,7 +91,7 @@ def by_sysfs(root: Path = ROOT) -> Iterator[Plugged]:
     """Yield the supported devices in Linux's /sys."""
     for device in sorted((root / "sys/bus/usb/devices").iterdir()):
         vendor, product = text_of(device / "idVendor"), text_of(device / "idProduct")
-        if (vendor, product) in MODELS:
+        if model_of(vendor, product):
             nodes = tuple(node for node in device_nodes(device, root) if node.exists())
             yield Plugged(vendor, product, text_of(device / "serial"), device.name, nodes)
 
@@ -120,7 +138,7 @@ def devices(root: Path = ROOT) -> Finding:
     if not has_sysfs(root):
         return Finding(name, "green", "not offered here")
     connected = list(by_sysfs(root))
-    found = ", ".join(f"{each.name} at {each.place}" for each in connected)
+    found = ", ".join(f"{each.model.name} at {each.place}" for each in connected)
     if undriven := [why for each in connected if (why := each.undriven(root))]:
         return Finding(name, "red", found, "\n".join(undriven))
     if shut := [node for each in connected for node in each.shut]:

@@ -31,7 +31,7 @@ SETTLE_TICKS = 2
 """Number of ticks after which a force that was set has reached the motors [1]."""
 
 KEPT_FAULTS = 256
-"""Number of errors from which on the older ones are lost; ``FAULTS`` in the shim [1]."""
+"""Number of errors from which on the older ones are lost; ``FAULTS`` in rings.h [1]."""
 
 
 class ServoCallback(NamedTuple):

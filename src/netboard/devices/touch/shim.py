@@ -1,20 +1,10 @@
 """Servo callback in C, compiled on first use with the system's compiler and cached beside the compiled kernels.
 
-The source is ``servo_shim.c``; a computer without a compiler uses `netboard.devices.touch.servo.PythonServo`. The
-cached file is named by source and computer, so a new source is compiled again; and it is sealed, so a damaged file is,
-too.
+The source is ``servo_shim.c``; a computer without a compiler uses `netboard.devices.touch.servo.PythonServo`.
 """
 
 import ctypes
-import hashlib
-import logging
-import os
-import platform
-import shlex
-import shutil
-import subprocess
 import sys
-import tempfile
 from ctypes import POINTER, byref, c_double, c_int, c_int64, c_size_t, c_uint32, c_uint64, c_void_p
 from functools import cache
 from pathlib import Path
@@ -24,22 +14,14 @@ from llvmlite import binding
 from numpy.typing import NDArray
 
 from netboard.base import kernel_cache
-from netboard.base.errors import DeviceNotFound, NetboardError
-from netboard.base.files.sealed import Damaged, unsealed, write_sealed
+from netboard.base.errors import DeviceNotFound
+from netboard.devices.servo.compiling import INSTALL_HINT, CannotCompile, compiled_library
 from netboard.devices.touch.access import SAMPLE, SYMBOL
 from netboard.devices.touch.api import CALLBACK, ErrorInfo, Library
 from netboard.devices.touch.servo import Raw, ServoCallback, Vector
 
-log = logging.getLogger(__name__)
-
 SOURCE = Path(__file__).with_name("servo_shim.c")
 
-COMPILERS = ("cc", "gcc", "clang")
-"""Compilers in the order of preference, unless the environment variable CC names one."""
-
-FLAGS = ("-O2", "-std=gnu11", "-shared", "-fPIC")
-
-INSTALL_HINT = "install a C compiler (Debian, Ubuntu: gcc and libc6-dev)"
 NO_COMPILER_HINT = f'{INSTALL_HINT}, or set the option servo = "python"'
 
 
@@ -108,59 +90,6 @@ def build(folder: Path) -> Path:
         return compiled_library(folder, SOURCE)
     except CannotCompile as error:
         raise DeviceNotFound(f"the servo callback in C {error}; {NO_COMPILER_HINT}") from error
-
-
-class CannotCompile(NetboardError):
-    """A library in C cannot be compiled here; the message continues its name."""
-
-
-def compiled_library(folder: Path, source: Path, *options: str) -> Path:
-    """Compile a library in C into a folder, unless it is there already; raise `CannotCompile`."""
-    command, name = [*_compiler(), *FLAGS, *options], source.stem
-    state = hashlib.sha256(source.read_bytes() + " ".join((*command, platform.machine())).encode())
-    kept = folder / f"{name}-{state.hexdigest()[:16]}.so"
-    if _is_sound(kept):
-        return kept
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=folder) as scratch:
-            fresh = Path(scratch) / kept.name
-            _compile(command, source, fresh)
-            write_sealed(kept, fresh.read_bytes())
-    except OSError as error:
-        raise CannotCompile(f"cannot be kept in {folder}: {error}") from error
-    return kept
-
-
-def _is_sound(kept: Path) -> bool:
-    """Tell whether the shim is there as it was compiled; the linker would load, or crash on, a damaged one."""
-    try:
-        unsealed(kept.read_bytes())
-    except FileNotFoundError:
-        return False
-    except (Damaged, OSError) as error:
-        log.warning("%s: %s; it is compiled again", kept, error)
-        return False
-    return True
-
-
-def _compile(command: list[str], source: Path, library: Path) -> None:
-    """Run the compiler."""
-    command = [*command, "-o", str(library), str(source)]
-    done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
-    if done.returncode or not library.is_file():
-        why = (done.stderr.strip().splitlines() or ["it does not say why"])[0]
-        raise CannotCompile(f"cannot be compiled by {command[0]}: {why}")
-
-
-def _compiler() -> list[str]:
-    """Return the command of the system's compiler."""
-    named = shlex.split(os.environ.get("CC", ""))
-    for command in [named] if named else [[name] for name in COMPILERS]:
-        if shutil.which(command[0]):
-            return command
-    tried = " ".join(named) or ", ".join(COMPILERS)
-    raise CannotCompile(f"needs a compiler, and there is none ({tried})")
 
 
 class ShimServo:

@@ -1,0 +1,1 @@
+"""Backend ``force_dimension``: omega, delta, sigma and lambda devices through the vendor's haptic SDK."""
