@@ -81,13 +81,13 @@ site: .venv/.ready-for-site ## the documentation site, build/site
 test-site: site ## tests of the site: links, and its search in a browser
 	$(BIN)/python -m pytest -m site tests/site $(ARGS)
 
-wheel: .venv/.ready-to-develop ## dist/netboard-*.whl
+wheel: .venv/.ready-to-develop ## dist/netboard-*.whl and dist/netboard-*.tar.gz
 	rm -rf build/lib build/bdist.* dist
-	$(BIN)/python -m build --wheel
+	$(BIN)/python -m build
 
 lock: ## write requirements/constraints.txt anew, with the newest versions that pyproject.toml allows
 	python3.11 -m venv --clear build/lock
-	build/lock/bin/python -m pip install --quiet --disable-pip-version-check '.[analysis,dask,dev,devices,environments,evidence,fit,fuzz,lsl,notebook,nwb,parquet,site,triggers]'
+	build/lock/bin/python -m pip install --quiet --disable-pip-version-check '.[analysis,dask,dev,devices,display,environments,evidence,fit,fuzz,lsl,notebook,nwb,parquet,site,triggers]'
 	sed -n '/^#/p' requirements/constraints.txt > build/lock/head
 	build/lock/bin/python -m pip freeze --exclude netboard | LC_ALL=C sort -f -u | cat build/lock/head - > requirements/constraints.txt
 

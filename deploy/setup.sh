@@ -1,18 +1,20 @@
 #!/bin/sh
-# Make .venv and install netboard into it:  deploy/setup.sh run | analysis | notebook | dev | site
+# Make .venv and install netboard into it:  deploy/setup.sh run | light | analysis | notebook | dev | site
 #
+# light: without Qt, for a machine without windows: server, agents, logger.
 # Needs only a Python from 3.11 to 3.13. What else is missing (Debian's venv, the libraries Qt loads) is installed with
 # apt-get if we are root or sudo asks for no password; otherwise one line says what to install.
 set -eu
 cd "$(dirname "$0")/.."
 
 case "${1:-}" in
-run) what="." ;;
-analysis) what=".[analysis,dask]" ;;
-notebook) what=".[analysis,dask,notebook]" ;;
+run) what=".[display]" ;;
+light) what="." ;;
+analysis) what=".[analysis,dask,display]" ;;
+notebook) what=".[analysis,dask,display,notebook]" ;;
 dev) what=".[dev,devices]" ;;
 site) what=".[dev,devices,site]" ;;
-*) echo "usage: deploy/setup.sh run | analysis | notebook | dev | site" >&2; exit 2 ;;
+*) echo "usage: deploy/setup.sh run | light | analysis | notebook | dev | site" >&2; exit 2 ;;
 esac
 
 say() { echo "setup: $*" >&2; }
@@ -103,6 +105,6 @@ browser() {
 .venv/bin/python -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' 2>/dev/null || make_venv
 say "installing netboard and what it needs into .venv"
 .venv/bin/python -m pip install --quiet --disable-pip-version-check --constraint requirements/constraints.txt --editable "$what"
-qt_libraries
+[ "$1" = light ] || qt_libraries
 case "$1" in dev | site) test_tools ;; esac
 [ "$1" != site ] || browser
