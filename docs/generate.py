@@ -21,7 +21,7 @@ from importlib.util import module_from_spec, spec_from_file_location
 from inspect import isclass
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import Any
+from typing import Any, get_type_hints
 
 import typer.main
 
@@ -36,7 +36,7 @@ from netboard.devices.setup import udev
 from netboard.participants.body.device_models import MODELS, DeviceModel
 from netboard.participants.people.partner_models import PARTNER_MODELS
 from netboard.participants.people.population import VARIED
-from netboard.participants.robots.robot import RobotPolicy
+from netboard.participants.robots.robot import HandPolicy
 from netboard.participants.seat.partners import POLICIES
 from netboard.recording.export.formats import FORMATS
 from netboard.recording.export.tables import TRIALS
@@ -355,8 +355,9 @@ def robot_parameters() -> str:
     """Write the parameters of the robot partners as a table, with the source of each."""
     found: dict[tuple[str, ...], list[str]] = {}
     for name, target in POLICIES.items():
-        policy = resolve_name(target)
-        if isclass(policy) and issubclass(policy, RobotPolicy):
+        made = resolve_name(target)
+        policy = made if isclass(made) else get_type_hints(made)["return"]
+        if issubclass(policy, HandPolicy):
             for key in tables(policy.Parameters, (name,))[0].keys:
                 row = (key.name, key.text, f"{key.default}", key.unit, policy.sources[key.name])
                 found.setdefault(row, []).append(name)

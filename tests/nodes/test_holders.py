@@ -35,11 +35,12 @@ def holders(config: Config) -> Iterator[Holders]:
 
 
 @pytest.fixture
-def chosen(config: Config, holders: Holders) -> Callable[[str], Holder | None]:
+def chosen(config: Config, holders: Holders) -> Callable[..., Holder | None]:
     """Returns the holder of a block whose right hand is somebody's; None if it cannot be made."""
 
-    def begin(mover: str) -> Holder | None:
-        holders.begin(resolve(replace(config, block=replace(config.block, right=mover))))
+    def begin(mover: str, **parameters: float) -> Holder | None:
+        partners = replace(config.partners, right=parameters)
+        holders.begin(resolve(replace(config, block=replace(config.block, right=mover), partners=partners)))
         until = time.monotonic() + TIMEOUT
         while holders._coming is not None:
             assert time.monotonic() < until
@@ -51,7 +52,7 @@ def chosen(config: Config, holders: Holders) -> Callable[[str], Holder | None]:
 
 
 def test_agent_serves_its_own_device_unless_the_block_has_a_robot_partner(
-    holders: Holders, chosen: Callable[[str], Holder | None]
+    holders: Holders, chosen: Callable[..., Holder | None]
 ) -> None:
     own = holders._own
     assert chosen("person") is own
@@ -63,7 +64,7 @@ def test_agent_serves_its_own_device_unless_the_block_has_a_robot_partner(
     assert chosen("person") is own
 
 
-def test_agent_introduces_the_partner_that_holds_its_device(chosen: Callable[[str], Holder | None]) -> None:
+def test_agent_introduces_the_partner_that_holds_its_device(chosen: Callable[..., Holder | None]) -> None:
     partner = chosen("robot")
     assert partner is not None
     details = introduction("right", partner.config, partner.device.info, partner.identity).details
@@ -71,8 +72,15 @@ def test_agent_introduces_the_partner_that_holds_its_device(chosen: Callable[[st
     assert details["policy"] == "simulated participant"
 
 
+def test_partner_has_the_parameters_of_the_block(chosen: Callable[..., Holder | None]) -> None:
+    found = [chosen("follower", initiative=share) for share in (0.2, 0.4, 0.2)]
+    assert found[0] is found[2] is not found[1]
+    texts = [holder.identity["policy_parameters"] for holder in found if holder is not None]
+    assert ['"initiative": 0.2' in text for text in texts] == [True, False, True]
+
+
 def test_unknown_partner_is_reported_and_the_device_stays(
-    chosen: Callable[[str], Holder | None], caplog: pytest.LogCaptureFixture
+    chosen: Callable[..., Holder | None], caplog: pytest.LogCaptureFixture
 ) -> None:
     with caplog.at_level(logging.ERROR):
         assert chosen("nobody") is None
@@ -80,7 +88,7 @@ def test_unknown_partner_is_reported_and_the_device_stays(
 
 
 def test_lost_device_that_is_back_has_a_new_safety_chain(
-    holders: Holders, config: Config, chosen: Callable[[str], Holder | None]
+    holders: Holders, config: Config, chosen: Callable[..., Holder | None]
 ) -> None:
     own = holders._own
     again = holder_of(config, own.device, None).safety

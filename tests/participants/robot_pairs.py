@@ -3,8 +3,9 @@
 The ticks are those of `netboard.participants.seat.block`, from the same kernels; only the loop is in Python.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -81,9 +82,19 @@ def _seated(decide: Callable[..., None]) -> tuple[Any, Any]:
 class Pair:
     """Two movers in a block: a participant, a robot, or nobody for a hand that is held still."""
 
-    def __init__(self, left: str, right: str, trials: int = 2, seed: int = 1, **block: Any) -> None:
+    def __init__(
+        self,
+        left: str,
+        right: str,
+        trials: int = 2,
+        seed: int = 1,
+        partners: Mapping[str, Mapping[str, str]] = MappingProxyType({}),
+        **block: Any,
+    ) -> None:
         keys = {"left": left, "right": right, "trials": trials, "seed": seed, **block}
-        self.config = config = parse("", overrides=[f"block.{key}={value}" for key, value in keys.items()])
+        given = [f"block.{key}={value}" for key, value in keys.items()]
+        given += [f"partners.{side}.{key}={value}" for side, own in partners.items() for key, value in own.items()]
+        self.config = config = parse("", overrides=given)
         self._stage = make_stage(config)
         self.state = self._stage.initial()
         self.bodies, self.actions = np.zeros(2, BODY), np.zeros(2, ACTION)

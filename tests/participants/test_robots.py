@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from robot_pairs import PEOPLE, Pair
 from scipy.linalg import solve_continuous_are
 
+import rehearsed
 from netboard.base.compiled import composed, kernel
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import ConfigError
@@ -35,7 +36,7 @@ from netboard.participants.robots.board_model import (
 )
 from netboard.participants.robots.game import best_response, costs_of
 from netboard.participants.robots.lqg import PARTNERS, stable_latency_ms
-from netboard.participants.robots.robot import RobotPolicy, view_ticks
+from netboard.participants.robots.robot import HandPolicy, view_ticks
 from netboard.participants.robots.sight import ball_gains
 from netboard.participants.robots.steering import SteeringParameters, steering_latency_ms, steering_matrix
 from netboard.participants.seat.block import Rehearsal
@@ -44,7 +45,8 @@ from netboard.participants.seat.partners import POLICIES, make_partner
 from netboard.physics.stability.delayed_coupling import ROUNDING
 from netboard.task.trials.state_machine import Phase
 
-ROBOTS = sorted(name for name, target in POLICIES.items() if ".robots." in target)
+STEERING = sorted(name for name, target in POLICIES.items() if ".robots." in target)
+ROBOTS = [*STEERING, "playback"]
 SLACK = 1e-9
 """Rounding of a force [N]."""
 
@@ -52,11 +54,27 @@ LONG = 60_000
 """Ticks within which a pair completes two trials."""
 
 
-def robot(name: str, side: Side = "right", **options: Any) -> RobotPolicy:
+GIVEN: dict[str, dict[str, str]] = {}
+"""Parameters without which a robot cannot be made, by its name."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _recorded_hand(tmp_path_factory: pytest.TempPathFactory) -> None:
+    file = rehearsed.write(tmp_path_factory.mktemp("hand") / "block.mcap", rehearsed.rows())
+    GIVEN["playback"] = {"file": str(file), "hand": "right"}
+
+
+def robot(name: str, side: Side = "right", **options: Any) -> HandPolicy:
     config = Config()
+    options = GIVEN.get(name, {}) | options
     policy = make_partner(name, replace(config, partners=replace(config.partners, **{side: options})), side)
-    assert isinstance(policy, RobotPolicy)
+    assert isinstance(policy, HandPolicy)
     return policy
+
+
+def pair(left: str, right: str, **block: Any) -> Pair:
+    """Two movers in a block, with the parameters that they need."""
+    return Pair(left, right, partners={"left": GIVEN.get(left, {}), "right": GIVEN.get(right, {})}, **block)
 
 
 def _decide(state: Any, constants: Any, observation: Any, actions: Any) -> None:
@@ -141,26 +159,15 @@ class TestRobot:
         assert np.ptp(np.array(done["left"])["target"][:, 2]) > 1e-3
 
     @pytest.mark.slow
-    @pytest.mark.parametrize("force", ["full", "none"])
-    @pytest.mark.parametrize("partner", ["person", "still", "itself"])
-    def test_completes_trials_at_both_sides(self, name: str, partner: str, force: str) -> None:
-        other = name if partner == "itself" else partner
-        for left, right in ((name, other), (other, name)):
-            pair = Pair(left, right, force=force)
-            pair.run(LONG)
-            assert pair.state["successes"][0] == 2
-            assert pair.state["failures"][0] <= 1
-
-    @pytest.mark.slow
     def test_same_seed_gives_the_same_bits(self, name: str) -> None:
-        one, two = (Pair("person", name, trials=1).run(LONG) for _ in range(2))
+        one, two = (pair("person", name, trials=1).run(LONG) for _ in range(2))
         assert one.tobytes() == two.tobytes()
 
     @pytest.mark.slow
     @pytest.mark.parametrize("fault", ["lets go", "freezes", "pushes against", "twice as strong", "late"])
     def test_survives_its_partner(self, name: str, fault: str) -> None:
-        pair = Pair("person", name, trials=20)
-        limit, worst = min(3.0, pair.config.safety.max_force), [0.0]
+        block = pair("person", name, trials=20)
+        limit, worst = min(3.0, block.config.safety.max_force), [0.0]
         before = np.zeros(200, ACTION)
 
         def disturb(tick: int, actions: NDArray[Any], bodies: NDArray[Any]) -> None:
@@ -183,9 +190,9 @@ class TestRobot:
                 person["stiffness"] *= 2.0
                 person["force"] *= 2.0
 
-        rows = pair.run(12_000, disturb)
+        rows = block.run(12_000, disturb)
         assert 0.0 < worst[0] <= limit + SLACK
-        assert np.abs(rows["right_rendered"]).max() <= pair.config.safety.max_force
+        assert np.abs(rows["right_rendered"]).max() <= block.config.safety.max_force
         assert np.isfinite(rows["z"]).all()
         assert np.isfinite(rows["right_sent_z"]).all()
 
@@ -208,6 +215,19 @@ class TestRobot:
         assert identity["policy"] == robot(name).kind
         assert '"max_force": 1.5' in identity["policy_parameters"]
         assert identity["policy_sha256"] != robot(name).identity["policy_sha256"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", STEERING)
+@pytest.mark.parametrize("force", ["full", "none"])
+@pytest.mark.parametrize("partner", ["person", "still", "itself"])
+def test_robot_that_steers_completes_trials_at_both_sides(name: str, partner: str, force: str) -> None:
+    other = name if partner == "itself" else partner
+    for left, right in ((name, other), (other, name)):
+        block = Pair(left, right, force=force)
+        block.run(LONG)
+        assert block.state["successes"][0] == 2
+        assert block.state["failures"][0] <= 1
 
 
 @pytest.mark.slow

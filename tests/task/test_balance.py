@@ -11,7 +11,7 @@ from netboard.task.studies import library
 from netboard.task.studies.study import Study, parse_study
 
 STUDIES = {name: parse_study(library.text_of(name), name) for name in (*library.NAMES, library.TEMPLATE)}
-BALANCED_AFTER = {"paper": 4, "five_forces": 20, "controls": 12, "pilot": 4, "template": 8}
+BALANCED_AFTER = {"paper": 4, "five_forces": 20, "controls": 12, "partners": 16, "pilot": 4, "template": 8}
 """Dyads after which all counts are equal: orders x rows, twice for the odd first targets, four times for the seats."""
 
 

@@ -14,7 +14,7 @@ from netboard.base.tables.scene import Geometry, Physics
 from netboard.task.plans.conditions import sequences_of
 from netboard.task.plans.plan import Plan, PlanBlock, config_of, digest, plan_of, seated, to_json
 from netboard.task.studies import library
-from netboard.task.studies.study import paper_study, parse_study
+from netboard.task.studies.study import paper_study, parse_study, resolve_study
 
 STUDIES = {name: parse_study(library.text_of(name), name) for name in (*library.NAMES, library.TEMPLATE)}
 PAPER = STUDIES["paper"]
@@ -180,6 +180,30 @@ def test_robot_takes_the_side_opposite_the_participant() -> None:
         hands = {"A": (block.kind, "person"), "B": ("person", block.kind), "dyad": ("person", "person")}
         assert (config.block.left, config.block.right) == hands[block.performer]
         assert config.block.configuration == "dyadic"
+
+
+def test_level_names_the_partner_at_the_other_side_with_its_parameters() -> None:
+    text = """
+    orders.main = "2 alone"
+    partners.left.initiative = 0.1
+    [factors.partner]
+    levels.person.other_hand = "person"
+    levels.follower = {other_hand = "follower", partners.left = {initiative = 0.4}}
+    [kinds.alone]
+    performers = "B"
+    other_hand = "still"
+    """
+    study = parse_study(text)
+    assert parse_study(resolve_study(study)) == study
+    plan = plan_of(study, 1, 1)
+    (session,) = plan.sessions
+    found = {dict(block.conditions)["partner"]: config_of(Config(), session, block.number) for block in session.blocks}
+    assert {level: (config.block.left, config.block.right) for level, config in found.items()} == {
+        "person": ("person", "person"),
+        "follower": ("follower", "person"),
+    }
+    assert [found[level].partners.left["initiative"] for level in ("person", "follower")] == [0.1, 0.4]
+    assert {config.block.configuration for config in found.values()} == {"dyadic"}
 
 
 def test_sessions_rests_and_questionnaires_follow_the_block_order() -> None:

@@ -64,7 +64,7 @@ def test_how_to_page_names_every_key_and_its_examples_are_valid() -> None:
             assert re.search(rf"[`\[.\n]{item.name}\b", page), item.name
     examples = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
     whole = [text for text in examples if "orders." in text]
-    assert (len(whole), len(examples)) == (2, 4), "the others are a declaration, and an entry of a package"
+    assert (len(whole), len(examples)) == (3, 5), "the others are a declaration, and an entry of a package"
     for example_text in whole:
         study = parse_study(example_text)
         assert require_balance(study, plan_of(study, 1, 1)).blocks
@@ -103,6 +103,15 @@ def test_overrides_are_converted_like_configuration_values() -> None:
         (SMALL + "factors = ['heat']", '[kinds.duo] factors: found "heat", expected one of all'),
         (SMALL + "factors = 3", "[kinds.duo] factors: found 3, expected a list of texts"),
         (SMALL + "other_hand = 'robot'", '[kinds.duo] other_hand: found "robot", expected performers ='),
+        (
+            SMALL + "[factors.f.levels]\na.other_hand = 'leader'\nb.other_hand = 'person'",
+            "[kinds.duo] other_hand: found",
+        ),
+        (SMALL + "partners.middle.lead = 3", "[kinds.duo.partners.middle]: unknown table; there are left, right"),
+        (
+            SMALL + "[factors.f]\norder = 'trial'\nlevels.a.other_hand = 'still'\nlevels.b = {}",
+            "[factors.f] levels.a: sets",
+        ),
         (SMALL + "instructions.en = 3", "[kinds.duo] instructions.en: found 3, expected text"),
         (SMALL + "performers = 'A'\nblock.left = 'still'", "[kinds.duo] block.left, block.right: are set"),
         ("kinds = 3\n" + 'orders.main = "a"', "[kinds]: found 3, expected a table"),

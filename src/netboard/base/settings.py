@@ -420,14 +420,18 @@ def _show(value: object) -> str:
 # --- writing -----------------------------------------------------------------------------------------------------
 
 
-def to_toml(value: str | bool | int | float | tuple[int | float | str, ...]) -> str:
+def to_toml(
+    value: str | bool | int | float | tuple[int | float | str, ...] | dict[str, str | bool | int | float],
+) -> str:
     """Write a TOML value that reads back as the same value, to the last bit.
 
     Parameters
     ----------
-    value : str, bool, int, float or tuple of these
+    value : str, bool, int, float, tuple or dict of these
         Value of a key.
     """
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{to_toml(name)} = {to_toml(one)}' for name, one in value.items())}}}"
     if isinstance(value, tuple):
         return f"[{', '.join(map(to_toml, value))}]"
     if isinstance(value, bool):

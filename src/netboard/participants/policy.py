@@ -172,7 +172,7 @@ SIMULATED_PARTICIPANT = "simulated participant"
 """Kind of the policy of a `netboard.participants.people.person.ParticipantPolicy`."""
 
 
-def identity_of(kind: str, parameters: Any = None) -> dict[str, str]:
+def identity_of(kind: str, parameters: Any = None, **more: str) -> dict[str, str]:
     """Return the identity of a policy, as recorded.
 
     Parameters
@@ -181,6 +181,8 @@ def identity_of(kind: str, parameters: Any = None) -> dict[str, str]:
         Kind of policy, such as `SIMULATED_PARTICIPANT`.
     parameters : dataclass or None
         Parameters of the policy; None for one without any.
+    **more : str
+        What is recorded among the parameters, such as the SHA-256 of a file that one of them names.
 
     Returns
     -------
@@ -190,5 +192,5 @@ def identity_of(kind: str, parameters: Any = None) -> dict[str, str]:
     """
     if parameters is None:
         return {"policy": kind}
-    text = json.dumps(asdict(parameters), sort_keys=True)
+    text = json.dumps(asdict(parameters) | more, sort_keys=True)
     return {"policy": kind, "policy_sha256": hashlib.sha256(text.encode()).hexdigest(), "policy_parameters": text}

@@ -28,7 +28,8 @@ PEOPLE = {"A": Participant(), "B": Participant()}
 def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[ResultPart]:
     """Run all robots beside all partners."""
     trials, seeds = (QUICK_TRIALS, QUICK_SEEDS) if quick else (TRIALS, SEEDS)
-    robots = {name: made for name in POLICIES if isinstance(made := make_partner(name, Config(), "right"), RobotPolicy)}
+    names = [name for name, target in POLICIES.items() if ".robots." in target]  # not what has to be given a recording
+    robots = {name: made for name in names if isinstance(made := make_partner(name, Config(), "right"), RobotPolicy)}
     part = ResultPart(
         "completion",
         "Completion times of a target, from the release",

@@ -72,7 +72,7 @@ class Holders:
 
     def __init__(self, side: Side, own: Holder, context: sockets.Context) -> None:
         self._side, self._own, self._context = side, own, context
-        self._partners: dict[str, Holder] = {}
+        self._partners: dict[tuple[str, str], Holder] = {}  # by name and parameters
         self._reader = ThreadPoolExecutor(1, "holder", beside_loop)
         self._coming: Future[Holder] | None = None
 
@@ -97,7 +97,7 @@ class Holders:
         if holder is self._own:
             self._own = new
         else:
-            self._partners = {name: new if one is holder else one for name, one in self._partners.items()}
+            self._partners = {key: new if one is holder else one for key, one in self._partners.items()}
         return new
 
     def close(self) -> None:
@@ -112,9 +112,10 @@ class Holders:
         mover = getattr(config.block, self._side)
         if mover in (PERSON, STILL):
             return self._own
-        if mover not in self._partners:
-            self._partners[mover] = self._seated(mover, config)
-        return self._partners[mover]
+        key = mover, repr(sorted(config.partners.of(self._side).items()))  # what is recorded of a holder never changes
+        if key not in self._partners:
+            self._partners[key] = self._seated(mover, config)
+        return self._partners[key]
 
     def _seated(self, mover: str, config: Config) -> Holder:
         """Return a robot partner that holds a simulated device."""

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from netboard.base.config import SIDES, Config, Side, parse
 from netboard.base.errors import WireError
 from netboard.base.process.realtime import beside_loop
+from netboard.base.tables.experiment import PERSON, STILL
 from netboard.devices.contract.device import Device
 from netboard.network import keys
 from netboard.network.protocol.codec import decode, encode
@@ -300,9 +301,14 @@ class PlayerSource:
 
 
 def block_of(config: Config, text: str) -> Config:
-    """Return an agent's configuration with the block, the scene and the task of the server's."""
+    """Return an agent's configuration with the block, the scene and the task of the server's.
+
+    So are the parameters of a robot partner that the block names, because they may be the study's.
+    """
     received = parse(text, "the server's configuration")
-    return replace(config, block=received.block, physics=received.physics, task=received.task)
+    named = {side: received.partners.of(side) for side in SIDES if getattr(received.block, side) not in (PERSON, STILL)}
+    partners = replace(config.partners, **named)
+    return replace(config, block=received.block, physics=received.physics, task=received.task, partners=partners)
 
 
 def _is_possible(move: Move) -> bool:

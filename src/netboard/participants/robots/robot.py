@@ -34,8 +34,8 @@ MARGIN = 2.0
 
 
 @dataclass(frozen=True, slots=True)
-class RobotParameters:
-    """Parameters of hand and sight, which each robot has."""
+class HandParameters:
+    """Parameters of the hand, which each robot has."""
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
     hand_mass: Annotated[float, about("mass of the robot's hand", "kg", gt=0, le=5)] = 0.3
@@ -50,11 +50,20 @@ class RobotParameters:
         float, about("largest force of the hand; that of [safety] applies if it is smaller", "N", gt=0, le=40)
     ] = 3.0
     max_speed: Annotated[float, about("largest speed of the equilibrium point", "m/s", gt=0, le=2)] = 0.2
-    max_tilt_deg: Annotated[float, about("largest tilt that the robot wants", "deg", gt=0, le=20)] = 3.0
-    view_delay: Annotated[float, about("time from a tick to the view of it", "s", ge=0, le=0.1)] = 0.001
     stale: Annotated[float, about("age of the newest view beyond which the robot stops its hand", "s", gt=0, le=10)] = (
         0.25
     )
+    loop_latency_ms: Annotated[
+        float, about("sample-to-force latency of the hand's loop, for the check of its stability", "ms", ge=0, le=60)
+    ] = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class RobotParameters(HandParameters):
+    """Parameters of hand and sight, which each robot has that steers."""
+
+    max_tilt_deg: Annotated[float, about("largest tilt that the robot wants", "deg", gt=0, le=20)] = 3.0
+    view_delay: Annotated[float, about("time from a tick to the view of it", "s", ge=0, le=0.1)] = 0.001
     ball_noise: Annotated[
         float,
         about("standard deviation of the ball's unmodelled acceleration, in its Kalman filter", "m/s2", gt=0, le=100),
@@ -62,28 +71,29 @@ class RobotParameters:
     sight_noise: Annotated[
         float, about("standard deviation of a seen position, in its Kalman filter", "m", gt=0, le=0.1)
     ] = 0.0003
-    loop_latency_ms: Annotated[
-        float, about("sample-to-force latency of the hand's loop, for the check of its stability", "ms", ge=0, le=60)
-    ] = 2.0
 
 
 _HAND = "assumed: the mass of a light robot's end, a stiffness within the 100 to 500 N/m of arms, damped to 0.7"
 _LOOP = "measured: 1 ms at most in 99.9 % of the ticks of a rig (latency and jitter of the loop), doubled"
-SOURCES = {
+HAND_SOURCES = {
     "hand_mass": _HAND,
     "hand_stiffness": _HAND,
     "hand_damping": _HAND,
     "friction_skill": "as a simulated participant",
     "max_force": "the safety limit of the agent",
     "max_speed": "assumed: about the peak speed of a minimum-jerk movement of 30 mm in 0.3 s",
-    "max_tilt_deg": "the largest tilt of a simulated participant, rounded",
-    "view_delay": "a tick, as in a rehearsal",
     "stale": "thirty views",
-    "ball_noise": "the acceleration of a ball by a tilt of 3 deg",
-    "sight_noise": "half a pixel of the display",
     "loop_latency_ms": _LOOP,
 }
-"""Source of the default of each parameter that all robots have."""
+"""Source of the default of each parameter of the hand."""
+
+SOURCES = HAND_SOURCES | {
+    "max_tilt_deg": "the largest tilt of a simulated participant, rounded",
+    "view_delay": "a tick, as in a rehearsal",
+    "ball_noise": "the acceleration of a ball by a tilt of 3 deg",
+    "sight_noise": "half a pixel of the display",
+}
+"""Source of the default of each parameter of hand and sight."""
 
 HAND = np.dtype(
     [
@@ -98,7 +108,7 @@ HAND = np.dtype(
 """A robot's hand."""
 
 
-def pack_hand(config: Config, parameters: RobotParameters, side: Side) -> NDArray[Any]:
+def pack_hand(config: Config, parameters: HandParameters, side: Side) -> NDArray[Any]:
     """Return the constants of a hand, packed for the kernels: ndarray of HAND, shape (1,) [SI]."""
     packed = np.zeros(1, HAND)
     packed["side"] = SIDES.index(side)
@@ -143,7 +153,7 @@ def view_ticks(config: Config) -> int:
     return ceil(1.0 / (TICK_SECONDS * config.network.view_rate_hz))
 
 
-def loops_of(config: Config, parameters: RobotParameters) -> list[Loop]:
+def loops_of(config: Config, parameters: HandParameters) -> list[Loop]:
     """Return the virtual-coupling loops of a robot's hand: at a board held fast, and at a free board."""
     physics, device = config.physics, resolved(config.virtual)
     if physics.coupling == "none" or physics.k_h == 0.0:
@@ -164,7 +174,7 @@ def stable_latency_ms(loop: Loop) -> int:
     return largest_round_trip(loop)
 
 
-def require_stable(config: Config, parameters: RobotParameters, side: Side) -> None:
+def require_stable(config: Config, parameters: HandParameters, side: Side) -> None:
     """Refuse a hand whose loop is not stable at `MARGIN` times its latency.
 
     The latency is that of the loop, and the delay that the block adds to the force.
@@ -186,35 +196,23 @@ def require_stable(config: Config, parameters: RobotParameters, side: Side) -> N
         )
 
 
-class RobotPolicy(Policy):
+class HandPolicy(Policy):
     """A robot that holds one stylus; a partner says its parameters, its records and its kernel."""
 
     sources: ClassVar[Mapping[str, str]]
-    Parameters: ClassVar[type[RobotParameters]]
+    Parameters: ClassVar[type[HandParameters]]
     State: ClassVar["np.dtype[Any]"]
 
     def __init__(self, config: Config, side: Side) -> None:
         self.sides = (side,)
         self.parameters = parameters_of(self.Parameters, config, side)
-        require_stable(config, self.parameters, side)
-        self._require_stable_sight(config, side)
+        self.require_stable(config, side)
         self._device = resolved(config.virtual)
         self.constants = self.pack(config, side)
 
-    @abstractmethod
-    def stable_view_latency_ms(self, config: Config) -> int:
-        """Return the largest latency from the board to its hand with which it steers stably; -1 if with none [ms]."""
-
-    def _require_stable_sight(self, config: Config, side: Side) -> None:
-        """Refuse parameters that do not steer stably at `MARGIN` times the latency of views and loop."""
-        seen = 1e3 * (self.parameters.view_delay + view_ticks(config) * TICK_SECONDS)
-        needed = MARGIN * (seen + self.parameters.loop_latency_ms)
-        limit = self.stable_view_latency_ms(config)
-        if limit < needed:
-            raise ConfigError(
-                f"[partners.{side}] the {self.kind} steers stably up to a latency of {limit} ms, expected at least "
-                f"{needed:g} ms ({MARGIN:g} times that of views and loop); smaller gains are stable for longer"
-            )
+    def require_stable(self, config: Config, side: Side) -> None:
+        """Refuse parameters with which a loop is not stable at `MARGIN` times its latency."""
+        require_stable(config, self.parameters, side)
 
     @abstractmethod
     def pack(self, config: Config, side: Side) -> NDArray[Any]:
@@ -234,3 +232,26 @@ class RobotPolicy(Policy):
     def identity(self) -> Mapping[str, str]:
         """What is recorded of it."""
         return identity_of(self.kind, self.parameters)
+
+
+class RobotPolicy(HandPolicy):
+    """A robot that steers by what it sees."""
+
+    Parameters: ClassVar[type[RobotParameters]]
+    parameters: RobotParameters
+
+    @abstractmethod
+    def stable_view_latency_ms(self, config: Config) -> int:
+        """Return the largest latency from the board to its hand with which it steers stably; -1 if with none [ms]."""
+
+    def require_stable(self, config: Config, side: Side) -> None:
+        """Refuse parameters that do not steer stably at `MARGIN` times the latency of views and loop, either."""
+        super().require_stable(config, side)
+        seen = 1e3 * (self.parameters.view_delay + view_ticks(config) * TICK_SECONDS)
+        needed = MARGIN * (seen + self.parameters.loop_latency_ms)
+        limit = self.stable_view_latency_ms(config)
+        if limit < needed:
+            raise ConfigError(
+                f"[partners.{side}] the {self.kind} steers stably up to a latency of {limit} ms, expected at least "
+                f"{needed:g} ms ({MARGIN:g} times that of views and loop); smaller gains are stable for longer"
+            )

@@ -21,6 +21,7 @@ POLICIES = {
     "game": "netboard.participants.robots.game:Game",
     "leader": "netboard.participants.robots.leader:Leader",
     "lqg": "netboard.participants.robots.lqg:Lqg",
+    "playback": "netboard.recording.importing.recorded_hand:partner",
     "robot": "netboard.participants.people.person:partner",
     "shared": "netboard.participants.robots.shared:Shared",
 }

@@ -195,7 +195,7 @@ def _block(
         number=number,
         kind=name,
         performer=performer,
-        other_hand=kind.other_hand,
+        other_hand=next((level.other_hand for level in levels if level.other_hand), kind.other_hand),
         conditions=conditions,
         count=block.trials,
         duration=block.duration,

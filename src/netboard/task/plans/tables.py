@@ -79,6 +79,7 @@ def levels_table(study: Study) -> FittedTable:
                 for table, changed in changes.changed().items()
                 for key, value in changed.items()
             ]
+            differs += [f"other_hand = {changes.other_hand}"] if changes.other_hand else []
             rows.append((name, level, ", ".join(differs) or "nothing"))
     return FittedTable("factor", "level", "what differs", rows=rows, title="Factors")
 

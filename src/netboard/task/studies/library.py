@@ -9,7 +9,7 @@ from importlib.resources import files
 from netboard.base import plugins
 from netboard.base.errors import ConfigError
 
-NAMES = ("paper", "five_forces", "controls", "pilot")
+NAMES = ("paper", "five_forces", "controls", "partners", "pilot")
 """Names of netboard's own studies."""
 
 TEMPLATE = "template"

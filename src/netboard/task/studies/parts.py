@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
 from netboard.base.tables.experiment import Block, FactorType, Quality, Role, Task
-from netboard.base.tables.rig import Display
+from netboard.base.tables.rig import Display, Partners
 from netboard.base.tables.scene import Geometry, Physics
 from netboard.base.tables.simulated import Participant
 
@@ -21,6 +21,7 @@ CHANGED: dict[str, type[Any]] = {
     "quality": Quality,
     "display": Display,
     "participant": Participant,
+    "partners": Partners,
 }
 """Tables of the configuration that a study may change."""
 
@@ -62,6 +63,9 @@ class Changes:
     participant: Annotated[dict[str, Any], about("keys of [participant] (simulated participants) that differ")] = field(
         default_factory=dict
     )
+    partners: Annotated[
+        dict[str, Any], about("parameters of the robot partner at a side: partners.right.KEY, in place of all others")
+    ] = field(default_factory=dict)
     instructions: Annotated[
         dict[str, str], about("what participants read before a block, by language: instructions.en")
     ] = field(default_factory=dict)
@@ -76,6 +80,9 @@ class Level(Changes):
     """One level of a factor, with its changes. Its instructions follow those of the kind."""
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
+    other_hand: Annotated[
+        str, about("mover of a lone participant's other hand, in place of that of the kind; empty: that of the kind")
+    ] = ""
     value: Annotated[float, about("value of this level of a numeric factor", allow_inf_nan=False)] | Literal["auto"] = (
         "auto"
     )
@@ -117,7 +124,10 @@ class Kind(Changes):
     ) = "auto"
     other_hand: Annotated[
         str,
-        about('mover of a lone participant\'s other hand: "own" (bimanual), "still", or a robot partner'),
+        about(
+            'mover of a lone participant\'s other hand: "own" (bimanual), "person" (the other participant), "still", '
+            "or a robot partner"
+        ),
     ] = "own"
     factors: Annotated[tuple[str, ...], about('factors that vary over its blocks; "all": every one', strict=False)] = (
         ALL,

@@ -42,8 +42,8 @@ IN_TRIALS = "block.force_scale"
 NAME = TextForm("^[A-Za-z][A-Za-z0-9_-]*$", "of letters, digits, - and _, beginning with a letter, such as pilot2")
 """Form of the name of a study."""
 
-_LATER = {"role": "auto", "type": "auto", "unit": "", "value": "auto"}
-"""Keys added in later versions, with their defaults."""
+_LATER = {Level: {"value": "auto", "other_hand": ""}, Factor: {"type": "auto", "unit": ""}, Kind: {"role": "auto"}}
+"""Keys added in later versions, with their defaults, by part."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -255,7 +255,8 @@ def _factor_problems(factor: Factor) -> Iterator[str]:
     except ConfigError as error:
         yield str(error)
     for level, changes in factor.levels.items() if factor.order == WITHIN else ():
-        if set_here := sorted(_keys(changes) - {IN_TRIALS}):
+        hand = {"other_hand"} if changes.other_hand else set[str]()
+        if set_here := sorted((_keys(changes) | hand) - {IN_TRIALS}):
             yield f"levels.{level}: sets {', '.join(set_here)}; within a block only {IN_TRIALS} can differ"
         if changes.instructions:
             yield f"levels.{level} instructions: found some, expected none for a factor within a block"
@@ -269,9 +270,14 @@ def _kind_problems(study: Study, name: str) -> Iterator[str]:
     for factor in kind.factors:
         if factor not in (*study.factors, ALL):
             yield f' factors: found "{factor}", {expected(factor, (*study.factors, ALL))}'
-    if kind.performers == "dyad" and kind.other_hand != "own":
-        yield f' other_hand: found "{kind.other_hand}", expected performers = "A", "B", "AB" or "BA" with it'
     varied = study.factors_of(name)
+    hands = [kind.other_hand] if kind.other_hand != "own" else []
+    hands += [level.other_hand for factor in varied.values() for level in factor.levels.values() if level.other_hand]
+    if kind.performers == "dyad" and hands:
+        yield f' other_hand: found "{hands[0]}", expected performers = "A", "B", "AB" or "BA" with it'
+    deciding = [one for one, factor in varied.items() if any(level.other_hand for level in factor.levels.values())]
+    if len(deciding) > 1:
+        yield f" factors: {' and '.join(deciding)} both set other_hand, expected at most one of them to"
     every = varied | study.trial_factors_of(name)
     by_factor = {one: set().union(*map(_keys, factor.levels.values())) for one, factor in every.items()}
     for one, other in combinations(every, 2):
@@ -319,10 +325,10 @@ def resolve_study(study: Study) -> str:
 
 def _lines(part: Any) -> Iterator[str]:
     """Yield the lines of a part without its subtables: plain keys, and changes as ``table.key``."""
-    written = (*CHANGED, "instructions")
+    written, later = (*CHANGED, "instructions"), _LATER.get(type(part), {})
     for item in fields(part):
         value = getattr(part, item.name)
-        if item.name in _LATER and value == _LATER[item.name]:
+        if item.name in later and value == later[item.name]:
             continue  # keeps the digest of studies written before the key existed
         if isinstance(value, Declaration):
             continue  # a table of its own
