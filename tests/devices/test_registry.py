@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from netboard.base.config import Config
+from netboard.base.device_kind import DeviceKind
 from netboard.base.errors import ConfigError, DeviceNotFound
 from netboard.base.tables.rig import Agent, Agents
 from netboard.devices.contract import registry
@@ -104,7 +105,7 @@ def test_two_backends_of_one_name_are_refused() -> None:
 
 @pytest.mark.parametrize("key", ["stop_buttons", "consent_buttons"])
 @pytest.mark.parametrize(
-    ("name", "count"), [("falcon", 4), ("openhaptics", 4), ("spacemouse", 32), ("force_dimension", 32)]
+    ("name", "count"), [("falcon", 4), ("openhaptics", 4), ("spacemouse", 32), ("force_dimension", 32), ("haply", 3)]
 )
 def test_buttons_that_a_device_does_not_have_are_refused(name: str, count: int, key: str) -> None:
     def config(mask: int) -> Config:
@@ -122,6 +123,9 @@ def test_stand_in_takes_the_buttons_of_the_device_that_it_replaces() -> None:
     )
 
 
-def test_every_device_that_shows_itself_on_the_usb_declares_its_buttons_and_how_it_is_selected() -> None:
+def test_every_real_device_declares_its_buttons_and_how_it_is_selected() -> None:
     for backend in registry.BACKENDS.values():
-        assert bool(backend.usb) == bool(backend.selectors) == (backend.buttons is not None)
+        real = backend.kind in (DeviceKind.HAPTIC, DeviceKind.INPUT)
+        assert real == bool(backend.selectors) == bool(backend.maker) == (backend.buttons is not None)
+        assert real or not backend.usb
+        assert bool(backend.unlisted) == (backend.lists_serials and bool(backend.usb))

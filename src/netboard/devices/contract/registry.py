@@ -57,7 +57,7 @@ class Backend:
     maker: str = ""  # manufacturer of its devices; empty for none
     usb: Mapping[Ids, UsbModel] = field(default_factory=dict)  # its USB devices
     unlisted: str = ""  # why its library may not list a connected device, in words
-    selectors: tuple[str, ...] = ()  # options that select one of several devices
+    selectors: tuple[str, ...] = ()  # options that select one of several devices; none for what is no device
     lists_serials: bool = False  # whether its own library lists the devices, with serial numbers that the USB may lack
     buttons: int | None = None  # of the model with most; None for a stand-in, which takes the masks of the real device
 
@@ -68,7 +68,7 @@ BACKENDS = {
         DeviceKind.HAPTIC,
         guide="falcon",
         drives="Novint Falcon",
-        library="pyusb, libusb; Novint's firmware, by its owner",
+        library="pyusb, libusb; firmware from the vendor",
         tested_with="simulated Falcon that implements its protocol byte by byte, beneath pyusb",
         maker="Novint",
         usb={(0x0403, 0xCB48): UsbModel("Falcon", UsbLink.RAW)},  # id of its FTDI chip
@@ -80,7 +80,7 @@ BACKENDS = {
         DeviceKind.HAPTIC,
         guide="force-dimension",
         drives="Force Dimension omega, delta, sigma and lambda",
-        library="Force Dimension's SDK 3.14 or later, by its owner",
+        library="SDK 3.14 or later, from the vendor",
         tested_with="library in C with the interface of `libdhd`",
         maker="Force Dimension",
         usb={(0x1451, ANY_PRODUCT): UsbModel("Force Dimension device", UsbLink.RAW)},
@@ -88,6 +88,18 @@ BACKENDS = {
         selectors=("serial",),
         lists_serials=True,
         buttons=32,
+    ),
+    "haply": Backend(
+        "netboard.devices.haply:Haply",
+        DeviceKind.HAPTIC,
+        guide="haply",
+        drives="Haply Inverse3, Inverse3x and Minverse",
+        library="websockets; Inverse Service 3.5 or later, from the vendor",
+        tested_with="scripted server that speaks the service's protocol",
+        maker="Haply Robotics",
+        selectors=("serial",),
+        lists_serials=True,
+        buttons=3,
     ),
     "mouse": Backend(
         "netboard.devices.mouse:MouseStylus",
@@ -102,7 +114,7 @@ BACKENDS = {
         DeviceKind.HAPTIC,
         guide="touch",
         drives="3D Systems Touch (USB and HID), Touch X, and other Phantoms",
-        library="OpenHaptics 3.4 and the Touch device driver, by its owner",
+        library="OpenHaptics 3.4 and the Touch device driver, from the vendor",
         tested_with="library in C with the interface of `libHD`",
         maker="3D Systems",
         usb={

@@ -215,7 +215,7 @@ def _judged(side: Side, mine: DeviceMatch, other: DeviceMatch, missing: Colour) 
     title, backend = f"{side} device", registry.BACKENDS.get(mine.backend)
     if mine.trouble:
         return Finding(title, missing, mine.trouble, f"needed at the machine of the {side} device")
-    if backend is None or not backend.usb:
+    if backend is None or not backend.selectors:
         return Finding(title, "green", mine.backend)
     given = in_words(mine.options)
     guide = f"docs/how-to/{backend.guide}.md"
