@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from netboard.network.protocol.joining import Role
+from netboard.network.protocol.joining import KeyRole
 from netboard.services.loading import load
 from netboard.services.options import ConfigFile, Overrides, Side, examples
 
@@ -40,13 +40,13 @@ def init(config: ConfigFile = None, overrides: Overrides = None) -> None:
 )
 def add(
     role: Annotated[
-        Role,
+        KeyRole,
         typer.Argument(
             help="Process that uses the key. console: also for netboard status, control and stop; listener: for "
-            "netboard lsl."
+            "netboard lsl; station: netboard station."
         ),
     ],
-    side: Annotated[Side | None, typer.Argument(help="Side of an agent or display.")] = None,
+    side: Annotated[Side | None, typer.Argument(help="Side of an agent, display or station.")] = None,
     config: ConfigFile = None,
     overrides: Overrides = None,
     to: Annotated[

@@ -112,6 +112,12 @@ def changes_of(overrides: Sequence[str] | None, model: str | None) -> list[str]:
     return [*(overrides or ()), *([f"physics.model={model}"] if model else ())]
 
 
+def settings_of(config: Path | None, overrides: Sequence[str]) -> list[str]:
+    """Return the options with which another command reads the same configuration."""
+    found = ["-c", str(config)] if config else []
+    return found + [word for setting in overrides for word in ("--set", setting)]
+
+
 def partner_settings(side: str, partner: str | None) -> list[str]:
     """Return the settings with which a robot partner holds the stylus of a side; none without one."""
     if partner is None:

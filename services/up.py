@@ -5,7 +5,6 @@ the processes of this machine and restarts nothing: when one ends, the others ar
 each service (docs/how-to/two-stations.md).
 """
 
-from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -30,6 +29,7 @@ from netboard.services.options import (
     Trials,
     Yes,
     examples,
+    settings_of,
 )
 
 if TYPE_CHECKING:
@@ -93,15 +93,16 @@ def up(
     )
     if autostart is not None:
         options.append("--autostart" if autostart else "--no-autostart")
+    from netboard.base.config import SIDES
     from netboard.base.process.stopping import Stopping, no_terminal_suspension
     from netboard.base.terminal.logs import log_to_stderr
     from netboard.nodes.launching.programs import session_commands
 
     words = settings_of(config, overrides or ())
-    sides = ("left", "right") if everything or station == "both" else (station,) if station else ()
+    sides = [side for side in SIDES if station in (side, "both") or (everything and not settings.stations.of(side))]
     commands = session_commands(
         words,
-        sides,  # type: ignore[arg-type]
+        sides,
         server=options if server or everything else None,
         console=console and everything,
         offscreen=offscreen,
@@ -120,14 +121,8 @@ def up(
             from netboard.network import keys
 
             keys.refuse_open_network(settings.network)
-        launch = terminal.Launch(settings, blocks_of_session(settings, wanted), words, ("left", "right"), commands)
+        launch = terminal.Launch(settings, blocks_of_session(settings, wanted), words, sides, commands)
         raise typer.Exit(terminal.run(launch, stopping, plain_console()))
-
-
-def settings_of(config: Path | None, overrides: Sequence[str]) -> list[str]:
-    """Return the options with which every process reads the same configuration."""
-    found = ["-c", str(config)] if config else []
-    return found + [word for setting in overrides for word in ("--set", setting)]
 
 
 def blocks_of_session(config: "Config", wanted: "StudySession | None") -> list["Config"]:

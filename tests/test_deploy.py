@@ -59,7 +59,7 @@ def test_every_command_in_the_examples_header_exists() -> None:
 
 def test_every_process_has_a_unit() -> None:
     commands = {shlex.split(unit(path)["Service"]["ExecStart"])[1] for path in UNITS}
-    assert commands == {"server", "logger", "agent", "display"}
+    assert commands == {"server", "logger", "agent", "display", "station"}
 
 
 @pytest.mark.parametrize("path", UNITS, ids=lambda path: path.name)
@@ -83,6 +83,8 @@ def test_units_set_watchdog_restart_and_stop_timeout(path: Path) -> None:
     else:
         assert service["Restart"] == "on-failure"
         assert service["RestartPreventExitStatus"] == "2"
+    if "station" in path.name:
+        assert int(service["TimeoutStopSec"]) > STOP_SECONDS
     if "logger" in path.name:
         assert int(service["TimeoutStopSec"]) > STOP_SECONDS + FINISH_NS * 1e-9
 
@@ -149,6 +151,7 @@ OWN = {
         ),
     },
     "netboard-display@.service": {"RestrictRealtime=yes", "UMask=0077"},
+    "netboard-station@.service": {"RestrictRealtime=no", "UMask=0077", "KillMode=mixed"},
 }
 
 EXPOSURE = {"system": 25, "user": 70, "sandbox": 30}

@@ -79,8 +79,12 @@ class Machines:
 
     def up(self, machine: str, *options: str) -> None:
         """Run ``netboard up`` on a machine."""
-        settings = [word for setting in QUICK_TRIALS for word in ("--set", setting)]
-        command = [sys.executable, "-m", "netboard.services.cli", "up", *options, str(EXAMPLE), *settings]
+        self.run(machine, "up", *options)
+
+    def run(self, machine: str, *words: str, settings: Sequence[str] = ()) -> None:
+        """Run a command on a machine."""
+        changed = [word for setting in (*QUICK_TRIALS, *settings) for word in ("--set", setting)]
+        command = [sys.executable, "-m", "netboard.services.cli", *words, "-c", str(EXAMPLE), *changed]
         with (self.folder / f"{machine}.log").open("wb") as log:
             self._running[machine] = subprocess.Popen(
                 ["ip", "netns", "exec", self._names[machine], *command],
@@ -166,3 +170,25 @@ def test_two_station_example_completes_a_block_on_three_machines(machines: Machi
     for side in SIDES:
         best = min(clock.bound_ns for clock in clocks if clock.peer == f"agent.{side}")
         assert 0 < best <= network.clock_bound_ms * 1e6
+
+
+@pytest.mark.sampled(2, of="sessions in real time")
+def test_one_command_at_the_server_runs_both_stations_by_their_services(machines: Machines) -> None:
+    stations = [f"stations.{side}={ADDRESSES[side]}" for side in SIDES]
+    machines.install_keys()
+    home = machines.folder / "server" / "keys"
+    for side in SIDES:
+        keys.add(home, "station", side, machines.folder / side / "keys")
+        machines.run(side, "station", "--side", side, settings=stations)
+    machines.run("server", "up", "--no-console", settings=stations)
+    machines.until("the trial is finished")
+    assert machines.down("server") == 0, machines.output_of("server")
+    for side in SIDES:
+        output = machines.output_of(side)
+        assert f"start {side} agent" in output
+        assert f"stop {side} display" in output
+        assert machines.down(side) == 0, machines.output_of(side)
+    (path,) = (machines.folder / "server" / "recordings").glob("*.mcap")
+    with Recording(path) as recording:
+        assert verify_recording(recording).identical
+        assert recording.end["ended"] == "complete"

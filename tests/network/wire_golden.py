@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from netboard.base.safeguards import Safeguard
-from netboard.network.protocol import control, joining, motion, records, views
+from netboard.network.protocol import control, joining, motion, records, station, views
 from netboard.network.protocol.codec import encode
 from netboard.network.protocol.messages import KINDS, Message
 from netboard.stage.view import View
@@ -205,6 +205,18 @@ EXAMPLES: dict[str, Message] = {
     "pointer": motion.Pointer("left", -0.0215),
     "pointer-none": motion.Pointer("right", None),
     "felt": motion.Felt("left", -0.294),
+    "station-request": station.StationRequest("start", "left agent"),
+    "station-report": station.StationReport(
+        "left",
+        "0.1.0",
+        {"computer": "lab-pc-2", "screen": "opens"},
+        (
+            station.ProcessStatus("left agent", "running", None, 4711, 12.5, 2048),
+            station.ProcessStatus("left display", "ended", 1, 4712, 3.0, 512),
+        ),
+        {"left display": "there is no screen"},
+        "",
+    ),
 }
 
 

@@ -19,6 +19,7 @@ from netboard.nodes.operator import launcher
 from netboard.nodes.operator.launcher import EndedProcess, Launcher
 from netboard.services import up
 from netboard.services.cli import app
+from netboard.services.options import settings_of
 from script_launcher import IGNORES_STOP, SLOW_STOP, ScriptLauncher
 
 RIG = ["-c", "rig.toml"]
@@ -40,7 +41,7 @@ def test_configuration_is_an_argument_or_an_option(words: list[str]) -> None:
 
 
 def test_server_starts_with_a_logger_and_gets_its_options() -> None:
-    words = up.settings_of(None, ["block.trials=2"])
+    words = settings_of(None, ["block.trials=2"])
     assert session_commands(words, [], server=["--no-autostart", "--insecure"]) == {
         "logger": ["logger", "--set", "block.trials=2"],
         "server": ["server", "--no-autostart", "--insecure", "--set", "block.trials=2"],

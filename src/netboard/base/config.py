@@ -31,6 +31,7 @@ from netboard.base.tables.rig import (
     Realtime,
     RecordingSettings,
     Safety,
+    Stations,
 )
 from netboard.base.tables.scene import FRICTION, Geometry, Physics, friction_rate
 from netboard.base.tables.simulated import Participant, VirtualDevice
@@ -63,6 +64,7 @@ class Config:
     physics: Physics = field(default_factory=Physics)
     geometry: Geometry = field(default_factory=Geometry)
     network: Network = field(default_factory=Network)
+    stations: Stations = field(default_factory=Stations)
     realtime: Realtime = field(default_factory=Realtime)
     safety: Safety = field(default_factory=Safety)
     fixture: Fixture = field(default_factory=Fixture)

@@ -27,7 +27,7 @@ from netboard.base.files.new import write_synced
 from netboard.base.files.text import read_text
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, parse_toml, to_toml
 from netboard.base.tables.rig import Network
-from netboard.network.protocol.joining import ROLES_WITH_SIDE, Role, role_and_side
+from netboard.network.protocol.joining import KEY_ROLES_WITH_SIDE, KeyRole, role_and_side
 from netboard.network.transport import authenticator, channels
 
 OPENS: dict[str, tuple[str, ...]] = {
@@ -58,7 +58,7 @@ class KeyedPeer:
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
     name: str  # role and side, numbered from the second key on
-    role: Role
+    role: KeyRole
     side: Literal["left", "right", ""]
     public: Z85Key
     created: AwareDatetime
@@ -214,9 +214,9 @@ def init(folder: Path) -> Path:
     return path
 
 
-def add(folder: Path, role: Role, side: str, to: Path) -> tuple[KeyedPeer, Path]:
+def add(folder: Path, role: KeyRole, side: str, to: Path) -> tuple[KeyedPeer, Path]:
     """Make a peer's key and authorise it. ``to``: folder for its file; created if missing."""
-    if (role in ROLES_WITH_SIDE) != (side in SIDES):
+    if (role in KEY_ROLES_WITH_SIDE) != (side in SIDES):
         raise ConfigError(f"{role}: expected a side, left or right" if not side else f"{role}: has no side")
     server = _read_key(key_path(folder, SERVER), HOW_TO_INIT)
     with ExitStack() as undo:
@@ -252,7 +252,7 @@ def read_list(folder: Path) -> tuple[KeyedPeer, ...]:
     path = folder / LIST
     peers = _parse(path, _read(path, HOW_TO_INIT), _LIST_ADAPTER).peer
     for peer in peers:
-        if (peer.role in ROLES_WITH_SIDE) != (peer.side in SIDES):
+        if (peer.role in KEY_ROLES_WITH_SIDE) != (peer.side in SIDES):
             raise ConfigError(
                 f"{path}: {peer.name}: role {peer.role} and side {peer.side!r} are not a valid combination"
             )

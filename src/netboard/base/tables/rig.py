@@ -69,6 +69,39 @@ class Network:
 
 
 @dataclass(frozen=True, slots=True)
+class Stations:
+    """Machines of the stations. On one that is not the server's, netboard station starts agent and display."""
+
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
+    left: Annotated[str, about("address of the left station's machine; empty: it is the server's")] = ""
+    right: Annotated[str, about("address of the right station's machine, likewise")] = ""
+    port: Annotated[
+        int,
+        about("TCP port of netboard station at the left station; at the right one the next", "1", ge=1024, le=65_000),
+    ] = 5560
+
+    def of(self, side: Literal["left", "right"]) -> str:
+        """Return the address of a station's machine; empty if it is the server's.
+
+        Parameters
+        ----------
+        side : {"left", "right"}
+            Side of the station.
+        """
+        return self.left if side == "left" else self.right
+
+    def port_of(self, side: Literal["left", "right"]) -> int:
+        """Return the port of the service at a station [1].
+
+        Parameters
+        ----------
+        side : {"left", "right"}
+            Side of the station.
+        """
+        return self.port + (side == "right")
+
+
+@dataclass(frozen=True, slots=True)
 class Realtime:
     """Real-time resources that each process requests. If one is refused, the process logs it and continues without."""
 

@@ -16,6 +16,10 @@ Role = Literal["agent", "display", "logger", "console", "listener"]
 ROLES: tuple[str, ...] = get_args(Role)
 ROLES_WITH_SIDE = ("agent", "display")
 
+KeyRole = Literal["agent", "display", "logger", "console", "listener", "station"]
+KEY_ROLES_WITH_SIDE = (*ROLES_WITH_SIDE, "station")
+"""Roles of keys: those of peers, and the service of a station, which the server's machine connects to."""
+
 
 def role_and_side(role: str, side: str) -> str:
     """Join a role and a side, as in ``agent.left``."""

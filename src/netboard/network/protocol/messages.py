@@ -44,6 +44,7 @@ from netboard.network.protocol.records import (
     LogRequest,
     TickRecord,
 )
+from netboard.network.protocol.station import ACTIONS, StationReport, StationRequest
 from netboard.network.protocol.views import MAX_SHOWN, Frames
 from netboard.stage.view import View
 
@@ -84,6 +85,8 @@ Message = (
     | Move
     | Pointer
     | Felt
+    | StationRequest
+    | StationReport
 )
 
 
@@ -152,6 +155,8 @@ KINDS: dict[int, MessageKind] = {
     60: MessageKind(Move, 128),
     61: MessageKind(Pointer, 64),
     62: MessageKind(Felt, 64),
+    70: MessageKind(StationRequest, 256),
+    71: MessageKind(StationReport, 131_072, 32, most_pairs=32),
 }
 """Messages by their numbers on the wire. Append only; 127 is the highest that MessagePack writes as one byte."""
 
@@ -172,5 +177,7 @@ CHOICES: dict[tuple[type[Message], str], tuple[str, ...]] = {
     (Move, "side"): SIDES,
     (Pointer, "side"): SIDES,
     (Felt, "side"): SIDES,
+    (StationRequest, "action"): ACTIONS,
+    (StationReport, "side"): SIDES,
 }
 """Fields that allow only some strings."""

@@ -20,6 +20,12 @@ MOTION, LOG, VIEW_LEFT, VIEW_RIGHT, CONTROL, MOVES, PARTNER_LEFT, PARTNER_RIGHT 
 CHANNELS = ("motion", "log", "view.left", "view.right", "control", "moves", "partner.left", "partner.right")
 """Their names."""
 
+STATION = len(CHANNELS)
+"""Socket of a station's service; it is at the station, and no channel of the server."""
+
+NAMES = (*CHANNELS, "station")
+"""Names of all authenticated sockets."""
+
 VIEW: dict[Side, int] = {"left": VIEW_LEFT, "right": VIEW_RIGHT}
 """Channel of each station's views."""
 
@@ -80,8 +86,17 @@ class Addresses:
             return Endpoint(f"ipc://{_socket_folder() / str(port)}", channel, None if local else self.security)
         if local:
             return Endpoint(f"tcp://127.0.0.1:{port}", channel)
-        host = machine.strip("[]")
-        return Endpoint(f"tcp://[{host}]:{port}" if ":" in host else f"tcp://{host}:{port}", channel, self.security)
+        return Endpoint(_tcp(machine, port), channel, self.security)
+
+
+def station_endpoint(host: str, port: int, security: Authenticator | Credentials) -> Endpoint:
+    """Return the endpoint of a station's service, which always requires keys."""
+    return Endpoint(_tcp(host, port), STATION, security)
+
+
+def _tcp(machine: str, port: int) -> str:
+    host = machine.strip("[]")
+    return f"tcp://[{host}]:{port}" if ":" in host else f"tcp://{host}:{port}"
 
 
 def addresses(network: Network, security: Authenticator | Credentials | None = None) -> Addresses:

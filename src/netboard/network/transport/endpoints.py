@@ -9,7 +9,7 @@ import zmq
 from zmq import Again, ZMQError
 
 from netboard.network.transport.authenticator import NOBLOCK, Authenticator, Socket, readable
-from netboard.network.transport.channels import CHANNELS, Endpoint
+from netboard.network.transport.channels import NAMES, Endpoint
 
 GOODBYE_LINGER_MS = 200
 """Linger for the last messages on a channel that otherwise does not linger [ms]."""
@@ -48,7 +48,7 @@ class Router:
 
     def __init__(self, socket: Socket, endpoint: Endpoint) -> None:
         self.key = ""  # key of the last frame's sender (Z85); empty without keys
-        self.channel = CHANNELS[endpoint.channel]
+        self.channel = NAMES[endpoint.channel]
         self.socket = socket
         self._authenticator = endpoint.security if isinstance(endpoint.security, Authenticator) else None
         self._more = False

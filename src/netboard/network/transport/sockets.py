@@ -28,7 +28,7 @@ from zmq import Again, ZMQError
 from netboard.base.errors import NetboardError
 from netboard.network.transport import authenticator
 from netboard.network.transport.authenticator import Authenticator, Credentials, readable
-from netboard.network.transport.channels import CHANNELS, CONTROL, LOG, PARTNER, VIEW, Endpoint
+from netboard.network.transport.channels import CONTROL, LOG, NAMES, PARTNER, VIEW, Endpoint
 from netboard.network.transport.endpoints import GOODBYE_LINGER_MS, Publisher, Router
 from netboard.network.transport.names import Name, addresses_of, is_loopback, is_numeric, known, unresolved
 from netboard.network.transport.ports import reserved, try_to_bind
@@ -214,7 +214,7 @@ def _make(context: Context, kind: int, hwm: int, linger_ms: int = 0, largest: in
 def _bind(context: Context, socket: Socket, endpoint: Endpoint) -> Socket:
     """Bind, or raise an error that says why not."""
     if isinstance(endpoint.security, Authenticator):
-        endpoint.security.guard(context, socket, CHANNELS[endpoint.channel])
+        endpoint.security.guard(context, socket, NAMES[endpoint.channel])
     try:
         address = _local_address(endpoint.address)
         _refuse_taken(address)
@@ -393,6 +393,10 @@ def control_server(context: Context, endpoint: Endpoint) -> Router:
 def control_client(context: Context, endpoint: Endpoint, identity: str) -> Socket:
     """Make a peer's socket of the control channel."""
     return _dealer(context, endpoint, identity, CONTROL_HWM)
+
+
+station_server, station_client = control_server, control_client
+"""The sockets of a station's service and of the machine that uses it queue as those of the control channel do."""
 
 
 def view_publisher(context: Context, endpoint: Endpoint) -> Publisher:

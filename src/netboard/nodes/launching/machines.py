@@ -3,11 +3,14 @@
 `SessionMachine` is what a session needs of a machine, and `LocalMachine` is this one.
 """
 
+import tempfile
 import time
 from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Protocol, Self
 
+from netboard.base.errors import NetboardError, writing
 from netboard.network.protocol.station import ProcessStatus
 from netboard.nodes.operator.launcher import HURRIED_SECONDS, STOP_SECONDS, Launcher
 
@@ -18,8 +21,9 @@ TAIL_BYTES = 16_384
 class SessionMachine(Protocol):
     """A machine that runs processes of a session."""
 
-    trouble: str
-    """Why the machine does not answer; empty if it does."""
+    @property
+    def trouble(self) -> str:
+        """Why the machine does not answer, or should not be used; empty if all is well."""
 
     @property
     def processes(self) -> Mapping[str, ProcessStatus]:
@@ -122,6 +126,13 @@ class LocalMachine:
     def _log_bytes(self, name: str) -> int:
         path = self.log_of(name)
         return path.stat().st_size if path.exists() else 0
+
+
+def log_folder(parent: Path, name: str) -> Path:
+    """Create a folder for the logs of a session, named after its start."""
+    with writing(parent, NetboardError):
+        parent.mkdir(parents=True, exist_ok=True)
+        return Path(tempfile.mkdtemp(prefix=f"{name}_{datetime.now(UTC):%Y%m%dT%H%M%SZ}_", dir=parent))
 
 
 def last_lines(log: str, count: int) -> list[str]:

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from netboard.base import kernel_cache
-from netboard.base.config import Config, Side
+from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import NetboardError, writing
 from netboard.base.terminal.shell import shell_command
 from netboard.network import keys
+from netboard.network.station_keys import STATION
 from netboard.nodes.server.blocks import BlockSequence
 
 
@@ -39,18 +40,27 @@ def missing_steps(config: Config, here: Sequence[Side], settings: Sequence[str])
 
 
 def _missing_keys(config: Config, here: Sequence[Side], settings: Sequence[str]) -> Iterator[PreparationStep]:
-    """Yield the keys that this machine lacks."""
-    if not keys.encrypted(config.network):
+    """Yield the keys that this machine lacks, and those of other stations that were never made."""
+    encrypted, elsewhere = keys.encrypted(config.network), [side for side in SIDES if side not in here]
+    if not encrypted and not elsewhere:
         return
     folder = Path(config.network.keys)
     server = keys.key_path(folder, keys.SERVER)
     if not server.exists():
         command = shell_command("netboard", "keys", "init", *settings)
         yield PreparationStep("key", f"{server}: is missing", command, lambda: keys.init(folder))
-    for peer in ("logger", "console", *(f"{role}.{side}" for side in here for role in ("agent", "display"))):
+    local = ("logger", "console", *(f"{role}.{side}" for side in here for role in ("agent", "display")))
+    for peer in local if encrypted else ():
         path = keys.key_path(folder, peer)
         if not path.exists():
             yield _key_step(folder, peer, folder, f"{path}: is missing", settings)
+    made = {peer.role_and_side for peer in keys.read_list(folder) if peer.revoked is None}
+    for side in elsewhere:
+        carried = folder.parent / f"for-{side}"
+        for role in ("agent", "display", STATION) if encrypted else (STATION,):
+            if (peer := f"{role}.{side}") not in made:
+                missing = f"{peer} was never made; bring {carried}/*.key to the keys of that station"
+                yield _key_step(folder, peer, carried, missing, settings)
 
 
 def _key_step(folder: Path, peer: str, to: Path, missing: str, settings: Sequence[str]) -> PreparationStep:

@@ -4,26 +4,25 @@ Each step is a line with the command that does the same. A process that fails is
 Ctrl-C ends everything in order; a second one shortens the wait.
 """
 
-import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 
 from rich.console import Console
 
-from netboard.base.config import Config, Side
-from netboard.base.errors import NetboardError, writing
+from netboard.base.config import SIDES, Config, Side
+from netboard.base.errors import NetboardError
 from netboard.base.process.display_server import require_screen
 from netboard.base.terminal.shell import shell_command
 from netboard.network.protocol.control import Status
 from netboard.network.protocol.station import ProcessStatus
 from netboard.network.transport import sockets
-from netboard.nodes.launching.machines import LocalMachine
+from netboard.nodes.launching.machines import LocalMachine, SessionMachine, log_folder
 from netboard.nodes.launching.preparation import compile_kernels, missing_steps
-from netboard.nodes.launching.programs import PROGRAMS
+from netboard.nodes.launching.programs import PROGRAMS, process_name
+from netboard.nodes.launching.remote import RemoteMachine
 from netboard.nodes.launching.session import LaunchedSession, UnaskedEnd
 from netboard.nodes.operator.launcher import CHECK_INTERVAL_S, TERMINATED, UNBUFFERED, EndedProcess, Launcher
 from netboard.nodes.operator.operator import Operator
@@ -43,7 +42,7 @@ class Launch:
     config: Config
     blocks: Sequence[Config]  # of the session, whose kernels are compiled first
     settings: Sequence[str]  # options with the configuration, such as -c rig.toml
-    here: tuple[Side, ...]  # sides whose station is this machine
+    here: Sequence[Side]  # sides whose station is this machine
     commands: Mapping[str, Sequence[str]]  # of each process here, in the order of their start
 
 
@@ -67,30 +66,58 @@ def run(launch: Launch, stopping: Callable[[], bool], console: Console) -> int:
         console.print(f"{what:<14} {words}", soft_wrap=True, markup=False, highlight=False)
 
     prepare(launch, say)
-    folder = log_folder(Path(launch.config.recording.directory))
-    with LocalMachine(launch.commands, Launcher(folder, UNBUFFERED)) as machine, sockets.open_context() as context:
-        session = LaunchedSession({HERE: machine}, dict.fromkeys(launch.commands, HERE), lambda end: _show(end, say))
+    folder = log_folder(Path(launch.config.recording.directory), "up")
+    local = LocalMachine(launch.commands, Launcher(folder, UNBUFFERED))
+    with local, sockets.open_context() as context:
+        stations = remote_machines(launch.config, launch.here, context)
+        places = dict.fromkeys(launch.commands, HERE) | places_at(stations)
+        machines: dict[str, SessionMachine] = {HERE: local, **stations}
+        session = LaunchedSession(machines, places, lambda end: _show(end, say))
         for name, command in launch.commands.items():
             say(name, shell_command("netboard", *command))
+        for name, machine in places_at(stations).items():
+            say(name, f"started by the service at the {machine}")
         say("logs", str(folder))
         session.start()
         watch(session, progress(Operator(launch.config.network, context)), stopping, say)
         with suppress(KeyboardInterrupt):  # leaving ends what is left
             end(session, say)
+        for station in stations.values():
+            station.close()
     failed = failures(session)
     for name, status in failed.items():
-        say("failed", f"{EndedProcess(name, status.code or 0, '')}: {machine.log_of(name)}")
+        where = local.log_of(name) if places[name] == HERE else f"its log is at the {places[name]}"
+        say("failed", f"{EndedProcess(name, status.code or 0, '')}: {where}")
     return 1 if failed else 0
+
+
+def remote_machines(config: Config, here: Collection[Side], context: sockets.Context) -> dict[str, RemoteMachine]:
+    """Return the stations on other machines, by name."""
+    return {f"{side} station": RemoteMachine(config, side, context) for side in SIDES if side not in here}
+
+
+def places_at(stations: Mapping[str, RemoteMachine]) -> dict[str, str]:
+    """Return the station of each process of a session that runs at one."""
+    return {
+        process_name(program, station.side): name
+        for program in ("agent", "display")
+        for name, station in stations.items()
+    }
 
 
 def watch(
     session: LaunchedSession, lines: Iterator[str], stopping: Callable[[], bool], say: Callable[[str, str], object]
 ) -> None:
     """Watch a session until it is asked to stop, or its server has ended."""
+    troubles = dict.fromkeys(session.machines, "")
     while not session.stopping:
         if stopping():
             session.stop()
         session.poll()
+        for name, machine in session.machines.items():
+            if machine.trouble != troubles[name]:
+                troubles[name] = machine.trouble
+                say(name, machine.trouble or "answers again")
         if line := next(lines):
             say("session", line)
         time.sleep(CHECK_INTERVAL_S)
@@ -140,12 +167,6 @@ def state_line(status: Status) -> str:
     if not status.opened:
         return f"{block}the session waits for its form (console, F3)"
     return block + (state_text(status) if status.phase in LASTING else "a trial is running")
-
-
-def log_folder(directory: Path) -> Path:
-    """Create a folder for the logs of a session, beside its recordings."""
-    with writing(directory, NetboardError):
-        return Path(tempfile.mkdtemp(prefix=f"up_{datetime.now(UTC):%Y%m%dT%H%M%SZ}_", dir=directory))
 
 
 def _show(end: UnaskedEnd, say: Callable[[str, str], object]) -> None:
