@@ -44,7 +44,11 @@ PLAIN = {
     ),
     "forces": ("coupling.forces", "Forces on both hands for one movement under each force condition."),
     "rehearsals": ("participants.speed", "Speed of rehearsals on one core, beside the stage alone, in the same run."),
-    "robots": ("participants.robots", "Robot partners: completion times beside other partners, and stable latencies."),
+    "robots": (
+        "participants.robots",
+        "Robot partners: completion times, stable latencies, and times of their decisions.",
+    ),
+    "partners": ("participants.partners", "Every kind of partner beside every other, haptic feedback on and off."),
     "calibration": ("analysis.calibration", "False positive rate of the tests in simulated studies."),
     "controls": (
         "analysis.control_truth",

@@ -5,7 +5,7 @@ quality flags and measures are computed by the functions that analyse a recordin
 equal those of a recording of the same block.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,8 +19,8 @@ from netboard.analysis.extraction.details import MOVEMENTS, movements
 from netboard.analysis.extraction.devices import always, simulated_mechanics
 from netboard.analysis.extraction.recordings import ATTEMPT, BLOCKS, Measured, attempt_row, block_row, place_of
 from netboard.analysis.extraction.settings import Readings
-from netboard.analysis.extraction.tables import columns_of
-from netboard.analysis.extraction.trials import PLACES, BlockData
+from netboard.analysis.extraction.tables import Group, columns_of
+from netboard.analysis.extraction.trials import FORCES, PLACES, BlockData
 from netboard.base.safeguards import Safeguard
 from netboard.nodes.rehearsal.jobs import RehearsalJob
 from netboard.participants.seat.block import Rehearsal
@@ -51,10 +51,10 @@ class Rehearsed:
     given_up: bool
 
 
-def rehearse(job: RehearsalJob) -> Rehearsed:
-    """Rehearse a block."""
+def rehearse(job: RehearsalJob, *, forces: bool = False) -> Rehearsed:
+    """Rehearse a block; keep the columns of the measures of forces only if they are wanted."""
     rehearsal, referee = Rehearsal(job.config, job.people), Referee(job.config, Safeguard.CLAMPED)
-    parts: dict[str, list[NDArray[np.float64]]] = {name: [] for name in PLACES}
+    parts: dict[str, list[NDArray[np.float64]]] = {name: [] for name in (*PLACES, *(FORCES if forces else ()))}
     flags: dict[tuple[int, int], tuple[str, ...]] = {}
 
     def portions() -> Iterator[NDArray[Any]]:
@@ -73,17 +73,19 @@ def rehearse(job: RehearsalJob) -> Rehearsed:
     return Rehearsed(block, flags, summary.ticks, summary.given_up)
 
 
-def measured(job: RehearsalJob, place: int, found: Rehearsed) -> Measured:
+def measured(job: RehearsalJob, place: int, found: Rehearsed, groups: Sequence[Group] = PAPER) -> Measured:
     """Return the tables of a rehearsed block, without paths.
 
     - `place`: place of the block among those of its dyad, from 1 [1].
+    - `groups`: measures of its attempts.
     """
     run = run_of(job, place)
     name, takes = run.path.stem, list(found.block.takes())
+    fields = (*ATTEMPT, *(field for group in groups for field in group.fields))
     turns = [place_of(name, take) | dict(row) for take in takes for row in movements(take)]
     return Measured(
         columns_of(BLOCKS, [block_row(run, found.block, repaired=False, unknown=0)]),
-        columns_of(TRIALS, [attempt_row(name, take, found.flags, PAPER) for take in takes]),
+        columns_of(fields, [attempt_row(name, take, found.flags, groups) for take in takes]),
         columns_of(MOVEMENTS, turns),
         {},
         columns_of(CONTROLS, []),

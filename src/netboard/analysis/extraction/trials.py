@@ -42,7 +42,9 @@ UNRELEASED = "unreleased"
 PLACES = ("theta", "p", "left_used_z", "right_used_z")
 """Columns of the ticks that all measures need."""
 
-_FORCES = ("left_coupling", "right_coupling")
+FORCES = ("left_coupling", "right_coupling")
+"""Columns of the ticks that the measures of forces need."""
+
 _RATES = ("left_used_vz", "right_used_vz")
 _COUNTS = ("tick", "run_ticks")
 _FILTERED = ("_seen", "placed", "fast", "slow", "whole", "forces", "_segments")
@@ -50,7 +52,7 @@ _FILTERED = ("_seen", "placed", "fast", "slow", "whole", "forces", "_segments")
 
 def columns_for(readings: Readings) -> tuple[str, ...]:
     """Return the tick columns that a `BlockData` needs."""
-    return (*_COUNTS, *PLACES, *_FORCES, *(_RATES if readings.filters.velocity == "device" else ()))
+    return (*_COUNTS, *PLACES, *FORCES, *(_RATES if readings.filters.velocity == "device" else ()))
 
 
 class BlockData:
@@ -172,7 +174,7 @@ class BlockData:
     @cached_property
     def forces(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Filtered forces of the left and the right hand on the board, shape (n,) each [N]."""
-        left, right = (self.fast(self.raw(name), RATE) for name in _FORCES)
+        left, right = (self.fast(self.raw(name), RATE) for name in FORCES)
         return left, right
 
     def segments(self, filtered: FilteredMotion) -> Segments:
