@@ -15,7 +15,19 @@ from netboard.services.guard import OK, Guarded
 from netboard.services.options import examples
 
 COMMANDS = {
-    "Run an experiment": ("demo", "up", "server", "agent", "display", "logger", "station", "lsl", "plan", "session"),
+    "Run an experiment": (
+        "demo",
+        "up",
+        "server",
+        "agent",
+        "display",
+        "logger",
+        "station",
+        "lsl",
+        "trigger",
+        "plan",
+        "session",
+    ),
     "Operate a session": ("console", "status", "control", "stop"),
     "Recordings": ("replay", "info", "tracing", "check", "recover", "sessions", "whatif", "export", "importing"),
     "Analysis and simulation": (

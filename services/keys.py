@@ -43,7 +43,7 @@ def add(
         KeyRole,
         typer.Argument(
             help="Process that uses the key. console: also for netboard status, control and stop; listener: for "
-            "netboard lsl; station: netboard station."
+            "netboard lsl; trigger: for netboard trigger; station: netboard station."
         ),
     ],
     side: Annotated[Side | None, typer.Argument(help="Side of an agent, display or station.")] = None,

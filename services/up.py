@@ -104,6 +104,7 @@ def up(
         words,
         sides,
         server=options if server or everything else None,
+        trigger=settings.triggers.declared,
         console=console and everything,
         offscreen=offscreen,
     )

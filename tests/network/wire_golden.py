@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from netboard.base.safeguards import Safeguard
-from netboard.network.protocol import control, joining, motion, records, station, views
+from netboard.network.protocol import control, joining, motion, records, station, triggers, views
 from netboard.network.protocol.codec import encode
 from netboard.network.protocol.messages import KINDS, Message
 from netboard.stage.view import View
@@ -217,6 +217,14 @@ EXAMPLES: dict[str, Message] = {
         {"left display": "there is no screen"},
         "",
     ),
+    "trigger": triggers.Trigger(17, 4012, SERVER_NS, "held", 4),
+    "pulse-report": triggers.PulseReport(
+        17, PEER_NS + 210_000, PEER_NS + 260_000, PEER_NS + 5_300_000, PEER_NS + 905_000, 0, ""
+    ),
+    "pulse-report-lost": triggers.PulseReport(18, PEER_NS, 0, 0, 0, 0, "the serial box at /dev/ttyACM0 was unplugged"),
+    "input-pulse": triggers.InputPulse(255, PEER_NS),
+    "box-state": triggers.BoxState(True, "serial box at /dev/ttyACM0", False, ""),
+    "box-state-lost": triggers.BoxState(False, "parallel port /dev/parport0", False, "/dev/parport0: no such port"),
 }
 
 

@@ -37,7 +37,7 @@ OPENS: dict[str, tuple[str, ...]] = {
     "view.right": ("display.right", "agent.right"),
     "partner.left": ("agent.left",),
     "partner.right": ("agent.right",),
-    "control": ("display.left", "display.right", "console"),
+    "control": ("display.left", "display.right", "console", "trigger"),
 }
 """Roles whose keys open each channel. An agent gets its station's view for the simulated participant at it."""
 

@@ -43,10 +43,12 @@ class Priority(IntEnum):
     """SCHED_FIFO priorities of netboard's loops; no others are in use.
 
     The server precedes the agents, because both wait for it. ZeroMQ's threads precede their loop by `IO_PRIORITY_STEP`,
-    so that messages leave at once and not after the rest of the tick, even on a shared core. Logger, displays and all
-    others have normal scheduling. Interrupt threads of a PREEMPT_RT kernel have 50.
+    so that messages leave at once and not after the rest of the tick, even on a shared core. A trigger box's process
+    has little work and follows the agents. Logger, displays and all others have normal scheduling. Interrupt threads
+    of a PREEMPT_RT kernel have 50.
     """
 
+    TRIGGER = 45
     AGENT = 50
     SERVER = 60
 

@@ -47,7 +47,6 @@ OTHER_EVENTS = (
     "command",
     "emergency_release",
     "emergency_stop",
-    "session_ended",
 )
 """Events of a session that can have a code, too; by default they have none."""
 

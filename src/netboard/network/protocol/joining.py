@@ -12,7 +12,7 @@ HELLO_FIRST = "it has not joined yet"
 HELLO_INTERVAL_NS = 500_000_000
 """Time without an answer after which a peer sends `Hello` again [ns]."""
 
-Role = Literal["agent", "display", "logger", "console", "listener"]
+Role = Literal["agent", "display", "logger", "console", "listener", "trigger"]
 ROLES: tuple[str, ...] = get_args(Role)
 ROLES_WITH_SIDE = ("agent", "display")
 
@@ -33,7 +33,7 @@ class Hello:
     Attributes
     ----------
     role : str
-        ``agent``, ``display``, ``logger``, ``console`` or ``listener``.
+        ``agent``, ``display``, ``logger``, ``console``, ``listener`` or ``trigger``.
     side : str
         ``left`` or ``right`` for agents and displays, else empty.
     protocol : int

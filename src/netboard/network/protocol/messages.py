@@ -45,6 +45,7 @@ from netboard.network.protocol.records import (
     TickRecord,
 )
 from netboard.network.protocol.station import ACTIONS, StationReport, StationRequest
+from netboard.network.protocol.triggers import BoxState, InputPulse, PulseReport, Trigger
 from netboard.network.protocol.views import MAX_SHOWN, Frames
 from netboard.stage.view import View
 
@@ -74,6 +75,10 @@ Message = (
     | ClockRecord
     | FrameRecord
     | BackfillRecord
+    | Trigger
+    | PulseReport
+    | InputPulse
+    | BoxState
     | Command
     | Reply
     | StatusRequest
@@ -117,8 +122,8 @@ class MessageKind:
 
 
 _AGENT, _DISPLAY, _CONSOLE, _LOGGER = ("agent",), ("display",), ("console",), ("logger",)
-_LOGGERS = ("logger", "listener")
-_PINGED = ("display", "logger", "console", "listener")
+_LOGGERS, _TRIGGER = ("logger", "listener"), ("trigger",)
+_PINGED = ("display", "logger", "console", "listener", "trigger")
 
 KINDS: dict[int, MessageKind] = {
     1: MessageKind(Hello, 4096, most_pairs=32, up=ROLES),
@@ -144,6 +149,10 @@ KINDS: dict[int, MessageKind] = {
     36: MessageKind(ClockRecord, 256),
     37: MessageKind(FrameRecord, 256),
     38: MessageKind(BackfillRecord, 2304),
+    40: MessageKind(Trigger, 128, down=_TRIGGER),
+    41: MessageKind(PulseReport, 2048, up=_TRIGGER),
+    42: MessageKind(InputPulse, 64, up=_TRIGGER),
+    43: MessageKind(BoxState, 2048, up=_TRIGGER),
     50: MessageKind(Command, 8192, up=_CONSOLE),
     51: MessageKind(StatusRequest, 16, up=_CONSOLE),
     52: MessageKind(Status, 262_144, 10_240, down=_CONSOLE),

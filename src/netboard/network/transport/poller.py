@@ -12,9 +12,10 @@ from netboard.network.transport.authenticator import Socket, readable
 
 
 class Waiter:
-    """Waits until any of several sockets can be read."""
+    """Waits until any of several sockets, or another file, can be read. ``others``: numbers of such files."""
 
     def __init__(self, sockets: Iterable[Socket]) -> None:
+        self.others: tuple[int, ...] = ()
         self._sockets = tuple(sockets)
         self._by_file = {socket.fileno(): socket for socket in self._sockets}
         self._files = list(self._by_file)
@@ -30,7 +31,9 @@ class Waiter:
             left = until - time.monotonic()
             if left <= 0:
                 return False
-            files = select.select(self._files, (), (), left)[0]
+            files = select.select([*self._files, *self.others], (), (), left)[0]
+            if not set(self.others).isdisjoint(files):
+                return True
             changed = [self._by_file[file] for file in files]
 
 

@@ -30,6 +30,7 @@ PROGRAMS = {
     for program in (
         Program("logger", "writes the recordings", ("logger",)),
         Program("server", "simulates the board and runs the trials", ("server",)),
+        Program("trigger", "gives TTL pulses for events of the session", ("trigger",)),
         Program("agent", "reads the device and renders the force", ("agent", "--side", "{side}"), sided=True),
         Program("display", "shows the board to a participant", ("display", "--station", "{side}"), True, window=True),
         Program("console", "the operator's window", ("console",), window=True),
@@ -68,16 +69,18 @@ def session_commands(
     sides: Iterable[Side],
     *,
     server: Sequence[str] | None,
+    trigger: bool = False,
     console: bool = False,
     offscreen: bool = False,
 ) -> dict[str, list[str]]:
     """Return the commands of a session on one machine, by process, in the order of their start.
 
-    ``sides``: stations on this machine. ``server``: options of the server; None to run no server. ``offscreen``:
-    whether windows are drawn off screen.
+    ``sides``: stations on this machine. ``server``: options of the server; None to run no server. ``trigger``: whether
+    the rig has a trigger box, which is at the server's machine. ``offscreen``: whether windows are drawn off screen.
     """
     here = [side for side in SIDES if side in set(sides)]
     wanted: list[tuple[str, Side | Literal[""]]] = [("logger", ""), ("server", "")] if server is not None else []
+    wanted += [("trigger", "")] if trigger and server is not None else []
     wanted += [(program, side) for program in ("agent", "display") for side in here]
     wanted += [("console", "")] if console else []
     commands = {}

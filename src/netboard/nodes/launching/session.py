@@ -13,7 +13,7 @@ from netboard.network.protocol.station import ProcessStatus
 from netboard.nodes.launching.machines import SessionMachine, last_lines
 from netboard.nodes.operator.launcher import EndedProcess, stop_group
 
-REJOINING = ("agent", "display", "logger")
+REJOINING = ("agent", "display", "logger", "trigger")
 """Programs that rejoin a session after a failure."""
 
 WRONG_USAGE = 2

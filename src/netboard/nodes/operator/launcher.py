@@ -20,9 +20,10 @@ from netboard.base.process.stopping import STOP_WITH_PARENT, SUPERVISOR
 
 log = logging.getLogger(__name__)
 
-LAST = ("server", "logger")
+LAST = ("server", "trigger", "logger")
 """Agents, displays and consoles stop before the server that they depend on, and together: no agent renders forces while
-a display hangs. The logger stops last, to write its last records. The kind is a word of the name: "left agent 2"."""
+a display hangs. The trigger box makes the pulses of the server's last events. The logger stops last, to write its last
+records. The kind is a word of the name: "left agent 2"."""
 
 UNBUFFERED = {"PYTHONUNBUFFERED": "1"}
 """Environment of processes whose logs are complete at any moment."""

@@ -1,4 +1,4 @@
-"""The server's endpoint of the control channel: displays that report their painted frames, and operators.
+"""The server's endpoint of the control channel: displays that report their painted frames, operators, trigger boxes.
 
 It collects messages and answers questions; the server decides. A display may only report its own frames: it cannot
 command. A station may have several displays; of those present, the one that joined last reports what was shown.
@@ -29,6 +29,7 @@ from netboard.network.protocol.control import (
 from netboard.network.protocol.joining import HELLO_FIRST, Goodbye, Hello, Ping, Pong, Welcome, role_and_side
 from netboard.network.protocol.messages import Message, sent_by
 from netboard.network.protocol.records import ClockRecord, FrameRecord
+from netboard.network.protocol.triggers import BoxState, InputPulse, PulseReport
 from netboard.network.protocol.views import MAX_SHOWN, Frames
 from netboard.network.transport import endpoints
 from netboard.nodes.ports import emergency
@@ -36,8 +37,9 @@ from netboard.nodes.ports.peer import SILENCE_TIMEOUT_NS, ProbedPeer, Probes, ad
 from netboard.nodes.ports.peer_events import News, PeerEvents
 from netboard.nodes.ports.rate_limit import COMMANDS_AT_ONCE, COMMANDS_HZ, RateLimit
 from netboard.nodes.ports.refusals import TOO_MANY_MESSAGES, Refusals
+from netboard.nodes.ports.trigger_peers import TRIGGER_ROLE, TriggerPeers
 
-ROLES = ("display", "console")
+ROLES = ("display", "console", TRIGGER_ROLE)
 ALLOWED_MESSAGES: dict[str, frozenset[type[Message]]] = {
     "": frozenset((Hello, Goodbye)),
     **{role: sent_by(role) for role in ROLES},
@@ -100,6 +102,7 @@ class ControlPort:
         self.requests: list[CommandRequest] = []
         self.news: News = []
         self.refusals = Refusals(router, self.news)
+        self.triggers = TriggerPeers(router)
         self._router = router
         self._welcome = encode(welcome)
         self._peers: dict[bytes, ProbedPeer] = {}
@@ -177,6 +180,7 @@ class ControlPort:
             self._ping(name, peer, now_ns)
             if name not in self._silent and peer.age_ns(now_ns) > SILENCE_TIMEOUT_NS:
                 self._silent.add(name)
+                self._find_triggers()
                 self._add_event("silent", peer.hello, now_ns)
 
     def links(self, now_ns: int) -> list[LinkStatus]:
@@ -226,6 +230,7 @@ class ControlPort:
                 self._ping(name, peer, now_ns)
             if name in self._silent:
                 self._silent.discard(name)
+                self._find_triggers()
                 self._add_event("back", peer.hello, now_ns)
         try:
             self._handle(name, peer, frame, now_ns)
@@ -246,6 +251,8 @@ class ControlPort:
                 raise WireError(HELLO_FIRST)
             case Pong() as pong:
                 peer.answered(pong, now_ns)
+            case PulseReport() | InputPulse() | BoxState() as report:
+                self.triggers.take(name, peer, report)
             case Frames() as frames:
                 self._queue_report(name, peer.hello.side, frames)
             case Command() as command:
@@ -277,6 +284,7 @@ class ControlPort:
             self._make_room(hello.role, now_ns)
             self._add_event("joined", hello, now_ns)
         self._peers[name] = peer = peer or ProbedPeer(hello, now_ns)
+        self._find_triggers()
         self._router.send_or_queue(name, self._welcome)
         self._ping(name, peer, now_ns)  # its answer precedes any command, so that a late command is known as such
 
@@ -299,9 +307,15 @@ class ControlPort:
         if peer is not None:
             self._router.drop_queued(name)
             self._silent.discard(name)
+            self._find_triggers()
             for kind in _ANSWERS:
                 self._questions.pop((name, kind), None)
             self._add_event("left", peer.hello, now_ns)
+
+    def _find_triggers(self) -> None:
+        """List the trigger boxes that are connected and not silent."""
+        of_role = (name for name, peer in self._peers.items() if peer.hello.role == TRIGGER_ROLE)
+        self.triggers.present = [name for name in of_role if name not in self._silent]
 
     def _add_event(self, what: str, hello: Hello, now_ns: int) -> None:
         details = {"side": hello.side, "name": hello.name}

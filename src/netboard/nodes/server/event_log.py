@@ -14,6 +14,7 @@ from netboard.base.plural import plural
 from netboard.network.protocol.codec import encode
 from netboard.network.protocol.messages import Message
 from netboard.network.protocol.records import ClockRecord, EventRecord, FrameRecord
+from netboard.network.protocol.triggers import TRIGGER
 from netboard.nodes.ports.log_port import LogPort
 from netboard.nodes.server.attempts import Attempts
 from netboard.stage.curtain import PHASE_NAMES
@@ -46,6 +47,8 @@ class EventLog:
             self._record_event(tick, name, details)
         else:
             self._held.append((name, details))
+        if name == TRIGGER:  # its event has a line
+            return
         if name == SUMMED:
             self._count_stall(int(details["milliseconds"]))
             return

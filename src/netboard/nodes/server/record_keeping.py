@@ -112,6 +112,8 @@ class RecordKeeping:
                     latency.take_limit("left" if details["side"] == "left" else "right", details)
                     self._know_device(details)
             port.news.clear()
+        for name, details in state.triggers.take_news(now):
+            state.note(name, details)
         for details in state.authenticator.reports(now) if state.authenticator is not None else ():
             state.note("refused", details)
         self._log.pump(now)

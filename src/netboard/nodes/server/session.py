@@ -225,7 +225,7 @@ class DyadSession:
         """Stop the block, and begin to end once the agents have sent what they rendered during an interruption."""
         if not self._stopping:
             self._stop_block()
-        if self.records.backfilling(now_ns()):
+        if self.records.backfilling(now_ns()) or self._state.triggers.awaited(now_ns()):
             return False
         self.records.end()
         return True
@@ -451,10 +451,10 @@ class DyadSession:
             elif state.emergency_stop.halted:
                 state.supervisor.pause = Pause.STOP
             details["notice"] = state.supervisor.notice
-        state.note(cause.name.lower(), details)
+        state.note(cause.name.lower(), details, number)
         halted = bool(state.emergency_stop.halted)
         for name, judged in state.attempts.record_decision(state.rows, number, stage, halted=halted):
-            state.note(name, judged)
+            state.note(name, judged, number)
         if cause == Cause.START:
             self.records.start()
             state.questionnaires = ""

@@ -16,10 +16,16 @@ from netboard.base.process.display_server import unseen
 AWAITING_WORDS = "a confirmation in words (confirm)"
 """Beginning of what a real session waits for while a stand-in is unconfirmed."""
 
-KNOWN = tuple(
-    words
-    for side in SIDES
-    for words in (*(device_stand_in(side, kind) for kind in STAND_INS.values()), display_stand_in(side))
+TRIGGER_STAND_IN = "trigger box simulated"
+"""The words that confirm a simulated trigger box."""
+
+KNOWN = (
+    *(
+        words
+        for side in SIDES
+        for words in (*(device_stand_in(side, kind) for kind in STAND_INS.values()), display_stand_in(side))
+    ),
+    TRIGGER_STAND_IN,
 )
 """The words of every possible stand-in."""
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES
-from netboard.base.tick import STATE, TICK
+from netboard.base.tick import STATE, TICK, TICK_NS
 from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION
 from netboard.network.transport import sockets
@@ -19,9 +19,10 @@ from netboard.nodes.server.attempts import Attempts
 from netboard.nodes.server.blocks import BlockSequence
 from netboard.nodes.server.event_log import EventLog
 from netboard.nodes.server.operators import Operators
-from netboard.nodes.server.stand_ins import AWAITING_WORDS, Confirmations, stand_ins
+from netboard.nodes.server.stand_ins import AWAITING_WORDS, TRIGGER_STAND_IN, Confirmations, stand_ins
 from netboard.nodes.server.supervision import TrialSupervisor
 from netboard.nodes.server.tick_clock import TickClock
+from netboard.nodes.server.triggers import SessionTriggers
 from netboard.stage.curtain import Pause
 from netboard.task.trials.state_machine import Phase
 
@@ -61,6 +62,7 @@ class SessionState:
         self.operators = Operators(opened=False, armed=autostart or not sequence.planned)
         self.confirmations = Confirmations(confirmation)
         self.event_log = EventLog(self.ports.log)
+        self.triggers = SessionTriggers(self.ports.control.triggers)
         # The recent ticks, in a ring: as records of `TICK`, and as 64-bit words of the same memory.
         self.rows = np.zeros(RING_ROWS, TICK)
         self.words = self.rows.view(np.int64).reshape(RING_ROWS, -1)
@@ -113,6 +115,7 @@ class SessionState:
             if agent.hello is not None:
                 block.latency.take_limit(side, agent.hello.details)
         self.ports.renew(self._welcome(), block.ends, block.moved)
+        self.triggers.begin_block(block.config.triggers)
         self.rest_until_ns = now_ns() + int(block.config.block.rest * 1e9)
         self.missing = self.find_missing()  # otherwise the block would start by itself with what the last one needed
 
@@ -128,7 +131,8 @@ class SessionState:
             for side, agent in self.ports.motion.agents.items()
             if agent.hello is not None and side in self.block.people
         }
-        return stand_ins(self.block.config, agents, self.ports.control.platforms)
+        boxes = (TRIGGER_STAND_IN,) if self.triggers.simulated else ()
+        return (*stand_ins(self.block.config, agents, self.ports.control.platforms), *boxes)
 
     def find_missing(self) -> tuple[str, ...]:
         """Return what is missing now before the block can begin."""
@@ -137,6 +141,8 @@ class SessionState:
         lacking += self.block.latency.missing
         if self.block.config.network.require_logger and not log.loggers:
             lacking.append("the logger")
+        if self.phase == Phase.IDLE:
+            lacking += self.triggers.missing
         if self.block.config.session.real and (found := self.confirmations.unconfirmed(self.find_stand_ins())):
             lacking.append(f"{AWAITING_WORDS}: {', '.join(found)}")
         if self.emergency_stop.halted:
@@ -210,6 +216,10 @@ class SessionState:
             self.note(name, details)
             self.attempts.emergency(name, details, self.number)
 
-    def note(self, name: str, details: dict[str, str]) -> None:
-        """Record an event with the current tick."""
-        self.event_log.note(self.number, name, details)
+    def note(self, name: str, details: dict[str, str], tick: int | None = None) -> None:
+        """Record an event of a tick, by default the current one, and send its trigger."""
+        tick = self.number if tick is None else tick
+        if self.event_log.opened:  # first, because a trigger is urgent
+            tick_ns = self.clock.due_ns + (tick - self.number) * TICK_NS
+            self.triggers.event(name, details, tick, tick_ns, now_ns())
+        self.event_log.note(tick, name, details)
