@@ -26,6 +26,8 @@ PATIENCE_NS = 20_000_000_000
 @pytest.fixture
 def service(monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeHaplyService]:
     monkeypatch.setattr(haply, "STALL_NS", PATIENCE_NS)
+    for name in ("CONNECT_S", "ANSWER_S"):
+        monkeypatch.setattr(haply, name, 1e-9 * PATIENCE_NS)
     fake = FakeHaplyService()
     yield fake
     fake.stop()
@@ -73,19 +75,25 @@ class TestHaply(DeviceContract):
 
     def read_times(self) -> Iterator[int]:
         for _ in range(50):
-            self.service.wait(2)
+            if not self.service.unplugged:
+                self.service.wait(2)
             yield monotonic_ns()
 
     def unplug(self, device: Device) -> Callable[[], None]:
+        link = device._link if isinstance(device, Haply) else None
+        assert link is not None
         self.service.unplugged.add("049D")
+        self.service.wait_for(lambda: link.fault is not None)
         return self.service.unplugged.clear
 
 
-def read_until(device: Device, wanted: Callable[[Reading], bool]) -> Reading:
-    """Read until a reading is as wanted."""
+def read_until(device: Device, wanted: Callable[[Reading], bool], force: tuple[float, ...] = ()) -> Reading:
+    """Read until a reading is as wanted; renew a force meanwhile."""
     deadline_ns = monotonic_ns() + PATIENCE_NS
     while not wanted(reading := device.read(monotonic_ns())):
         assert monotonic_ns() < deadline_ns, reading
+        if force:
+            device.write(*force)
         sleep(1e-3)
     return reading
 
@@ -200,15 +208,11 @@ def test_axes_of_the_service_map_to_those_of_the_scene(service: FakeHaplyService
     reading = read_until(device, lambda reading: reading.z == 0.03)
     assert (reading.x, reading.y) == (-0.02, 0.01)
     assert (reading.vx, reading.vy, reading.vz) == (-0.2, 0.1, 0.3)
-    device.write(0.1, 0.2, 0.3)
-    service.wait()
-    assert service.force() == (0.2, -0.1, 0.3)
+    read_until(device, lambda reading: service.force() == (0.2, -0.1, 0.3), force=(0.1, 0.2, 0.3))
 
 
 def test_upward_force_moves_the_hand_up(open_device: Opener) -> None:
-    device = open_device()
-    device.write(0.0, 0.0, 1.5)
-    assert read_until(device, lambda reading: reading.z > 5e-3).y == 0.0
+    assert read_until(open_device(), lambda reading: reading.z > 5e-3, force=(0.0, 0.0, 1.5)).y == 0.0
 
 
 def test_buttons_are_those_of_the_chosen_grip(service: FakeHaplyService, open_device: Opener) -> None:
@@ -306,7 +310,6 @@ def test_service_that_answers_late_is_a_timeout(
 
 def test_service_that_never_answers_is_not_opened(service: FakeHaplyService, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(haply, "ANSWER_S", 0.05)
-    monkeypatch.setattr(haply, "CONNECT_S", 1.0)
     service.silent.set()
     device = Haply("left", configured(Config(), service.url))
     with pytest.raises(DeviceTimeout, match=r"has not answered for 0\.05 s"):

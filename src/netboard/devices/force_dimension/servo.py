@@ -128,6 +128,11 @@ class DhdServo:
             found.append(ServoFault(error.code, CALLED[error.call]))
         return found
 
+    @property
+    def ended(self) -> bool:
+        """Whether the thread has ended, after an error or `close`."""
+        return bool(self._c.dhd_servo_ended(self._at))
+
     def wait_ticks(self, count: int, timeout_ns: int) -> bool:
         """Wait for this many further ticks; return whether they came in time."""
         target = self._c.dhd_servo_ticks(self._at) + count
@@ -138,13 +143,13 @@ class DhdServo:
         self._c.dhd_servo_close(self._at)
         taken = self.wait_ticks(SETTLE_TICKS, timeout_ns)
         self._c.dhd_servo_stop(self._at)
-        return self._wait(lambda: bool(self._c.dhd_servo_ended(self._at)), timeout_ns) and taken
+        return self._wait(lambda: self.ended, timeout_ns) and taken
 
     def _wait(self, done: Callable[[], bool], timeout_ns: int) -> bool:
         """Wait until something is done, or the thread has ended."""
         deadline_ns = monotonic_ns() + timeout_ns
         while not done():
-            if monotonic_ns() > deadline_ns or self._c.dhd_servo_ended(self._at):
+            if monotonic_ns() > deadline_ns or self.ended:
                 return done()
             sleep(POLL_S)
         return True
