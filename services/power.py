@@ -103,6 +103,6 @@ def power(
 
 def table_of(part: "Mapping[str, Any]") -> "FittedTable":
     """Return one table of an answer."""
-    from netboard.base.terminal.output import FittedTable
+    from netboard.base.terminal.output import FittedTable, as_cell
 
-    return FittedTable(*part["columns"], rows=[tuple(map(str, row)) for row in part["rows"]], title=part["title"])
+    return FittedTable(*part["columns"], rows=[tuple(map(as_cell, row)) for row in part["rows"]], title=part["title"])

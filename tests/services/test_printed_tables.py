@@ -181,6 +181,7 @@ def cases(folder: Path) -> list[Callable[[int], str]]:
         runner_of("simulate", "--input", f"{folder}/test.csv", "--output", f"{folder}/out.csv", "--force"),
         runner_of("simulate", *("--input", f"{folder}/test.csv", "--input", f"{folder}/practice.csv"), *overwrite),
         runner_of("keys", "list", *keys),
+        runner_of("participants", "draw"),
         runner_of("plan", "list"),
         runner_of("plan", "check", f"{folder}/uneven.toml", code=2),
         *(runner_of("plan", "show", "--study", name, "--dyads", "4", "--dyad", "2") for name in library.NAMES),
@@ -209,6 +210,13 @@ def test_tables_progress_bars_and_terminals_are_made_in_one_module_each(module: 
     for root in (Path(netboard.__file__).parent, Path(services.__file__).parent):
         for path in root.rglob("*.py"):
             assert (name in path.read_text(encoding="utf-8")) == (path.name == module), path
+
+
+def test_results_are_printed_with_three_digits() -> None:
+    part = {"columns": ("key", "correlation", "runs"), "rows": [["kp", 0.5732246465306207, 12345]], "title": "recovery"}
+    console = Console(width=80, file=StringIO())
+    console.print(power.table_of(part))
+    assert console.file.getvalue().split()[-3:] == ["kp", "0.573", "12345"]  # type: ignore[attr-defined]
 
 
 def test_every_printed_table_keeps_its_rows_distinguishable(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

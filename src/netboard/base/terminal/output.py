@@ -33,6 +33,13 @@ def plain_console(*, stderr: bool = False, soft_wrap: bool = False) -> Console:
     return Console(stderr=stderr, soft_wrap=soft_wrap, highlight=False, markup=False)
 
 
+def as_cell(value: str | float | int | bool) -> str:
+    """Format a value of a table of results, a number with three digits."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
+
+
 @dataclass(frozen=True, slots=True)
 class TableHeading:
     """Heading of a column, and whether it holds numbers, which are right-aligned and not wrapped."""

@@ -17,7 +17,7 @@ from rich.text import Text
 from netboard.base.errors import writing
 from netboard.base.files.cells import CsvWriter
 from netboard.base.files.new import refuse_existing
-from netboard.base.terminal.output import FittedTable, TableHeading
+from netboard.base.terminal.output import FittedTable, TableHeading, as_cell
 from netboard.benchmarks.harness.machine import describe
 
 Value = str | float | int | bool
@@ -135,7 +135,7 @@ def show(console: Console, part: ResultPart) -> None:
         head, *(TableHeading(column, number=_is_numeric(part, column)) for column in others), title=part.title
     )
     for row in part.rows:
-        table.add_row(*map(shown, row))
+        table.add_row(*map(as_cell, row))
     console.print(Group(table, *(_line(verdict) for verdict in part.verdicts), Text("")))
 
 
@@ -148,10 +148,3 @@ def _is_numeric(part: ResultPart, column: str) -> bool:
 def _line(verdict: BenchVerdict) -> Text:
     word, style = ("holds", "green") if verdict.holds else ("FAILS", "bold red")
     return Text.assemble((word, style), f"  {verdict.claim}: {verdict.found}")
-
-
-def shown(value: Value) -> str:
-    """Format a value with three digits."""
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return f"{value:.3g}" if isinstance(value, float) else str(value)
