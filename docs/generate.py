@@ -416,6 +416,9 @@ INFORMATION = ("scenes", "models", "hands", "skills", "acquaintance")
 PARTICIPANTS = ("others", "predictions", "posterior", "order", "ablations", "slowing", "rest")
 """Those of `make evidence ARGS=participants`."""
 
+PARTNERS = ("performance", "coordination", "haptics")
+"""Those of `make evidence ARGS=partners`."""
+
 FIT = ("summaries", "parameters", "recovery", "fit")
 """Those of `netboard participants fit`."""
 
@@ -429,6 +432,7 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "robots completion": ("explanation/robots.md", study_part("robots", "completion")),
     "robots stability": ("explanation/robots.md", study_part("robots", "stability")),
     "robot parameters": ("explanation/robots.md", robot_parameters),
+    **{f"partners {name}": ("explanation/partners.md", study_part("partners", name)) for name in PARTNERS},
     "force conditions": ("explanation/forces.md", force_conditions),
     "laws of friction": ("explanation/physics.md", friction_laws),
     "commands": ("reference/commands.md", commands),

@@ -46,9 +46,11 @@ PLAIN = {
     "rehearsals": ("participants.speed", "Speed of rehearsals on one core, beside the stage alone, in the same run."),
     "robots": (
         "participants.robots",
-        "Robot partners: completion times, stable latencies, and times of their decisions.",
+        "Robot partners: completion times beside other partners, and stable latencies.",
     ),
-    "partners": ("participants.partners", "Every kind of partner beside every other, haptic feedback on and off."),
+    "decisions": ("participants.decisions", "Time of a robot partner's decision, called once a millisecond."),
+    "partners": ("participants.partners", "Participants beside every kind of partner, haptic feedback on and off."),
+    "partner-pairs": ("participants.partner_pairs", "Each two robot partners beside each other."),
     "calibration": ("analysis.calibration", "False positive rate of the tests in simulated studies."),
     "controls": (
         "analysis.control_truth",

@@ -1,22 +1,24 @@
-"""Times that the robot partners take to decide, once a millisecond as an agent calls them.
+"""``make evidence ARGS=decisions``: times that the robot partners take to decide, once a millisecond as in an agent.
 
 The kernel is called from Python each millisecond, and sleeps in between, so that its data are as cold as in an agent.
 The time includes the call. Each ninth call has a new view of a ball that rolls and a board that tilts.
 """
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.compiled import composed, kernel, machine_code
-from netboard.base.config import SIDES, Side
+from netboard.base.config import SIDES, Config, Side
 from netboard.base.tick import TICK_SECONDS
-from netboard.benchmarks.harness.results import ResultPart
+from netboard.benchmarks.harness.results import Folder, ResultPart
+from netboard.benchmarks.harness.running import Tell
 from netboard.participants.body.stylus import ACTION
 from netboard.participants.policy import OBSERVATION, Policy
+from netboard.participants.seat.partners import POLICIES, make_partner
 from netboard.task.trials.state_machine import Phase
 
 SECONDS, QUICK_SECONDS = 20.0, 0.5
@@ -78,14 +80,17 @@ def times_of(policy: Policy, seconds: float) -> NDArray[np.float64]:
     return found[WARM:]
 
 
-def decisions_part(robots: Mapping[str, Policy], seconds: float) -> ResultPart:
-    """Tabulate the times of the decisions of each robot."""
+def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[ResultPart]:
+    """Time the decisions of each robot that needs no file."""
+    seconds = QUICK_SECONDS if quick else SECONDS
     part = ResultPart(
         "decisions",
         f"Time of a decision, called once a millisecond for {seconds:g} s, with the call from Python",
         ("partner", *(f"{q:g} % [us]" for q in PERCENTILES), "longest [us]"),
     )
-    for name, policy in robots.items():
-        times = 1e6 * times_of(policy, seconds)
+    names = [name for name, target in POLICIES.items() if ".robots." in target]
+    for step, name in enumerate(names):
+        tell(name, step / len(names))
+        times = 1e6 * times_of(make_partner(name, Config(), "right"), seconds)
         part.add(name, *np.percentile(times, PERCENTILES).tolist(), float(times.max()))
-    return part
+    yield part

@@ -55,25 +55,23 @@ def _draw_level(axis: Any, one: Levels, place: float, colour: str) -> None:
     axis.plot(scale * one.mean.value, place, "o", color=colour, markersize=5)
 
 
-def draw_pairs(matrices: Mapping[str, Mapping[frozenset[str], str]], names: Sequence[str]) -> "Figure":
-    """Draw the mean completion time of each two kinds, with haptic feedback on and off."""
+def draw_pairs(times: Mapping[frozenset[str], str], names: Sequence[str]) -> "Figure":
+    """Draw the mean completion time of each two kinds."""
     from matplotlib.colors import LogNorm
     from matplotlib.figure import Figure
 
     size = 0.62 * len(names)
-    figure = Figure(figsize=(2.0 * size + 3.0, size + 1.8), layout="constrained")
-    axes = figure.subplots(1, len(matrices), sharey=True)
-    for axis, (haptics, times) in zip(axes, matrices.items(), strict=True):
-        cells = [[times.get(frozenset((one, other)), "-") for other in names] for one in names]
-        values = np.array([[float(cell) if cell[0].isdigit() else np.nan for cell in row] for row in cells])
-        image = axis.imshow(values, cmap="viridis_r", norm=LogNorm(1.5, 15.0))
-        for (row, column), value in np.ndenumerate(values):
-            text = "–" if np.isnan(value) else f"{value:.1f}"
-            axis.text(column, row, text, ha="center", va="center", fontsize=8, color="w" if value > 4.5 else "k")
-        axis.set_xticks(range(len(names)), names, rotation=45, ha="right")
-        axis.set_yticks(range(len(names)), names)
-        axis.set_title(f"haptics {haptics}")
-    bar = figure.colorbar(image, ax=axes, label="Mean completion time [s]", shrink=0.8)
+    figure = Figure(figsize=(size + 2.6, size + 1.2), layout="constrained")
+    axis = figure.subplots()
+    cells = [[times.get(frozenset((one, other)), "-") for other in names] for one in names]
+    values = np.array([[float(cell) if cell[0].isdigit() else np.nan for cell in row] for row in cells])
+    image = axis.imshow(values, cmap="viridis_r", norm=LogNorm(1.5, 15.0))
+    for (row, column), value in np.ndenumerate(values):
+        text = "–" if np.isnan(value) else f"{value:.1f}"
+        axis.text(column, row, text, ha="center", va="center", fontsize=8, color="w" if value > 4.5 else "k")
+    axis.set_xticks(range(len(names)), names, rotation=45, ha="right")
+    axis.set_yticks(range(len(names)), names)
+    bar = figure.colorbar(image, ax=axis, label="Mean completion time [s]", shrink=0.8)
     bar.set_ticks([2, 3, 5, 10, 15], labels=["2", "3", "5", "10", "15"])
     bar.ax.minorticks_off()
     return figure

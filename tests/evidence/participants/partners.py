@@ -1,9 +1,9 @@
-"""``make evidence ARGS=partners``: every kind of partner beside every other, with haptic feedback on and off.
+"""``make evidence ARGS=partners``: participants beside every kind of partner, with haptic feedback on and off.
 
 The kinds are a participant, a hand that is held still, and all robot partners of the registry, one of which plays the
 recorded hand of a participant. Each participant is another draw of the posterior that was fitted to the paper, with the
 usual differences between participants; no robot was tuned with these. They perform blocks with each kind of partner, in
-the left seat. Robots also play with each other, where a few trials are enough: they have no noise.
+the left seat.
 
 The plan, the rehearsals and the measures are those of any study, and their confidence intervals those of its report.
 The results do not depend on the machine.
@@ -11,8 +11,7 @@ The results do not depend on the machine.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations_with_replacement
-from math import isfinite, nan
+from math import isfinite
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -20,7 +19,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from evidence.participants.partner_figures import draw_beside, draw_pairs
+from evidence.participants.partner_figures import draw_beside
 from netboard.analysis.cohort.block import READINGS, measured, rehearse
 from netboard.analysis.cohort.posterior import read_posterior
 from netboard.analysis.extraction.recordings import GROUPS
@@ -42,14 +41,11 @@ from netboard.task.studies.study import Study, parse_study
 SEED = 45
 """Seed of participants and plans [1]."""
 
-PARTICIPANTS, QUICK_PARTICIPANTS = 12, 2
+PARTICIPANTS, QUICK_PARTICIPANTS = 10, 2
 """Participants, each beside every kind of partner [1]."""
 
-TRIALS, QUICK_TRIALS = 12, 2
+TRIALS, QUICK_TRIALS = 8, 2
 """Successful trials in each block of a participant [1]."""
-
-ROBOT_TRIALS = 4
-"""Successful trials in each block of two robots [1]."""
 
 PRACTICE = 300
 """Trials, alone and together, that each participant has done before: no order of blocks has an effect [1]."""
@@ -158,20 +154,6 @@ def drawn(config: Config, number: int) -> Config:
 def jobs_beside(study: Study, number: int) -> list[RehearsalJob]:
     """Return the blocks of a participant beside each kind of partner."""
     return jobs_of(blocks_of(drawn(practised(), number), study, SEED, number), SEED, number, None)
-
-
-def jobs_of_robots(names: Sequence[str], recorded: Path, force: str) -> list[RehearsalJob]:
-    """Return a block of each two robots; the two are the dyad."""
-    jobs = []
-    for left, right in combinations_with_replacement(names, 2):
-        files = [
-            f"partners.{side}.file={recorded}" for side, one in (("left", left), ("right", right)) if one == PLAYBACK
-        ]
-        pair = (f"block.left={left}", f"block.right={right}", f"session.dyad={left}-{right}", *files)
-        if left != STILL or right not in (STILL, PLAYBACK):
-            config = parse("", overrides=(*pair, f"block.force={force}", f"block.trials={ROBOT_TRIALS}"))
-            jobs += jobs_of([config], SEED, 1, None)
-    return jobs
 
 
 def recorded_hand(folder: Path) -> Path:
@@ -283,50 +265,11 @@ def ratio(on: NDArray[np.float64], off: NDArray[np.float64]) -> Estimate:
     return exponential(t_interval(np.log(on / off)))
 
 
-def matrix_part(name: str, title: str, times: Mapping[frozenset[str], str], names: Sequence[str]) -> ResultPart:
-    """Tabulate completion times of each kind beside each other."""
-    part = ResultPart(name, title, ("", *map(shown, names)))
-    for one in names:
-        part.add(shown(one), *(times.get(frozenset((one, other)), "-") for other in names))
-    return part
-
-
-def pairs_part(robots: Blocks, haptics: str) -> ResultPart:
-    """Tabulate the measures of each two robots."""
-    names = [one for one in chosen() if one not in OWN]
-    part = ResultPart(
-        f"robots {haptics}",
-        f"Two robots, haptics {haptics}: means of {ROBOT_TRIALS} trials, which differ little",
-        ("left", "right", "given up", *(f"{one.name} [{one.unit}]" for one in names)),
-        on_screen=False,
-    )
-    every = levels_of(robots.study, names)
-    for dyad in dict.fromkeys(robots.study.blocks["dyad"]):
-        left, right = dyad.split("-")
-        part.add(left, right, dyad in robots.given_up, *(_value_of(every, measure, dyad) for measure in names))
-    return part
-
-
-def _value_of(every: Sequence[Levels], measure: Measure, dyad: str) -> float:
-    """Return the level of a dyad in its only condition; NaN if it has none."""
-    own = [one.values[one.dyads.index(dyad)] for one in every if one.measure == measure and dyad in one.dyads]
-    return float(own[0]) if own else nan
-
-
-def times_of(force: str, found: Found, pairs: ResultPart, names: Sequence[str]) -> dict[frozenset[str], str]:
-    """Return the mean completion time of each two kinds, in words; a block that was given up has none."""
-    beside = {kind: found.get(("completion time", kind, force)) for kind in names}
-    times = {frozenset((PERSON, kind)): f"{one.mean.value:.2f}" for kind, one in beside.items() if one is not None}
-    for left, right, given_up, completion, *_ in pairs.rows:
-        times[frozenset((str(left), str(right)))] = "given up" if given_up else f"{completion:.2f}"
-    return times
-
-
 # --- the study ---------------------------------------------------------------------------------------------------
 
 
 def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[ResultPart]:
-    """Run every kind of partner beside every other."""
+    """Run participants beside every kind of partner."""
     names = QUICK_KINDS if quick else kinds()
     size, trials = (QUICK_PARTICIPANTS, QUICK_TRIALS) if quick else (PARTICIPANTS, TRIALS)
     with TemporaryDirectory() as recordings:
@@ -337,15 +280,6 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[ResultPart]:
         found = found_beside(people.study)
         yield from _beside(found, people, names, size, trials)
         folder.save("partners", lambda: draw_beside(found, names))
-        matrices = {}
-        for force, haptics in FORCES.items():
-            jobs = jobs_of_robots([one for one in names if one != PERSON], recorded, force)
-            pairs = pairs_part(performed(jobs, tell, f"robots, haptics {haptics}"), haptics)
-            yield pairs
-            matrices[haptics] = times_of(force, found, pairs, names)
-            title = f"Mean completion time of each two kinds, haptics {haptics} [s]"
-            yield matrix_part(f"pairs {haptics}", title, matrices[haptics], names)
-    folder.save("partner-pairs", lambda: draw_pairs(matrices, names))
 
 
 def _beside(found: Found, people: Blocks, names: Sequence[str], size: int, trials: int) -> Iterator[ResultPart]:

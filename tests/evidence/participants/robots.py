@@ -1,14 +1,13 @@
-"""``make evidence ARGS=robots``: completion times, stable latencies and times of the decisions of robot partners.
+"""``make evidence ARGS=robots``: completion times and failures of robot partners, and their largest stable latencies.
 
 Each robot plays with haptic feedback beside a simulated participant (at both sides, half of the blocks each), beside a
-hand that is held still, and beside itself. The first row is a simulated participant in place of the robot. Only the
-times of the decisions depend on the machine.
+hand that is held still, and beside itself. The first row is a simulated participant in place of the robot. The results
+do not depend on the machine.
 """
 
 from collections.abc import Iterator
 from statistics import fmean, stdev
 
-from evidence.participants.decisions import QUICK_SECONDS, SECONDS, decisions_part
 from netboard.base.config import Config, parse
 from netboard.base.tables.simulated import Participant
 from netboard.benchmarks.harness.results import Folder, ResultPart
@@ -52,8 +51,6 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[ResultPart]:
     part.claim("every block is completed", len(done) == len(part.rows), f"{len(done)} of {len(part.rows)} partners")
     yield part
     yield stability_part(robots)
-    tell("decisions", 1.0)
-    yield decisions_part(robots, QUICK_SECONDS if quick else SECONDS)
 
 
 def _row(name: str, trials: int, seeds: int) -> tuple[str | float | int, ...]:

@@ -5,9 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from evidence.participants import partner_pairs
 from evidence.participants.decisions import times_of
-from evidence.participants.partners import jobs_beside, jobs_of_robots, kinds, ratio, study_text
-from evidence.participants.partners import times_of as told
+from evidence.participants.partner_pairs import jobs_of_robots
+from evidence.participants.partners import jobs_beside, kinds, ratio, study_text
 from netboard.base.config import Config
 from netboard.benchmarks.harness.results import ResultPart
 from netboard.participants.seat.partners import POLICIES, make_partner
@@ -33,7 +34,7 @@ def test_participant_sits_at_the_left_beside_each_kind_with_haptic_feedback_on_a
 
 
 def test_two_robots_meet_once_unless_neither_acts() -> None:
-    jobs = jobs_of_robots(("still", "playback", "leader"), Path("hand.mcap"), "none")
+    jobs = jobs_of_robots(("still", "playback", "leader"), Path("hand.mcap"))
     assert [job.config.session.dyad for job in jobs] == [
         "still-leader",
         "playback-playback",
@@ -54,10 +55,7 @@ def test_block_that_was_given_up_has_no_completion_time() -> None:
     pairs = ResultPart("robots on", "", "left | right | given up | completion time [s]")
     pairs.add("leader", "leader", False, 1.654)
     pairs.add("playback", "playback", True, 40.0)
-    assert told("full", {}, pairs, ("leader", "playback")) == {
-        frozenset(("leader",)): "1.65",
-        frozenset(("playback",)): "given up",
-    }
+    assert partner_pairs.times_of(pairs) == {frozenset(("leader",)): "1.65", frozenset(("playback",)): "given up"}
 
 
 @pytest.mark.slow
