@@ -17,6 +17,7 @@ from netboard.services.options import examples
 COMMANDS = {
     "Run an experiment": (
         "demo",
+        "launch",
         "up",
         "server",
         "agent",

@@ -59,6 +59,9 @@ def up(
     console: Annotated[
         bool, typer.Option("--console/--no-console", help="Open the operator's console, if everything is started.")
     ] = True,
+    prepare: Annotated[
+        bool, typer.Option("--prepare", help="Only create what a whole session lacks, and start nothing.")
+    ] = False,
     offscreen: Offscreen = False,
     overrides: Overrides = None,
     autostart: Autostart = None,
@@ -79,6 +82,8 @@ def up(
     everything = not server and station is None
     if (study is not None or resume) and station is not None and not server:
         raise ConfigError("--study, --resume: found without --server, which runs the session of a study")
+    if prepare and not everything:
+        raise ConfigError("--prepare: found with --server or --station, expected neither: it prepares a whole session")
     if resume and not yes:
         raise ConfigError("--resume: netboard up cannot ask for a confirmation; add --yes")
     wanted = None
@@ -123,6 +128,9 @@ def up(
 
             keys.refuse_open_network(settings.network)
         launch = terminal.Launch(settings, blocks_of_session(settings, wanted), words, sides, commands)
+        if prepare:
+            terminal.prepare(launch, terminal.lines_on(plain_console()))
+            return
         raise typer.Exit(terminal.run(launch, stopping, plain_console()))
 
 

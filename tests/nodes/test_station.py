@@ -100,7 +100,7 @@ def test_station_refuses_what_it_does_not_declare(both: Both, request_: StationR
 def test_device_test_waits_for_the_agent(tmp_path: Path, made: tuple[Config, Config]) -> None:
     _, station = made
     assert set(station_commands("left", (), offscreen=False)) == {
-        *("left agent", "left display", "doctor", "left device test")
+        *("left agent", "left display", "left doctor", "left device test")
     }
     commands = {"left agent": [SLOW_STOP], "left device test": [SLOW_STOP]}
     with LocalMachine(commands, ScriptLauncher(tmp_path, {})) as machine, sockets.open_context() as context:

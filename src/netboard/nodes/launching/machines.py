@@ -54,7 +54,7 @@ class LocalMachine:
     trouble = ""
 
     def __init__(self, commands: Mapping[str, Sequence[str]], launcher: Launcher) -> None:
-        self.commands = dict(commands)
+        self.commands: Mapping[str, Sequence[str]] = commands
         self._launcher = launcher
         self._statuses: dict[str, ProcessStatus] = {}
         self._began: dict[str, float] = {}
@@ -126,6 +126,16 @@ class LocalMachine:
     def _log_bytes(self, name: str) -> int:
         path = self.log_of(name)
         return path.stat().st_size if path.exists() else 0
+
+
+def device_conflict(name: str, processes: Mapping[str, ProcessStatus]) -> str:
+    """Return why a process may not start now: the agent and the test of one device exclude each other."""
+    side, _, program = name.partition(" ")
+    other = {"agent": f"{side} device test", "device test": f"{side} agent"}.get(program, "")
+    status = processes.get(other)
+    if status is None or status.phase not in ("running", "stopping"):
+        return ""
+    return f"the {other} has the device; stop it first"
 
 
 def log_folder(parent: Path, name: str) -> Path:

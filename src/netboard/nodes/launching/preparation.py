@@ -49,7 +49,8 @@ def _missing_keys(config: Config, here: Sequence[Side], settings: Sequence[str])
     if not server.exists():
         command = shell_command("netboard", "keys", "init", *settings)
         yield PreparationStep("key", f"{server}: is missing", command, lambda: keys.init(folder))
-    local = ("logger", "console", *(f"{role}.{side}" for side in here for role in ("agent", "display")))
+    trigger = ["trigger"] if config.triggers.declared else []
+    local = ("logger", "console", *trigger, *(f"{role}.{side}" for side in here for role in ("agent", "display")))
     for peer in local if encrypted else ():
         path = keys.key_path(folder, peer)
         if not path.exists():

@@ -19,7 +19,7 @@ class Program:
 
     name: str
     text: str  # what it does, for operators
-    words: tuple[str, ...]  # of the command line after "netboard"; {side} is replaced
+    words: tuple[str, ...]  # of the command line after "netboard"; {side} and folders are replaced
     sided: bool = False  # whether each side has its own
     window: bool = False  # whether it needs a screen
     task: bool = False  # whether it ends by itself
@@ -42,6 +42,14 @@ PROGRAMS = {
             sided=True,
             task=True,
         ),
+        Program("preparation", "creates what a session lacks", ("up", "--prepare"), task=True),
+        Program(
+            "check",
+            "checks the recordings, and computes every tick again",
+            ("check", "{recordings}", "--verify"),
+            task=True,
+        ),
+        Program("analysis", "analyses the recordings", ("analyse", "{recordings}", "-o", "{results}"), task=True),
     )
 }
 """All programs by name, those of a session in the order in which they start."""
@@ -56,12 +64,15 @@ def process_name(program: str, side: Side | Literal[""] = "") -> str:
 
 
 def command_of(
-    program: str, side: Side | Literal[""], settings: Sequence[str], options: Sequence[str] = ()
+    program: str, side: Side | Literal[""], settings: Sequence[str], options: Sequence[str] = (), **folders: str
 ) -> list[str]:
-    """Return the words of a program's command line; ``settings``: its configuration, as ``-c FILE``."""
+    """Return the words of a program's command line.
+
+    ``settings``: its configuration, as ``-c FILE``. ``folders``: those of recordings and results, where it has them.
+    """
     if program not in PROGRAMS:
         raise ConfigError(f"{program}: no such program, expected {one_of(program, PROGRAMS)}")
-    return [*(word.format(side=side) for word in PROGRAMS[program].words), *options, *settings]
+    return [*(word.format(side=side, **folders) for word in PROGRAMS[program].words), *options, *settings]
 
 
 def session_commands(

@@ -27,8 +27,8 @@ from netboard.network.protocol.station import StationReport, StationRequest
 from netboard.network.station_keys import StationRing
 from netboard.network.transport import channels, poller, sockets
 from netboard.network.transport.authenticator import Authenticator
-from netboard.nodes.launching.machines import LocalMachine
-from netboard.nodes.launching.programs import AT_A_STATION, PROGRAMS, command_of, process_name
+from netboard.nodes.launching.machines import LocalMachine, device_conflict
+from netboard.nodes.launching.programs import AT_A_STATION, PROGRAMS, command_of
 
 WAIT_S = 0.02
 """Longest time for which a handshake or a request waits [s]."""
@@ -44,7 +44,7 @@ def station_commands(side: Side, settings: Sequence[str], *, offscreen: bool) ->
     commands = {}
     for program in AT_A_STATION:
         options = ["--offscreen"] * (offscreen and PROGRAMS[program].window)
-        commands[process_name(program, side)] = command_of(program, side, settings, options)
+        commands[f"{side} {program}"] = command_of(program, side, settings, options)
     return commands
 
 
@@ -121,12 +121,7 @@ class StationService:
         known = self._machine.commands
         if request.process not in known and (request.process or request.action != "report"):
             return f"{request.process!r:.80} is no process of this station; it has {', '.join(known)}"
-        agent, test = process_name("agent", self._side), process_name("device test", self._side)
-        other = {agent: test, test: agent}.get(request.process) if request.action == "start" else None
-        status = self._machine.processes.get(other) if other else None
-        if status is not None and status.phase in ("running", "stopping"):
-            return f"the {other} has the device; stop it first"
-        return ""
+        return device_conflict(request.process, self._machine.processes) if request.action == "start" else ""
 
 
 def fixed_state() -> dict[str, str]:

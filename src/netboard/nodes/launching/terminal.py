@@ -56,15 +56,21 @@ def prepare(launch: Launch, say: Callable[[str, str], object]) -> None:
     say("kernels", f"{compiled} compiled" if compiled else "ready")
 
 
+def lines_on(console: Console) -> Callable[[str, str], object]:
+    """Return a function that prints a line for each step."""
+
+    def say(what: str, words: str) -> None:
+        console.print(f"{what:<14} {words}", soft_wrap=True, markup=False, highlight=False)
+
+    return say
+
+
 def run(launch: Launch, stopping: Callable[[], bool], console: Console) -> int:
     """Prepare and run a session until it ends or is stopped; return 1 if anything failed."""
     windows = [words for words in launch.commands.values() if PROGRAMS[words[0]].window]
     if any("--offscreen" not in words for words in windows):
         require_screen()
-
-    def say(what: str, words: str) -> None:
-        console.print(f"{what:<14} {words}", soft_wrap=True, markup=False, highlight=False)
-
+    say = lines_on(console)
     prepare(launch, say)
     folder = log_folder(Path(launch.config.recording.directory), "up")
     local = LocalMachine(launch.commands, Launcher(folder, UNBUFFERED))
@@ -79,7 +85,9 @@ def run(launch: Launch, stopping: Callable[[], bool], console: Console) -> int:
             say(name, f"started by the service at the {machine}")
         say("logs", str(folder))
         session.start()
-        watch(session, progress(Operator(launch.config.network, context)), stopping, say)
+        operator = Operator(launch.config.network, context)
+        watch(session, progress(operator), stopping, say)
+        operator.leave()
         with suppress(KeyboardInterrupt):  # leaving ends what is left
             end(session, say)
         for station in stations.values():

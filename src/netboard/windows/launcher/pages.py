@@ -1,0 +1,248 @@
+"""Pages of the launcher: the session, the rig's settings, the study's text, the machines."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import (
+    QComboBox,
+    QLabel,
+    QLineEdit,
+    QPlainTextEdit,
+    QPushButton,
+    QVBoxLayout,
+    QWidget,
+)
+
+from netboard.base.config import parse
+from netboard.base.errors import ConfigError, NetboardError, writing
+from netboard.base.files.text import read_text
+from netboard.task.plans.plan import plan_of
+from netboard.task.studies import library
+from netboard.task.studies.study import Study, parse_study
+from netboard.windows.launcher.control import LauncherMemory, SessionChoice
+from netboard.windows.launcher.settings_form import (
+    FormField,
+    changed_text,
+    checked,
+    fields_of,
+    form_tables,
+    keeps_all,
+    text_of,
+)
+from netboard.windows.launcher.widgets import DeclaredForm
+
+
+class SessionPage(QWidget):
+    """What is run; `chosen` carries a new `SessionChoice`."""
+
+    chosen = Signal(object)
+
+    def __init__(self, choice: SessionChoice) -> None:
+        super().__init__()
+        self.choice = choice
+        self.form = DeclaredForm()
+        self.problem = _problem()
+        _column(self, self.form, self.problem)
+        self.form.entered.connect(self._enter)
+        self.show_choice(choice)
+
+    def show_choice(self, choice: SessionChoice) -> None:
+        """Show a choice."""
+        self.choice = choice
+        memory = LauncherMemory(choice)
+        (table,) = form_tables(LauncherMemory)
+        self.form.show_fields(fields_of(memory, table))
+
+    def _enter(self, field: FormField, entry: str) -> None:
+        override = f"session.{field.key.name}={entry}"
+        try:
+            chosen = checked(LauncherMemory, text_of(LauncherMemory(self.choice)), "the form", (override,)).session
+        except ConfigError as error:
+            self.problem.setText(str(error))
+            return
+        self.problem.setText("")
+        self.choice = chosen
+        self.chosen.emit(chosen)
+
+
+class RigPage(QWidget):
+    """The rig's settings, table by table; `saved` carries the path of a file that was written."""
+
+    saved = Signal(str)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.text = ""
+        self.path = QLineEdit()
+        self.path.setPlaceholderText("file of the rig, such as rig.toml")
+        self.tables = QComboBox()
+        self._tables = form_tables()
+        self.tables.addItems([table.name for table in self._tables])
+        self.about = QLabel()
+        self.about.setObjectName("help")
+        self.about.setWordWrap(True)
+        self.form = DeclaredForm()
+        self.problem = _problem()
+        self.save_button = QPushButton("Save the rig   Ctrl+S")
+        _column(self, self.path, self.tables, self.about, self.form, self.problem, self.save_button)
+        self.tables.currentIndexChanged.connect(lambda _: self._show())
+        self.form.entered.connect(self._enter)
+        self.save_button.clicked.connect(self.save)
+        self.tables.setCurrentIndex([table.name for table in self._tables].index("stations"))
+
+    def load(self, path: str) -> None:
+        """Show the settings of a file; an empty path has the defaults."""
+        self.path.setText(path)
+        try:
+            self.text = read_text(Path(path), "no such file yet") if path else ""
+            parse(self.text, path or "the defaults")
+            self.problem.setText("")
+        except ConfigError as error:
+            self.text = ""
+            self.problem.setText(str(error))
+        self._show()
+
+    def save(self) -> None:
+        """Write the file, and keep the old one as .bak."""
+        path = Path(self.path.text().strip() or "rig.toml")
+        try:
+            with writing(path, NetboardError):
+                if path.exists():
+                    old = path.read_text(encoding="utf-8")
+                    path.with_name(f"{path.name}.bak").write_text(old, encoding="utf-8")
+                    self.problem.setText(keeps_all(old, str(path)))
+                path.write_text(self.text, encoding="utf-8")
+        except NetboardError as error:
+            self.problem.setText(str(error))
+            return
+        self.path.setText(str(path))
+        self.saved.emit(str(path))
+
+    def _show(self) -> None:
+        table = self._tables[max(0, self.tables.currentIndex())]
+        self.about.setText(table.text.splitlines()[0] if table.text else "")
+        self.form.show_fields(fields_of(parse(self.text, "the form"), table))
+
+    def _enter(self, field: FormField, entry: str) -> None:
+        try:
+            self.text = changed_text(self.text, field, entry)
+        except ConfigError as error:
+            self.problem.setText(str(error))
+            return
+        self.problem.setText("not saved yet")
+
+
+class StudyPage(QWidget):
+    """A study's text, checked as it is written; `saved` carries the path of a file that was written."""
+
+    saved = Signal(str)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.start_from = QComboBox()
+        self.start_from.addItems(["start from ...", library.TEMPLATE, *library.names()])
+        self.path = QLineEdit("study.toml")
+        self.editor = QPlainTextEdit()
+        self.editor.setTabChangesFocus(True)
+        self.problem = _problem()
+        self.plan = QLabel()
+        self.plan.setObjectName("help")
+        self.plan.setWordWrap(True)
+        self.save_button = QPushButton("Save the study   Ctrl+S")
+        _column(self, self.start_from, self.path, self.editor, self.plan, self.problem, self.save_button)
+        self.start_from.textActivated.connect(self._begin)
+        self.editor.textChanged.connect(self._check)
+        self.save_button.clicked.connect(self.save)
+
+    def load(self, study: str) -> None:
+        """Show a study's text."""
+        try:
+            named = study in library.names()
+            self.editor.setPlainText(library.text_of(study) if named else read_text(Path(study), "no such study"))
+            self.path.setText("study.toml" if named else study)
+        except ConfigError as error:
+            self.problem.setText(str(error))
+
+    def save(self) -> None:
+        """Write the file, if the study is valid."""
+        path = Path(self.path.text().strip() or "study.toml")
+        if self._check() is None:
+            return
+        try:
+            with writing(path, NetboardError):
+                path.write_text(self.editor.toPlainText(), encoding="utf-8")
+        except NetboardError as error:
+            self.problem.setText(str(error))
+            return
+        self.saved.emit(str(path))
+
+    def _begin(self, name: str) -> None:
+        if name in (library.TEMPLATE, *library.names()):
+            self.editor.setPlainText(library.text_of(name))
+
+    def _check(self) -> Study | None:
+        """Check the text; show its problems, or the blocks of the first dyad."""
+        try:
+            study = parse_study(self.editor.toPlainText(), "study")
+            plan = plan_of(study, 1, 1)
+        except ConfigError as error:
+            self.problem.setText("\n".join(str(error).splitlines()[:3]))
+            self.plan.setText("")
+            return None
+        counts = [f"session {part.number}: {len(part.blocks)} blocks" for part in plan.sessions]
+        first = ", ".join(block.label for block in plan.sessions[0].blocks[:4])
+        self.plan.setText(f"{study.name}, dyad 1: {'; '.join(counts)}. First blocks: {first}")
+        self.problem.setText("")
+        return study
+
+
+class MachinesPage(QWidget):
+    """How the machines are: this one and those of the stations."""
+
+    def __init__(self, look: Callable[[], object]) -> None:
+        super().__init__()
+        self.look = QPushButton("Look at the stations   F5")
+        self.words = QPlainTextEdit()
+        self.words.setReadOnly(True)
+        self.words.setTabChangesFocus(True)
+        hint = QLabel("Run the doctor and the device tests from the table: select one, press Enter.")
+        hint.setObjectName("help")
+        hint.setWordWrap(True)
+        _column(self, self.look, self.words, hint)
+        self.look.clicked.connect(look)
+
+    def show_states(self, states: Mapping[str, Mapping[str, str]], troubles: Mapping[str, str]) -> None:
+        """Show the state of each machine."""
+        parts = []
+        for machine, state in states.items():
+            lines = [machine.upper(), *([f"  {troubles[machine]}"] if troubles.get(machine) else [])]
+            parts.append("\n".join([*lines, *(f"  {what:<12} {found}" for what, found in state.items())]))
+        text = "\n\n".join(parts)
+        if self.words.toPlainText() != text:
+            self.words.setPlainText(text)
+
+
+def with_study(choice: SessionChoice, path: str) -> SessionChoice:
+    """Return a choice with another study."""
+    return replace(choice, study=path)
+
+
+def with_rig(choice: SessionChoice, path: str) -> SessionChoice:
+    """Return a choice with another rig."""
+    return replace(choice, rig=path)
+
+
+def _problem() -> QLabel:
+    made = QLabel()
+    made.setObjectName("problem")
+    made.setWordWrap(True)
+    return made
+
+
+def _column(page: QWidget, *parts: QWidget) -> None:
+    rows = QVBoxLayout(page)
+    rows.setContentsMargins(0, 0, 0, 0)
+    for part in parts:
+        rows.addWidget(part)

@@ -1,0 +1,294 @@
+"""The launcher at work: its processes are scripts, its window is off screen, and keys alone drive it."""
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from netboard.base.config import Config
+from netboard.base.errors import ConfigError, NetboardError
+from netboard.network.transport.ports import free_port
+from netboard.services.loading import load, load_study
+from netboard.windows.launcher.control import FileReaders, LauncherControl, LauncherMemory, SessionChoice
+from netboard.windows.launcher.model import LaunchStage, badge, rows
+from script_launcher import SLOW_STOP, ScriptLauncher
+
+SECONDS = 30.0
+DONE = "print('on'); print('keys/server.key: is missing; created')"
+
+
+class Scripts(ScriptLauncher):
+    """Runs a script of its name in place of each command."""
+
+    scripts: dict[str, str]
+
+    def start(self, name: str, *arguments: str) -> None:
+        super().start(name, self.scripts.get(name, SLOW_STOP))
+
+
+@pytest.fixture
+def control(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[LauncherControl]:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(Scripts, "scripts", {"preparation": DONE}, raising=False)
+    Path("rig.toml").write_text(f"[network]\nport = {free_port()}\n")
+    made = LauncherControl(SessionChoice("rig.toml"), FileReaders(load, load_study), launcher=Scripts)
+    yield made
+    made.close()
+
+
+def until(control: LauncherControl, condition: Callable[[], object]) -> None:
+    end = time.monotonic() + SECONDS
+    while not condition():
+        assert time.monotonic() < end, (control.stage, control.processes)
+        control.poll()
+        time.sleep(0.01)
+
+
+def said(control: LauncherControl) -> str:
+    return "\n".join(notice.words for notice in control.notices.visible(time.monotonic()))
+
+
+@pytest.mark.slow
+def test_session_starts_by_itself_when_it_is_prepared_and_stops_in_order(control: LauncherControl) -> None:
+    control.start()
+    assert control.stage is LaunchStage.PREPARING
+    until(control, lambda: control.stage is LaunchStage.RUNNING)
+    assert set(control.places) <= set(control.processes)
+    assert "keys/server.key: is missing; created" in control.log_of("preparation")
+    control.start()
+    control.choose(SessionChoice("rig.toml", dyad=9))
+    assert control.choice.dyad == 1
+    assert "A session is running already; stop it first (F4).\nA session is running: the choice is for" in said(control)
+    control.end("console")
+    until(control, lambda: control.processes["console"].phase == "stopped")
+    assert control.stage is LaunchStage.RUNNING
+    assert control.run("console")
+    control.stop()
+    until(control, lambda: control.stage is LaunchStage.IDLE)
+    assert {status.phase for name, status in control.processes.items() if name in control.places} == {"stopped"}
+    assert "Everything has ended." in said(control)
+
+
+def test_failed_preparation_is_named_and_starts_nothing(
+    control: LauncherControl, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(Scripts.scripts, "preparation", "print('on'); print('no space left'); raise SystemExit(1)")
+    control.start()
+    until(control, lambda: control.stage is LaunchStage.IDLE)
+    assert set(control.processes) == {"preparation"}
+    assert "The preparation failed: no space left" in said(control)
+
+
+def test_failed_agent_is_shown_with_its_log_and_can_be_started_again(
+    control: LauncherControl, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("netboard.nodes.launching.session.MAX_FAILURES", 0)
+    monkeypatch.setitem(Scripts.scripts, "left agent", "print('on'); print('no device'); raise SystemExit(1)")
+    control.start()
+    until(control, lambda: badge(control.facts()).words == "FAILED: left agent")
+    assert "The left agent ended with exit code 1; it is not started again" in said(control)
+    assert "no device" in said(control)
+    monkeypatch.setitem(Scripts.scripts, "left agent", SLOW_STOP)
+    assert control.run("left agent")
+    until(control, lambda: badge(control.facts()).words == "STARTING")
+    control.end_all()
+
+
+def test_study_that_is_edited_while_it_runs_is_explained(control: LauncherControl) -> None:
+    from netboard.task.studies import library
+
+    Path("study.toml").write_text(library.text_of("pilot"))
+    control.choose(SessionChoice("rig.toml", "study.toml"))
+    control.start()
+    until(control, lambda: control.stage is LaunchStage.RUNNING)
+    Path("study.toml").write_text(library.text_of("pilot") + "\n# more\n")
+    until(control, lambda: "study.toml was changed. The running session keeps the study" in said(control))
+    control.end_all()
+
+
+@pytest.mark.parametrize(
+    ("choice", "problem"),
+    [
+        (SessionChoice("none.toml"), "none.toml: no such file"),
+        (SessionChoice("rig.toml", "papre"), "no such study or file"),
+        (SessionChoice("rig.toml", "paper", session=4), "--session: found 4, expected 1 to"),
+    ],
+)
+def test_choice_that_cannot_be_started_says_why(control: LauncherControl, choice: SessionChoice, problem: str) -> None:
+    control.choose(choice)
+    assert problem in control.problem
+    assert badge(control.facts()).words == "NOT READY"
+    control.start()
+    assert control.stage is LaunchStage.IDLE
+    assert problem in said(control)
+
+
+def test_another_choice_ends_no_task_and_changes_the_commands(control: LauncherControl) -> None:
+    assert control.run("check")
+    control.choose(SessionChoice("rig.toml", dyad=5))
+    assert control.processes["check"].phase == "running"
+    assert "--dyad 5" in control.command_line("server")
+    control.end("check")
+    until(control, lambda: control.processes["check"].phase == "stopped")
+
+
+def test_each_row_has_the_command_that_does_the_same(control: LauncherControl) -> None:
+    commands = {row.name: control.command_line(row.name) for row in rows(control.facts())}
+    assert commands["server"] == "netboard server --study paper --dyad 1 --session 1 --seed 1 -c rig.toml"
+    assert commands["preparation"] == ("netboard up --prepare --study paper --dyad 1 --session 1 --seed 1 -c rig.toml")
+    assert commands["left device test"] == "netboard devices test --side left --yes -c rig.toml"
+    assert commands["check"] == "netboard check recordings --verify"
+
+
+def test_station_on_another_machine_is_asked_not_run_here(control: LauncherControl) -> None:
+    text = Path("rig.toml").read_text()
+    Path("rig.toml").write_text(text + '[stations]\nleft = "127.0.0.1"\n')
+    control.choose(control.choice)
+    found = {row.name: row.machine for row in rows(control.facts())}
+    assert found["left agent"] == found["left doctor"] == "left station"
+    assert found["right agent"] == "this machine"
+    assert "left agent" not in control.commands()
+    assert control.command_line("left agent") == "done by the service at the left station"
+    assert not control.run("left doctor")
+    assert "make it with: netboard keys init" in said(control)
+    assert "the left station cannot be used without its key" in said(control)
+
+
+# --- the window --------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def window(app, control):
+    from netboard.windows.launcher.window import LauncherWindow
+
+    remembered: list[SessionChoice] = []
+    made = LauncherWindow(control, lambda: {"load": "0.1"}, remembered.append)
+    made.remembered = remembered
+    made.show()
+    yield made
+    made._timer.stop()
+    made.hide()
+
+
+def press(window, key: str) -> None:
+    from PySide6.QtGui import QKeySequence, QShortcut
+
+    (shortcut,) = (one for one in window.findChildren(QShortcut) if one.key() == QKeySequence(key))
+    shortcut.activated.emit()
+
+
+@pytest.mark.slow
+def test_keys_start_and_stop_and_halting_is_never_disabled(window, app, control: LauncherControl) -> None:
+    def check() -> None:
+        app.processEvents()
+        window.poll()
+        assert window.halt.isEnabled()
+        assert window.stop.isEnabled()
+
+    press(window, "F2")
+    until(control, lambda: check() or control.stage is LaunchStage.RUNNING)
+    assert window.badge.text() == "STARTING"
+    press(window, "Esc")
+    press(window, "F4")
+    until(control, lambda: check() or control.stage is LaunchStage.IDLE)
+    assert "Everything has ended." in said(control)
+
+
+def test_emergency_stop_without_a_server_says_so_until_it_is_read(window, control: LauncherControl) -> None:
+    press(window, "Esc")
+    assert "No server runs here, so no force is commanded." in said(control)
+    press(window, "Ctrl+D")
+    assert said(control) == ""
+
+
+def test_rig_is_written_by_its_form_and_chosen(window, control: LauncherControl) -> None:
+    press(window, "Ctrl+2")
+    names = [table.name for table in window.rig._tables]
+    window.rig.tables.setCurrentIndex(names.index("safety"))
+    fields = window.rig.form.inputs
+    fields["max_force"].setText("99")
+    fields["max_force"].setModified(True)
+    fields["max_force"].editingFinished.emit()
+    assert "[safety] max_force: found 99, expected a number > 0 and <= 40 [N]" in window.rig.problem.text()
+    fields["max_force"].setText("1.5")
+    fields["max_force"].setModified(True)
+    fields["max_force"].editingFinished.emit()
+    before = Path("rig.toml").read_text()
+    window.rig.path.setText("other.toml")
+    press(window, "Ctrl+S")
+    assert load(Path("other.toml")).safety.max_force == 1.5
+    assert load(Path("other.toml")).network.port == load(Path("rig.toml")).network.port
+    assert Path("rig.toml").read_text() == before
+    assert control.choice.rig == "other.toml"
+    assert window.remembered[-1] == control.choice
+
+
+def test_study_is_checked_as_it_is_written_and_saved_only_if_valid(window, control: LauncherControl) -> None:
+    press(window, "Ctrl+3")
+    assert "18 blocks" in window.study.plan.text()
+    window.study.editor.setPlainText('name = "x"\n[orders]\nmain = "2 dyadic"\n')
+    assert "[kinds]: found none" in window.study.problem.text()
+    press(window, "Ctrl+S")
+    assert not Path("study.toml").exists()
+    window.study.editor.appendPlainText('[kinds.dyadic]\nperformers = "dyad"\n')
+    press(window, "Ctrl+S")
+    assert control.choice.study == "study.toml"
+    assert control.problem == ""
+
+
+def test_choice_is_taken_from_the_form(window, control: LauncherControl) -> None:
+    window.session.form.inputs["dyad"].setText("0")
+    window.session.form.inputs["dyad"].setModified(True)
+    window.session.form.inputs["dyad"].editingFinished.emit()
+    assert "dyad: found 0" in window.session.problem.text()
+    window.session.form.inputs["dyad"].setText("7")
+    window.session.form.inputs["dyad"].setModified(True)
+    window.session.form.inputs["dyad"].editingFinished.emit()
+    assert control.choice.dyad == 7
+    press(window, "Ctrl+4")
+    window.poll()
+    assert "load         0.1" in window.machines.words.toPlainText()
+
+
+def test_report_that_is_missing_is_explained(window, control: LauncherControl) -> None:
+    press(window, "F6")
+    assert "There is no report yet: select analysis in the table" in said(control)
+
+
+# --- memory ------------------------------------------------------------------------------------------------------
+
+
+def test_second_launcher_says_that_another_one_is_open(tmp_path: Path) -> None:
+    pytest.importorskip("PySide6.QtCore", exc_type=ImportError)
+    from netboard.windows.launcher.memory import only_launcher
+
+    lock = only_launcher(tmp_path / "netboard" / "launcher.lock")
+    with pytest.raises(NetboardError, match="another launcher is open"):
+        only_launcher(tmp_path / "netboard" / "launcher.lock")
+    lock.unlock()
+    only_launcher(tmp_path / "netboard" / "launcher.lock").unlock()
+
+
+def test_memory_is_kept_and_a_damaged_one_is_named(tmp_path: Path) -> None:
+    pytest.importorskip("PySide6.QtCore", exc_type=ImportError)
+    from netboard.windows.launcher.memory import remember, remembered
+
+    path = tmp_path / "new" / "launcher.toml"
+    assert remembered(path) == (LauncherMemory(), "")
+    memory = LauncherMemory(SessionChoice("rig.toml", "pilot", 4))
+    remember(path, memory)
+    assert remembered(path) == (memory, "")
+    path.write_text("[session]\ndyad = 0\n")
+    found, problem = remembered(path)
+    assert found == LauncherMemory()
+    assert problem.startswith(f"nothing is remembered: {path}: [session] dyad: found 0")
+
+
+def test_reading_is_given_from_outside() -> None:
+    def config(path: Path | None) -> Config:
+        raise ConfigError("no rig today")
+
+    control = LauncherControl(SessionChoice(), FileReaders(config, load_study))
+    assert control.problem == "no rig today"
+    control.close()
