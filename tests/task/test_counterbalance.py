@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from netboard.task.plans.counterbalance import bits, catch_trials, first_sides, rows, shuffled, turn_of
+from netboard.task.plans.counterbalance import bits, drawn_trials, first_sides, rows, shuffled, turn_of
 
 SEEDS = st.integers(0, 2**63)
 
@@ -97,19 +97,19 @@ def test_first_sides_are_balanced_up_to_the_odd_one(seed: int, number: int, spar
 
 
 @given(SEEDS, st.integers(1, 200), st.integers(0, 50), st.data())
-def test_catch_trials_have_the_requested_number_and_spare_the_first_trials(
+def test_drawn_trials_have_the_requested_number_and_spare_the_first_trials(
     seed: int, trials: int, after: int, data: st.DataObject
 ) -> None:
     number = data.draw(st.integers(0, max(trials - after, 0)))
-    caught = catch_trials(number, trials, after, seed)
-    assert len(set(caught)) == number
-    assert list(caught) == sorted(caught)
-    assert all(after < trial <= trials for trial in caught)
-    odd = sum(trial % 2 for trial in caught)
+    drawn = drawn_trials(number, range(after + 1, trials + 1), seed)
+    assert len(set(drawn)) == number
+    assert list(drawn) == sorted(drawn)
+    assert all(after < trial <= trials for trial in drawn)
+    odd = sum(trial % 2 for trial in drawn)
     if number <= (trials - after) // 2:
         assert abs(odd - (number - odd)) <= 1
 
 
-def test_odd_catch_trial_has_each_target_equally_often_over_seeds() -> None:
-    odd = sum(catch_trials(1, 60, 2, seed)[0] % 2 for seed in range(2000))
+def test_odd_drawn_trial_has_each_target_equally_often_over_seeds() -> None:
+    odd = sum(drawn_trials(1, range(3, 61), seed)[0] % 2 for seed in range(2000))
     assert 850 < odd < 1150

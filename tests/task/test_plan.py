@@ -12,7 +12,7 @@ from netboard.base.errors import ConfigError
 from netboard.base.tables.experiment import Session
 from netboard.base.tables.scene import Geometry, Physics
 from netboard.task.plans.conditions import sequences_of
-from netboard.task.plans.plan import Plan, PlanBlock, config_of, digest, plan_of, seated, to_json
+from netboard.task.plans.plan import Plan, PlanBlock, config_of, digest, plan_of, seated, shortened, to_json
 from netboard.task.studies import library
 from netboard.task.studies.study import paper_study, parse_study, resolve_study
 
@@ -256,6 +256,43 @@ def test_catch_trials_occur_only_in_blocks_with_haptic_feedback(catch: str, numb
         assert all(trial > 4 for trial in block.catch)
         assert [trial.number for trial in block.trials if trial.catch] == list(block.catch)
     assert number in (0, 16) or len({block.catch for block in plan.blocks}) > 2
+
+
+PERTURBED = (
+    'orders.main = "4 a"\nperturbation.at = "ball"\n[kinds.a]\nblock.trials = 20\ncatch = 4\nperturbed = {}\n'
+    "perturbed_after = 2\nperturbed_both_ways = true\n"
+)
+
+
+@pytest.mark.parametrize(("perturbed", "number"), [("0.3", 6), ("14", 14), ("0", 0)])
+def test_perturbation_trials_are_drawn_among_those_with_haptic_feedback(perturbed: str, number: int) -> None:
+    plan = plan_of(parse_study(PERTURBED.format(perturbed)), 1, 1)
+    for block, config in zip(plan.blocks, configs(plan), strict=True):
+        assert len(block.perturbed) == number
+        assert not {*block.perturbed} & {*block.catch}
+        assert all(trial > 2 for trial in block.perturbed)
+        assert {*block.opposite} <= {*block.perturbed}
+        assert len(block.opposite) == number // 2
+        assert (config.perturbation.trials, config.perturbation.opposite) == (block.perturbed, block.opposite)
+    assert plan == plan_of(parse_study(PERTURBED.format(perturbed)), 1, 1)
+    assert number == 0 or len({block.perturbed for block in plan.blocks}) > 2
+
+
+def test_study_without_a_place_has_no_perturbation_trials() -> None:
+    text = PERTURBED.format("0.3").replace('"ball"', '"none"')
+    assert all(block.perturbed == () for block in plan_of(parse_study(text), 1, 1).blocks)
+
+
+def test_more_perturbation_trials_than_trials_are_refused() -> None:
+    with pytest.raises(ConfigError, match=r"\[kinds.a\] perturbed: 15 perturbation trials do not fit into 20 trials"):
+        plan_of(parse_study(PERTURBED.format("15")), 1, 1)
+
+
+def test_shorter_block_keeps_only_the_perturbations_of_its_trials() -> None:
+    plan = plan_of(parse_study(PERTURBED.format("14")), 1, 1)
+    for config in shortened(list(configs(plan)), None, 8):
+        assert all(trial <= 8 for trial in (*config.perturbation.trials, *config.perturbation.opposite))
+        assert {*config.perturbation.opposite} <= {*config.perturbation.trials}
 
 
 def test_more_catch_trials_than_trials_are_refused() -> None:

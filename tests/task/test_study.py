@@ -64,7 +64,7 @@ def test_how_to_page_names_every_key_and_its_examples_are_valid() -> None:
             assert re.search(rf"[`\[.\n]{item.name}\b", page), item.name
     examples = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
     whole = [text for text in examples if "orders." in text]
-    assert (len(whole), len(examples)) == (3, 5), "the others are a declaration, and an entry of a package"
+    assert (len(whole), len(examples)) == (4, 6), "the others are a declaration, and an entry of a package"
     for example_text in whole:
         study = parse_study(example_text)
         assert require_balance(study, plan_of(study, 1, 1)).blocks
@@ -119,7 +119,7 @@ def test_overrides_are_converted_like_configuration_values() -> None:
         ("kinds.'a b' = {}\n" + 'orders.main = "a"', "[kinds.a b]: expected a name of letters"),
         ("kinds.session = {}\n" + 'orders.main = "session"', "[kinds.session]: expected another name"),
         ("order = ['mian']\n" + SMALL, 'order: found "mian", expected one of main; did you mean main?'),
-        ("safety.max_force = 3\n" + SMALL, "[safety]: unknown table; there are block, task"),
+        ("safety.max_force = 3\n" + SMALL, "[safety]: unknown table; there are block, perturbation, task"),
         ('orders.main = "2 dou"\n[kinds.duo]', '[orders] main: found "dou", expected one of duo; did you mean duo?'),
         ('orders.main = "2 ("\n[kinds.duo]', "[orders] main: a bracket ( is not closed"),
         ('orders.main = "600 duo"\n[kinds.duo]\nperformers = "AB"', "[orders] main: 1200 blocks, expected at most"),

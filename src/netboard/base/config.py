@@ -20,6 +20,7 @@ from netboard.base.settings import FORBID_UNKNOWN_KEYS, MAX_LABEL, read, write, 
 from netboard.base.tables.experiment import MAX_TRIALS, Block, Design, Quality, Session, Task
 from netboard.base.tables.forces import CONDITIONS, FORCES
 from netboard.base.tables.outcomes import Declaration
+from netboard.base.tables.perturbations import Perturbation
 from netboard.base.tables.rig import (
     MOUSE,
     VIEW_REPEAT_MS,
@@ -57,6 +58,7 @@ class Config:
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
     session: Session = field(default_factory=Session)
     block: Block = field(default_factory=Block)
+    perturbation: Perturbation = field(default_factory=Perturbation)
     design: Design = field(default_factory=Design)
     analysis: Declaration = field(default_factory=Declaration)
     quality: Quality = field(default_factory=Quality)
@@ -199,6 +201,7 @@ def contradictions(config: Config) -> Iterator[str]:
     yield from _of_block(config.block)
     yield from _of_design(config.design)
     yield from _of_force(config.block, config.physics)
+    yield from _of_perturbation(config)
     yield from _of_sizes(config.geometry, config.task, config.physics)
     yield from _of_safety(config.safety)
     yield from contradictions_of_triggers(config.triggers)
@@ -293,6 +296,48 @@ def _of_force(block: Block, physics: Physics) -> Iterator[str]:
             found = getattr(block, key)
             shown = f'"{found}"' if isinstance(found, str) else str(list(found) if isinstance(found, tuple) else found)
             yield f'[block] {key}: found {shown}, expected {expected} with [physics] coupling_at = "both"'
+
+
+def _of_perturbation(config: Config) -> Iterator[str]:
+    """Find perturbations that cannot act, or would be cut by a limit."""
+    table, physics = config.perturbation, config.physics
+    for key, numbers in (("trials", table.trials), ("opposite", table.opposite)):
+        for trial in numbers:
+            if not 1 <= trial <= MAX_TRIALS:
+                yield f"[perturbation] {key}: found {trial}, expected numbers of trials, from 1 to {MAX_TRIALS}"
+    if extra := sorted({*table.opposite} - {*table.trials}):
+        yield f"[perturbation] opposite: found {extra[0]}, expected one of the numbers in trials"
+    if table.at == "none":
+        if table.trials:
+            yield '[perturbation] at: found "none" with perturbation trials, expected a place'
+        return
+    if table.force == 0:
+        yield '[perturbation] force: found 0, expected another force, or at = "none"'
+    if (table.at == "ball" or table.onset == "ball") and physics.balls == 0:
+        yield '[perturbation] at, onset: found "ball" without a ball, expected [physics] balls = 1'
+    if table.at == "board" and physics.board == "hinged":
+        yield '[perturbation] at: found "board", which cannot heave with [physics] board = "hinged"; expected "free"'
+    if table.at in SIDES:
+        yield from _of_pushed_stylus(config, table.at)
+
+
+def _of_pushed_stylus(config: Config, side: Side) -> Iterator[str]:
+    """Find reasons why a stylus cannot be pushed: a force passes the same way as haptic feedback."""
+    table, block = config.perturbation, config.block
+    where = f'[perturbation] at: found "{side}", '
+    if not block.haptics or (block.force_scale == 0 and not block.trial_scales):
+        yield f"{where}expected haptic feedback in the block, because agents render no force without it"
+    if getattr(block, side) == "still":
+        yield f"{where}expected a stylus that somebody holds ([block] {side})"
+    if config.physics.coupling_at == "both":
+        yield f'{where}expected [physics] coupling_at = "server", because agents compute the force otherwise'
+    if both := sorted({*table.trials} & {*block.catch}):
+        yield f"[perturbation] trials: found {both[0]}, which is a catch trial without force; expected another trial"
+    if abs(table.force) > config.safety.max_force:
+        yield (
+            f"[perturbation] force: found {table.force:g}, expected at most {config.safety.max_force:g} N "
+            "([safety] max_force)"
+        )
 
 
 def _of_sizes(geometry: Geometry, task: Task, physics: Physics) -> Iterator[str]:

@@ -67,6 +67,7 @@ STATE = np.dtype(
         ("mark_ticks", "<i8"),  # run_ticks when the ball came into the target
         ("extra", "<i8"),  # trials that operators have added to the block
         ("block_ticks", "<i8"),  # ticks that the block has taken, without pauses
+        ("perturbed_ticks", "<i8"),  # ticks of the attempt's perturbation so far, 0 before it
     ]
 )
 """State of the stage: all that a tick needs of the past."""
@@ -95,6 +96,7 @@ INPUT = np.dtype(
 OUTPUT = np.dtype(
     [
         ("event", "<i8"),  # Cause that changed the phase at this tick, 0 for none
+        ("perturbation", "<f8"),  # force of a perturbation during the tick, 0 for none [N]
         *(
             field
             for side in _BOTH

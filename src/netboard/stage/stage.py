@@ -40,6 +40,20 @@ from netboard.physics.scene.rendering import (
     scale_in,
 )
 from netboard.physics.stability.method_choice import MethodChoice, choose
+from netboard.stage.perturbing import (
+    BALL,
+    BOARD,
+    LEFT,
+    NOWHERE,
+    PERTURBING,
+    RIGHT,
+    Perturbing,
+    pack_perturbing,
+    perturbation,
+    perturbing_of,
+    push_ball,
+    push_board,
+)
 from netboard.stage.styluses import KNOWN_EXTRAPOLATIONS, drives, sense_left, sense_right, used_lanes
 from netboard.stage.trial_steps import decide, take_transition
 from netboard.task.trials.state_machine import RULES, Cause, Phase, first_target, is_active, is_free, pack_rules
@@ -52,8 +66,13 @@ _NONE, _FAULT = int(Cause.NONE), int(Cause.FAULT)
 
 
 @inlined
-def _command(s: np.void, row: np.void, on_board: tuple[float, float], felt: Rendering, packed: np.void) -> None:
-    """Write the forces of the couplings on the board, left and right, and the commanded forces."""
+def _command(
+    s: np.void, row: np.void, on_board: tuple[float, float], felt: Rendering, packed: np.void, at: int
+) -> None:
+    """Write the forces of the couplings on the board, left and right, and the commanded forces.
+
+    ``at``: where the perturbation of the row acts.
+    """
     on_left, on_right = on_board
     row["left_coupling"], row["right_coupling"] = on_left, on_right
     row["left_force"], row["right_force"] = 0.0, 0.0
@@ -67,10 +86,14 @@ def _command(s: np.void, row: np.void, on_board: tuple[float, float], felt: Rend
         gains = packed["left_free"] if rolls else packed["left_fixed"]
         hand = ForceInputs(on_left, left_z, right_z, left_vz, right_vz, s["p"], row["left_other"], gains)
         row["left_force"] = force_on_hand(hand, scale, felt)
+        if at == LEFT:
+            row["left_force"] += row["perturbation"]
     if felt.right and row["right_live"] != 0:
         gains = packed["right_free"] if rolls else packed["right_fixed"]
         hand = ForceInputs(on_right, right_z, left_z, right_vz, left_vz, s["p"], row["right_other"], gains)
         row["right_force"] = force_on_hand(hand, scale, felt)
+        if at == RIGHT:
+            row["right_force"] += row["perturbation"]
 
 
 @inlined
@@ -113,20 +136,26 @@ class TickKernels(NamedTuple):
     """The kernels of a tick, in their order. Those of the board are for numbers and, without stops, for lanes."""
 
     sense: Callable[..., State]  # (s, row, limit, scene): the drives of both hands
+    perturb: Callable[..., None]  # (s, row, packed): writes the force of a perturbation
     sense_lanes: Callable[..., Any]  # (z, vz, seen_vz, gap, age): what is used of lanes of good samples: z, vz, az
     drive: Callable[..., Any]  # (z, vz, az, k, c): the drive of one hand, also for lanes
     couple: Callable[..., tuple[float, float]]  # (board, hands, scene): forces of the couplings on the board [N]
     command: Callable[..., None]  # (s, row, on_board, packed): writes the forces
+    push: Callable[..., tuple[State, State]]  # (x, hands, row, rolls, scene): both with a perturbation of ball or board
     roll: Callable[..., State]  # (x, hands, tables, scene): the state after the tick, with a free ball
     rest: Callable[..., State]  # the same with a fixed ball
     settle: Callable[..., None]  # (s, row, x, cause, rules): stores it, and the event
+    pushes: bool  # whether there are perturbations of ball or board
 
 
 @cache
-def _tick_kernels(METHOD: int, SUBSTEPS: int, HOLD: int, FREE: Parts, FIXED: Parts, FELT: Rendering) -> TickKernels:
+def _tick_kernels(
+    METHOD: int, SUBSTEPS: int, HOLD: int, FREE: Parts, FIXED: Parts, FELT: Rendering, PERTURBING: Perturbing
+) -> TickKernels:
     """Compile the kernels of a kind of block: method, scene with the ball free and fixed, and commanded forces."""
     STEP = TICK_SECONDS / SUBSTEPS
     halted, drive = stopped if FREE.stops else _unstopped, moving if HOLD else _resting
+    AT = PERTURBING.at
 
     # Recordings verify against these steps to the bit: another order or rounding would refute those that exist.
     @inlined
@@ -134,6 +163,10 @@ def _tick_kernels(METHOD: int, SUBSTEPS: int, HOLD: int, FREE: Parts, FIXED: Par
         sense_left(s, row, limit, HOLD)
         sense_right(s, row, limit, HOLD)
         return drives(row, HOLD, scene)
+
+    @inlined
+    def perturb(s: np.void, row: np.void, packed: np.void) -> None:
+        row["perturbation"] = perturbation(s, packed, PERTURBING) if AT != NOWHERE else 0.0
 
     @inlined
     def sense_lanes(z: float, vz: float, seen_vz: float, gap: float, age: float) -> tuple[float, float, float]:
@@ -145,7 +178,15 @@ def _tick_kernels(METHOD: int, SUBSTEPS: int, HOLD: int, FREE: Parts, FIXED: Par
 
     @inlined
     def command(s: np.void, row: np.void, on_board: tuple[float, float], packed: np.void) -> None:
-        _command(s, row, on_board, FELT, packed)
+        _command(s, row, on_board, FELT, packed, AT)
+
+    @inlined
+    def push(x: State, hands: State, row: np.void, rolls: bool, scene: np.void) -> tuple[State, State]:
+        if AT == BALL and rolls:
+            x = push_ball(x, row["perturbation"], FREE, scene)
+        if AT == BOARD:
+            hands = push_board(hands, row["perturbation"])
+        return x, hands
 
     @inlined
     def roll(x: State, hands: State, tables: NDArray[np.float64], scene: np.void) -> State:
@@ -169,19 +210,21 @@ def _tick_kernels(METHOD: int, SUBSTEPS: int, HOLD: int, FREE: Parts, FIXED: Par
             cause = take_transition(s, _FAULT, rules) or cause
         row["event"] = cause
 
-    return TickKernels(sense, sense_lanes, drive, couple, command, roll, rest, settle)
+    pushes = AT in (BALL, BOARD)
+    return TickKernels(sense, perturb, sense_lanes, drive, couple, command, push, roll, rest, settle, pushes)
 
 
 @cache
 def _make_ticks(kernels: TickKernels) -> Callable[..., None]:
     """Compile the ticks of a kind of block."""
-    sense, _, _, couple, command, roll, rest, settle = kernels
+    sense, perturb, _, _, couple, command, push, roll, rest, settle, _ = kernels
 
     @inlined
     def ticks(
         state: Records, rows: Records, first: int, count: int, book: Records, tables: NDArray[np.float64]
     ) -> None:
         s, scene, rules, packed = state[0], book[0]["scene"], book[0]["rules"], book[0]["rendering"]
+        perturbing = book[0]["perturbing"]
         limit = book[0]["settings"]["stylus_range"]
         tables = borrowed(tables)
         place = first % len(rows)
@@ -190,12 +233,14 @@ def _make_ticks(kernels: TickKernels) -> Callable[..., None]:
             place = place + 1 if place + 1 < len(rows) else 0
             keep(row, s)
             hands = sense(s, row, limit, scene)
+            perturb(s, row, perturbing)
             # Read once, so that the sine and cosine of this tilt are computed once for the force and the first step.
             z, vz, theta, omega = s["z"], s["vz"], s["theta"], s["omega"]
             command(s, row, couple((z, vz, theta, omega), hands, scene), packed)
             cause = decide(s, row["command"], rules)
             rolls = is_free(s["phase"])
             x: State = (z, vz, theta, omega, s["p"], s["vp"] if rolls else 0.0)
+            x, hands = push(x, hands, row, rolls, scene)
             x = roll(x, hands, tables, scene) if rolls else rest(x, hands, tables, scene)
             settle(s, row, x, cause, rules)
 
@@ -210,7 +255,15 @@ SETTINGS = np.dtype(
 )
 """Settings of the stage itself: one record."""
 
-BOOK = np.dtype([("scene", SCENE), ("rules", RULES), ("rendering", RENDERING), ("settings", SETTINGS)])
+BOOK = np.dtype(
+    [
+        ("scene", SCENE),
+        ("rules", RULES),
+        ("rendering", RENDERING),
+        ("settings", SETTINGS),
+        ("perturbing", PERTURBING),
+    ]
+)
 """All parameters of the ticks of a block: one record."""
 
 
@@ -237,7 +290,7 @@ class Stage:
     Attributes
     ----------
     book : ndarray of BOOK, shape (1,)
-        Scene, rules of the trial, commanded forces, settings.
+        Scene, rules of the trial, commanded forces, settings, perturbations.
     choice : Choice
         Integration method, with the reason.
     tables : ndarray of float64, shape (2, k, 6, 6)
@@ -359,6 +412,7 @@ def make_stage(config: Config) -> Stage:
     book["rules"] = pack_rules(config.task, config.geometry, config.block)
     book["rendering"] = pack_rendering(config)
     book["settings"] = (config.task.stylus_range, physics.balls)
+    book["perturbing"] = pack_perturbing(config)
     choice = choose(physics, TICK_SECONDS)
     method, kinds = NUMBER[choice.method], (parts_of(physics), parts_of(physics, free=False))
     step = TICK_SECONDS / choice.substeps
@@ -372,6 +426,7 @@ def make_stage(config: Config) -> Stage:
             number_of(physics.hold, KNOWN_EXTRAPOLATIONS, "[physics] hold"),
             *kinds,
             rendering_of(config.block),
+            perturbing_of(config),
         ),
         first_target=first_target(config),
         delay=config.block.force_delay_ms,

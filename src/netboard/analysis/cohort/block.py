@@ -20,7 +20,7 @@ from netboard.analysis.extraction.devices import always, simulated_mechanics
 from netboard.analysis.extraction.recordings import ATTEMPT, BLOCKS, Measured, attempt_row, block_row, place_of
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.tables import Group, columns_of
-from netboard.analysis.extraction.trials import FORCES, PLACES, BlockData
+from netboard.analysis.extraction.trials import FORCES, PERTURBED, PLACES, BlockData
 from netboard.base.safeguards import Safeguard
 from netboard.nodes.rehearsal.jobs import RehearsalJob
 from netboard.participants.seat.block import Rehearsal
@@ -54,7 +54,8 @@ class Rehearsed:
 def rehearse(job: RehearsalJob, *, forces: bool = False) -> Rehearsed:
     """Rehearse a block; keep the columns of the measures of forces only if they are wanted."""
     rehearsal, referee = Rehearsal(job.config, job.people), Referee(job.config, Safeguard.CLAMPED)
-    parts: dict[str, list[NDArray[np.float64]]] = {name: [] for name in (*PLACES, *(FORCES if forces else ()))}
+    wanted = (*PLACES, *(FORCES if forces else ()), *((PERTURBED,) if job.config.perturbation.trials else ()))
+    parts: dict[str, list[NDArray[np.float64]]] = {name: [] for name in wanted}
     flags: dict[tuple[int, int], tuple[str, ...]] = {}
 
     def portions() -> Iterator[NDArray[Any]]:

@@ -120,6 +120,8 @@ def _reasons(
         yield f"in a {block['role']} block"
     if rules.catch and row["catch"]:
         yield "a catch trial"
+    if rules.perturbed and row["perturbation"]:
+        yield "a perturbation trial"
     for flag in excluding(str(row["flags"]).split(), flags_of(rules, block), simulated=bool(block["simulated"])):
         yield FLAGS[flag]
     if (row["recording"], row["trial"]) in named:

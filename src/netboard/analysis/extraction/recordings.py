@@ -96,6 +96,8 @@ ATTEMPT = (
     number("duration", "time from the release to the end, including the hold", "s"),
     words("role", "purpose of the trial: practice, familiarisation, baseline, test, or catch"),
     count("catch", "1: a catch trial, without haptic feedback"),
+    number("perturbation", "force of its perturbation, + = towards the target on the ball, else up; 0: none", "N"),
+    number("perturbed_at", "onset of the perturbation after the release; NaN: none came", "s"),
     words("flags", "quality flags, separated by spaces"),
 )
 """Columns of an attempt beside its measures."""
@@ -159,7 +161,7 @@ def place_of(name: str, take: AttemptData) -> dict[str, Any]:
 
 def _read(recording: Recording, readings: Readings) -> tuple[Columns, tuple[Verdict, ...]]:
     """Read the needed columns and check the attempts' quality in one pass, so chunks are decompressed once."""
-    wanted = tuple(dict.fromkeys((*columns_for(readings), *_RENDERED)))
+    wanted = tuple(dict.fromkeys((*columns_for(recording.config, readings), *_RENDERED)))
     columns = {name: np.empty(recording.counts["/ticks"], TICK[name]) for name in wanted}
 
     def portions() -> Iterator[NDArray[Any]]:
@@ -192,6 +194,8 @@ def attempt_row(
         "duration": attempt.duration,
         "role": trial_role(config, attempt.trial),
         "catch": int(attempt.trial in config.block.catch),
+        "perturbation": config.perturbation.force_in(attempt.trial),
+        "perturbed_at": take.block.perturbed_at(attempt),
         "flags": " ".join(flags.get((attempt.trial, attempt.attempt), ())),
     }
     for group in groups:

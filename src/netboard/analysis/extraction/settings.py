@@ -195,6 +195,7 @@ class Exclusions:
         about("quality flags that exclude an attempt; declared: [quality] exclude of the recording", strict=False),
     ] = ("declared",)
     catch: Annotated[bool, about("exclude catch trials; false: they form separate conditions")] = True
+    perturbed: Annotated[bool, about("exclude perturbation trials; false: they count as all others")] = True
     roles: Annotated[
         tuple[Role, ...],
         about("roles of blocks that are excluded; other roles except test form separate conditions", strict=False),

@@ -47,12 +47,16 @@ FORCES = ("left_coupling", "right_coupling")
 
 _RATES = ("left_used_vz", "right_used_vz")
 _COUNTS = ("tick", "run_ticks")
+PERTURBED = "perturbation"
+"""Column with the force of a perturbation, which blocks without perturbation trials need not have."""
+
 _FILTERED = ("_seen", "placed", "fast", "slow", "whole", "forces", "_segments")
 
 
-def columns_for(readings: Readings) -> tuple[str, ...]:
+def columns_for(config: Config, readings: Readings) -> tuple[str, ...]:
     """Return the tick columns that a `BlockData` needs."""
-    return (*_COUNTS, *PLACES, *FORCES, *(_RATES if readings.filters.velocity == "device" else ()))
+    perturbed = (PERTURBED,) if config.perturbation.trials else ()
+    return (*_COUNTS, *PLACES, *FORCES, *perturbed, *(_RATES if readings.filters.velocity == "device" else ()))
 
 
 class BlockData:
@@ -71,15 +75,17 @@ class BlockData:
     ) -> None:
         self.config, self.readings = config, readings
         self.attempts, self.mechanics = tuple(attempts), mechanics
-        names, ticks = columns_for(readings), columns["tick"]
+        names, ticks = columns_for(config, readings), columns["tick"]
         self.first = int(ticks[0])
         whole = int(ticks[-1]) + 1 - self.first
         self.missing = whole - ticks.size
         self._columns = {
             name: by_number(ticks, columns[name]) if self.missing else np.asarray(columns[name])
             for name in names
-            if name in columns and name not in _COUNTS
+            if name in columns and name not in (*_COUNTS, PERTURBED)
         }
+        acts = columns.get(PERTURBED, np.zeros(0)) != 0.0
+        self._onsets = ticks[np.flatnonzero(acts[1:] & ~acts[:-1]) + 1]  # of perturbations
 
     @classmethod
     def of(
@@ -90,7 +96,7 @@ class BlockData:
             raise RecordingError(f"{recording.path}: contains no ticks and cannot be analysed; leave it out")
         if config.physics.balls == 0:
             raise RecordingError(f"{recording.path}: its scene has no ball, so it contains no trials; leave it out")
-        columns = recording.columns(*columns_for(readings)) if columns is None else columns
+        columns = recording.columns(*columns_for(config, readings)) if columns is None else columns
         attempts = with_emergency_stops(recording.attempts(), recording.events())
         attempts = from_release(attempts, columns["tick"], columns["run_ticks"])
         return cls(config, readings, columns, attempts, mechanics_of(config, recording))
@@ -110,6 +116,11 @@ class BlockData:
         for name in stale:
             other.__dict__.pop(name, None)
         return other
+
+    def perturbed_at(self, attempt: Attempt) -> float:
+        """Return the onset of the perturbation after the release of an attempt; NaN if none came [s]."""
+        within = self._onsets[(self._onsets >= attempt.tick) & (self._onsets < attempt.stop)]
+        return (int(within[0]) - attempt.tick) / RATE if within.size else nan
 
     @property
     def samples(self) -> int:

@@ -47,6 +47,7 @@ from netboard.nodes.server.server_runs import (
 )
 from netboard.nodes.server.state import RING_ROWS, SessionState
 from netboard.stage.curtain import Pause
+from netboard.stage.perturbing import PERTURBATION, begins_perturbation, perturbation_of
 from netboard.task.trials.state_machine import STAGE_FAULT, Cause, Phase
 
 FEED_TICKS = 18
@@ -393,9 +394,12 @@ class DyadSession:
         words = state.words[np.arange(first, first + count) % RING_ROWS]
         logged = 0
         # A decision is recorded right after its tick: the log has one order however many ticks are finished at once.
-        for k in np.flatnonzero(words[:, _EVENT]).tolist():
+        noted, config = words[:, _EVENT] != 0, state.block.config
+        if config.perturbation.trials:
+            noted |= begins_perturbation(words.view(TICK)[:, 0], config)
+        for k in np.flatnonzero(noted).tolist():
             self._log_ticks(words[logged : k + 1])
-            self._record_decision(first + k)
+            self._record_tick(first + k)
             logged = k + 1
         self._log_ticks(words[logged:])
         state.number += count
@@ -438,6 +442,16 @@ class DyadSession:
         if about_trial and phase in (Phase.SUCCEEDED, Phase.FAILED):
             return Cause.NONE  # this tick would refuse it
         return self._requests.handle_command(self._control.requests.pop(0))
+
+    def _record_tick(self, number: int) -> None:
+        """Record what began or was decided in a tick."""
+        state = self._state
+        row, config = state.rows[number % RING_ROWS], state.block.config
+        if begins_perturbation(row, config):
+            details = perturbation_of(row, config)
+            state.note(PERTURBATION, details | self._blocks.details.of(int(row["trial"])))
+        if row["event"]:
+            self._record_decision(number)
 
     def _record_decision(self, number: int) -> None:
         """Record what the stage has decided."""

@@ -370,7 +370,8 @@ def _make_couple(kernels: TickKernels) -> Callable[..., None]:
 @cache
 def _make_decide(kernels: TickKernels, FORCES: bool) -> Callable[..., tuple[int, int]]:
     """Compile the trial state machines of a group; they return how many balls are free, and how many fixed."""
-    command = kernels.command
+    perturb, command, pushes = kernels.perturb, kernels.command, kernels.pushes
+    push_scene = _make_push(kernels)
 
     @inlined
     def decide_all(sc: SceneArrays, g: int, book: Records) -> tuple[int, int]:
@@ -380,6 +381,7 @@ def _make_decide(kernels: TickKernels, FORCES: bool) -> Callable[..., tuple[int,
             i = g * LANES + j
             s, row = sc.states[i], sc.rows[j]
             row["phase"], row["trial"] = s["phase"], s["trial"]
+            perturb(s, row, book[0]["perturbing"])
             if FORCES:
                 command(s, row, (room[14, j], room[15, j]), packed)
             row["command"] = _START if sc.ticks[i] == 0 else 0
@@ -391,10 +393,32 @@ def _make_decide(kernels: TickKernels, FORCES: bool) -> Callable[..., tuple[int,
                 sc.ended[i] = ENDED_IN_FAILURE
             free = is_free(s["phase"])
             room[4, j], room[5, j], room[16, j] = s["p"], s["vp"] if free else 0.0, 1.0 if free else -1.0
+            if pushes:
+                push_scene(sc, row, j, free, book)
             rolling += 1 if free else 0
         return rolling, LANES - rolling
 
     return decide_all
+
+
+@cache
+def _make_push(kernels: TickKernels) -> Callable[..., None]:
+    """Compile the perturbation of ball or board in one scene of a group."""
+    push = kernels.push
+
+    @inlined
+    def push_scene(sc: SceneArrays, row: np.void, j: int, free: bool, book: Records) -> None:
+        room = sc.room
+        x: State = (room[0, j], room[1, j], room[2, j], room[3, j], room[4, j], room[5, j])
+        left: State = (room[6, j], room[7, j], room[8, j], room[9, j])
+        right: State = (room[10, j], room[11, j], room[12, j], room[13, j])
+        x, hands = push(x, (*left, *right), row, free, book[0]["scene"])
+        for k in range(6):
+            room[k, j] = x[k]
+        for k in range(8):
+            room[6 + k, j] = hands[k]
+
+    return push_scene
 
 
 @cache

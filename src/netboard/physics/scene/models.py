@@ -202,22 +202,54 @@ def rates(x: State, left: float, right: float, parts: Parts, scene: np.void) -> 
 
 
 @inlined
+def _response(x: State, parts: Parts, scene: np.void) -> tuple[float, float, float]:
+    """Return what a unit impulse along the board at a ball changes in the Lagrangian model.
+
+    That is the rates of heave and tilt, and the speed of every ball beside that of the ball itself.
+    """
+    s, c = turned(x[2], parts)
+    r, mass_ratio = scene["ball_height"], scene["mass_ratio"]
+    a11, a12, a22 = inertia(x, s, c, parts, scene)
+    vz, omega = solved(a11, a12, a22, -s * mass_ratio, r, parts)
+    return vz, omega, r * omega - s * mass_ratio * vz
+
+
+@inlined
+def _struck(x: State, i: int, blow: float, response: tuple[float, float, float], scene: np.void) -> State:
+    """Return the state after an impulse along the board at ball i in the Lagrangian model [N s]."""
+    vz, omega, others = response
+    x = replaced(replaced(x, 1, x[1] + blow * vz), 3, x[3] + blow * omega)
+    for j in range(len(places(x))):
+        x = replaced(x, 5 + 2 * j, x[5 + 2 * j] + blow * others)
+    return replaced(x, 5 + 2 * i, x[5 + 2 * i] + blow * (scene["mass_ratio"] / scene["m"]))
+
+
+@inlined
+def struck(x: State, i: int, blow: float, parts: Parts, scene: np.void) -> State:
+    """Return the state after an impulse at the centre of a ball; in the Lagrangian model it acts on the board, too.
+
+    Parameters
+    ----------
+    i : int
+        Number of the ball, from 0 [1].
+    blow : float
+        Impulse along the board, + = right [N s].
+    """
+    if not parts.lagrangian:
+        return replaced(x, 5 + 2 * i, x[5 + 2 * i] + blow * (scene["mass_ratio"] / scene["m"]))
+    return _struck(x, i, blow, _response(x, parts, scene), scene)
+
+
+@inlined
 def _reflected(x: State, i: int, parts: Parts, scene: np.void) -> State:
     """Return the state after the impact of ball i on its stop; in the Lagrangian model it acts on the board, too."""
     back = -(1.0 + scene["restitution"]) * x[5 + 2 * i]
     if not parts.lagrangian:
         return replaced(x, 5 + 2 * i, x[5 + 2 * i] + back)
-    s, c = turned(x[2], parts)
-    r, mass_ratio = scene["ball_height"], scene["mass_ratio"]
-    a11, a12, a22 = inertia(x, s, c, parts, scene)
-    # Response to a unit impulse along the board at ball i, scaled to the impulse that reverses ball i.
-    vz, omega = solved(a11, a12, a22, -s * mass_ratio, r, parts)
-    others = r * omega - s * mass_ratio * vz
-    blow = back / (others + mass_ratio / scene["m"])
-    x = replaced(replaced(x, 1, x[1] + blow * vz), 3, x[3] + blow * omega)
-    for j in range(len(places(x))):
-        x = replaced(x, 5 + 2 * j, x[5 + 2 * j] + blow * others)
-    return replaced(x, 5 + 2 * i, x[5 + 2 * i] + blow * (mass_ratio / scene["m"]))
+    response = _response(x, parts, scene)
+    # The impulse that reverses ball i.
+    blow = back / (response[2] + scene["mass_ratio"] / scene["m"])
+    return _struck(x, i, blow, response, scene)
 
 
 @inlined

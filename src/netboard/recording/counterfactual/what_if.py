@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from netboard.base.config import Config, resolve
 from netboard.base.tick import TICK_SECONDS
 from netboard.network.protocol.records import EventRecord, TickRecord
-from netboard.recording.files.offline_writer import event_of
+from netboard.recording.files.offline_writer import events_of
 from netboard.recording.files.provenance import config_sha256
 from netboard.recording.files.writer import RecordingWriter
 from netboard.recording.format.summary import Attempt, find_attempts
@@ -179,9 +179,8 @@ def save(
             now_ns = opened_ns + int(row["time_ns"] - rows["time_ns"][0])
             writer.write(TickRecord(row.tobytes()), number, now_ns)
             number += 1
-            if row["event"]:
-                event = EventRecord(events, int(row["tick"]), int(row["time_ns"]), *event_of(row))
-                writer.write(event, number, now_ns)
+            for event in events_of(row, config):
+                writer.write(EventRecord(events, int(row["tick"]), int(row["time_ns"]), *event), number, now_ns)
                 number, events = number + 1, events + 1
             if writer.is_due(now_ns):
                 writer.flush(now_ns)

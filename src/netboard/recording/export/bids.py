@@ -23,10 +23,11 @@ from netboard.recording.export.factors import ExportedFactor, exported_factors
 from netboard.recording.export.formats import Progress
 from netboard.recording.export.runs import Person, Run, devices_of, runs_of
 from netboard.recording.export.signals import FRAME, Signal, signals_of
-from netboard.recording.export.survey import PhaseChange, Survey
+from netboard.recording.export.survey import PerturbationSpan, PhaseChange, Survey
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.backfill import unknown_ticks
 from netboard.recording.format.summary import Attempt
+from netboard.stage.perturbing import PERTURBATION
 from netboard.task.studies.factors import column_of, design_of, factors_of, role_of, trial_role
 
 TASK = "boardandball"
@@ -122,8 +123,14 @@ def _events(survey: Survey, run: Run, factors: Sequence[ExportedFactor]) -> list
                 "outcome": one.outcome,
                 "completion_time": one.completion,
                 "catch_trial": one.trial in run.config.block.catch,
+                "perturbation": run.config.perturbation.force_in(one.trial),
                 "flags": " ".join(survey.flags.get(one.tick, ())),
             }
+        )
+    for push in survey.perturbations:
+        rows.append(
+            _event(survey, push, push.tick, survey.span(push.tick, push.stop), PERTURBATION)
+            | {"perturbation": run.config.perturbation.force_in(push.trial)}
         )
     for row in rows:
         row["role"] = trial_role(run.config, row["trial"])
@@ -132,7 +139,7 @@ def _events(survey: Survey, run: Run, factors: Sequence[ExportedFactor]) -> list
     return sorted(rows, key=lambda row: row["onset"])
 
 
-def _event(survey: Survey, of: Attempt | PhaseChange, tick: int, duration: float, kind: str) -> Row:
+def _event(survey: Survey, of: Attempt | PhaseChange | PerturbationSpan, tick: int, duration: float, kind: str) -> Row:
     return {
         "onset": survey.seconds(tick),
         "duration": duration,
@@ -143,6 +150,7 @@ def _event(survey: Survey, of: Attempt | PhaseChange, tick: int, duration: float
         "outcome": texts.MISSING,
         "completion_time": texts.MISSING,
         "catch_trial": texts.MISSING,
+        "perturbation": texts.MISSING,
         "role": texts.MISSING,
         "flags": texts.MISSING,
     }

@@ -9,6 +9,7 @@ from netboard.base.tables.forces import FORCE_WORDS
 from netboard.recording.export.factors import ExportedFactor
 from netboard.recording.export.signals import FRAME, FRAME_TEXT, Signal
 from netboard.recording.export.task import ATTEMPT_TEXTS, EVENT_TEXTS, KEYWORDS, TASK_TEXT
+from netboard.stage.perturbing import PERTURBATION
 from netboard.task.studies.factors import level_text
 
 MISSING = "n/a"
@@ -105,7 +106,7 @@ _CHANNELS = {
     }
 }
 
-_UNITS = {"completion_time": "s", "force_delay_ms": "ms"}
+_UNITS = {"completion_time": "s", "force_delay_ms": "ms", "perturbation": "N"}
 
 
 def _described(texts: dict[str, str]) -> dict[str, Any]:
@@ -119,13 +120,14 @@ def _described(texts: dict[str, str]) -> dict[str, Any]:
 _EVENTS = {
     "trial_type": {
         "Description": (
-            "Events of the types levelling and attempt have a duration: they cover the rows of their phase, and an "
-            "attempt begins with the release of the ball even if its row is missing. All others are instants, at the "
-            "row that caused them, the last of the previous phase"
+            "Events of the types levelling, attempt and perturbation have a duration: they cover the rows of their "
+            "phase or of their force, and an attempt begins with the release of the ball even if its row is missing. "
+            "All others are instants, at the row that caused them, the last of the previous phase"
         ),
         "Levels": {
             "levelling": "the ball is fixed opposite the target, until the board is level",
             "attempt": "the ball is free",
+            PERTURBATION: "a known force acts on ball, board or stylus",
             **EVENT_TEXTS,
         },
     },

@@ -247,6 +247,7 @@ class NwbLayout:
                 flags=" ".join(self._survey.flags.get(one.tick, ())),
                 condition=f"{block.configuration}, force {block.force}",
                 catch_trial=one.trial in block.catch,
+                perturbation=run.config.perturbation.force_in(one.trial),
                 role=trial_role(run.config, one.trial),
                 force_scale=block.force_scale,
                 force_delay=block.force_delay_ms / 1000,

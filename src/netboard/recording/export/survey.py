@@ -6,7 +6,7 @@ logger received are missing. Times are therefore looked up, and a recording stat
 
 from bisect import bisect_right
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -20,6 +20,7 @@ from netboard.recording.export.task import EVENT_NAMES
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.summary import Attempt, find_attempts, from_release, turns_along
 from netboard.recording.integrity.quality_check import judged
+from netboard.stage.perturbing import is_perturbed
 
 PORTION = 16_384
 """Approximate number of ticks in memory at once [1]."""
@@ -40,6 +41,17 @@ class PhaseChange:
     target: int
 
 
+@dataclass(frozen=True, slots=True)
+class PerturbationSpan:
+    """A perturbation: its ticks, and its attempt."""
+
+    tick: int
+    stop: int  # first tick after it
+    trial: int
+    attempt: int
+    target: int
+
+
 class Survey:
     """Results of the pass through a recording. ``origin_ns``: server time of the first tick [ns]."""
 
@@ -48,10 +60,12 @@ class Survey:
         self._last = 0
         self._jumps: list[tuple[int, int]] = []
         found: list[PhaseChange] = []
+        self._perturbed: list[PerturbationSpan] = []
         turns = turns_along(self._watched(recording, found))
         recorded = find_attempts(turns)
         self.attempts: tuple[Attempt, ...] = from_release(recorded, turns["tick"], turns["run_ticks"])
         self.phase_changes = tuple(found)
+        self.perturbations = tuple(self._perturbed)
         flags = {verdict.release: verdict.flags for verdict in judged(recording)}
         # Quality flags of each completed attempt, by the tick of its release.
         self.flags = {one.tick: flags.get(at.tick, ()) for one, at in zip(self.attempts, recorded, strict=True)}
@@ -69,9 +83,19 @@ class Survey:
             for place in np.flatnonzero(np.diff(leads, prepend=before)):
                 self._jumps.append((int(rows["tick"][place]), int(leads[place])))
             found += [_phase_change(rows[place]) for place in np.flatnonzero(rows["event"])]
+            for row in rows[is_perturbed(rows, recording.config)]:
+                self._note_perturbation(row)
             self.ticks += rows.size
             self._last = int(rows["tick"][-1])
             yield rows
+
+    def _note_perturbation(self, row: np.void) -> None:
+        """Note a tick of a perturbation, which continues the one before unless it is of another attempt."""
+        tick, which = int(row["tick"]), (int(row["trial"]), int(row["attempt"]), int(row["target"]))
+        if self._perturbed and (before := self._perturbed[-1]) and (before.trial, before.attempt) == which[:2]:
+            self._perturbed[-1] = replace(before, stop=tick + 1)
+        else:
+            self._perturbed.append(PerturbationSpan(tick, tick + 1, *which))
 
     @property
     def regular(self) -> bool:

@@ -21,7 +21,7 @@ from netboard.base.settings import tables as settings_tables
 from netboard.base.tick import TICK
 from netboard.recording.export.factors import ExportedFactor, exported_factors
 from netboard.recording.export.runs import refuse_copies
-from netboard.recording.export.task import ROLE_TEXT
+from netboard.recording.export.task import PERTURBATION_TEXT, ROLE_TEXT
 from netboard.recording.files.locate import sha256_of
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.channels import CHANNELS, DTYPES, Channel, Field
@@ -167,6 +167,10 @@ _TRIAL_COLUMNS: tuple[tuple[Field, Callable[[_Trial], Any]], ...] = (
     (
         Field("catch_trial", "integer", "1: a catch trial, without haptic feedback", "1"),
         lambda trial: trial.attempt.trial in trial.config.block.catch,
+    ),
+    (
+        Field("perturbation", "number", PERTURBATION_TEXT, "N"),
+        lambda trial: trial.config.perturbation.force_in(trial.attempt.trial),
     ),
     (Field("role", "string", ROLE_TEXT, ""), lambda trial: trial_role(trial.config, trial.attempt.trial)),
     (

@@ -37,6 +37,11 @@ EVENT_NAMES = {int(cause): name for cause, name, _ in _PHASE_CHANGES}
 EVENT_TEXTS = {name: text for _, name, text in _PHASE_CHANGES} | {"unknown": "unknown to this version of netboard"}
 """Descriptions of these names."""
 
+PERTURBATION_TEXT = (
+    "force of the perturbation in the trial, at the place in [perturbation] of the configuration: + = towards the "
+    "target on the ball, up on board and styluses; 0: none"
+)
+
 ROLE_TEXT = "what the trial is for: practice, familiarisation, baseline, test, or catch"
 
 ATTEMPT_TEXTS = {
@@ -49,6 +54,7 @@ ATTEMPT_TEXTS = {
     ),
     "completion_time": "of a success: from the release until the ball enters the target to stay",
     "catch_trial": "true: a catch trial, without haptic feedback",
+    "perturbation": PERTURBATION_TEXT,
     "role": ROLE_TEXT,
     "flags": "why the attempt is flagged, by rules that were fixed in advance: words separated by spaces",
 }

@@ -4,7 +4,7 @@ Streams that need a network are missing: clock probes, display frames and peer e
 the metadata record both carry ``rehearsed``, so that a simulated block cannot be mistaken for human data.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from netboard.network.protocol.records import EventRecord
 from netboard.recording.files.provenance import provenance
 from netboard.recording.files.writer import RecordingWriter
 from netboard.stage.curtain import PHASE_NAMES
+from netboard.stage.perturbing import PERTURBATION, begins_perturbation, perturbation_of
 from netboard.task.studies.factors import TrialDetails
 from netboard.task.trials.state_machine import HAS_EDGE, TABLE, Cause, Phase
 
@@ -49,7 +50,7 @@ class BlockWriter:
         self.path = folder / recording_name(config, session)
         welcome = Welcome(session, PROTOCOL_VERSION, start_ns, text)
         metadata = provenance(welcome, config, 1, utc_ns, start_ns) | dict(origin)
-        self._details = TrialDetails(config)
+        self._config, self._details = config, TrialDetails(config)
         self._log_time_minus_server = utc_ns - start_ns
         self._writer = RecordingWriter(self.path, metadata, text, config.recording, utc_ns, repeatable=True)
         self._events = self._records = 0
@@ -58,16 +59,16 @@ class BlockWriter:
 
     def take(self, rows: NDArray[Any]) -> None:
         """Write the next ticks and the events in them."""
-        *ended, rest = np.split(rows, np.flatnonzero(is_edge(rows)) + 1)
+        noted = np.flatnonzero(is_edge(rows) | begins_perturbation(rows, self._config))
+        *ended, rest = np.split(rows, noted + 1)
         for part in ended:
             self._write_ticks(part)
-            self._write_event(int(part["tick"][-1]), self._time_ns, *self._event_of(part[-1]))
+            row = part[-1]
+            for name, details in events_of(row, self._config):
+                more = self._details.of(int(row["trial"]))
+                self._write_event(int(row["tick"]), self._time_ns, name, details | more)
         if len(rest):
             self._write_ticks(rest)
-
-    def _event_of(self, row: np.void) -> tuple[str, dict[str, str]]:
-        name, details = event_of(row)
-        return name, details | self._details.of(int(row["trial"]))
 
     def finish(self) -> None:
         """Complete the recording and give it its final name."""
@@ -107,6 +108,14 @@ def is_edge(rows: NDArray[Any]) -> NDArray[np.bool_]:
     known = (phase >= 0) & (phase < phases) & (cause > 0) & (cause < causes)
     known[known] = HAS_EDGE[phase[known], cause[known]]
     return np.asarray(known)
+
+
+def events_of(row: np.void, config: Config) -> Iterator[tuple[str, dict[str, str]]]:
+    """Yield names and details of the events in a tick."""
+    if begins_perturbation(row, config):
+        yield PERTURBATION, perturbation_of(row, config)
+    if is_edge(np.array([row])).any():
+        yield event_of(row)
 
 
 def event_of(row: np.void) -> tuple[str, dict[str, str]]:

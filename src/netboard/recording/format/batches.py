@@ -127,6 +127,12 @@ class BatchLayout:
         """Return the number of columns."""
         return len(self._names)
 
+    def fits(self, message: bytes) -> bool:
+        """Return whether a batch has as many columns as this layout."""
+        values = unpack(message)
+        data, count = values.get("columns"), values.get("count")
+        return isinstance(data, bytes) and type(count) is int and len(data) == len(self._names) * WORD * count
+
     def decode(self, messages: Sequence[bytes], names: Sequence[str]) -> dict[str, NDArray[Any]]:
         """Decode columns of some batches; a column that the file does not have is zero."""
         needed = self._needed(names)

@@ -138,6 +138,8 @@ _TICK_TEXTS: dict[str, tuple[str, str]] = {
     "mark_ticks": ("run_ticks when the ball came into the target", "1"),
     "extra": ("trials that operators have added to the block", "1"),
     "block_ticks": ("ticks that the block has taken, without pauses", "1"),
+    "perturbed_ticks": ("ticks of the attempt's perturbation so far, 0 before it", "1"),
+    "perturbation": ("force of a perturbation during the tick, + = up, on the ball + = right; 0 for none", "N"),
     "event": (f"what changed the phase at this tick: {_numbered(Cause)}", "1"),
     "late_ns": (
         "start of the tick after its deadline; negative: before the deadline, because all samples had arrived",

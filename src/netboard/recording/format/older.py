@@ -27,6 +27,9 @@ TOPIC = "/tick"
 
 _RETIRED = re.compile(r"^(haptic_gain|haptic_noise|partner_prediction) = .*\n", re.MULTILINE)
 _SINCE_2 = frozenset({"left_other", "right_other", "extra", "block_ticks"})
+_SINCE_4 = frozenset({"perturbed_ticks", "perturbation"})
+"""Columns that recordings of format 4 have if their netboard knew perturbations."""
+
 _HAPTICS = re.compile(r"^haptics = (true|false)$", re.MULTILINE)
 _DIFFERENCES_3 = {"vz": 2, "omega": 2, "vp": 4, "left_lead_ns": 0, "right_lead_ns": 0}
 """Orders of the differences that format 4 changed."""
@@ -34,9 +37,16 @@ _DIFFERENCES_3 = {"vz": 2, "omega": 2, "vp": 4, "left_lead_ns": 0, "right_lead_n
 _FORCE = {"true": 'force = "full"', "false": 'force = "none"'}
 
 
-def schema_3() -> bytes:
-    """Return the schema of the ticks in format 3, for files whose own is damaged."""
+def schema_4() -> bytes:
+    """Return the schema of the ticks in format 4 without perturbations, for files whose own is damaged."""
     schema = json.loads(CHANNELS[0].schema())
+    schema["columns"] = [column for column in schema["columns"] if column["name"] not in _SINCE_4]
+    return json.dumps(schema).encode()
+
+
+def schema_3() -> bytes:
+    """Return the schema of the ticks in format 3, likewise."""
+    schema = json.loads(schema_4())
     for column in schema["columns"]:
         column["differences"] = _DIFFERENCES_3.get(column["name"], column["differences"])
     return json.dumps(schema | {"folded": False, "constants": [], "predictions": {}}).encode()
@@ -53,7 +63,7 @@ def ticks_of(messages: Sequence[bytes], version: str) -> NDArray[Any]:
 
     They are bit for bit as written; columns that the format lacks are 0.
     """
-    missing = _SINCE_2 if version == "1" else frozenset[str]()
+    missing = _SINCE_4 | _SINCE_2 if version == "1" else _SINCE_4
     template, places, columns = _layout(missing)
     fixed = np.setdiff1d(np.arange(template.size), places)
     if all(len(message) == template.size for message in messages):

@@ -22,7 +22,10 @@ TOPICS = {number: topic for topic, number in IDS.items()}
 RECOVERABLE = ("2", "3", FORMAT_VERSION)
 """Format versions that can be recovered."""
 
-_LAYOUT, _LAYOUT_3 = BatchLayout(CHANNELS[0].schema()), BatchLayout(older.schema_3())
+_LAYOUTS = BatchLayout(CHANNELS[0].schema()), BatchLayout(older.schema_4())
+_LAYOUTS_3 = (BatchLayout(older.schema_3()),)
+"""Layouts that the batches of the current format and of format 3 can have."""
+
 _KEPT = 4  # chunks in memory
 
 
@@ -88,7 +91,9 @@ class ChunkReader:
     def _decode(self, message: bytes) -> NDArray[Any]:
         if self.version == "2":
             return older.ticks_of([message], self.version)
-        columns = (_LAYOUT_3 if self.version == "3" else _LAYOUT).decode([message], TICK.names or ())
+        known = _LAYOUTS_3 if self.version == "3" else _LAYOUTS
+        layout = next((one for one in known if one.fits(message)), known[0])
+        columns = layout.decode([message], TICK.names or ())
         rows = np.zeros(len(columns["tick"]), TICK)
         for name, column in columns.items():
             rows[name] = column

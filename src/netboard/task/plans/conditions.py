@@ -11,10 +11,11 @@ from typing import Literal
 
 from netboard.base.config import SIDES, Side
 from netboard.base.errors import ConfigError
+from netboard.base.tables.perturbations import MAX_PERTURBED
 from netboard.task.plans.counterbalance import (
     Draw,
     bits,
-    catch_trials,
+    drawn_trials,
     first_sides,
     rows,
     shuffled,
@@ -111,14 +112,30 @@ class Conditions:
     def catch(self, kind: str, trials: int, place: int) -> tuple[int, ...]:
         """Draw the catch trials of a block."""
         share, after = self._study.kinds[kind].catch, self._study.kinds[kind].catch_after
-        number = math.floor(share * trials + 0.5) if share < 1 else round(share)
-        most = min(max(trials - after, 0), MAX_CATCH)
+        number, most = _number_of(share, trials), min(max(trials - after, 0), MAX_CATCH)
         if number > most:
             raise ConfigError(
                 f"[kinds.{kind}] catch: {number} catch trials do not fit into {trials} trials of which the first "
                 f"{after} are none; expected at most {most}"
             )
-        return catch_trials(number, trials, after, self._seed, self._dyad, Draw.CATCH, place)
+        return drawn_trials(number, range(after + 1, trials + 1), self._seed, self._dyad, Draw.CATCH, place)
+
+    def perturbed(
+        self, kind: str, trials: int, catch: tuple[int, ...], place: int
+    ) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """Draw the perturbation trials of a block among those that are no catch trials, and those of opposite sign."""
+        of = self._study.kinds[kind]
+        free = [trial for trial in range(of.perturbed_after + 1, trials + 1) if trial not in catch]
+        number, most = _number_of(of.perturbed, trials), min(len(free), MAX_PERTURBED)
+        if number > most:
+            raise ConfigError(
+                f"[kinds.{kind}] perturbed: {number} perturbation trials do not fit into {trials} trials, of which the "
+                f"first {of.perturbed_after} and the catch trials are none; expected at most {most}"
+            )
+        drawn = drawn_trials(number, free, self._seed, self._dyad, Draw.PERTURBED, place)
+        if not of.perturbed_both_ways:
+            return drawn, ()
+        return drawn, drawn_trials(number // 2, drawn, self._seed, self._dyad, Draw.OPPOSITE, place)
 
     def within(self, kind: str, trials: int, place: int) -> dict[str, tuple[str, ...]]:
         """Draw the levels of the trial factors of a block; all combinations are equally frequent."""
@@ -131,3 +148,8 @@ class Conditions:
         """Draw the seed of a block, below 2^31 [1]."""
         (drawn,) = bits(1, self._seed, self._dyad, Draw.BLOCKS, place)
         return drawn >> 33
+
+
+def _number_of(share: float, trials: int) -> int:
+    """Return how many trials of a block a share (below 1) or a number of them is [1]."""
+    return math.floor(share * trials + 0.5) if share < 1 else round(share)

@@ -28,6 +28,8 @@ class Draw(IntEnum):
     CATCH = 4
     BLOCKS = 5
     TRIALS = 6
+    PERTURBED = 7
+    OPPOSITE = 8
 
 
 def bits(number: int, *words: int) -> tuple[int, ...]:
@@ -108,11 +110,11 @@ def first_sides(number: int, spare: int, *words: int) -> Row:
     return tuple(sides[index] for index in shuffled(number, *words))
 
 
-def catch_trials(number: int, trials: int, after: int, *words: int) -> Row:
-    """Draw the catch trials of a block, balanced over the two targets as far as possible."""
+def drawn_trials(number: int, free: Sequence[int], *words: int) -> Row:
+    """Draw some of the free trials of a block, balanced over the two targets as far as possible."""
     if number == 0:
         return ()
-    order = [after + 1 + index for index in shuffled(max(trials - after, 0), *words)]
+    order = [free[index] for index in shuffled(len(free), *words)]
     odd, even = ([trial for trial in order if trial % 2 == parity] for parity in (1, 0))
     half = number // 2 + (number % 2 if order and order[0] % 2 else 0)
     odds = min(max(half, number - len(even)), len(odd))

@@ -50,6 +50,8 @@ class PlanBlock:
     duration: float  # time limit after which no trial begins; 0: none [s]
     first_target: Side
     catch: tuple[int, ...]
+    perturbed: tuple[int, ...]  # numbers of the perturbation trials
+    opposite: tuple[int, ...]  # those of them whose force has the opposite sign
     rest: float  # before the block [s]
     questionnaires: tuple[tuple[str, str], ...]
     instructions: tuple[dict[str, str], ...]  # parts of the instructions before the block, each by language
@@ -137,6 +139,8 @@ def to_json(plan: Plan) -> str:
     for block in (block for session in whole["sessions"] for block in session["blocks"]):
         design = block.pop("design")
         del block["analysis"]
+        for name in [name for name in ("perturbed", "opposite") if not block[name]]:
+            del block[name]  # keeps the digest of plans without perturbations
         block |= {name: design[name] for name in ("role", "trials") if design[name] not in ("auto", {})}
     return json.dumps(whole, sort_keys=True, separators=(",", ":"))
 
@@ -189,6 +193,9 @@ def _block(
     within = assigned.within(name, block.trials, place) if block.haptics else {}
     if scales := _scales(study, within, block.force_scale):
         changes = {**changes, "block": {**changes.get("block", {}), "trial_scales": scales}}
+    catch = assigned.catch(name, block.trials, place) if block.haptics else ()
+    there = changes.get("perturbation", {}).get("at", "none") != "none"
+    perturbed, opposite = assigned.perturbed(name, block.trials, catch, place) if there else ((), ())
     base = {**study.instructions, **kind.instructions}
     ended = {name, SESSION} if step.last else {name}
     return PlanBlock(
@@ -200,7 +207,9 @@ def _block(
         count=block.trials,
         duration=block.duration,
         first_target="left",
-        catch=assigned.catch(name, block.trials, place) if block.haptics else (),
+        catch=catch,
+        perturbed=perturbed,
+        opposite=opposite,
         rest=0.0 if number == 1 else study.long_rest if step.rested else block.rest,
         questionnaires=tuple((q, one.text) for q, one in study.questionnaires.items() if ended & {*one.after}),
         instructions=tuple(part for part in (base, *(level.instructions for level in levels)) if part),
@@ -282,7 +291,13 @@ def config_of(config: Config, session: PlanSession, number: int) -> Config:
         table: replace(getattr(config, table), **keys) for table, keys in plan.changes.items() if table != "block"
     }
     config = replace(config, **tables)
-    config = replace(config, block=_block_of(config, session, plan), design=plan.design, analysis=plan.analysis)
+    config = replace(
+        config,
+        block=_block_of(config, session, plan),
+        perturbation=replace(config.perturbation, trials=plan.perturbed, opposite=plan.opposite),
+        design=plan.design,
+        analysis=plan.analysis,
+    )
     problems = "\n".join(f"block {number} ({plan.label}): {problem}" for problem in contradictions(config))
     if problems:
         raise ConfigError(problems)
@@ -348,5 +363,13 @@ def shortened(blocks: list[Config], most: int | None, trials: int | None) -> Ite
     kept = blocks[:most]
     for config in kept:
         count = config.block.trials if trials is None else min(trials, config.block.trials)
-        catch = tuple(trial for trial in config.block.catch if trial <= count)
-        yield replace(config, block=replace(config.block, blocks=len(kept), trials=count, catch=catch))
+        table = config.perturbation
+        catch, perturbed, opposite = (
+            tuple(trial for trial in every if trial <= count)
+            for every in (config.block.catch, table.trials, table.opposite)
+        )
+        yield replace(
+            config,
+            block=replace(config.block, blocks=len(kept), trials=count, catch=catch),
+            perturbation=replace(table, trials=perturbed, opposite=opposite),
+        )

@@ -58,7 +58,8 @@ def studies_table(studies: Sequence[Study]) -> FittedTable:
 
 def blocks_table(study: Study, session: PlanSession) -> FittedTable:
     """Return a table of the blocks of a session, without columns that are empty."""
-    names = ("block", "kind", "role", "by", *study.factors, "trials", "first target", "catch", "rest", "asked")
+    drawn = ("trials", "first target", "catch", "perturbed", "rest", "asked")
+    names = ("block", "kind", "role", "by", *study.factors, *drawn)
     rows = [tuple(_cells(study, block)) for block in session.blocks]
     used = [place for place, name in enumerate(names) if name in study.factors or any(row[place] for row in rows)]
     columns = (names[place] for place in used)
@@ -94,6 +95,7 @@ def _cells(study: Study, block: PlanBlock) -> Iterator[str]:
     yield f"{block.duration:g} s" if block.duration else str(block.count)
     yield block.first_target
     yield " ".join(map(str, block.catch))
+    yield " ".join(f"-{trial}" if trial in block.opposite else str(trial) for trial in block.perturbed)
     yield f"{block.rest:g} s" if block.rest else ""
     yield ", ".join(name for name, _ in block.questionnaires)
 

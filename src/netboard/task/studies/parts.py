@@ -7,14 +7,18 @@ A part stores only the configuration keys that differ from the rig's configurati
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
+from pydantic import StrictBool
+
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
 from netboard.base.tables.experiment import Block, FactorType, Quality, Role, Task
+from netboard.base.tables.perturbations import MAX_PERTURBED, Perturbation
 from netboard.base.tables.rig import Display, Partners
 from netboard.base.tables.scene import Geometry, Physics
 from netboard.base.tables.simulated import Participant
 
 CHANGED: dict[str, type[Any]] = {
     "block": Block,
+    "perturbation": Perturbation,
     "task": Task,
     "physics": Physics,
     "geometry": Geometry,
@@ -25,19 +29,22 @@ CHANGED: dict[str, type[Any]] = {
 }
 """Tables of the configuration that a study may change."""
 
-PLANNED = (
-    "number",
-    "blocks",
-    "label",
-    "configuration",
-    "performer",
-    "station",
-    "catch",
-    "trial_scales",
-    "instructions",
-    "seed",
-)
-"""Keys of ``[block]`` that the plan sets, so a study may not."""
+PLANNED: dict[str, tuple[str, ...]] = {
+    "block": (
+        "number",
+        "blocks",
+        "label",
+        "configuration",
+        "performer",
+        "station",
+        "catch",
+        "trial_scales",
+        "instructions",
+        "seed",
+    ),
+    "perturbation": ("trials", "opposite"),
+}
+"""Keys of each table that the plan sets, so a study may not."""
 
 SESSION = "session"
 """Value of ``after`` for a questionnaire at the end of a session."""
@@ -55,6 +62,7 @@ class Changes:
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
     block: Annotated[dict[str, Any], about("keys of [block] that differ")] = field(default_factory=dict)
+    perturbation: Annotated[dict[str, Any], about("keys of [perturbation] that differ")] = field(default_factory=dict)
     task: Annotated[dict[str, Any], about("keys of [task] that differ")] = field(default_factory=dict)
     physics: Annotated[dict[str, Any], about("keys of [physics] that differ")] = field(default_factory=dict)
     geometry: Annotated[dict[str, Any], about("keys of [geometry] that differ")] = field(default_factory=dict)
@@ -139,6 +147,15 @@ class Kind(Changes):
     catch_after: Annotated[
         int, about("number of first trials in a block that are never catch trials", "1", ge=0, le=10_000)
     ] = 1
+    perturbed: Annotated[
+        float, about("perturbation trials: below 1 the share, from 1 on the number", "1", ge=0, le=MAX_PERTURBED)
+    ] = 0.0
+    perturbed_after: Annotated[
+        int, about("number of first trials in a block that are never perturbed", "1", ge=0, le=10_000)
+    ] = 1
+    perturbed_both_ways: Annotated[
+        StrictBool, about("true: in half of the perturbation trials the force has the opposite sign")
+    ] = False
 
     def people(self) -> tuple[Literal["A", "B", "dyad"], ...]:
         """Return the performers of the blocks of one step, in turn."""

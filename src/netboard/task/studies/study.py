@@ -42,7 +42,11 @@ IN_TRIALS = "block.force_scale"
 NAME = TextForm("^[A-Za-z][A-Za-z0-9_-]*$", "of letters, digits, - and _, beginning with a letter, such as pilot2")
 """Form of the name of a study."""
 
-_LATER = {Level: {"value": "auto", "other_hand": ""}, Factor: {"type": "auto", "unit": ""}, Kind: {"role": "auto"}}
+_LATER: dict[type[Any], dict[str, Any]] = {
+    Level: {"value": "auto", "other_hand": ""},
+    Factor: {"type": "auto", "unit": ""},
+    Kind: {"role": "auto", "perturbed": 0.0, "perturbed_after": 1, "perturbed_both_ways": False},
+}
 """Keys added in later versions, with their defaults, by part."""
 
 
@@ -183,7 +187,7 @@ def _changes(cls: type[T], values: dict[str, Any], path: Sequence[str], problems
     """Check a table with changes of the configuration."""
     for table, of in CHANGED.items():
         changed = _table(values, table, path, problems)
-        for key in [key for key in changed if table == "block" and key in PLANNED]:
+        for key in [key for key in changed if key in PLANNED.get(table, ())]:
             del changed[key]
             problems.append(f"[{'.'.join((*path, table))}] {key}: follows from the plan and is not set here")
         checked = _checked(of, changed, (*path, table), problems) if changed else None
@@ -192,7 +196,7 @@ def _changes(cls: type[T], values: dict[str, Any], path: Sequence[str], problems
     known = {item.name for item in fields(cls)}  # type: ignore[arg-type]
     for key in [key for key in values if key not in known]:
         homes = [table for table, of in CHANGED.items() if key in {item.name for item in fields(of)}]
-        if homes and key not in PLANNED:
+        if homes and key not in PLANNED.get(homes[0], ()):
             del values[key]
             where = f"[{'.'.join(path)}] {key}" if path else key
             problems.append(f"{where}: unknown key; did you mean {homes[0]}.{key}?")
