@@ -19,6 +19,7 @@ app = typer.Typer()
         "netboard replay S01.mcap --serve -c rig.toml",
         "netboard replay S01.mcap --markers",
         "netboard replay S01.mcap --verify",
+        "netboard replay S01.mcap --film trial.webp --at 10 --until 16",
     )
 )
 def replay(
@@ -44,6 +45,13 @@ def replay(
     at: Annotated[
         float | None, typer.Option(min=0.0, metavar="S", help="Start position in seconds from the recording's start.")
     ] = None,
+    film: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Save both displays as an animation (.webp, .gif, .png), then stop."),
+    ] = None,
+    until: Annotated[
+        float | None, typer.Option(min=0.0, metavar="S", help="End of the film in seconds from the recording's start.")
+    ] = None,
     insecure: Insecure = False,
     config: ConfigFile = None,
     overrides: Overrides = None,
@@ -55,9 +63,11 @@ def replay(
     """
     ways = {"--verify": verify, "--headless": headless, "--serve": serve, "--markers": markers}
     chosen = [name for name, wanted in ways.items() if wanted]
-    window_only = {"--screenshot": screenshot is not None, "--offscreen": offscreen}
+    window_only = {"--screenshot": screenshot is not None, "--offscreen": offscreen, "--film": film is not None}
     _refuse_contradictions(chosen, [name for name, given in window_only.items() if given], at)
-    if len(recordings) > (1 if chosen else 2):
+    if until is not None and film is None:
+        raise ConfigError("--until: found without --film, whose end it is")
+    if len(recordings) > (1 if chosen or film else 2):
         raise ConfigError(f"replay: found {len(recordings)} recordings, expected one, or two to show side by side")
     path = recordings[0]
     if verify:
@@ -74,6 +84,8 @@ def replay(
         from netboard.nodes.replay.replay_server import serve_recording
 
         serve_recording(path, load(config, overrides).network, speed, at, insecure=insecure)
+    elif film is not None:
+        _write_film(path, film, at, until, speed)
     else:
         _show(recordings, station, speed, screenshot, sync, at, offscreen=offscreen)
 
@@ -108,6 +120,17 @@ def _list_markers(path: Path) -> None:
     from netboard.recording.replay.text import marks_table
 
     plain_console().print(marks_table(load_with_progress(path)))
+
+
+def _write_film(path: Path, film: Path, at: float | None, until: float | None, speed: float) -> None:
+    """Save what both participants saw as an animation, which needs no screen."""
+    from netboard.base.process.display_server import choose_screen
+    from netboard.recording.replay.loading import load_with_progress
+
+    choose_screen(True)
+    from netboard.windows.replay.film import write_film
+
+    write_film(load_with_progress(path), film, at or 0.0, until, speed)
 
 
 def _show(
