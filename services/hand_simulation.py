@@ -21,6 +21,7 @@ from netboard.base.terminal.bars import telling
 from netboard.base.terminal.output import FittedTable
 from netboard.physics.hands.sampled import Hands
 from netboard.physics.simulation import (
+    TOLERANCE,
     Motion,
     Steps,
     check_start,
@@ -173,6 +174,8 @@ def steps_in_words(steps: Steps, chosen: SimulationOptions) -> str:
     """Describe the steps, and why they were chosen."""
     if chosen.method != "auto":
         return f"{steps.method}, as requested"
+    if np.isinf(steps.longest):
+        return f"{steps.method}, in steps and orders that keep its error below {TOLERANCE:g} of the speed"
     why = f", {steps.longest * steps.fastest:.2g} of its shortest time constant" if steps.fastest else ""
     return f"{steps.method} in steps of at most {steps.longest * 1e3:.3g} ms{why}"
 

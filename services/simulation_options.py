@@ -26,14 +26,19 @@ Gaps = Annotated[
     ),
 ]
 Interval = Annotated[
-    float, typer.Option(metavar="S", help="Interval between rows of the result, and longest step, in seconds.")
+    float,
+    typer.Option(
+        metavar="S",
+        help="Interval between rows of the result, in seconds; steps of all methods but taylor end at rows.",
+    ),
 ]
 Method = Annotated[
     str,
     typer.Option(
         metavar="NAME",
-        help="Integration method. auto: practically exact, with as many steps as the scene needs. Otherwise one of the "
-        "server's (euler, rk4, etdrk4, ...), with one step between samples or rows.",
+        help="Integration method. auto: practically exact, with as many steps as the scene needs (taylor, or dop853 "
+        "with --substeps). Otherwise taylor, or one of the server's (euler, rk4, etdrk4, ...), with one step between "
+        "samples or rows.",
     ),
 ]
 Substeps = Annotated[int, typer.Option(min=1, metavar="N", help="Integration steps in place of one, at least.")]

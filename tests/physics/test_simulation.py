@@ -342,9 +342,14 @@ def test_method_takes_the_requested_substeps_per_row() -> None:
 
 def test_automatic_step_is_shorter_for_faster_scenes() -> None:
     hands = sampled(waving(0), T[:11])
-    longest = [simulate(hands, Physics(c_h=c_h), COLD).longest for c_h in (0.5, 2.0, 20.0)]
-    assert longest == sorted(longest, reverse=True)
-    assert choose_steps(Physics(coupling="none", k_s=0.0, board="level")).longest == 0.005
+    scenes = [Physics(c_h=c_h) for c_h in (0.5, 2.0, 100.0)]
+    by_tolerance = [simulate(hands, physics, COLD).longest for physics in scenes]
+    assert by_tolerance == sorted(by_tolerance, reverse=True)
+    assert by_tolerance[0] == pytest.approx(1e-3)  # whole intervals between samples
+    assert by_tolerance[-1] < 1e-3
+    fixed = [choose_steps(physics, substeps=2).longest for physics in scenes]
+    assert fixed == sorted(fixed, reverse=True)
+    assert choose_steps(Physics(coupling="none", k_s=0.0, board="level"), substeps=2).longest == 0.005
 
 
 def test_exact_method_agrees_for_a_level_board() -> None:
@@ -385,16 +390,20 @@ def test_too_many_rows_are_refused() -> None:
 
 
 def test_too_many_steps_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(netboard.physics.simulation, "MAX_STEPS", 10)
-    with pytest.raises(ConfigError, match="method: dop853 needs 20 steps for a scene this quick"):
-        simulate(sampled(waving(0), T[:11]), Physics(), COLD)
+    monkeypatch.setattr(netboard.physics.simulation, "MAX_STEPS", 9)
+    hands = sampled(waving(0), T[:11])
+    for substeps, words in ((1, "taylor needs 10"), (2, "dop853 needs 20")):
+        with pytest.raises(ConfigError, match=f"method: {words} steps for a scene this quick"):
+            simulate(hands, Physics(), COLD, steps=choose_steps(Physics(), substeps=substeps))
 
 
 def test_unknown_or_unsuitable_method_is_refused() -> None:
-    with pytest.raises(ConfigError, match=r'method: found "rk5", expected auto or one of euler, .*rk4'):
+    with pytest.raises(ConfigError, match=r'method: found "rk5", expected auto or one of taylor, euler, .*rk4'):
         choose_steps(Physics(), method="rk5")
     with pytest.raises(ConfigError, match='"exact", which is for boards that cannot tilt'):
         choose_steps(Physics(), method="exact")
+    with pytest.raises(ConfigError, match="substeps: found 3, expected 1: the tolerance of taylor gives"):
+        choose_steps(Physics(), method="taylor", substeps=3)
 
 
 def test_too_many_step_lengths_are_refused_for_etdrk4() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
-from netboard.physics.methods.catalogue import NUMBER
+from netboard.physics.simulation import OFFLINE_METHODS
 from netboard.services.cli import app
 
 COLUMNS = ["t", "z", "vz", "theta", "omega", "p", "vp", "f_left", "f_right"]
@@ -49,8 +49,8 @@ def test_one_file_is_simulated_and_summarised() -> None:
     assert found["t"].tolist() == [i / 1000 for i in range(201)]
     assert all(found[name][0] == 0.0 for name in COLUMNS[:7])
     assert "paper model, free board, 1 free ball" in result.output
-    assert "dop853 in steps of at most 0.5 ms, 0.25 of its shortest time constant" in result.output
-    for line in ("samples      201", "every        1 ms", "rows         201", "steps        400, at most 0.5 ms"):
+    assert "taylor, in steps and orders that keep its error below 1e-12 of the speed" in result.output
+    for line in ("samples      201", "every        1 ms", "rows         201", "steps        200, at most 1 ms"):
         assert line in result.output
 
 
@@ -152,7 +152,7 @@ def test_method_is_chosen_by_name() -> None:
     assert "800, at most 0.25 ms" in result.output
     result = simulate("-i", "a.csv", "-o", "new.csv", "--method", "rk5")
     assert result.exit_code == 2
-    assert f'method: found "rk5", expected auto or one of {", ".join(NUMBER)}' in result.output
+    assert f'method: found "rk5", expected auto or one of {", ".join(OFFLINE_METHODS)}' in result.output
 
 
 def test_energy_option_adds_balanced_energy_columns() -> None:

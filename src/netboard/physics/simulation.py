@@ -1,10 +1,11 @@
 """Offline simulation of a scene under recorded hands: arrays in, arrays out, without files, clocks and trials.
 
-No step crosses a sample or an output row: between two of them each drive is one polynomial, so a method keeps its
-order. The result is a pure function of the arguments: the same hands give the same bits, alone and in a batch.
+No step crosses a sample: between two of them each drive is one polynomial, so a method keeps its order. The Taylor
+method gives rows within its steps; the steps of all others end at rows, too. The result is a pure function of the
+arguments: the same hands give the same bits, alone and in a batch.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,16 +18,27 @@ from netboard.physics.arithmetic.vectors import State
 from netboard.physics.hands.sampled import Hands, Held, drives_along, hold_hands, styluses_along
 from netboard.physics.methods.catalogue import METHODS, NUMBER
 from netboard.physics.methods.march import TimeGrid, forces_along, make_grid, run
+from netboard.physics.methods.taylor import make_taylor, order_for
 from netboard.physics.scene.energy import Powers, StoredEnergy, stored_along, work_along
 from netboard.physics.scene.linear import board_matrix
 from netboard.physics.scene.parameters import Parts, pack_scene, parts_of, state_length
+from netboard.physics.scene.series import table_of
 from netboard.physics.stability.step_matrix import is_stable
 
 MAX_ROWS, MAX_STEPS, MAX_TABLES = 100_000_000, 2_000_000_000, 200
 """Limits of output rows, of steps of a run (many minutes), and of step sizes of a method with tables [1]."""
 
+SERIES_METHOD = "taylor"
+"""Method of the automatic choice: `netboard.physics.methods.taylor`, with steps from a tolerance."""
+
+TOLERANCE = 1e-12
+"""Its error in a step, relative to the largest speed [1]."""
+
+SERIES_STIFFNESS = 4.0
+"""The fastest rate times the step of the Taylor method is at least this where the rate limits the step [1]."""
+
 REFERENCE_METHOD = "dop853"
-"""Method of the automatic choice; its relative error is below 1e-9, fast transients included."""
+"""Method of the automatic choice where a number of steps is requested; its relative error is below 1e-9."""
 
 MAX_STEP, MIN_STEP = 0.005, 2e-6
 ACCURATE_STIFFNESS, STABLE_STIFFNESS = 0.25, 2.0
@@ -37,6 +49,9 @@ ITERATIVE = ("verlet", "midpoint")
 MAX_ITERATED_STIFFNESS = 1.8
 """Methods that find the friction of balls by a fixed-point iteration, and the largest fastest rate of friction times
 the step for which it converges: above 2 it diverges, and just below it is not done after its last iteration [1]."""
+
+OFFLINE_METHODS = (SERIES_METHOD, *NUMBER)
+"""Names of all methods [1]."""
 
 _CHUNK = 20_000
 
@@ -50,7 +65,7 @@ class Steps:
     method : str
         Name of the method.
     longest : float
-        Largest step; infinite for whole intervals between samples and rows [s].
+        Largest step; infinite for whole intervals between samples and rows, and for steps from a tolerance [s].
     substeps : int
         Smallest number of equal steps per interval [1].
     fastest : float
@@ -98,7 +113,7 @@ def choose_steps(physics: Physics, free: bool = True, method: str = "auto", subs
     ----------
     method : str
         Name of a method, which takes `substeps` steps per interval; "auto" for a reference solution with as many steps
-        as it needs.
+        as it needs: "taylor", or "dop853" where `substeps` are requested.
     substeps : int
         Smallest number of equal steps per interval [1].
 
@@ -111,13 +126,17 @@ def choose_steps(physics: Physics, free: bool = True, method: str = "auto", subs
     parts = parts_of(physics, free)._replace(lagrangian=False)
     fastest = float(np.abs(np.linalg.eigvals(board_matrix(parts, pack_scene(physics)[0]))).max())
     fastest = max(fastest, friction_rate(physics) if free else 0.0)
+    if method == SERIES_METHOD and substeps > 1:
+        raise ConfigError(f"substeps: found {substeps}, expected 1: the tolerance of taylor gives the length of steps")
+    if method == SERIES_METHOD or (method == "auto" and substeps == 1):
+        return Steps(SERIES_METHOD, np.inf, 1, fastest)
     if method == "auto":
         longest = MAX_STEP
         if fastest > 0.0:
             longest = min(longest, max(ACCURATE_STIFFNESS / fastest, min(STABLE_STIFFNESS / fastest, MIN_STEP)))
         return Steps(REFERENCE_METHOD, longest, substeps, fastest)
     if method not in NUMBER:
-        raise ConfigError(f'method: found "{method}", expected auto or one of {", ".join(NUMBER)}')
+        raise ConfigError(f'method: found "{method}", expected auto or one of {", ".join(OFFLINE_METHODS)}')
     if method == "exact" and (parts.tilts or parts.resisted):
         raise ConfigError(
             'method: found "exact", which is for boards that cannot tilt (physics.board = "level") and balls without '
@@ -186,30 +205,27 @@ def simulate(
     steps = steps or choose_steps(physics, free)
     parts, scene = parts_of(physics, free), pack_scene(physics)
     held = hold_hands(hands, hold)
-    line = _make_timeline(held, dt)
-    grid = _make_grid(line, steps, parts, len(start), scene)
-    longest = float((grid.lengths / grid.counts).max(initial=0.0))
-    states, forces = np.empty((len(line.rows), len(start))), np.empty((len(line.rows), 2))
-    x, done = tuple(float(value) for value in start), 0
-    for first in range(0, len(line.knots), _CHUNK):
-        last = min(first + _CHUNK, len(line.knots) - 1)
-        drives = drives_along(held, line.knots[first : last + 1], scene)
-        found = run(steps.method, x, drives[:-1], _cut(grid, first, last), parts, scene)
-        x = tuple(found[-1].tolist())
-        end = int(np.searchsorted(line.rows, first + _CHUNK))
-        here = line.rows[done:end] - first
-        states[done:end] = found[here]
-        forces[done:end] = forces_along(states[done:end], np.ascontiguousarray(drives[here][:, (0, 4)]), parts, scene)
-        _check_finite(states[done:end], line.times[done:end], steps, longest)
-        done = end
-        progress(done / len(line.rows))
-    return Motion(line.times, states, forces, steps, int(grid.counts.sum()), longest)
+    rows = _make_rows(held, dt)
+    x = tuple(float(value) for value in start)
+    march = _by_series if steps.method == SERIES_METHOD else _by_grid
+    states, forces, done, count, longest = np.empty((len(rows), len(start))), np.empty((len(rows), 2)), 0, 0, 0.0
+    for found in march(held, rows, steps, x, parts, scene):
+        here = slice(done, done + len(found.states))
+        drives = drives_along(held, rows[here], scene)
+        states[here] = found.states
+        forces[here] = forces_along(found.states, np.ascontiguousarray(drives[:, (0, 4)]), parts, scene)
+        done, count, longest = here.stop, count + found.count, max(longest, found.longest)
+        _check_finite(states[here], rows[here] / held.scale, steps, longest)
+        progress(done / len(rows))
+    return Motion(rows / held.scale, states, forces, steps, count, longest)
 
 
 def is_stably_integrated(motion: Motion, physics: Physics, free: bool = True) -> bool:
     """Return whether the method was stable for the linearised scene and its friction; if not, the result is invalid."""
     matrix = board_matrix(parts_of(physics, free), pack_scene(physics)[0])
     method, step, rate = motion.steps.method, motion.longest, 0.0
+    if method == SERIES_METHOD:  # its tolerance shortens steps that are not stable
+        return True
     if free and physics.balls > 0:  # of a ball alone: where friction moves the board too, its rate is only larger
         rate = friction_rate(replace(physics, model="paper")) / physics.balls
     if method in ITERATIVE and step * rate > MAX_ITERATED_STIFFNESS:
@@ -275,17 +291,16 @@ def energies_of(motion: Motion, hands: Hands, physics: Physics, free: bool = Tru
 
 
 @dataclass(frozen=True)
-class _Timeline:
-    """Output rows, and knots: the times of rows and samples, in ticks."""
+class _Rows:
+    """The next rows of a run, and the number of steps that led to them, with the longest of these [SI, 1, s]."""
 
-    scale: float
-    knots: NDArray[np.int64]
-    rows: NDArray[np.int64]  # which knot each row is
-    times: NDArray[np.float64]  # of the rows [s]
+    states: NDArray[np.float64]
+    count: int
+    longest: float
 
 
-def _make_timeline(held: Held, dt: float) -> _Timeline:
-    """Merge the times of samples and rows."""
+def _make_rows(held: Held, dt: float) -> NDArray[np.int64]:
+    """Return the times of the rows, in ticks."""
     samples, scale = held.ticks, held.scale
     span = samples[-1] - samples[0]
     if not 100.0 <= dt * scale <= span + 0.5:
@@ -293,23 +308,67 @@ def _make_timeline(held: Held, dt: float) -> _Timeline:
     count = np.floor(span / (dt * scale) + 1e-6) + 1
     if count > MAX_ROWS:
         raise ConfigError(f"dt: found {dt:g}, which makes {count:.3g} rows, expected at most {MAX_ROWS:.3g}")
-    rows = samples[0] + np.rint(np.arange(int(count)) * (dt * scale)).astype(np.int64)
-    rows = np.minimum(rows, samples[-1])
-    knots = np.concatenate((rows, samples[samples <= rows[-1]]))
-    knots.sort(kind="stable")  # two runs to merge
-    knots = knots[np.diff(knots, prepend=knots[0] - 1) > 0]
-    return _Timeline(scale, knots, np.searchsorted(knots, rows), rows / scale)
+    rows: NDArray[np.int64] = samples[0] + np.rint(np.arange(int(count)) * (dt * scale)).astype(np.int64)
+    rows[-1] = min(rows[-1], samples[-1])
+    return rows
 
 
-def _make_grid(line: _Timeline, steps: Steps, parts: Parts, length: int, scene: NDArray[Any]) -> TimeGrid:
-    """Divide the intervals into steps."""
-    lengths = np.diff(line.knots) / line.scale
-    counts = np.maximum(np.ceil(lengths / steps.longest - 1e-6), steps.substeps)
-    if counts.sum() > MAX_STEPS:
+def _check_count(count: float, steps: Steps) -> None:
+    """Refuse a run of too many steps."""
+    if count > MAX_STEPS:
         raise ConfigError(
-            f"method: {steps.method} needs {counts.sum():.3g} steps for a scene this quick ({steps.fastest:.3g} /s), "
+            f"method: {steps.method} needs {count:.3g} steps for a scene this quick ({steps.fastest:.3g} /s), "
             f"expected at most {MAX_STEPS:.3g}; choose another, such as etdrk4, or shorter hands"
         )
+
+
+def _by_series(
+    held: Held, rows: NDArray[np.int64], steps: Steps, x: State, parts: Parts, scene: NDArray[Any]
+) -> Iterator[_Rows]:
+    """Integrate from sample to sample by the Taylor method; yield the rows of each chunk."""
+    joints = np.append(held.ticks[held.ticks < rows[-1]], rows[-1])
+    lengths = np.diff(joints) / held.scale
+    _check_count(float(np.maximum(lengths * steps.fastest / SERIES_STIFFNESS, 1.0).sum()), steps)
+    within = np.searchsorted(joints, rows) - 1  # the interval of each row; it belongs to the interval that it ends
+    ends = np.searchsorted(within, np.arange(len(lengths)), side="right")
+    moments = (rows - joints[np.maximum(within, 0)]) / held.scale
+    march, table = make_taylor(parts), table_of(len(x))
+    yield _Rows(np.array([x]), 0, 0.0)
+    for first in range(0, len(lengths), _CHUNK):
+        last = min(first + _CHUNK, len(lengths))
+        done = 1 if first == 0 else int(ends[first - 1])
+        out = np.empty((int(ends[last - 1]) - done, len(x)))
+        drives = drives_along(held, joints[first:last], scene)
+        here = lengths[first:last], ends[first:last] - done, moments[done : done + len(out)]
+        x, count, longest = march(x, drives, *here, TOLERANCE, order_for(TOLERANCE), scene, table, out)
+        yield _Rows(out, count, longest)
+
+
+def _by_grid(
+    held: Held, rows: NDArray[np.int64], steps: Steps, x: State, parts: Parts, scene: NDArray[Any]
+) -> Iterator[_Rows]:
+    """Integrate in equal steps between samples and rows; yield the rows of each chunk."""
+    knots = np.concatenate((rows, held.ticks[held.ticks <= rows[-1]]))
+    knots.sort(kind="stable")  # two runs to merge
+    knots = knots[np.diff(knots, prepend=knots[0] - 1) > 0]
+    places, done = np.searchsorted(knots, rows), 0
+    grid = _make_grid(np.diff(knots) / held.scale, steps, parts, len(x), scene)
+    for first in range(0, len(knots), _CHUNK):
+        last = min(first + _CHUNK, len(knots) - 1)
+        drives = drives_along(held, knots[first:last], scene)
+        here = _cut(grid, first, last)
+        found = run(steps.method, x, drives, here, parts, scene)
+        x = tuple(found[-1].tolist())
+        end = int(np.searchsorted(places, first + _CHUNK))
+        longest = float((here.lengths / here.counts).max(initial=0.0))
+        yield _Rows(found[places[done:end] - first], int(here.counts.sum()), longest)
+        done = end
+
+
+def _make_grid(lengths: NDArray[np.float64], steps: Steps, parts: Parts, length: int, scene: NDArray[Any]) -> TimeGrid:
+    """Divide the intervals into steps."""
+    counts = np.maximum(np.ceil(lengths / steps.longest - 1e-6), steps.substeps)
+    _check_count(float(counts.sum()), steps)
     tabled = METHODS[NUMBER[steps.method]].tables(scene[0], parts, length, 1e-3).size > 0
     kinds = len(np.unique(lengths / counts)) if tabled else 1
     if kinds > MAX_TABLES:

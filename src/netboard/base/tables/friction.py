@@ -9,6 +9,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import sqrt
 
+import numpy as np
+from numpy.typing import NDArray
+
+WORK_ROWS = 2
+"""Rows of a table of Taylor coefficients that a law may use for its own intermediate series [1]."""
+
 MAX_SPEED = 5.0
 """Largest speed of a ball at which a law must be stable: that of a free fall by 1.3 m [m/s]."""
 
@@ -32,6 +38,10 @@ class Friction:
         ``force(coefficient, vp, load)``: kernel of the force against the motion, an odd function of the speed [N].
     slope : callable
         ``slope(coefficient, load)``: its largest derivative with respect to the speed, up to `MAX_SPEED` [N s/m].
+    series : callable
+        ``series(n, coefficient, table, vp, load, work)``: kernel of the n-th Taylor coefficient of the force. The rows
+        `vp` and `load` of the table have the coefficients up to n; `WORK_ROWS` rows from `work` on are the law's own,
+        and keep what it writes from order to order [N/s^n].
     """
 
     name: str
@@ -39,6 +49,7 @@ class Friction:
     source: str
     force: Callable[[float, float, float], float]
     slope: Callable[[float, float], float]
+    series: Callable[[int, float, NDArray[np.float64], int, int, int], float]
 
 
 def _viscous(coefficient: float, vp: float, load: float) -> float:
@@ -51,12 +62,39 @@ def _rolling(coefficient: float, vp: float, load: float) -> float:
     return coefficient * load * (vp / sqrt(vp * vp + SMOOTHING_SPEED * SMOOTHING_SPEED))
 
 
+def _viscous_series(n: int, coefficient: float, table: NDArray[np.float64], vp: int, load: int, work: int) -> float:
+    """Return a Taylor coefficient of viscous friction [N/s^n]."""
+    speed: float = table[vp, n]
+    return coefficient * speed
+
+
+def _rolling_series(n: int, coefficient: float, table: NDArray[np.float64], vp: int, load: int, work: int) -> float:
+    """Return a Taylor coefficient of rolling resistance, by those of the root and of the smooth sign [N/s^n]."""
+    root, sign = work, work + 1
+    square, rest, ratio, force = 0.0, 0.0, 0.0, 0.0
+    for k in range(n + 1):
+        square += table[vp, k] * table[vp, n - k]
+    for k in range(1, n):
+        rest += table[root, k] * table[root, n - k]
+    if n == 0:
+        table[root, 0] = sqrt(square + SMOOTHING_SPEED * SMOOTHING_SPEED)
+    else:
+        table[root, n] = (square - rest) / (2.0 * table[root, 0])
+    for k in range(n):
+        ratio += table[sign, k] * table[root, n - k]
+    table[sign, n] = (table[vp, n] - ratio) / table[root, 0]
+    for k in range(n + 1):
+        force += table[load, k] * table[sign, n - k]
+    return coefficient * force
+
+
 VISCOUS = Friction(
     name="viscous friction",
     formula="b_p p'",
     source="H. Olsson et al., Friction models and friction compensation, European Journal of Control 4, 1998, eq. 2",
     force=_viscous,
     slope=lambda coefficient, load: coefficient,
+    series=_viscous_series,
 )
 
 ROLLING = Friction(
@@ -68,4 +106,5 @@ ROLLING = Friction(
     ),
     force=_rolling,
     slope=lambda coefficient, load: coefficient * load / SMOOTHING_SPEED,
+    series=_rolling_series,
 )

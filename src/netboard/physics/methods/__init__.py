@@ -6,4 +6,12 @@ known : int
     Structure flags of the scene (`known_of`) [1].
 k : int
     Number of a table [1].
+table : ndarray of float64, shape (rows, MAX_ORDER + 2)
+    Taylor coefficients of a movement, a row for each series of `netboard.physics.scene.series` [SI].
+order : int
+    Highest order of a Taylor series [1].
+tolerance : float
+    Error of a step, relative to the largest speed [1].
+side : float
+    Sign of the cosine of the tilt during a step [1].
 """

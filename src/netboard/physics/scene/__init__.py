@@ -20,4 +20,6 @@ rendering : Rendering
     Structure of the rendering; a compile-time constant.
 packed : RENDERING record
     Parameters of the commanded forces.
+table : ndarray of float64, shape (rows, MAX_ORDER + 2)
+    Taylor coefficients of a movement, a row for each series of `netboard.physics.scene.series` [SI].
 """
