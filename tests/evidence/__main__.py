@@ -37,6 +37,10 @@ def root(
 
 PLAIN = {
     "stability": ("stability.bench", "Stability of the methods: theory, runs, corrupted samples, 1e9 random steps."),
+    "taylor": (
+        "physics.taylor_bench",
+        "The Taylor method of offline simulations: kept states beside heyoka, sampled hands, and stress.",
+    ),
     "velocity": ("stability.velocity", "Estimators of stylus velocity: lag, noise, cost, and largest stable delay."),
     "coupling": (
         "coupling.bench",

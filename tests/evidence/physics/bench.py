@@ -13,6 +13,7 @@ from evidence.physics import figures, peer_drake, peer_heyoka, peer_mujoco, peer
 from evidence.physics import parts as physics_parts
 from evidence.physics.horizons import expect_parts, holds_part
 from evidence.physics.netboard_methods import collocation_solvers, one_step_solution, one_step_solvers
+from evidence.physics.netboard_taylor import taylor_solvers
 from evidence.physics.reference import errors_of, make_reference, tight
 from evidence.physics.work_precision import Row, Solver, compare, measure
 from netboard.base.errors import ConfigError
@@ -151,7 +152,7 @@ def find_reference(problem: Problem) -> physics_parts.Checked:
 
 
 def _solvers(problem: Problem, selection: Selection, quick: bool) -> list[Solver]:
-    found = one_step_solvers(problem, quick) + collocation_solvers(problem, quick)
+    found = one_step_solvers(problem, quick) + collocation_solvers(problem, quick) + taylor_solvers(problem, quick)
     for name in selection.peers:
         found += PEERS[name].solvers(problem, quick)
     return found

@@ -5,6 +5,7 @@ expressions, so their cost cannot be subtracted by counting calls. It follows fr
 run for the same number of steps.
 """
 
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -78,6 +79,17 @@ def _solver(problem: Problem, tolerance: float) -> Solver:
         return Solution(states, 1, steps, 0)
 
     return Solver(LIBRARY, "Taylor", f"tol {tolerance:.0e}", solve, bare, True, alone, dense=dense)
+
+
+def runs_along(problem: Problem, tolerance: float, grids: Sequence[NDArray[np.float64]]) -> list[Callable[[], object]]:
+    """Return a run for each grid of times at which states are kept; for an empty grid, without states."""
+    integrator = _make(problem, tolerance)
+
+    def run(times: NDArray[np.float64]) -> object:
+        rewound = _rewound(integrator, problem.first)
+        return rewound.propagate_grid(times) if len(times) else rewound.propagate_until(problem.duration)
+
+    return [partial(run, times) for times in grids]
 
 
 def _rewound(integrator: Any, state: tuple[float, ...]) -> Any:
