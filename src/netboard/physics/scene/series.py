@@ -257,17 +257,24 @@ def _free_balls(n: int, r: float, x: State, parts: Parts, scene: np.void, table:
     Write the force along the board on each ball over its mass, in the row of its speed; return its sum, too.
     """
     m, g, omega, balls = scene["m"], scene["g"], STATE + 3, len(x) // 2 - 2
-    arm, spin, turning = 0.0, 0.0, 0.0
-    sliding, swaying, lifted, lifting = 0.0, 0.0, 0.0, 0.0
-    for k in range(n + 1):
+    # All sums in one loop; their terms with coefficients that it makes, or that are known already, stand outside.
+    arm = table[PLACE, 0] * table[COSINE, n]
+    spin = table[omega, 0] * table[omega, n]
+    sliding = table[SLIDE, 0] * table[SINE, n + 1]
+    swaying = table[SWING, 0] * table[PLACE, n + 1]
+    lifted, lifting, turning = 0.0, 0.0, 0.0
+    table[LIFT, n] = 0.0
+    for k in range(1, n + 1):
         arm += table[PLACE, k] * table[COSINE, n - k]
         spin += table[omega, k] * table[omega, n - k]
         sliding += table[SLIDE, k] * table[SINE, n + 1 - k]
         swaying += table[SWING, k] * table[PLACE, n + 1 - k]
-    table[ARM, n], table[SPIN, n] = arm, spin
-    for k in range(n):
         lifted += table[LIFT, k] * table[ARM, n - k]
         lifting += table[LIFT, k] * table[SINE, n - k]
+        turning += table[omega, k] * table[SQUARE, n + 1 - k]
+    table[ARM, n], table[SPIN, n] = arm, spin
+    lifted += table[LIFT, 0] * arm
+    lifting += table[LIFT, 0] * table[SINE, n]
     along, square, flung, friction = 0.0, 0.0, 0.0, 0.0
     for ball in range(balls):
         p = STATE + 4 + 2 * ball
@@ -284,8 +291,7 @@ def _free_balls(n: int, r: float, x: State, parts: Parts, scene: np.void, table:
         table[p + 1, n + 1] = fling
         along += fling
     table[SQUARE, n + 1] = 2.0 * r * square
-    for k in range(n + 1):
-        turning += table[omega, k] * table[SQUARE, n + 1 - k]
+    turning += table[omega, 0] * table[SQUARE, n + 1]
     # SWING of order n + 1 lacks the term with the acceleration of tilt still.
     sway = (n + 1) * (sliding + swaying + table[PLACE, 0] * table[SWING, n + 1])
     force = -m * (sway + table[SINE, 0] * scene["mass_ratio"] * along)
