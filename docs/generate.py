@@ -234,9 +234,12 @@ def study_machine(study: str) -> Callable[[], str]:
 
 PHYSICS = (
     *("expect", "left-out", "growth", "holds", "frontier"),
-    *("ratios-physics", "ratios-dense", "mujoco", "tick"),
+    *("ratios-physics", "mujoco", "tick"),
 )
 """Tables of `make evidence ARGS=physics` that are in the page on accuracy."""
+
+TAYLOR = ("ratios-dense", "ratios-physics", "spacing", "sampled", "stress")
+"""Those of `make evidence ARGS=taylor`, in the same page."""
 
 STABILITY = (
     *("tick-limits", "map-coupling-summary", "map-inertia-summary", "stiff-forces", "large-tilts"),
@@ -442,6 +445,8 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "integrity checks": ("how-to/check.md", integrity_checks),
     "machine": ("explanation/accuracy.md", study_machine("physics")),
     **{name: ("explanation/accuracy.md", study_part("physics", name)) for name in PHYSICS},
+    "taylor machine": ("explanation/accuracy.md", study_machine("taylor")),
+    **{f"taylor-{name}": ("explanation/accuracy.md", study_part("taylor", name)) for name in TAYLOR},
     "stability machine": ("explanation/stability.md", study_machine("stability")),
     **{name: ("explanation/stability.md", study_part("stability", name)) for name in STABILITY},
     "loop machine": ("explanation/latency.md", study_machine("loop")),

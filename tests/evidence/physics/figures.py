@@ -24,6 +24,13 @@ _COLOURS = {
     "diffrax": "tab:purple",
     "Drake": "tab:brown",
 }
+_TITLES = {
+    "physics": "physics alone",
+    "whole": "with evaluating the hands",
+    "dense": "physics, and states kept every 2 ms",
+}
+"""Title of each cost."""
+
 _OTHER = "tab:orange"
 _MARKS = "osD^v<>pXP*h"
 
@@ -47,18 +54,17 @@ def _figure(width: float, height: float, across: int, down: int) -> tuple[Any, l
 
 
 def _overview(rows: Sequence[Row], problem: str) -> Any:
-    """Draw E against the cost of the physics, and against the whole cost."""
-    figure, axes = _figure(15.0, 7.0, 2, 1)
-    for ax, cost, title in zip(
-        axes, (PHYSICS, COSTS["whole"]), ("physics alone", "with evaluating the hands"), strict=True
-    ):
+    """Draw E against each cost."""
+    figure, axes = _figure(7.5 * len(_TITLES), 7.0, len(_TITLES), 1)
+    for ax, (name, title) in zip(axes, _TITLES.items(), strict=True):
+        cost = COSTS[name]
         _curves(ax, rows, lambda row: row.scaled, cost)
         best = frontier(rows, cost)
         ax.plot([row.scaled for row in best], [cost(row) for row in best], color="black", alpha=0.15, linewidth=8)
         ax.set_xlabel("E: largest error of any signal over the signal's largest value [1]")
         ax.set_ylabel("cost of a second of simulated time [us]")
         ax.set_title(f"{problem}: {title}")
-    axes[1].legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    axes[-1].legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure
 
 

@@ -70,7 +70,7 @@ def expectations(problem: Problem, reference: Reference) -> Iterator[Row]:
         "live, ca, samples 1 ms old": live_run(problem, "ca", 1_000_000),
         "offline, hermite, rk4": offline_run(problem, "rk4"),
         "offline, hermite, etdrk4": offline_run(problem, "etdrk4"),
-        "offline, hermite, dop853 (the default)": offline_run(problem, "dop853", 2),
+        "offline, hermite, dop853, 0.5 ms": offline_run(problem, "dop853", 2),
     }
     for name, found in runs.items():
         yield from _errors(name, *_errors_at_reference(reference, *found))

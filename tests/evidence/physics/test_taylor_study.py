@@ -1,0 +1,46 @@
+"""The study of the Taylor method, independent of run times."""
+
+import numpy as np
+import pytest
+
+from evidence.physics.netboard_taylor import taylor_solvers
+from evidence.physics.reference import make_reference, tight
+from evidence.physics.taylor_bench import sampled_part
+from evidence.physics.taylor_stress import CLAIM, Case, cases, moving, outcome_of, touches
+from evidence.physics.work_precision import measure
+from netboard.base.tables.scene import Physics
+from netboard.benchmarks.harness.results import ResultPart
+from netboard.benchmarks.physics.problem import Problem
+
+
+@pytest.mark.slow
+def test_errors_of_the_taylor_method_fall_with_its_tolerance() -> None:
+    problem = Problem("paper", "cold", duration=0.3)
+    rows = measure(problem, make_reference(problem, "tight", tight(problem)), taylor_solvers(problem, True), 1, 0.0)
+    errors = [row.scaled for row in rows]
+    assert errors == sorted(errors, reverse=True)
+    assert errors[1] < 1e-5
+    assert errors[-1] < 1e-11
+    assert all(row.dense >= 0.0 and row.whole > row.physics for row in rows)
+
+
+def test_cases_under_stress_have_names_of_their_own() -> None:
+    names = [case.name for case in cases()]
+    assert len(set(names)) == len(names) > 40
+
+
+@pytest.mark.slow
+def test_stiff_couplings_and_touches_are_within_the_claim() -> None:
+    stiff = outcome_of(Case("stiff", Physics(k_h=20_000.0, c_h=200.0), moving(0.005)))
+    assert stiff.error < CLAIM
+    assert 1.0 < stiff.stiffness < 20.0
+    part = ResultPart("touches", "", "case | steps | longest [ms] | longest [1] | error [1]")
+    assert [said for _, said in touches(part) if said] == []
+    assert np.all(np.array([row[-1] for row in part.rows]) == 0.0)
+
+
+@pytest.mark.slow
+def test_sampled_hands_are_simulated_within_the_claim() -> None:
+    part = sampled_part(1)
+    assert part.holds
+    assert {row[0] for row in part.rows} == {"paper", "lagrangian"}
