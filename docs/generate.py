@@ -434,6 +434,8 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "configuration": ("reference/configuration.md", configuration),
     "robots completion": ("explanation/robots.md", study_part("robots", "completion")),
     "robots stability": ("explanation/robots.md", study_part("robots", "stability")),
+    "robots decisions machine": ("explanation/robots.md", study_machine("decisions")),
+    "robots decisions": ("explanation/robots.md", study_part("decisions", "decisions")),
     "robot parameters": ("explanation/robots.md", robot_parameters),
     **{f"partners {name}": ("explanation/partners.md", study_part("partners", name)) for name in PARTNERS},
     "force conditions": ("explanation/forces.md", force_conditions),

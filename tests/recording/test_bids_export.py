@@ -15,10 +15,11 @@ import numpy as np
 import pytest
 from dyads import UTC_NS, dyad, make_session, solo
 
-from netboard.base.config import Config
+import rehearsed
+from netboard.base.config import Config, parse
 from netboard.base.errors import RecordingError
 from netboard.base.tick import TICK
-from netboard.recording.export import bids
+from netboard.recording.export import bids, nwb
 from netboard.recording.export.task import EVENT_NAMES
 from netboard.recording.files.reader import Recording
 from netboard.task.trials.state_machine import Cause, Phase
@@ -255,3 +256,14 @@ def test_robot_partner_has_no_files(tmp_path: Path) -> None:
     assert [path.name for path in out.glob("sub-*")] == ["sub-D07A"]
     (row,) = table(next(out.glob("sub-D07A/ses-*/*_scans.tsv")))
     assert row["other_hand"] == "robot"
+
+
+@pytest.mark.parametrize("form", [bids, nwb])
+def test_block_of_two_robots_has_no_person_to_be_written(tmp_path: Path, form: Any) -> None:
+    if form is nwb:
+        pytest.importorskip("pynwb")
+    config = parse("", overrides=["block.left=leader", "block.right=follower"])
+    file = rehearsed.write(tmp_path / "robots.mcap", rehearsed.rows(), config)
+    (tmp_path / "out").mkdir()
+    with pytest.raises(RecordingError, match=r"no person takes part in this block \(left: leader, right: follower\)"):
+        form.write([file], tmp_path / "out", quiet)

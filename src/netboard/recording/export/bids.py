@@ -21,7 +21,7 @@ from netboard.base.files.cells import tsv_lines, tsv_number_lines
 from netboard.recording.export import bids_texts as texts
 from netboard.recording.export.factors import ExportedFactor, exported_factors
 from netboard.recording.export.formats import Progress
-from netboard.recording.export.runs import Person, Run, devices_of, runs_of
+from netboard.recording.export.runs import Person, Run, devices_of, require_people, runs_of
 from netboard.recording.export.signals import FRAME, Signal, signals_of
 from netboard.recording.export.survey import PerturbationSpan, PhaseChange, Survey
 from netboard.recording.files.reader import Recording
@@ -42,6 +42,7 @@ Row = dict[str, Any]
 def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
     """Write recordings as one Motion-BIDS dataset."""
     runs = runs_of(recordings)
+    require_people(runs)
     factors = exported_factors([run.config for run in runs])
     scans: dict[tuple[str, str], list[Row]] = {}
     for run in runs:

@@ -21,7 +21,7 @@ from netboard.base.device_kind import WORDS, DeviceKind
 from netboard.base.tick import TICK, TICK_SECONDS
 from netboard.recording.export.factors import ExportedFactor, exported_factors
 from netboard.recording.export.formats import Progress, library
-from netboard.recording.export.runs import HandDevice, Person, Run, devices_of, runs_of
+from netboard.recording.export.runs import HandDevice, Person, Run, devices_of, require_people, runs_of
 from netboard.recording.export.signals import FRAME_TEXT, Signal, signals_of
 from netboard.recording.export.survey import PORTION, Survey
 from netboard.recording.export.task import ATTEMPT_TEXTS, EVENT_TEXTS, KEYWORDS, TASK_TEXT
@@ -63,6 +63,7 @@ def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
     """Write recordings as NWB files."""
     pynwb, h5py = library("pynwb", "nwb"), library("h5py", "nwb")
     runs = runs_of(recordings)
+    require_people(runs)
     factors = exported_factors([run.config for run in runs])
     for run in runs:
         with Recording(run.path) as recording, ExitStack() as stack:

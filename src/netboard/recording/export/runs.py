@@ -65,6 +65,17 @@ def runs_of(recordings: Sequence[Path]) -> tuple[Run, ...]:
     return numbered([unnumbered_run(path) for path in recordings])
 
 
+def require_people(runs: Sequence[Run]) -> None:
+    """Refuse blocks in which no person takes part, for a format with a file for each person."""
+    for run in runs:
+        if not run.people:
+            movers = ", ".join(f"{side}: {getattr(run.config.block, side)}" for side in SIDES)
+            raise RecordingError(
+                f"{run.path}: no person takes part in this block ({movers}), and this format has a file for each "
+                "person; leave it out, or export it to csv, parquet, mat or xdf"
+            )
+
+
 def unnumbered_run(path: Path) -> Run:
     """Return the run of a recording, numbered 0; raises `RecordingError` if the recording is unreadable or empty."""
     with Recording(path) as recording:
