@@ -122,6 +122,9 @@ EXAMPLES: dict[str, Message] = {
         "right", ((123_440, PEER_NS, PEER_NS + 4_000_000), (123_457, PEER_NS + 17_000_000, PEER_NS + 21_000_000)), 3
     ),
     "frames-none": views.Frames("left", (), 0),
+    "form-answers": views.QuestionnaireAnswers(
+        "right", 3, {"person.opinion": "a program", "person.confidence": "62", "person.why": ""}, 12.5, True
+    ),
     "log-request": records.LogRequest(-1),
     "log-batch": records.LogBatch(4096, 12, (bytes.fromhex("9222c403010203"), b"")),
     "log-ack": records.LogAck(4098, 512_000_000_000, "S01_D01_20260102T030405Z_7f3a9c52_block03.mcap", 1_048_576),

@@ -64,7 +64,7 @@ def test_how_to_page_names_every_key_and_its_examples_are_valid() -> None:
             assert re.search(rf"[`\[.\n]{item.name}\b", page), item.name
     examples = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
     whole = [text for text in examples if "orders." in text]
-    assert (len(whole), len(examples)) == (4, 6), "the others are a declaration, and an entry of a package"
+    assert (len(whole), len(examples)) == (5, 7), "the others are a declaration, and an entry of a package"
     for example_text in whole:
         study = parse_study(example_text)
         assert require_balance(study, plan_of(study, 1, 1)).blocks
@@ -128,7 +128,7 @@ def test_overrides_are_converted_like_configuration_values() -> None:
         (SMALL + "[factors.f]\nlevels.a.physics.MM = 1", "[factors.f.levels.a.physics] MM: unknown key"),
         (SMALL + "[factors.f]\nlevels.a = 1", "[factors.f.levels.a]: found 1, expected a table"),
         (SMALL + "[factors.all]\nlevels = {a = {}, b = {}}", "[factors.all]: expected another name"),
-        (SMALL + "[questionnaires.q]\nafter = ['duo']", '[questionnaires.q] text: found "", expected text of at least'),
+        (SMALL + "[questionnaires.q]\nafter = ['duo']", "[questionnaires.q] text: found none, expected a text for the"),
         (SMALL + "[questionnaires.q]\ntext = 'x'\nafter = ['dou']", '[questionnaires.q] after: found "dou"'),
         (
             "trials_per_condition = 3\n" + SMALL + "block.duration = 9\n[factors.f.levels]\na = {}\nb = {}",

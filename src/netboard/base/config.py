@@ -21,6 +21,7 @@ from netboard.base.tables.experiment import MAX_TRIALS, Block, Design, Quality, 
 from netboard.base.tables.forces import CONDITIONS, FORCES
 from netboard.base.tables.outcomes import Declaration
 from netboard.base.tables.perturbations import Perturbation
+from netboard.base.tables.questionnaires import Form
 from netboard.base.tables.rig import (
     MOUSE,
     VIEW_REPEAT_MS,
@@ -59,6 +60,7 @@ class Config:
     session: Session = field(default_factory=Session)
     block: Block = field(default_factory=Block)
     perturbation: Perturbation = field(default_factory=Perturbation)
+    form: Form = field(default_factory=Form)
     design: Design = field(default_factory=Design)
     analysis: Declaration = field(default_factory=Declaration)
     quality: Quality = field(default_factory=Quality)

@@ -46,7 +46,7 @@ from netboard.network.protocol.records import (
 )
 from netboard.network.protocol.station import ACTIONS, StationReport, StationRequest
 from netboard.network.protocol.triggers import BoxState, InputPulse, PulseReport, Trigger
-from netboard.network.protocol.views import MAX_SHOWN, Frames
+from netboard.network.protocol.views import MAX_SHOWN, Frames, QuestionnaireAnswers
 from netboard.stage.view import View
 
 PROTOCOL_VERSION = 8
@@ -66,6 +66,7 @@ Message = (
     | Backfill
     | View
     | Frames
+    | QuestionnaireAnswers
     | LogRequest
     | LogBatch
     | LogAck
@@ -140,6 +141,7 @@ KINDS: dict[int, MessageKind] = {
     15: MessageKind(Backfill, 2304, up=_AGENT),
     20: MessageKind(View, 4096, down=_DISPLAY),
     21: MessageKind(Frames, 8192, MAX_SHOWN, up=_DISPLAY),
+    22: MessageKind(QuestionnaireAnswers, 8192, most_pairs=32, up=_DISPLAY),
     30: MessageKind(LogRequest, 64, up=_LOGGERS),
     31: MessageKind(LogBatch, 1_048_576, 4096, down=_LOGGERS),
     32: MessageKind(LogAck, 1024, up=_LOGGER),
@@ -180,6 +182,7 @@ CHOICES: dict[tuple[type[Message], str], tuple[str, ...]] = {
     (Hello, "side"): (*SIDES, ""),
     (View, "station"): SIDES,
     (Frames, "station"): SIDES,
+    (QuestionnaireAnswers, "station"): SIDES,
     (FrameRecord, "station"): SIDES,
     (BackfillRecord, "side"): SIDES,
     (Command, "name"): COMMANDS,

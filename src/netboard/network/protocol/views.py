@@ -1,4 +1,4 @@
-"""Messages of displays: which views they have painted.
+"""Messages of displays: which views they have painted, and what participants have answered.
 
 The server sends a display a `netboard.stage.view.View` whenever what it shows has changed, at ``network.view_rate_hz``
 at most.
@@ -30,3 +30,30 @@ class Frames:
     station: str
     shown: tuple[tuple[int, int, int], ...]
     dropped: int
+
+
+@dataclass(frozen=True, slots=True)
+class QuestionnaireAnswers:
+    """A participant's answers to the form of a block, display to server on the control channel.
+
+    A display sends it when the participant has finished the form, or when the form closes because the session goes on.
+
+    Attributes
+    ----------
+    station : str
+        ``left`` or ``right``.
+    block : int
+        Number of the block that the form belongs to, from 1 [1].
+    given : dict of str
+        Answer to each question by its id, ``QUESTIONNAIRE.NAME``; empty: skipped.
+    seconds : float
+        How long the form was open [s].
+    complete : bool
+        Whether the participant finished the form.
+    """
+
+    station: str
+    block: int
+    given: dict[str, str]
+    seconds: float
+    complete: bool

@@ -30,7 +30,7 @@ from netboard.network.protocol.joining import HELLO_FIRST, Goodbye, Hello, Ping,
 from netboard.network.protocol.messages import Message, sent_by
 from netboard.network.protocol.records import ClockRecord, FrameRecord
 from netboard.network.protocol.triggers import BoxState, InputPulse, PulseReport
-from netboard.network.protocol.views import MAX_SHOWN, Frames
+from netboard.network.protocol.views import MAX_SHOWN, Frames, QuestionnaireAnswers
 from netboard.network.transport import endpoints
 from netboard.nodes.ports import emergency
 from netboard.nodes.ports.peer import SILENCE_TIMEOUT_NS, ProbedPeer, Probes, admit
@@ -60,6 +60,9 @@ MAX_REQUESTS = 8
 
 MAX_REASON = 1000
 """Characters of a reply's reason, which fit its frame in any script [1]."""
+
+MAX_ANSWERS = 4
+"""Answered forms that may wait to be recorded [1]."""
 
 MAX_REPORTS = 16
 """Reports of one station that may wait to be recorded [1]."""
@@ -100,6 +103,7 @@ class ControlPort:
 
     def __init__(self, router: endpoints.Router, welcome: Welcome) -> None:
         self.requests: list[CommandRequest] = []
+        self.answers: deque[QuestionnaireAnswers] = deque()
         self.news: News = []
         self.refusals = Refusals(router, self.news)
         self.triggers = TriggerPeers(router)
@@ -255,6 +259,8 @@ class ControlPort:
                 self.triggers.take(name, peer, report)
             case Frames() as frames:
                 self._queue_report(name, peer.hello.side, frames)
+            case QuestionnaireAnswers() as answers:
+                self._queue_answers(peer.hello.side, answers)
             case Command() as command:
                 self._queue(CommandRequest(name, peer.hello.name, command, peer.may_be_late), now_ns)
             case question if kind in _ANSWERS:
@@ -325,6 +331,14 @@ class ControlPort:
         """Return the display of a station that joined last, of those that are not silent."""
         newest_first = reversed(self._peers.items())
         return next((name for name, peer in newest_first if peer.hello.side == side and name not in self._silent), None)
+
+    def _queue_answers(self, side: str, answers: QuestionnaireAnswers) -> None:
+        """Queue a participant's answers to a form."""
+        if answers.station != side:
+            raise WireError(f"the {side} display may not answer for the {answers.station} station")
+        if len(self.answers) >= MAX_ANSWERS:
+            raise WireError(f"{TOO_MANY_MESSAGES}: {MAX_ANSWERS} forms wait already")
+        self.answers.append(answers)
 
     def _queue_report(self, name: bytes, side: str, frames: Frames) -> None:
         """Queue a display's report of painted frames."""

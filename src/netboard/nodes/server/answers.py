@@ -58,7 +58,14 @@ class SessionAnswers:
         asked, said = session.questionnaires and f"ask now: {session.questionnaires}", session.supervisor.notice
         found = session.find_stand_ins()
         unconfirmed = session.confirmations.unconfirmed(found)
-        troubles = session.attempts.trouble, ports.log.notice, latency.notice, session.triggers.notice, session.loss
+        troubles = (
+            session.forms.notice,
+            session.attempts.trouble,
+            ports.log.notice,
+            latency.notice,
+            session.triggers.notice,
+            session.loss,
+        )
         return Status(
             session=session.session,
             tick=session.number,

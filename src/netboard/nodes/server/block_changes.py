@@ -2,6 +2,7 @@
 
 from dataclasses import asdict
 
+from netboard.base.tables.questionnaires import UNANSWERED
 from netboard.network.protocol.records import AGENT_PRESENT, BLOCK_BEGAN, DISPLAY_PRESENT
 from netboard.nodes.server.state import SessionState
 from netboard.nodes.server.still_hand import IDENTITY
@@ -65,8 +66,9 @@ class BlockChanges:
 
     def change_if_due(self, number: int) -> None:
         """Begin the next block if that is due at this tick, or end the session if an operator asked for that."""
-        if not 0 <= self._due <= number:
+        if not 0 <= self._due <= number or self._state.forms.open:
             return
+        self.close_form()
         self._due = -1
         state = self._state
         if state.operators.end_after:
@@ -74,6 +76,11 @@ class BlockChanges:
         elif not state.sequence.last:
             state.sequence.next()
             self._begin_block()
+
+    def close_form(self) -> None:
+        """Stop waiting for the answers to the form of the block that is over."""
+        for details in self._state.forms.close():
+            self._state.note(UNANSWERED, details)
 
     def _begin_block(self) -> None:
         """Begin the current block of the sequence: all following records belong to it."""

@@ -19,6 +19,7 @@ from netboard.nodes.server.attempts import Attempts
 from netboard.nodes.server.blocks import BlockSequence
 from netboard.nodes.server.event_log import EventLog
 from netboard.nodes.server.operators import Operators
+from netboard.nodes.server.questionnaires import Questionnaires
 from netboard.nodes.server.stand_ins import AWAITING_WORDS, TRIGGER_STAND_IN, Confirmations, stand_ins
 from netboard.nodes.server.supervision import TrialSupervisor
 from netboard.nodes.server.tick_clock import TickClock
@@ -70,6 +71,7 @@ class SessionState:
         self.missing: tuple[str, ...] = ()  # what is missing before the block can begin
         self.rest_until_ns = 0  # end of the rest before the block [ns]
         self.questionnaires = ""  # questionnaires that are to be filled in now
+        self.forms = Questionnaires()
         self.end_requested = False  # whether the session is to end as soon as it can
         self.update_arming([])
 

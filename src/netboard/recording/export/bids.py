@@ -18,7 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.files.cells import tsv_lines, tsv_number_lines
+from netboard.base.tables.questionnaires import FormQuestion, questions_of
 from netboard.recording.export import bids_texts as texts
+from netboard.recording.export.answers import Answer, answers_in
 from netboard.recording.export.factors import ExportedFactor, exported_factors
 from netboard.recording.export.formats import Progress
 from netboard.recording.export.runs import Person, Run, devices_of, require_people, runs_of
@@ -52,6 +54,7 @@ def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
         _write_table(folder / f"sub-{label}/ses-{session}/sub-{label}_ses-{session}_scans.tsv", rows)
     began = {session: min(row["acq_time"] for row in rows) for (_, session), rows in scans.items()}
     _write_people(runs, factors, folder, began)
+    _write_answers(runs, folder)
     _write_texts(runs, factors, folder)
 
 
@@ -234,6 +237,38 @@ def _write_people(runs: Sequence[Run], factors: Sequence[ExportedFactor], folder
             if f"sub-{label}" in (row["participant_a"], row["participant_b"])
         ]
         _write_table(folder / f"sub-{label}" / f"sub-{label}_sessions.tsv", rows)
+
+
+def _write_answers(runs: Sequence[Run], folder: Path) -> None:
+    """Write the answers to questionnaires: a table with its sidecar for each, a row for each form."""
+    forms: dict[str, dict[tuple[str, ...], Row]] = {}
+    questions: dict[str, FormQuestion] = {}
+    for run in runs:
+        questions |= questions_of(run.config.form)
+        with Recording(run.path) as recording:
+            found = answers_in(recording.events())
+        for one in found:
+            key = (run.session, one.participant, str(one.block), str(one.time_ns))
+            row = forms.setdefault(one.questionnaire, {}).setdefault(key, _form_row(one, run))
+            row[one.question] = one.answer or texts.MISSING
+    for name, rows in forms.items():
+        (folder / "phenotype").mkdir(exist_ok=True)
+        _write_table(folder / "phenotype" / f"{name}.tsv", list(rows.values()))
+        _write_json(folder / "phenotype" / f"{name}.json", texts.of_questionnaire(name, questions))
+
+
+def _form_row(one: Answer, run: Run) -> Row:
+    letter = "A" if one.participant == run.config.session.participant_a else "B"
+    label = next((person.label for each in (run,) for person in each.people if person.letter == letter), "")
+    return {
+        "participant_id": f"sub-{label}" if label else texts.MISSING,
+        "session_id": f"ses-{run.session}",
+        "block": one.block,
+        "label": one.label,
+        "partner": one.partner,
+        "complete": one.complete,
+        "seconds": one.seconds,
+    }
 
 
 def _participant(person: Person, real: bool) -> Row:

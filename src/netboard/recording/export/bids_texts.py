@@ -1,14 +1,15 @@
 """Texts of a Motion-BIDS dataset: README, description, and the sidecars that all runs share."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from typing import Any
 
 from netboard.base.files.cells import IN_WORDS
 from netboard.base.tables.forces import FORCE_WORDS
+from netboard.base.tables.questionnaires import FormQuestion, limits_of
 from netboard.recording.export.factors import ExportedFactor
 from netboard.recording.export.signals import FRAME, FRAME_TEXT, Signal
-from netboard.recording.export.task import ATTEMPT_TEXTS, EVENT_TEXTS, KEYWORDS, TASK_TEXT
+from netboard.recording.export.task import ATTEMPT_TEXTS, EVENT_TEXTS, KEYWORDS, PARTNER_TEXT, TASK_TEXT
 from netboard.stage.perturbing import PERTURBATION
 from netboard.task.studies.factors import level_text
 
@@ -106,7 +107,7 @@ _CHANNELS = {
     }
 }
 
-_UNITS = {"completion_time": "s", "force_delay_ms": "ms", "perturbation": "N"}
+_UNITS = {"completion_time": "s", "force_delay_ms": "ms", "perturbation": "N", "seconds": "s"}
 
 
 def _described(texts: dict[str, str]) -> dict[str, Any]:
@@ -155,6 +156,42 @@ _SCAN_TEXTS = {
     "ended": "how the recording ended: complete, if as planned",
     "recording": "file that it was exported from",
 }
+
+_FORM_TEXTS = {
+    "block": "number of the block that the questions are about, from 1",
+    "label": "label of that block",
+    "partner": PARTNER_TEXT,
+    "complete": "true: the participant finished the form",
+    "seconds": "how long the form was open",
+}
+
+
+def of_questionnaire(name: str, questions: Mapping[str, FormQuestion]) -> dict[str, Any]:
+    """Return the sidecar of the table of a questionnaire."""
+    sidecar: dict[str, Any] = {
+        "MeasurementToolMetadata": {"Description": f"questionnaire {name} of the study, at the participants' displays"},
+        **_described(_FORM_TEXTS),
+    }
+    for label, question in questions.items():
+        questionnaire, _, column = label.partition(".")
+        if questionnaire == name:
+            sidecar[column] = {"Description": question.text} | _levels_of_question(question)
+    return sidecar
+
+
+def _levels_of_question(question: FormQuestion) -> dict[str, Any]:
+    """Return what the answers to a question mean."""
+    match question.kind:
+        case "choice":
+            return {"Levels": {choice: choice for choice in question.choices}}
+        case "number":
+            return {"Units": question.unit} if question.unit else {}
+        case "text":
+            return {}
+        case "likert" | "vas":
+            low, high = limits_of(question)
+            return {"Levels": {f"{low:g}": question.low, f"{high:g}": question.high}}
+
 
 _PERSON_TEXTS = {
     "age": {"Description": "age of the participant; not known to netboard", "Units": "year"},

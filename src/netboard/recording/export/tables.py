@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 from netboard.base.config import Config
 from netboard.base.settings import tables as settings_tables
 from netboard.base.tick import TICK
+from netboard.recording.export.answers import Answer, answers_in
 from netboard.recording.export.factors import ExportedFactor, exported_factors
 from netboard.recording.export.runs import refuse_copies
-from netboard.recording.export.task import PERTURBATION_TEXT, ROLE_TEXT
+from netboard.recording.export.task import PARTNER_TEXT, PERTURBATION_TEXT, ROLE_TEXT
 from netboard.recording.files.locate import sha256_of
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.channels import CHANNELS, DTYPES, Channel, Field
@@ -326,7 +327,39 @@ RECORDINGS = ExportTable(
     "recordings", "one recording", (_RECORDING, *(field for field, _ in _RECORDING_COLUMNS)), _recordings
 )
 
-SMALL = (RECORDINGS, TRIALS, EVENTS, CLOCKS, FRAMES, REMARKS)
+
+def _of_answer(name: str, kind: str, text: str, unit: str) -> tuple[Field, Callable[[Answer], Any]]:
+    """Return the column of a field of `Answer`."""
+    return Field(name, kind, text, unit), attrgetter(name)
+
+
+_ANSWER_COLUMNS: tuple[tuple[Field, Callable[[Answer], Any]], ...] = (
+    _of_answer("participant", "string", "pseudonym of the participant", ""),
+    _of_answer("station", "string", "where the participant sat: left or right", ""),
+    _of_answer("block", "integer", "number of the block that the question is about", "1"),
+    _of_answer("label", "string", "label of that block", ""),
+    _of_answer("partner", "string", PARTNER_TEXT, ""),
+    _of_answer("questionnaire", "string", "name of the questionnaire", ""),
+    _of_answer("question", "string", "name of the question", ""),
+    _of_answer("answer", "string", "the answer; empty: skipped", ""),
+    _of_answer("value", "number", "the answer as a number; NaN if it is none", "1"),
+    (Field("complete", "integer", "1: the participant finished the form", "1"), lambda one: int(one.complete)),
+    _of_answer("seconds", "number", "how long the form was open", "s"),
+    _of_answer("time_ns", "integer", "server time at which the answers came", "ns"),
+)
+"""The columns of answers, each with its value. A new column is one entry."""
+
+
+def _answers(source: OpenRecording) -> Iterator[Rows]:
+    found = answers_in(source.recording.events())
+    yield {field.name: np.array([value(one) for one in found], DTYPES[field.kind]) for field, value in _ANSWER_COLUMNS}
+
+
+ANSWERS = ExportTable(
+    "answers", "one answer of a participant to a question", (_RECORDING, *(f for f, _ in _ANSWER_COLUMNS)), _answers
+)
+
+SMALL = (RECORDINGS, TRIALS, ANSWERS, EVENTS, CLOCKS, FRAMES, REMARKS)
 """Tables that are short enough for one file over all recordings."""
 
 TABLES = (TICKS, *SMALL)

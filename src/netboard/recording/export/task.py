@@ -37,6 +37,8 @@ EVENT_NAMES = {int(cause): name for cause, name, _ in _PHASE_CHANGES}
 EVENT_TEXTS = {name: text for _, name, text in _PHASE_CHANGES} | {"unknown": "unknown to this version of netboard"}
 """Descriptions of these names."""
 
+PARTNER_TEXT = "what moved the other end: own (the other hand), person, still, or the name of a robot partner"
+
 PERTURBATION_TEXT = (
     "force of the perturbation in the trial, at the place in [perturbation] of the configuration: + = towards the "
     "target on the ball, up on board and styluses; 0: none"

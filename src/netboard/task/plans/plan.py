@@ -8,7 +8,7 @@ from the rig's configuration.
 import hashlib
 import json
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
@@ -16,11 +16,12 @@ from netboard.base.config import Config, Side, contradictions
 from netboard.base.errors import ConfigError
 from netboard.base.tables.experiment import Block, Design, Role
 from netboard.base.tables.outcomes import Declaration
+from netboard.base.tables.questionnaires import Form, flaws_of_form, packed
 from netboard.task.plans.conditions import Conditions, Performer, Sequence
 from netboard.task.studies.declaration import declaration_of
 from netboard.task.studies.factors import declared, role_by_name
 from netboard.task.studies.order import steps_of
-from netboard.task.studies.parts import SESSION
+from netboard.task.studies.parts import SESSION, Questionnaire
 from netboard.task.studies.study import Study
 
 Hand = Literal["right", "left"]
@@ -57,6 +58,7 @@ class PlanBlock:
     instructions: tuple[dict[str, str], ...]  # parts of the instructions before the block, each by language
     changes: dict[str, dict[str, Any]]
     seed: int
+    form: Form  # the participants' questions after it
     design: Design  # role, factors and levels, as in the block's configuration
     analysis: Declaration = field(default_factory=Declaration)  # what the study declares, as in the configuration
 
@@ -139,6 +141,8 @@ def to_json(plan: Plan) -> str:
     for block in (block for session in whole["sessions"] for block in session["blocks"]):
         design = block.pop("design")
         del block["analysis"]
+        if not block["form"]["questions"]:
+            del block["form"]  # keeps the digest of plans without questions to participants
         for name in [name for name in ("perturbed", "opposite") if not block[name]]:
             del block[name]  # keeps the digest of plans without perturbations
         block |= {name: design[name] for name in ("role", "trials") if design[name] not in ("auto", {})}
@@ -196,8 +200,9 @@ def _block(
     catch = assigned.catch(name, block.trials, place) if block.haptics else ()
     there = changes.get("perturbation", {}).get("at", "none") != "none"
     perturbed, opposite = assigned.perturbed(name, block.trials, catch, place) if there else ((), ())
-    base = {**study.instructions, **kind.instructions}
     ended = {name, SESSION} if step.last else {name}
+    asked = {q: one for q, one in study.questionnaires.items() if ended & {*one.after}}
+    base = {**study.instructions, **kind.instructions}
     return PlanBlock(
         number=number,
         kind=name,
@@ -211,13 +216,23 @@ def _block(
         perturbed=perturbed,
         opposite=opposite,
         rest=0.0 if number == 1 else study.long_rest if step.rested else block.rest,
-        questionnaires=tuple((q, one.text) for q, one in study.questionnaires.items() if ended & {*one.after}),
+        questionnaires=tuple((q, one.text) for q, one in asked.items() if one.text),
         instructions=tuple(part for part in (base, *(level.instructions for level in levels)) if part),
         changes=changes,
         seed=assigned.seed_at(place),
+        form=_form(name, asked),
         design=_design(study, name, conditions, within),
         analysis=declaration_of(study),
     )
+
+
+def _form(kind: str, asked: Mapping[str, Questionnaire]) -> Form:
+    """Make the form of a block of the questionnaires that follow it."""
+    questions = [(q, name, question) for q, one in asked.items() for name, question in one.asked().items()]
+    if problem := next(flaws_of_form([question for *_, question in questions]), ""):
+        raise ConfigError(f"[kinds.{kind}]: {problem}")
+    waits = [one.wait for one in asked.values() if one.asked()]
+    return Form(tuple(packed(*question) for question in questions), max(waits, default=Form().wait))
 
 
 def _design(
@@ -295,6 +310,7 @@ def config_of(config: Config, session: PlanSession, number: int) -> Config:
         config,
         block=_block_of(config, session, plan),
         perturbation=replace(config.perturbation, trials=plan.perturbed, opposite=plan.opposite),
+        form=plan.form,
         design=plan.design,
         analysis=plan.analysis,
     )

@@ -13,6 +13,7 @@ from netboard.base.errors import ConfigError
 from netboard.base.plural import plural
 from netboard.base.settings import tables
 from netboard.base.tables.outcomes import Declaration
+from netboard.base.tables.questionnaires import questions_of
 from netboard.base.terminal.output import FittedTable
 from netboard.task.plans.balance import Balance, PrintedTable, balance_of
 from netboard.task.plans.plan import Plan, PlanBlock, PlanSession, config_of, digest, seated, to_json
@@ -97,7 +98,8 @@ def _cells(study: Study, block: PlanBlock) -> Iterator[str]:
     yield " ".join(map(str, block.catch))
     yield " ".join(f"-{trial}" if trial in block.opposite else str(trial) for trial in block.perturbed)
     yield f"{block.rest:g} s" if block.rest else ""
-    yield ", ".join(name for name, _ in block.questionnaires)
+    asked = [name.partition(".")[0] for name in questions_of(block.form)]
+    yield ", ".join(dict.fromkeys([*(name for name, _ in block.questionnaires), *asked]))
 
 
 def _within(block: PlanBlock, factor: str) -> str:

@@ -12,6 +12,7 @@ from pydantic import StrictBool
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
 from netboard.base.tables.experiment import Block, FactorType, Quality, Role, Task
 from netboard.base.tables.perturbations import MAX_PERTURBED, Perturbation
+from netboard.base.tables.questionnaires import SHIPPED, FormQuestion
 from netboard.base.tables.rig import Display, Partners
 from netboard.base.tables.scene import Geometry, Physics
 from netboard.base.tables.simulated import Participant
@@ -171,10 +172,21 @@ class Kind(Changes):
 
 @dataclass(frozen=True, slots=True)
 class Questionnaire:
-    """A questionnaire that the operator is reminded of."""
+    """A questionnaire: a reminder to the operator, or questions at the participants' displays, or both."""
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
-    text: Annotated[str, about("text or web address for the operator", min_length=1)]
+    text: Annotated[str, about("text or web address for the operator")] = ""
     after: Annotated[
         tuple[str, ...], about('kinds of blocks that it follows; "session": after the last block', strict=False)
     ] = (SESSION,)
+    form: Annotated[str, about('name of shipped questions, such as "person"; empty: its own questions')] = ""
+    wait: Annotated[float, about("how long the next block waits for the participants' answers", "s", ge=0, le=3600)] = (
+        120.0
+    )
+    questions: Annotated[dict[str, FormQuestion], about("questions to the participants, by name, in their order")] = (
+        field(default_factory=dict)
+    )
+
+    def asked(self) -> dict[str, FormQuestion]:
+        """Return the questions to the participants."""
+        return self.questions or SHIPPED.get(self.form, {})

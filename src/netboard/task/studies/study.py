@@ -17,6 +17,7 @@ from typing import Annotated, Any, TypeVar
 from netboard.base.errors import ConfigError
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, TextForm, about, check, parse_toml, to_toml
 from netboard.base.tables.outcomes import Declaration
+from netboard.base.tables.questionnaires import RESERVED, SHIPPED, FormQuestion, flaws, flaws_of_form
 from netboard.task.studies import library
 from netboard.task.studies.declaration import declaration_problems, expected
 from netboard.task.studies.factors import declared
@@ -46,6 +47,7 @@ _LATER: dict[type[Any], dict[str, Any]] = {
     Level: {"value": "auto", "other_hand": ""},
     Factor: {"type": "auto", "unit": ""},
     Kind: {"role": "auto", "perturbed": 0.0, "perturbed_after": 1, "perturbed_both_ways": False},
+    Questionnaire: {"form": "", "wait": 120.0},
 }
 """Keys added in later versions, with their defaults, by part."""
 
@@ -127,7 +129,10 @@ def _whole(values: dict[str, Any], problems: list[str]) -> Study | None:
         _put(values["kinds"], name, _changes(Kind, kind, ("kinds", name), problems))
     for name, questionnaire in _tables(values, "questionnaires", (), problems):
         path = ("questionnaires", name)
-        _put(values["questionnaires"], name, _checked(Questionnaire, {"text": "", **questionnaire}, path, problems))
+        for label, question in _tables(questionnaire, "questions", path, problems):
+            where = (*path, "questions", label)
+            _put(questionnaire["questions"], label, _checked(FormQuestion, {"text": "", **question}, where, problems))
+        _put(values["questionnaires"], name, _checked(Questionnaire, questionnaire, path, problems))
     for name in _table(values, "orders", (), problems):
         _name(name, ("orders", name), problems)
     if "analysis" in values:
@@ -234,8 +239,24 @@ def _contradictions(study: Study) -> Iterator[str]:
         for kind in questionnaire.after:
             if kind not in (*study.kinds, SESSION):
                 yield f'[questionnaires.{name}] after: found "{kind}", {expected(kind, (*study.kinds, SESSION))}'
+        yield from (f"[questionnaires.{name}{problem}" for problem in _questionnaire_problems(questionnaire))
     for name in study.kinds:
         yield from (f"[kinds.{name}]{problem}" for problem in _kind_problems(study, name))
+
+
+def _questionnaire_problems(questionnaire: Questionnaire) -> Iterator[str]:
+    """Find the problems of a questionnaire."""
+    if questionnaire.form and questionnaire.form not in SHIPPED:
+        yield f'] form: found "{questionnaire.form}", {expected(questionnaire.form, SHIPPED)}'
+    if questionnaire.form and questionnaire.questions:
+        yield "] form: found one with questions of its own, expected either"
+    if not (questionnaire.text or questionnaire.asked()):
+        yield "] text: found none, expected a text for the operator, or questions to the participants"
+    for name, question in questionnaire.questions.items():
+        if name in RESERVED:
+            yield f".questions.{name}]: expected another name; this one is a column of exports"
+        yield from (f".questions.{name}] {flaw}" for flaw in flaws(question))
+    yield from (f"] questions: {flaw}" for flaw in flaws_of_form([*questionnaire.asked().values()]))
 
 
 def _order_problems(study: Study, text: str) -> Iterator[str]:
@@ -322,6 +343,8 @@ def resolve_study(study: Study) -> str:
         lines += ["", f"[kinds.{name}]", *_lines(kind)]
     for name, questionnaire in study.questionnaires.items():
         lines += ["", f"[questionnaires.{name}]", *_lines(questionnaire)]
+        for label, question in questionnaire.questions.items():
+            lines += ["", f"[questionnaires.{name}.questions.{label}]", *_lines(question)]
     if study.analysis != Declaration():
         lines += ["", "[analysis]", *_lines(study.analysis)]
     return "\n".join(lines) + "\n"

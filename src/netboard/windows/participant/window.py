@@ -19,7 +19,7 @@ from PySide6.QtCore import (
     Signal,
     qInstallMessageHandler,
 )
-from PySide6.QtGui import QCloseEvent, QGuiApplication, QKeyEvent, QScreen
+from PySide6.QtGui import QCloseEvent, QGuiApplication, QKeyEvent, QResizeEvent, QScreen
 from PySide6.QtWidgets import QApplication, QVBoxLayout, QWidget
 
 from netboard.base.clock import now_ns
@@ -260,6 +260,7 @@ class BoardWindow(Window):
     def __init__(self, title: str) -> None:
         super().__init__()
         self.in_trial: Callable[[], bool] = lambda: False
+        self._cover: QWidget | None = None
         self.setWindowTitle(title)
         self.board = BoardView(self)
         self._windowed = self.geometry()
@@ -279,6 +280,23 @@ class BoardWindow(Window):
             self.fill_screen(True, screen)
         else:
             self.show()
+
+    def cover(self, cover: QWidget) -> None:
+        """Show a widget over the board until it is deleted."""
+        self._cover = cover
+        cover.destroyed.connect(self._uncover)
+        cover.setGeometry(self.rect())
+        cover.show()
+        cover.raise_()
+
+    def _uncover(self) -> None:
+        self._cover = None
+
+    def resizeEvent(self, event: QResizeEvent) -> None:  # noqa: N802  (Qt's name)
+        """Resize what covers the board, too."""
+        super().resizeEvent(event)
+        if self._cover is not None:
+            self._cover.setGeometry(self.rect())
 
     def take_half(self, side: Side) -> None:
         """Move the window to its half of the screen, beside the other side's window, unless it is full screen."""

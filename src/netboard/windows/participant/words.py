@@ -71,6 +71,11 @@ class DisplayTexts:
     take_point: str
     take_press: str
     play: str
+    # Buttons of a form, and what is shown after it.
+    form_back: str
+    form_skip: str
+    form_next: str
+    form_done: str
 
     def seconds(self, time: float, digits: int = 2) -> str:
         """Format a time with the decimal sign of this language."""
