@@ -1,5 +1,6 @@
 """The Taylor method: its coefficients, its steps, its events, its rows."""
 
+import hashlib
 import math
 import os
 import subprocess
@@ -137,6 +138,25 @@ def test_the_slightest_touch_is_found_and_a_near_miss_is_none(depth: float) -> N
 def test_a_ball_that_leaves_its_stop_does_not_touch_it() -> None:
     table = np.array([[0.1, -0.3, 0.5, 0.0]])
     assert FIRST_TOUCH(table, 0, 3, 0.1, 0.1, 1.0, 1e-15) == math.inf
+
+
+# --- bits --------------------------------------------------------------------------------------------------------
+
+
+def digest() -> str:
+    """Return a digest of a run with a stiff coupling, from irregular rows and steps of all kinds."""
+    motion = simulate(waved(np.arange(6) / 500), Physics(c_h=60.0), COLD, hold="ca", dt=0.0007)
+    assert motion.count > 40
+    return hashlib.sha256(motion.states.tobytes()).hexdigest()
+
+
+def test_compiled_steps_equal_plain_python_to_the_bit() -> None:
+    plain = "import test_taylor; import sys; sys.stdout.write(test_taylor.digest())"
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(Path(__file__).parent)}
+    command = [sys.executable, "-c", plain]
+    found = subprocess.run(command, check=False, env=environment, capture_output=True, text=True, timeout=120)
+    assert found.returncode == 0, found.stderr
+    assert found.stdout == digest()
 
 
 # --- failures ----------------------------------------------------------------------------------------------------
