@@ -80,6 +80,11 @@ def test_row_says_how_a_process_is(process: ProcessStatus, words: str) -> None:
     assert row.runs == (process.code is None)
 
 
+def test_check_with_findings_has_not_failed() -> None:
+    facts = LaunchFacts(tasks={"check": "here"}, processes={"check": status("ended", 3)})
+    assert [row.state.words for row in rows(facts)] == ["done, read its log"]
+
+
 def test_rows_of_a_silent_station_are_marked_as_last_seen() -> None:
     facts = replace(RUNNING, troubles={"here": "silent"}, tasks={"doctor": "here"})
     assert [row.state.words for row in rows(facts)] == ["not reached", "not reached"]

@@ -133,6 +133,12 @@ def test_another_choice_ends_no_task_and_changes_the_commands(control: LauncherC
     until(control, lambda: control.processes["check"].phase == "stopped")
 
 
+def test_each_analysis_has_a_folder_of_its_own(control: LauncherControl) -> None:
+    assert control.command_line("analysis") == "netboard analyse recordings -o recordings/results_1"
+    Path("recordings/results_1").mkdir(parents=True)
+    assert control.command_line("analysis") == "netboard analyse recordings -o recordings/results_2"
+
+
 def test_each_row_has_the_command_that_does_the_same(control: LauncherControl) -> None:
     commands = {row.name: control.command_line(row.name) for row in rows(control.facts())}
     assert commands["server"] == "netboard server --study paper --dyad 1 --session 1 --seed 1 -c rig.toml"

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
+from itertools import count
 from pathlib import Path
 from typing import Annotated
 
@@ -146,8 +147,9 @@ class LauncherControl:
 
     @property
     def results(self) -> Path:
-        """Folder of the next analysis, or of the last one that is there."""
-        return Path(self.config.recording.directory) / f"results_{int(self._began)}"
+        """Folder of the next analysis."""
+        folder = Path(self.config.recording.directory)
+        return next(path for number in count(1) if not (path := folder / f"results_{number}").exists())
 
     # --- processes -----------------------------------------------------------------------------------------------
 
@@ -329,7 +331,9 @@ class LauncherControl:
             if place not in self._stations:
                 raise NetboardError(f"the {place} cannot be used without its key")
             return self._stations[place]
-        if self._local is None:
+        if self._local is not None:
+            self._local.commands = self.commands()  # each analysis has a folder of its own
+        else:
             folder = log_folder(Path(self.config.recording.directory), "launch")
             self._local = LocalMachine(self.commands(), self._launcher(folder, UNBUFFERED))
         return self._local

@@ -13,6 +13,9 @@ from netboard.windows.operator.words import Tone, TonedText
 FADE_S = 8.0
 """Time for which a success is shown; a refusal stays until it is read [s]."""
 
+WITH_FINDINGS = 3
+"""Exit code of a check that has found something to know, such as losses that the recording lists [1]."""
+
 SILENT_S = 3.0
 """Silence of a server after which the launcher says so [s]."""
 
@@ -132,6 +135,8 @@ def _row(facts: LaunchFacts, name: str, machine: str) -> ProcessRow:
     if status.phase == "stopped" or not status.code:
         words = "stopped" if status.phase == "stopped" else "done"
         return ProcessRow(name, machine, TonedText(words, Tone.QUIET), detail, False)
+    if status.code == WITH_FINDINGS and name in facts.tasks:
+        return ProcessRow(name, machine, TonedText("done, read its log", Tone.WATCH), detail, False)
     words = f"killed by signal {-status.code}" if status.code < 0 else f"failed, exit code {status.code}"
     return ProcessRow(name, machine, TonedText(words, Tone.BAD), detail, False)
 
