@@ -36,7 +36,7 @@ def test_packages_are_at_most_wing_and_room_deep() -> None:
 
 def test_data_files_are_packaged() -> None:
     listed = {folder(package) / name for package, names in SETUPTOOLS["package-data"].items() for name in names}
-    kinds = ("*.md", "*.c", "*.h", "*.toml", "*.jinja", "*.css", "*.json")
+    kinds = ("*.md", "*.c", "*.h", "*.toml", "*.jinja", "*.css", "*.json", "*.mcap")
     assert listed == {path for kind in kinds for path in (ROOT / "src").rglob(kind)}
 
 
