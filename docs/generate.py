@@ -31,6 +31,7 @@ from netboard.base.settings import Key, tables, to_toml
 from netboard.base.tables.forces import CONDITIONS
 from netboard.base.tables.scene import FRICTION
 from netboard.base.tables.simulated import PARTICIPANT_SOURCES, Participant
+from netboard.base.tables.triggers import OTHER_EVENTS, TRIAL_EVENTS
 from netboard.devices.contract.registry import BACKENDS, Backend
 from netboard.devices.setup import udev
 from netboard.participants.body.device_models import MODELS, DeviceModel
@@ -43,6 +44,7 @@ from netboard.recording.export.tables import TRIALS
 from netboard.recording.importing.columns import COLUMNS
 from netboard.recording.integrity.checking import CHECKS
 from netboard.services.cli import app
+from netboard.task.trials import state_machine
 from netboard.task.trials.state_machine import BALL_FREE, TABLE, Action, Cause, Phase
 
 DOCS = Path(__file__).resolve().parent
@@ -148,6 +150,14 @@ def _sections(command: Any, context: Any) -> Iterator[str]:
         inner = command.commands[name]
         with typer.Context(inner, parent=context, info_name=name) as inner_context:
             yield from _sections(inner, inner_context)
+
+
+def trigger_codes() -> str:
+    """Write the default code of each event, and the events that have none."""
+    words = dict(re.findall(r"^    ([A-Z_]+) = \d+  # (.*)$", Path(state_machine.__file__).read_text(), re.MULTILINE))
+    rows = [f"| {code} | `{name}` | {words[name.upper()]} |" for name, code in TRIAL_EVENTS.items()]
+    others = ", ".join(f"`{name}`" for name in OTHER_EVENTS)
+    return "\n".join(["| code | event | |", "|---|---|---|", *rows, f"| none | {others} | events of the session |"])
 
 
 def trial_columns() -> str:
@@ -471,6 +481,9 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "rehearsals speed": ("explanation/participants.md", study_part("rehearsals", "speed")),
     **{f"fit {name}": ("explanation/participants.md", study_part("fit", name)) for name in FIT},
     **{f"information {name}": ("explanation/participants.md", study_part("information", name)) for name in INFORMATION},
+    "trigger codes": ("how-to/triggers.md", trigger_codes),
+    "triggers machine": ("how-to/triggers.md", study_machine("triggers")),
+    "triggers-latency": ("how-to/triggers.md", study_part("triggers", "latency")),
     "velocity machine": ("explanation/velocity.md", study_machine("velocity")),
     **{name: ("explanation/velocity.md", study_part("velocity", name)) for name in VELOCITY},
     "coupling machine": ("explanation/coupling.md", study_machine("coupling")),

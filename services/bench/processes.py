@@ -95,6 +95,17 @@ def display(
     main(settings, seconds, options)
 
 
+@benchmark(app, "netboard bench triggers --quick", "netboard bench triggers --seconds 600 -o results")
+def triggers(
+    options: "Options",
+    seconds: Annotated[float | None, typer.Option(min=1, metavar="S", help="Seconds of pulses; default: 120.")] = None,
+) -> None:
+    """Latency of TTL triggers in a session, from the tick of an event to the pulse of a stand-in for a trigger box."""
+    from netboard.benchmarks.loop.triggers import main
+
+    main(seconds, options)
+
+
 @benchmark(app, "netboard bench recording --quick", "netboard bench recording -o results")
 def recording(options: "Options") -> None:
     """Cost of recording: headroom and stalls of the logger, bytes per hour, time to read an hour and a trial."""

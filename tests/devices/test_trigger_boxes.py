@@ -13,12 +13,12 @@ import pytest
 
 from netboard.base.errors import ConfigError, DeviceLost, DeviceNotFound
 from netboard.base.tables.triggers import Triggers
+from netboard.benchmarks.loop.trigger_box import PtyBox
 from netboard.devices.triggers import parallel, registry
 from netboard.devices.triggers.box import TriggerBox, cannot_open
 from netboard.devices.triggers.labjack import LabJackBox
 from netboard.devices.triggers.parallel import ParallelPort
 from netboard.devices.triggers.serial_port import SerialBox
-from trigger_box import PtyBox
 
 SERIAL = Triggers(kind="serial")
 

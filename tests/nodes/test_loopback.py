@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from netboard.base.tables.triggers import Triggers
+from netboard.benchmarks.loop.trigger_box import PtyBox
 from netboard.nodes.doctor.loopback import LoopbackTimes, examine, histogram, verdict
-from trigger_box import PtyBox
 
 
 def ignore(done: float) -> None:

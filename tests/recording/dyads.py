@@ -47,10 +47,11 @@ def _record(
     session: str = "3f2a9c1e",
     minute: int = 0,
     clocks: Sequence[tuple[str, int, int]] = (),
+    events: Sequence[EventRecord] = (),
     opened_monotonic: int = START_NS,
     welcome: int = START_NS,
 ) -> Path:
-    """Write a recording; `clocks` are peer, offset and bound of probes."""
+    """Write a recording; `clocks` are peer, offset and bound of probes, `events` those after the ticks."""
     default = Config()
     config = replace(
         default,
@@ -66,6 +67,7 @@ def _record(
         EventRecord(0, -1, START_NS, "agent_joined", JOINED),
         *(ClockRecord(k, peer, 0, 0, 0, 0, *estimate, 0.0) for k, (peer, *estimate) in enumerate(clocks)),
         *(TickRecord(row.tobytes()) for row in (make_rows(1) if rows is None else rows)),
+        *events,
     ]
     for number, record in enumerate(records):
         writer.write(record, number, utc_ns + number * 1_000_000)

@@ -16,7 +16,7 @@ Role = Literal["agent", "display", "logger", "console", "listener", "trigger"]
 ROLES: tuple[str, ...] = get_args(Role)
 ROLES_WITH_SIDE = ("agent", "display")
 
-KeyRole = Literal["agent", "display", "logger", "console", "listener", "station"]
+KeyRole = Literal["agent", "display", "logger", "console", "listener", "trigger", "station"]
 KEY_ROLES_WITH_SIDE = (*ROLES_WITH_SIDE, "station")
 """Roles of keys: those of peers, and the service of a station, which the server's machine connects to."""
 

@@ -17,7 +17,6 @@ from netboard.base.finding import Colour, Finding, graded
 from netboard.base.tables.triggers import MAX_CODE, Triggers
 from netboard.devices.triggers import registry
 from netboard.devices.triggers.box import NO_FILE, TriggerBox
-from netboard.devices.triggers.pulses import EDGE_NS
 
 NAME = "trigger box"
 
@@ -26,6 +25,12 @@ BINS_MS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 
 GOOD_MS = 2.0
 """Loop-back time that 99 % of the pulses should keep: the sampling interval of an amplifier at 500 Hz [ms]."""
+
+EDGE_NS = 200_000_000
+"""Time after which a pulse that has not come back is lost [ns]."""
+
+MOST_LOST = 20
+"""Pulses lost one after the other after which the test ends: the wire is missing [1]."""
 
 BAR = 40
 """Length of the longest bar of a histogram [1]."""
@@ -54,8 +59,10 @@ class LoopbackTimes:
 def measure(box: TriggerBox, pulses: int, progress: Callable[[float], None]) -> LoopbackTimes:
     """Make pulses with all lines high, through an open box, and wait for each at the input if that is wired."""
     triggers, found = box.settings, LoopbackTimes()
-    box.read()  # from before
     for number in range(pulses):
+        if triggers.loopback and len(found.edge_ms) >= MOST_LOST and all(np.isnan(found.edge_ms[-MOST_LOST:])):
+            break
+        box.read()  # a late edge of the pulse before
         before_ns = now_ns()
         box.write(MAX_CODE)
         found.write_ms.append((now_ns() - before_ns) * 1e-6)

@@ -32,6 +32,7 @@ from netboard.recording.export.lsl_streams import (
     samples,
     seconds,
 )
+from netboard.recording.export.trigger_pulses import onset_ns
 
 log = logging.getLogger(__name__)
 
@@ -150,7 +151,7 @@ class Outlets:
             self._outlets[TICKS.name].push_chunk(samples(ticks), stamps)
             self.ticks += len(ticks)
         for event in events:
-            (stamp,) = seconds(np.array([event.time_ns + shift_ns])).tolist()
+            (stamp,) = seconds(np.array([onset_ns(event) + shift_ns])).tolist()
             self._outlets[MARKERS.name].push_sample([event.name], stamp)
             self._outlets[EVENTS.name].push_sample([event_text(event)], stamp)
             self.events += 1

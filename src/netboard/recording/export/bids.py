@@ -26,6 +26,7 @@ from netboard.recording.export.formats import Progress
 from netboard.recording.export.runs import Person, Run, devices_of, require_people, runs_of
 from netboard.recording.export.signals import FRAME, Signal, signals_of
 from netboard.recording.export.survey import PerturbationSpan, PhaseChange, Survey
+from netboard.recording.export.trigger_pulses import pulses_of
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.backfill import unknown_ticks
 from netboard.recording.format.summary import Attempt
@@ -73,7 +74,7 @@ def _write_run(run: Run, factors: Sequence[ExportedFactor], folder: Path, progre
             place.mkdir(parents=True, exist_ok=True)
             signals = signals_of(person.sides)
             _write_table(place / f"{stem}_channels.tsv", map(_channel, [texts.LATENCY, *signals]))
-            if events := _events(survey, run, factors):
+            if events := _with_pulses(_events(survey, run, factors), recording, survey):
                 _write_table(place / f"{stem}_events.tsv", events)
             _write_json(place / f"{stem}_motion.json", _motion(run, recording, survey, person, signals))
             motion = (place / f"{stem}_motion.tsv").open("x", encoding="ascii", newline="")
@@ -141,6 +142,28 @@ def _events(survey: Survey, run: Run, factors: Sequence[ExportedFactor]) -> list
         for factor in factors:
             row.update(factor.at(block_factors, row["trial"]))
     return sorted(rows, key=lambda row: row["onset"])
+
+
+def _with_pulses(rows: list[Row], recording: Recording, survey: Survey) -> list[Row]:
+    """Add the pulses of a trigger box, if there are any, and their codes as ``value``, as BIDS names it."""
+    pulses = list(pulses_of(recording))
+    if not pulses:
+        return rows
+    empty = dict.fromkeys(rows[0] if rows else ("onset", "duration", "trial_type"), texts.MISSING)
+    added = [
+        empty
+        | {
+            "onset": (pulse.time_ns - survey.origin_ns) / 1e9,
+            "duration": pulse.width,
+            "trial_type": pulse.kind,
+            "value": pulse.code,
+            "trigger_event": pulse.event,
+            "trigger_latency": pulse.latency,
+        }
+        for pulse in pulses
+    ]
+    columns = {"value": texts.MISSING, "trigger_event": texts.MISSING, "trigger_latency": texts.MISSING}
+    return sorted([*(row | columns for row in rows), *added], key=lambda row: row["onset"])
 
 
 def _event(survey: Survey, of: Attempt | PhaseChange | PerturbationSpan, tick: int, duration: float, kind: str) -> Row:

@@ -10,6 +10,7 @@ from netboard.base.tables.questionnaires import FormQuestion, limits_of
 from netboard.recording.export.factors import ExportedFactor
 from netboard.recording.export.signals import FRAME, FRAME_TEXT, Signal
 from netboard.recording.export.task import ATTEMPT_TEXTS, EVENT_TEXTS, KEYWORDS, PARTNER_TEXT, TASK_TEXT
+from netboard.recording.export.trigger_pulses import KINDS
 from netboard.stage.perturbing import PERTURBATION
 from netboard.task.studies.factors import level_text
 
@@ -130,7 +131,14 @@ _EVENTS = {
             "attempt": "the ball is free",
             PERTURBATION: "a known force acts on ball, board or stylus",
             **EVENT_TEXTS,
+            **KINDS,
         },
+    },
+    "value": {"Description": "code of a TTL pulse, 1 to 255; of a pulse at the input, what the trigger box says of it"},
+    "trigger_event": {"Description": "event of the session for which a pulse was made"},
+    "trigger_latency": {
+        "Description": "time from the nominal time of this event's row to the pulse, as measured for each pulse",
+        "Units": "s",
     },
     **_described(ATTEMPT_TEXTS),
     "StimulusPresentation": {"SoftwareName": "netboard", "SoftwareVersion": version("netboard")},

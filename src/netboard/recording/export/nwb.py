@@ -25,6 +25,7 @@ from netboard.recording.export.runs import HandDevice, Person, Run, devices_of, 
 from netboard.recording.export.signals import FRAME_TEXT, Signal, signals_of
 from netboard.recording.export.survey import PORTION, Survey
 from netboard.recording.export.task import ATTEMPT_TEXTS, EVENT_TEXTS, KEYWORDS, TASK_TEXT
+from netboard.recording.export.trigger_pulses import KINDS, pulses_of
 from netboard.recording.files.reader import Recording
 from netboard.task.studies.factors import factors_of, trial_role
 
@@ -52,6 +53,15 @@ _COLUMNS = {
     "force_delay": "delay of the haptic feedback [s]",
 }
 """Columns of the trials table, besides start (the release of the ball) and stop."""
+
+_PULSE_COLUMNS = {
+    "kind": "trigger or trigger_input",
+    "event": "event of the session for which the pulse was made; empty of a pulse at the input",
+    "code": "code of the pulse [1]",
+    "width": "duration of the pulse, NaN if it is not known [s]",
+    "latency": "time from the nominal time of the event's tick to the pulse, NaN of a pulse at the input [s]",
+}
+"""Columns of the table of pulses, besides the time."""
 
 _EVENTS = "Changes of the phase of a trial, at the tick that caused them. " + "; ".join(
     f"{name}: {text}" for name, text in EVENT_TEXTS.items()
@@ -158,6 +168,7 @@ class NwbLayout:
         self._add_signals(signals_of(person.sides))
         self._add_trials(run)
         self._add_events()
+        self._add_pulses(recording)
 
     def _add_device(self, device: HandDevice, number: str) -> None:
         """Describe a device in the hand; ``number``: if it was replaced in the run."""
@@ -266,6 +277,26 @@ class NwbLayout:
         for one in self._survey.phase_changes:
             table.add_row(
                 timestamp=self._survey.seconds(one.tick), event=one.name, trial=one.trial, attempt=one.attempt
+            )
+        self.file.add_events_table(table)
+
+    def _add_pulses(self, recording: Recording) -> None:
+        """Fill the table of the pulses of a trigger box, if there are any."""
+        pulses = list(pulses_of(recording))
+        if not pulses:
+            return
+        text = "; ".join(f"{kind}: {text}" for kind, text in KINDS.items())
+        table = self._pynwb.event.EventsTable(name="trigger_pulses", description=text)
+        for name, about in _PULSE_COLUMNS.items():
+            table.add_column(name=name, description=about)
+        for pulse in pulses:
+            table.add_row(
+                timestamp=(pulse.time_ns - self._survey.origin_ns) / 1e9,
+                kind=pulse.kind,
+                event=pulse.event,
+                code=pulse.code,
+                width=pulse.width,
+                latency=pulse.latency,
             )
         self.file.add_events_table(table)
 

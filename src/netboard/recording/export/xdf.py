@@ -34,6 +34,7 @@ from netboard.recording.export.lsl_streams import (
     samples,
     seconds,
 )
+from netboard.recording.export.trigger_pulses import onset_ns
 from netboard.recording.files.reader import Recording
 
 MAGIC = b"XDF:"
@@ -108,7 +109,7 @@ class _Writer:
     def events(self, events: Sequence[EventRecord]) -> None:
         """Write events, one chunk per event and stream."""
         for event in events:
-            stamp = seconds(np.array([event.time_ns]))
+            stamp = seconds(np.array([onset_ns(event)]))
             for stream, text in ((MARKERS, event.name), (EVENTS, event_text(event))):
                 data = text.encode()
                 sample = bytes([_STAMPED]) + stamp.astype("<f8").tobytes() + _length(len(data)) + data

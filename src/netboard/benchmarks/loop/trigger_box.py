@@ -1,20 +1,19 @@
-"""A stand-in for a serial trigger box: a pseudo-terminal whose other end behaves like a box, in a thread.
+"""A stand-in for a serial trigger box: a pseudo-terminal whose other end behaves like a box, in a thread (POSIX).
 
 It returns a byte for each code that is not 0, as a box does whose output is wired to its input. It can be slow, lose
 pulses, be unplugged and come back under the same name.
 """
 
 import os
-import pty
+import select
 import threading
 import time
-import tty
 from pathlib import Path
 from typing import Self
 
 
 class PtyBox:
-    """A serial box at ``address``. ``delay``: time to the returned byte [s]; ``drops``: every so many are lost."""
+    """A serial box at ``address``. ``delay``: to the returned byte [s]; ``drops``: one pulse of this many is lost."""
 
     def __init__(self, folder: Path, delay: float = 0.0, drops: int = 0) -> None:
         self.address = folder / "ttyBOX"
@@ -33,7 +32,9 @@ class PtyBox:
 
     def plug_in(self) -> None:
         """Appear at the address."""
-        self._main, other = pty.openpty()
+        import tty  # not on Windows
+
+        self._main, other = os.openpty()
         tty.setraw(other)
         self.address.unlink(missing_ok=True)
         self.address.symlink_to(os.ttyname(other))
@@ -56,9 +57,8 @@ class PtyBox:
         os.write(self._main, codes)
 
     def _work(self, main: int, stop: int) -> None:
-        import select
-
-        while stop not in (ready := select.select([main, stop], (), ())[0]):
+        """Take all bytes that were written, also those from before the stop."""
+        while main in (ready := select.select([main, stop], (), ())[0]) or stop not in ready:
             if main in ready:
                 for code in os.read(main, 64):
                     self._take(code)
