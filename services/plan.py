@@ -64,10 +64,12 @@ def check(
     """Check whether a study is valid and its trial counts are balanced; exit code 2 and the reasons if not."""
     settings = load(config, overrides)
     from netboard.base.terminal.output import plain_console
+    from netboard.devices.triggers import registry as trigger_boxes
     from netboard.participants.seat.partners import problems_of
     from netboard.task.plans.plan import configs_of, plan_of
     from netboard.task.plans.tables import examine, fitted, refuse, valid_in_words
 
+    trigger_boxes.require_known(settings.triggers)
     found, console = load_study(study, settings), plain_console(soft_wrap=True)
     plans = [plan_of(found, seed, number) for number in range(1, dyads + 1)]
     balance, problems = examine(settings, found, plans)

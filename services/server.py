@@ -69,9 +69,11 @@ def server(
 ) -> None:
     """Run the physics server: it simulates the board and runs the trials."""
     settings = [load(file, overrides) for file in config or (None,)]
+    from netboard.devices.triggers import registry as trigger_boxes
     from netboard.network import keys
 
     for one in settings:
+        trigger_boxes.require_known(one.triggers)
         if not insecure:
             keys.refuse_open_network(one.network)
     if study is None and resume:
