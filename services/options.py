@@ -4,6 +4,7 @@ Importing a command must be quick, because ``netboard --help`` imports them all:
 needed, and so is `netboard.base.config`.
 """
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
@@ -26,9 +27,9 @@ RobotPartnerName = Annotated[
     str | None,
     typer.Option(
         "--partner",
-        metavar="NAME",
-        help="A robot partner holds the stylus of a simulated device in place of a person, such as robot (the "
-        "simulated participant).",
+        metavar="NAME|FILE",
+        help="A robot partner holds the stylus of a simulated device in place of a person: its name, such as robot (a "
+        "simulated participant), or a file of weights of netboard train.",
     ),
 ]
 Agreed = Annotated[bool, typer.Option("--yes", help="Do not ask; everybody at the device has agreed.")]
@@ -119,10 +120,20 @@ def settings_of(config: Path | None, overrides: Sequence[str]) -> list[str]:
 
 
 def partner_settings(side: str, partner: str | None) -> list[str]:
-    """Return the settings with which a robot partner holds the stylus of a side; none without one."""
+    """Return the settings with which a robot partner holds the stylus of a side; none without one.
+
+    ``partner``: its name, or a file of weights of the learned partner, which has a suffix.
+    """
     if partner is None:
         return []
-    return [f"agents.{side}.device=partner", f"agents.{side}.options.partner={partner}"]
+    if not Path(partner).suffix:
+        return [f"agents.{side}.device=partner", f"agents.{side}.options.partner={partner}"]
+    weights = json.dumps(str(Path(partner).resolve()))  # a string in TOML, too
+    return [
+        f"agents.{side}.device=partner",
+        f"agents.{side}.options.partner=learned",
+        f"partners.{side}.weights={weights}",
+    ]
 
 
 def examples(*lines: str) -> str:

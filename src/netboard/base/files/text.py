@@ -17,12 +17,12 @@ LONGEST = 4_000_000
 """Largest size of a text [bytes]; thousands of recordings fit the manifest of an import."""
 
 
-def read_text(path: Path, missing: str = "cannot be read: No such file or directory") -> str:
+def read_text(path: Path | str, missing: str = "cannot be read: No such file or directory") -> str:
     """Return a text; raise `ConfigError` for one that cannot be read, or that has no end, as ``/dev/zero`` has none.
 
     ``missing``: what to say of a file that does not exist.
     """
-    text = find_text(path)
+    text = find_text(Path(path))
     if text is None:
         raise ConfigError(f"{path}: {missing}")
     return text

@@ -6,7 +6,7 @@ level board and the ball fixed, and ends when the ball has stayed in the target,
 Rule 1: a scene depends on the seed of its episode and on its actions, not on the scenes beside it or their number.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import ceil, nan
 from typing import Any, NamedTuple
@@ -38,6 +38,7 @@ from netboard.participants.environments.stepping import (
 )
 from netboard.participants.people.muscles import hand_mechanics
 from netboard.participants.policy import SEEN, Nobody, Policy
+from netboard.participants.robots.learned import SPEED, Trainee
 from netboard.participants.seat.body import refuse_flaws
 from netboard.participants.seat.closed_loop import make_seat, policy_at
 from netboard.stage.stage import make_stage
@@ -184,9 +185,11 @@ class Scenes:
         padded = ceil(count / LANES) * LANES
         moved = {side for agent in agents for side in agent.sides}
         self.policy, self._station = _other(config, moved)
-        self._arrays = _arrays(config, padded, moved, self.policy, self.stage.delay)
+        self.robot = _robot_of(config, self.agents, options)
+        self._arrays = _arrays(config, padded, moved, self.policy, self.robot, self.stage.delay)
         self._viewers = _viewers(config, self.agents, padded, options.views)
         self._partner = _partner(config, self.policy, self._station, padded)
+        self._robot = _partner(config, self.robot, agents[0].station, padded)
         self._fresh = self._partner.seat.observation[:1].copy()
         self._record = np.zeros((padded, options.ticks) if options.record else (1, 1), TICK)
         self._pieces: list[list[NDArray[Any]]] = [[] for _ in range(count if options.record else 0)]
@@ -203,14 +206,17 @@ class Scenes:
         steps = make_steps(
             self.stage.kernels,
             self.policy.decide,
+            self.robot.decide,
             felt,
             bool(self.policy.sides),
+            bool(self.robot.sides),
             self.options.record,
         )
         self._run_arguments = (
             self._arrays,
             self._viewers,
             self._partner,
+            self._robot,
             self.stage.book,
             self.stage.tables,
             self.options.ticks,
@@ -218,13 +224,14 @@ class Scenes:
         )
         self._run = machine_code(steps, *self._run_arguments)
         self._begin = make_begin(self.policy.decide)
+        self._begin_robot = make_begin(self.robot.decide)
         weights = self.options.reward
         tick = weights.time * TICK_SECONDS
         self._weights = np.array([tick, tick * self.options.ticks, weights.progress, weights.success, weights.failure])
         self._hands = tuple(np.array([side in agent.sides for side in SIDES], np.int64) for agent in self.agents)
         self._scales = scales_of(VIEW), scales_of(HAND), scales_of(TRUTH)
         actions = self.options.actions
-        self._rows = np.array([ACTIONS.index(action) for action in actions])
+        self._rows = np.array([ACTIONS.index(action) for action in actions if action in ACTIONS])
         self._action_scale = scales_of(actions)
         self._action_offset = np.array([action.offset for action in actions])
 
@@ -245,19 +252,27 @@ class Scenes:
         viewers.following[:, scenes] = self._first_views[:, np.newaxis]
         viewers.seen[:, scenes] = _UNSEEN
         if self.policy.sides:
-            self._reset_partner(scenes, seeds)
+            self._reset_partner(self.policy, self._partner, self._begin, scenes, seeds)
+        if self.robot.sides:
+            self._reset_partner(self.robot, self._robot, self._begin_robot, scenes, seeds)
         self._potential[scenes] = -1.0
         for scene in scenes if self.options.record else ():
             self._pieces[scene] = []
 
-    def _reset_partner(self, scenes: NDArray[np.int64], seeds: Sequence[int]) -> None:
-        """Put the policy at the other seat at its start in some scenes."""
-        partner = self._partner
+    def _reset_partner(
+        self,
+        policy: Policy,
+        partner: Partner,
+        begin: Callable[..., None],
+        scenes: NDArray[np.int64],
+        seeds: Sequence[int],
+    ) -> None:
+        """Put a policy at its start in some scenes."""
         for scene, seed in zip(scenes, seeds, strict=True):
-            partner.seat.state[scene] = self.policy.initial((int(seed),))[0]
+            partner.seat.state[scene] = policy.initial((int(seed),))[0]
         partner.seat.observation[scenes] = self._fresh[0]
         partner.following[scenes] = partner.seat.timing[1]
-        self._begin(self._arrays, partner, scenes)
+        begin(self._arrays, partner, scenes)
 
     def _targets(self, seeds: Sequence[int]) -> NDArray[np.int64]:
         """Return the side of the target in episodes with these seeds."""
@@ -274,6 +289,9 @@ class Scenes:
         """Let the hands of an agent do what it decides; ``actions``: shape (n, hands x quantities), -1 to 1 [1]."""
         if not np.isfinite(actions).all():
             raise ValueError(f"action: found {actions[~np.isfinite(actions)][0]}, expected numbers from -1 to 1")
+        if self.robot.sides:
+            self._robot.seat.state["speed"][: len(actions)] = SPEED * np.clip(actions[:, 0], -1.0, 1.0)
+            return
         width = len(self._rows)
         for place, side in enumerate(self.agents[agent].sides):
             _act(
@@ -302,6 +320,9 @@ class Scenes:
 
     def observe(self, agent: int, out: NDArray[Any]) -> None:
         """Write what an agent observes in each scene, shape (n, `SceneOptions.observed`)."""
+        if self.robot.sides:
+            out[:] = self._robot.seat.state["inputs"][: len(out)]
+            return
         hands, truth = self._hands[agent], self.options.truth
         view, hand, true = self._scales
         _observe(self._arrays, self._viewers, agent, hands, truth, view, hand, true, out)
@@ -391,13 +412,24 @@ def _other(config: Config, moved: set[Side]) -> tuple[Policy, Side]:
     return Nobody(), "left"
 
 
-def _arrays(config: Config, count: int, moved: set[Side], policy: Policy, delay: int) -> SceneArrays:
+def _robot_of(config: Config, agents: tuple[SeatedAgent, ...], options: SceneOptions) -> Policy:
+    """Return the robot through which the agent acts, `Nobody` if it moves its hands itself."""
+    if not options.learned_hand:
+        return Nobody()
+    if len(agents) != 1 or len(agents[0].sides) != 1:
+        raise ConfigError("learned_hand: found with more than one hand, expected one agent with one hand")
+    return Trainee(config, agents[0].sides[0])
+
+
+def _arrays(config: Config, count: int, moved: set[Side], policy: Policy, robot: Policy, delay: int) -> SceneArrays:
     """Make the arrays of some scenes, each hand on its device."""
     groups, device = count // LANES, resolved(config.virtual)
     mechanics = np.zeros(len(SIDES), MECHANICS)
     for place, side in enumerate(SIDES):
         hand = HandMechanics()
-        if side in moved:
+        if side in robot.sides:
+            hand = robot.hand()
+        elif side in moved:
             hand = hand_mechanics(config.participant, device)
         elif side in policy.sides:
             hand = policy.hand()

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.errors import ConfigError
+from netboard.participants.robots.learned import INPUTS, PERIOD, SPEED
 
 
 class Quantity(NamedTuple):
@@ -30,6 +31,9 @@ ACTIONS = (
     Quantity("force", 3.0, "N"),  # force of the hand besides
 )
 """What an agent may do with each of its hands, from -1 to 1; those of `SceneOptions.act`, in this order."""
+
+SPEED_ACTION = Quantity("speed", SPEED, "m/s")
+"""What an agent decides with the hand of a learned partner: the speed of the equilibrium point."""
 
 VIEW = (
     Quantity("levelling", 1.0, "1"),  # 1 in this phase
@@ -87,7 +91,8 @@ class SceneOptions:
     ``ticks``: ticks of 1 ms in a step. ``max_seconds``: length of an episode, after which it is truncated [s].
     ``views``: newest views in an observation. ``truth``: whether observations contain the true state. ``act``: what an
     agent decides of `ACTIONS`; the rest is that of the arm in ``[participant]``. ``record``: whether the rows of each
-    episode are kept.
+    episode are kept. ``learned_hand``: whether the one agent has the hand and the inputs of a learned partner
+    (`netboard.participants.robots.learned`), and decides the speed of its equilibrium point; ``ticks`` is its period.
     """
 
     ticks: int = 10
@@ -96,6 +101,7 @@ class SceneOptions:
     truth: bool = False
     act: tuple[str, ...] = ("target",)
     record: bool = False
+    learned_hand: bool = False
     reward: RewardWeights = field(default_factory=RewardWeights)
 
     def __post_init__(self) -> None:
@@ -108,6 +114,8 @@ class SceneOptions:
                 raise ConfigError(f"{name}: found {getattr(self, name)}, expected at least {least}")
         if not 0.0 < self.max_seconds <= 3600.0:
             raise ConfigError(f"max_seconds: found {self.max_seconds:g}, expected more than 0 and at most 3600")
+        if self.learned_hand and self.ticks != PERIOD:
+            raise ConfigError(f"ticks: found {self.ticks}, expected {PERIOD} with learned_hand")
         for name in ("time", "progress", "success", "failure"):
             if not 0.0 <= getattr(self.reward, name) < inf:
                 raise ConfigError(f"reward: found {name} {getattr(self.reward, name)}, expected a number from 0")
@@ -115,10 +123,14 @@ class SceneOptions:
     @property
     def actions(self) -> tuple[Quantity, ...]:
         """What an agent decides for each of its hands."""
+        if self.learned_hand:
+            return (SPEED_ACTION,)
         return tuple(action for action in ACTIONS if action.name in self.act)
 
     def observed(self, hands: int) -> tuple[Quantity, ...]:
         """Return what an agent with one hand or two observes, in order: views from the newest, hands, true state."""
+        if self.learned_hand:
+            return tuple(Quantity(*one) for one in INPUTS)
         return VIEW * self.views + HAND * hands + (TRUTH if self.truth else ())
 
 

@@ -87,7 +87,7 @@ class Viewers(NamedTuple):
 
 
 class Partner(NamedTuple):
-    """The policy at the other seat, for each scene."""
+    """A policy in a seat of each scene: at the other seat, or the robot through which an agent acts."""
 
     seat: Seat  # of n scenes
     actions: Any  # (n, 2) ACTION
@@ -313,14 +313,15 @@ def _make_sense_group(kernels: TickKernels) -> Callable[..., bool]:
 
 
 @cache
-def _make_sense(kernels: TickKernels, FELT: bool, PARTNER: bool, RECORD: bool) -> Callable[..., None]:
+def _make_sense(kernels: TickKernels, FELT: bool, PARTNER: bool, ROBOT: bool, RECORD: bool) -> Callable[..., None]:
     """Compile how the newest samples of a group become the drives of its boards."""
     sense, sense_group = kernels.sense, _make_sense_group(kernels)
 
     @inlined
-    def keep_shown(sc: SceneArrays, viewers: Viewers, partner: Partner, i: int, j: int) -> bool:
+    def keep_shown(sc: SceneArrays, viewers: Viewers, partner: Partner, robot: Partner, i: int, j: int) -> bool:
         tick = sc.ticks[i]
         shown = RECORD or (PARTNER and (tick == partner.following[i] or partner.seat.flags[0] != 0))
+        shown = shown or (ROBOT and tick == robot.following[i])
         for a in range(len(viewers.every)):
             shown = shown or tick == viewers.following[a, i]
         if shown:
@@ -328,11 +329,11 @@ def _make_sense(kernels: TickKernels, FELT: bool, PARTNER: bool, RECORD: bool) -
         return shown
 
     @inlined
-    def sense_all(sc: SceneArrays, viewers: Viewers, partner: Partner, g: int, book: Records) -> None:
+    def sense_all(sc: SceneArrays, viewers: Viewers, partner: Partner, robot: Partner, g: int, book: Records) -> None:
         room, scene, limit = sc.room, book[0]["scene"], book[0]["settings"]["stylus_range"]
         if not RECORD and sc.smooth[g] and sense_group(sc, g, book):
             for j in range(LANES):
-                if keep_shown(sc, viewers, partner, g * LANES + j, j) or FELT:
+                if keep_shown(sc, viewers, partner, robot, g * LANES + j, j) or FELT:
                     row = sc.rows[j]
                     row["left_used_z"], row["right_used_z"] = sc.used_z[g, 0, j], sc.used_z[g, 1, j]
                     row["left_used_vz"], row["right_used_vz"] = room[23, j], room[24, j]
@@ -341,7 +342,7 @@ def _make_sense(kernels: TickKernels, FELT: bool, PARTNER: bool, RECORD: bool) -
             _write_samples(sc, g)
         for j in range(LANES):
             i = g * LANES + j
-            keep_shown(sc, viewers, partner, i, j)
+            keep_shown(sc, viewers, partner, robot, i, j)
             _row_inputs(sc, g, j, sc.ticks[i])
             hands = sense(sc.states[i], sc.rows[j], limit, scene)
             for k in range(8):
@@ -446,13 +447,22 @@ def _make_move(kernels: TickKernels) -> Callable[..., None]:
 
 
 @cache
-def _make_finish(kernels: TickKernels, decide: Decide, FELT: bool, PARTNER: bool, RECORD: bool) -> Callable[..., None]:
+def _make_finish(
+    kernels: TickKernels, decide: Decide, told: Decide, FELT: bool, PARTNER: bool, ROBOT: bool, RECORD: bool
+) -> Callable[..., None]:
     """Compile the end of a tick of a group: states are stored, forces act, policies decide, and seats see."""
-    settle, attend = kernels.settle, _make_attend(decide)
+    settle, attend, attend_told = kernels.settle, _make_attend(decide), _make_attend(told)
 
     @inlined
     def finish_all(
-        sc: SceneArrays, viewers: Viewers, partner: Partner, g: int, book: Records, record: Records, slot: int
+        sc: SceneArrays,
+        viewers: Viewers,
+        partner: Partner,
+        robot: Partner,
+        g: int,
+        book: Records,
+        record: Records,
+        slot: int,
     ) -> None:
         room, rules, catch = sc.room, book[0]["rules"], book[0]["rendering"]["catch"]
         for j in range(LANES):
@@ -473,6 +483,8 @@ def _make_finish(kernels: TickKernels, decide: Decide, FELT: bool, PARTNER: bool
                 sc.commanded[g, 0, j], sc.commanded[g, 1, j] = left, right
             if PARTNER:
                 attend(partner, sc, g, j, tick)
+            if ROBOT:
+                attend_told(robot, sc, g, j, tick)
             for a in range(len(viewers.every)):
                 if tick == viewers.following[a, i]:
                     viewers.following[a, i] += viewers.every[a]
@@ -508,12 +520,17 @@ def _make_attend(decide: Decide) -> Callable[..., None]:
 
 
 @cache
-def make_steps(kernels: TickKernels, decide: Decide, FELT: bool, PARTNER: bool, RECORD: bool) -> Callable[..., None]:
-    """Compile the ticks of many scenes: of a kind of block, around a policy at the other seat, with or without rows."""
+def make_steps(
+    kernels: TickKernels, decide: Decide, told: Decide, FELT: bool, PARTNER: bool, ROBOT: bool, RECORD: bool
+) -> Callable[..., None]:
+    """Compile the ticks of many scenes: of a kind of block, around a policy at the other seat, with or without rows.
+
+    ``told``: kernel of the robot through which an agent acts, if one does.
+    """
     FORCES = FELT or RECORD
-    sense_all, couple_all = _make_sense(kernels, FELT, PARTNER, RECORD), _make_couple(kernels)
+    sense_all, couple_all = _make_sense(kernels, FELT, PARTNER, ROBOT, RECORD), _make_couple(kernels)
     decide_all, move_board = _make_decide(kernels, FORCES), _make_move(kernels)
-    finish_all = _make_finish(kernels, decide, FELT, PARTNER, RECORD)
+    finish_all = _make_finish(kernels, decide, told, FELT, PARTNER, ROBOT, RECORD)
 
     @inlined
     def move_hands(sc: SceneArrays, g: int, side: int) -> None:
@@ -530,12 +547,13 @@ def make_steps(kernels: TickKernels, decide: Decide, FELT: bool, PARTNER: bool, 
         sc: SceneArrays,
         viewers: Viewers,
         partner: Partner,
+        robot: Partner,
         book: Records,
         tables: NDArray[np.float64],
         count: int,
         record: Records,
     ) -> None:
-        sc, viewers, partner = borrowed(sc), borrowed(viewers), borrowed(partner)
+        sc, viewers, partner, robot = borrowed(sc), borrowed(viewers), borrowed(partner), borrowed(robot)
         book, tables, record = borrowed(book), borrowed(tables), borrowed(record)
         for g in range(len(sc.place)):
             _load(sc, g * LANES)
@@ -543,11 +561,11 @@ def make_steps(kernels: TickKernels, decide: Decide, FELT: bool, PARTNER: bool, 
                 for side in range(2):
                     move_hands(sc, g, side)
                 _read(sc, g)
-                sense_all(sc, viewers, partner, g, book)
+                sense_all(sc, viewers, partner, robot, g, book)
                 if FORCES:
                     couple_all(sc, book)
                 rolling, resting = decide_all(sc, g, book)
                 move_board(sc, rolling, resting, book, tables)
-                finish_all(sc, viewers, partner, g, book, record, slot)
+                finish_all(sc, viewers, partner, robot, g, book, record, slot)
 
     return steps

@@ -20,6 +20,7 @@ POLICIES = {
     "follower": "netboard.participants.robots.follower:Follower",
     "game": "netboard.participants.robots.game:Game",
     "leader": "netboard.participants.robots.leader:Leader",
+    "learned": "netboard.participants.robots.learned:Learned",
     "lqg": "netboard.participants.robots.lqg:Lqg",
     "playback": "netboard.recording.importing.recorded_hand:partner",
     "robot": "netboard.participants.people.person:partner",
