@@ -49,6 +49,7 @@ COMMANDS = {
         "cohort",
         "power",
         "participants.group",
+        "train.group",
         "bench.group",
     ),
     "Set-up": ("doctor", "configuration", "keys", "devices.group"),

@@ -19,7 +19,13 @@ from netboard.base.errors import ConfigError, NetboardError
 from netboard.base.terminal.errors import print_error
 from netboard.services.values import read_strictly
 
-IMPORTED_AS = {"PIL": "pillow", "PySide6": "PySide6-Essentials", "hid": "hidapi", "usb": "pyusb"}
+IMPORTED_AS = {
+    "PIL": "pillow",
+    "PySide6": "PySide6-Essentials",
+    "hid": "hidapi",
+    "stable_baselines3": "stable-baselines3",
+    "usb": "pyusb",
+}
 """Packages whose module has another name."""
 
 BINARIES = (".so", ".pyd", ".dylib")

@@ -1,0 +1,128 @@
+"""A trained partner in whole blocks beside participants that were held out, by the strict kernel and the real task.
+
+The same participants also play beside each other, so that there is a time to compare with. What a simulated human
+shows, and what not, `docs/explanation/robots.md` says.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from statistics import fmean
+from typing import Any
+
+from netboard.base.config import SIDES, Config, Side
+from netboard.base.tables.rig import Options
+from netboard.base.tables.simulated import Participant
+from netboard.participants.seat.block import BlockSummary, Rehearsal
+
+LONGEST = 20.0
+"""A trial counts as finished if it is completed within this time of the release [s]."""
+
+Tell = Callable[[str, float, float], None]
+"""Shows progress: current step, done, total."""
+
+
+@dataclass(frozen=True, slots=True)
+class Evaluation:
+    """Results beside held-out participants, with haptic feedback.
+
+    ``trials``: attempts. ``finished``: share of them completed within `LONGEST` [1]. ``failures``: the ball fell.
+    ``seconds``, ``pair_seconds``: mean completion time of the partner's trials, and of pairs of the participants [s].
+    """
+
+    participants: int
+    trials: int
+    finished: float
+    failures: int
+    seconds: float
+    longest_seconds: float
+    pair_trials: int
+    pair_finished: float
+    pair_seconds: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as a card has it, rounded."""
+        return {name: round(value, 4) if isinstance(value, float) else value for name, value in asdict(self).items()}
+
+    def lines(self) -> tuple[str, ...]:
+        """Return it in words."""
+        return (
+            f"{self.finished:.1%} of {self.trials} trials beside {self.participants} held-out participants were"
+            f" finished within {LONGEST:g} s; {self.failures} falls",
+            f"mean completion time {self.seconds:.2f} s, longest {self.longest_seconds:.2f} s",
+            f"pairs of the same participants: {self.pair_finished:.1%} of {self.pair_trials} trials,"
+            f" mean completion time {self.pair_seconds:.2f} s",
+        )
+
+
+def evaluate(weights: Path | str, people: Sequence[Participant], config: Config, trials: int, tell: Tell) -> Evaluation:
+    """Play blocks of some trials beside each participant, with the partner at each side.
+
+    ``weights``: a file of weights, or the name of the packaged one.
+    """
+    total = len(people) * (len(SIDES) + 1)
+    own: list[BlockSummary] = []
+    pairs: list[BlockSummary] = []
+    for number, block in enumerate(_blocks(weights, people, config, trials)):
+        kind, summary = block
+        (pairs if kind == "pair" else own).append(summary)
+        tell("evaluation", number + 1, total)
+    times = [time for block in own for time in block.completions]
+    pair_times = [time for block in pairs for time in block.completions]
+    return Evaluation(
+        participants=len(people),
+        trials=_attempts(own),
+        finished=_finished(own),
+        failures=sum(block.failures for block in own),
+        seconds=fmean(times) if times else float("nan"),
+        longest_seconds=max(times, default=float("nan")),
+        pair_trials=_attempts(pairs),
+        pair_finished=_finished(pairs),
+        pair_seconds=fmean(pair_times) if pair_times else float("nan"),
+    )
+
+
+def _blocks(
+    weights: Path | str, people: Sequence[Participant], config: Config, trials: int
+) -> Iterator[tuple[str, BlockSummary]]:
+    """Play each block."""
+    for place, person in enumerate(people):
+        other = people[(place + 1) % len(people)]
+        for side in SIDES:
+            yield side, _played(_seated(config, side, weights, trials, place + 1), person, person)
+        yield "pair", _played(_block(config, "person", "person", trials, place + 1), person, other)
+
+
+def _block(config: Config, left: str, right: str, trials: int, seed: int) -> Config:
+    """Return a block of a dyad, in which a robot may move a hand."""
+    block = replace(config.block, configuration="dyadic", left=left, right=right, trials=trials, seed=seed)
+    return replace(config, block=block)
+
+
+def _seated(config: Config, side: Side, weights: Path | str, trials: int, seed: int) -> Config:
+    """Return a block in which a learned partner has a seat."""
+    options: Options = {"weights": str(weights)}
+    if side == "left":
+        config = replace(config, partners=replace(config.partners, left=options))
+        return _block(config, "learned", "person", trials, seed)
+    config = replace(config, partners=replace(config.partners, right=options))
+    return _block(config, "person", "learned", trials, seed)
+
+
+def _played(config: Config, one: Participant, other: Participant) -> BlockSummary:
+    """Run a block and return its results."""
+    rehearsal = Rehearsal(config, {"A": one, "B": other})
+    for _ in rehearsal.pieces():
+        pass
+    return rehearsal.summary()
+
+
+def _attempts(blocks: Sequence[BlockSummary]) -> int:
+    """Return the attempts of some blocks: a block that was given up ends within one."""
+    return sum(len(block.completions) + block.failures + block.given_up for block in blocks)
+
+
+def _finished(blocks: Sequence[BlockSummary]) -> float:
+    """Return the share of attempts that were completed in time."""
+    done = sum(time <= LONGEST for block in blocks for time in block.completions)
+    return done / _attempts(blocks)

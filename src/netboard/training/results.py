@@ -1,0 +1,71 @@
+"""Results of a training in its folder: the weights with their card, the learning curve as a table and a figure."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from netboard.base.files.cells import CsvWriter
+from netboard.base.files.figure import save_figure
+from netboard.base.files.new import new_file
+from netboard.participants.robots.learned import INPUTS, PERIOD
+from netboard.participants.robots.network import TrainedNetwork
+from netboard.training.evaluation import Evaluation
+from netboard.training.learning import TrainingRequest, TrainingRound
+
+WEIGHTS, CURVE, FIGURE = "weights.json", "curve.csv", "curve.png"
+"""Files of the results."""
+
+NOT_FOR = (
+    "It learned beside simulated participants on simulated devices only. It has been tried beside no person and on no "
+    "real device: it is no evidence on people, and no safety function. Other scenes, tasks, force conditions or longer "
+    "delays than those of the training are untested."
+)
+"""What a card says that weights must not be used for."""
+
+
+def card_of(
+    request: TrainingRequest, learned: dict[str, Any], curve: Sequence[TrainingRound], evaluation: Evaluation
+) -> dict[str, Any]:
+    """Return the card of a partner; ``learned``: beside whom, and with what it was trained."""
+    last = curve[-1]
+    return {
+        "trained on": learned | {"algorithm": "PPO", "steps": last.steps} | asdict(request),
+        "cpu seconds": round(last.cpu_seconds, 1),
+        "evaluated beside participants that were held out": evaluation.as_dict(),
+        "not to be used for": NOT_FOR,
+    }
+
+
+def write_weights(path: Path, network: TrainedNetwork, *, force: bool = False) -> None:
+    """Write a file of weights."""
+    with new_file(path, force=force) as part:
+        part.write_text(network.text(INPUTS, PERIOD), encoding="utf-8")
+
+
+def write_curve(folder: Path, curve: Sequence[TrainingRound]) -> None:
+    """Write the learning curve as a table and as a figure."""
+    with new_file(folder / CURVE, force=True) as part, part.open("w", encoding="utf-8", newline="") as file:
+        writer = CsvWriter(file)
+        writer.row(field.name for field in fields(TrainingRound))
+        writer.rows(asdict(one).values() for one in curve)
+    (folder / FIGURE).unlink(missing_ok=True)
+    save_figure(figure_of({"": curve}), folder / FIGURE, 150)
+
+
+def figure_of(curves: dict[str, Sequence[TrainingRound]]) -> Figure:
+    """Return a figure of some learning curves, by name: share of successful episodes, and their mean length."""
+    figure = Figure(figsize=(7.0, 3.0), layout="constrained")
+    success, seconds = figure.subplots(1, 2, sharex=True)
+    for name, curve in curves.items():
+        steps = [one.steps / 1e6 for one in curve]
+        success.plot(steps, [one.success for one in curve], marker=".", label=name)
+        seconds.plot(steps, [one.seconds for one in curve], marker=".")
+    success.set(xlabel="Environment steps [10⁶]", ylabel="Successful episodes [1]", ylim=(-0.02, 1.02))
+    seconds.set(xlabel="Environment steps [10⁶]", ylabel="Mean length of successful episodes [s]")
+    seconds.set_ylim(bottom=0.0)
+    if len(curves) > 1:
+        success.legend(title="Seed", fontsize="small")
+    return figure

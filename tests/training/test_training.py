@@ -1,0 +1,102 @@
+"""Training where its libraries are installed: very short, resumed with the same bits, and evaluated."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from made_network import made_network, made_text
+
+pytest.importorskip("stable_baselines3", reason="needs netboard[train]")
+
+from netboard.base.config import Config
+from netboard.base.errors import ConfigError
+from netboard.participants.robots.learned import read_weights
+from netboard.services.cli import app
+from netboard.training.learning import CHECKPOINT, PROGRESS, Training, TrainingRequest
+from netboard.training.population import HELD_OUT, Population
+from netboard.training.session import TrainingSession
+
+pytestmark = pytest.mark.slow
+
+SHORT = TrainingRequest(rounds=2, updates=1, people=2, boards=16, units=8)
+
+
+def people(seed: int = 1) -> list:
+    from netboard.analysis.cohort.posterior import read_posterior
+
+    return Population(read_posterior(), Config().participant).learning(seed, SHORT.people)
+
+
+def weights(training: Training) -> bytes:
+    return b"".join(array.tobytes() for layer in training.network().layers for array in layer)
+
+
+def test_resumed_training_has_the_bits_of_one_that_was_not_interrupted(tmp_path: Path) -> None:
+    one, two = tmp_path / "one", tmp_path / "two"
+    one.mkdir()
+    two.mkdir()
+    whole = Training(SHORT, Config(), people(), one)
+    assert [found.steps for found in whole.rounds()] == [2048, 4096]
+    next(Training(SHORT, Config(), people(), two).rounds())
+    resumed = Training(SHORT, Config(), people(), two, resume=True)
+    assert [found.round for found in resumed.rounds()] == [2]
+    assert weights(resumed) == weights(whole)
+
+
+def test_other_options_and_broken_checkpoints_are_refused(tmp_path: Path) -> None:
+    next(Training(SHORT, Config(), people(), tmp_path).rounds())
+    other = TrainingRequest(seed=2, rounds=2, updates=1, people=2, boards=16, units=8)
+    with pytest.raises(ConfigError, match="expected the same options"):
+        Training(other, Config(), people(), tmp_path, resume=True)
+    (tmp_path / CHECKPOINT).write_bytes(b"no checkpoint")
+    with pytest.raises(ConfigError, match=r"checkpoint.pt: expected a checkpoint of this training"):
+        Training(SHORT, Config(), people(), tmp_path, resume=True)
+    (tmp_path / PROGRESS).write_text("{}")
+    with pytest.raises(ConfigError, match=r"progress.json: expected the progress of netboard train partner"):
+        Training(SHORT, Config(), people(), tmp_path, resume=True)
+
+
+def test_training_leaves_weights_with_a_card_a_table_and_a_figure(tmp_path: Path) -> None:
+    folder = tmp_path / "trained"
+    session = TrainingSession(SHORT, Config(), "bimanual_off", folder)
+    found = session.run(lambda *_: None, held_out=1, trials=1)
+    network, sha256 = read_weights(str(folder / "weights.json"))
+    assert network.sizes == (15, 8, 8, 1)
+    assert len(sha256) == 64
+    assert network.card["evaluated beside participants that were held out"]["trials"] == found.trials
+    assert len((folder / "curve.csv").read_text().splitlines()) == 1 + SHORT.rounds
+    assert (folder / "curve.png").read_bytes().startswith(b"\x89PNG")
+    with pytest.raises(ConfigError, match="has a training already"):
+        TrainingSession(SHORT, Config(), "bimanual_off", folder)
+    with pytest.raises(ConfigError, match="this training is finished"):
+        TrainingSession(SHORT, Config(), "bimanual_off", folder, resume=True)
+
+
+def test_participants_to_learn_beside_are_never_held_out() -> None:
+    from netboard.analysis.cohort.posterior import read_posterior
+
+    population = Population(read_posterior(), Config().participant)
+    assert not set(population.learning(3, 8)) & set(population.held_out(8))
+    assert population.learning(3, 2) != population.learning(4, 2)
+    assert HELD_OUT > 0
+
+
+def test_onnx_export_agrees_with_the_kernel(tmp_path: Path) -> None:
+    pytest.importorskip("onnxruntime", reason="needs netboard[onnx]")
+    from netboard.training.onnx import largest_difference, write_onnx
+
+    network = made_network(units=(32, 32))
+    write_onnx(tmp_path / "partner.onnx", network, "0" * 64)
+    assert largest_difference(tmp_path / "partner.onnx", network, 1000) < 2e-5  # float32, and outputs up to 20
+
+
+def test_commands_refuse_what_is_no_file_of_weights(tmp_path: Path) -> None:
+    broken = tmp_path / "weights.json"
+    broken.write_text(made_text()[:-100])
+    for command in (["evaluate", str(broken)], ["onnx", str(broken), str(tmp_path / "x.onnx")]):
+        result = CliRunner().invoke(app, ["train", *command])
+        assert result.exit_code == 2, result.output
+        assert "cut off" in result.output
+    assert json.loads(made_text())["version"] == 1
