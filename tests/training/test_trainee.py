@@ -1,20 +1,18 @@
 """A trainee whose speed a network sets is the learned partner, to the bit: what is trained is what plays."""
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from made_network import made_network
 from netboard.base.compiled import kernel
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant
 from netboard.participants.environments.scenes import Scenes, block_of
 from netboard.participants.environments.spaces import SceneOptions
-from netboard.participants.robots.learned import INPUTS, PERIOD
+from netboard.participants.robots.learned import INPUTS, PERIOD, read_weights
 from netboard.participants.robots.network import TrainedNetwork, pack_network, run, units_of
 from netboard.participants.seat import block as rehearsed
 
@@ -43,14 +41,12 @@ def played(scenes: Scenes, network: TrainedNetwork) -> Any:
     return scenes.finished.pop().rows
 
 
-def test_trainee_gets_the_bits_of_the_learned_partner(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_trainee_gets_the_bits_of_the_learned_partner(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rehearsed, "START_TICK", 0)
-    network = made_network()
-    (tmp_path / "weights.json").write_text(network.text(INPUTS, PERIOD))
+    network, _ = read_weights("learned")
     person, config = Participant(lateral_sd=0.0, forearm=2.0), Config()
     block = replace(config.block, seed=SEED, number=1, trials=1, first_target="left", right="learned")
-    partners = replace(config.partners, right={"weights": str(tmp_path / "weights.json")})
-    config = replace(config, block=block, partners=partners, participant=person)
+    config = replace(config, block=block, participant=person)
     expected = next(rehearsed.Rehearsal(config, {"A": person, "B": person}).pieces(PERIOD * STEPS))
     made, agents = block_of(config, "right", "person")
     scenes = Scenes(made, agents, 1, SceneOptions(learned_hand=True, ticks=PERIOD, record=True))
