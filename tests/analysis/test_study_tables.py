@@ -35,7 +35,7 @@ def blocks(**columns: object) -> pd.DataFrame:
 
 
 def trials(**columns: object) -> pd.DataFrame:
-    base = {"recording": "r", "trial": [1, 2, 3], "attempt": 1, "catch": 0, "flags": ""}
+    base = {"recording": "r", "trial": [1, 2, 3], "attempt": 1, "catch": 0, "perturbation": 0.0, "flags": ""}
     base |= {"outcome": "success", "completion": 1.0, "target": 1, "duration": 3.0, "recorded_completion": 1.0}
     return pd.DataFrame(base | columns)
 
@@ -97,6 +97,8 @@ def test_excluded_trials_do_not_count_and_are_listed(folder: Path) -> None:
         ),
         ({"catch": [0, 1, 0]}, Exclusions(), ["a catch trial"]),
         ({"catch": [0, 1, 0]}, Exclusions(catch=False), []),
+        ({"perturbation": [0.0, -0.5, np.nan]}, Exclusions(), ["a perturbation trial"]),
+        ({"perturbation": [0.0, -0.5, np.nan]}, Exclusions(perturbed=False), []),
         ({}, Exclusions(warm_up=2), ["one of the first 2 trials of the block"] * 2),
         ({"completion": [1.0, np.nan, 2.0]}, Exclusions(), [NO_COMPLETION]),
         ({"completion": np.nan, "outcome": "fell"}, Exclusions(), []),

@@ -120,7 +120,7 @@ def _reasons(
         yield f"in a {block['role']} block"
     if rules.catch and row["catch"]:
         yield "a catch trial"
-    if rules.perturbed and row["perturbation"]:
+    if rules.perturbed and abs(row["perturbation"]) > 0.0:  # NaN is no perturbation
         yield "a perturbation trial"
     for flag in excluding(str(row["flags"]).split(), flags_of(rules, block), simulated=bool(block["simulated"])):
         yield FLAGS[flag]
