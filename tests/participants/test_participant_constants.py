@@ -71,6 +71,15 @@ KNOWN = {
         "BOARD_SOURCES": "sources of the parameters",
     },
     "game": {"PUSH": "unit of an estimate"},
+    "learned": {
+        "PERIOD": "trained with it, on the page of the robots",
+        "SPEED": "trained with it, on the page of the robots",
+        "STALL_SPEED": "trained with it",
+        "MOST_STALL": "trained with it",
+        "INPUT_BOUND": "limit of an input",
+        "INPUTS": "scales of the inputs",
+        "PACKAGED": "a name",
+    },
     "lqg": {
         "MEMORY": "capacity",
         "LONGEST_SIGHT": "limit of a search",
@@ -79,7 +88,22 @@ KNOWN = {
         "FILTERED": "type",
         "REGULATOR": "type",
     },
+    "network": {
+        "FORMAT": "a name",
+        "VERSION": "version of a file",
+        "LAYERS": "length of a network",
+        "MOST_UNITS": "limit of a file",
+        "MOST_WEIGHT": "limit of a file",
+    },
+    "network_stability": {"LONGEST": "limit of a search", "Array": "type"},
+    "playback": {
+        "STEP_TICKS": "ticks between two heights that are kept",
+        "MOST_TRIALS": "capacity",
+        "MOST_HEIGHTS": "capacity",
+        "PLAYBACK_SOURCES": "sources of the parameters",
+    },
     "robot": {
+        "HAND_SOURCES": "sources of the parameters",
         "MARGIN": "margin of stability, on the page of the robots",
         "SOURCES": "sources of the parameters",
         "HAND": "type",
@@ -112,6 +136,7 @@ KNOWN = {
         "HAND": "scales of an agent's numbers",
         "TRUTH": "scales of an agent's numbers",
         "BOUND": "bound of an agent's numbers",
+        "SPEED_ACTION": "scale of an agent's numbers",
     },
     "stepping": {"LANES": "length of a register"},
     "stylus": {
