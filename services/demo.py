@@ -83,6 +83,7 @@ def demo_settings(
 ) -> list[str]:
     """Return the demo's own options as settings."""
     from netboard.base.tables.rig import MOUSE
+    from netboard.base.tables.triggers import NO_BOX
 
     played = [side for side in ("left", "right") if play in (side, "both")]
     return [
@@ -91,6 +92,7 @@ def demo_settings(
         f"block.configuration={'bimanual' if bimanual else 'dyadic'}",
         f"block.seed={seed}",
         f"recording.directory={directory}",
+        f"triggers.kind={NO_BOX}",  # the demo starts no process for a box, and the server would wait for it
         *(f"agents.{side}.device={MOUSE}" for side in played),
         *(["agents.right.options.input=keys"] if play == "both" else []),
     ]

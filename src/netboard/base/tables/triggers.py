@@ -47,6 +47,7 @@ OTHER_EVENTS = (
     "command",
     "emergency_release",
     "emergency_stop",
+    "perturbation",
 )
 """Events of a session that can have a code, too; by default they have none."""
 
