@@ -67,6 +67,13 @@ def test_lag_at_the_end_of_the_search_range_is_nan() -> None:
 
 
 @pytest.mark.evidence("truth", windowed_lags)
+def test_side_whose_variance_is_rounded_to_zero_has_no_lag() -> None:
+    time = np.arange(0.0, 2.0, 0.01)
+    found = lag_of(np.sin(time), 1e-200 * np.cos(time), 100.0)
+    assert np.isnan([found.delay, found.coefficient, found.at_once]).all()
+    assert found.n == len(time)
+
+
 def test_windowed_lags_follow_a_change_of_leader() -> None:
     left = np.concatenate([swept(0.05, 3.0), swept(-0.08, 3.0, seed=4)])
     right = -np.concatenate([swept(0.0, 3.0), swept(0.0, 3.0, seed=4)])

@@ -112,6 +112,8 @@ def lag_of(
     if not (np.isfinite(a).all() and np.isfinite(b).all() and np.ptp(a) > 0.0 and np.ptp(b) > 0.0):
         return Lag(np.nan, np.nan, np.nan, len(a))
     values = _correlations(a, b, reach, overlap)
+    if np.isnan(values).all():  # a side varies by so little that its variance is rounded to 0
+        return Lag(np.nan, np.nan, np.nan, len(a))
     best = int(np.nanargmax(values))
     place, height = _vertex(values, best)
     return Lag(float((place - reach) / rate), height, float(values[reach]), len(a))
