@@ -64,7 +64,7 @@ def figure_of(curves: dict[str, Sequence[TrainingRound]]) -> Figure:
         success.plot(steps, [one.success for one in curve], marker=".", label=name)
         seconds.plot(steps, [one.seconds for one in curve], marker=".")
     success.set(xlabel="Environment steps [10⁶]", ylabel="Successful episodes [1]", ylim=(-0.02, 1.02))
-    seconds.set(xlabel="Environment steps [10⁶]", ylabel="Mean length of successful episodes [s]")
+    seconds.set(xlabel="Environment steps [10⁶]", ylabel="Mean length of these [s]")
     seconds.set_ylim(bottom=0.0)
     if len(curves) > 1:
         success.legend(title="Seed", fontsize="small")
