@@ -448,6 +448,7 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "robots decisions": ("explanation/robots.md", study_part("decisions", "decisions")),
     "robot parameters": ("explanation/robots.md", robot_parameters),
     **{f"partners {name}": ("explanation/partners.md", study_part("partners", name)) for name in PARTNERS},
+    "partner-pairs matrix": ("explanation/partners.md", study_part("partner-pairs", "matrix")),
     "force conditions": ("explanation/forces.md", force_conditions),
     "laws of friction": ("explanation/physics.md", friction_laws),
     "commands": ("reference/commands.md", commands),
