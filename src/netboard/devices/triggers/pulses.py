@@ -60,7 +60,7 @@ class Pulses:
             self._waiting.append(pulse)
 
     def due(self, now_ns: int) -> int | None:
-        """Return the code to write now, 0 to end a pulse; None if there is nothing to write. `wrote` must follow."""
+        """Return the code to write now, 0 to end a pulse, None for no write. Call `wrote` after the write."""
         if self._current is not None and now_ns >= self._end_ns:
             if self._reset:
                 return 0
