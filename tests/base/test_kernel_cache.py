@@ -133,6 +133,47 @@ def test_kernel_of_another_package_is_compiled_again_when_one_that_it_calls_has_
     assert run(script, tmp_path / "cache") == ("6.0 0", "")
 
 
+MADE = """
+from netboard.base.compiled import inlined
+from plugged.inner import inner
+def make(number):
+    @inlined
+    def scaled(x):
+        return number * inner(x)
+    @inlined
+    def around(x):
+        return scaled(x) + 1.0
+    return around
+"""
+"""A kernel with another one in its closure."""
+
+COMPOSED = """
+from netboard.base.compiled import composed
+from plugged.parts import make
+def _part(x):
+    raise NotImplementedError
+def _whole(x):
+    return _part(x)
+for number in (2.0, 3.0):
+    whole = composed(_whole, _part=make(number))
+    print(whole(1.0), sum(whole.stats.cache_hits.values()))
+"""
+
+
+@pytest.mark.skipif("NUMBA_DISABLE_JIT" in os.environ, reason="nothing is compiled")
+def test_kernel_made_with_other_kernels_is_cached_as_long_as_they_are_the_same(tmp_path: Path) -> None:
+    package, script = tmp_path / "plugged", tmp_path / "composing.py"
+    package.mkdir()
+    inner = SCRIPT.partition("@kernel\ndef outer")[0]
+    (package / "inner.py").write_text(inner, encoding="utf-8")
+    (package / "parts.py").write_text(MADE, encoding="utf-8")
+    script.write_text(COMPOSED, encoding="utf-8")
+    assert run(script, tmp_path / "cache") == ("5.0 0\n7.0 0", "")
+    assert run(script, tmp_path / "cache") == ("5.0 1\n7.0 1", "")
+    (package / "inner.py").write_text(inner.replace("x + 1.0", "x + 5.0"), encoding="utf-8")
+    assert run(script, tmp_path / "cache") == ("13.0 0\n19.0 0", "")
+
+
 def test_examination_names_each_damaged_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     write_sealed(tmp_path / "a.nbc", b"code")

@@ -23,7 +23,7 @@ from numba.core.typing.templates import Signature
 from numba.extending import intrinsic, overload
 from numpy.typing import NDArray
 
-from netboard.base.kernel_cache import KernelCache, locked
+from netboard.base.kernel_cache import MADE_WITH, KernelCache, identity, locked
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -80,7 +80,7 @@ def waiting(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def _compiled(function: Callable[P, R], **options: Any) -> Callable[P, R]:
-    dispatcher = numba.njit(**options)(_named_by_closure(function))
+    dispatcher = numba.njit(**options)(_named_by_parts(function))
     compiled: Callable[P, R] = _cached(_once_for_all_integers(dispatcher))
     return compiled
 
@@ -113,18 +113,16 @@ def _once_for_all_integers(compiled: Any) -> Any:
     return compiled
 
 
-def _named_by_closure(function: Callable[P, R]) -> Callable[P, R]:
-    """Add a digest of its closure to the name of a function.
+def _named_by_parts(function: Callable[P, R]) -> Callable[P, R]:
+    """Add a digest of its closure, and of the kernels in place of its globals, to the name of a function.
 
     Numba derives the symbols of machine code from the name and a number that counts compilations in a process. Code of
     the same name, compiled with other constants in two processes and loaded from the cache into a third, could have the
     same symbol, and the linker would silently use the first for both.
     """
-    if not isinstance(function, FunctionType) or not function.__closure__:
-        return function
-    values = [cell.cell_contents for cell in function.__closure__]
-    described = [getattr(getattr(one, "py_func", one), "__qualname__", None) or repr(one) for one in values]
-    function.__qualname__ += f"-{hashlib.sha256(repr(described).encode()).hexdigest()[:16]}"
+    if isinstance(function, FunctionType) and (function.__closure__ or MADE_WITH in vars(function)):
+        digest = hashlib.sha256(repr(identity(function)).encode()).hexdigest()
+        function.__qualname__ += f"-{digest[:16]}"
     return function
 
 
@@ -155,8 +153,6 @@ def composed(
 ) -> Callable[P, R]:
     """Compile a function with kernels made at run time in place of those that it names.
 
-    Numba caches it under a name that depends on the constants of these kernels.
-
     Parameters
     ----------
     compiler : callable
@@ -164,14 +160,8 @@ def composed(
     **kernels : callable
         Kernels, by the name that they replace in the module of the function.
     """
-    texts = {name: getattr(found, "py_func", found) for name, found in kernels.items()}
-    made_with = {
-        name: (text.__module__, text.__qualname__, [cell.cell_contents for cell in text.__closure__ or ()])
-        for name, text in texts.items()
-    }
-    known = {**function.__globals__, **kernels}
-    copy = FunctionType(function.__code__, known, function.__name__)
-    copy.__qualname__ = f"{function.__name__}-{hashlib.sha256(repr(made_with).encode()).hexdigest()[:16]}"
+    copy = FunctionType(function.__code__, {**function.__globals__, **kernels}, function.__name__)
+    vars(copy)[MADE_WITH] = kernels
     return compiler(copy)
 
 
@@ -230,7 +220,9 @@ def _copied(text: FunctionType, recompiled: Callable[[Any], Any]) -> FunctionTyp
     """Return a copy of a function with replaced globals and closure."""
     known = {name: recompiled(text.__globals__[name]) for name in text.__code__.co_names if name in text.__globals__}
     cells = tuple(CellType(recompiled(cell.cell_contents)) for cell in text.__closure__ or ())
-    return FunctionType(text.__code__, {**text.__globals__, **known}, text.__name__, text.__defaults__, cells or None)
+    copy = FunctionType(text.__code__, {**text.__globals__, **known}, text.__name__, text.__defaults__, cells or None)
+    vars(copy)[MADE_WITH] = {name: found for name, found in known.items() if found is not text.__globals__[name]}
+    return copy
 
 
 def _choose_for_copy(copy: FunctionType, choose: Callable[..., object], recompiled: Callable[[Any], Any]) -> None:

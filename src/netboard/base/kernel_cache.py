@@ -3,7 +3,7 @@
 Numba recompiles a cached kernel when its own file has changed, but not when a kernel that it calls has changed in
 another file; it would silently run the old code. Therefore each version of the source that kernels depend on has its
 own cache folder: that of the modules that import `netboard.base.compiled`, and of all that these import. A kernel is
-made of the text of such modules, of constants that they import, and of constants in its closure, which are in its name.
+made of the text of such modules, of constants that they import, and of the constants and kernels that `identity` finds.
 Folders of other versions are removed after a day, because a running process may still use one.
 
 The cache can always be made again, so nothing in it stops a process. A kernel whose file is damaged, by a power cut or
@@ -44,6 +44,9 @@ if sys.platform != "win32":
 log = logging.getLogger(__name__)
 
 PREFIX = "kernels-"
+
+MADE_WITH = "made_with"
+"""Attribute of a copy of a function: the kernels in place of its globals, by name."""
 
 SUFFIXES = (".nbc", ".so")
 """Endings of the files with compiled code: of kernels, and of callbacks in C."""
@@ -151,7 +154,7 @@ class KernelCache:
     def __init__(self, function: FunctionType) -> None:
         self._function = function
         self._name = f"{function.__module__}.{function.__qualname__}"
-        self._source = _text_of(function.__module__, function.__code__.co_filename)
+        self._is_kept = all(map(_source_of, _functions_in(function)))
 
     @property
     def cache_path(self) -> str:
@@ -161,7 +164,7 @@ class KernelCache:
     def load_overload(self, signature: tuple[types.Type, ...], target: Any) -> Any:
         """Return the compiled code for these types; None if it must be compiled."""
         target.refresh()
-        if not self._source:
+        if not self._is_kept:
             return None
         key = self._key(signature, target.codegen())
         path = self._path(key)
@@ -175,7 +178,7 @@ class KernelCache:
 
     def save_overload(self, signature: tuple[types.Type, ...], made: Any) -> None:
         """Keep compiled code, if the disk takes it."""
-        if not self._source:
+        if not self._is_kept:
             return
         if made.library.has_dynamic_globals:
             warnings.warn(f"{self._name} refers to addresses in this process and cannot be cached", stacklevel=2)
@@ -191,11 +194,7 @@ class KernelCache:
 
     def _key(self, signature: tuple[types.Type, ...], codegen: Any) -> tuple[Any, ...]:
         """Return what a kernel's machine code depends on, within a version of the source of netboard."""
-        code = self._function.__code__
-        closure = tuple(cell.cell_contents for cell in self._function.__closure__ or ())
-        digests = tuple(hashlib.sha256(text).hexdigest() for text in (code.co_code, dumps(closure), self._source))
-        versions = (numba.__version__, sys.version)
-        return (signature, codegen.magic_tuple(), self._name, code.co_firstlineno, digests, versions)
+        return (signature, codegen.magic_tuple(), identity(self._function), numba.__version__, sys.version)
 
     def _path(self, key: tuple[Any, ...]) -> Path:
         """Return the file for a key; the key in the file tells whether it is the right one."""
@@ -203,21 +202,55 @@ class KernelCache:
         return folder() / f"{readable}-{hashlib.sha256(repr(key).encode()).hexdigest()[:16]}{SUFFIXES[0]}"
 
 
+def identity(value: object) -> tuple[Any, ...] | bytes:
+    """Return what tells a constant or a kernel from any other, alike in each process.
+
+    A kernel is the text of its function, with its constants and with the kernels that it is made with. Numba pickles a
+    kernel with a number of this process, and Python describes it with its address.
+    """
+    function = getattr(value, "py_func", value)
+    if not isinstance(function, FunctionType):
+        return bytes(dumps(value))
+    code = function.__code__
+    text = hashlib.sha256(code.co_code).hexdigest(), code.co_firstlineno, _source_of(function)
+    options = tuple(sorted(getattr(value, "targetoptions", {}).items()))
+    return function.__module__, function.__qualname__, text, options, tuple(map(identity, _parts_of(function)))
+
+
+def _parts_of(function: FunctionType) -> tuple[Any, ...]:
+    """Return the constants and kernels that a function is made with: in its closure, and in place of its globals."""
+    instead = vars(function).get(MADE_WITH, {})
+    return *(cell.cell_contents for cell in function.__closure__ or ()), *instead.keys(), *instead.values()
+
+
+def _functions_in(function: FunctionType) -> Iterator[FunctionType]:
+    """Yield a function, and those of all kernels that it is made with."""
+    yield function
+    for part in _parts_of(function):
+        if isinstance(found := getattr(part, "py_func", part), FunctionType):
+            yield from _functions_in(found)
+
+
+def _source_of(function: FunctionType) -> str:
+    """Return the digest of the source of a function; empty if there is none."""
+    return _source_in(function.__module__, function.__code__.co_filename)
+
+
 @cache
-def _text_of(module: str, path: str) -> bytes:
-    """Return a source file as it was when its first kernel was declared; empty if there is none.
+def _source_in(module: str, path: str) -> str:
+    """Return the digest of a source file as it was when its first kernel was declared; empty if there is none.
 
     The folder's name tells the version of netboard only: a kernel of another package may call any other kernel there.
     """
     package = module.partition(".")[0]
     try:
-        text = Path(path).read_bytes()
-        if package in {"netboard", module}:
-            return text
-        others = sorted(path for place in sys.modules[package].__path__ for path in Path(place).rglob("*.py"))
-        return text + b"".join(path.read_bytes() for path in others)
+        texts = [Path(path).read_bytes()]
+        if package not in {"netboard", module}:
+            others = sorted(path for place in sys.modules[package].__path__ for path in Path(place).rglob("*.py"))
+            texts += [path.read_bytes() for path in others]
     except (OSError, ValueError):
-        return b""
+        return ""
+    return hashlib.sha256(b"".join(texts)).hexdigest()
 
 
 def _loaded(path: Path, key: tuple[Any, ...], target: Any) -> Any:
