@@ -3,7 +3,7 @@
 import typer
 
 from netboard.services.loading import load
-from netboard.services.options import ConfigFile, Offscreen, Overrides, Screenshot, ScreenshotDelay, examples
+from netboard.services.options import ConfigFile, Offscreen, Overrides, Screenshot, ScreenshotDelay, Theme, examples
 
 app = typer.Typer()
 
@@ -15,6 +15,7 @@ def console(
     screenshot: Screenshot = None,
     after: ScreenshotDelay = None,
     offscreen: Offscreen = False,
+    theme: Theme = "system",
 ) -> None:
     """Open the operator's console: open, run, watch and stop a session."""
     settings = load(config, overrides)
@@ -29,4 +30,4 @@ def console(
     from netboard.windows.operator import client
 
     with Stopping() as stopping:
-        client.run(settings, stopping, screenshot, after)
+        client.run(settings, stopping, screenshot, after, theme)

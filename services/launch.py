@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from netboard.services.loading import load, load_study
-from netboard.services.options import ConfigFile, Offscreen, SessionOf, examples
+from netboard.services.options import ConfigFile, Offscreen, SessionOf, Theme, examples
 
 if TYPE_CHECKING:
     from netboard.windows.launcher.control import SessionChoice
@@ -22,6 +22,7 @@ def launch(
     study: SessionOf = None,
     dyad: Annotated[int | None, typer.Option(min=1, help="Number of the dyad in the study.")] = None,
     offscreen: Offscreen = False,
+    theme: Theme = "system",
 ) -> None:
     """Open the launcher: choose or write a study and a rig, start everything, watch and stop it."""
     from netboard.base.process.display_server import choose_screen
@@ -39,4 +40,4 @@ def launch(
         return replace(choice, rig=rig, study=study or choice.study, dyad=dyad or choice.dyad)
 
     with Stopping() as stopping:
-        client.run(given, FileReaders(load, load_study), stopping, offscreen=offscreen)
+        client.run(given, FileReaders(load, load_study), stopping, offscreen=offscreen, theme=theme)

@@ -44,6 +44,9 @@ ScreenshotDelay = Annotated[
     ),
 ]
 Offscreen = Annotated[bool, typer.Option("--offscreen", help="Draw windows off screen, where nobody sees them.")]
+Theme = Annotated[
+    Literal["system", "light", "dark"], typer.Option(help="Colours of the window; system: as the desktop is set.")
+]
 Insecure = Annotated[
     bool, typer.Option("--insecure", help='Permit network.curve = "off" at an address that other machines can reach.')
 ]

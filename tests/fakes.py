@@ -49,6 +49,7 @@ STATUS = Status(
     devices=(),
     displays=(),
     stand_ins=(),
+    ahead=(),
 )
 """Status of a session that has just begun."""
 

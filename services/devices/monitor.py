@@ -8,7 +8,7 @@ import typer
 
 from netboard.base.errors import ConfigError
 from netboard.services.loading import load
-from netboard.services.options import ConfigFile, HandSide, Offscreen, Overrides, examples
+from netboard.services.options import ConfigFile, HandSide, Offscreen, Overrides, Theme, examples
 
 app = typer.Typer()
 
@@ -26,9 +26,14 @@ def monitor(
         Path | None, typer.Option(metavar="FILE", help="Save the window as a PNG file at the end.")
     ] = None,
     offscreen: Offscreen = False,
+    theme: Theme = "system",
 ) -> None:
     """Show position, velocity and buttons of a device live, in scene coordinates, without force."""
-    for name, given in (("--screenshot", screenshot is not None), ("--offscreen", offscreen)):
+    for name, given in (
+        ("--screenshot", screenshot is not None),
+        ("--offscreen", offscreen),
+        ("--theme", theme != "system"),
+    ):
         if text and given:
             raise ConfigError(f"devices monitor: found --text and {name}, expected one of them")
     settings = load(config, overrides)
@@ -42,4 +47,4 @@ def monitor(
         choose_screen(offscreen)
         from netboard.windows.monitor import run
 
-        commands.monitor(settings, side, seconds, partial(run, picture=screenshot))
+        commands.monitor(settings, side, seconds, partial(run, picture=screenshot, theme=theme))

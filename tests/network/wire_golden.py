@@ -192,6 +192,7 @@ EXAMPLES: dict[str, Message] = {
         ),
         displays=(("left", "xcb"), ("right", "offscreen")),
         stand_ins=(("right device simulated", True), ("right display off screen", False)),
+        ahead=("bimanual B, haptics on", "dyadic, haptics off"),
     ),
     "backfill-request": motion.BackfillRequest(123_457, 131_072),
     "backfill": motion.Backfill(

@@ -10,6 +10,7 @@ import pytest
 from netboard.base.config import Config, parse
 from netboard.base.errors import ConfigError
 from netboard.base.tables.experiment import Session
+from netboard.nodes.server.answers import words_of
 from netboard.nodes.server.blocks import BlockSequence
 from netboard.task.trials.state_machine import Phase
 
@@ -51,6 +52,16 @@ def test_blocks_follow_in_order() -> None:
             break
         assert sequence.next() is sequence.block
     assert found == [(1, False), (2, False), (3, False), (4, True)]
+
+
+def test_blocks_ahead_are_those_that_follow() -> None:
+    sequence = BlockSequence(configs(), BlockFactory())
+    assert [config.block.number for config in sequence.ahead(2)] == [2, 3]
+    sequence.next()
+    sequence.next()
+    assert [words_of(config) for config in sequence.ahead(9)] == ["bimanual, force full"]
+    sequence.next()
+    assert sequence.ahead(2) == []
 
 
 def test_resumed_session_starts_at_a_later_block() -> None:

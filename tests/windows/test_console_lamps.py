@@ -367,6 +367,41 @@ def test_advice_offers_to_repeat_lost_trials_and_how_to_go_on() -> None:
     assert words.advice(replace(STATES["lost"], phase="running"), "").words.endswith("press Ctrl+F9")
 
 
+def test_badge_agrees_with_the_most_severe_lamp() -> None:
+    for name, said, tone in (
+        ("running", "RUNNING", Tone.GOOD),
+        ("troubled", "RUNNING: FAULT", Tone.BAD),
+        ("paused", "PAUSED", Tone.WATCH),
+        ("stopped", "STOPPED", Tone.BAD),
+        ("unopened", "NOT OPENED", Tone.WATCH),
+    ):
+        lamps = session_lamps(STATES[name], 0.0, NONE, LIMITS) + station_lamps(STATES[name], NONE, "right", LIMITS)
+        assert words.badge(STATES[name], 0.0, lamps) == words.TonedText(said, tone), name
+    slow = replace(IDLE, links=(IDLE.links[0], UNARMED_LINK))
+    assert words.badge(slow, 0.0, station_lamps(slow, NONE, "right", LIMITS)).words.startswith("READY: ")
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_badge_never_looks_better_than_a_lamp(state: str) -> None:
+    lamps = session_lamps(STATES[state], 0.0, NONE, LIMITS) + station_lamps(STATES[state], NONE, "right", LIMITS)
+    worst = max(lamp.level for lamp in lamps)
+    severity = {Tone.BAD: LampLevel.BAD, Tone.WATCH: LampLevel.WATCH}
+    assert severity.get(words.badge(STATES[state], 0.0, lamps).tone, LampLevel.GOOD) >= worst
+
+
+@pytest.mark.parametrize("phase", ["idle", "paused", "finished"])
+def test_forces_lamp_is_not_green_between_trials(phase: str) -> None:
+    lamps = {lamp.name: lamp for lamp in session_lamps(replace(RUNNING, phase=phase), 0.0, NONE, LIMITS)}
+    assert (lamps["Forces"].level, lamps["Forces"].words) == (LampLevel.OFF, "none now")
+
+
+def test_blocks_ahead_are_those_of_the_plan() -> None:
+    planned = replace(RUNNING, ahead=("dyadic, haptics off", "bimanual B"))
+    assert words.ahead(planned) == "Next: dyadic, haptics off, then bimanual B"
+    assert words.ahead(replace(RUNNING, block=RUNNING.blocks)) == "This is the last block"
+    assert words.ahead(STATES["unopened"]) == ""
+
+
 # --- commands -----------------------------------------------------------------------------------------------------
 
 
@@ -409,7 +444,7 @@ def test_line_of_a_station_names_participant_device_and_hidden_display() -> None
     assert [words.seated(session, alone, side) for side in ("left", "right")] == ["B: P08", "B: P08"]
     assert words.seated(session, Block(left="robot"), "left") == ""
     line = words.rig(STATES["simulated"], "right", "A: P07")
-    assert line.words.startswith("RIGHT  A: P07   simulated, no device: virtual Touch, serial virtual-right")
+    assert line.words.startswith("RIGHT  A: P07\nsimulated, no device: virtual Touch, serial virtual-right")
     assert line.words.endswith("display off screen")
     assert line.tone is Tone.WATCH
     assert words.rig(STATES["simulated"], "left", "").tone is Tone.PLAIN

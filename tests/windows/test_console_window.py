@@ -175,7 +175,7 @@ def test_refusal_is_shown_with_its_reason(console: ConsoleRig) -> None:
     console.server.refuse["pause"] = "the trial is over already"
     console.press("F5")
     console.wait_for_reply("Pause now was refused: the trial is over already")
-    assert console.window.headline.text() == "RUNNING"
+    assert console.window.badge.text() == "RUNNING"
 
 
 @pytest.mark.parametrize("state", STATES)
@@ -186,7 +186,7 @@ def test_emergency_stop_works_in_every_state(console: ConsoleRig, state: str, ke
     console.window.show_form(False)
     console.press(key)
     console.wait_for_command(STOP)
-    console.until(lambda: console.window.headline.text() == "STOPPED")
+    console.until(lambda: console.window.badge.text() == "STOPPED")
 
 
 def test_emergency_stop_works_while_a_note_is_written(console: ConsoleRig) -> None:
@@ -254,11 +254,11 @@ def test_refused_stop_is_not_sent_again(console: ConsoleRig) -> None:
 def test_pressing_ctrl_r_twice_releases_the_stop(console: ConsoleRig, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("netboard.windows.operator.window.SOON_NS", 0)
     console.press("Esc")
-    console.until(lambda: console.window.headline.text() == "STOPPED")
+    console.until(lambda: console.window.badge.text() == "STOPPED")
     console.press("Ctrl+R")
     console.press("Ctrl+R")
     console.wait_for_command(RELEASE)
-    console.until(lambda: console.window.headline.text() == "PAUSED")
+    console.until(lambda: console.window.badge.text() == "PAUSED")
 
 
 def test_note_is_stamped_with_the_tick_of_its_first_letter(console: ConsoleRig) -> None:
@@ -460,25 +460,25 @@ def test_silent_server_turns_the_server_lamp_red_until_it_answers(console: Conso
     console.until(lambda: lamp.lamp.level is LampLevel.GOOD)
     console.server.silent = True
     console.until(lambda: lamp.lamp.level is LampLevel.BAD)
-    assert console.window.headline.text() == "LINK LOST"
+    assert console.window.badge.text() == "LINK LOST"
     assert "NO REPLY" in console.window.alarm.text()
     enabled = {button.command.name for button in console.window.bar.buttons if button.isEnabled()}
     assert enabled == {"pause", "disarm", "note"}, "the others would be refused as late"
     assert {widget.lamp.level for widget in console.window.stations.columns["left"]} == {LampLevel.OFF}
     console.server.silent = False
     console.until(lambda: lamp.lamp.level is LampLevel.GOOD)
-    assert console.window.headline.text() == "RUNNING"
+    assert console.window.badge.text() == "RUNNING"
 
 
 def test_session_is_over_after_the_goodbye_until_the_next_server_answers(console: ConsoleRig) -> None:
     console.server.silent = True
     for peer in console.server._peers:
         console.server.router.send(peer, encode(Goodbye("the session is over")))
-    console.until(lambda: console.window.headline.text() == "SESSION OVER")
+    console.until(lambda: console.window.badge.text() == "SESSION OVER")
     console.until(lambda: console.client.silence > SILENT)
-    assert console.window.headline.text() == "SESSION OVER"
+    assert console.window.badge.text() == "SESSION OVER"
     console.server.silent = False
-    console.until(lambda: console.window.headline.text() == "RUNNING")
+    console.until(lambda: console.window.badge.text() == "RUNNING")
 
 
 def test_console_rejoins_a_server_that_has_forgotten_it(console: ConsoleRig) -> None:

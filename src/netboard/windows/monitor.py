@@ -13,9 +13,11 @@ from PySide6.QtGui import QCloseEvent, QKeyEvent
 from PySide6.QtWidgets import QLabel, QVBoxLayout
 
 from netboard.base.errors import DeviceError
+from netboard.base.looks import Theme, ThemeName
 from netboard.devices.contract.device import Reading
 from netboard.windows.participant import window as windows
-from netboard.windows.participant.scene import COLOURS, PictureState
+from netboard.windows.plots import dress, share_time_axis
+from netboard.windows.style import StyledWindow, choose_theme
 
 READ_MS, DRAW_MS = 4, 33
 """Interval between two readings, and between two redraws [ms]."""
@@ -26,20 +28,16 @@ SECONDS = 10.0
 KEPT = round(SECONDS * 1000 / READ_MS)
 """Size of the ring buffer, in readings [1]."""
 
-AXIS_WIDTH = 60
-"""Fixed width of the vertical axes, so that the time axes align [pixels]."""
-
-AXES = (("x, out of the screen", "#e69f00"), ("y, right", "#56b4e9"), ("z, up", "#2fc79b"))
-"""Name and colour of each axis."""
+AXES = (("x, out of the screen", "ball"), ("y, right", "left"), ("z, up", "right"))
+"""Name of each axis, and the role of its colour in the theme."""
 
 
-class MonitorWindow(windows.Window):
+class MonitorWindow(StyledWindow):
     """A window that shows one device."""
 
     def __init__(self, read: Callable[[], Reading], title: str) -> None:
         super().__init__()
         self.setWindowTitle(title)
-        self.resize(1000, 700)
         self.trouble: DeviceError | None = None
         self._read = read
         self._times = np.zeros(KEPT)
@@ -51,9 +49,14 @@ class MonitorWindow(windows.Window):
         self._lines = [*self._plot(rows, "position", "mm"), *self._plot(rows, "velocity", "mm/s")]
         self.words = QLabel(self)
         rows.addWidget(self.words)
-        colours = COLOURS[PictureState.RUN]
-        self.setStyleSheet(f"background: {colours.background}; color: {colours.detail};")
+        share_time_axis(self._plots)
+        self.resize(1000, 700)
         self._timers = [self._every(READ_MS, self.take), self._every(DRAW_MS, self.redraw)]
+
+    def take_look(self, theme: Theme, base: int) -> None:
+        """Take a theme and the letter height of the main text [pixels]."""
+        roles = [role for _ in self._plots for _, role in AXES]
+        dress(self._plots, list(zip(self._lines, roles, strict=True)), theme, base)
 
     def take(self) -> None:
         """Take one reading; close the window if the device fails."""
@@ -99,11 +102,9 @@ class MonitorWindow(windows.Window):
             self._plots.pop().close()
 
     def _plot(self, rows: QVBoxLayout, name: str, unit: str) -> list[pg.PlotDataItem]:
-        plot = pg.PlotWidget(self, background=COLOURS[PictureState.RUN].background)
+        plot = pg.PlotWidget(self)
         plot.setLabel("left", f"{name} [{unit}]")
-        plot.setLabel("bottom", "time [s]")
         plot.getAxis("left").enableAutoSIPrefix(False)
-        plot.getAxis("left").setWidth(AXIS_WIDTH)
         plot.setXRange(-SECONDS, 0.0, padding=0.0)
         plot.setMouseEnabled(x=False, y=False)
         plot.hideButtons()
@@ -111,7 +112,7 @@ class MonitorWindow(windows.Window):
         plot.addLegend(offset=(8, 2), colCount=len(AXES))
         rows.addWidget(plot, 1)
         self._plots.append(plot)
-        return [plot.plot(name=axis, pen=pg.mkPen(colour, width=1.5)) for axis, colour in AXES]
+        return [plot.plot(name=axis) for axis, _ in AXES]
 
     def _every(self, milliseconds: int, do: Callable[[], None]) -> QTimer:
         timer = QTimer(self, interval=milliseconds, timerType=Qt.TimerType.PreciseTimer)
@@ -128,10 +129,17 @@ def in_words(reading: Reading) -> str:
     return f"{place} mm      buttons: {', '.join(pressed) or 'none'}      {ready}"
 
 
-def run(read: Callable[[], Reading], title: str, stopping: Callable[[], bool], picture: Path | None = None) -> None:
+def run(
+    read: Callable[[], Reading],
+    title: str,
+    stopping: Callable[[], bool],
+    picture: Path | None = None,
+    theme: ThemeName = "system",
+) -> None:
     """Show a device until the window is closed or the process is asked to stop."""
     windows.require_new(picture)
     windows.application()
+    choose_theme(theme)
     window = MonitorWindow(read, title)
     window.show()
     windows.run(window, stopping)

@@ -278,6 +278,8 @@ class Status:
     stand_ins : tuple of StandInStatus
         For each stand-in for a haptic device or a screen: the words that confirm it, and whether an operator has
         confirmed them. A real session waits for the confirmation.
+    ahead : tuple of str
+        Next blocks of the plan in order, each by its label or its condition; at most 3.
     """
 
     session: str
@@ -317,6 +319,7 @@ class Status:
     devices: tuple[DeviceStatus, ...]
     displays: tuple[DisplayStatus, ...]
     stand_ins: tuple[StandInStatus, ...]
+    ahead: tuple[str, ...]
 
     @property
     def real(self) -> bool:

@@ -49,7 +49,7 @@ from netboard.network.protocol.triggers import BoxState, InputPulse, PulseReport
 from netboard.network.protocol.views import MAX_SHOWN, Frames, QuestionnaireAnswers
 from netboard.stage.view import View
 
-PROTOCOL_VERSION = 8
+PROTOCOL_VERSION = 9
 
 Message = (
     Hello

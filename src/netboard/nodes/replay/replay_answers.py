@@ -103,6 +103,7 @@ class ReplayAnswers:
             devices=tuple(self._devices(index)),
             displays=tuple(DisplayStatus(*shown) for shown in self._control.platforms.items()),
             stand_ins=(),
+            ahead=(),
         )
 
     def _devices(self, index: int) -> Iterator[DeviceStatus]:

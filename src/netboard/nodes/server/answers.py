@@ -39,6 +39,9 @@ SAFEGUARD_TICKS = 100
 TRACE_MARGIN_TICKS = 10
 """Oldest rows of the ring that a trace leaves out, because they are about to be overwritten [1]."""
 
+MOST_AHEAD = 3
+"""Most blocks ahead that operators are told of [1]."""
+
 _TRACED = ("left_used_z", "right_used_z", "z", "theta", "p", "left_rendered", "right_rendered")
 
 
@@ -96,6 +99,7 @@ class SessionAnswers:
             devices=tuple(self._devices()),
             displays=tuple(DisplayStatus(*shown) for shown in ports.control.platforms.items()),
             stand_ins=tuple(StandInStatus(words, words not in unconfirmed) for words in found),
+            ahead=tuple(map(words_of, session.sequence.ahead(MOST_AHEAD))),
         )
 
     def _awaited(self) -> tuple[str, ...]:
@@ -167,6 +171,12 @@ def plan_of(config: Config) -> dict[str, Any]:
         "label": block.label,
         "condition": f"{block.configuration}, force {block.force.replace('_', ' ')}",
     }
+
+
+def words_of(config: Config) -> str:
+    """Return the label of a block, or its condition."""
+    plan = plan_of(config)
+    return str(plan["label"] or plan["condition"])
 
 
 def trace_of(rows: NDArray[Any], numbers: Iterable[int], *, ball: bool) -> Trace:

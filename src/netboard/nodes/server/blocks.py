@@ -72,6 +72,10 @@ class BlockSequence:
         """Whether the current block is the last one."""
         return self._place + 1 == len(self._blocks)
 
+    def ahead(self, count: int) -> list[Config]:
+        """Return the configurations of the next blocks, at most `count`."""
+        return [block.config for block in self._blocks[self._place + 1 : self._place + 1 + count]]
+
     @property
     def planned(self) -> bool:
         """Whether the session follows a plan, rather than being a single block."""

@@ -3,11 +3,13 @@
 import logging
 from collections.abc import Callable
 
+from netboard.base.looks import ThemeName
 from netboard.nodes.launching.station import changing_state, fixed_state
 from netboard.windows.launcher.control import FileReaders, LauncherControl, LauncherMemory, SessionChoice
 from netboard.windows.launcher.memory import folder, only_launcher, remember, remembered
 from netboard.windows.launcher.window import SMALLEST, LauncherWindow
 from netboard.windows.participant import window as windows
+from netboard.windows.style import choose_theme
 
 log = logging.getLogger(__name__)
 
@@ -18,6 +20,7 @@ def run(
     stopping: Callable[[], bool],
     *,
     offscreen: bool = False,
+    theme: ThemeName = "system",
 ) -> None:
     """Run the launcher until its window is closed or the process is asked to stop; then end everything in order.
 
@@ -28,7 +31,8 @@ def run(
     memory, problem = remembered(path)
     windows.scale_to_screen(*SMALLEST)
     windows.application()
-    control = LauncherControl(given(memory.session), reading, offscreen=offscreen)
+    choose_theme(theme)
+    control = LauncherControl(given(memory.session), reading, offscreen=offscreen, theme=theme)
     if problem:
         control.say(problem, stays=True)
     remember(path, LauncherMemory(control.choice))

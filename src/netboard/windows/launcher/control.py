@@ -16,6 +16,7 @@ from pydantic import StrictBool
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import ConfigError, NetboardError
+from netboard.base.looks import ThemeName
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
 from netboard.base.terminal.shell import shell_command
 from netboard.network.protocol.station import ProcessStatus
@@ -67,7 +68,10 @@ class FileReaders:
 
 
 class LauncherControl:
-    """Runs one session at a time. ``offscreen``: whether windows are drawn where nobody sees them."""
+    """Runs one session at a time. ``offscreen``: whether windows are drawn where nobody sees them.
+
+    ``theme``: that of the console.
+    """
 
     def __init__(
         self,
@@ -75,6 +79,7 @@ class LauncherControl:
         reading: FileReaders,
         *,
         offscreen: bool = False,
+        theme: ThemeName = "system",
         launcher: Callable[[Path, dict[str, str]], Launcher] = Launcher,
     ) -> None:
         self.choice, self.notices = choice, Notices()
@@ -82,7 +87,7 @@ class LauncherControl:
         self.config = Config()
         self.problem = ""
         self.study: Study | None = None
-        self._reading, self._offscreen, self._launcher = reading, offscreen, launcher
+        self._reading, self._offscreen, self._theme, self._launcher = reading, offscreen, theme, launcher
         self._stack = ExitStack()
         self._context = self._stack.enter_context(sockets.open_context())
         self._local: LocalMachine | None = None
@@ -136,6 +141,7 @@ class LauncherControl:
             console=True,
             offscreen=self._offscreen,
         )
+        found["console"] += [] if self._theme == "system" else ["--theme", self._theme]
         found[PREPARATION] = command_of(PREPARATION, "", settings, study)
         found["doctor"] = command_of("doctor", "", settings)
         for side in self.here:

@@ -32,6 +32,7 @@ from netboard.windows.launcher.settings_form import (
     text_of,
 )
 from netboard.windows.launcher.widgets import DeclaredForm
+from netboard.windows.operator.words import Tone
 
 
 class SessionPage(QWidget):
@@ -81,7 +82,7 @@ class RigPage(QWidget):
         self._tables = form_tables()
         self.tables.addItems([table.name for table in self._tables])
         self.about = QLabel()
-        self.about.setObjectName("help")
+        _small(self.about)
         self.about.setWordWrap(True)
         self.form = DeclaredForm()
         self.problem = _problem()
@@ -148,7 +149,7 @@ class StudyPage(QWidget):
         self.editor.setTabChangesFocus(True)
         self.problem = _problem()
         self.plan = QLabel()
-        self.plan.setObjectName("help")
+        _small(self.plan)
         self.plan.setWordWrap(True)
         self.save_button = QPushButton("Save the study   Ctrl+S")
         _column(self, self.start_from, self.path, self.editor, self.plan, self.problem, self.save_button)
@@ -208,7 +209,7 @@ class MachinesPage(QWidget):
         self.words.setReadOnly(True)
         self.words.setTabChangesFocus(True)
         hint = QLabel("Run the doctor and the device tests from the table: select one, press Enter.")
-        hint.setObjectName("help")
+        _small(hint)
         hint.setWordWrap(True)
         _column(self, self.look, self.words, hint)
         self.look.clicked.connect(look)
@@ -236,9 +237,14 @@ def with_rig(choice: SessionChoice, path: str) -> SessionChoice:
 
 def _problem() -> QLabel:
     made = QLabel()
-    made.setObjectName("problem")
+    made.setProperty("tone", Tone.BAD.value)
     made.setWordWrap(True)
     return made
+
+
+def _small(line: QLabel) -> None:
+    line.setProperty("scale", "fine")
+    line.setProperty("tone", Tone.QUIET.value)
 
 
 def _column(page: QWidget, *parts: QWidget) -> None:

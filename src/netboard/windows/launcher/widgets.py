@@ -21,34 +21,10 @@ from PySide6.QtWidgets import (
 
 from netboard.windows.launcher.model import Notice, ProcessRow
 from netboard.windows.launcher.settings_form import FormField
-from netboard.windows.operator.lamp_widget import PANEL, PLAIN, TONES
-from netboard.windows.operator.words import Tone, TonedText
+from netboard.windows.operator.words import Tone
+from netboard.windows.style import TONES, current_theme
 
 COLUMNS = ("process", "state", "time and log", "machine")
-
-
-def style(base: int) -> str:
-    """Return the style sheet for a size of letters [pixels]."""
-    quiet, text, frame = TONES[Tone.QUIET], PLAIN.headline, PLAIN.guide
-    return f"""
-QWidget {{ background: {PLAIN.background}; color: {text}; font-size: {base}px; }}
-QLabel#badge {{ font-size: {round(1.6 * base)}px; font-weight: bold; padding: {base // 3}px; border-radius: 8px; }}
-QLabel#help, QLabel#unit, QLabel#command {{ color: {quiet}; font-size: {round(0.86 * base)}px; }}
-QLabel#notice {{ padding: {base // 3}px {base}px; border-radius: 6px; }}
-QLabel#problem {{ color: {TONES[Tone.BAD]}; }}
-QLineEdit, QComboBox, QPlainTextEdit, QTableWidget, QListWidget {{ background: {PANEL}; border: 2px solid {frame};
-    border-radius: 5px; padding: {base // 5}px; selection-background-color: {PLAIN.target}; }}
-QLineEdit:focus, QComboBox:focus, QPlainTextEdit:focus, QTableWidget:focus, QListWidget:focus, QPushButton:focus
-    {{ border-color: {PLAIN.cursor}; }}
-QPlainTextEdit {{ font-family: monospace; font-size: {round(0.86 * base)}px; }}
-QPushButton {{ background: {PANEL}; border: 2px solid {frame}; border-radius: 5px;
-    padding: {base // 3}px {round(0.7 * base)}px; }}
-QPushButton:checked {{ background: {PLAIN.target}; }}
-QPushButton#start {{ background: #123a30; }}
-QPushButton#halt {{ background: #d55e00; color: white; font-weight: bold; }}
-QHeaderView::section {{ background: {PLAIN.background}; color: {quiet}; border: none; padding: 2px; }}
-QScrollArea {{ border: none; }}
-"""
 
 
 class DeclaredForm(QScrollArea):
@@ -71,12 +47,11 @@ class DeclaredForm(QScrollArea):
         self.inputs = {}
         for row, field in enumerate(fields):
             name = QLabel(field.key.name.replace("_", " "))
-            font = name.font()
-            font.setBold(not field.usual)  # a value that is not the default
-            name.setFont(font)
+            name.setProperty("weight", "" if field.usual else "bold")  # a value that is not the default
             unit, help_text = QLabel(field.unit), QLabel(field.help)
-            unit.setObjectName("unit")
-            help_text.setObjectName("help")
+            for small in (unit, help_text):
+                small.setProperty("scale", "fine")
+                small.setProperty("tone", Tone.QUIET.value)
             help_text.setWordWrap(True)
             self.inputs[field.key.name] = entry = self._input(field)
             name.setBuddy(entry)
@@ -141,6 +116,7 @@ class ProcessTable(QTableWidget):
         self.verticalHeader().setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
         self.activated.connect(lambda _: self.toggled.emit(self.selected))
         self._rows: list[ProcessRow] = []
+        self._theme = current_theme()
 
     @property
     def selected(self) -> str:
@@ -154,9 +130,9 @@ class ProcessTable(QTableWidget):
 
     def show_rows(self, rows: list[ProcessRow]) -> None:
         """Show these rows; the selection stays."""
-        if rows == self._rows:
+        if (rows, current_theme()) == (self._rows, self._theme):
             return
-        self._rows = rows
+        self._rows, self._theme = rows, current_theme()
         self.setRowCount(len(rows))
         for number, row in enumerate(rows):
             texts = (row.name, row.state.words, row.detail, row.machine)
@@ -167,7 +143,7 @@ class ProcessTable(QTableWidget):
                     self.setItem(number, column, item)
                 item.setText(words)
                 tone = row.state.tone if column == 1 else Tone.PLAIN
-                item.setForeground(QColor(TONES[tone]))
+                item.setForeground(QColor(getattr(current_theme(), TONES[tone.value])))
         if self.currentRow() < 0 and rows:
             self.selectRow(0)
 
@@ -192,18 +168,6 @@ class NoticeList(QWidget):
                 old.deleteLater()
         for notice in wanted:
             line = QLabel(notice.words + ("    [Ctrl+D: read]" if notice.stays else ""))
-            line.setObjectName("notice")
+            line.setProperty("fill", "watch" if notice.stays else "plain")
             line.setWordWrap(True)
-            line.setStyleSheet(f"background: {'#5c2a00' if notice.stays else PANEL};")
             self._rows.addWidget(line)
-
-
-def show_badge(where: QLabel, line: TonedText) -> None:
-    """Show the state in its colour."""
-    back = {Tone.GOOD: "#123a30", Tone.WATCH: "#e69f00", Tone.BAD: "#d55e00"}.get(line.tone, PANEL)
-    front = {Tone.WATCH: PLAIN.background, Tone.BAD: "white"}.get(line.tone, TONES[line.tone])
-    if where.text() != line.words:
-        where.setText(line.words)
-    look = f"background: {back}; color: {front};"
-    if where.styleSheet() != look:
-        where.setStyleSheet(look)

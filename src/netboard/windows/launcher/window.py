@@ -10,10 +10,9 @@ from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import Qt, QTimer, QUrl
-from PySide6.QtGui import QDesktopServices, QKeySequence, QResizeEvent, QShortcut
+from PySide6.QtGui import QDesktopServices, QKeySequence, QShortcut
 from PySide6.QtWidgets import (
     QHBoxLayout,
-    QLabel,
     QPlainTextEdit,
     QPushButton,
     QSizePolicy,
@@ -25,8 +24,10 @@ from PySide6.QtWidgets import (
 from netboard.windows.launcher.control import LauncherControl, SessionChoice
 from netboard.windows.launcher.model import LaunchStage, advice, badge, rows, session_line
 from netboard.windows.launcher.pages import MachinesPage, RigPage, SessionPage, StudyPage, with_rig, with_study
-from netboard.windows.launcher.widgets import NoticeList, ProcessTable, show_badge, style
-from netboard.windows.participant.window import Window
+from netboard.windows.launcher.widgets import NoticeList, ProcessTable
+from netboard.windows.operator.lamp_widget import label, say
+from netboard.windows.operator.words import Tone
+from netboard.windows.style import StyledWindow
 
 POLL_MS = 100
 """Interval between two looks at the processes [ms]."""
@@ -37,7 +38,7 @@ SMALLEST = 1280, 700
 PAGES = ("Session", "Rig", "Study", "Machines")
 
 
-class LauncherWindow(Window):
+class LauncherWindow(StyledWindow):
     """Shows a `LauncherControl`. ``here``: describes this machine; ``remember``: keeps a choice for the next time."""
 
     def __init__(
@@ -50,18 +51,17 @@ class LauncherWindow(Window):
         self.setWindowTitle("netboard launch")
         self.control, self._here, self._remember = control, here, remember
         self._here_state: dict[str, str] = {}
-        self.badge, self.line, self.advice, self.command = QLabel(), QLabel(), QLabel(), QLabel()
-        self.badge.setObjectName("badge")
-        self.command.setObjectName("command")
+        self.badge, self.line, self.advice = label("", "title", bold=True), label(""), label("")
+        self.command = label("", "fine", Tone.QUIET)
         for part in (self.badge, self.advice, self.line, self.command):
             part.setWordWrap(True)
             part.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)  # widens no window
         self.badge.setAlignment(Qt.AlignmentFlag.AlignCenter)
         self.command.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        self.start = _button("Start   F2", "start", control.start)
-        self.stop = _button("Stop all   F4", "stop", control.stop)
-        self.halt = _button("EMERGENCY STOP   Esc", "halt", control.emergency_stop)
-        self.report = _button("Report   F6", "report", self.open_report)
+        self.start = _button("Start   F2", "good", control.start)
+        self.stop = _button("Stop all   F4", "", control.stop)
+        self.halt = _button("EMERGENCY STOP   Esc", "stop", control.emergency_stop)
+        self.report = _button("Report   F6", "", self.open_report)
         self.notices = NoticeList()
         self.session = SessionPage(control.choice)
         self.rig, self.study = RigPage(), StudyPage()
@@ -89,7 +89,7 @@ class LauncherWindow(Window):
         """Let the control do what is due, and show the state."""
         self.control.poll()
         facts = self.control.facts()
-        show_badge(self.badge, badge(facts))
+        say(self.badge, badge(facts), "fill")
         self.line.setText(session_line(facts))
         self.advice.setText(advice(facts))
         self.table.show_rows(rows(facts))
@@ -119,11 +119,6 @@ class LauncherWindow(Window):
             self.look()
         self.pages[number].setFocus()
         self.pages[number].focusNextChild()
-
-    def resizeEvent(self, event: QResizeEvent) -> None:  # noqa: N802  (Qt's name)
-        """Fit the letters to the window."""
-        super().resizeEvent(event)
-        self.setStyleSheet(style(max(13, min(40, self.height() // 54))))
 
     # --- actions -----------------------------------------------------------------------------------------------
 
@@ -230,8 +225,8 @@ class LauncherWindow(Window):
         shortcut.activated.connect(do)
 
 
-def _button(words: str, name: str, do: Callable[[], object]) -> QPushButton:
+def _button(words: str, fill: str, do: Callable[[], object]) -> QPushButton:
     made = QPushButton(words)
-    made.setObjectName(name)
+    made.setProperty("fill", fill)
     made.clicked.connect(do)
     return made

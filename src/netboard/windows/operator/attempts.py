@@ -2,20 +2,20 @@
 
 from collections.abc import Sequence
 
-from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt
-from PySide6.QtGui import QColor
+from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, QRect, Qt
+from PySide6.QtGui import QColor, QResizeEvent
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView
 
 from netboard.task.journal.outcome import AttemptOutcome
 from netboard.task.trials.exclusion import USUAL_RULE, ExclusionRule
-from netboard.windows.operator.lamp_widget import PANEL, PLAIN, TONES
 from netboard.windows.operator.words import ATTEMPT_HEADS, WIDEST_CELLS, attempt_cells, attempt_tone
+from netboard.windows.style import TONES, current_theme
 
 Index = QModelIndex | QPersistentModelIndex
 NOWHERE = QModelIndex()
 
-CELL_MARGINS = 12
-"""Width of a cell that is not for its text [pixels]."""
+CELL_MARGINS, ROW_HEIGHT = 0.8, 1.6
+"""Width of a cell that is not for its text, and height of a row, in letter heights of the main text [1]."""
 
 
 class AttemptModel(QAbstractTableModel):
@@ -56,7 +56,7 @@ class AttemptModel(QAbstractTableModel):
         if role in (Qt.ItemDataRole.DisplayRole, Qt.ItemDataRole.ToolTipRole):
             return attempt_cells(attempt, self._rule)[index.column()]
         if role == Qt.ItemDataRole.ForegroundRole:
-            return QColor(TONES[attempt_tone(attempt, self._rule)])
+            return QColor(getattr(current_theme(), TONES[attempt_tone(attempt, self._rule).value]))
         return None
 
     def headerData(  # noqa: N802  (Qt's name)
@@ -81,25 +81,46 @@ class AttemptTable(QTableView):
         self.setShowGrid(False)
         self.setVerticalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        self.setMinimumSize(495, 100)
         self.verticalHeader().hide()
-        self.verticalHeader().setDefaultSectionSize(24)
+        self.verticalHeader().setSectionResizeMode(QHeaderView.ResizeMode.Fixed)
         head = self.horizontalHeader()
         head.setSectionResizeMode(QHeaderView.ResizeMode.Fixed)
         head.setStretchLastSection(True)
+        head.setHighlightSections(False)
+        head.setDefaultAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
+
+    def take_look(self, base: int) -> None:
+        """Fit rows and columns to the letter height of the main text [pixels]."""
         letters = self.fontMetrics()
         for column, texts in enumerate(zip(ATTEMPT_HEADS, WIDEST_CELLS, strict=False)):
-            self.setColumnWidth(column, max(map(letters.horizontalAdvance, texts)) + CELL_MARGINS)
-        head.setHighlightSections(False)
-        self.setStyleSheet(
-            f"QTableView {{ background: {PANEL}; border: none; selection-background-color: {PLAIN.target}; }}"
-            f"QHeaderView::section {{ background: {PANEL}; color: {PLAIN.detail}; border: none; padding: 3px 4px; }}"
-        )
+            self.setColumnWidth(column, max(map(letters.horizontalAdvance, texts)) + round(CELL_MARGINS * base))
+        self.verticalHeader().setDefaultSectionSize(round(ROW_HEIGHT * base))
+        for row in range(self.attempts.rowCount()):
+            self._fit(row)
+
+    def resizeEvent(self, event: QResizeEvent) -> None:  # noqa: N802  (Qt's name)
+        """Fit the rows, whose last cell may need two lines."""
+        super().resizeEvent(event)
+        for row in range(self.attempts.rowCount()):
+            self._fit(row)
+
+    def _fit(self, row: int) -> None:
+        """Give a row as many lines as its last cell needs."""
+        last, letters = len(ATTEMPT_HEADS) - 1, self.fontMetrics()
+        words = str(self.attempts.data(self.attempts.index(row, last)))
+        room = QRect(0, 0, self.columnWidth(last) - letters.averageCharWidth(), self.height())
+        needed = letters.boundingRect(room, Qt.TextFlag.TextWordWrap, words).height()
+        spare = self.verticalHeader().defaultSectionSize() - letters.height()
+        self.setRowHeight(row, needed + spare)
 
     def take(self, attempts: Sequence[AttemptOutcome], rule: ExclusionRule) -> None:
         """Show the attempts so far, and what they count by the rule of the analysis."""
-        if self.attempts.take(attempts, rule) and self.marked is None:
-            self.scrollToBottom()
+        had = self.attempts.rowCount()
+        if self.attempts.take(attempts, rule):
+            for row in range(had if had < self.attempts.rowCount() else 0, self.attempts.rowCount()):
+                self._fit(row)
+            if self.marked is None:
+                self.scrollToBottom()
 
     @property
     def marked(self) -> AttemptOutcome | None:

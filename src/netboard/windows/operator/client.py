@@ -17,6 +17,7 @@ from PySide6.QtCore import QObject, QTimer
 from netboard.base.clock import now_ns
 from netboard.base.config import Config, parse
 from netboard.base.errors import ConfigError, NetboardError
+from netboard.base.looks import ThemeName
 from netboard.base.process.resources import NAME
 from netboard.network.protocol.control import Reply, Status
 from netboard.network.transport import sockets
@@ -29,6 +30,7 @@ from netboard.windows.operator.lamps import ended, limits_of
 from netboard.windows.operator.window import SMALLEST, ConsoleWindow, State
 from netboard.windows.operator.words import Tone, TonedText
 from netboard.windows.participant import window as windows
+from netboard.windows.style import choose_theme
 
 POLL_MS = 66
 """Interval between two polls of the server [ms]."""
@@ -179,7 +181,13 @@ def _read(text: str) -> Config | None:
         return None
 
 
-def run(config: Config, stopping: Callable[[], bool], picture: Path | None = None, after: float | None = None) -> None:
+def run(
+    config: Config,
+    stopping: Callable[[], bool],
+    picture: Path | None = None,
+    after: float | None = None,
+    theme: ThemeName = "system",
+) -> None:
     """Run the console until its window is closed or the process is asked to stop.
 
     A screenshot is taken `after` seconds after the first status, and the console goes on; without a delay, it is taken
@@ -188,6 +196,7 @@ def run(config: Config, stopping: Callable[[], bool], picture: Path | None = Non
     windows.require_new(picture)
     windows.scale_to_screen(*SMALLEST)
     windows.application()
+    choose_theme(theme)
     window = ConsoleWindow(config, limits_of(config, version("netboard")), NAME)
     window.resize(window.size().boundedTo(windows.largest_size(windows.screen_of(window))))
     window.show()

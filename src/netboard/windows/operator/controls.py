@@ -1,41 +1,28 @@
 """The operator's controls: command buttons labelled with their keys, the emergency stop, and the note field.
 
-No button takes the keyboard focus. Otherwise Space would press the button that was clicked last instead of the
-emergency stop.
+Tab goes from button to button, and Enter presses one. Space never does: it is the emergency stop, which has the keys of
+the whole window.
 """
 
 import json
 from collections.abc import Sequence
 
 from PySide6.QtCore import Qt, Signal
+from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLineEdit, QPushButton, QSizePolicy, QVBoxLayout, QWidget
 
 from netboard.base.settings import parse_json
 from netboard.base.tick import TICK_SECONDS
 from netboard.windows.operator.commands import COMMANDS, CONFIRM_KEY, RELEASING, STOP_KEYS, OperatorCommand
-from netboard.windows.operator.lamp_widget import PANEL, PLAIN, WATCH, label
+from netboard.windows.operator.lamp_widget import label
 from netboard.windows.operator.words import Tone
+from netboard.windows.style import set_role
 
-STOP_RED = "#c8102e"
 COLUMNS = 9
 """Buttons per row [1]."""
 
 MAX_NOTE = 2000
 """Maximum length of a note, in characters [1]."""
-
-STYLE = f"""
-QPushButton {{ background: #2b3541; color: {PLAIN.headline}; border: 1px solid {PLAIN.guide}; border-radius: 6px;
-    padding: 4px; font-size: 15px; }}
-QPushButton:hover {{ border-color: {PLAIN.cursor}; }}
-QPushButton:disabled {{ background: {PANEL}; color: {PLAIN.quiet}; border-color: {PANEL}; }}
-QPushButton[sure="true"] {{ background: {WATCH}; color: {PLAIN.background}; font-weight: bold; }}
-"""
-
-STOP_STYLE = f"""
-QPushButton {{ background: {STOP_RED}; color: white; border: 4px solid white; border-radius: 12px;
-    font-size: 26px; font-weight: bold; padding: 6px; }}
-QPushButton:pressed {{ background: white; color: {STOP_RED}; }}
-"""
 
 
 class CommandButton(QPushButton):
@@ -44,10 +31,9 @@ class CommandButton(QPushButton):
     def __init__(self, command: OperatorCommand) -> None:
         super().__init__()
         self.command = command
-        self.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        self.setFocusPolicy(Qt.FocusPolicy.TabFocus)
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
-        self.setMinimumHeight(46)
-        self.setStyleSheet(STYLE)
+        self.setProperty("scale", "fine")
         self.ask(False)
 
     def ask(self, sure: bool) -> None:
@@ -60,8 +46,11 @@ class CommandButton(QPushButton):
         if words == self.text():
             return
         self.setText(words)
-        self.setProperty("sure", sure)
-        self.setStyleSheet(STYLE)
+        set_role(self, "fill", "watch" if sure else "")
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:  # noqa: N802  (Qt's name)
+        """Press the button with Enter; Space is the emergency stop."""
+        press_with_enter(self, event)
 
     def allow(self, reason: str) -> None:
         """Enable the button if there is no reason against its command; else say it in the tooltip."""
@@ -69,6 +58,14 @@ class CommandButton(QPushButton):
         tip = f"{self.command.tip} ({reason})" if reason else self.command.tip
         if tip != self.toolTip():
             self.setToolTip(tip)
+
+
+def press_with_enter(button: QPushButton, event: QKeyEvent) -> None:
+    """Press a button that has the focus with Enter."""
+    if event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter) and not event.isAutoRepeat():
+        button.click()
+    else:
+        QPushButton.keyPressEvent(button, event)
 
 
 class StopPanel(QWidget):
@@ -79,10 +76,10 @@ class StopPanel(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self.button = QPushButton(f"EMERGENCY STOP\n{' or '.join(STOP_KEYS)}")
-        self.button.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        self.button.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # Esc and Space press it everywhere
         self.button.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
-        self.button.setMinimumSize(290, 84)
-        self.button.setStyleSheet(STOP_STYLE)
+        self.button.setProperty("fill", "stop")
+        self.button.setProperty("scale", "title")
         self.button.pressed.connect(self.stopped)
         self.release = CommandButton(RELEASING)
         rows = QVBoxLayout(self)
@@ -130,15 +127,10 @@ class ConfirmationField(QLineEdit):
 
 
 def prepare_field(text: QLineEdit, characters: int) -> None:
-    """Let a text field take the keyboard only when it is clicked or called, and give it the console's look."""
+    """Let a text field take the keyboard only when it is clicked or called."""
     text.setMaxLength(characters)
     text.setContextMenuPolicy(Qt.ContextMenuPolicy.NoContextMenu)  # a menu would take the stop's key
     text.setFocusPolicy(Qt.FocusPolicy.ClickFocus)
-    text.setStyleSheet(
-        f"QLineEdit {{ background: {PANEL}; color: {PLAIN.headline}; border: 2px solid {PLAIN.guide};"
-        f" border-radius: 5px; padding: 5px; font-size: 16px; }}"
-        f"QLineEdit:focus {{ border-color: {PLAIN.cursor}; }}"
-    )
 
 
 class NoteField(QWidget):
@@ -158,8 +150,7 @@ class NoteField(QWidget):
         self.text = QLineEdit()
         prepare_field(self.text, MAX_NOTE)
         self.text.setPlaceholderText("Note: press F4, type, press Enter. It is stamped when you begin to type.")
-        self.stamp = label("", 12, Tone.QUIET)
-        self.stamp.setMinimumWidth(150)
+        self.stamp = label("", tone=Tone.QUIET)
         row.addWidget(self.text, 1)
         row.addWidget(self.stamp)
         self.text.textEdited.connect(self._edited)

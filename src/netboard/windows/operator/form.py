@@ -22,26 +22,8 @@ from PySide6.QtWidgets import (
 
 from netboard.base.tables.experiment import Session
 from netboard.windows.operator.form_fields import FormAnswers, as_json, problems, stand_in_problem
-from netboard.windows.operator.lamp_widget import PANEL, PLAIN, TONES, label
-from netboard.windows.operator.words import Tone
-
-STYLE = f"""
-QWidget#form {{ background: {PANEL}; border-radius: 8px; }}
-QLineEdit {{ background: {PLAIN.background}; color: {PLAIN.headline}; border: 2px solid {PLAIN.guide};
-    border-radius: 5px; padding: 5px; font-size: 17px; }}
-QLineEdit:focus {{ border-color: {PLAIN.cursor}; }}
-QPushButton {{ background: {PLAIN.background}; color: {PLAIN.detail}; border: 2px solid {PLAIN.guide};
-    border-radius: 5px; padding: 6px 18px; font-size: 17px; }}
-QPushButton:focus {{ border-color: {PLAIN.cursor}; }}
-QPushButton:checked {{ background: {PLAIN.target}; color: white; }}
-QPushButton#pilot:checked {{ background: {TONES[Tone.WATCH]}; color: {PLAIN.background}; }}
-QCheckBox {{ color: {PLAIN.headline}; font-size: 17px; border: 2px solid transparent; border-radius: 5px;
-    padding: 4px; }}
-QCheckBox::indicator {{ width: 20px; height: 20px; border: 2px solid {PLAIN.detail}; border-radius: 4px; }}
-QCheckBox::indicator:checked {{ background: {TONES[Tone.GOOD]}; border-color: {TONES[Tone.GOOD]}; }}
-QCheckBox:focus {{ border-color: {PLAIN.cursor}; }}
-"""
-
+from netboard.windows.operator.lamp_widget import label, say
+from netboard.windows.operator.words import Tone, TonedText
 
 MAX_WORDS = 500
 """Longest confirmation of stand-ins [1]."""
@@ -84,9 +66,6 @@ class SessionForm(QWidget):
 
     def __init__(self, entry: FormAnswers) -> None:
         super().__init__()
-        self.setObjectName("form")
-        self.setAttribute(Qt.WidgetAttribute.WA_StyledBackground)
-        self.setStyleSheet(STYLE)
         self.texts = {name: self._text(getattr(entry, name)) for name in ("name", "participant_a", "participant_b")}
         hands = {"right": "right", "left": "left"}
         self.hand_a, self.hand_b = ChoiceButtons(hands, entry.hand_a), ChoiceButtons(hands, entry.hand_b)
@@ -94,15 +73,14 @@ class SessionForm(QWidget):
         self.kind = ChoiceButtons({"real": "REAL", "pilot": "PILOT"}, "pilot" if entry.pilot else "real")
         self.consent = QCheckBox("Both participants have given written consent")
         self.consent.setChecked(entry.consent)
-        self.rig = label("", 11, Tone.PLAIN)
+        self.rig = label("")
         self.rig.setMinimumWidth(1)  # a long line must not make the window wider
         self.words = self._text("")
         self.words.setMaxLength(MAX_WORDS)
         self.words.hide()
         self._stand_ins: Sequence[str] = ()
-        self.trouble = label("", 11, Tone.BAD, bold=True)
+        self.trouble = label("", tone=Tone.BAD, bold=True)
         self.trouble.setWordWrap(True)
-        self.trouble.setMinimumHeight(44)
         self.trouble.setSizePolicy(QSizePolicy.Policy.Preferred, QSizePolicy.Policy.Ignored)  # squeezes no field
         self.trouble.setAlignment(Qt.AlignmentFlag.AlignTop)
         self._lay_out()
@@ -139,8 +117,7 @@ class SessionForm(QWidget):
         """Show what the hands hold; ask for the words that confirm stand-ins, unless it is a pilot."""
         self._stand_ins = stand_ins
         tone = Tone.WATCH if stand_ins else Tone.PLAIN
-        self.rig.setText("\n".join(lines))
-        self.rig.setStyleSheet(f"color: {TONES[tone]};")
+        say(self.rig, TonedText("\n".join(lines), tone))
         self.words.setPlaceholderText(f"REAL: write {', '.join(stand_ins)}")
         self.words.setVisible(bool(stand_ins) and self.kind.answer == "real")
 
@@ -172,8 +149,8 @@ class SessionForm(QWidget):
         rows.setContentsMargins(28, 8, 28, 8)
         head = QGridLayout()
         head.setHorizontalSpacing(28)
-        head.addWidget(label("Open the session", 20, Tone.PLAIN, bold=True), 0, 0)
-        head.addWidget(label("Pseudonyms only. Do not store real names on this computer.", 12, Tone.QUIET), 1, 0)
+        head.addWidget(label("Open the session", "title", bold=True), 0, 0)
+        head.addWidget(label("Pseudonyms only. Do not store real names on this computer.", tone=Tone.QUIET), 1, 0)
         head.addWidget(self.rig, 0, 1, 2, 1)
         head.setColumnStretch(1, 1)
         rows.addLayout(head)
@@ -188,7 +165,7 @@ class SessionForm(QWidget):
             ("Consent", self.consent, None),
         )
         for row, (text, first, second) in enumerate(fields):
-            grid.addWidget(label(text, 13, Tone.PLAIN), row, 0)
+            grid.addWidget(label(text), row, 0)
             grid.addWidget(first, row, 1, 1, 1 if second else 2)
             if second:
                 grid.addWidget(second, row, 2)
@@ -198,7 +175,7 @@ class SessionForm(QWidget):
         rows.addWidget(self.trouble, 1)
         buttons = QHBoxLayout()
         send, later = QPushButton("Open session   Enter"), QPushButton("Not now   F3")
-        later.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        later.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # their keys work in the whole form
         send.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         send.clicked.connect(self.send)
         later.clicked.connect(self.dismissed)
@@ -214,6 +191,6 @@ def _named(words: str, field: QWidget) -> QWidget:
     both = QWidget()
     row = QHBoxLayout(both)
     row.setContentsMargins(0, 0, 0, 0)
-    row.addWidget(label(words, 13, Tone.PLAIN, bold=True))
+    row.addWidget(label(words, bold=True))
     row.addWidget(field, 1)
     return both

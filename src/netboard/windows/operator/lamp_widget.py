@@ -1,49 +1,54 @@
 """Lamp widgets. Each is painted by hand, and only when it changes, so that many lamps cost little.
 
-Colours are from the colour-blind-safe Okabe-Ito palette; a sign before the text repeats the level. Lamps that are fine
-are dim and problems are bright, so that a glance finds them.
+A sign before the text repeats the level. Lamps that are fine are dim and problems are bright, so that a glance finds
+them.
 """
 
 from collections.abc import Sequence
 
-from PySide6.QtCore import QRectF, QSize, Qt
-from PySide6.QtGui import QColor, QFont, QPainter, QPaintEvent
+from PySide6.QtCore import QEvent, QRectF, QSize, Qt
+from PySide6.QtGui import QColor, QFont, QFontMetrics, QPainter, QPaintEvent
 from PySide6.QtWidgets import QGridLayout, QLabel, QSizePolicy, QWidget
 
 from netboard.windows.operator.lamps import Lamp, LampLevel
-from netboard.windows.operator.words import Tone
-from netboard.windows.participant.scene import COLOURS, PictureState
-
-PLAIN = COLOURS[PictureState.RUN]
-GOOD, WATCH, BAD = "#2fc79b", "#e69f00", "#d55e00"
-PANEL = "#1b2129"
-"""Background of panels."""
+from netboard.windows.operator.words import Tone, TonedText
+from netboard.windows.style import current_theme, fills_of, set_role
 
 FACES = {
-    LampLevel.OFF: (PANEL, PLAIN.quiet, "\u2013"),
-    LampLevel.GOOD: ("#123a30", GOOD, "\u2713"),
-    LampLevel.WATCH: (WATCH, PLAIN.background, "!"),
-    LampLevel.BAD: (BAD, "#ffffff", "\u2715"),
+    LampLevel.OFF: ("quiet", "\u2013"),
+    LampLevel.GOOD: ("good", "\u2713"),
+    LampLevel.WATCH: ("watch", "!"),
+    LampLevel.BAD: ("bad", "\u2715"),
 }
-"""Background, text colour and sign of each level."""
+"""Fill and sign of each level."""
 
-TONES = {Tone.QUIET: PLAIN.quiet, Tone.PLAIN: PLAIN.headline, Tone.GOOD: GOOD, Tone.WATCH: WATCH, Tone.BAD: "#ff7a2f"}
-"""Text colour of each tone."""
+WIDEST = "\u2715 LIMITED +3.30 N"
+"""A long text of a lamp, which fits."""
+
+HIGH = 1.3
+"""Height of a lamp, in lines of its text [1]."""
+
+MARGIN = 0.4
+"""Space beside the text of a lamp, in its letter heights [1]."""
 
 
 class LampWidget(QWidget):
     """Widget of one lamp."""
 
-    def __init__(self, points: int = 12) -> None:
+    def __init__(self) -> None:
         super().__init__()
         self.lamp: Lamp | None = None
-        self._points = points
-        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
-        self.setMinimumSize(96, round(1.9 * points))
+        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
 
     def sizeHint(self) -> QSize:  # noqa: N802  (Qt's name)
         """Return the preferred size [pixels]."""
-        return QSize(150, round(2.4 * self._points))
+        return self.minimumSizeHint()
+
+    def minimumSizeHint(self) -> QSize:  # noqa: N802  (Qt's name)
+        """Return the smallest size, in which most texts fit [pixels]."""
+        letters = QFontMetrics(self._font(bold=True))
+        width = letters.horizontalAdvance(WIDEST) + round(2 * MARGIN * letters.height())
+        return QSize(width, round(HIGH * letters.height()))
 
     def set_lamp(self, lamp: Lamp) -> None:
         """Show a lamp; do nothing if it is unchanged."""
@@ -53,33 +58,57 @@ class LampWidget(QWidget):
         if before is None or lamp.tip != before.tip:
             self.setToolTip(f"<b>{lamp.name}</b><br>{lamp.tip}")
         if before is None or (lamp.level, lamp.words) != (before.level, before.words):
+            self.setAccessibleName(f"{lamp.name}: {lamp.words}")
             self.update()
+
+    @property
+    def words(self) -> str:
+        """The text with the sign of the level."""
+        if self.lamp is None:
+            return ""
+        return f"{FACES[self.lamp.level][1]} {self.lamp.words}".strip()
+
+    @property
+    def fits(self) -> bool:
+        """Whether the text is shown whole."""
+        bold = self.lamp is not None and self.lamp.level > LampLevel.GOOD
+        letters = QFontMetrics(self._font(bold=bold))
+        return letters.horizontalAdvance(self.words) <= self.width() - 2 * MARGIN * letters.height()
+
+    def changeEvent(self, event: QEvent) -> None:  # noqa: N802  (Qt's name)
+        """Adapt the size to another font."""
+        super().changeEvent(event)
+        if event.type() in (QEvent.Type.FontChange, QEvent.Type.StyleChange):
+            self.updateGeometry()
 
     def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802  (Qt's name)
         """Paint background, sign and text."""
         super().paintEvent(event)
         if self.lamp is None:
             return
-        back, front, sign = FACES[self.lamp.level]
+        back, front = fills_of(current_theme())[FACES[self.lamp.level][0]]
         painter = QPainter(self)
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         painter.setPen(Qt.PenStyle.NoPen)
         painter.setBrush(QColor(back))
         area = QRectF(self.rect()).adjusted(1, 1, -1, -1)
         painter.drawRoundedRect(area, 5, 5)
-        font = QFont(self.font())
-        font.setPointSizeF(self._points)
-        font.setBold(self.lamp.level > LampLevel.GOOD)
-        painter.setFont(font)
+        painter.setFont(self._font(bold=self.lamp.level > LampLevel.GOOD))
         painter.setPen(QColor(front))
-        words = f"{sign} {self.lamp.words}" if self.lamp.words else sign
-        fitting = painter.fontMetrics().elidedText(words, Qt.TextElideMode.ElideRight, round(area.width()) - 12)
-        painter.drawText(area.adjusted(8, 0, -4, 0), Qt.AlignmentFlag.AlignVCenter, fitting)
+        margin = MARGIN * painter.fontMetrics().height()
+        room = area.adjusted(margin, 0, -margin, 0)
+        fitting = painter.fontMetrics().elidedText(self.words, Qt.TextElideMode.ElideRight, round(room.width()) + 2)
+        painter.drawText(room, Qt.AlignmentFlag.AlignVCenter | Qt.TextFlag.TextDontClip, fitting)
         painter.end()
+
+    def _font(self, *, bold: bool) -> QFont:
+        font = QFont(self.font())
+        font.setBold(bold)
+        return font
 
 
 class StationLamps(QWidget):
-    """The lamps of both stations: one row per lamp, one column per side."""
+    """The lamps of both stations: one row per lamp, one column per side, below who and what is at that seat."""
 
     def __init__(self, names: Sequence[str], sides: Sequence[str]) -> None:
         super().__init__()
@@ -89,12 +118,16 @@ class StationLamps(QWidget):
         grid.setColumnStretch(1, 1)
         grid.setColumnStretch(2, 1)
         self.columns: dict[str, list[LampWidget]] = {}
+        self.seats: dict[str, QLabel] = {}
         for row, name in enumerate(names, 1):
-            grid.addWidget(label(name, 12, Tone.PLAIN), row, 0)
+            grid.addWidget(label(name), row, 0)
+            grid.setRowStretch(row, 1)
         for column, side in enumerate(sides, 1):
-            head = label(side.upper(), 13, Tone.PLAIN, bold=True)
-            head.setAlignment(Qt.AlignmentFlag.AlignCenter)
-            grid.addWidget(head, 0, column)
+            self.seats[side] = seat = label("")
+            seat.setWordWrap(True)
+            seat.setAlignment(Qt.AlignmentFlag.AlignTop)
+            seat.setMinimumWidth(1)
+            grid.addWidget(seat, 0, column)
             self.columns[side] = [LampWidget() for _ in names]
             for row, widget in enumerate(self.columns[side], 1):
                 grid.addWidget(widget, row, column)
@@ -113,11 +146,11 @@ class SessionLamps(QWidget):
         grid = QGridLayout(self)
         grid.setContentsMargins(0, 0, 0, 0)
         grid.setHorizontalSpacing(6)
-        grid.setVerticalSpacing(2)
-        self.widgets = [LampWidget(15) for _ in names]
+        grid.setVerticalSpacing(1)
+        self.widgets = [LampWidget() for _ in names]
         for column, (name, widget) in enumerate(zip(names, self.widgets, strict=True)):
-            grid.addWidget(label(name, 10, Tone.QUIET), 0, column)
-            widget.setFixedHeight(38)
+            grid.addWidget(label(name, "fine", Tone.QUIET), 0, column)
+            widget.setProperty("scale", "strong")
             grid.addWidget(widget, 1, column)
             grid.setColumnStretch(column, 1)
 
@@ -127,12 +160,20 @@ class SessionLamps(QWidget):
             widget.set_lamp(lamp)
 
 
-def label(words: str, points: int, tone: Tone, *, bold: bool = False) -> QLabel:
-    """Make a label with a font size [pt] and a tone."""
+def label(words: str, scale: str = "", tone: Tone = Tone.PLAIN, *, bold: bool = False) -> QLabel:
+    """Make a label with a size of the type scale and a tone."""
     made = QLabel(words)
-    font = QFont(made.font())
-    font.setPointSize(points)
-    font.setBold(bold)
-    made.setFont(font)
-    made.setStyleSheet(f"color: {TONES[tone]};")
+    made.setProperty("scale", scale)
+    made.setProperty("weight", "bold" if bold else "")
+    made.setProperty("tone", tone.value)
     return made
+
+
+def say(where: QLabel, line: TonedText, role: str = "tone") -> None:
+    """Write a line to a label if it has changed, with its tone as the role of its text or of its fill."""
+    if where.text() != line.words:
+        where.setText(line.words)
+        where.setToolTip(line.words)
+    set_role(where, role, line.tone.value)
+    if role == "fill":
+        set_role(where, "tone", "")

@@ -203,8 +203,10 @@ def _short(count: int) -> str:
 def _forces(status: Status) -> LampState:
     if AWAITING_RELEASE in status.waiting_for:
         return LampLevel.BAD, "STOPPED", "All forces are zero until the emergency stop is released."
-    if status.armed:
+    if status.armed and status.phase in ACTIVE:
         return LampLevel.GOOD, "allowed", "Devices may render forces."
+    if status.armed:
+        return LampLevel.OFF, "none now", "The devices are armed. They render forces in a trial only, and none runs."
     return LampLevel.OFF, "disarmed", "No device renders a force until you arm (F1)."
 
 

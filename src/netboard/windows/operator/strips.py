@@ -1,7 +1,7 @@
 """Strip charts of the last ten seconds: heights, forces, ball.
 
-The server sends the points a few at a time; a ring buffer keeps them. Axes are fixed and lines are one pixel wide
-without antialiasing, to save processor time on a computer that may also run 1 kHz loops.
+The server sends the points a few at a time; a ring buffer keeps them. Axes are fixed and lines are thin and without
+antialiasing, to save processor time on a computer that may also run 1 kHz loops.
 """
 
 from collections.abc import Sequence
@@ -12,9 +12,10 @@ import pyqtgraph as pg
 from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from netboard.base.config import Config
+from netboard.base.looks import Theme
 from netboard.base.tick import TICK_SECONDS
 from netboard.network.protocol.control import TracePoint
-from netboard.windows.operator.lamp_widget import PLAIN
+from netboard.windows.plots import dress, share_time_axis
 
 SECONDS = 10.0
 """Time span of the charts [s]."""
@@ -24,11 +25,6 @@ KEPT = 2000
 
 GAP_TICKS = 50
 """Points further apart than this are not connected [1]."""
-
-AXIS_WIDTH = 52
-"""Fixed width of the vertical axes, so that the time axes of all charts align [pixels]."""
-
-LEFT_COLOUR, RIGHT_COLOUR, BOARD_COLOUR, BALL_COLOUR = "#56b4e9", "#cc79a7", PLAIN.board, PLAIN.ball
 
 
 class StripCharts(QWidget):
@@ -44,13 +40,19 @@ class StripCharts(QWidget):
         rows.setSpacing(2)
         reach, force = config.task.stylus_range * 1e3, config.safety.max_force
         half, target = config.geometry.board_length * 500, config.geometry.target_distance * 1e3
-        heights = (("left", "left", LEFT_COLOUR), ("right", "right", RIGHT_COLOUR), ("board", "board", BOARD_COLOUR))
-        forces = (("left", "left_force", LEFT_COLOUR), ("right", "right_force", RIGHT_COLOUR))
+        heights = (("left", "left"), ("right", "right"), ("board", "board"))
+        forces = (("left", "left_force"), ("right", "right_force"))
+        self._plots: list[pg.PlotWidget] = []
         self._lines = [
             *self._strip(rows, "height [mm]", reach * 1.05, (), heights, 1e3),
             *self._strip(rows, "force [N]", force * 1.1, (-force, force), forces, 1.0),
-            *self._strip(rows, "ball [mm]", half, (-target, target), (("ball", "ball", BALL_COLOUR),), 1e3),
+            *self._strip(rows, "ball [mm]", half, (-target, target), (("ball", "ball"),), 1e3),
         ]
+        share_time_axis(self._plots)
+
+    def take_look(self, theme: Theme, base: int) -> None:
+        """Take a theme and the letter height of the main text [pixels]."""
+        dress(self._plots, [(line, line.name()) for line, _, _ in self._lines], theme, base)
 
     def take(self, points: Sequence[TracePoint], *, restart: bool = False) -> None:
         """Append the new points; clear the buffer first if `restart`, or if a replay goes back in time."""
@@ -83,14 +85,14 @@ class StripCharts(QWidget):
         name: str,
         most: float,
         marks: tuple[float, ...],
-        lines: tuple[tuple[str, str, str], ...],
+        lines: tuple[tuple[str, str], ...],
         scale: float,
     ) -> list[tuple[pg.PlotDataItem, str, float]]:
-        """Make one chart; return its lines, each with its field and scale."""
-        plot = pg.PlotWidget(self, background=PLAIN.background)
+        """Make one chart; return its lines, each with its field and scale; a line's name is its role in the theme."""
+        plot = pg.PlotWidget(self)
         plot.setLabel("left", name)
         plot.getAxis("left").enableAutoSIPrefix(False)
-        plot.getAxis("left").setWidth(AXIS_WIDTH)
+        self._plots.append(plot)
         plot.setMinimumHeight(70)
         plot.setXRange(-SECONDS, 0.0, padding=0.0)
         plot.setYRange(-most, most, padding=0.0)
@@ -98,13 +100,10 @@ class StripCharts(QWidget):
         plot.setMenuEnabled(False)
         plot.hideButtons()
         plot.disableAutoRange()
-        plot.addLine(y=0.0, pen=pg.mkPen(PLAIN.guide))
+        plot.addLine(y=0.0)
         for mark in marks:
-            plot.addLine(y=mark, pen=pg.mkPen(PLAIN.guide, style=pg.QtCore.Qt.PenStyle.DashLine))
+            plot.addLine(y=mark, pen=pg.mkPen(style=pg.QtCore.Qt.PenStyle.DashLine))
         if len(lines) > 1:
             plot.addLegend(offset=(8, 2), colCount=len(lines))
         rows.addWidget(plot, 1)
-        return [
-            (plot.plot(name=name, pen=pg.mkPen(colour), connect="finite"), field, scale)
-            for name, field, colour in lines
-        ]
+        return [(plot.plot(name=name, connect="finite"), field, scale) for name, field in lines]

@@ -10,11 +10,12 @@ from dataclasses import dataclass, field
 from functools import partial
 
 from PySide6.QtCore import Qt, QTimer, Signal
-from PySide6.QtGui import QColor, QKeySequence, QPalette, QShortcut
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QSplitter, QStackedWidget, QVBoxLayout, QWidget
+from PySide6.QtGui import QKeySequence, QShortcut
+from PySide6.QtWidgets import QHBoxLayout, QLayout, QSplitter, QStackedWidget, QVBoxLayout, QWidget
 
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES, Config
+from netboard.base.looks import GAP, Theme
 from netboard.base.plural import plural
 from netboard.base.tables.experiment import Block, Session
 from netboard.network.protocol.control import Status, TracePoint
@@ -30,14 +31,15 @@ from netboard.windows.operator.commands import CONFIRM_KEY, CONFIRMING, STOP_KEY
 from netboard.windows.operator.controls import CommandBar, CommandButton, ConfirmationField, NoteField, StopPanel
 from netboard.windows.operator.form import SessionForm
 from netboard.windows.operator.form_fields import first_entry
-from netboard.windows.operator.lamp_widget import BAD, PANEL, PLAIN, TONES, WATCH, SessionLamps, StationLamps, label
+from netboard.windows.operator.lamp_widget import SessionLamps, StationLamps, label, say
 from netboard.windows.operator.lamps import ACTIVE, SESSION_LAMPS, SILENT, Limits, alarm, faded, session_lamps
 from netboard.windows.operator.stations import STATION_LAMPS, station_lamps
 from netboard.windows.operator.strips import StripCharts
 from netboard.windows.operator.words import Tone, TonedText
-from netboard.windows.participant.window import Window, application
+from netboard.windows.participant.window import application
+from netboard.windows.style import StyledWindow, set_role
 
-SMALLEST = 1200, 920
+SMALLEST = 1200, 720
 """Size of the window that shows everything [pixels]; on a smaller screen, everything is drawn smaller."""
 
 CONFIRM_MS = 5000
@@ -49,11 +51,11 @@ SOON_NS = 400_000_000
 REPLY_MS = 20_000
 """Time for which the result of a command is shown [ms]."""
 
-BANNER_MARGINS = 30
-"""Width of the banner that is not for its text [pixels]."""
+STATIONS_WIDTH, ALARM_HEIGHT = 33.0, 3.2
+"""Width of the stations' lamps, and height of the line for alarm and advice, in letter heights of the main text [1]."""
 
-TWO_LINES = 180
-"""Length of advice from which its letters are smaller, so that two lines hold it [1]."""
+SHARES = 440, 560
+"""Widths of strip charts and table, in relation to each other [1]."""
 
 STRIP_TURNS = 2
 """The strip charts are redrawn once per this many states [1]."""
@@ -75,7 +77,7 @@ class State:
     rule: ExclusionRule = USUAL_RULE  # by which attempts do not count
 
 
-class ConsoleWindow(Window):
+class ConsoleWindow(StyledWindow):
     """The console's window."""
 
     commanded = Signal(str, str)
@@ -83,10 +85,6 @@ class ConsoleWindow(Window):
     def __init__(self, config: Config, limits: Limits, console: str) -> None:
         super().__init__()
         self.setWindowTitle("netboard console")
-        palette = self.palette()
-        palette.setColor(QPalette.ColorRole.Window, QColor(PLAIN.background))
-        self.setPalette(palette)
-        self.resize(1600, 960)
         self.state = State()
         self._limits, self._console = limits, console
         self._configured = config.session
@@ -102,7 +100,19 @@ class ConsoleWindow(Window):
         self._make(config)
         self._lay_out()
         self._connect()
+        self.resize(1600, 900)
         self.show_state(self.state)
+
+    def take_look(self, theme: Theme, base: int) -> None:
+        """Fit what the style sheet does not reach to the theme and the letter height [pixels]."""
+        self.stations.setFixedWidth(round(STATIONS_WIDTH * base))
+        self.alarm.setFixedHeight(round(ALARM_HEIGHT * base))
+        self.strips.take_look(theme, base)
+        self.table.take_look(base)
+        self.rows.setSpacing(round(GAP * base))
+        self.live.setSizes(list(SHARES))
+        for widget in (*self.session.widgets, *(lamp for lamps in self.stations.columns.values() for lamp in lamps)):
+            widget.update()
 
     # --- display -----------------------------------------------------------------------------------------------
 
@@ -111,18 +121,13 @@ class ConsoleWindow(Window):
         self.state = state
         status, silence = state.status, state.silence
         banner = words.banner(status)
-        room = self.banner.width() - BANNER_MARGINS
-        fitting = self.banner.fontMetrics().elidedText(banner.words, Qt.TextElideMode.ElideMiddle, room)
-        if self.banner.text() != fitting:
-            self.banner.setText(fitting)
-            self.banner.setToolTip(banner.words)
-            self.banner.setStyleSheet(_banner_style(banner.tone))
-        _say(self.headline, words.headline(status, silence))
-        _say(self.progress, TonedText(words.progress(status)))
-        _say(self.block, TonedText(words.block(status), Tone.PLAIN))
-        for side, line in self.rig.items():
-            _say(line, words.rig(status, side, words.seated(state.session, state.block, side)))
-        _say(self.commander, words.commander(status, self._console))
+        self._show_banner(banner)
+        say(self.progress, TonedText(words.progress(status)))
+        say(self.block, TonedText(words.block(status)))
+        say(self.ahead, TonedText(words.ahead(status), Tone.QUIET))
+        for side in SIDES:
+            say(self.rig[side], words.rig(status, side, words.seated(state.session, state.block, side)))
+        say(self.commander, words.commander(status, self._console))
         named = [("", lamp) for lamp in session_lamps(status, silence, state.recent, self._limits)]
         self.session.set_lamps([lamp for _, lamp in named])
         if status is not None:
@@ -132,6 +137,7 @@ class ConsoleWindow(Window):
                 self.stations.set_lamps(side, lamps)
                 named += [(side, lamp) for lamp in lamps]
             self._show_status(status)
+        say(self.badge, words.badge(status, silence, [lamp for _, lamp in named]), "fill")
         self._show_alarm(alarm(status, silence, state.recent, state.unconfirmed), words.worst(named))
         for button in (*self.bar.buttons, self.stop.release):
             button.allow(self._refusal(button.command))
@@ -161,18 +167,21 @@ class ConsoleWindow(Window):
         line = words.advice(self.state.status, where, self.state.recent.refused, form=shown)
         if not line.words:
             line = worst
-        letters = 19 if len(line.words) < TWO_LINES else 15
-        plain = f"background: {PANEL}; color: {TONES[line.tone]}; {_ALARM} font-size: {letters}px;"
-        look = _LOUD if urgent else plain
-        if self.alarm.text() != (urgent or line.words):
-            self.alarm.setText(urgent or line.words)
-            self.alarm.setToolTip(urgent or line.words)
-        if self.alarm.styleSheet() != look:
-            self.alarm.setStyleSheet(look)
+        say(self.alarm, TonedText(urgent, Tone.BAD) if urgent else line, "fill" if urgent else "tone")
+        set_role(self.alarm, "fill", "bad" if urgent else "plain")
+        set_role(self.alarm, "scale", "title" if urgent else "")
+
+    def _show_banner(self, banner: TonedText) -> None:
+        """Write the banner; what does not fit is left out in the middle."""
+        room = self.banner.width() - 3 * self.banner.fontMetrics().height()
+        fitting = self.banner.fontMetrics().elidedText(banner.words, Qt.TextElideMode.ElideMiddle, room)
+        say(self.banner, TonedText(fitting), "fill")
+        self.banner.setToolTip(banner.words)
+        set_role(self.banner, "fill", BANNERS.get(banner.tone, "plain"))
 
     def say(self, line: TonedText) -> None:
         """Show the result of a command for a while."""
-        _say(self.reply, line)
+        say(self.reply, line)
         self._reply_timer.start()
 
     def show_form(self, wanted: bool) -> None:
@@ -258,45 +267,44 @@ class ConsoleWindow(Window):
         return running
 
     def _make(self, config: Config) -> None:
-        self.banner = label("", 19, Tone.PLAIN, bold=True)
-        self.banner.setAlignment(Qt.AlignmentFlag.AlignCenter)
-        self.banner.setFixedHeight(40)
-        self.headline = label("", 46, Tone.PLAIN, bold=True)
-        self.progress, self.block = label("", 22, Tone.PLAIN, bold=True), label("", 17, Tone.PLAIN)
-        self.rig = {side: label("", 12, Tone.PLAIN) for side in SIDES}
-        self.alarm = label("", 20, Tone.PLAIN, bold=True)
-        self.alarm.setFixedHeight(48)
+        self.banner, self.badge = label("", "strong", bold=True), label("", "headline", bold=True)
+        for centred in (self.banner, self.badge):
+            centred.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        self.badge.setWordWrap(True)
+        self.progress, self.block = label("", "title", bold=True), label("", "strong")
+        self.ahead = label("", tone=Tone.QUIET)
+        self.alarm = label("", bold=True)
         self.alarm.setWordWrap(True)
         self.stop, self.bar = StopPanel(), CommandBar()
         self.session = SessionLamps(SESSION_LAMPS)
         self.stations = StationLamps(STATION_LAMPS, SIDES)
+        self.rig = self.stations.seats
         self.strips, self.table = StripCharts(config), AttemptTable()
         self.form = SessionForm(first_entry(config.session))
         self.note, self.confirmation = NoteField(), ConfirmationField()
-        self.reply, self.commander = label("", 13, Tone.QUIET), label("", 13, Tone.QUIET)
+        self.reply, self.commander = label("", tone=Tone.QUIET), label("", tone=Tone.QUIET)
         self.live = QSplitter(Qt.Orientation.Horizontal)
         self.middle = QStackedWidget()
 
     def _lay_out(self) -> None:
         lines = QVBoxLayout()
-        for line in (self.headline, self.progress, self.block):
+        lines.setSpacing(0)
+        for line in (self.progress, self.block, self.ahead):
             line.setMinimumWidth(1)  # a long line must not make the window wider
             lines.addWidget(line)
-        top = _row((lines, 1), (self.stop, 0))
+        top = _row((self.badge, 5), (lines, 9), (self.stop, 0))
         self.live.addWidget(self.strips)
         self.live.addWidget(self.table)
-        self.live.setSizes([480, 580])
+        self.live.setChildrenCollapsible(False)
         for page in (self.live, self.form):
             self.middle.addWidget(page)
-        self.stations.setFixedWidth(458)
-        for line in (self.banner, self.alarm, self.reply, *self.rig.values()):
+        for line in (self.banner, self.badge, self.alarm, self.reply):
             line.setMinimumWidth(1)
-        rows = QVBoxLayout(self)
+        rows = self.rows = QVBoxLayout(self)
+        rows.setSizeConstraint(QLayout.SizeConstraint.SetNoConstraint)  # a smaller window has smaller letters
         rows.setContentsMargins(10, 0, 10, 8)
-        rows.setSpacing(6)
         rows.addWidget(self.banner)
         rows.addLayout(top)
-        rows.addLayout(_row(*((line, 1) for line in self.rig.values())))
         rows.addWidget(self.alarm)
         rows.addWidget(self.session)
         rows.addLayout(_row((self.stations, 0), (self.middle, 1)), 1)
@@ -337,28 +345,8 @@ class ConsoleWindow(Window):
         return shortcut
 
 
-_ALARM = "border-radius: 6px; padding: 0 14px;"
-_LOUD = f"background: {BAD}; color: white; border-radius: 6px; padding: 0 14px; font-size: 27px;"
-
-
-def _banner_style(tone: Tone) -> str:
-    """Return the style of the banner; a pilot is black on yellow, so that nobody takes it for a real session."""
-    if tone is Tone.WATCH:
-        return f"background: #f0e442; color: {PLAIN.background}; border: 5px dashed {WATCH};"
-    if tone is Tone.BAD:
-        return f"background: {BAD}; color: white;"
-    back = PLAIN.target if tone is Tone.PLAIN else PANEL
-    return f"background: {back}; color: {TONES[tone] if tone is Tone.QUIET else 'white'};"
-
-
-def _say(where: QLabel, line: TonedText) -> None:
-    """Write a line to a label if it has changed."""
-    look = f"color: {TONES[line.tone]};"
-    if where.text() != line.words:
-        where.setText(line.words)
-        where.setToolTip(line.words)
-    if where.styleSheet() != look:
-        where.setStyleSheet(look)
+BANNERS = {Tone.PLAIN: "selected", Tone.WATCH: "pilot", Tone.BAD: "bad", Tone.QUIET: "quiet"}
+"""Fill of the banner by its tone: a pilot is black on yellow, so that nobody takes it for a real session."""
 
 
 def _row(*parts: tuple[QWidget | QVBoxLayout, int]) -> QHBoxLayout:

@@ -93,6 +93,16 @@ def _before(status: Status) -> TonedText:
     return TonedText("READY", Tone.PLAIN)
 
 
+def badge(status: Status | None, silence: float, lamps: Sequence[Lamp]) -> TonedText:
+    """Return the one state of the session: its phase, in a colour that agrees with the most severe lamp."""
+    line, level = headline(status, silence), max((lamp.level for lamp in lamps), default=LampLevel.OFF)
+    if level < LampLevel.WATCH or line.tone is Tone.BAD:
+        return line
+    tone, needs = (Tone.BAD, "FAULT") if level == LampLevel.BAD else (Tone.WATCH, "CHECK")
+    claims = line.tone in (Tone.GOOD, Tone.PLAIN)  # others do not claim that all is well
+    return TonedText(f"{line.words}: {needs}" if claims else line.words, tone)
+
+
 def last_block(status: Status) -> bool:
     """Whether no block follows this one."""
     return status.block >= status.blocks
@@ -112,6 +122,15 @@ def block(status: Status | None) -> str:
         return ""
     called = "   ".join(dict.fromkeys(words for words in (status.label, status.condition) if words))
     return f"Block {status.block} of {status.blocks}   {called}"
+
+
+def ahead(status: Status | None) -> str:
+    """Return what comes next in the plan."""
+    if status is None or not status.opened:
+        return ""
+    if last_block(status):
+        return "This is the last block"
+    return f"Next: {', then '.join(status.ahead)}"
 
 
 def banner(status: Status | None) -> TonedText:
@@ -145,7 +164,7 @@ def rig(status: Status | None, side: Side, seated: str) -> TonedText:
         "display off screen" if hidden else "",
     )
     real = held is None or held.kind in (DeviceKind.HAPTIC, *MOVED_BY_SERVER)
-    return TonedText("   ".join(filter(None, parts)), Tone.PLAIN if real and not hidden else Tone.WATCH)
+    return TonedText("\n".join(filter(None, parts)), Tone.PLAIN if real and not hidden else Tone.WATCH)
 
 
 def seated(session: Session | None, block: Block | None, side: Side) -> str:
@@ -254,7 +273,7 @@ def _in_analysis(attempt: AttemptOutcome, rule: ExclusionRule) -> str:
     return ", ".join(filter(None, (consequence or "counts", flagged, repeats)))
 
 
-ATTEMPT_HEADS = ("Block", "Trial", "Attempt", "Outcome", "Time", "In the analysis")
+ATTEMPT_HEADS = ("Block", "Trial", "Attempt", "Outcome", "Time", "Analysis")
 """Column headers of the table of attempts."""
 
 WIDEST_CELLS = ("18", "1000", "10", "emergency stop", "3600.00 s")
