@@ -2,7 +2,7 @@
 
 Colours are those of Okabe and Ito, which can be told apart with any colour vision, or shades of them that are legible
 as text. A `Theme` gives each role a colour; text has a contrast of at least 4.5 to what is behind it, marks and frames
-at least 3 (WCAG 2.2, level AA), which a test computes. Nothing is told by colour alone.
+at least 3 (WCAG 2.2, level AA), which a test computes. No state is shown by colour alone.
 """
 
 from dataclasses import dataclass

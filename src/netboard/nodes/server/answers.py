@@ -40,7 +40,7 @@ TRACE_MARGIN_TICKS = 10
 """Oldest rows of the ring that a trace leaves out, because they are about to be overwritten [1]."""
 
 MOST_AHEAD = 3
-"""Most blocks ahead that operators are told of [1]."""
+"""Most blocks ahead in a status [1]."""
 
 _TRACED = ("left_used_z", "right_used_z", "z", "theta", "p", "left_rendered", "right_rendered")
 
