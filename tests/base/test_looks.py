@@ -5,7 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from netboard.base.looks import DARK, LIGHT, THEMES, Theme, contrast, letters
+from netboard.base.looks import DARK, LIGHT, THEMES, ColourTheme, contrast, letters
 
 TEXT, MARK = 4.5, 3.0
 """Least contrast of text, and of marks and frames [1]."""
@@ -26,7 +26,7 @@ SEEN_APART = 15.0
 """Least distance in CIELAB of two lines of a plot; 2.3 is just noticeable [1]."""
 
 
-def fill_of(theme: Theme, name: str) -> str:
+def fill_of(theme: ColourTheme, name: str) -> str:
     return getattr(theme, f"{name}_fill" if name in STATES else name)
 
 

@@ -1,8 +1,8 @@
 """The visual language of all windows, reports and figures: colours by role, sizes of text, spacing. Pure: no Qt.
 
 Colours are those of Okabe and Ito, which can be told apart with any colour vision, or shades of them that are legible
-as text. A `Theme` gives each role a colour; text has a contrast of at least 4.5 to what is behind it, marks and frames
-at least 3 (WCAG 2.2, level AA), which a test computes. No state is shown by colour alone.
+as text. A `ColourTheme` gives each role a colour; text has a contrast of at least 4.5 to what is behind it, marks and
+frames at least 3 (WCAG 2.2, level AA), which a test computes. No state is shown by colour alone.
 """
 
 from dataclasses import dataclass
@@ -23,11 +23,11 @@ BLUE, ORANGE, GREEN, PINK, SKY, VERMILION, YELLOW, BLACK = (
 WHITE = "#FFFFFF"
 
 ThemeName = Literal["system", "light", "dark"]
-"""Theme of a window; ``system``: that of the desktop."""
+"""ColourTheme of a window; ``system``: that of the desktop."""
 
 
 @dataclass(frozen=True, slots=True)
-class Theme:
+class ColourTheme:
     """Colours by role, as ``#rrggbb``; ``on_`` names the text on a fill."""
 
     # Surfaces: the window; panels, tables and fields on it; buttons; what is selected.
@@ -75,7 +75,7 @@ class Theme:
         return self.left, self.right, self.board, self.ball
 
 
-DARK = Theme(
+DARK = ColourTheme(
     background="#11151A",
     panel="#1B2129",
     raised="#2B3541",
@@ -110,7 +110,7 @@ DARK = Theme(
 )
 """The dark theme; the participants' displays always have its colours."""
 
-LIGHT = Theme(
+LIGHT = ColourTheme(
     background=WHITE,
     panel="#F1F4F6",
     raised="#E2E7EC",

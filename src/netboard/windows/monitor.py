@@ -13,7 +13,7 @@ from PySide6.QtGui import QCloseEvent, QKeyEvent
 from PySide6.QtWidgets import QLabel, QVBoxLayout
 
 from netboard.base.errors import DeviceError
-from netboard.base.looks import Theme, ThemeName
+from netboard.base.looks import ColourTheme, ThemeName
 from netboard.devices.contract.device import Reading
 from netboard.windows.participant import window as windows
 from netboard.windows.plots import dress, share_time_axis
@@ -53,7 +53,7 @@ class MonitorWindow(StyledWindow):
         self.resize(1000, 700)
         self._timers = [self._every(READ_MS, self.take), self._every(DRAW_MS, self.redraw)]
 
-    def take_look(self, theme: Theme, base: int) -> None:
+    def take_look(self, theme: ColourTheme, base: int) -> None:
         """Take a theme and the letter height of the main text [pixels]."""
         roles = [role for _ in self._plots for _, role in AXES]
         dress(self._plots, list(zip(self._lines, roles, strict=True)), theme, base)

@@ -6,7 +6,7 @@ from typing import Any
 import pyqtgraph as pg
 from PySide6.QtGui import QFont
 
-from netboard.base.looks import FINE, Theme
+from netboard.base.looks import FINE, ColourTheme
 
 AXIS_WIDTH, AXIS_HEIGHT = 4.8, 2.7
 """Width of the vertical axes, so that the time axes align, and height of the labelled time axis, in letter heights of
@@ -16,7 +16,7 @@ LINE_LETTERS = 14
 """Letter height of the main text per pixel of a line's width [pixels]."""
 
 
-def dress(plots: Sequence[Any], lines: Sequence[tuple[Any, str]], theme: Theme, base: int) -> None:
+def dress(plots: Sequence[Any], lines: Sequence[tuple[Any, str]], theme: ColourTheme, base: int) -> None:
     """Give plots and lines their look; each line comes with its role in the theme. ``base``: letter height [pixels].
 
     The lowest plot has the values and the label of the time axis.

@@ -9,7 +9,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QGuiApplication, QResizeEvent
 from PySide6.QtWidgets import QApplication, QWidget
 
-from netboard.base.looks import DARK, FINE, HEADLINE, LIGHT, STRONG, THEMES, TITLE, Theme, ThemeName, letters
+from netboard.base.looks import DARK, FINE, HEADLINE, LIGHT, STRONG, THEMES, TITLE, ColourTheme, ThemeName, letters
 from netboard.windows.participant.window import Window
 
 CHOICE = "netboard theme"
@@ -25,7 +25,7 @@ def choose_theme(name: ThemeName) -> None:
     QApplication.instance().setProperty(CHOICE, name)  # type: ignore[union-attr]  # called after it was created
 
 
-def current_theme() -> Theme:
+def current_theme() -> ColourTheme:
     """Return the theme of this process's windows; dark where the desktop has no setting."""
     app = QApplication.instance()
     chosen = None if app is None else app.property(CHOICE)
@@ -47,7 +47,7 @@ class StyledWindow(Window):
 
     def __init__(self) -> None:
         super().__init__()
-        self._look: tuple[Theme, int] | None = None
+        self._look: tuple[ColourTheme, int] | None = None
         QGuiApplication.styleHints().colorSchemeChanged.connect(self.restyle)
 
     def restyle(self) -> None:
@@ -58,7 +58,7 @@ class StyledWindow(Window):
             self.setStyleSheet(style_sheet(*look))
             self.take_look(*look)
 
-    def take_look(self, theme: Theme, base: int) -> None:
+    def take_look(self, theme: ColourTheme, base: int) -> None:
         """Pass a new theme and size of letters [pixels] on to parts that the style sheet does not reach."""
 
     def resizeEvent(self, event: QResizeEvent) -> None:  # noqa: N802  (Qt's name)
@@ -67,7 +67,7 @@ class StyledWindow(Window):
         self.restyle()
 
 
-def style_sheet(theme: Theme, base: int) -> str:
+def style_sheet(theme: ColourTheme, base: int) -> str:
     """Return the style sheet of a theme for a letter height of the main text [pixels]."""
     pad, wide, edge = base // 3, round(0.7 * base), max(2, base // 8)
     corner = base // 3
@@ -116,7 +116,7 @@ QPushButton[fill="stop"]:focus {{ border: {2 * edge}px dashed {theme.focus}; }}
 """
 
 
-def fills_of(theme: Theme) -> dict[str, tuple[str, str]]:
+def fills_of(theme: ColourTheme) -> dict[str, tuple[str, str]]:
     """Return background and text of each fill."""
     return {
         "quiet": (theme.panel, theme.quiet),

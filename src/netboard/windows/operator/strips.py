@@ -12,7 +12,7 @@ import pyqtgraph as pg
 from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from netboard.base.config import Config
-from netboard.base.looks import Theme
+from netboard.base.looks import ColourTheme
 from netboard.base.tick import TICK_SECONDS
 from netboard.network.protocol.control import TracePoint
 from netboard.windows.plots import dress, share_time_axis
@@ -50,7 +50,7 @@ class StripCharts(QWidget):
         ]
         share_time_axis(self._plots)
 
-    def take_look(self, theme: Theme, base: int) -> None:
+    def take_look(self, theme: ColourTheme, base: int) -> None:
         """Take a theme and the letter height of the main text [pixels]."""
         dress(self._plots, [(line, line.name()) for line, _, _ in self._lines], theme, base)
 

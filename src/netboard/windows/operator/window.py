@@ -15,7 +15,7 @@ from PySide6.QtWidgets import QHBoxLayout, QLayout, QSplitter, QStackedWidget, Q
 
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES, Config
-from netboard.base.looks import GAP, Theme
+from netboard.base.looks import GAP, ColourTheme
 from netboard.base.plural import plural
 from netboard.base.tables.experiment import Block, Session
 from netboard.network.protocol.control import Status, TracePoint
@@ -103,7 +103,7 @@ class ConsoleWindow(StyledWindow):
         self.resize(1600, 900)
         self.show_state(self.state)
 
-    def take_look(self, theme: Theme, base: int) -> None:
+    def take_look(self, theme: ColourTheme, base: int) -> None:
         """Fit what the style sheet does not reach to the theme and the letter height [pixels]."""
         self.stations.setFixedWidth(round(STATIONS_WIDTH * base))
         self.alarm.setFixedHeight(round(ALARM_HEIGHT * base))
