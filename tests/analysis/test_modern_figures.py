@@ -23,7 +23,7 @@ from netboard.analysis.topics.controls import controls
 from netboard.analysis.topics.controls import picture as draw_controls
 from netboard.analysis.topics.everything import MODERN as FOUND
 from netboard.analysis.topics.everything import MODERN_FIGURES as MODERN
-from netboard.analysis.topics.figure import STYLE, TopicFigure, as_bytes
+from netboard.analysis.topics.figure import TopicFigure, as_bytes
 from netboard.analysis.topics.influence import influences
 from netboard.analysis.topics.leadership import leaders
 from netboard.analysis.topics.measures import overview
@@ -32,6 +32,7 @@ from netboard.analysis.topics.paths import mean_paths
 from netboard.analysis.topics.quality import quality as find_quality
 from netboard.analysis.topics.result import table_of
 from netboard.analysis.topics.units import read_in
+from netboard.base.looks import FIGURE_STYLE
 from netboard.base.tables.experiment import Design
 
 FORCES = ("full", "partner_only", "environment_only", "none", "unrelated")
@@ -109,7 +110,7 @@ def test_figures_are_named_after_their_modules(drawn: dict[str, TopicFigure]) ->
 @pytest.mark.parametrize("name", ["measures", "differences"])
 def test_titles_of_small_panels_are_no_wider_than_the_panel(name: str, drawn: dict[str, TopicFigure]) -> None:
     figure = figure_of(drawn[name])
-    with mpl.rc_context(STYLE):
+    with mpl.rc_context(FIGURE_STYLE):
         figure.draw_without_rendering()
         for axes in figure.axes:
             (title,) = [text for text in axes.get_children() if isinstance(text, Text) and text.get_fontsize() == 7.5]
@@ -138,7 +139,7 @@ def masses() -> StudyData:
 @pytest.mark.parametrize("draw", [delay.picture, influence.picture])
 def test_names_of_conditions_do_not_overlap(draw: Callable[[StudyData], TopicFigure], masses: StudyData) -> None:
     figure = figure_of(draw(masses))
-    with mpl.rc_context(STYLE):
+    with mpl.rc_context(FIGURE_STYLE):
         figure.draw_without_rendering()
         for axes in figure.axes:
             shown = [label for label in axes.get_xticklabels() if label.get_visible() and not label.get_rotation()]

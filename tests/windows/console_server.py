@@ -159,6 +159,9 @@ STATES: dict[str, Status] = {
 }
 """The server states that a test can select."""
 
+FIRST = ("unopened", "ready", "waiting")
+"""States before the first trial."""
+
 FATES = ("success", "success", "fell", "success", "success", "success", "timed_out", "success", "aborted", "success")
 
 
@@ -272,7 +275,7 @@ def main() -> None:
     parser.add_argument("--silent-after", type=float, default=math.inf)
     parser.add_argument("--seconds", type=float, default=60.0)
     wanted = parser.parse_args()
-    server = ConsoleServer(wanted.port, wanted.state, 0 if wanted.state in ("unopened", "ready", "waiting") else 24)
+    server = ConsoleServer(wanted.port, wanted.state, 0 if wanted.state in FIRST else 24)
     started, first, late = time.monotonic(), server.status, partial(replace, server.status)
     while (passed := time.monotonic() - started) < wanted.seconds:
         file = first.recordings[0] if first.recordings else None

@@ -115,6 +115,19 @@ KEYS = [
 ]
 
 
+def test_tab_reaches_a_button_which_enter_presses_and_space_never(console: ConsoleRig) -> None:
+    console.show("running")
+    pause = next(button for button in console.window.bar.buttons if button.command.name == "pause")
+    console.window.setFocus()
+    while not pause.hasFocus():
+        assert console.window.focusNextChild()
+    console.press("Return")
+    console.wait_for_command("pause")
+    console.press("Space")
+    console.wait_for_command(STOP)
+    assert len(console.server.commands()) - len(console.server.commands("pause")) == 1
+
+
 @pytest.mark.parametrize(("key", "name", "state"), KEYS, ids=[name for _, name, _ in KEYS])
 @pytest.mark.sampled(5)
 def test_key_sends_its_command(

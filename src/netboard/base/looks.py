@@ -40,10 +40,11 @@ class ColourTheme:
     line: str
     frame: str
     focus: str
-    # Text: the main one, a secondary one, and labels.
+    # Text: the main one, a secondary one, labels, and what leads elsewhere.
     text: str
     detail: str
     quiet: str
+    link: str
     # States as text, and as the fill of a badge or lamp.
     good: str
     watch: str
@@ -87,6 +88,7 @@ DARK = ColourTheme(
     text="#E8ECF0",
     detail="#AEB7C2",
     quiet="#9AA5B1",
+    link=SKY,
     good="#2FC79B",
     watch=ORANGE,
     bad="#FF8A47",
@@ -122,6 +124,7 @@ LIGHT = ColourTheme(
     text="#1A1A1A",
     detail="#414A54",
     quiet="#545D67",
+    link=BLUE,
     good="#006B4E",
     watch="#7F5200",
     bad="#A33F00",
@@ -165,8 +168,17 @@ def letters(height: float) -> int:
 PRINT_FINE, PRINT_SMALL, PRINT_BODY, PRINT_TITLE = 6.5, 7.0, 8.0, 8.5
 """The type scale of figures [pt]."""
 
-FAINT, PALE, GREY, DARK_GREY = "#EFEFEF", "#D9D9D9", "#808080", "#555555"
-"""Greys of figures: bands and grids; areas; lines of reference; a second hand."""
+FAINT, PALE, LIGHT_GREY, GREY, DARK_GREY = "#F3F3F3", "#D9D9D9", "#BBBBBB", "#888888", "#555555"
+"""Greys of figures: bands; areas; single dyads; lines of reference; a second hand."""
+
+RAMP = ("#A0A0A0", "#757575", "#4A4A4A", BLACK)
+"""Greys of an ordered quantity, from low to high."""
+
+MANY = (
+    *(VERMILION, BLUE, GREEN, PINK, ORANGE, SKY, BLACK),
+    *("#999999", "#17BECF", "#8C564B", "#9467BD", "#BCBD22", YELLOW),
+)
+"""Colours of many kinds, the frequent ones first; only the first seven can be told apart with any colour vision."""
 
 FIGURE_STYLE: dict[str, Any] = {
     "font.size": PRINT_BODY,

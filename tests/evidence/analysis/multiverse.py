@@ -97,7 +97,8 @@ def plot_paths(
     default: dict[str, float], paths: Sequence[dict[str, float]], singles: Sequence[dict[str, float]]
 ) -> Any:
     """Draw histograms of the headline numbers over the paths."""
-    from netboard.analysis.topics.figure import BLUE, SKY, VERMILION, new_figure
+    from netboard.analysis.topics.figure import new_figure
+    from netboard.base.looks import BLUE, SKY, VERMILION
 
     figure, axes = new_figure(3.9, columns=4, rows=2)
     for axis, (name, label, factor) in zip(axes, HEADLINES, strict=True):

@@ -12,6 +12,7 @@ import numpy as np
 
 from evidence.coupling import boundary, remedies
 from evidence.coupling.boundary import HANDS, MAPS, STIFFEST, Limit, ruled_stiffness
+from netboard.base.looks import PRINT_BODY
 from netboard.base.tables.scene import Physics
 from netboard.benchmarks.harness.results import Folder, ResultPart
 from netboard.benchmarks.harness.running import Tell
@@ -58,7 +59,10 @@ def draw_limits(found: Sequence[Limit]) -> Any:
         axis.set_title(f"coupling at {at}, {'a fixed end' if end == 'fixed' else 'the board of the paper'}")
     axes[0].set_ylabel("largest stable stiffness (N/m)")
     axes[0].legend(
-        loc="best", title="lines: theory, dots: simulated,\ndotted: Gil's rule", fontsize=8, title_fontsize=8
+        loc="best",
+        title="lines: theory, dots: simulated,\ndotted: Gil's rule",
+        fontsize=PRINT_BODY,
+        title_fontsize=PRINT_BODY,
     )
     return figure
 

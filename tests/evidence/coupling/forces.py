@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.config import SIDES, Config
+from netboard.base.looks import PRINT_BODY, PRINT_TITLE
 from netboard.base.tables import forces
 from netboard.base.tables.forces import FORCES, Force
 from netboard.base.tick import STATE, TICK_SECONDS
@@ -127,7 +128,7 @@ def draw(found: dict[Force, Rows]) -> Any:
     ball.plot(t, 1e3 * ticks["p"], color="tab:brown", linestyle="--", label="ball (right scale)")
     ball.set_ylabel("ball along the board (mm)")
     lines = [*moved.get_lines(), *ball.get_lines()]
-    moved.legend(lines, [str(line.get_label()) for line in lines], fontsize=8, loc="upper left")
+    moved.legend(lines, [str(line.get_label()) for line in lines], fontsize=PRINT_BODY, loc="upper left")
     for place, (side, axis) in enumerate(zip(SIDES, felt, strict=True)):
         for force, rows in shown.items():
             axis.plot(t, forces_of(rows)[:, place], color=_COLOURS[force], label=force, linewidth=1.4)
@@ -141,7 +142,7 @@ def draw(found: dict[Force, Rows]) -> Any:
                 t, 0, 1, where=ticks["phase"] == phase, color=colour, transform=axis.get_xaxis_transform(), zorder=0
             )
     handles, labels = felt[0].get_legend_handles_labels()
-    figure.legend(handles, labels, fontsize=9, ncols=6, loc="outside lower center", facecolor="0.85")
+    figure.legend(handles, labels, fontsize=PRINT_TITLE, ncols=6, loc="outside lower center", facecolor="0.85")
     shading = "shaded: the board is being levelled, the ball is in its target"
     moved.set_title(f"one movement, {len(CONDITIONS)} force conditions ({shading})")
     felt[-1].set_xlabel("time since the start of the block (s)")

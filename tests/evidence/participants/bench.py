@@ -22,6 +22,7 @@ from evidence.participants.paper import CONFIGURATIONS, EXTRA, STATEMENTS, Sampl
 from evidence.participants.trials import PAPER_TRIALS, SEED, Performance, Population, perform_all
 from netboard.analysis.cohort.posterior import read_posterior
 from netboard.base.config import Config
+from netboard.base.looks import PRINT_BODY
 from netboard.base.process.workers import cores
 from netboard.base.tables.simulated import Participant
 from netboard.benchmarks.harness.results import Folder, ResultPart
@@ -249,13 +250,13 @@ def draw(found: Sequence[Prediction]) -> Any:
         left.plot([low, high], [place, place], color=colour)
         left.plot(middle, place, "o", color=colour, markersize=4)
     left.axvline(1.0, color="grey", linewidth=0.8)
-    left.set_yticks(range(len(values)), [one.statement.name for one in reversed(values)], fontsize=8)
+    left.set_yticks(range(len(values)), [one.statement.name for one in reversed(values)], fontsize=PRINT_BODY)
     left.set(xlabel="model / paper: median and 95 % predictive interval", title="values (orange: adjusted to)")
     directions = [one for one in found if one.probability is not None]
     for place, one in enumerate(reversed(directions)):
         right.barh(place, one.probability, color="C1" if one.statement.adjusted else "C0")
     right.axvline(0.5, color="grey", linewidth=0.8)
-    right.set_yticks(range(len(directions)), [one.statement.name for one in reversed(directions)], fontsize=8)
+    right.set_yticks(range(len(directions)), [one.statement.name for one in reversed(directions)], fontsize=PRINT_BODY)
     right.set(xlim=(0, 1), xlabel="probability of the paper's direction", title="directions")
     return figure
 

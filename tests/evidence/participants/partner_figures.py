@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from netboard.analysis.topics.measures import Levels
+from netboard.base.looks import BLUE, PRINT_BODY, VERMILION
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-HAPTICS = {"full": ("haptics on", "#0072B2", -0.16), "none": ("haptics off", "#D55E00", 0.16)}
+HAPTICS = {"full": ("haptics on", BLUE, -0.16), "none": ("haptics off", VERMILION, 0.16)}
 """Label, colour and offset of each force condition."""
 
 PANELS = {
@@ -68,7 +69,7 @@ def draw_pairs(times: Mapping[frozenset[str], str], names: Sequence[str]) -> "Fi
     image = axis.imshow(values, cmap="viridis_r", norm=LogNorm(1.5, 15.0))
     for (row, column), value in np.ndenumerate(values):
         text = "–" if np.isnan(value) else f"{value:.1f}"
-        axis.text(column, row, text, ha="center", va="center", fontsize=8, color="w" if value > 4.5 else "k")
+        axis.text(column, row, text, ha="center", va="center", fontsize=PRINT_BODY, color="w" if value > 4.5 else "k")
     axis.set_xticks(range(len(names)), names, rotation=45, ha="right")
     axis.set_yticks(range(len(names)), names)
     bar = figure.colorbar(image, ax=axis, label="Mean completion time [s]", shrink=0.8)

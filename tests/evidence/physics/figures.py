@@ -12,6 +12,7 @@ from typing import Any
 
 from evidence.physics.reference import ERRORS
 from evidence.physics.work_precision import COSTS, OURS, PHYSICS, Row, by_problem, frontier
+from netboard.base.looks import PRINT_SMALL
 from netboard.benchmarks.harness.results import Folder
 
 _LARGEST = 1.0
@@ -64,7 +65,7 @@ def _overview(rows: Sequence[Row], problem: str) -> Any:
         ax.set_xlabel("E: largest error of any signal over the signal's largest value [1]")
         ax.set_ylabel("cost of a second of simulated time [us]")
         ax.set_title(f"{problem}: {title}")
-    axes[-1].legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    axes[-1].legend(fontsize=PRINT_SMALL, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure
 
 
@@ -75,7 +76,7 @@ def _signals(rows: Sequence[Row], problem: str) -> Any:
         ax.set_xlabel(f"largest error of {signal}")
         ax.set_ylabel("cost of a second of simulated time, physics alone [us]")
     figure.suptitle(problem)
-    axes[1].legend(fontsize=7, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    axes[1].legend(fontsize=PRINT_SMALL, loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return figure
 
 

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from netboard.base.config import Config
+from netboard.base.looks import PRINT_BODY
 from netboard.base.tick import TICK_NS, TICK_SECONDS
 from netboard.benchmarks.harness.results import Folder, ResultPart, Value
 from netboard.benchmarks.harness.running import Tell
@@ -315,7 +316,7 @@ def draw(found: ResultPart, late: ResultPart) -> Any:
         ax.set_xlabel("time [s]")
         ax.set_ylabel("error of the velocity [mm/s]")
         ax.grid(True, alpha=0.3)
-    reach.legend(loc="best", fontsize=8)
+    reach.legend(loc="best", fontsize=PRINT_BODY)
     trade.set_xscale("log")
     trade.set_title("to the left: quieter; up: more delay is left")
     trade.set_xlabel(str(found.columns[3]))

@@ -15,23 +15,12 @@ from matplotlib.figure import Figure
 
 from netboard.analysis.cohort.decisions import CohortDecision
 from netboard.analysis.cohort.power import PERMUTATION, T_TEST, Power, Role
-from netboard.analysis.topics.figure import (
-    BLACK,
-    BLUE,
-    GREEN,
-    ORANGE,
-    PINK,
-    SKY,
-    STYLE,
-    VERMILION,
-    as_bytes,
-    beside,
-    new_figure,
-)
+from netboard.analysis.topics.figure import as_bytes, beside, new_figure
 from netboard.base.config import Config
 from netboard.base.errors import writing
 from netboard.base.files.cells import CsvWriter
 from netboard.base.files.new import refuse_existing
+from netboard.base.looks import BLACK, BLUE, FIGURE_STYLE, GREEN, GREY, ORANGE, PINK, PRINT_FINE, SKY, VERMILION
 from netboard.base.plural import plural
 from netboard.base.settings import tables
 from netboard.base.tables.simulated import Participant
@@ -289,7 +278,7 @@ def _plain(row: Mapping[str, Any]) -> dict[str, Any]:
     return {name: None if isinstance(value, float) and not isfinite(value) else value for name, value in row.items()}
 
 
-@mpl.rc_context(STYLE)
+@mpl.rc_context(FIGURE_STYLE)
 def draw(found: Sequence[Power], alpha: float, assumptions: str) -> Figure:
     """Draw power (filled) and false-positive rate (hollow, dashed) against dyads, a panel for each measure.
 
@@ -317,7 +306,7 @@ def draw(found: Sequence[Power], alpha: float, assumptions: str) -> Figure:
         f"Grey: the significance level {alpha:g}, and a power of {ENOUGH:g}. Marks are shifted, so that none covers "
         "another. "
     )
-    figure.supxlabel(fill(f"{legend}{assumptions[:1].upper()}{assumptions[1:]}.", 130), fontsize=6.5)
+    figure.supxlabel(fill(f"{legend}{assumptions[:1].upper()}{assumptions[1:]}.", 130), fontsize=PRINT_FINE)
     return figure
 
 
@@ -347,7 +336,7 @@ def _lines(axes: Axes, own: Sequence[Power], which: int, name: str, shift: float
 def _frame(axes: Axes, measure: str, sizes: Sequence[int], alpha: float) -> None:
     """Set title and axes of a panel."""
     for height in (alpha, ENOUGH):
-        axes.axhline(height, color="#888888", linewidth=0.6, zorder=0)
+        axes.axhline(height, color=GREY, linewidth=0.6, zorder=0)
     axes.set_title(measure, loc="left")
     axes.set_xticks(sizes)
     axes.set_ylim(0.0, 1.02)

@@ -10,7 +10,7 @@ figures with the same marks do not share them.
 import base64
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib.resources import files
 from itertools import count
 from pathlib import Path
@@ -36,6 +36,7 @@ from netboard.analysis.topics import testing
 from netboard.analysis.topics.figure import TopicFigure, as_bytes
 from netboard.analysis.topics.primary import TOPIC
 from netboard.base.files.new import new_file
+from netboard.base.looks import DARK, LIGHT, ColourTheme
 from netboard.base.settings import SettingsTable, tables, to_toml
 
 NAME = "report.html"
@@ -79,7 +80,7 @@ def write_report(
         question=question(study, results),
         main=next((one for one in drawings if one.name == TOPIC), None),
         running=Markup(css_text(f"netboard: study {top.title}")),
-        style=Markup(files("netboard.analysis.report").joinpath("pages/report.css").read_text(encoding="utf-8")),
+        style=_style(),
         summary=summary(results, titles),
         controls=controls_section(study),
         few=few(study.counted["dyad"].nunique()),
@@ -103,6 +104,18 @@ def write_report(
         path.parent.mkdir(parents=True, exist_ok=True)
         part.write_text(page, encoding="utf-8", newline="\n")
     return path
+
+
+def _style() -> Markup:
+    """Return the style sheet: colours as on the reader's desktop, on paper always light; figures stay on white."""
+    sheet = files("netboard.analysis.report").joinpath("pages/report.css").read_text(encoding="utf-8")
+    dark = f"@media screen and (prefers-color-scheme: dark) {{ :root {{ {_roles(DARK)} }} }}"
+    return Markup(f":root {{ color-scheme: light dark; {_roles(LIGHT)} }}\n{dark}\n{sheet}")
+
+
+def _roles(theme: ColourTheme) -> str:
+    """Return the colours of a theme as CSS variables, named after their roles."""
+    return " ".join(f"--{role.replace('_', '-')}: {colour};" for role, colour in asdict(theme).items())
 
 
 def _template() -> Any:

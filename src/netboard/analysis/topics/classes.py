@@ -42,6 +42,7 @@ from netboard.analysis.topics.groups import (
 from netboard.analysis.topics.measures import places
 from netboard.analysis.topics.result import Result, TopicResults
 from netboard.analysis.topics.units import PERCENT
+from netboard.base.looks import PRINT_SMALL
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -163,11 +164,11 @@ def _bars(axes: "Axes", found: list[Shares]) -> None:
             label = f"_{one.condition.name}: {name}"
             axes.barh(row, share, 0.72, begin, color=CLASS_COLOURS[name], edgecolor="white", linewidth=0.6, label=label)
             if share >= _READABLE:
-                axes.text(begin + share / 2, row, f"{share:.0f}", ha="center", va="center", fontsize=7.5)
+                axes.text(begin + share / 2, row, f"{share:.0f}", ha="center", va="center", fontsize=PRINT_SMALL)
             begin += share
     shares = PERCENT.scale * np.array([found[-1].means[CLASSES.index(name)].value for name in STACK])
     for name, middle in zip(STACK, apart(list(np.cumsum(shares) - shares / 2), _NAME), strict=True):
-        axes.text(middle, len(found) - 0.55, name, ha="center", va="top", fontsize=7.5)
+        axes.text(middle, len(found) - 0.55, name, ha="center", va="top", fontsize=PRINT_SMALL)
     axes.set_yticks(range(len(found)), [one.condition.label for one in found])
     axes.set_ylim(len(found) + 0.05, -0.5)
     axes.set_xlim(0.0, PERCENT.scale)
@@ -193,15 +194,15 @@ def _dots(axes: "Axes", found: list[Shares], name: str) -> None:
 def _named(axes: "Axes", found: list[Shares], at: dict[str, float]) -> None:
     """Label the axis with haptic conditions, and the teams below them."""
     if _crowded(found):
-        axes.set_xticks(list(at.values()), [one.condition.label for one in found], fontsize=7, rotation=90)
+        axes.set_xticks(list(at.values()), [one.condition.label for one in found], fontsize=PRINT_SMALL, rotation=90)
         return
     short = [one.condition.haptics.removeprefix("haptics ") for one in found]
-    axes.set_xticks(list(at.values()), short, fontsize=7)
+    axes.set_xticks(list(at.values()), short, fontsize=PRINT_SMALL)
     teams = dict.fromkeys(one.condition.team for one in found)
     middles = [
         float(np.mean([at[one.condition.name] for one in found if one.condition.team == team])) for team in teams
     ]
-    axes.set_xticks(middles, [team.replace(", ", "\n") for team in teams], minor=True, fontsize=7)
+    axes.set_xticks(middles, [team.replace(", ", "\n") for team in teams], minor=True, fontsize=PRINT_SMALL)
     axes.tick_params(axis="x", which="minor", length=0, pad=16)
 
 

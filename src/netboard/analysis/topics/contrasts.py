@@ -22,7 +22,6 @@ from netboard.analysis.statistics.estimates import Estimate, mean_interval
 from netboard.analysis.statistics.exact_tests import SYMMETRIC
 from netboard.analysis.topics.figure import (
     BAND,
-    BLACK,
     NO_EFFECT,
     Drawn,
     Look,
@@ -47,6 +46,7 @@ from netboard.analysis.topics.groups import (
 )
 from netboard.analysis.topics.measures import Measure, exponential, levels_of_performers, measures_of
 from netboard.analysis.topics.result import Result, TopicResults, cached, plain
+from netboard.base.looks import BLACK, PRINT_FINE, PRINT_SMALL
 from netboard.base.plural import plural
 
 if TYPE_CHECKING:
@@ -282,15 +282,15 @@ def _panel(
             axes, at, one.hedges, looks[one.question.name], f"{one.measure.name}: {one.question.name}", across=True
         )
         p = f"{one.contrast.permutation.p:.3g}"
-        axes.text(1.02, at, p, transform=axes.get_yaxis_transform(), va="center", fontsize=5.5)
-    axes.text(1.02, -0.75, "p", transform=axes.get_yaxis_transform(), va="center", fontsize=6.5, style="italic")
-    axes.set_yticks(range(len(names)), names, fontsize=7)
+        axes.text(1.02, at, p, transform=axes.get_yaxis_transform(), va="center", fontsize=PRINT_FINE)
+    axes.text(1.02, -0.75, "p", transform=axes.get_yaxis_transform(), va="center", fontsize=PRINT_FINE, style="italic")
+    axes.set_yticks(range(len(names)), names, fontsize=PRINT_SMALL)
     axes.tick_params(axis="y", length=0)
     axes.set_ylim(len(names) - 0.5, -0.5)
     axes.set_xscale("asinh", linear_width=1.0)
     axes.set_xlim(-reach, reach)
     ticks = [tick for tick in TICKS if abs(tick) <= reach]
-    axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks], fontsize=6.5)
+    axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks], fontsize=PRINT_FINE)
     axes.set_xticks([], minor=True)
     axes.set_xlabel("effect size g_z [1]")
     if len(questions) > 1:
@@ -299,7 +299,9 @@ def _panel(
 
 def _legend(axes: "Axes", questions: Sequence[Question], looks: dict[str, Look], height: float) -> None:
     marks, names = handles([looks[one.name] for one in questions]), [_short(one) for one in questions]
-    axes.legend(marks, names, loc="upper center", bbox_to_anchor=(0.5, -0.6 / height), fontsize=6.5, handletextpad=0.2)
+    axes.legend(
+        marks, names, loc="upper center", bbox_to_anchor=(0.5, -0.6 / height), fontsize=PRINT_FINE, handletextpad=0.2
+    )
 
 
 def _short(question: Question) -> str:

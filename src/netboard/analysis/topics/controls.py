@@ -44,6 +44,7 @@ from netboard.analysis.topics.measures import (
 )
 from netboard.analysis.topics.result import Result, TopicResults, cached, plain
 from netboard.analysis.topics.units import read_in
+from netboard.base.looks import PRINT_FINE, PRINT_SMALL
 from netboard.base.plural import noun
 from netboard.base.tables.forces import CONDITIONS
 
@@ -366,9 +367,9 @@ def _panel(axes: "Axes", found: Sequence[ControlledEffect], felt: Sequence[Condi
                 for row, mean in rows or [(ROWS.index(each.name), each.predicted)]:
                     label = f"{one.group}, {ROWS[row]}, {each.arm.name}"
                     draw_mean(axes, row + at, mean, mark, label, scale=unit.scale, across=True)
-    axes.set_title(measure.name, loc="left", fontsize=7.5)
-    axes.set_xlabel(f"difference {unit.in_brackets}", fontsize=7)
-    axes.set_yticks(range(len(ROWS)), ROWS if labelled else [""] * len(ROWS), fontsize=6.5)
+    axes.set_title(measure.name, loc="left", fontsize=PRINT_SMALL)
+    axes.set_xlabel(f"difference {unit.in_brackets}", fontsize=PRINT_SMALL)
+    axes.set_yticks(range(len(ROWS)), ROWS if labelled else [""] * len(ROWS), fontsize=PRINT_FINE)
     axes.set_ylim(len(ROWS) - 0.5, -0.5)
     axes.tick_params(axis="x", labelsize=6.5)
     axes.tick_params(axis="y", length=0)

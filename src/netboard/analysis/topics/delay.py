@@ -47,6 +47,7 @@ from netboard.analysis.topics.groups import (
 )
 from netboard.analysis.topics.measures import rows_of
 from netboard.analysis.topics.result import Result, TopicResults, plain
+from netboard.base.looks import GREY, PALE, PRINT_FINE, PRINT_SMALL, RAMP
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -208,7 +209,7 @@ _BESIDE = 0.09
 _FEW = 4
 """Largest number of conditions with panels side by side."""
 
-_GREYS = ("#A0A0A0", "#757575", "#4A4A4A", "#000000")
+_GREYS = RAMP
 
 
 @pictured("Delay between the sides")
@@ -259,13 +260,13 @@ def _panel(axes: "Axes", shown: list[ConditionDelay], delays: Callable[[Conditio
             draw_mean(axes, place + offset, mean, Look(grey, look.marker, face, look.line), label, scale=_MS)
     names = [in_lines(one.condition) for one in shown]
     if len(shown) <= _FEW and fit_beside(names):
-        axes.set_xticks(range(len(shown)), names, fontsize=7.5)
+        axes.set_xticks(range(len(shown)), names, fontsize=PRINT_SMALL)
     else:
-        axes.set_xticks(range(len(shown)), [one.condition.label for one in shown], fontsize=7.5, rotation=90)
+        axes.set_xticks(range(len(shown)), [one.condition.label for one in shown], fontsize=PRINT_SMALL, rotation=90)
     axes.set_xlim(-0.5, len(shown) - 0.5)
     axes.set_ylabel("delay [ms]")
     if axes.get_ylim()[0] < 0.0:
-        axes.axhline(0.0, color="#888888", linewidth=0.8, zorder=0)
+        axes.axhline(0.0, color=GREY, linewidth=0.8, zorder=0)
     else:
         axes.set_ylim(bottom=0.0)
 
@@ -283,7 +284,7 @@ def _deviations(axes: "Axes", shown: list[ConditionDelay]) -> None:
                     2 * _MS * spread.value,
                     0.13,
                     _MS * (mean.value - spread.value),
-                    color="#E4E4E4",
+                    color=PALE,
                     zorder=0,
                     label=f"_{one.condition.name}, {q} %, SD",
                 )
@@ -293,7 +294,7 @@ def _portions(axes: "Axes", count: int) -> None:
     """Label the axis with the fractions."""
     ticks = [place + offset for place in range(count) for offset in beside(len(THRESHOLDS), _WIDTH)]
     names = [f"{q}" if k else f"{q} %" for _ in range(count) for k, q in enumerate(THRESHOLDS)]
-    axes.set_xticks(ticks, names, minor=True, fontsize=6.5)
+    axes.set_xticks(ticks, names, minor=True, fontsize=PRINT_FINE)
     axes.tick_params(axis="x", which="minor", length=2, pad=1)
     axes.tick_params(axis="x", which="major", length=0, pad=11)
 

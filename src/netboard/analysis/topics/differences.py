@@ -14,6 +14,7 @@ from netboard.analysis.topics.figure import NO_EFFECT, Drawn, Look, draw_dyads, 
 from netboard.analysis.topics.groups import interval_text
 from netboard.analysis.topics.measures import COLUMNS, grid
 from netboard.analysis.topics.units import read_in
+from netboard.base.looks import PRINT_SMALL
 from netboard.base.plural import noun
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ def picture(study: StudyData) -> Drawn:
         loc="outside upper center",
         ncols=2,
         handletextpad=0.2,
-        fontsize=7,
+        fontsize=PRINT_SMALL,
     )
     return figure, _caption(found)
 
@@ -63,10 +64,10 @@ def _panel(
         each = np.exp(each) if measure.ratio else unit.scale * each
         draw_dyads(axes, np.full(len(each), at + 0.22), each, look.colour, f"{one.question.name}, dyads")
         draw_mean(axes, at, one.difference, look, one.question.name, scale=unit.scale)
-    axes.set_title(measure.name, loc="left", fontsize=7.5)
-    axes.set_ylabel(f"{'ratio' if measure.ratio else 'difference'} {unit.in_brackets}", fontsize=7)
+    axes.set_title(measure.name, loc="left", fontsize=PRINT_SMALL)
+    axes.set_ylabel(f"{'ratio' if measure.ratio else 'difference'} {unit.in_brackets}", fontsize=PRINT_SMALL)
     axes.tick_params(axis="y", labelsize=6.5)
-    axes.set_xticks(range(len(questions)), list(_LETTERS[: len(questions)]), fontsize=7)
+    axes.set_xticks(range(len(questions)), list(_LETTERS[: len(questions)]), fontsize=PRINT_SMALL)
     axes.set_xlim(-0.6, len(questions) - 0.4)
 
 

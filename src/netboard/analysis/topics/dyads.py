@@ -23,13 +23,7 @@ from netboard.analysis.measures.performance import (
 from netboard.analysis.statistics.estimates import Estimate
 from netboard.analysis.statistics.exact_tests import Test, sign_test
 from netboard.analysis.topics.figure import (
-    BLACK,
-    GREEN,
     NO_EFFECT,
-    ORANGE,
-    PINK,
-    SKY,
-    YELLOW,
     Drawn,
     Look,
     draw_dyads,
@@ -51,6 +45,7 @@ from netboard.analysis.topics.groups import (
     interval_text,
 )
 from netboard.analysis.topics.result import Result, TopicResults, plain
+from netboard.base.looks import BLACK, FAINT, GREEN, ORANGE, PINK, PRINT_SMALL, SKY, YELLOW
 from netboard.base.plural import plural
 from netboard.base.tables.forces import FORCES
 
@@ -183,9 +178,11 @@ def _plane(axes: "Axes", found: list[DyadComparison]) -> None:
         for value in (point.relative.against_partner, point.relative.of_dyad)
     ]
     reach = 1.15 * max([1e-3, *map(abs, every)])
-    axes.fill_between([-reach, reach], [-reach, reach], -reach, color="#EEEEEE", zorder=0, linewidth=0.0)
+    axes.fill_between([-reach, reach], [-reach, reach], -reach, color=FAINT, zorder=0, linewidth=0.0)
     axes.plot([-reach, reach], [-reach, reach], **NO_EFFECT, label="_diagonal")
-    axes.text(0.97 * reach, -0.97 * reach, "dyad better\nthan the mean of both", ha="right", va="bottom", fontsize=7)
+    axes.text(
+        0.97 * reach, -0.97 * reach, "dyad better\nthan the mean of both", ha="right", va="bottom", fontsize=PRINT_SMALL
+    )
     for one in found:
         look = _look(one)
         for first, second in zip(one.points[::2], one.points[1::2], strict=True):

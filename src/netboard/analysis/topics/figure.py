@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 from netboard.analysis.extraction.study import StudyData
 from netboard.analysis.statistics.estimates import Estimate
 from netboard.analysis.topics.groups import Condition, bounded, simulated, teams
+from netboard.base.looks import BLACK, BLUE, FAINT, FIGURE_STYLE, GREEN, GREY, ORANGE, PALE, PINK, SKY, VERMILION
 from netboard.base.plural import noun, plural
 from netboard.base.tables.forces import FORCES
 
@@ -36,48 +37,20 @@ WIDTH = 7.0
 DPI = 200
 """Resolution of PNG files."""
 
-BLUE, ORANGE, GREEN, PINK, SKY, VERMILION, YELLOW, BLACK = (
-    "#0072B2",
-    "#E69F00",
-    "#009E73",
-    "#CC79A7",
-    "#56B4E9",
-    "#D55E00",
-    "#F0E442",
-    "#000000",
-)
-"""Colours of Okabe and Ito, distinguishable with any colour vision."""
-
 COLOURS = {"bimanual": BLUE, "dyadic": VERMILION}
 """Colour of each configuration, in all figures."""
 
-CLASS_COLOURS = {"cooperative": GREEN, "competitive": VERMILION, "single": ORANGE, "still": "#D9D9D9"}
+CLASS_COLOURS = {"cooperative": GREEN, "competitive": VERMILION, "single": ORANGE, "still": PALE}
 """Colour of each movement class, in all figures."""
 
 STACK = ("cooperative", "single", "competitive", "still")
 """Order of the classes in stacks; dark and light ones alternate, so that neighbours also differ in grey."""
 
-NO_EFFECT: Any = {"color": "#888888", "linewidth": 0.8, "zorder": 1}
+NO_EFFECT: Any = {"color": GREY, "linewidth": 0.8, "zorder": 1}
 """Style of the line at the value of no effect."""
 
-BAND = "#F3F3F3"
+BAND = FAINT
 """Colour of every second row of a panel with many rows."""
-
-STYLE: Any = {
-    "font.size": 8.0,
-    "axes.titlesize": 8.5,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.linewidth": 0.6,
-    "lines.linewidth": 1.2,
-    "legend.frameon": False,
-    "legend.fontsize": 7.5,
-    "svg.fonttype": "none",
-    "svg.hashsalt": "netboard",
-    "pdf.fonttype": 42,
-    "figure.constrained_layout.use": True,
-}
-"""Differences from matplotlib's defaults."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +78,7 @@ def _in_words(title: str, caption: str) -> "Figure":
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
-    with mpl.rc_context(STYLE):
+    with mpl.rc_context(FIGURE_STYLE):
         figure = Figure(figsize=(WIDTH, 1.2))
         figure.text(0.02, 0.95, title, va="top", weight="bold")
         figure.text(0.02, 0.72, fill(caption, 110), va="top")
@@ -117,7 +90,7 @@ def new_figure(height: float, columns: int = 1, rows: int = 1) -> "tuple[Figure,
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
-    with mpl.rc_context(STYLE):
+    with mpl.rc_context(FIGURE_STYLE):
         figure = Figure(figsize=(WIDTH, height))
         axes = figure.subplots(rows, columns, squeeze=False)
     return figure, list(axes.ravel())
@@ -133,7 +106,7 @@ def as_bytes(figure: "Figure", kind: str) -> bytes:
 
     files = _written.setdefault(figure, {})
     if not files:  # the layout is computed once, for all kinds
-        with mpl.rc_context(STYLE):
+        with mpl.rc_context(FIGURE_STYLE):
             figure.draw_without_rendering()
             figure.set_layout_engine("none")
     if kind not in files:
@@ -145,7 +118,7 @@ def _file(figure: "Figure", kind: str) -> bytes:
     import matplotlib as mpl
 
     undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {"Software": None}}
-    with mpl.rc_context(STYLE), BytesIO() as file:
+    with mpl.rc_context(FIGURE_STYLE), BytesIO() as file:
         figure.savefig(file, format=kind, dpi=DPI, metadata=undated[kind])
         return file.getvalue()
 
@@ -250,7 +223,7 @@ def pictured(
             shown, pooling = (study, "") if whole else bounded(study)
             chosen = _TEAMS.set(_colours(shown))
             try:
-                with mpl.rc_context(STYLE):
+                with mpl.rc_context(FIGURE_STYLE):
                     drawn = draw(shown)
             finally:
                 _TEAMS.reset(chosen)

@@ -26,6 +26,7 @@ from netboard.analysis.topics.figure import Drawn, fit_beside, look_of, new_mosa
 from netboard.analysis.topics.groups import Condition, conditions
 from netboard.analysis.topics.paths import joined
 from netboard.analysis.topics.result import Result, TopicResults, cached, plain
+from netboard.base.looks import GREY, PRINT_SMALL
 from netboard.base.plural import plural
 
 if TYPE_CHECKING:
@@ -166,7 +167,7 @@ def picture(study: StudyData) -> Drawn:
     for place, one in enumerate(found):
         _column(axes["all"], place, one)
     names = [f"{one.condition.haptics_label}\n{one.direction}" for one in found]
-    axes["all"].set_xticks(range(len(found)), names, fontsize=7)
+    axes["all"].set_xticks(range(len(found)), names, fontsize=PRINT_SMALL)
     if len(found) > FEW or not fit_beside(names):
         for label in axes["all"].get_xticklabels():
             label.set(rotation=35, ha="right", rotation_mode="anchor")
@@ -209,11 +210,18 @@ def _column(axes: "Axes", place: int, one: Influence) -> None:
             linestyle="none",
             marker="_",
             markersize=12,
-            color="#777777",
+            color=GREY,
             alpha=0.7,
             label="mean of a pairing of surrogate dyads" if named else f"_{name}, surrogates",
         )
-        axes.text(place, 1.0, f"p = {one.chance.p:.2g}", transform=axes.get_xaxis_transform(), ha="center", fontsize=7)
+        axes.text(
+            place,
+            1.0,
+            f"p = {one.chance.p:.2g}",
+            transform=axes.get_xaxis_transform(),
+            ha="center",
+            fontsize=PRINT_SMALL,
+        )
 
 
 def _caption(found: list[Influence]) -> str:

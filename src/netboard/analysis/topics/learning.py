@@ -25,7 +25,6 @@ from netboard.analysis.measures.performance import (
 )
 from netboard.analysis.statistics.estimates import Estimate
 from netboard.analysis.topics.figure import (
-    BLACK,
     CLASS_COLOURS,
     STACK,
     Drawn,
@@ -55,6 +54,7 @@ from netboard.analysis.topics.groups import (
     windows_of,
 )
 from netboard.analysis.topics.result import Result, TopicResults
+from netboard.base.looks import BLACK, PRINT_SMALL
 from netboard.base.plural import plural
 
 if TYPE_CHECKING:
@@ -233,7 +233,7 @@ def picture(study: StudyData) -> Drawn:
         for one in teams:
             own = axes[f"{kind} {one.team}"]
             if not np.isfinite(one.courses[row].curve.mean).any():
-                own.text(0.5, 0.5, "no trial has a value", transform=own.transAxes, ha="center", fontsize=7.5)
+                own.text(0.5, 0.5, "no trial has a value", transform=own.transAxes, ha="center", fontsize=PRINT_SMALL)
             _draw_course(own, one.courses[row], one.team)
             _ends(own, one.courses[row], windows.ends, top, narrow)
             own.set_ylim(0.0, room * top)
@@ -296,7 +296,7 @@ def _ends(axes: "Axes", course: Course, count: int, top: float, narrow: bool) ->
         deviation = f" ± {spread.deviation:.2f}" if np.isfinite(spread.deviation) else ""
         unit = f" {course.quantity.unit}" if course.quantity.unit != "1" else ""
         height = (1.2 if narrow and side == "right" else 1.09) * top
-        axes.text(edge, height, f"{spread.mean:.2f}{deviation}{unit}", ha=side, va="bottom", fontsize=7.5)
+        axes.text(edge, height, f"{spread.mean:.2f}{deviation}{unit}", ha=side, va="bottom", fontsize=PRINT_SMALL)
 
 
 def _names(axes: "Axes", one: TeamLearning, aside: float) -> None:
@@ -311,7 +311,7 @@ def _names(axes: "Axes", one: TeamLearning, aside: float) -> None:
     to_right = axes.get_yaxis_transform()
     for name, place in zip(STACK, places, strict=True):
         axes.plot([1 + aside], [place], "s", color=CLASS_COLOURS[name], transform=to_right, clip_on=False, markersize=5)
-        axes.text(1 + 2 * aside, place, name, transform=to_right, va="center", fontsize=7.5)
+        axes.text(1 + 2 * aside, place, name, transform=to_right, va="center", fontsize=PRINT_SMALL)
 
 
 def _top(course: Course) -> float:

@@ -34,6 +34,7 @@ from netboard.analysis.topics.groups import CLASSES, Condition, conditions, coun
 from netboard.analysis.topics.result import Result, TopicResults, cached
 from netboard.analysis.topics.units import read_in
 from netboard.base.config import SIDES
+from netboard.base.looks import PRINT_SMALL
 from netboard.base.tables.declared import require
 from netboard.base.tables.outcomes import OUTCOMES
 
@@ -399,8 +400,8 @@ def _panel(axes: "Axes", found: Sequence[Levels], at: dict[str, float]) -> None:
     axes.margins(y=0.08)
     if measure.within == "share":
         _widen(axes, NARROWEST * unit.scale)
-    axes.set_title(fill(measure.name, _TITLE), loc="left", fontsize=7.5)
-    axes.set_ylabel(unit.in_brackets, fontsize=7)
+    axes.set_title(fill(measure.name, _TITLE), loc="left", fontsize=PRINT_SMALL)
+    axes.set_ylabel(unit.in_brackets, fontsize=PRINT_SMALL)
     axes.tick_params(axis="y", labelsize=6.5)
     axes.set_xlim(-0.6, max(at.values()) + 0.6)
     axes.set_xticks([])

@@ -21,10 +21,7 @@ from netboard.analysis.statistics.factors import INTERCEPT, PRACTICE, FixedFacto
 from netboard.analysis.statistics.models import count_model, log_time_model, share_model
 from netboard.analysis.statistics.random_effects import NORMAL_EFFECTS
 from netboard.analysis.topics.figure import (
-    BLACK,
     NO_EFFECT,
-    ORANGE,
-    SKY,
     Drawn,
     Look,
     beside,
@@ -37,6 +34,7 @@ from netboard.analysis.topics.figure import (
 from netboard.analysis.topics.groups import FORCE_LABELS, haptics_of, interval_text
 from netboard.analysis.topics.measures import rows_of
 from netboard.analysis.topics.result import Result, cached, cautioned, plain
+from netboard.base.looks import BLACK, GREY, ORANGE, PRINT_FINE, PRINT_SMALL, SKY
 from netboard.base.plural import plural
 
 if TYPE_CHECKING:
@@ -246,17 +244,19 @@ def _terms(axes: "Axes", found: Sequence[ModelFit]) -> None:
             if name in effects:
                 _ratio(axes, place + offset, effects[name].ratio, look, f"{fit.measure}: {name}")
             else:
-                axes.text(1.0, place + offset, " cannot be estimated", va="center", fontsize=6, color=look.colour)
+                axes.text(
+                    1.0, place + offset, " cannot be estimated", va="center", fontsize=PRINT_FINE, color=look.colour
+                )
         label = cautioned(f"{fit.measure}, {fit.ratio}", fit.model.caution)
         axes.plot([], [], linestyle="none", marker=look.marker, color=look.colour, label=label)
     for fit in found:
         if fit not in shown:
             axes.plot([], [], linestyle="none", label=f"{fit.measure}, {fit.ratio}: cannot be estimated")
     _ratio_axis(axes)
-    axes.set_yticks(range(len(names)), names, fontsize=7)
+    axes.set_yticks(range(len(names)), names, fontsize=PRINT_SMALL)
     axes.set_ylim(len(names) - 0.5, -0.5)
     axes.set_xlabel("ratio [1]")
-    axes.legend(loc="upper center", bbox_to_anchor=(0.4, -0.14), ncols=1, fontsize=7)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.4, -0.14), ncols=1, fontsize=PRINT_SMALL)
 
 
 def _ratio(axes: "Axes", at: float, ratio: Estimate, look: Look, label: str) -> None:
@@ -289,7 +289,7 @@ def _residuals(axes: "Axes", fit: ModelFit) -> None:
     if found is None:
         return
     ends = [float(found.quantiles[0]), float(found.quantiles[-1])]
-    axes.plot(ends, ends, color="#888888", linewidth=0.8, label="_normal")
+    axes.plot(ends, ends, color=GREY, linewidth=0.8, label="_normal")
     axes.plot(
         found.quantiles,
         found.residuals,

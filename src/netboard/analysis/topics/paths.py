@@ -18,10 +18,11 @@ from netboard.analysis.extraction.study import StudyData
 from netboard.analysis.extraction.tables import ATTEMPT_KEY
 from netboard.analysis.extraction.trials import RATE
 from netboard.analysis.statistics.estimates import t_interval
-from netboard.analysis.topics.figure import BLACK, Drawn, due_count, look_of, new_mosaic, pictured, titled
+from netboard.analysis.topics.figure import Drawn, due_count, look_of, new_mosaic, pictured, titled
 from netboard.analysis.topics.groups import Condition, conditions, estimated
 from netboard.analysis.topics.result import Result, TopicResults, cached
 from netboard.analysis.topics.units import read_in
+from netboard.base.looks import BLACK, DARK_GREY, LIGHT_GREY
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -132,7 +133,7 @@ COLUMNS = 4
 """Conditions in a row [1]."""
 
 _STYLES: dict[str, Literal["-", "--"]] = {"near": "-", "far": "--"}
-_HANDS = {"near": BLACK, "far": "#555555"}
+_HANDS = {"near": BLACK, "far": DARK_GREY}
 _LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 
 
@@ -186,8 +187,8 @@ def _draw_path(axes: "Axes", one: MeanPath) -> None:
     """Draw a quantity: each dyad, their mean, and the band of the trials."""
     look, scale = look_of(one.condition), read_in("m").scale
     name = f"{one.condition.name}, {one.quantity}"
-    colour = "#555555" if one.quantity == "far" else look.colour
-    axes.axhline(0.0, color="#BBBBBB", linewidth=0.6, zorder=0)
+    colour = DARK_GREY if one.quantity == "far" else look.colour
+    axes.axhline(0.0, color=LIGHT_GREY, linewidth=0.6, zorder=0)
     axes.fill_between(
         one.time, scale * one.low, scale * one.high, color=colour, alpha=0.16, linewidth=0.0, label=f"_{name}, trials"
     )

@@ -25,7 +25,6 @@ from netboard.analysis.topics.declared import (
     declared_analysis,
 )
 from netboard.analysis.topics.figure import (
-    BLACK,
     MORE,
     NO_EFFECT,
     Drawn,
@@ -41,6 +40,7 @@ from netboard.analysis.topics.groups import estimated, interval_text
 from netboard.analysis.topics.measures import MEASURES, draw_levels, legend, levels_of, places
 from netboard.analysis.topics.result import Result, cached, cautioned, plain
 from netboard.analysis.topics.units import read_in
+from netboard.base.looks import BLACK, PRINT_SMALL
 from netboard.base.plural import plural
 from netboard.base.tables.outcomes import Method
 
@@ -214,7 +214,7 @@ def _effects(axes: "Axes", outcome: Outcome) -> None:
             draw_dyads(axes, scores, np.full(len(scores), row + 0.2), BLACK, f"{effect.name}, dyads")
     breaks = {1: (": ", ":\n"), 2: (" x ", "\nx ")}
     names = [effect.name.replace(*breaks[len(effect.factors)]) for effect in outcome.effects]
-    axes.set_yticks(range(len(names)), names, fontsize=7)
+    axes.set_yticks(range(len(names)), names, fontsize=PRINT_SMALL)
     axes.set_ylim(len(names) - 0.5, -0.5)
     if ratio:
         axes.set_xscale("log")

@@ -16,6 +16,7 @@ from netboard.analysis.topics.figure import Drawn, look_of, new_mosaic, pictured
 from netboard.analysis.topics.groups import block_labels, estimated, excluded, of_blocks
 from netboard.analysis.topics.measures import exponential, legend
 from netboard.analysis.topics.result import Result, plain
+from netboard.base.looks import LIGHT_GREY, PRINT_FINE, PRINT_SMALL
 from netboard.base.plural import plural
 
 if TYPE_CHECKING:
@@ -140,14 +141,16 @@ def _counts(axes: "Axes", found: StudyQuality, column: str) -> None:
     most = max(float(np.nanmax(values)), 1.0)
     axes.imshow(values, cmap="Blues", vmin=0.0, vmax=1.6 * most, aspect="auto", label=f"_{column}")
     if not np.nansum(values):
-        axes.text(0.5, 0.5, "none", transform=axes.transAxes, ha="center", va="center", fontsize=7.5)
+        axes.text(0.5, 0.5, "none", transform=axes.transAxes, ha="center", va="center", fontsize=PRINT_SMALL)
     if len(table) <= _READABLE:
         for row, column_number in zip(*np.nonzero(np.nan_to_num(values)), strict=True):
-            axes.text(column_number, row, f"{values[row, column_number]:.0f}", ha="center", va="center", fontsize=6.5)
+            axes.text(
+                column_number, row, f"{values[row, column_number]:.0f}", ha="center", va="center", fontsize=PRINT_FINE
+            )
     every = -(-len(table) // _READABLE)
-    axes.set_yticks(range(0, len(table), every), table.index[::every], fontsize=7)
+    axes.set_yticks(range(0, len(table), every), table.index[::every], fontsize=PRINT_SMALL)
     step = _step(table.shape[1])
-    axes.set_xticks(range(0, table.shape[1], step), table.columns[::step], fontsize=7)
+    axes.set_xticks(range(0, table.shape[1], step), table.columns[::step], fontsize=PRINT_SMALL)
     axes.set_xlabel("block of the plan [1]")
     axes.set_ylabel("dyad")
 
@@ -160,7 +163,7 @@ def _step(blocks: int) -> int:
 def _times(axes: "Axes", found: StudyQuality, study: StudyData) -> None:
     """Draw the geometric mean of each block, joined within a dyad."""
     for dyad, own in found.blocks.groupby("dyad"):
-        axes.plot(own["block"], own["time"], color="#BBBBBB", linewidth=0.6, zorder=1, label=f"_{dyad}")
+        axes.plot(own["block"], own["time"], color=LIGHT_GREY, linewidth=0.6, zorder=1, label=f"_{dyad}")
     for condition in of_blocks(study):
         look = look_of(condition)
         own = found.blocks[found.blocks["condition"] == condition.label]

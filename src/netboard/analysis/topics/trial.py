@@ -18,21 +18,11 @@ from netboard.analysis.extraction.trials import RATE, AttemptData
 from netboard.analysis.measures.cooperation import SEARCH_BACK
 from netboard.analysis.measures.movements import Movement
 from netboard.analysis.measures.signals import derivative, runs
-from netboard.analysis.topics.figure import (
-    BLACK,
-    BLUE,
-    CLASS_COLOURS,
-    GREEN,
-    ORANGE,
-    STYLE,
-    VERMILION,
-    TopicFigure,
-    new_figure,
-)
+from netboard.analysis.topics.figure import CLASS_COLOURS, TopicFigure, new_figure
 from netboard.base.config import SIDES
+from netboard.base.looks import BLACK, BLUE, FIGURE_STYLE, GREEN, GREY, ORANGE, PRINT_SMALL, PRINT_TITLE, VERMILION
 
 MM, DEG = 1e3, float(np.degrees(1.0))
-GREY = "#999999"
 HANDS = {"left": BLUE, "right": VERMILION}
 _STYLES = {"left": "-", "right": "--"}
 _KINDS = {
@@ -107,7 +97,7 @@ def draw_classes(axes: Axes, take: AttemptData) -> str:
         axes.broken_barh(spans, strip, color=colour, lw=0, label=name)
         texts.append(f"{name} {own.mean():.0%}" if own.size else f"{name} unknown")
     axes.set_ylabel("styluses [mm/s]")
-    axes.legend(loc="upper right", ncols=6, fontsize=7)
+    axes.legend(loc="upper right", ncols=6, fontsize=PRINT_SMALL)
     return ", ".join(texts) + f" of the time; lines: {limit:g} mm/s"
 
 
@@ -172,7 +162,7 @@ def draw_braking(axes: Axes, take: AttemptData) -> str:
                 xycoords=("data", "axes fraction"),
                 textcoords="offset points",
                 color=colour,
-                fontsize=7,
+                fontsize=PRINT_SMALL,
                 va="top",
             )
     if not np.isfinite(found.onset):
@@ -194,7 +184,7 @@ PANELS: dict[str, tuple[str, Callable[[Axes, AttemptData], str]]] = {
 """Parts of the sheet by name: title and drawing function."""
 
 
-@mpl.rc_context(STYLE)
+@mpl.rc_context(FIGURE_STYLE)
 def panel(take: AttemptData, name: str) -> Figure:
     """Draw one part as a figure of its own."""
     figure, (axes,) = new_figure(2.0)
@@ -202,14 +192,14 @@ def panel(take: AttemptData, name: str) -> Figure:
     return figure
 
 
-@mpl.rc_context(STYLE)
+@mpl.rc_context(FIGURE_STYLE)
 def sheet(take: AttemptData) -> TopicFigure:
     """Draw all parts on one sheet."""
     figure, places = new_figure(1.75 * len(PANELS), rows=len(PANELS))
     for axes, name in zip(places, PANELS, strict=True):
         _draw(axes, take, name)
     where = f"trial {take.attempt.trial}, attempt {take.attempt.attempt}"
-    figure.suptitle(f"{where}: {take.attempt.outcome}", fontsize=9)
+    figure.suptitle(f"{where}: {take.attempt.outcome}", fontsize=PRINT_TITLE)
     caption = "How each measure of one attempt is computed; time starts at the release of the ball."
     return TopicFigure("trial", where, caption, figure)
 
@@ -218,7 +208,7 @@ def _draw(axes: Axes, take: AttemptData, name: str) -> None:
     """Draw a part with its title and its explanation."""
     title, draw = PANELS[name]
     explanation = draw(axes, take)
-    axes.set_title(f"{title}: {explanation}", loc="left", fontsize=7.5)
+    axes.set_title(f"{title}: {explanation}", loc="left", fontsize=PRINT_SMALL)
     axes.set_xlabel("time from the release [s]")
     if name != "delay":
         axes.set_xlim(-0.05, take.attempt.duration + 0.05)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from netboard.base.looks import PRINT_BODY, PRINT_FINE, PRINT_SMALL
 from netboard.base.tables.scene import Physics
 from netboard.base.tick import TICK_SECONDS
 from netboard.benchmarks.harness.results import ResultPart
@@ -225,12 +226,12 @@ def draw_map(plane: Plane, cells: Sequence[MapCell]) -> Any:
                 if cell.method == method:
                     steps[down.index(cell.down), across.index(cell.across)] = getattr(cell, kind)
             _draw_steps(ax, steps, norm)
-            ax.set_title(f"{method}: {'theory' if kind == 'theory' else 'nonlinear runs'}", fontsize=8)
-            ax.set_xticks(range(len(across)), [f"{value:.4g}" for value in across], fontsize=7)
-            ax.set_yticks(range(len(down)), [f"{value:.4g}" for value in down], fontsize=7)
-        row[0].set_ylabel(f"{plane.down} x", fontsize=8)
+            ax.set_title(f"{method}: {'theory' if kind == 'theory' else 'nonlinear runs'}", fontsize=PRINT_BODY)
+            ax.set_xticks(range(len(across)), [f"{value:.4g}" for value in across], fontsize=PRINT_SMALL)
+            ax.set_yticks(range(len(down)), [f"{value:.4g}" for value in down], fontsize=PRINT_SMALL)
+        row[0].set_ylabel(f"{plane.down} x", fontsize=PRINT_BODY)
     for ax in axes[-1]:
-        ax.set_xlabel(f"{plane.across} x", fontsize=8)
+        ax.set_xlabel(f"{plane.across} x", fontsize=PRINT_BODY)
     figure.colorbar(axes[0, 0].images[0], ax=axes, label="largest stable step [s]; in the cells [ms]", shrink=0.25)
     return figure
 
@@ -240,4 +241,4 @@ def _draw_steps(ax: "Axes", steps: NDArray[np.float64], norm: Any) -> None:
     ax.imshow(np.minimum(steps, 1.0), origin="lower", norm=norm, cmap="viridis", aspect="auto")
     for (i, j), h in np.ndenumerate(steps):
         text = "any" if math.isinf(h) else f"{h * 1e3:.3g}"
-        ax.text(j, i, text, ha="center", va="center", fontsize=6, color="black" if h > 1e-3 else "white")
+        ax.text(j, i, text, ha="center", va="center", fontsize=PRINT_FINE, color="black" if h > 1e-3 else "white")

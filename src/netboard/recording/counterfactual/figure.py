@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from netboard.base.looks import BLUE, PRINT_BODY, VERMILION
 from netboard.recording.counterfactual.what_if import (
     QUANTITIES,
     AttemptComparison,
@@ -23,7 +24,7 @@ from netboard.task.trials.state_machine import BALL_FREE
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_RECORDED, _COMPUTED, _OTHERS = "#0072B2", "#D55E00", "0.75"
+_RECORDED, _COMPUTED, _OTHERS = BLUE, VERMILION, "0.75"
 
 
 def draw(found: WhatIf, changes: Sequence[str], shown: AttemptComparison | None = None) -> Any:
@@ -44,7 +45,7 @@ def draw(found: WhatIf, changes: Sequence[str], shown: AttemptComparison | None 
     axes[0, 0].set_title(f"trial {shown.then.trial}, attempt {shown.then.attempt}: {_outcomes(shown)}")
     axes[0, 1].set_title(f"difference, now minus then: all {len(found.comparisons)} attempts")
     for column in range(2):
-        axes[0, column].legend(fontsize=8, loc="best")
+        axes[0, column].legend(fontsize=PRINT_BODY, loc="best")
     figure.suptitle(f"The recorded hands with {', '.join(changes) or 'nothing changed'} (open loop: they do not react)")
     return figure
 

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from netboard.base.config import SIDES, Side
+from netboard.base.looks import BLUE, GREEN, MANY, PRINT_BODY, PRINT_SMALL, PRINT_TITLE, VERMILION
 from netboard.recording.timing.causes import CAUSES
 from netboard.recording.timing.stamps import UNKNOWN, Stamps, Times
 from netboard.recording.timing.trace import MS, TimingTrace
@@ -16,12 +17,9 @@ TICKS_BEFORE, TICKS_AFTER = 6, 10
 """Ticks in the timeline before and after the one shown [1]."""
 
 _LANES = {"left": 2.0, "server": 1.0, "right": 0.0}
-_COLOURS = {"left": "#0072B2", "right": "#009E73"}
-_LATE, _GRID = "#D55E00", "0.85"
-_MARKS = (
-    *("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"),
-    *("#000000", "#999999", "#17BECF", "#8C564B", "#9467BD", "#BCBD22", "#F0E442"),
-)
+_COLOURS = {"left": BLUE, "right": GREEN}
+_LATE, _GRID = VERMILION, "0.85"
+_MARKS = MANY
 
 
 def draw(found: TimingTrace, name: str, row: int | None = None) -> Any:
@@ -60,7 +58,13 @@ def _draw_timeline(axis: "Axes", found: TimingTrace, shown: int) -> None:
         due = (stamps.due_ns[row] - zero_ns) * MS
         axis.axvline(due, color=_GRID, linewidth=1.0, zorder=0)
         axis.annotate(
-            f"{stamps.tick[row]}", (due, 2.42), rotation=90, fontsize=7, ha="center", va="bottom", annotation_clip=True
+            f"{stamps.tick[row]}",
+            (due, 2.42),
+            rotation=90,
+            fontsize=PRINT_SMALL,
+            ha="center",
+            va="bottom",
+            annotation_clip=True,
         )
     _draw_ticks(axis, stamps, rows, zero_ns, found.limit_ns)
     for side in SIDES:
@@ -70,8 +74,8 @@ def _draw_timeline(axis: "Axes", found: TimingTrace, shown: int) -> None:
     axis.set_ylim(-0.35, 2.95)
     axis.set_xlim((stamps.due_ns[rows[0]] - zero_ns) * MS - 1.0, (stamps.due_ns[rows[-1]] - zero_ns) * MS + 1.0)
     axis.set_xlabel(f"time since the deadline of tick {stamps.tick[shown]} [ms]; grey: deadlines")
-    axis.set_title(_title(found, shown), loc="left", fontsize=10)
-    axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=5, fontsize=8, frameon=False)
+    axis.set_title(_title(found, shown), loc="left", fontsize=PRINT_TITLE)
+    axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=5, fontsize=PRINT_BODY, frameon=False)
 
 
 def _title(found: TimingTrace, shown: int) -> str:
@@ -136,7 +140,9 @@ def _draw_histogram(axis: "Axes", found: TimingTrace) -> None:
     beyond = f"; last bar: up to {high:.1f} ms" if high > bins[-1] else ""
     axis.set_xlabel(f"tick begins after its deadline [ms]{beyond}")
     axis.set_ylabel("ticks [1]")
-    axis.legend(loc="best", fontsize=8, frameon=False)  # named: Matplotlib warns of its default on a slow machine
+    axis.legend(
+        loc="best", fontsize=PRINT_BODY, frameon=False
+    )  # named: Matplotlib warns of its default on a slow machine
 
 
 def _draw_course(axis: "Axes", found: TimingTrace) -> None:
@@ -153,6 +159,6 @@ def _draw_course(axis: "Axes", found: TimingTrace) -> None:
     axis.grid(True, alpha=0.3)
     if found.episodes:
         axis.set_yscale("log")
-        axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=3, fontsize=8, frameon=False)
+        axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=3, fontsize=PRINT_BODY, frameon=False)
     else:
         axis.text(0.5, 0.5, "no stutter", transform=axis.transAxes, ha="center")

@@ -151,7 +151,9 @@ class ConsoleWindow(StyledWindow):
         elif status.opened and self.middle.currentWidget() is self.form:
             self.show_form(False)
         self.confirmation.show_words(unconfirmed(status))
-        self.form.show_rig([self.rig[side].text() for side in SIDES], [one.words for one in status.stand_ins])
+        self.form.show_rig(
+            [self.rig[side].text().replace("\n", "   ") for side in SIDES], [one.words for one in status.stand_ins]
+        )
         self.table.take(self.state.attempts, self.state.rule)
         points = self.state.points
         self.note.tick = max(status.tick, points[-1].tick if points else 0)

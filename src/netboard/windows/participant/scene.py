@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 from netboard.base.config import Config
+from netboard.base.looks import BLUE, DARK, ORANGE, SKY, VERMILION, WHITE, YELLOW
 from netboard.base.tables.scene import Geometry
 from netboard.stage.view import View
 
@@ -59,20 +60,20 @@ class Colours:
     """Colours by role, as ``#rrggbb``."""
 
     # background to cursor, guide: parts of the scene; the edge outlines the board
-    background: str = "#11151a"
+    background: str = DARK.background
     board: str = "#78828f"
-    edge: str = "#aeb7c2"
-    target: str = "#0072b2"
-    ball: str = "#e69f00"
-    cursor: str = "#ffffff"
+    edge: str = DARK.detail
+    target: str = BLUE
+    ball: str = ORANGE
+    cursor: str = WHITE
     # hint, fill: arrows that show where an end must go; progress while the board is level or the ball is in the target
-    hint: str = "#f0e442"
-    fill: str = "#2fc79b"
-    guide: str = "#4b5663"
+    hint: str = YELLOW
+    fill: str = DARK.good
+    guide: str = DARK.line
     # headline, detail, quiet: text: the main line, the line below, and small text
-    headline: str = "#e8ecf0"
-    detail: str = "#aeb7c2"
-    quiet: str = "#6d7885"
+    headline: str = DARK.text
+    detail: str = DARK.detail
+    quiet: str = DARK.quiet
 
 
 _ACTIVE = Colours()
@@ -84,16 +85,16 @@ COLOURS: dict[PictureState, Colours] = {
     PictureState.WAIT: _MUTED,
     PictureState.LEVEL: _ACTIVE,
     PictureState.RUN: _ACTIVE,
-    PictureState.HOLD: Colours(target="#56b4e9", fill="#f2f8fc"),
-    PictureState.SUCCESS: Colours(target="#2fc79b", headline="#2fc79b"),
-    PictureState.FAIL: Colours(ball="#d55e00"),
+    PictureState.HOLD: Colours(target=SKY, fill=WHITE),
+    PictureState.SUCCESS: Colours(target=DARK.good, headline=DARK.good),
+    PictureState.FAIL: Colours(ball=VERMILION),
     PictureState.PAUSED: _MUTED,
     PictureState.FINISHED: _MUTED,
-    PictureState.LOST: Colours(headline="#f0e442"),
+    PictureState.LOST: Colours(headline=YELLOW),
 }
 """The colours of each picture state."""
 
-PILOT_BACK, PILOT_INK = "#f0e442", "#000000"
+PILOT_BACK, PILOT_INK = DARK.pilot, DARK.on_pilot
 """Background and text of the band that marks a pilot run; nothing else on the screen looks like it."""
 
 

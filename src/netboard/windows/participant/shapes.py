@@ -6,6 +6,7 @@ the widget repaints only where two frames have different parts.
 
 from dataclasses import dataclass
 
+from netboard.base.looks import BLACK, PINK, WHITE
 from netboard.windows.participant.scene import (
     CURSOR_RADIUS,
     HANDLE_RADIUS,
@@ -38,7 +39,7 @@ BAND = 0.042
 PATCH = 0.09
 """Side of the photodiode patch, in the lower right corner, in heights of the window [1]."""
 
-FORCE = "#cc79a7"
+FORCE = PINK
 """Colour of the player's spring and force arrow; from the Okabe-Ito palette, like the other colours."""
 
 HINTS = (0.805, 0.845)
@@ -136,7 +137,7 @@ def words_of(picture: DisplayPicture, width: int, height: int, label_at: Point) 
         found.append(Panel((0, 0, width, band), PILOT_BACK))
         found.append(TextLine(picture.pilot, (width / 2, band / 2), _letters(0.7 * band), PILOT_INK, bold=True))
     if picture.patch is not None:
-        found.append(Panel((width - side, height - side, side, side), "#ffffff" if picture.patch else "#000000"))
+        found.append(Panel((width - side, height - side, side, side), WHITE if picture.patch else BLACK))
     if picture.grip is not None:
         hint = _letters(min(HINT_HEIGHT * height, HINT_WIDTH * width))
         found.append(TextLine(picture.grip.label, label_at, _letters(LABEL_HEIGHT * height), FORCE))

@@ -13,6 +13,7 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QFont
 from PySide6.QtWidgets import QWidget
 
+from netboard.base.looks import DARK, PINK, SKY, VERMILION, YELLOW
 from netboard.recording.replay.loaded import LoadedRecording
 from netboard.recording.replay.marks import KINDS, Mark, trial_starts
 from netboard.recording.replay.pairing import Pairing
@@ -34,14 +35,14 @@ LETTERS = 10
 """Letter height of the trial numbers [pixels]."""
 
 MARKS = {
-    "trial": ("#6d7885", Qt.PenStyle.SolidLine, (0.0, 1.0)),
-    "release": ("#56b4e9", Qt.PenStyle.DotLine, (0.0, 1 - FREE)),
-    "success": ("#2fc79b", Qt.PenStyle.SolidLine, (0.0, 1 - FREE)),
-    "failure": ("#d55e00", Qt.PenStyle.SolidLine, (0.0, 1 - FREE)),
-    "stop": ("#f0e442", Qt.PenStyle.DashLine, (0.0, 1 - FREE)),
-    "note": ("#cc79a7", Qt.PenStyle.SolidLine, (0.0, 1.0)),
-    "event": ("#aeb7c2", Qt.PenStyle.SolidLine, (0.0, 0.14)),
-    "gap": ("#d55e00", Qt.PenStyle.DashDotLine, (0.0, 1.0)),
+    "trial": (DARK.frame, Qt.PenStyle.SolidLine, (0.0, 1.0)),
+    "release": (SKY, Qt.PenStyle.DotLine, (0.0, 1 - FREE)),
+    "success": (DARK.good, Qt.PenStyle.SolidLine, (0.0, 1 - FREE)),
+    "failure": (VERMILION, Qt.PenStyle.SolidLine, (0.0, 1 - FREE)),
+    "stop": (YELLOW, Qt.PenStyle.DashLine, (0.0, 1 - FREE)),
+    "note": (PINK, Qt.PenStyle.SolidLine, (0.0, 1.0)),
+    "event": (DARK.detail, Qt.PenStyle.SolidLine, (0.0, 0.14)),
+    "gap": (VERMILION, Qt.PenStyle.DashDotLine, (0.0, 1.0)),
 }
 """Colour, line style and vertical span in the lane of each kind of mark; kinds differ in more than colour."""
 

@@ -1,20 +1,8 @@
-"""Draw the launcher's states and pages: docs/images/launcher-*.png, or at other sizes into a folder.
+"""The states of the launcher. The processes are entries of a table: nothing is started."""
 
-    python docs/launcher_states.py                      writes the images of the pages, 1366 x 768
-    python docs/launcher_states.py FOLDER 3840 2160     writes every state at this size [pixels]
-
-Run it after a change of the launcher. The processes are entries of a table: nothing is started.
-"""
-
-import os
-import sys
-import tempfile
-import time
 from dataclasses import replace
 from pathlib import Path
 from typing import get_type_hints
-
-os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 
 from netboard.network.protocol.control import Status
 from netboard.network.protocol.station import ProcessStatus
@@ -22,12 +10,6 @@ from netboard.services.loading import load, load_study
 from netboard.windows.launcher.control import FileReaders, LauncherControl, SessionChoice
 from netboard.windows.launcher.model import LaunchFacts, LaunchStage
 from netboard.windows.launcher.window import LauncherWindow
-from netboard.windows.participant.window import application
-
-IMAGES = Path(__file__).parent / "images"
-SIZE = 1366, 768
-SHOWN = ("ready", "preparing", "running", "failed", "rig", "study", "machines")
-"""States that the documentation shows."""
 
 RIG = '[stations]\nleft = "10.77.0.2"\n[agents.left]\ndevice = "openhaptics"\n'
 STATE = {"computer": "lab-pc-2", "cores": "8", "load": "0.31", "free disk": "412.0 GiB", "screen": "opens"}
@@ -35,6 +17,12 @@ LOG = {
     "preparation": "folder         recordings: is missing; created: mkdir -p recordings\nkernels        97 compiled\n",
     "left agent": "left hand: haptic device (backend openhaptics)\nthe device does not answer: unplugged?\n",
 }
+
+
+NAMES = (
+    *("ready", "preparing", "form", "running", "failed", "silent-station", "stopping"),
+    *("rig", "study", "machines"),
+)
 
 
 class ShownControl(LauncherControl):
@@ -107,39 +95,28 @@ def states(control: LauncherControl) -> dict[str, tuple[LaunchFacts, int, str]]:
     }
 
 
-def main(folder: Path, size: tuple[int, int], names: tuple[str, ...]) -> None:
-    """Draw the states."""
-    app = application()
-    with tempfile.TemporaryDirectory() as place:
-        os.chdir(place)
-        Path("rig.toml").write_text(RIG, encoding="utf-8")
-        control = ShownControl(SessionChoice("rig.toml", "paper", 3), FileReaders(load, load_study))
-        window = LauncherWindow(control, lambda: {**STATE, "computer": "lab-pc-1"}, lambda _: None)
-        window.show()
-        window.resize(*size)
-        for name, (facts, page, row) in states(control).items():
-            control.shown = facts
-            if name == "failed":
-                control.say(
-                    "The left agent ended with exit code 1; it is not started again; all others go on", stays=True
-                )
-            window.show_page(page)
-            window.poll()
-            window.table.select(row)
-            window.poll()
-            until = time.monotonic() + 0.2
-            while time.monotonic() < until:
-                app.processEvents()
-            control.notices.read()
-            if not names or name in names:
-                window.grab().save(str(folder / f"launcher-{name}.png"))
-        window._timer.stop()
-        window.hide()
-        control.close()
+def make() -> LauncherWindow:
+    """Return a launcher that shows given facts; call it in a folder of its own."""
+    Path("rig.toml").write_text(RIG, encoding="utf-8")
+    control = ShownControl(SessionChoice("rig.toml", "paper", 3), FileReaders(load, load_study))
+    return LauncherWindow(control, lambda: {**STATE, "computer": "lab-pc-1"}, lambda _: None)
 
 
-if __name__ == "__main__":
-    if len(sys.argv) > 1:
-        main(Path(sys.argv[1]).resolve(), (int(sys.argv[2]), int(sys.argv[3])), ())
-    else:
-        main(IMAGES, SIZE, SHOWN)
+def show(window: LauncherWindow, state: str) -> None:
+    """Show a state."""
+    control = window.control
+    assert isinstance(control, ShownControl)
+    control.shown, page, row = states(control)[state]
+    control.notices.read()
+    if state == "failed":
+        control.say("The left agent ended with exit code 1; it is not started again; all others go on", stays=True)
+    window.show_page(page)
+    window.poll()
+    window.table.select(row)
+    window.poll()
+
+
+def leave(window: LauncherWindow) -> None:
+    """Close a launcher."""
+    window.hide()
+    window.control.close()
