@@ -130,7 +130,7 @@ def test_forms_have_every_key_with_unit_and_help() -> None:
         "largest force at the stylus (norm); a number > 0 and <= 40 [N]",
     )
     assert by_name["network", "transport"].choices == ("tcp", "ipc")
-    assert by_name["display", "fullscreen"].choices == ("false", "true")
+    assert by_name["display", "smooth"].choices == ("false", "true")
     assert "openhaptics" in by_name["agents.left", "device"].choices
     assert by_name["session", "study"].suggestions[:1] == ("paper",)
 

@@ -21,7 +21,7 @@ PHASES = [phase.name.lower() for phase in Phase] + ["away"]
 ON_BOARD = [name for name in PHASES if name not in ("idle", "finished", "away")]
 HEIGHTS = st.floats(-0.075, 0.075)
 SLACK = 2 * GRAIN
-FIGURES = ("board", "target", "handles", "cursors", "fill", "bar", "level")
+FIGURES = ("board", "target", "handles", "cursors", "fill", "bar", "level", "stripe")
 
 
 def shown(view, config=CONFIG):
@@ -96,6 +96,24 @@ def test_ball_lies_on_the_board(view):
     along = ((bx - ax) * (x - ax) + (by - ay) * (y - ay)) / math.dist((ax, ay), (bx, by))
     assert above == pytest.approx(picture.ball_radius, abs=SLACK)
     assert along - 0.350 == pytest.approx(view.p, abs=SLACK)
+
+
+@given(st.floats(-0.3, 0.3))
+def test_stripe_shows_that_the_ball_rolls_without_slip(p):
+    picture = shown(replace(VIEW, z=0.0, theta=0.0, p=p))
+    (ax, ay), (bx, by) = picture.stripe
+    assert ((ax + bx) / 2, (ay + by) / 2) == pytest.approx(picture.ball, abs=SLACK)
+    assert math.dist(*picture.stripe) < 2 * picture.ball_radius
+    turned = math.atan2(bx - ax, by - ay) - p / picture.ball_radius
+    assert math.sin(turned) == pytest.approx(0.0, abs=0.01)
+    assert math.cos(turned) == pytest.approx(1.0, abs=0.01), "rolling to the right is turning to the right"
+
+
+def test_plain_and_hidden_balls_have_no_stripe():
+    plain = replace(CONFIG, display=replace(CONFIG.display, ball="plain"))
+    assert shown(VIEW, plain).stripe == ()
+    assert replace(shown(VIEW), stripe=()) == shown(VIEW, plain)
+    assert shown(replace(VIEW, p=None)).stripe == ()
 
 
 @given(HEIGHTS, HEIGHTS, st.floats(-0.35, 0.35), st.sampled_from(ON_BOARD))

@@ -168,7 +168,7 @@ from netboard.base.tables.rig import Display
 from netboard.windows.participant.window import BoardWindow, application
 
 app = application()
-for number, fullscreen in ((0, True), (1, True), (1, False)):
+for number, fullscreen in ((0, "always"), (1, "always"), (1, "never")):
     window = BoardWindow("a test")
     window.present(Display(screen=number, fullscreen=fullscreen, width=2000, height=1600))
     app.processEvents()

@@ -22,6 +22,13 @@ PANELS = {
 """Measures of the figure, with the labels of their axes."""
 
 
+TICKS = {
+    "completion time": (1, 2, 3, 5, 10, 20, 50),
+    "effort of the participant": (0.01, 0.03, 0.1, 0.3, 1, 3, 10, 30, 100),
+}
+"""Ticks of the measures that are on a logarithmic axis."""
+
+
 def draw_beside(found: Mapping[tuple[str, str, str], Levels], names: Sequence[str]) -> "Figure":
     """Draw the means with their confidence intervals, and each participant, beside each kind of partner."""
     from matplotlib.figure import Figure
@@ -37,10 +44,11 @@ def draw_beside(found: Mapping[tuple[str, str, str], Levels], names: Sequence[st
         axis.grid(axis="x", color="0.9")
         axis.set_axisbelow(True)
         axis.spines[["top", "right"]].set_visible(False)
-    axes[0].set_xscale("log")
-    ticks = [1, 2, 3, 5, 10, 20, 50]
-    axes[0].set_xticks(ticks, map(str, ticks))
-    axes[0].minorticks_off()
+    for axis, measure in zip(axes, PANELS, strict=True):
+        if ticks := TICKS.get(measure):
+            axis.set_xscale("log")
+            axis.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+            axis.minorticks_off()
     axes[0].set_yticks(range(len(names)), names)
     axes[0].invert_yaxis()
     handles = [axes[0].plot([], [], "o", color=colour, label=label)[0] for label, colour, _ in HAPTICS.values()]

@@ -230,7 +230,14 @@ class Display:
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
     width: Annotated[int, about("window width in pixels", "1", ge=200, le=20_000)] = 1200
     height: Annotated[int, about("window height in pixels", "1", ge=150, le=20_000)] = 700
-    fullscreen: Annotated[StrictBool, about("true: full screen, without a frame")] = False
+    fullscreen: Annotated[
+        Literal["auto", "always", "never"],
+        about('full screen, without a frame; "auto": if the two stations are different machines'),
+    ] = "auto"
+    ball: Annotated[
+        Literal["rolling", "plain"],
+        about('"rolling": a stripe shows how the ball rolls; "plain": a disc, as in the paper'),
+    ] = "rolling"
     screen: Annotated[int, about("number of the screen the window opens on; 0: the main one", "1", ge=0, le=15)] = 0
     mm_per_pixel: Annotated[
         float, about("size of a pixel, so that the board has its true size; 0: it fills the window", "mm", ge=0, le=10)

@@ -151,7 +151,7 @@ class SessionForm(QWidget):
         head.setHorizontalSpacing(28)
         head.addWidget(label("Open the session", "title", bold=True), 0, 0)
         head.addWidget(label("Pseudonyms only. Do not store real names on this computer.", tone=Tone.QUIET), 1, 0)
-        head.addWidget(self.rig, 0, 1, 2, 1)
+        head.addWidget(self.rig, 2, 0, 1, 2)
         head.setColumnStretch(1, 1)
         rows.addLayout(head)
         grid = QGridLayout()

@@ -304,7 +304,7 @@ def run(
     windows.require_new(picture)
     application()
     window = BoardWindow(f"netboard: {station} station")
-    window.present(config.display)
+    window.present(config.display, alone=config.stations.left != config.stations.right)
     with sockets.open_context() as context:
         player = None if play is None else play(station, config, context, window)
         client = DisplayClient(station, config, context, window, player)

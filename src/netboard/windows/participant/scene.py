@@ -26,6 +26,9 @@ CURSOR_RADIUS = 0.011
 HANDLE_RADIUS = 0.005
 """Radius of a control point on the board as drawn [m]."""
 
+STRIPE = 0.86
+"""Length of the stripe of a rolling ball, in its diameters [1]."""
+
 MARGIN = 1.15
 """Width of the scene, in lengths of the board [1]."""
 
@@ -130,6 +133,7 @@ class DisplayPicture:
     handles: tuple[Point, ...] = ()  # control points of the board [m]
     ball: Point | None = None  # centre of the ball [m]
     ball_radius: float = 0.0  # radius of the ball [m]
+    stripe: tuple[Point, ...] = ()  # ends of the stripe that shows how the ball rolls; empty for none [m]
     cursors: tuple[Point, ...] = ()  # the styluses that this participant may see [m]
     guide: float | None = None  # half length of the line that shows the level position, at the height of the origin [m]
     # corners of the filled part of the target: the elapsed share of the hold time; empty for none [m]
@@ -159,6 +163,7 @@ def with_board(picture: DisplayPicture, view: View, config: Config) -> DisplayPi
         handles=(pose.place(-reach, 0.0), pose.place(reach, 0.0)),
         ball=None if view.p is None else pose.place(view.p, _ball_height(geometry)),
         ball_radius=geometry.ball_radius,
+        stripe=() if view.p is None or config.display.ball == "plain" else _stripe(pose, view, geometry),
         cursors=tuple((to_grain(x), to_grain(height)) for x, height in heights if height is not None),
         guide=geometry.board_length * MARGIN / 2 if levelling else None,
         bar=_bar(1.0) if levelling else (),
@@ -198,6 +203,15 @@ def _strip(pose: _Pose, centre: float, width: float, thickness: float) -> tuple[
     """Corners of a section of the board [m]."""
     a, b, half = centre - width / 2, centre + width / 2, thickness / 2
     return tuple(pose.place(along, above) for along, above in ((a, -half), (b, -half), (b, half), (a, half)))
+
+
+def _stripe(pose: _Pose, view: View, geometry: Geometry) -> tuple[Point, ...]:
+    """Ends of the diameter that is upright while the ball is at the board's centre; the ball rolls without slip [m]."""
+    assert view.p is not None
+    turned, half = view.p / geometry.ball_radius, STRIPE * geometry.ball_radius
+    along, above = half * math.sin(turned), half * math.cos(turned)
+    middle = _ball_height(geometry)
+    return tuple(pose.place(view.p + way * along, middle + way * above) for way in (-1.0, 1.0))
 
 
 def _bar(share: float) -> tuple[Point, ...]:

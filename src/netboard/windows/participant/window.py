@@ -269,14 +269,14 @@ class BoardWindow(Window):
         self.rows.setSpacing(0)
         self.rows.addWidget(self.board, 1)
 
-    def present(self, display: Display) -> None:
-        """Open the window with the configured screen, size and scale."""
+    def present(self, display: Display, *, alone: bool = False) -> None:
+        """Open the window with the configured screen, size and scale; `alone`: no other display needs the screen."""
         self.board.mm_per_pixel = display.mm_per_pixel
         screen = numbered_screen(display.screen)
         self.resize(QSize(display.width, display.height).boundedTo(largest_size(screen)))
         if display.screen > 0:
             self.move(screen.availableGeometry().topLeft())
-        if display.fullscreen:
+        if display.fullscreen == "always" or (display.fullscreen == "auto" and alone and not asked_offscreen()):
             self.fill_screen(True, screen)
         else:
             self.show()
