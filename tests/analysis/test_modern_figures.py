@@ -113,7 +113,8 @@ def test_titles_of_small_panels_are_no_wider_than_the_panel(name: str, drawn: di
     with mpl.rc_context(FIGURE_STYLE):
         figure.draw_without_rendering()
         for axes in figure.axes:
-            (title,) = [text for text in axes.get_children() if isinstance(text, Text) and text.get_fontsize() == 7.5]
+            words = axes.get_title("left")
+            (title,) = [text for text in axes.get_children() if isinstance(text, Text) and text.get_text() == words]
             assert title.get_window_extent().x1 <= axes.bbox.x1 + 1.0, title.get_text()
 
 

@@ -180,7 +180,7 @@ MANY = (
 )
 """Colours of many kinds, the frequent ones first; only the first seven can be told apart with any colour vision."""
 
-FIGURE_STYLE: dict[str, Any] = {
+FIGURE_STYLE: Any = {
     "font.size": PRINT_BODY,
     "axes.titlesize": PRINT_TITLE,
     "axes.spines.top": False,

@@ -8,7 +8,7 @@ from netboard.base.tables.experiment import Block, Session
 from netboard.network.protocol.control import Status
 from netboard.windows.operator.lamps import SILENT, limits_of
 from netboard.windows.operator.window import ConsoleWindow, State
-from windows.console_server import FIRST, STATES, attempts, point
+from windows.console_server import FIRST, STATES, attempts, point  # type: ignore[import-not-found]
 
 AHEAD = ("dyadic, haptics off", "bimanual B, haptics on", "dyadic, haptics on")
 SESSION = Session(name="S03", dyad="D03", participant_a="P07", participant_b="P08", pilot=False, consent=True)

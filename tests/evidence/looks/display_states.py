@@ -1,6 +1,7 @@
 """The states of a participant's display: those of docs/display_states.py, and a questionnaire."""
 
 from dataclasses import replace
+from typing import Any
 
 from netboard.base.config import Config
 from netboard.base.tables.experiment import Block
@@ -13,10 +14,29 @@ from netboard.windows.participant.window import BoardWindow
 
 WORDS, CONFIG = load_words("en"), replace(Config(), block=Block(number=3, blocks=18))
 VIEW = View(
-    *("left", 0, 0, "running", 0.0, 0.0, -0.15, 0.15, 0.0, None),
-    *(12, 60, 1, 3.42, 2.90, "", 0, 0.0, 3, 18, None),
+    station="left",
+    tick=0,
+    sent_ns=0,
+    phase="running",
+    z=0.0,
+    theta=0.0,
+    p=-0.15,
+    target=0.15,
+    left=0.0,
+    right=None,
+    trial=12,
+    trials=60,
+    failures=1,
+    completion=3.42,
+    best=2.90,
+    notice="",
+    seq=0,
+    share=0.0,
+    block=3,
+    blocks=18,
+    rest=None,
 )
-PHASES = {
+PHASES: dict[str, dict[str, Any]] = {
     "ready": {"phase": "idle"},
     "rest": {"phase": "idle", "rest": 74.3},
     "trial": {"theta": -0.03, "p": -0.04, "left": 0.007},

@@ -94,7 +94,7 @@ def _cut_cells(table: QTableView) -> Iterator[str]:
 def unreached(window: QWidget) -> list[str]:
     """Return the controls that can be used now, and neither Tab nor a key that is written on them reaches."""
     window.setFocus()
-    reached = set()
+    reached: set[QWidget | None] = set()
     while window.focusNextChild() and (now := QApplication.focusWidget()) not in reached:
         reached.add(now)
     keys = {
@@ -106,7 +106,7 @@ def unreached(window: QWidget) -> list[str]:
     return [_words_on(one) for one in controls if not _among(one, reached) and not _named(one, keys)]
 
 
-def _among(widget: QWidget, reached: set[QWidget]) -> bool:
+def _among(widget: QWidget, reached: set[QWidget | None]) -> bool:
     """Return whether a control was reached, or chooses by arrows or digits in a group of which one was."""
     group = widget.group() if isinstance(widget, QAbstractButton) else None
     others = group.buttons() if group is not None else []
