@@ -55,7 +55,7 @@ PLAIN = {
     "decisions": ("participants.decisions", "Time of a robot partner's decision, called once a millisecond."),
     "partners": ("participants.partners", "Participants beside every kind of partner, haptic feedback on and off."),
     "partner-pairs": ("participants.partner_pairs", "Each two robot partners beside each other."),
-    "looks": ("looks.study", "Pictures of every state of every window, and whether all text and keys are there."),
+    "looks": ("looks.study", "Screenshots of every state of every window, and whether all text and keys are there."),
     "calibration": ("analysis.calibration", "False positive rate of the tests in simulated studies."),
     "controls": (
         "analysis.control_truth",

@@ -1,1 +1,1 @@
-"""How the windows look: pictures of each state at each size and theme, and whether all text and keys are there."""
+"""How the windows look: Screenshots of each state at each size and theme, and whether all text and keys are there."""

@@ -31,7 +31,7 @@ NAMES = {
     "lost-trials": "lost",
     "finished": "finished",
 }
-"""States of the fake server, by the names of the pictures."""
+"""States of the fake server, by the names of the screenshots."""
 
 
 def make() -> ConsoleWindow:

@@ -1,4 +1,4 @@
-"""Pictures of every state of every window, at three sizes and in both themes, and what is not whole in them.
+"""Screenshots of every state of every window, at three sizes and in both themes, and what is not whole in them.
 
 The folder has a PNG for each; its subfolder ``docs`` has those of the documentation, to be copied to docs/images.
 """
@@ -88,7 +88,7 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterable[ResultPart]:
 
 
 def _photograph(folder: Path, name: str, size: tuple[int, int], theme: ThemeName) -> tuple[list[str], list[str]]:
-    """Save the pictures of a window; return what is cut in them, and what no key reaches."""
+    """Save the screenshots of a window; return what is cut in them, and what no key reaches."""
     cut, lacking = [], []
     with opened(name, size, theme) as window:
         for state in WINDOWS[name].states:

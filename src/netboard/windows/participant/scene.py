@@ -26,8 +26,8 @@ CURSOR_RADIUS = 0.011
 HANDLE_RADIUS = 0.005
 """Radius of a control point on the board as drawn [m]."""
 
-STRIPE = 0.86
-"""Length of the stripe of a rolling ball, in its diameters [1]."""
+STRIPE = 0.86, 0.09
+"""Length and width of the stripe of a rolling ball, in its diameters [1]."""
 
 MARGIN = 1.15
 """Width of the scene, in lengths of the board [1]."""
@@ -133,7 +133,7 @@ class DisplayPicture:
     handles: tuple[Point, ...] = ()  # control points of the board [m]
     ball: Point | None = None  # centre of the ball [m]
     ball_radius: float = 0.0  # radius of the ball [m]
-    stripe: tuple[Point, ...] = ()  # ends of the stripe that shows how the ball rolls; empty for none [m]
+    stripe: tuple[Point, ...] = ()  # corners of the stripe that shows how the ball rolls; empty for none [m]
     cursors: tuple[Point, ...] = ()  # the styluses that this participant may see [m]
     guide: float | None = None  # half length of the line that shows the level position, at the height of the origin [m]
     # corners of the filled part of the target: the elapsed share of the hold time; empty for none [m]
@@ -206,12 +206,13 @@ def _strip(pose: _Pose, centre: float, width: float, thickness: float) -> tuple[
 
 
 def _stripe(pose: _Pose, view: View, geometry: Geometry) -> tuple[Point, ...]:
-    """Ends of the diameter that is upright while the ball is at the board's centre; the ball rolls without slip [m]."""
+    """Corners of a stripe that is upright while the ball is at the board's centre; the ball rolls without slip [m]."""
     assert view.p is not None
-    turned, half = view.p / geometry.ball_radius, STRIPE * geometry.ball_radius
-    along, above = half * math.sin(turned), half * math.cos(turned)
-    middle = _ball_height(geometry)
-    return tuple(pose.place(view.p + way * along, middle + way * above) for way in (-1.0, 1.0))
+    turned, middle = view.p / geometry.ball_radius, _ball_height(geometry)
+    across, up = math.cos(turned), math.sin(turned)
+    half, wide = STRIPE[0] * geometry.ball_radius, STRIPE[1] * geometry.ball_radius
+    corners = ((wide, half), (wide, -half), (-wide, -half), (-wide, half))
+    return tuple(pose.place(view.p + x * across + y * up, middle - x * up + y * across) for x, y in corners)
 
 
 def _bar(share: float) -> tuple[Point, ...]:

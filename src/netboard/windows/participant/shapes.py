@@ -115,7 +115,7 @@ def shapes_of(picture: DisplayPicture) -> list[Shape]:
         Shape(picture.level, fill=c.fill),
         *(Shape(arrow, fill=c.hint) for arrow in picture.arrows),
         Shape(() if picture.ball is None else (picture.ball,), picture.ball_radius, fill=c.ball),
-        Shape(picture.stripe, edge=c.background, width=3, closed=False),
+        Shape(picture.stripe, fill=c.background),
         *(Shape((at,), CURSOR_RADIUS, edge=c.cursor, width=3) for at in picture.cursors),
         *(_grip_shapes(picture.grip) if picture.grip is not None else ()),
     ]
