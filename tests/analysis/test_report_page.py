@@ -440,6 +440,17 @@ def test_report_of_a_full_study_is_below_4_mb(tmp_path: Path) -> None:
     assert path.stat().st_size < 4_000_000
 
 
+def test_every_colour_of_the_page_is_a_role_of_both_themes(tmp_path: Path) -> None:
+    study = small_study()
+    page = write_report(tmp_path, study, few_results(), [picture()], provenance_of(study)).read_text(encoding="utf-8")
+    sheet = page[page.index("<style>") : page.index("</style>")]
+    light, dark = re.findall(r":root {(.*?)}", sheet)
+    assert "@media screen and (prefers-color-scheme: dark)" in sheet
+    for theme in (light, dark):
+        assert set(re.findall(r"var\((--[a-z-]+)\)", sheet)) <= set(re.findall(r"(--[a-z-]+):", theme))
+    assert not re.search(r"#[0-9a-fA-F]{3,6}\b", sheet.replace(light, "").replace(dark, ""))
+
+
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome") or shutil.which("chromium-browser")
 
 
