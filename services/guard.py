@@ -7,8 +7,6 @@ stderr; ``--debug`` shows the traceback.
 import errno
 import logging
 import re
-import select
-import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -16,6 +14,7 @@ import typer
 from typer.core import TyperGroup
 
 from netboard.base.errors import ConfigError, NetboardError
+from netboard.base.system.c_library import has_reader
 from netboard.base.terminal.errors import print_error
 from netboard.services.values import read_strictly
 
@@ -93,12 +92,7 @@ def _unhidden(run: Callable[[Any], Any], ctx: Any) -> Any:
 
 def reader_has_left() -> bool:
     """Tell whether the program that reads this one's output, such as ``head``, has ended."""
-    if sys.platform == "win32":  # it has no poll
-        return True
-    poll = select.poll()
-    for descriptor in (1, 2):
-        poll.register(descriptor, 0)
-    return any(event & (select.POLLERR | select.POLLHUP) for _, event in poll.poll(0))
+    return not has_reader()
 
 
 def expected(error: NetboardError | OSError | ImportError | MemoryError) -> tuple[str, int]:

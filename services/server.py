@@ -117,8 +117,8 @@ def serve(
 ) -> int:
     """Serve sessions until all have ended; return 1 if some records may not be on disk."""
     from netboard.base.process.realtime import Priority, cpus_for, io_priority, prepare
-    from netboard.base.process.resources import allow_files
     from netboard.base.process.stopping import Stopping, no_terminal_suspension
+    from netboard.base.system.c_library import allow_files
     from netboard.network.transport import sockets
     from netboard.nodes.server.server import Server
 

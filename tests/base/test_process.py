@@ -186,13 +186,13 @@ class Machine:
 def on(machine: Machine, monkeypatch: pytest.MonkeyPatch, folder: Path) -> Machine:
     """Redirect all requests to the fake machine."""
     monkeypatch.setattr("netboard.base.process.realtime._granted", {})
-    monkeypatch.setattr("netboard.base.process.realtime.os.sched_setscheduler", machine.grant)
-    monkeypatch.setattr("netboard.base.process.realtime.os.sched_setaffinity", machine.grant)
-    monkeypatch.setattr("netboard.base.process.realtime.os.sched_getaffinity", lambda process: {0, 1, 2, 3})
-    monkeypatch.setattr("netboard.base.process.realtime.os.geteuid", lambda: 0)
-    monkeypatch.setattr("netboard.base.process.resources.ctypes.CDLL", lambda name, use_errno: machine)
-    monkeypatch.setattr("netboard.base.process.resources.ctypes.get_errno", lambda: machine.answer)
-    monkeypatch.setattr("netboard.base.process.realtime.DMA_LATENCY_FILE", folder / "cpu_dma_latency")
+    monkeypatch.setattr("netboard.base.system.scheduling.os.sched_setscheduler", machine.grant)
+    monkeypatch.setattr("netboard.base.system.scheduling.os.sched_setaffinity", machine.grant)
+    monkeypatch.setattr("netboard.base.system.scheduling.os.sched_getaffinity", lambda process: {0, 1, 2, 3})
+    monkeypatch.setattr("netboard.base.system.scheduling.os.geteuid", lambda: 0)
+    monkeypatch.setattr("netboard.base.system.c_library.ctypes.CDLL", lambda name, use_errno: machine)
+    monkeypatch.setattr("netboard.base.system.c_library.ctypes.get_errno", lambda: machine.answer)
+    monkeypatch.setattr("netboard.base.system.scheduling.DMA_LATENCY_FILE", folder / "cpu_dma_latency")
     return machine
 
 
@@ -244,7 +244,7 @@ def test_disabled_settings_are_not_requested(monkeypatch: pytest.MonkeyPatch, tm
 
 
 def test_unsupported_platform_is_reported(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
-    monkeypatch.setattr("netboard.base.process.realtime.sys.platform", "plan9")
+    monkeypatch.setattr("netboard.base.system.scheduling.sys.platform", "plan9")
     with caplog.at_level(logging.INFO):
         came = prepare(Realtime(), Priority.AGENT, "0")
     assert set(came.values()) == {"not offered on plan9"}
@@ -253,8 +253,8 @@ def test_unsupported_platform_is_reported(monkeypatch: pytest.MonkeyPatch, caplo
 @linux
 def test_memory_is_not_locked_under_a_memlock_limit(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     machine = on(Machine(), monkeypatch, tmp_path)
-    monkeypatch.setattr("netboard.base.process.realtime.os.geteuid", lambda: 1000)
-    monkeypatch.setattr("netboard.base.process.realtime.resource.getrlimit", lambda which: (8_000_000, 8_000_000))
+    monkeypatch.setattr("netboard.base.system.scheduling.os.geteuid", lambda: 1000)
+    monkeypatch.setattr("netboard.base.system.scheduling.resource.getrlimit", lambda which: (8_000_000, 8_000_000))
     came = prepare(Realtime(scheduling=False), Priority.AGENT, "")
     assert came["memory"] == "the limit is 8 MB, expected none"
     assert machine.asked == []
@@ -267,14 +267,14 @@ def test_memory_is_not_locked_under_a_memlock_limit(monkeypatch: pytest.MonkeyPa
 def test_each_loop_gets_its_own_cpu_if_there_are_enough(
     monkeypatch: pytest.MonkeyPatch, have: set[int], expected: list[str]
 ) -> None:
-    monkeypatch.setattr("netboard.base.process.realtime.os.sched_getaffinity", lambda which: have, raising=False)
+    monkeypatch.setattr("netboard.base.system.scheduling.os.sched_getaffinity", lambda which: have, raising=False)
     assert [cpus_for(loop, Realtime()) for loop in PLACES] == expected
     named = Realtime(server_cpus="0-1", agent_cpus="")
     assert [cpus_for(loop, named) for loop in PLACES] == ["0-1", "", ""]
 
 
 def test_no_cpu_is_chosen_without_cpu_affinity(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delattr("netboard.base.process.realtime.os.sched_getaffinity", raising=False)
+    monkeypatch.delattr("netboard.base.system.scheduling.os.sched_getaffinity", raising=False)
     assert [cpus_for(loop, Realtime()) for loop in PLACES] == ["", "", ""]
 
 

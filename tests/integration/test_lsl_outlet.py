@@ -133,10 +133,10 @@ def test_suspended_outlet_and_second_session_lose_no_data(rig: Rig, tmp_path: Pa
     with Recorder(tmp_path, 2) as recorder:
         rig.start_all()
         rig.until(lambda status: status.phase == "running" and "listener" in status.peers)
-        rig.send_signal("lsl", signal.SIGSTOP)
+        rig.suspend("lsl")
         gone = rig.until(lambda status: "listener" not in status.peers)
         rig.until(lambda status: status.tick > gone.tick + 1000)
-        rig.send_signal("lsl", signal.SIGCONT)
+        rig.resume("lsl")
         first = run_session(rig, 3000)
         for side in ("left", "right"):
             rig.stop(f"{side} agent")

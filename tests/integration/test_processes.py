@@ -216,10 +216,10 @@ def test_second_server_on_the_same_ports_exits_with_an_error(rig: Rig) -> None:
 def test_suspended_agent_pauses_the_trial_and_continues_by_itself(rig: Rig) -> None:
     rig.start_all()
     rig.until(lambda s: s.phase == "running")
-    rig.send_signal("left agent", signal.SIGSTOP)
+    rig.suspend("left agent")
     rig.until(lambda s: s.phase == "paused")
     time.sleep(6)  # long enough for ZeroMQ's heartbeats to drop the connection, if they were enabled
-    rig.send_signal("left agent", signal.SIGCONT)
+    rig.resume("left agent")
     rig.until(lambda s: s.phase == "running")
     (path,) = rig.finish()
     ticks = verified(path)
@@ -231,9 +231,9 @@ def test_suspended_agent_pauses_the_trial_and_continues_by_itself(rig: Rig) -> N
 def test_suspended_server_records_the_stall_and_aborts_the_attempt(rig: Rig) -> None:
     rig.start_all()
     before = rig.until(lambda s: s.phase == "running")
-    rig.send_signal("server", signal.SIGSTOP)
+    rig.suspend("server")
     time.sleep(0.3)
-    rig.send_signal("server", signal.SIGCONT)
+    rig.resume("server")
     rig.until(lambda s: s.phase == "running" and s.tick > before.tick + 1000)
     (path,) = rig.finish()
     ticks = verified(path)
@@ -247,11 +247,11 @@ def test_suspended_server_records_the_stall_and_aborts_the_attempt(rig: Rig) -> 
 def test_server_waits_at_the_end_for_a_suspended_logger(rig: Rig) -> None:
     rig.start_all()
     status = rig.until(lambda s: s.phase == "running")
-    rig.send_signal("logger", signal.SIGSTOP)
+    rig.suspend("logger")
     rig.until(lambda s: s.tick > status.tick + 500)
     rig.operator.command("end")
     time.sleep(3)
-    rig.send_signal("logger", signal.SIGCONT)
+    rig.resume("logger")
     assert rig.running.pop("server").wait(60) == 0, rig.output_of("server")
     assert rig.running.pop("logger").wait(60) == 0, rig.output_of("logger")
     ticks = np.concatenate([verified(path) for path in rig.recordings()])

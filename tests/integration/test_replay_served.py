@@ -186,7 +186,7 @@ def test_replay_is_controlled_from_a_shell(rig: Rig, recording: LoadedRecording)
     assert not status["armed"]
     rig.start("status", "status", "--watch", "--json")
     rig.until(lambda status: rig.output_of("status").count("\n") >= 2)
-    rig.send_signal("status", signal.SIGINT)
+    rig.running["status"].send_signal(signal.SIGINT)
     assert rig.wait("status") == 0
     assert {json.loads(line)["tick"] for line in rig.output_of("status").splitlines()} == {status["tick"]}
     refused = run(rig, "control", "arm")

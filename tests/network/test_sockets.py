@@ -16,6 +16,7 @@ import pytest
 import zmq
 
 from netboard.base.errors import NetboardError
+from netboard.base.system.scheduling import scheduling
 from netboard.base.tables.rig import Network
 from netboard.network.protocol.control import Command
 from netboard.network.protocol.joining import Goodbye, Hello, Pong
@@ -519,10 +520,7 @@ def test_io_threads_have_low_priority_while_requested() -> None:
     with sockets.open_context() as context:
         context.set_low_priority(True)  # without a priority there is nothing to lower
         assert context.threads == ()
-    able = hasattr(os, "sched_setscheduler") and sockets._is_granted(
-        "SCHED_FIFO", lambda: os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(3))
-    )
-    if not able:
+    if not sockets._is_granted("priority 3", lambda: scheduling.set_priority(3)):
         pytest.skip("real-time priorities are not granted here")
     with sockets.open_context(3, loop_priority=2) as context:
         assert len(context.threads) == 1

@@ -1,12 +1,13 @@
 """Time of a process: the monotonic clock and the 1 kHz pacer.
 
-Time is an integer number of nanoseconds of CLOCK_MONOTONIC (`time.monotonic_ns`), never stepped. The pacer keeps
-absolute deadlines: a deadline miss does not move the next deadline, so that lateness never adds up. A loop that
+Time is an integer number of nanoseconds of the clock of `netboard.base.system.monotonic`, never stepped. The pacer
+keeps absolute deadlines: a deadline miss does not move the next deadline, so that lateness never adds up. A loop that
 falls far behind does not run a burst of ticks to catch up: it moves its deadlines and says by how much.
 """
 
 import time
 
+from netboard.base.system import monotonic
 from netboard.base.tick import TICK_NS
 
 CATCH_UP_TICKS = 20
@@ -15,7 +16,7 @@ CATCH_UP_TICKS = 20
 
 def now_ns() -> int:
     """Return the monotonic time of this machine [ns]."""
-    return time.monotonic_ns()  # looked up at each call, because a test replaces the clock of this module
+    return monotonic.monotonic_ns()  # looked up at each call, because a test replaces the clock of this module
 
 
 class Pacer:

@@ -37,9 +37,7 @@ from numba.core.serialize import dumps
 
 from netboard.base.errors import ConfigError
 from netboard.base.files.sealed import Damaged, unsealed, write_sealed
-
-if sys.platform != "win32":
-    import fcntl
+from netboard.base.system.locks import lock
 
 log = logging.getLogger(__name__)
 
@@ -311,10 +309,8 @@ def locked(name: str) -> Iterator[None]:
 
 def _try_lock(file: IO[str]) -> bool:
     """Lock a file if no other process has; where files cannot be locked, each process compiles for itself."""
-    if sys.platform == "win32":
-        return True
     try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        lock(file.fileno())
     except BlockingIOError:
         return False
     except OSError:

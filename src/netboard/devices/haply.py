@@ -13,17 +13,18 @@ Options (``agents.<side>.options``): see `HaplyOptions`. How to set it up: docs/
 
 import contextlib
 import json
-import os
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import hypot, isfinite
-from time import monotonic_ns, sleep
+from time import sleep
 from typing import Annotated, Any, NamedTuple, final
 
 from netboard.base.config import Config, Side
 from netboard.base.errors import DeviceError, DeviceLost, DeviceNotFound, DeviceTimeout
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
+from netboard.base.system.monotonic import monotonic_ns
+from netboard.base.system.scheduling import scheduling
 from netboard.devices.contract.device import Box, Device, DeviceInfo, Found, Reading
 from netboard.devices.contract.selection import only
 from netboard.participants.body.device_forces import within
@@ -208,19 +209,6 @@ class HaplyConnection:
             self._stack.close()
 
 
-def follow_scheduling() -> Callable[[], None]:
-    """Return what makes a new thread as real-time as this one; by itself it is not, and a busy machine delays it."""
-    if not hasattr(os, "sched_getscheduler"):
-        return lambda: None
-    policy, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
-
-    def follow() -> None:
-        with contextlib.suppress(PermissionError):
-            os.sched_setscheduler(0, policy, parameters)
-
-    return follow
-
-
 class HaplyLink:
     """A thread that exchanges forces for states with the service."""
 
@@ -232,7 +220,7 @@ class HaplyLink:
         self._zeroed = threading.Event()
         self.state: HaplyState | None = None  # newest
         self.fault: DeviceError | None = None  # why the thread has ended
-        self._follow = follow_scheduling()
+        self._follow = scheduling.as_here()  # a new thread is not as real-time by itself, and a busy machine delays it
         self._thread = threading.Thread(target=self._run, name="haply", daemon=True)
         self._thread.start()
 

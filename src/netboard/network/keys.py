@@ -10,7 +10,6 @@ overwritten.
 
 import hashlib
 import ipaddress
-import os
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
@@ -26,6 +25,7 @@ from netboard.base.errors import ConfigError, writing
 from netboard.base.files.new import write_synced
 from netboard.base.files.text import read_text
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, parse_toml, to_toml
+from netboard.base.system.ownership import PRIVATE_FILE, PRIVATE_FOLDER, why_open
 from netboard.base.tables.rig import Network
 from netboard.network.protocol.joining import KEY_ROLES_WITH_SIDE, KeyRole, role_and_side
 from netboard.network.transport import authenticator, channels
@@ -329,7 +329,7 @@ def _list_text(peers: Iterable[KeyedPeer]) -> str:
 def _make_folder(folder: Path) -> None:
     """Make a folder that only its owner can read, if it is missing."""
     with writing(folder):
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        folder.mkdir(mode=PRIVATE_FOLDER, parents=True, exist_ok=True)
 
 
 def _write_key(path: Path, file: _KeyFile) -> None:
@@ -344,7 +344,7 @@ def _write_key(path: Path, file: _KeyFile) -> None:
 def _write_new(path: Path, text: str, existing: str = "already exists and was not changed; move it away first") -> None:
     """Write a new file that only its owner can read; ``existing``: end of the error message if it exists already."""
     try:
-        path.touch(mode=0o600, exist_ok=False)
+        path.touch(mode=PRIVATE_FILE, exist_ok=False)
         try:
             path.write_text(text, encoding="utf-8", newline="\n")
         except BaseException:
@@ -375,10 +375,8 @@ def _read(path: Path, hint: str) -> str:
 
 def _refuse_open(path: Path) -> None:
     """Refuse a file or folder that other users may read or change."""
-    mode = path.stat().st_mode & 0o777
-    if os.name == "posix" and mode & 0o077:
-        proper = "700" if path.is_dir() else "600"
-        raise ConfigError(f"{path}: is accessible to other users (mode {mode:04o}); do: chmod {proper} {path}")
+    if why := why_open(path):
+        raise ConfigError(f"{path}: {why}")
 
 
 def _parse(path: Path, text: str, adapter: TypeAdapter[T]) -> T:

@@ -6,7 +6,6 @@ returns facts that are not in the recordings.
 
 import os
 import shutil
-import signal
 import socket as net
 import time
 from collections.abc import Callable, Mapping
@@ -49,9 +48,9 @@ STRANGER = Hello("agent", "left", PROTOCOL_VERSION, "stranger:1", "0", {})
 @deferred
 def suspend(site: Site, process: str, seconds: float) -> None:
     """Suspend a process for a duration [s]."""
-    site.rig.send_signal(process, signal.SIGSTOP)
+    site.rig.suspend(process)
     site.sleep(seconds)
-    site.rig.send_signal(process, signal.SIGCONT)
+    site.rig.resume(process)
 
 
 @deferred
@@ -78,11 +77,11 @@ def kill_logger_until_paused(site: Site) -> Facts:
 
 def kill_with_peer_frozen(site: Site) -> None:
     """Kill the server and start another while an agent is suspended; the agent wakes with the old session."""
-    site.rig.send_signal("left agent", signal.SIGSTOP)
+    site.rig.suspend("left agent")
     site.rig.kill("server")
     site.restart("server")
     site.rig.until(lambda status: "agent.right" in status.peers, START_S)
-    site.rig.send_signal("left agent", signal.SIGCONT)
+    site.rig.resume("left agent")
 
 
 @deferred

@@ -8,35 +8,18 @@ docs/how-to/real-time.md explains each feature and how to permit it.
 import errno
 import gc
 import logging
-import os
 import sys
 from collections.abc import Callable
 from enum import IntEnum
 from functools import partial
-from pathlib import Path
 
-from netboard.base.process.resources import libc
+from netboard.base.system.scheduling import scheduling
 from netboard.base.tables.rig import Realtime
-
-if sys.platform != "win32":
-    import resource
 
 log = logging.getLogger(__name__)
 
 OK, OFF = "ok", "off"
 """Result of a request: granted, or not requested; any other text is the reason of a refusal."""
-
-MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4
-"""Flags of mlockall on Linux."""
-
-PR_SET_TIMERSLACK = 29
-"""Linux prctl option: the delay by which the kernel may wake a sleeping thread later, to coalesce timers."""
-
-DMA_LATENCY_FILE = Path("/dev/cpu_dma_latency")
-"""Linux PM QoS: while this file is open, cores use only sleep states with at most the written wake-up latency."""
-
-MAX_WAKE_UP_LATENCY_US = 2
-"""Largest wake-up latency; it permits the lightest sleep state, while 0 would make idle cores spin [us]."""
 
 
 class Priority(IntEnum):
@@ -78,7 +61,7 @@ def steady_loop() -> None:
     gc.disable()
     sys.setswitchinterval(5e-4)
     if PRIORITY in _granted:
-        _fifo(_granted[PRIORITY])
+        scheduling.set_priority(_granted[PRIORITY])
 
 
 def beside_loop() -> None:
@@ -87,7 +70,7 @@ def beside_loop() -> None:
     With normal scheduling, the thread could be kept from its core while it holds Python's lock, and the loop with it.
     """
     if PRIORITY in _granted:
-        _fifo(_granted[PRIORITY] - 1)
+        scheduling.set_priority(_granted[PRIORITY], beside=True)
 
 
 def prepare(wanted: Realtime, priority: int, cpus: str) -> dict[str, str]:
@@ -102,9 +85,9 @@ def prepare(wanted: Realtime, priority: int, cpus: str) -> dict[str, str]:
     requests: dict[str, Callable[[], None] | None] = {
         "scheduling": partial(_schedule, priority) if wanted.scheduling else None,
         "cpus": partial(_stay_on, cpus) if cpus else None,
-        "memory": _lock_memory if wanted.lock_memory else None,
-        "timer_slack": _wake_in_time if wanted.scheduling else None,
-        "core_sleep": _keep_awake if wanted.scheduling else None,
+        "memory": scheduling.lock_memory if wanted.lock_memory else None,
+        "timer_slack": scheduling.wake_in_time if wanted.scheduling else None,
+        "core_sleep": scheduling.keep_awake if wanted.scheduling else None,
     }
     results = {what: OFF if request is None else _tried(what, request) for what, request in requests.items()}
     log.info("real time: %s", ", ".join(f"{what} {result}" for what, result in results.items() if result in {OK, OFF}))
@@ -120,7 +103,7 @@ def cpus_for(loop: str, wanted: Realtime) -> str:
     cpus = wanted.server_cpus if loop == PLACES[0] else wanted.agent_cpus
     if cpus != AUTO:
         return cpus
-    have = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
+    have = sorted(scheduling.cpus())
     enough = 2 if loop == PLACES[0] else len(PLACES)
     return str(have[-1 - PLACES.index(loop)]) if len(have) >= enough else ""
 
@@ -158,60 +141,18 @@ def _tried(what: str, request: Callable[[], None]) -> str:
     return OK
 
 
-def _only_on(*systems: str) -> None:
-    """Raise an error on other systems."""
-    if sys.platform not in systems:
-        raise OSError(errno.ENOSYS, f"not offered on {sys.platform}")
-
-
 def _schedule(priority: int) -> None:
-    """Request SCHED_FIFO for this thread, from the start of its loop on."""
-    _only_on("linux")
-    _fifo(priority)
-    # The flag stays: Linux lets only a privileged thread clear it (sched(7)), and would refuse the rest with it.
-    os.sched_setscheduler(0, os.SCHED_OTHER | os.SCHED_RESET_ON_FORK, os.sched_param(0))
+    """Request the priority for this thread, from the start of its loop on."""
+    scheduling.permit(priority)
     _granted[PRIORITY] = priority
-
-
-def _fifo(priority: int) -> None:
-    """Set SCHED_FIFO for this thread; threads that it starts have normal scheduling (ZeroMQ's set their own)."""
-    os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
 
 
 def _stay_on(cpus: str) -> None:
     """Restrict this thread, and those it starts from now on, to these CPUs."""
-    _only_on("linux")
-    os.sched_setaffinity(0, cpu_set(cpus))
+    scheduling.stay_on(cpu_set(cpus))
 
 
 def _stay_off(cpus: str) -> None:
     """Exclude these CPUs for this thread and those it starts from now on, if others are left."""
-    _only_on("linux")
-    if others := os.sched_getaffinity(0) - cpu_set(cpus):
-        os.sched_setaffinity(0, others)
-
-
-def _lock_memory() -> None:
-    """Lock all pages that this process uses in memory, now and later.
-
-    Pages that it never uses are not loaded: most of the compiler's library, and of the threads' stacks.
-    """
-    _only_on("linux")
-    limit, _ = resource.getrlimit(resource.RLIMIT_MEMLOCK)
-    if limit != resource.RLIM_INFINITY and os.geteuid() != 0:
-        # A limit might suffice now, but an allocation beyond it would fail in the middle of a session.
-        raise OSError(errno.ENOMEM, f"the limit is {limit / 1e6:.0f} MB, expected none")
-    libc(lambda libc: libc.mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT))
-
-
-def _wake_in_time() -> None:
-    """Set the timer slack to its minimum; the default is 50 us. It matters only without real-time scheduling."""
-    _only_on("linux")
-    libc(lambda libc: libc.prctl(PR_SET_TIMERSLACK, 1, 0, 0, 0))
-
-
-def _keep_awake() -> None:
-    """Disable deep sleep states of all cores until this process ends, by keeping the file open."""
-    _only_on("linux")
-    handle = os.open(DMA_LATENCY_FILE, os.O_WRONLY)
-    os.write(handle, MAX_WAKE_UP_LATENCY_US.to_bytes(4, sys.byteorder))
+    if others := scheduling.cpus() - cpu_set(cpus):
+        scheduling.stay_on(others)

@@ -1,32 +1,13 @@
-"""What this process is, and what it takes of its machine: files, memory, the C library, the user's folder."""
+"""What this process is, and what it takes of its machine: memory, and the user's folder."""
 
-import ctypes
 import os
 import platform
-import sys
-from collections.abc import Callable
 from pathlib import Path
 
 from netboard.base.errors import ConfigError
 
-if sys.platform != "win32":
-    import resource
-
 NAME = f"{platform.node()}:{os.getpid()}"
 """Identity of this process: host and process number."""
-
-
-def allow_files() -> None:
-    """Allow this process as many open files as the system lets it have: each connection of a server is one."""
-    _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
-    resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
-
-
-def libc(call: Callable[[ctypes.CDLL], int]) -> None:
-    """Call the C library."""
-    if call(ctypes.CDLL(None, use_errno=True)):
-        number = ctypes.get_errno()
-        raise OSError(number, os.strerror(number))
 
 
 def peak_memory() -> float:

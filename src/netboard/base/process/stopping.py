@@ -3,17 +3,17 @@
 import logging
 import os
 import signal
-import socket
 import sys
 import threading
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from math import inf
 from types import FrameType
 from typing import Any, Self
 
-from netboard.base.process.resources import libc
+from netboard.base.system.c_library import libc, notify
+from netboard.base.system.supervision import supervision
 
 log = logging.getLogger(__name__)
 
@@ -31,7 +31,7 @@ SUPERVISOR = "NOTIFY_SOCKET"
 """Environment variable with the address of the supervisor's socket (sd_notify)."""
 
 STOP_WITH_PARENT = "NETBOARD_STOP_WITH_PARENT"
-"""Environment variable of a process that stops when its parent ends."""
+"""Environment variable of a process that stops when its parent ends: the number of that parent."""
 
 
 class ProcessSupervisor:
@@ -60,9 +60,7 @@ class ProcessSupervisor:
     def _notify(self, message: str) -> bool:
         """Send a message without blocking; return whether it was accepted. Stop sending when the supervisor is gone."""
         try:
-            with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as to:
-                to.setblocking(False)
-                to.sendto(message.encode(), self._address)
+            notify(self._address, message)
         except BlockingIOError:  # the socket is full
             return False
         except OSError as error:
@@ -127,6 +125,16 @@ def no_terminal_suspension() -> Iterator[None]:
         yield
 
 
+def _parent_watch() -> Callable[[], bool] | None:
+    """Return what tells whether the parent process has ended; None for a process that does not stop with it."""
+    if not (parent := os.environ.get(STOP_WITH_PARENT)):
+        return None
+    if sys.platform == "linux":
+        # A parent that suspended this process, and was killed, cannot resume it.
+        libc(lambda libc: libc.prctl(PR_SET_PDEATHSIG, signal.SIGCONT, 0, 0, 0))
+    return supervision.watch_parent(int(parent))
+
+
 class Stopping:
     """Context in which a stop signal sets a flag instead of interrupting; calling the instance returns the flag.
 
@@ -140,17 +148,14 @@ class Stopping:
     def __init__(self, orphaned_s: float = 0.0) -> None:
         self._requested = False
         self._orphaned_s, self._stop_at = orphaned_s, inf
-        self._parent = os.getppid() if os.environ.get(STOP_WITH_PARENT) else None
-        if self._parent is not None and sys.platform == "linux":
-            # A parent that suspended this process, and was killed, cannot resume it.
-            libc(lambda libc: libc.prctl(PR_SET_PDEATHSIG, signal.SIGCONT, 0, 0, 0))
+        self._parent_ended = _parent_watch()
         self._before: dict[int, object] = {}
         self._supervisor = ProcessSupervisor()
 
     def __call__(self) -> bool:
         """Return whether a stop was requested, or the parent process has ended."""
-        if self._parent is not None and os.getppid() != self._parent:
-            self._parent, self._stop_at = None, time.monotonic() + self._orphaned_s
+        if self._parent_ended is not None and self._parent_ended():
+            self._parent_ended, self._stop_at = None, time.monotonic() + self._orphaned_s
         stop = self._requested or time.monotonic() >= self._stop_at
         if not stop:
             self._supervisor.alive()

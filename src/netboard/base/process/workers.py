@@ -3,13 +3,14 @@
 import os
 import signal
 import threading
-from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
 from multiprocessing import parent_process
 from multiprocessing.connection import wait
 from multiprocessing.context import SpawnContext, SpawnProcess
 from threading import Event
+
+from netboard.base.system.interrupts import can_interrupt, ctrl_c
+from netboard.base.system.scheduling import scheduling
 
 interrupted = Event()
 """Whether Ctrl-C has interrupted this worker: the exception alone can be lost, in a callback of the compiler."""
@@ -17,7 +18,7 @@ interrupted = Event()
 
 def usable_cpus() -> list[int]:
     """Return the CPUs that this process may use."""
-    return sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else list(range(os.cpu_count() or 1))
+    return sorted(scheduling.cpus()) or list(range(os.cpu_count() or 1))
 
 
 def cores() -> int:
@@ -33,19 +34,6 @@ def worker_processes(count: int, *, interruptible: bool = False) -> ProcessPoolE
     ``interruptible``: it also interrupts what they run with `ctrl_c` unblocked, and `interrupted` tells them.
     """
     return ProcessPoolExecutor(count, _Context(), _stop_once if interruptible else _leave_stopping)
-
-
-@contextmanager
-def ctrl_c(*, blocked: bool) -> Iterator[None]:
-    """Block Ctrl-C until the end, in this thread and the processes that it starts, or unblock it; POSIX only."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK if blocked else signal.SIG_UNBLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 class _Worker(SpawnProcess):
@@ -64,7 +52,7 @@ class _Context(SpawnContext):
 
 def interrupt_workers(pool: ProcessPoolExecutor) -> None:
     """Interrupt what the processes of an interruptible pool run, as Ctrl-C does; POSIX only."""
-    if hasattr(signal, "pthread_sigmask"):
+    if can_interrupt():
         for number in pool._processes or {}:
             os.kill(number, signal.SIGINT)
 

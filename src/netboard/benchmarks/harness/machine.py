@@ -1,6 +1,5 @@
 """Description of the machine that a study ran on, for the head of its results."""
 
-import os
 import platform
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
@@ -9,6 +8,7 @@ from pathlib import Path
 from llvmlite.binding import get_host_cpu_features
 
 from netboard.base.process.workers import cores
+from netboard.base.system.c_library import load_average
 
 LIBRARIES = ("netboard", "numba", "llvmlite", "numpy", "scipy")
 """Libraries whose version can change a result."""
@@ -45,7 +45,7 @@ def describe() -> Machine:
         cpu=_cpu(),
         cores=cores(),
         vectors=_vectors(),
-        load=os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan"),
+        load=load_average(),
         python=platform.python_version(),
         libraries={name: version_of(name) for name in LIBRARIES},
     )

@@ -19,6 +19,7 @@ from netboard.base.config import SIDES, Config, Side, parse, resolve
 from netboard.base.errors import NetboardError
 from netboard.base.process.resources import resident_memory
 from netboard.base.process.stopping import STOP_WITH_PARENT
+from netboard.base.system.supervision import supervision
 from netboard.network import keys
 from netboard.network.protocol.control import Status
 from netboard.network.transport import sockets
@@ -65,7 +66,7 @@ class Rig:
         self.file = self._write("rig", self.config)
         self.running: dict[str, subprocess.Popen[bytes]] = {}
         self._environment = (
-            os.environ | {"QT_QPA_PLATFORM": "offscreen", STOP_WITH_PARENT: "1"} | dict(environment or {})
+            os.environ | {"QT_QPA_PLATFORM": "offscreen", STOP_WITH_PARENT: str(os.getpid())} | dict(environment or {})
         )
         self._routes = dict(routes or {})
         self._stack = ExitStack()
@@ -110,7 +111,7 @@ class Rig:
                 stderr=log,
                 env=self._environment,
                 cwd=self.folder,
-                start_new_session=True,
+                **supervision.new_group(),
             )
         self.running[name] = process
         return process
@@ -178,14 +179,23 @@ class Rig:
     def _last_line(self, name: str) -> str:
         return self.output_of(name).strip().rpartition("\n")[2]
 
-    def send_signal(self, name: str, number: signal.Signals) -> None:
-        """Send a process a signal."""
+    def suspend(self, name: str) -> None:
+        """Suspend a process (SIGSTOP)."""
+        self._send(name, supervision.suspend)
+
+    def resume(self, name: str) -> None:
+        """Resume a suspended process (SIGCONT)."""
+        self._send(name, supervision.resume)
+
+    def _send(self, name: str, number: signal.Signals | None) -> None:
+        if number is None:
+            raise NetboardError("this system cannot suspend a process")
         self.running[name].send_signal(number)
 
     def kill(self, name: str) -> None:
-        """Kill a process with SIGKILL."""
+        """Kill a process."""
         process = self.running.pop(name)
-        process.send_signal(signal.SIGKILL)
+        process.kill()
         process.wait()
         if name == "server":
             self.disconnect()

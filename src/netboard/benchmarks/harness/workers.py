@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from netboard.base.errors import NetboardError
+from netboard.base.system.supervision import supervision
 
 END_SECONDS = 5.0
 """Time after which a worker that does not end is killed [s]."""
@@ -33,7 +34,7 @@ class Worker:
                 stderr=file,
                 env={**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
                 text=True,
-                start_new_session=True,
+                **supervision.new_group(),
             )
 
     @property

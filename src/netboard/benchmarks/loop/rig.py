@@ -5,7 +5,6 @@ they use no CPU while something else is measured. When they continue, the server
 and resumes them as soon as all peers are there.
 """
 
-import signal
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -98,11 +97,15 @@ class Dyads(ExitStack):
 
     def suspend(self) -> None:
         """Suspend all processes."""
-        self._signal(signal.SIGSTOP)
+        for rig in self._rigs:
+            for name in rig.running:
+                rig.suspend(name)
 
     def resume(self) -> None:
         """Resume all processes."""
-        self._signal(signal.SIGCONT)
+        for rig in self._rigs:
+            for name in rig.running:
+                rig.resume(name)
 
     def finish(self) -> list[Path]:
         """End the sessions in order, and return their recordings, in the order of the dyads."""
@@ -117,11 +120,6 @@ class Dyads(ExitStack):
         """Check that the processes still run."""
         for rig in self._rigs:
             rig.require_running()
-
-    def _signal(self, number: signal.Signals) -> None:
-        for rig in self._rigs:
-            for name in rig.running:
-                rig.send_signal(name, number)
 
 
 def dyad_configs(config: Config, folder: Path, count: int) -> list[Config]:

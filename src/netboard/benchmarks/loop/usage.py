@@ -4,7 +4,6 @@ A thread is of one of three kinds: the loop (a process's first thread), ZeroMQ's
 the scheduler, to the nanosecond if available (``schedstat``), else to its clock tick.
 """
 
-import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import reduce
@@ -14,6 +13,7 @@ from typing import NamedTuple
 from netboard.base.clock import now_ns
 from netboard.base.errors import NetboardError
 from netboard.base.process.resources import resident_memory
+from netboard.base.system.c_library import clock_ticks_hz
 
 LOOP, TRANSPORT, OTHER = "loop", "I/O", "other"
 KINDS = (LOOP, TRANSPORT, OTHER)
@@ -126,7 +126,7 @@ def parse_thread(stat: str, schedstat: str, status: str, clock_hz: int) -> tuple
 def read_usage(process: int) -> Usage:
     """Return the present usage of a process."""
     here = Path("/proc") / str(process)
-    clock_hz = os.sysconf("SC_CLK_TCK")
+    clock_hz = clock_ticks_hz()
     try:
         found = (_read_thread(process, int(folder.name), folder, clock_hz) for folder in (here / "task").iterdir())
         threads = dict(one for one in found if one is not None)

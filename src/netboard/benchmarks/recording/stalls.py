@@ -4,7 +4,6 @@ A logger whose disk takes half a second for a sync is blocked meanwhile, as is o
 second. For the server both are the same.
 """
 
-import signal
 import time
 from pathlib import Path
 from typing import Any
@@ -57,10 +56,10 @@ def _stop_logger(rig: Rig, seconds: float, share: float) -> None:
     turns, length = (round(seconds * share / STALL_SECONDS), STALL_SECONDS) if 0 < share < 1 else (1, seconds)
     for _ in range(turns):
         if share:
-            rig.send_signal("logger", signal.SIGSTOP)
+            rig.suspend("logger")
         time.sleep(length)
         if share:
-            rig.send_signal("logger", signal.SIGCONT)
+            rig.resume("logger")
             time.sleep(length * (1 / share - 1))
 
 

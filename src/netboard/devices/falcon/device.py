@@ -20,11 +20,11 @@ not ready, and it renders no force.
 import contextlib
 from dataclasses import dataclass
 from math import hypot, isfinite
-from time import monotonic_ns
 from typing import Annotated, final
 
 from netboard.base.config import Config, Side
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
+from netboard.base.system.monotonic import monotonic_ns
 from netboard.devices.contract.device import Box, Device, DeviceInfo, Found, Reading
 from netboard.devices.contract.registry import BACKENDS
 from netboard.devices.contract.velocity import Velocimeter

@@ -9,10 +9,10 @@ encoder counts arrive no later than the force is applied.
 """
 
 from collections.abc import Iterator
-from time import monotonic_ns
 from typing import NamedTuple
 
 from netboard.base.errors import DeviceTimeout
+from netboard.base.system.monotonic import monotonic_ns
 from netboard.devices.falcon import ftdi
 
 SIZE = 16

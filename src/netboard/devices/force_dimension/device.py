@@ -17,7 +17,6 @@ import logging
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import dist
-from time import monotonic_ns
 from typing import Annotated, NamedTuple, final
 
 from pydantic import StrictBool
@@ -25,6 +24,7 @@ from pydantic import StrictBool
 from netboard.base.config import Config, Side
 from netboard.base.errors import ConfigError, DeviceError, DeviceLost, DeviceNotFound, DeviceTimeout
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
+from netboard.base.system.monotonic import monotonic_ns
 from netboard.base.tick import NEVER_NS
 from netboard.devices.contract.device import Box, Device, DeviceInfo, Found, Reading
 from netboard.devices.force_dimension.api import Dhd, DhdError, DhdStatus, ForceOff, load

@@ -10,13 +10,14 @@ from collections.abc import Callable
 from ctypes import POINTER, byref, c_double, c_int, c_int64, c_size_t, c_void_p
 from functools import cache
 from pathlib import Path
-from time import monotonic_ns, sleep
+from time import sleep
 from typing import NamedTuple
 
 import numpy as np
 
 from netboard.base import kernel_cache
 from netboard.base.errors import DeviceNotFound
+from netboard.base.system.monotonic import monotonic_ns
 from netboard.devices.force_dimension.api import Dhd
 from netboard.devices.servo.compiling import INSTALL_HINT, CannotCompile, compiled_library
 

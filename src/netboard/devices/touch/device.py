@@ -13,7 +13,6 @@ Options (``agents.<side>.options``): see `OpenHapticsOptions`. How to set it up:
 
 import logging
 from dataclasses import dataclass, replace
-from time import monotonic_ns
 from typing import Annotated, Literal, final
 
 import numpy as np
@@ -22,6 +21,7 @@ from netboard.base.compiled import machine_code
 from netboard.base.config import Config, Side
 from netboard.base.errors import DeviceLost, DeviceNotFound, DeviceTimeout
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
+from netboard.base.system.monotonic import monotonic_ns
 from netboard.base.tick import NEVER_NS
 from netboard.devices.contract.access import CompiledAccess
 from netboard.devices.contract.device import Device, DeviceInfo, Found, Reading

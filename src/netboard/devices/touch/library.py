@@ -18,11 +18,11 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from ctypes import c_void_p
 from dataclasses import dataclass, field
-from time import monotonic_ns
 
 import numpy as np
 
 from netboard.base.errors import DeviceError, DeviceNotFound, DeviceTimeout
+from netboard.base.system.monotonic import monotonic_ns
 from netboard.base.tick import NEVER_NS
 from netboard.devices.touch.access import LIBRARY
 from netboard.devices.touch.api import (

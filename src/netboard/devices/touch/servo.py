@@ -14,12 +14,12 @@ import time
 from collections import deque
 from ctypes import byref, c_double, c_int32, c_ubyte, c_void_p
 from math import isfinite
-from time import monotonic_ns
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from netboard.base.system.monotonic import monotonic_ns
 from netboard.devices.touch.access import SAMPLE
 from netboard.devices.touch.api import CALLBACK, ERRORS_LOST, INVALID_HANDLE, MAX_ERRORS, After, Library, Parameter
 

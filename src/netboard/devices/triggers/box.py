@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import ClassVar, Self
 
 from netboard.base.errors import DeviceNotFound
+from netboard.base.system.ownership import group_of
 from netboard.base.tables.triggers import Triggers
 
 NO_FILE = -1
@@ -62,7 +63,7 @@ class TriggerBox(ABC):
 def cannot_open(path: str, error: OSError) -> DeviceNotFound:
     """Return why a file of a trigger box cannot be opened, and what to do."""
     if error.errno in (errno.EACCES, errno.EPERM):
-        group = _group_of(path)
+        group = group_of(Path(path))
         advice = f"sudo usermod -aG {group} $USER, then log in again" if group else "ask for access to it"
         return DeviceNotFound(
             f"no permission to open {path}" + (f" of the group {group}" if group else "") + f": {advice}"
@@ -72,13 +73,3 @@ def cannot_open(path: str, error: OSError) -> DeviceNotFound:
     if error.errno in (errno.ENOENT, errno.ENXIO, errno.ENODEV):
         return DeviceNotFound(f"{path}: no such port; is the box plugged in?")
     return DeviceNotFound(f"{path} cannot be opened as a trigger box: {error.strerror or error}")
-
-
-def _group_of(path: str) -> str:
-    """Return the group that may open a file; empty if it is unknown."""
-    try:
-        import grp  # noqa: PLC0415  (not on Windows)
-
-        return grp.getgrgid(Path(path).stat().st_gid).gr_name
-    except (ImportError, OSError, KeyError):
-        return ""

@@ -4,13 +4,13 @@ The input is nACK (pin 10), whose edge raises an interrupt: a pulse there is see
 Express card works like one on the mainboard; a USB-to-parallel cable does not, because it is a printer port only.
 """
 
-import fcntl
 import os
 import struct
 from collections.abc import Callable
 from typing import Any, ClassVar
 
 from netboard.base.errors import DeviceLost
+from netboard.base.system.device_files import ioctl, open_device
 from netboard.base.tables.triggers import Triggers
 from netboard.devices.triggers.box import NO_FILE, TriggerBox, cannot_open
 
@@ -32,7 +32,7 @@ class ParallelPort(TriggerBox):
 
     has_input: ClassVar[bool] = True
 
-    def __init__(self, triggers: Triggers, ioctl: Callable[..., Any] = fcntl.ioctl) -> None:
+    def __init__(self, triggers: Triggers, ioctl: Callable[..., Any] = ioctl) -> None:
         super().__init__(triggers)
         self._address = triggers.address or DEFAULT
         self._ioctl = ioctl
@@ -46,7 +46,7 @@ class ParallelPort(TriggerBox):
     def open(self) -> None:
         """Claim the port for this process alone, with all lines low."""
         try:
-            self._file = os.open(self._address, os.O_RDWR | os.O_NONBLOCK)
+            self._file = open_device(self._address)
             self._ioctl(self._file, PPEXCL)
             self._ioctl(self._file, PPCLAIM)
             self._set(0)

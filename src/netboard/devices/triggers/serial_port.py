@@ -8,6 +8,7 @@ the byte.
 import errno
 import logging
 from importlib import import_module
+from io import UnsupportedOperation
 from typing import Any, ClassVar
 
 from netboard.base.errors import DeviceLost, DeviceNotFound, DeviceTimeout
@@ -74,8 +75,11 @@ class SerialBox(TriggerBox):
 
     @property
     def file(self) -> int:
-        """The port's file."""
-        return NO_FILE if self._port is None else int(self._port.fileno())
+        """The port's file; pyserial has none on Windows, where the input is read at each wake-up instead."""
+        try:
+            return NO_FILE if self._port is None else int(self._port.fileno())
+        except UnsupportedOperation:
+            return NO_FILE
 
     def close(self) -> None:
         """Close the port."""

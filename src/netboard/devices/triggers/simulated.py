@@ -3,7 +3,7 @@
 With ``loopback`` each code comes back at its input at once.
 """
 
-import os
+import socket
 from typing import ClassVar
 
 from netboard.base.tables.triggers import Triggers
@@ -14,7 +14,7 @@ MAX_READ = 256
 
 
 class SimulatedBox(TriggerBox):
-    """Remembers the lines; its input is a pipe."""
+    """Remembers the lines; its input is a pair of sockets."""
 
     simulated: ClassVar[bool] = True
     has_input: ClassVar[bool] = True
@@ -22,7 +22,7 @@ class SimulatedBox(TriggerBox):
     def __init__(self, triggers: Triggers) -> None:
         super().__init__(triggers)
         self.lines = 0
-        self._input = self._output = NO_FILE
+        self._ends: tuple[socket.socket, ...] = ()
 
     @property
     def text(self) -> str:
@@ -31,32 +31,31 @@ class SimulatedBox(TriggerBox):
 
     def open(self) -> None:
         """Begin with all lines low."""
-        self._input, self._output = os.pipe()
-        for end in (self._input, self._output):
-            os.set_blocking(end, False)
+        self._ends = socket.socketpair()  # which Windows can wait for, unlike a pipe
+        for end in self._ends:
+            end.setblocking(False)
         self.lines = 0
 
     def write(self, code: int) -> None:
         """Set the lines; a rise comes back at the input if it is wired so."""
         if code and self.settings.loopback:
-            os.write(self._output, bytes((code,)))
+            self._ends[1].send(bytes((code,)))
         self.lines = code
 
     def read(self) -> bytes:
         """Return what came back."""
         try:
-            return os.read(self._input, MAX_READ)
+            return self._ends[0].recv(MAX_READ)
         except BlockingIOError:
             return b""
 
     @property
     def file(self) -> int:
-        """The pipe's end."""
-        return self._input
+        """The socket's file."""
+        return self._ends[0].fileno() if self._ends else NO_FILE
 
     def close(self) -> None:
-        """Close the pipe."""
-        for end in (self._input, self._output):
-            if end != NO_FILE:
-                os.close(end)
-        self._input = self._output = NO_FILE
+        """Close the sockets."""
+        for end in self._ends:
+            end.close()
+        self._ends = ()

@@ -6,8 +6,6 @@ which role a key has; a `KnownKeys` does.
 """
 
 import logging
-import os
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Protocol, TypeAlias
@@ -16,6 +14,8 @@ import zmq
 from zmq.utils import z85
 from zmq.utils.monitor import parse_monitor_message
 
+from netboard.base.system.monotonic import monotonic_ns
+from netboard.base.system.scheduling import scheduling
 from netboard.network.transport.refusal_count import RefusalCounter
 
 log = logging.getLogger(__name__)
@@ -149,12 +149,12 @@ class _ZapHandler:
 
     def note_failure(self) -> None:
         """Note a handshake that was refused or failed."""
-        self._low_priority_until_ns = time.monotonic_ns() + LOW_PRIORITY_NS
+        self._low_priority_until_ns = monotonic_ns() + LOW_PRIORITY_NS
 
     def answer(self) -> None:
         """Answer some of the waiting handshakes."""
         until_ns = self._low_priority_until_ns
-        self._context.set_low_priority(until_ns > 0 and time.monotonic_ns() < until_ns)
+        self._context.set_low_priority(until_ns > 0 and monotonic_ns() < until_ns)
         for _ in range(MAX_HANDSHAKES):
             if not readable(self._socket):
                 return
@@ -186,7 +186,7 @@ class _HandshakeMonitor:
         if self._socket.closed:
             return
         if self._paused_until_ns:
-            if time.monotonic_ns() < self._paused_until_ns:
+            if monotonic_ns() < self._paused_until_ns:
                 return
             self._paused_until_ns, self._monitor = 0, self._open()
         for _ in range(MAX_HANDSHAKES):
@@ -204,12 +204,12 @@ class _HandshakeMonitor:
         self._full_reads = 0
         self._socket.monitor(None, 0)
         self._monitor.close()
-        self._paused_until_ns = time.monotonic_ns() + MONITOR_PAUSE_NS
+        self._paused_until_ns = monotonic_ns() + MONITOR_PAUSE_NS
         yield "more handshakes fail here than can be reported; none is for 10 s"
 
     def _open(self) -> Socket:
         """Start the monitor. Its queue has no bound, because a full one would hold up libzmq's own thread."""
-        address = f"inproc://monitor.{id(self)}.{time.monotonic_ns()}"
+        address = f"inproc://monitor.{id(self)}.{monotonic_ns()}"
         self._socket.monitor(address, zmq.Event.HANDSHAKE_FAILED_PROTOCOL | zmq.Event.HANDSHAKE_FAILED_NO_DETAIL)
         monitor: Socket = self._context.socket(zmq.PAIR)
         monitor.setsockopt(zmq.LINGER, 0)
@@ -249,7 +249,7 @@ class Context(zmq.Context["zmq.Socket[bytes]"]):
         priority = self.below if wanted else self.above
         try:
             for thread in self.threads:
-                os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(priority))
+                scheduling.set_thread(thread, priority)
         except OSError as error:
             log.warning("ZeroMQ's thread keeps its priority (%s)", error.strerror)
             self.threads = ()

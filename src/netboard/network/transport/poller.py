@@ -5,9 +5,9 @@ has changed, so a `Waiter` checks whether the socket is readable before and afte
 """
 
 import select
-import time
 from collections.abc import Iterable
 
+from netboard.base.system.monotonic import monotonic_ns
 from netboard.network.transport.authenticator import Socket, readable
 
 
@@ -22,13 +22,13 @@ class Waiter:
 
     def wait(self, timeout: float) -> bool:
         """Wait until the timeout [s]; return whether there is something to read."""
-        until = time.monotonic() + timeout
+        until_ns = monotonic_ns() + round(timeout * 1e9)
         changed: Iterable[Socket] = self._sockets
         while True:
             for socket in changed:
                 if readable(socket):
                     return True
-            left = until - time.monotonic()
+            left = (until_ns - monotonic_ns()) * 1e-9
             if left <= 0:
                 return False
             files = select.select([*self._files, *self.others], (), (), left)[0]

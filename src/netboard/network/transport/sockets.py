@@ -26,6 +26,7 @@ import zmq
 from zmq import Again, ZMQError
 
 from netboard.base.errors import NetboardError
+from netboard.base.system.scheduling import scheduling
 from netboard.network.transport import authenticator
 from netboard.network.transport.authenticator import Authenticator, Credentials, readable
 from netboard.network.transport.channels import CONTROL, LOG, NAMES, PARTNER, VIEW, Endpoint
@@ -118,13 +119,15 @@ def open_context(
     if best_effort:
         context.best_effort = _best_effort_context()
     cpus = set(io_cpus)
-    if io_priority is not None and _is_granted(
-        f"SCHED_FIFO {io_priority}", lambda: os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(io_priority))
+    if (
+        io_priority is not None
+        and scheduling.policy is not None
+        and _is_granted(f"priority {io_priority}", lambda: scheduling.set_priority(io_priority))
     ):
         # Before the first socket, with which libzmq starts its threads.
-        context.set(zmq.THREAD_SCHED_POLICY, os.SCHED_FIFO)
+        context.set(zmq.THREAD_SCHED_POLICY, scheduling.policy)
         context.set(zmq.THREAD_PRIORITY, io_priority)
-    if cpus and _is_granted(f"CPUs {sorted(cpus)}", lambda: os.sched_setaffinity(0, cpus)):
+    if cpus and _is_granted(f"CPUs {sorted(cpus)}", lambda: scheduling.stay_on(cpus)):
         for cpu in cpus:
             context.set(zmq.THREAD_AFFINITY_CPU_ADD, cpu)
     if loop_priority and io_priority is not None:
@@ -158,7 +161,7 @@ def _best_effort_context() -> Context:
     """Return a context whose threads may run on any CPU, whatever the affinity of the calling thread."""
     context = Context(io_threads=len(_THREADS))
     cpus = range(os.cpu_count() or 1)
-    if hasattr(os, "sched_setaffinity") and _is_granted("any CPU", lambda: os.sched_setaffinity(0, cpus)):
+    if _is_granted("any CPU", lambda: scheduling.stay_on(cpus)):
         for cpu in cpus:
             context.set(zmq.THREAD_AFFINITY_CPU_ADD, cpu)
     return context
@@ -174,12 +177,12 @@ def _context_for(context: Context, endpoint: Endpoint) -> tuple[Context, int]:
 
 def _is_granted(setting: str, request: Callable[[], None]) -> bool:
     """Return whether the system grants a thread a setting; it is requested in a thread made for that."""
-    errors: list[Exception] = []
+    errors: list[OSError] = []
 
     def try_it() -> None:
         try:
             request()
-        except (OSError, AttributeError) as error:
+        except OSError as error:
             errors.append(error)
 
     thread = threading.Thread(target=try_it)

@@ -8,7 +8,6 @@ import array
 import errno
 import socket as net
 import struct
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -17,14 +16,12 @@ from typing import TypeVar
 from netboard.base.clock import now_ns
 from netboard.base.errors import ConfigError, NetboardError
 from netboard.base.finding import Finding, text_of
+from netboard.base.system.device_files import ioctl
 from netboard.base.tables.rig import Network
 from netboard.network import keys
 from netboard.network.protocol.clock_estimator import ClockEstimator
 from netboard.network.transport import channels, poller, sockets
 from netboard.network.transport.ports import free_port, try_to_bind
-
-if sys.platform != "win32":
-    import fcntl
 
 LOOPBACK = "127.0.0.1"
 POLL_TIMEOUT_NS = 5_000_000_000
@@ -154,13 +151,11 @@ def card(network: Network, folder: Path = NET, delay_us: Callable[[str], int | N
 
 def coalescing_us(card: str) -> int | None:
     """Return by how much a card may delay the interrupt of a received frame [us]; None if it does not say."""
-    if sys.platform != "linux":
-        return None
     words = array.array("I", [ETHTOOL_GCOALESCE] + [0] * (COALESCE_WORDS - 1))
     request = struct.pack("16sP", card.encode(), words.buffer_info()[0])
     try:
         with net.socket(net.AF_INET, net.SOCK_DGRAM) as probe:
-            fcntl.ioctl(probe, SIOCETHTOOL, request)
+            ioctl(probe.fileno(), SIOCETHTOOL, request)
     except OSError:
         return None
     return words[1]

@@ -18,6 +18,7 @@ from netboard.base.files.new import new_file
 from netboard.base.finding import Colour, Finding
 from netboard.base.process.realtime import OFF, OK, cpus_for
 from netboard.base.process.workers import usable_cpus
+from netboard.base.system.c_library import load_average
 from netboard.devices.setup import listing, usb
 from netboard.nodes.doctor import disk, exchange, loopback, network, prediction, system, timing
 
@@ -135,5 +136,5 @@ def examine(config: Config, effort: Effort, follow: Callable[[str, float], None]
 
 def machine() -> dict[str, str]:
     """Describe this machine without its name."""
-    load = f"{os.getloadavg()[0]:.2f}" if hasattr(os, "getloadavg") else "?"
+    load = f"{load_average():.2f}"
     return {"platform": platform.platform(), "cpus": str(os.cpu_count()), "load": load}

@@ -19,6 +19,7 @@ from netboard.base.device_kind import WORDS
 from netboard.base.errors import ConfigError, WireError
 from netboard.base.finding import text_of
 from netboard.base.process.display_server import asked_offscreen, no_screen
+from netboard.base.system.c_library import load_average
 from netboard.devices.contract import registry
 from netboard.devices.setup import usb
 from netboard.network import keys
@@ -140,7 +141,7 @@ def changing_state(config: Config, side: Side) -> dict[str, str]:
     backend = config.agents.of(side).device
     memory = dict(line.split(":", 1) for line in text_of(Path("/proc/meminfo")).splitlines() if ":" in line)
     state = {
-        "load": f"{os.getloadavg()[0]:.2f}" if hasattr(os, "getloadavg") else "?",
+        "load": f"{load_average():.2f}",
         "free memory": f"{int(memory['MemAvailable'].split()[0]) / 2**20:.1f} GiB" if "MemAvailable" in memory else "?",
         "free disk": f"{shutil.disk_usage(Path.cwd()).free / 2**30:.1f} GiB",
         "device": f"{backend}: {WORDS[registry.kind_of(backend)]}",

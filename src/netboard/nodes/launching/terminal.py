@@ -15,6 +15,7 @@ from rich.console import Console
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import NetboardError
 from netboard.base.process.display_server import require_screen
+from netboard.base.system.supervision import supervision
 from netboard.base.terminal.shell import shell_command
 from netboard.network.protocol.control import Status
 from netboard.network.protocol.station import ProcessStatus
@@ -24,7 +25,7 @@ from netboard.nodes.launching.preparation import compile_kernels, missing_steps
 from netboard.nodes.launching.programs import PROGRAMS, process_name
 from netboard.nodes.launching.remote import RemoteMachine
 from netboard.nodes.launching.session import LaunchedSession, UnaskedEnd
-from netboard.nodes.operator.launcher import CHECK_INTERVAL_S, TERMINATED, UNBUFFERED, EndedProcess, Launcher
+from netboard.nodes.operator.launcher import CHECK_INTERVAL_S, UNBUFFERED, EndedProcess, Launcher
 from netboard.nodes.operator.operator import Operator
 from netboard.nodes.operator.shell import state_text
 
@@ -149,7 +150,7 @@ def failures(session: LaunchedSession) -> dict[str, ProcessStatus]:
         status = session.status(name)
         if status is None:
             continue
-        unclean = status.phase == "stopped" and status.code not in (0, TERMINATED)
+        unclean = status.phase == "stopped" and status.code not in (0, supervision.terminated)
         if name in session.broken or unclean:
             found[name] = status
     return found

@@ -1,12 +1,12 @@
 """A set of netboard processes on this machine: started together, supervised, and stopped in order.
 
-Each runs ``netboard ...`` in a process session of its own. A Ctrl-C in the terminal thus reaches only this process,
-which then ends the others in order. Their output goes to files, or to this process's output.
+Each runs ``netboard ...`` in a session or process group of its own (`netboard.base.system.supervision`). A Ctrl-C in
+the terminal thus reaches only this process, which then ends the others in order. Their output goes to files, or to
+this process's output.
 """
 
 import logging
 import os
-import signal
 import subprocess
 import sys
 import time
@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Self
 
 from netboard.base.process.stopping import STOP_WITH_PARENT, SUPERVISOR
+from netboard.base.system.supervision import description, supervision
 
 log = logging.getLogger(__name__)
 
@@ -27,9 +28,6 @@ records. The kind is a word of the name: "left agent 2"."""
 
 UNBUFFERED = {"PYTHONUNBUFFERED": "1"}
 """Environment of processes whose logs are complete at any moment."""
-
-TERMINATED = -signal.SIGTERM
-"""Exit code of a process that a request to stop ended while it was starting [1]."""
 
 CHECK_INTERVAL_S = 0.1
 
@@ -49,8 +47,7 @@ class EndedProcess:
     last_line: str  # of its output
 
     def __str__(self) -> str:
-        how = f"was killed by signal {-self.code}" if self.code < 0 else f"ended with exit code {self.code}"
-        return f"the {self.name} {how}" + (f": {self.last_line}" if self.last_line else "")
+        return f"the {self.name} {description(self.code)}" + (f": {self.last_line}" if self.last_line else "")
 
 
 class Launcher:
@@ -61,7 +58,8 @@ class Launcher:
 
     def __init__(self, folder: Path | None, environment: dict[str, str]) -> None:
         self._folder = folder
-        self._environment = os.environ | environment | {STOP_WITH_PARENT: "1"}
+        supervision.keep_none()
+        self._environment = os.environ | environment | {STOP_WITH_PARENT: str(os.getpid())}
         self._environment.pop(SUPERVISOR, None)  # this process's supervisor does not supervise the ones started here
         self._running: dict[str, subprocess.Popen[bytes]] = {}
 
@@ -74,15 +72,15 @@ class Launcher:
     def start(self, name: str, *arguments: str) -> None:
         """Start ``netboard ARGUMENTS`` under a name."""
         command = [sys.executable, "-m", "netboard.services.cli", *arguments]
-        own_session = (
-            {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}  # type: ignore[attr-defined,unused-ignore]
-            if sys.platform == "win32"
-            else {"start_new_session": True}
-        )
         path = self.log_of(name)
         with nullcontext() if path is None else path.open("ab") as output:
             self._running[name] = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, stdout=output, stderr=output, env=self._environment, **own_session
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=output,
+                env=self._environment,
+                **supervision.new_group(),
             )
 
     def log_of(self, name: str) -> Path | None:
@@ -111,7 +109,7 @@ class Launcher:
 
     def ask_to_stop(self, name: str) -> None:
         """Ask a process to stop, without waiting."""
-        self._running[name].terminate()
+        supervision.ask_to_stop(self._running[name])
 
     def kill(self, name: str) -> None:
         """Kill a process, and wait for its end."""
@@ -146,7 +144,7 @@ class Launcher:
         """
         processes = {name: self._running[name] for name in names}
         for process in processes.values():
-            process.terminate()
+            supervision.ask_to_stop(process)
         try:
             _await(processes.values(), STOP_SECONDS)
         except KeyboardInterrupt:
@@ -160,7 +158,7 @@ class Launcher:
         return [
             EndedProcess(name, process.returncode, self._last_line(name))
             for name, process in processes.items()
-            if process.returncode not in (0, TERMINATED)
+            if process.returncode not in (0, supervision.terminated)
         ]
 
     def _last_line(self, name: str) -> str:

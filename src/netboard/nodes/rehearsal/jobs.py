@@ -13,7 +13,8 @@ from statistics import fmean
 
 from netboard.base.config import Config, digest
 from netboard.base.process.stopping import uninterrupted
-from netboard.base.process.workers import ctrl_c, interrupt_workers, interrupted, worker_processes
+from netboard.base.process.workers import interrupt_workers, interrupted, worker_processes
+from netboard.base.system.interrupts import ctrl_c
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import TICK_SECONDS
 from netboard.participants.people.population import people_of

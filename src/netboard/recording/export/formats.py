@@ -19,7 +19,7 @@ from typing import Any, TypeVar, cast
 from netboard.base import plugins
 from netboard.base.errors import ConfigError, NetboardError, writing
 from netboard.base.files.new import refuse_existing
-from netboard.recording.format.disk import lock
+from netboard.base.system.locks import lock
 
 Progress = Callable[[str, int, int], None]
 """Progress callback: current step, amount done and total [1]."""

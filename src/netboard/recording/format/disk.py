@@ -4,19 +4,12 @@ The remaining time is estimated from the recording's growth over the last minute
 catches up, must not raise a warning: other systems have stopped recordings for no reason that way.
 """
 
-import ctypes
-import errno
-import os
-import sys
 from collections import deque
 from pathlib import Path
 from typing import NamedTuple
 
 from netboard.base.errors import ConfigError, RecordingError
 from netboard.base.files.new import try_writing
-
-if sys.platform != "win32":
-    import fcntl
 
 BYTES_PER_SECOND = 250_000
 """Growth of a recording, with a margin: demos took 120 to 190 kB/s."""
@@ -44,8 +37,6 @@ MEMORY_NS = 60_000_000_000
 
 STEP_NS = 5_000_000_000
 """Interval between two size measurements [ns]."""
-
-_KEEP_SIZE = 1  # FALLOC_FL_KEEP_SIZE of Linux: the file does not grow, so a reader finds no zeros at its end
 
 
 class Space(NamedTuple):
@@ -92,43 +83,6 @@ def require_space(folder: Path, free: int) -> None:
     space = Space(free, float("inf"))
     if space.out:
         raise RecordingError(f"{folder}: only {space}, and a recording stops at {MIN_BYTES / 1e6:.0f} MB")
-
-
-def lock(handle: int, *, shared: bool = False) -> None:
-    """Lock an open file until it is closed or its process ends.
-
-    A writer's lock excludes all others; shared ones exclude only writers. Raises `BlockingIOError` if the file is
-    locked, and another `OSError` on a file system without locks. Does nothing on Windows.
-    """
-    if sys.platform != "win32":
-        fcntl.flock(handle, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
-
-
-def sync_directory(directory: Path) -> None:
-    """Make a new directory entry survive a power cut, where the system supports it."""
-    if not hasattr(os, "O_DIRECTORY"):
-        return
-    handle = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
-
-
-def allocate(handle: int, start: int, count: int) -> bool:
-    """Reserve disk space after the end of a file; return False where the system does not support it."""
-    # On a 32-bit system the C library's offsets have another size than the arguments declared here.
-    if sys.platform != "linux" or sys.maxsize < 2**32:
-        return False
-    fallocate = ctypes.CDLL(None, use_errno=True).fallocate
-    fallocate.argtypes = (ctypes.c_int, ctypes.c_int, ctypes.c_int64, ctypes.c_int64)
-    while fallocate(handle, _KEEP_SIZE, start, count):
-        number = ctypes.get_errno()
-        if number in (errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL):
-            return False
-        if number != errno.EINTR:
-            raise OSError(number, os.strerror(number))
-    return True
 
 
 def require_writable(folder: Path, key: str) -> None:

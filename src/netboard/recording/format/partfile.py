@@ -20,9 +20,10 @@ from mcap.writer import CompressionType, Writer
 
 from netboard.base.errors import ConfigError, RecordingError, writing
 from netboard.base.files.new import refuse_existing, try_writing
+from netboard.base.system.c_library import allocate
+from netboard.base.system.locks import lock, sync_directory
 from netboard.recording.format.channels import CHANNELS, Stamped
 from netboard.recording.format.claims import MAX_STAMP_NS
-from netboard.recording.format.disk import allocate, lock, sync_directory
 
 PROFILE = "netboard"
 """Profile in the MCAP header of a recording."""

@@ -18,7 +18,7 @@ from typing import Self
 
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError, RecordingError
-from netboard.recording.format.disk import lock, sync_directory
+from netboard.base.system.locks import lock, sync_directory
 from netboard.task.journal.entries import Entry, Header, line_of, read_lines
 
 RETRY_SECONDS = 0.5
@@ -166,7 +166,9 @@ class Journal:
     def _restore(self) -> None:
         """Restore a deleted file from its open handle."""
         log.warning("%s: was deleted; writing it again", self.path)
-        handle = _new(self.path, os.pread(self._handle, self._end, 0))
+        os.lseek(self._handle, 0, os.SEEK_SET)
+        with open(self._handle, "rb", closefd=False) as deleted:
+            handle = _new(self.path, deleted.read(self._end))
         os.close(self._handle)
         self._handle = handle
 

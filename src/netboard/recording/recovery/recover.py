@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from netboard.base.config import parse
 from netboard.base.errors import ConfigError, RecordingError
 from netboard.base.plural import plural
+from netboard.base.system.locks import lock
 from netboard.network.protocol.records import EventRecord
 from netboard.recording.files.locate import EMPTY, recovered_path, require_file
 from netboard.recording.files.provenance import (
@@ -46,7 +47,6 @@ from netboard.recording.format.channels import (
 )
 from netboard.recording.format.chunks import ChunkMessage
 from netboard.recording.format.claims import shown
-from netboard.recording.format.disk import lock
 from netboard.recording.format.partfile import PartFile, require_new
 from netboard.recording.format.predictions import UNKNOWN, constants_of
 from netboard.recording.format.summary import Gap, find_gaps

@@ -25,11 +25,11 @@ from threading import Thread
 
 from netboard.base.config import Config
 from netboard.base.errors import WireError
+from netboard.base.system.locks import lock
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.messages import Message
 from netboard.network.protocol.records import EventRecord, LogBatch
-from netboard.recording.format.disk import lock
 
 MAGIC = b"netboard spill 1\n"
 """First bytes of a spill. Blocks follow: length and CRC-32 of a frame, then the frame."""

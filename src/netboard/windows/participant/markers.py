@@ -11,6 +11,7 @@ from typing import Protocol
 
 from netboard.base.config import Side
 from netboard.base.errors import ConfigError, NetboardError
+from netboard.base.system.device_files import open_serial
 
 CODES = {
     "idle": 1,
@@ -82,28 +83,11 @@ class SerialMarkers:
     def __init__(self, port: str) -> None:
         self._port = port
         try:
-            import termios  # noqa: PLC0415  (not on Windows)
-            import tty  # noqa: PLC0415
-        except ImportError:
-            raise ConfigError(
-                f"[display] markers: found {port!r}; serial ports need Linux or macOS, expected none or lsl here"
-            ) from None
-        try:
-            # Otherwise the port could become this process's controlling terminal, and opening waits for a carrier.
-            self._file = os.open(port, os.O_WRONLY | os.O_NOCTTY | os.O_NONBLOCK)
+            self._file = open_serial(port)
         except OSError as error:
             raise ConfigError(
                 f"[display] markers: found {port!r}, expected none, lsl or a serial port ({error.strerror})"
             ) from None
-        try:
-            tty.setraw(self._file)  # with B115200: 115200 baud, 8 data bits, no parity, one stop bit
-            settings = termios.tcgetattr(self._file)
-            settings[2] |= termios.CLOCAL
-            settings[4] = settings[5] = termios.B115200
-            termios.tcsetattr(self._file, termios.TCSANOW, settings)
-        except (OSError, termios.error) as error:
-            os.close(self._file)
-            raise ConfigError(f"[display] markers: {port} is no serial port ({error})") from None
 
     def mark(self, event: str) -> None:
         """Write the event's byte without blocking."""
