@@ -7,10 +7,11 @@ makes of the answers. It does not show that the declarations are those of Window
 
 import ctypes
 import os
+import select
 import time
 from collections.abc import Callable
-from ctypes import POINTER, c_int64, c_size_t, c_uint8, cast
-from typing import Any
+from ctypes import POINTER, c_int, c_int64, c_long, c_size_t, c_uint, c_uint8, c_void_p, cast
+from typing import Any, ClassVar
 
 from netboard.base.system.windows import PROTOTYPES, JobLimits, Kernel32, Overlapped, PowerThrottling
 
@@ -23,7 +24,7 @@ COUNTS_PER_S = 10_000_000
 class StandIn:
     """A library whose functions are methods of this class; a function without a method returns 1."""
 
-    prototypes: dict[str, tuple[Any, ...]]
+    prototypes: ClassVar[dict[str, tuple[Any, ...]]]
 
     def __init__(self) -> None:
         self.error = 0
@@ -53,7 +54,7 @@ class StandIn:
 class StandInKernel32(StandIn):
     """Files, jobs, processes, threads and clocks of one machine."""
 
-    prototypes = PROTOTYPES
+    prototypes: ClassVar[dict[str, tuple[Any, ...]]] = PROTOTYPES
 
     def __init__(self) -> None:
         super().__init__()
@@ -178,7 +179,32 @@ class StandInKernel32(StandIn):
         self.granted["throttling"] = (found.control, found.state)
         return 1
 
-    # --- ports and clocks ---
+    # --- timers, events and clocks ---
+
+    def CreateWaitableTimerExW(self, security: int, name: str, flags: int, access: int) -> int:
+        if flags & ~2 or not access & 0x100000:
+            return self._fail(INVALID_PARAMETER)
+        return self._handle({"timer": 0})
+
+    def CreateEventW(self, security: int, manual: int, initial: int, name: str) -> int:
+        return self._handle({"event": bool(initial), "sockets": set()})
+
+    def SetWaitableTimer(self, timer: int, due: Any, period: int, routine: int, argument: int, resume: int) -> int:
+        steps = int(due[0])
+        if steps >= 0:
+            return self._fail(INVALID_PARAMETER)  # a time of day, which netboard never means
+        self.handles[timer][1]["timer"] = time.monotonic_ns() - 100 * steps
+        return 1
+
+    def WaitForMultipleObjects(self, count: int, handles: Any, all_of_them: int, milliseconds: int) -> int:
+        timer, event = (self.handles[handles[k]][1] for k in range(count))
+        if event["event"]:
+            event["event"] = False  # it resets itself
+            return 1
+        left = max(0, timer["timer"] - time.monotonic_ns()) * 1e-9
+        return 1 if select.select(list(event["sockets"]), [], [], left)[0] else 0
+
+    # --- ports ---
 
     def BuildCommDCBW(self, text: str, settings: int) -> int:
         room = cast(settings, POINTER(c_uint8 * 28)).contents
@@ -198,6 +224,41 @@ class StandInKernel32(StandIn):
     def QueryPerformanceFrequency(self, counts: Any) -> int:
         cast(counts, POINTER(c_int64))[0] = COUNTS_PER_S
         return 1
+
+
+class StandInWinsock(StandIn):
+    """Sockets that set an event, and select with lists of sockets."""
+
+    prototypes: ClassVar[dict[str, tuple[Any, ...]]] = {
+        "WSAEventSelect": (c_int, c_void_p, c_void_p, c_long),
+        "select": (c_int, c_int, *(c_void_p,) * 4),
+    }
+
+    def __init__(self, kernel32: "StandInKernel32") -> None:
+        super().__init__()
+        self._kernel32 = kernel32
+
+    def WSAEventSelect(self, socket: int, event: int, mask: int) -> int:
+        if mask != 0x21:
+            return -1
+        self._kernel32.handles[event][1]["sockets"].add(socket)
+        return 0
+
+    def select(self, zero: int, reading: int, writing: int, failing: int, timeout: int) -> int:
+        found = cast(reading, POINTER(FdSet)).contents
+        wait = cast(timeout, POINTER(c_long * 2)).contents
+        assert (writing, failing, list(wait)) == (None, None, [0, 0]), "netboard only looks, and only for reading"
+        ready = select.select(list(found.sockets[: found.count]), [], [], 0)[0]
+        found.count = len(ready)
+        for k, socket in enumerate(ready):
+            found.sockets[k] = socket
+        return len(ready)
+
+
+class FdSet(ctypes.Structure):
+    """Windows' fd_set of 64-bit systems."""
+
+    _fields_ = (("count", c_uint), ("sockets", c_size_t * 64))
 
 
 assert ctypes.sizeof(c_size_t) == 8, "prototypes of handles are those of 64-bit systems"

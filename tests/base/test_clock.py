@@ -27,6 +27,7 @@ class FakeTime:
 def time(monkeypatch: pytest.MonkeyPatch) -> Any:
     fake = FakeTime()
     monkeypatch.setattr(clock, "time", fake)
+    monkeypatch.setattr(clock, "monotonic", fake)
     return fake
 
 

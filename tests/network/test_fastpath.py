@@ -9,7 +9,7 @@ import zmq
 
 from netboard.base.clock import now_ns
 from netboard.base.errors import NetboardError
-from netboard.network.transport import channels, fastpath, sockets
+from netboard.network.transport import channels, fastpath, sockets, waiting
 from netboard.network.transport.fastpath import FAILED, NOT_SENT, NOTHING, OTHER, SENT, FastPath
 
 A, B = b"agent.left@1", b"\xff" * fastpath.NAME_ROOM
@@ -159,7 +159,7 @@ def test_sleep_ends_when_the_time_is_over_or_the_watched_file_signals(rig: FastP
 
 def test_file_that_cannot_be_waited_for_is_refused(rig: FastPathRig) -> None:
     with pytest.raises(NetboardError, match="only the first 1024 can be waited for"):
-        rig.fast.watch(fastpath.FILES)
+        rig.fast.watch(waiting.FILES)
 
 
 def test_receiver_returns_frames_whole_until_there_are_none_and_says_which_channel_failed() -> None:

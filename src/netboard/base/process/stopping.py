@@ -3,7 +3,6 @@
 import logging
 import os
 import signal
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -12,7 +11,7 @@ from math import inf
 from types import FrameType
 from typing import Any, Self
 
-from netboard.base.system.c_library import libc, notify
+from netboard.base.system.c_library import notify
 from netboard.base.system.supervision import supervision
 
 log = logging.getLogger(__name__)
@@ -20,9 +19,6 @@ log = logging.getLogger(__name__)
 _STOP_NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
 STOP_SIGNALS = tuple(getattr(signal, name) for name in _STOP_NAMES if hasattr(signal, name))
 """Signals that request a clean stop, on any system."""
-
-PR_SET_PDEATHSIG = 1
-"""Linux prctl option: the signal that the kernel sends to this process when its parent ends."""
 
 WATCHDOG_INTERVAL_S = 1.0
 """Interval of watchdog messages to the supervisor [s]."""
@@ -127,12 +123,8 @@ def no_terminal_suspension() -> Iterator[None]:
 
 def _parent_watch() -> Callable[[], bool] | None:
     """Return what tells whether the parent process has ended; None for a process that does not stop with it."""
-    if not (parent := os.environ.get(STOP_WITH_PARENT)):
-        return None
-    if sys.platform == "linux":
-        # A parent that suspended this process, and was killed, cannot resume it.
-        libc(lambda libc: libc.prctl(PR_SET_PDEATHSIG, signal.SIGCONT, 0, 0, 0))
-    return supervision.watch_parent(int(parent))
+    parent = os.environ.get(STOP_WITH_PARENT)
+    return supervision.watch_parent(int(parent)) if parent else None
 
 
 class Stopping:

@@ -15,7 +15,11 @@ from collections.abc import Callable
 from ctypes import byref, sizeof
 from typing import Any, Protocol
 
+from netboard.base.system.c_library import libc
 from netboard.base.system.windows import SYNCHRONIZE, WAIT_OBJECT_0, JobLimits, Kernel32, kernel32
+
+PR_SET_PDEATHSIG = 1
+"""Linux prctl option: the signal that the kernel sends to this process when its parent ends."""
 
 JOB_EXTENDED_LIMITS, KILL_ON_JOB_CLOSE = 9, 0x2000
 """JobObjectExtendedLimitInformation, and JOB_OBJECT_LIMIT_KILL_ON_JOB_CLOSE."""
@@ -70,6 +74,9 @@ class PosixSupervision:
 
     def watch_parent(self, parent: int) -> Callable[[], bool]:
         """Compare the number of the parent, which changes when it ends."""
+        if sys.platform == "linux":
+            # A parent that suspended this process, and was killed, cannot resume it.
+            libc(lambda libc: libc.prctl(PR_SET_PDEATHSIG, signal.SIGCONT, 0, 0, 0))
         before = os.getppid()
         return lambda: os.getppid() != before
 

@@ -52,6 +52,14 @@ class Credentials:
     server: str
 
 
+@dataclass(frozen=True, slots=True)
+class SharedKey:
+    """A pair of keys that both ends of a local endpoint have (Z85): to know either is to be the same user."""
+
+    public: str
+    secret: str = field(repr=False)
+
+
 class KnownKeys(Protocol):
     """The server's key, and the role of each peer's key."""
 

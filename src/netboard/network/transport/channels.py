@@ -4,15 +4,12 @@ Each has one of the server's ports, counted from the first; on one machine they 
 `netboard.network.transport.sockets` defines how each channel behaves.
 """
 
-import os
-import stat
 from dataclasses import dataclass
-from pathlib import Path
 
 from netboard.base.config import Side
-from netboard.base.errors import ConfigError, NetboardError
 from netboard.base.tables.rig import Network
-from netboard.network.transport.authenticator import Authenticator, Credentials
+from netboard.network.transport.authenticator import Authenticator, Credentials, SharedKey
+from netboard.network.transport.local_endpoints import local_endpoints
 
 MOTION, LOG, VIEW_LEFT, VIEW_RIGHT, CONTROL, MOVES, PARTNER_LEFT, PARTNER_RIGHT = range(8)
 """Channels: TCP port = network.port + channel."""
@@ -39,8 +36,8 @@ class Endpoint:
 
     address: str
     channel: int = MOTION
-    # The server's authenticator, or a peer's keys; None without encryption.
-    security: Authenticator | Credentials | None = None
+    # The server's authenticator, a peer's keys, or the key of both ends; None without encryption.
+    security: Authenticator | Credentials | SharedKey | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,17 +70,18 @@ class Addresses:
     def _at_station(self, purpose: str, side: Side) -> Endpoint:
         """Return an endpoint between the display and the agent of one side.
 
-        It is a Unix domain socket whatever the transport. It takes no port, stays on the machine, and no other user of
-        the machine can move a hand or see its force.
+        It stays on the machine whatever the transport, and no other user of the machine can move a hand or see its
+        force.
         """
-        return Endpoint(f"ipc://{_socket_folder() / f'{self.port}.{purpose}.{side}'}")
+        local = local_endpoints.at_station(self.port, f"{purpose}.{side}", len(CHANNELS))
+        return Endpoint(local.address, security=local.key)
 
     def _endpoint(self, machine: str, channel: int) -> Endpoint:
         """Return an endpoint; the channel for moves stays on the machine, because both hands are at one station."""
         port = self.port + channel
         local = channel == MOVES
         if self.transport == "ipc":
-            return Endpoint(f"ipc://{_socket_folder() / str(port)}", channel, None if local else self.security)
+            return Endpoint(local_endpoints.channel(port).address, channel, None if local else self.security)
         if local:
             return Endpoint(f"tcp://127.0.0.1:{port}", channel)
         return Endpoint(_tcp(machine, port), channel, self.security)
@@ -102,21 +100,3 @@ def _tcp(machine: str, port: int) -> str:
 def addresses(network: Network, security: Authenticator | Credentials | None = None) -> Addresses:
     """Take the addresses from the configuration."""
     return Addresses(network.host, network.bind, network.port, network.transport, security)
-
-
-def _socket_folder() -> Path:
-    """Return the folder of the Unix domain sockets, which only this user can open.
-
-    It is the same for every process of the user, whatever its environment.
-    """
-    if not hasattr(os, "getuid"):
-        raise ConfigError(
-            'this system has no Unix domain sockets, which [network] transport = "ipc" and device = "mouse" need; '
-            'expected "tcp", and another device'
-        )
-    folder = Path(f"/tmp/netboard-{os.getuid()}")
-    folder.mkdir(mode=0o700, exist_ok=True)
-    found = folder.lstat()
-    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or stat.S_IMODE(found.st_mode) != 0o700:
-        raise NetboardError(f"{folder}: is not a folder of this user alone (mode 0700); remove it")
-    return folder

@@ -8,20 +8,31 @@ owns.
 A fast path compares names and keys of senders with those of its registered peers. Frames of others go to Python.
 """
 
-import ctypes
 import errno
-import sys
-import time
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import zmq
-from llvmlite import binding
 from numba import types
 from numpy.typing import NDArray
 
 from netboard.base.compiled import Records, kernel, machine_code
 from netboard.base.errors import NetboardError
+from netboard.network.transport import libzmq
+from netboard.network.transport.waiting import (
+    FIELDS,
+    FILE,
+    NO_FILE,
+    await_file,
+    c_function,
+    clear,
+    forget_files,
+    has_signalled,
+    machine_ns,
+    prepare,
+    sleep_until_signalled,
+    waitable,
+)
 
 MACHINE_CLOCK = -1
 """Value of ``simulated_ns`` that selects the machine's clock."""
@@ -46,20 +57,11 @@ NOTHING, OTHER, FAILED = -1, -2, -3
 SENT, NOT_SENT = 0, 1
 """Results of sending, beside `FAILED`."""
 
-NO_FILE = -1
-
-FILES = 1024
-"""Files that a call of select can wait for (FD_SETSIZE) [1]."""
-
 FAST_PATH = np.dtype(
     [
         ("message", "u1", (64,)),  # zmq_msg_t, of the size that zmq.h gives it
-        ("clock", "<i8", (2,)),  # struct timespec
-        ("sleep", "<i8", (2,)),  # struct timespec: the longest time to sleep
-        ("file", "<i4"),  # number of the file that signals a frame
-        ("files", "<u8", (FILES // 64,)),  # fd_set: a bit for each file to wait for, or that has signalled
-        ("highest", "<i4"),  # number of the highest of these files
-        ("watched", "<i4"),  # number of another file that ends a sleep, or NO_FILE
+        *FIELDS,
+        ("watched", FILE),  # number of another file that ends a sleep, or NO_FILE
         ("signalled", "<i4"),  # 1: it has ended one, which its user notes here
         ("simulated_ns", "<i8"),  # simulated time, or MACHINE_CLOCK [ns]
         ("socket", "<i8"),  # libzmq's address of it, 0 once that is closed
@@ -83,49 +85,16 @@ FAST_PATH = np.dtype(
 Socket: TypeAlias = zmq.Socket[bytes]
 
 
-def _symbol(name: str) -> int:
-    """Return the address of a libzmq function, in the library that pyzmq's own binding is linked with."""
-    module = sys.modules[zmq.backend.Socket.__module__]
-    try:
-        library = ctypes.CDLL(str(module.__file__))
-        return ctypes.cast(getattr(library, name), ctypes.c_void_p).value or 0
-    except (AttributeError, OSError) as error:
-        raise NetboardError(
-            f"this pyzmq ({zmq.__version__}) does not let libzmq's {name} be called: {error}"
-        ) from error
-
-
-def _c_function(name: str, returns: Any, *arguments: Any) -> Any:
-    """Make a C library function callable from kernels; addresses are integers."""
-    return types.ExternalFunction(name, returns(*arguments))
-
-
-def _libzmq_function(name: str, returns: Any, *arguments: Any) -> Any:
-    """Make a libzmq function callable from kernels."""
-    binding.add_symbol(name, _symbol(name))
-    return _c_function(name, returns, *arguments)
-
-
 _INT, _POINTER = types.int32, types.intp
-_zmq_recv = _libzmq_function("zmq_recv", _INT, _POINTER, _POINTER, _POINTER, _INT)
-_zmq_send = _libzmq_function("zmq_send", _INT, _POINTER, _POINTER, _POINTER, _INT)
-_zmq_errno = _libzmq_function("zmq_errno", _INT)
-_msg_init = _libzmq_function("zmq_msg_init", _INT, _POINTER)
-_msg_recv = _libzmq_function("zmq_msg_recv", _INT, _POINTER, _POINTER, _INT)
-_msg_data = _libzmq_function("zmq_msg_data", _POINTER, _POINTER)
-_msg_more = _libzmq_function("zmq_msg_more", _INT, _POINTER)
-_msg_gets = _libzmq_function("zmq_msg_gets", _POINTER, _POINTER, _POINTER)
-_msg_close = _libzmq_function("zmq_msg_close", _INT, _POINTER)
-_memcpy = _c_function("memcpy", _POINTER, _POINTER, _POINTER, _POINTER)
-_memcmp = _c_function("memcmp", _INT, _POINTER, _POINTER, _POINTER)
-_strncpy = _c_function("strncpy", _POINTER, _POINTER, _POINTER, _POINTER)
-_clock_gettime = _c_function("clock_gettime", _INT, _INT, _POINTER)
-_pselect = _c_function("pselect", _INT, _INT, _POINTER, _POINTER, _POINTER, _POINTER, _POINTER)
+_zmq_recv, _zmq_send, _zmq_errno = map(libzmq.function, ("zmq_recv", "zmq_send", "zmq_errno"))
+_msg_init, _msg_recv, _msg_data = map(libzmq.function, ("zmq_msg_init", "zmq_msg_recv", "zmq_msg_data"))
+_msg_more, _msg_gets, _msg_close = map(libzmq.function, ("zmq_msg_more", "zmq_msg_gets", "zmq_msg_close"))
+_memcpy = c_function("memcpy", _POINTER, _POINTER, _POINTER, _POINTER)
+_memcmp = c_function("memcmp", _INT, _POINTER, _POINTER, _POINTER)
+_strncpy = c_function("strncpy", _POINTER, _POINTER, _POINTER, _POINTER)
 
 _DONTWAIT, _SNDMORE = int(zmq.DONTWAIT), int(zmq.SNDMORE)
 _AGAIN, _INTERRUPTED, _UNREACHABLE = int(zmq.EAGAIN), errno.EINTR, int(zmq.EHOSTUNREACH)
-_CLOCK = int(getattr(time, "CLOCK_UPTIME_RAW", getattr(time, "CLOCK_MONOTONIC", 1)))
-"""The clock of `time.monotonic_ns`."""
 
 
 @kernel
@@ -133,9 +102,7 @@ def now_ns(fast: Records) -> int:
     """Return this machine's monotonic time, as `netboard.base.clock.now_ns` does, or the simulated time [ns]."""
     if fast[0]["simulated_ns"] != MACHINE_CLOCK:
         return int(fast[0]["simulated_ns"])
-    clock = fast[0]["clock"]
-    _clock_gettime(_CLOCK, clock.ctypes.data)
-    return int(clock[0] * 1_000_000_000 + clock[1])
+    return machine_ns(fast)
 
 
 @kernel
@@ -160,12 +127,6 @@ def copy(target: NDArray[np.uint8], source: NDArray[np.uint8], count: int) -> No
 
 
 @kernel
-def _clear(target: NDArray[np.uint8]) -> None:
-    for k in range(len(target)):
-        target[k] = 0
-
-
-@kernel
 def _place_of_sender(fast: Records) -> int:
     """Return the place of the newest frame's sender, or `OTHER` if it is not registered."""
     path = fast[0]
@@ -184,8 +145,8 @@ def _note_sender(fast: Records) -> None:
     """Store the key and the address of the newest frame's sender."""
     path = fast[0]
     message = path["message"].ctypes.data
-    _clear(path["key"])
-    _clear(path["address"])
+    clear(path["key"])
+    clear(path["address"])
     user = _msg_gets(message, path["user_id"].ctypes.data)
     if user != 0:
         _strncpy(path["key"].ctypes.data, user, KEY_SIZE)
@@ -275,38 +236,6 @@ def send_one(fast: Records, frame: NDArray[np.uint8]) -> int:
 
 
 @kernel
-def forget_files(fast: Records) -> None:
-    """Wait for no file."""
-    fast[0]["highest"] = NO_FILE
-    _clear(fast[0]["files"])
-
-
-@kernel
-def await_file(fast: Records, file: int) -> None:
-    """Wait for one more file; `NO_FILE` for none."""
-    path = fast[0]
-    if file != NO_FILE:
-        path["highest"] = max(path["highest"], file)
-        path["files"][file // 64] |= np.uint64(1) << np.uint64(file % 64)
-
-
-@kernel
-def has_signalled(fast: Records, file: int) -> bool:
-    """Return whether a file that was waited for has signalled."""
-    return bool(file != NO_FILE and fast[0]["files"][file // 64] >> np.uint64(file % 64) & np.uint64(1))
-
-
-@kernel
-def sleep_until_signalled(fast: Records, longest_ns: int) -> None:
-    """Sleep until one of the files signals, a signal of the system comes, or the time is over [ns]."""
-    path = fast[0]
-    files, time = path["files"], path["sleep"]
-    time[0], time[1] = longest_ns // 1_000_000_000, longest_ns % 1_000_000_000
-    if _pselect(path["highest"] + 1, files.ctypes.data, 0, 0, time.ctypes.data, 0) <= 0:
-        _clear(files)
-
-
-@kernel
 def sleep(fast: Records, longest_ns: int) -> bool:
     """Sleep until something may have arrived, the watched file signals, a signal comes, or the time is over [ns].
 
@@ -338,13 +267,6 @@ def sender_of(row: Any) -> Sender:
     return Sender(row["name"][: row["name_size"]].tobytes(), key, address)
 
 
-def waitable(file: int) -> int:
-    """Return the number of a socket's file, or raise an error if it cannot be waited for."""
-    if file >= FILES:
-        raise NetboardError(f"file {file} of this process is a socket; only the first {FILES} can be waited for")
-    return file
-
-
 class FastPath:
     """A socket whose frames kernels exchange.
 
@@ -355,7 +277,8 @@ class FastPath:
     def __init__(self, socket: Socket | None, keyed: bool = False) -> None:
         self.record = np.zeros(1, FAST_PATH)
         path = self.record[0]
-        path["socket"], path["keyed"] = 0 if socket is None else socket.underlying, keyed
+        prepare(path)
+        path["socket"], path["keyed"] = 0 if socket is None else libzmq.address_of(socket), keyed
         path["file"] = 0 if socket is None else waitable(socket.fileno())
         path["watched"], path["simulated_ns"] = NO_FILE, MACHINE_CLOCK
         for name, text in (("user_id", b"User-Id"), ("peer_address", b"Peer-Address")):
@@ -388,7 +311,8 @@ class FastPath:
 
     def raise_failure(self, channel: str) -> None:
         """Raise an error that says why the socket is unusable."""
-        raise NetboardError(f"the {channel} channel failed: {zmq.strerror(zmq.zmq_errno())}")
+        libzmq.raise_interruption()
+        raise NetboardError(f"the {channel} channel failed: {libzmq.last_error()}")
 
     def close(self) -> None:
         """Release the socket: from now on nothing is received or sent."""

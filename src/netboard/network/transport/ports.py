@@ -7,14 +7,14 @@ from contextlib import contextmanager
 
 from netboard.base.errors import NetboardError
 from netboard.network.transport.channels import CHANNELS
+from netboard.network.transport.local_endpoints import local_endpoints, set_exclusive
 
 
 def try_to_bind(host: str, port: int) -> None:
     """Bind a port as a server would, and release it; raise an OSError if that fails."""
     host = _bound(host)
     with net.socket(_family(host)) as probe:
-        # As libzmq does: the connections of a server that has just ended do not count.
-        probe.setsockopt(net.SOL_SOCKET, net.SO_REUSEADDR, 1)
+        set_exclusive(probe)
         probe.bind((host, port))
 
 
@@ -46,7 +46,8 @@ def free_port() -> int:
     The ports are bound only later, by processes that are slow to start. Until then the port behind them is held.
     """
     count = len(CHANNELS)
-    ports = range(5550, 32_000, count + 1)  # below those that Linux gives to outgoing connections, from 32 768 on
+    step = count + 1 + local_endpoints.ports
+    ports = range(5550, 32_000, step)  # below those that Linux gives to outgoing connections, from 32 768 on
     for port in random.sample(ports, len(ports)):
         guard = net.socket()
         try:

@@ -28,9 +28,10 @@ from zmq import Again, ZMQError
 from netboard.base.errors import NetboardError
 from netboard.base.system.scheduling import scheduling
 from netboard.network.transport import authenticator
-from netboard.network.transport.authenticator import Authenticator, Credentials, readable
+from netboard.network.transport.authenticator import Authenticator, Credentials, SharedKey, readable
 from netboard.network.transport.channels import CONTROL, LOG, NAMES, PARTNER, VIEW, Endpoint
 from netboard.network.transport.endpoints import GOODBYE_LINGER_MS, Publisher, Router
+from netboard.network.transport.local_endpoints import local_endpoints
 from netboard.network.transport.names import Name, addresses_of, is_loopback, is_numeric, known, unresolved
 from netboard.network.transport.ports import reserved, try_to_bind
 
@@ -216,8 +217,12 @@ def _make(context: Context, kind: int, hwm: int, linger_ms: int = 0, largest: in
 
 def _bind(context: Context, socket: Socket, endpoint: Endpoint) -> Socket:
     """Bind, or raise an error that says why not."""
-    if isinstance(endpoint.security, Authenticator):
-        endpoint.security.guard(context, socket, NAMES[endpoint.channel])
+    match endpoint.security:
+        case Authenticator() as keys:
+            keys.guard(context, socket, NAMES[endpoint.channel])
+        case SharedKey() as key:
+            socket.setsockopt(zmq.CURVE_SERVER, 1)
+            socket.setsockopt(zmq.CURVE_SECRETKEY, key.secret.encode())
     try:
         address = _local_address(endpoint.address)
         _refuse_taken(address)
@@ -298,23 +303,19 @@ def _is_ipv6(address: str) -> bool:
 
 
 def _refuse_taken(address: str) -> None:
-    """Raise an error if somebody listens on a Unix domain socket, which libzmq would take over silently."""
-    if not address.startswith("ipc://"):
-        return
-    with net.socket(net.AF_UNIX) as probe:
-        try:
-            probe.connect(address.removeprefix("ipc://"))
-        except (FileNotFoundError, ConnectionRefusedError):
-            return
-    raise ZMQError(zmq.EADDRINUSE)
+    """Raise an error if somebody listens at an address that libzmq would take over silently."""
+    if local_endpoints.is_taken(address):
+        raise ZMQError(zmq.EADDRINUSE)
 
 
 def _connect(socket: Socket, endpoint: Endpoint) -> Socket:
     """Connect, or raise an error that says why not; a missing server, or one without an address yet, is no error."""
-    if isinstance(endpoint.security, Credentials):
-        socket.setsockopt(zmq.CURVE_SERVERKEY, endpoint.security.server.encode())
-        socket.setsockopt(zmq.CURVE_PUBLICKEY, endpoint.security.public.encode())
-        socket.setsockopt(zmq.CURVE_SECRETKEY, endpoint.security.secret.encode())
+    if isinstance(endpoint.security, Credentials | SharedKey):
+        key = endpoint.security
+        server = key.server if isinstance(key, Credentials) else key.public
+        socket.setsockopt(zmq.CURVE_SERVERKEY, server.encode())
+        socket.setsockopt(zmq.CURVE_PUBLICKEY, key.public.encode())
+        socket.setsockopt(zmq.CURVE_SECRETKEY, key.secret.encode())
     host, port = _host_and_port(endpoint.address)
     try:
         if host and not is_numeric(host):

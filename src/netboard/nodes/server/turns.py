@@ -40,7 +40,7 @@ def _wait(fast: Records, turns: NDArray[np.int64], longest_ns: int) -> None:
 class Turns:
     """When each of some sessions wants to run, and the files of its two sockets; `fastpath.NO_FILE` for none.
 
-    The files must be below `fastpath.FILES`.
+    The files must be below `waiting.FILES` there on POSIX.
     """
 
     def __init__(self, count: int) -> None:
