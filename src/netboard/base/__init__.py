@@ -1,6 +1,7 @@
 """Foundations of all other wings.
 
-Errors, the configuration's tables, compiled kernels, the clock, and what a process owes its machine.
+Errors, the configuration's tables, compiled kernels, the clock, what a process owes its machine, and what POSIX and
+Windows do in different ways (`system`).
 
 Open `config` first: one TOML text becomes frozen dataclasses (`tables`), read and written by `settings`. `tick`
 declares the columns of a tick, `compiled` how numba kernels are compiled and cached. The pure wings (`physics`, `task`,

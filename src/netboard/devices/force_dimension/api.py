@@ -104,7 +104,7 @@ class Dhd:
 
     def __init__(self, path: str) -> None:
         self.path = path
-        self.calls = ctypes.CDLL(path)
+        self.calls = ctypes.CDLL(path, winmode=0)  # 0: Windows also searches PATH
         for name, (returns, *takes) in PROTOTYPES.items():
             function = getattr(self.calls, name)
             function.restype, function.argtypes = returns, takes
@@ -161,7 +161,8 @@ class Dhd:
 def places() -> list[str]:
     """Return the search paths: the system's own rules, then the SDK's folder, then the usual place of a copy."""
     if sys.platform == "win32":
-        return ["dhd64.dll"]
+        base = os.environ.get("FDSDK")
+        return ["dhd64.dll", *((str(Path(base, "bin", "dhd64.dll")),) if base else ())]
     folders = [Path("/usr/local/lib")]
     if base := os.environ.get("FDSDK"):
         folders = [*sorted(Path(base, "lib", "release").glob("*")), *folders]
