@@ -16,6 +16,7 @@ import pytest
 import zmq
 
 from netboard.base.errors import NetboardError
+from netboard.base.system import ownership
 from netboard.base.system.scheduling import scheduling
 from netboard.base.tables.rig import Network
 from netboard.network.protocol.control import Command
@@ -416,7 +417,7 @@ class TestIpcSockets:
             assert peer.getpeername() == file
 
     def test_folder_open_to_other_users_is_refused(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(channels, "Path", lambda _: tmp_path / "own")  # the usual one may be in use
+        monkeypatch.setattr(ownership, "Path", lambda _: tmp_path / "own")  # the usual one may be in use
         self.where.reach(channels.MOTION)
         (tmp_path / "own").chmod(0o755)
         with pytest.raises(NetboardError, match="not a folder of this user alone"):
