@@ -151,7 +151,7 @@ def test_sleep_ends_when_the_time_is_over_or_the_watched_file_signals(rig: FastP
     before = now_ns()
     assert fastpath.sleep(record, LONG_NS)
     assert now_ns() - before < LONG_NS
-    rig.fast.watch(fastpath.NO_FILE)
+    rig.fast.watch(waiting.NO_FILE)
     assert not fastpath.sleep(record, 1_000_000)
     for file in (reader, writer):
         os.close(file)

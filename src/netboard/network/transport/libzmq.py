@@ -9,7 +9,7 @@ import ctypes
 import logging
 import sys
 from collections.abc import Callable
-from ctypes import CFUNCTYPE, c_int, c_ssize_t, c_void_p
+from ctypes import CFUNCTYPE, c_char_p, c_int, c_ssize_t, c_void_p
 from typing import Any, TypeAlias
 from weakref import WeakValueDictionary
 
@@ -110,7 +110,7 @@ class PyzmqFunctions:
 
     def zmq_msg_data(self, message: int) -> int:
         """Return the address of a message's bytes."""
-        return ctypes.cast(self._messages[message][1], c_void_p).value or 0
+        return ctypes.cast(c_char_p(self._messages[message][1]), c_void_p).value or 0
 
     def zmq_msg_more(self, message: int) -> int:
         """Return whether parts of the same message follow."""
@@ -123,7 +123,7 @@ class PyzmqFunctions:
         except zmq.ZMQError:
             return 0
         self._properties[name] = found
-        return ctypes.cast(found, c_void_p).value or 0
+        return ctypes.cast(c_char_p(found), c_void_p).value or 0
 
     def zmq_msg_close(self, message: int) -> int:
         """Release a message."""

@@ -34,6 +34,7 @@ from netboard.network import keys
 from netboard.network.protocol.joining import Hello
 from netboard.network.protocol.messages import PROTOCOL_VERSION
 from netboard.network.transport import channels, fastpath, sockets
+from netboard.network.transport.waiting import NO_FILE
 from netboard.nodes.agent.agent_runs import (
     ANSWER_NS,
     ANSWERED,
@@ -272,7 +273,7 @@ class AgentNode:
 
     def _source_due(self) -> tuple[int, int]:
         """Return when the stylus source must be advanced [ns], and the file that signals it."""
-        return (NEVER_DUE_NS, fastpath.NO_FILE) if self._source is None else (self._source.due_ns, self._source.file)
+        return (NEVER_DUE_NS, NO_FILE) if self._source is None else (self._source.due_ns, self._source.file)
 
     def _advance_source(self) -> None:
         """Advance the stylus source, at a time when that delays no force."""

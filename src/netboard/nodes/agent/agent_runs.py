@@ -18,6 +18,7 @@ from netboard.base.tick import LEAD_NS, TICK_NS
 from netboard.devices.contract.access import CompiledAccess, Fields, Kernel
 from netboard.network.protocol.joining import HELLO_INTERVAL_NS
 from netboard.network.transport import fastpath
+from netboard.network.transport.waiting import NO_FILE
 from netboard.nodes.agent.motion_link import POINT, MotionLink, close_loop, send_sample
 from netboard.nodes.agent.rendered_buffer import RenderedRing, remember
 from netboard.nodes.agent.rules import LIMITED, Rules, apply_reading, await_limited_force, limited_force
@@ -169,7 +170,7 @@ def _run(
             close_loop(link, now_ns)
             rendered, safeguards = fz, safeguards | bits
         due_ns, stage, shift_ns = until_ns, NOT_BEGUN, 0
-    fast[0]["watched"] = fastpath.NO_FILE  # which may be closed before the next run
+    fast[0]["watched"] = NO_FILE  # which may be closed before the next run
     return RunProgress(due_ns, seq, safeguards, rendered), Begun(stage, came, shift_ns), reading
 
 

@@ -33,7 +33,7 @@ class StylusSource(Protocol):
 
     @property
     def file(self) -> int:
-        """Number of a file that signals when it must be advanced, or `netboard.network.transport.fastpath.NO_FILE`."""
+        """Number of a file that signals when it must be advanced, or `netboard.network.transport.waiting.NO_FILE`."""
 
     @property
     def identity(self) -> Mapping[str, str]:

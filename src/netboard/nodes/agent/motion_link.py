@@ -22,6 +22,7 @@ from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import HELLO_FIRST, HELLO_INTERVAL_NS, Goodbye, Hello, Refusal, Welcome
 from netboard.network.protocol.motion import Backfill, BackfillRequest, Force, Heartbeat, Point, Stylus
 from netboard.network.transport import fastpath, sockets
+from netboard.network.transport.waiting import NO_FILE
 from netboard.nodes.ports.refusals import TOO_MANY_MESSAGES
 
 log = logging.getLogger(__name__)
@@ -136,7 +137,7 @@ def wait_for_answer(fast: Records, frame: NDArray[np.uint8], link: Records, unti
         elif size == fastpath.FAILED or now >= until_ns:
             return size
         elif fastpath.sleep(fast, until_ns - now):
-            fast[0]["signalled"], fast[0]["watched"] = 1, fastpath.NO_FILE
+            fast[0]["signalled"], fast[0]["watched"] = 1, NO_FILE
 
 
 @kernel

@@ -26,7 +26,8 @@ from netboard.network import keys
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.motion import Felt, Move, Pointer
 from netboard.network.transport import channels, sockets
-from netboard.network.transport.fastpath import NO_FILE, Receiver
+from netboard.network.transport.fastpath import Receiver
+from netboard.network.transport.waiting import NO_FILE
 from netboard.nodes.agent.agent_runs import NEVER_DUE_NS
 from netboard.participants.people.controller import Controller, pack_constants
 from netboard.participants.people.senses import DECISION_INTERVAL, Glimpse, write_glimpse

@@ -11,7 +11,7 @@ from netboard.network.protocol.control import RefusalCount
 from netboard.network.protocol.joining import Welcome
 from netboard.network.transport import channels, sockets
 from netboard.network.transport.authenticator import Authenticator
-from netboard.network.transport.fastpath import waitable
+from netboard.network.transport.waiting import waitable
 from netboard.nodes.ports.control_port import ControlPort
 from netboard.nodes.ports.log_port import LogPort
 from netboard.nodes.ports.motion_port import MotionPort

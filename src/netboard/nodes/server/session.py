@@ -24,7 +24,7 @@ from netboard.network.protocol.codec import encode
 from netboard.network.protocol.records import TickRecord
 from netboard.network.transport import sockets
 from netboard.network.transport.authenticator import Authenticator
-from netboard.network.transport.fastpath import NO_FILE
+from netboard.network.transport.waiting import NO_FILE
 from netboard.nodes.ports import samples
 from netboard.nodes.server.answers import SessionAnswers
 from netboard.nodes.server.attempts import Attempts

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.compiled import Records, machine_code, waiting
-from netboard.network.transport import fastpath
+from netboard.network.transport import fastpath, waiting
 
 MOTION, CONTROL, DUE = 1, 2, 4
 """Bits of why a session has its turn: a message on one of its channels, or its time has come."""
@@ -21,24 +21,24 @@ def _wait(fast: Records, turns: NDArray[np.int64], longest_ns: int) -> None:
     """Sleep until a session has something to do, or for the longest time [ns], and note for each what it is."""
     begun_ns = fastpath.now_ns(fast)
     wake_ns = begun_ns + longest_ns
-    fastpath.forget_files(fast)
+    waiting.forget_files(fast)
     for turn in turns:
         wake_ns = min(wake_ns, turn[_WAKE])
-        fastpath.await_file(fast, turn[_MOTION_FILE])
-        fastpath.await_file(fast, turn[_CONTROL_FILE])
+        waiting.await_file(fast, turn[_MOTION_FILE])
+        waiting.await_file(fast, turn[_CONTROL_FILE])
     if wake_ns > begun_ns or len(turns) > 1:  # a session that is alone waits for its sockets itself
-        fastpath.sleep_until_signalled(fast, max(wake_ns - begun_ns, 0))
+        waiting.sleep_until_signalled(fast, max(wake_ns - begun_ns, 0))
     else:
-        fastpath.forget_files(fast)
+        waiting.forget_files(fast)
     now_ns = fastpath.now_ns(fast)
     for turn in turns:
-        motion = fastpath.has_signalled(fast, turn[_MOTION_FILE])
-        control = fastpath.has_signalled(fast, turn[_CONTROL_FILE])
+        motion = waiting.has_signalled(fast, turn[_MOTION_FILE])
+        control = waiting.has_signalled(fast, turn[_CONTROL_FILE])
         turn[_FOUND] = MOTION * motion + CONTROL * control + DUE * (now_ns >= turn[_WAKE])
 
 
 class Turns:
-    """When each of some sessions wants to run, and the files of its two sockets; `fastpath.NO_FILE` for none.
+    """When each of some sessions wants to run, and the files of its two sockets; `waiting.NO_FILE` for none.
 
     The files must be below `waiting.FILES` there on POSIX.
     """
