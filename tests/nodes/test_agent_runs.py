@@ -17,7 +17,7 @@ from netboard.network.protocol.codec import encode
 from netboard.network.protocol.joining import Goodbye
 from netboard.network.protocol.motion import Force, Heartbeat, Point, Stylus
 from netboard.network.transport import sockets
-from netboard.network.transport.fastpath import NO_FILE
+from netboard.network.transport.waiting import NO_FILE
 from netboard.nodes.agent.agent_runs import ANSWERED, NEVER_DUE_NS, NOT_BEGUN, NOTHING_BEGUN, Begun, RunProgress
 from netboard.participants.people.submovement import Submovement
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import pytest
 
 from netboard.base.clock import now_ns
-from netboard.network.transport.fastpath import NO_FILE
+from netboard.network.transport.waiting import NO_FILE
 from netboard.nodes.server.turns import CONTROL, DUE, MOTION, Turns
 
 FAR_NS = 2**60

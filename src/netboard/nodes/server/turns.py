@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.compiled import Records, machine_code, waiting
-from netboard.network.transport import fastpath, waiting
+from netboard.network.transport import fastpath
+from netboard.network.transport.waiting import await_file, forget_files, has_signalled, sleep_until_signalled
 
 MOTION, CONTROL, DUE = 1, 2, 4
 """Bits of why a session has its turn: a message on one of its channels, or its time has come."""
@@ -21,19 +22,19 @@ def _wait(fast: Records, turns: NDArray[np.int64], longest_ns: int) -> None:
     """Sleep until a session has something to do, or for the longest time [ns], and note for each what it is."""
     begun_ns = fastpath.now_ns(fast)
     wake_ns = begun_ns + longest_ns
-    waiting.forget_files(fast)
+    forget_files(fast)
     for turn in turns:
         wake_ns = min(wake_ns, turn[_WAKE])
-        waiting.await_file(fast, turn[_MOTION_FILE])
-        waiting.await_file(fast, turn[_CONTROL_FILE])
+        await_file(fast, turn[_MOTION_FILE])
+        await_file(fast, turn[_CONTROL_FILE])
     if wake_ns > begun_ns or len(turns) > 1:  # a session that is alone waits for its sockets itself
-        waiting.sleep_until_signalled(fast, max(wake_ns - begun_ns, 0))
+        sleep_until_signalled(fast, max(wake_ns - begun_ns, 0))
     else:
-        waiting.forget_files(fast)
+        forget_files(fast)
     now_ns = fastpath.now_ns(fast)
     for turn in turns:
-        motion = waiting.has_signalled(fast, turn[_MOTION_FILE])
-        control = waiting.has_signalled(fast, turn[_CONTROL_FILE])
+        motion = has_signalled(fast, turn[_MOTION_FILE])
+        control = has_signalled(fast, turn[_CONTROL_FILE])
         turn[_FOUND] = MOTION * motion + CONTROL * control + DUE * (now_ns >= turn[_WAKE])
 
 
