@@ -8,6 +8,7 @@ import os
 import sys
 import time
 from select import select
+from types import ModuleType
 from typing import Any, Protocol
 
 if sys.platform != "win32":
@@ -37,7 +38,7 @@ class KeyReader(Protocol):
         """Give the terminal back as it was."""
 
     def read(self, seconds: float, most: int) -> bytes | None:
-        """Return what was typed, at most so many bytes; None without a key in this time, nothing without a terminal."""
+        """Return what was typed, up to ``most`` bytes; None without a key in this time, empty without a terminal."""
 
 
 class PosixKeys:
@@ -80,7 +81,7 @@ class PosixKeys:
 class WindowsKeys:
     """A Windows console. ``console``: the module `msvcrt`, or a stand-in."""
 
-    def __init__(self, console: Any) -> None:
+    def __init__(self, console: ModuleType) -> None:
         self._console = console
 
     def begin(self, *, all_keys: bool) -> None:

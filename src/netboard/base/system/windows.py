@@ -83,7 +83,7 @@ class Kernel32:
     ``library``: kernel32, or a stand-in. ``last_error``: the number of the last failure.
     """
 
-    def __init__(self, library: Any, last_error: Callable[[], int]) -> None:
+    def __init__(self, library: ctypes.CDLL, last_error: Callable[[], int]) -> None:
         self._last_error = last_error
         for name, (returns, *takes) in PROTOTYPES.items():
             function = getattr(library, name)

@@ -6,6 +6,7 @@ know it can neither open the socket, nor pass for the process that bound it.
 """
 
 import os
+import secrets
 import socket as net
 import sys
 from contextlib import suppress
@@ -108,7 +109,7 @@ def user_key(folder: Path) -> SharedKey:
     """Return the key of this user's local endpoints, made at first use; the first of several processes makes it."""
     path = folder / KEY_FILE
     if not path.exists():
-        part = folder / f".{KEY_FILE}.{os.getpid()}"
+        part = folder / f".{KEY_FILE}.{secrets.token_hex(8)}"
         try:
             part.touch(mode=PRIVATE_FILE)
             write_synced(part, new_keys()[1])

@@ -202,7 +202,7 @@ def windows_sleep_until_signalled(fast: Records, longest_ns: int) -> None:
             _wait_many(2, handles.ctypes.data, 0, _FOREVER)
 
 
-def windows_symbols(library: Kernel32, winsock: Any, runtime: Any) -> None:
+def windows_symbols(library: Kernel32, winsock: ctypes.CDLL, runtime: ctypes.CDLL) -> None:
     """Make Windows' functions known to kernels, by addresses in these libraries."""
     winsock.WSAEventSelect.argtypes = (c_void_p, c_void_p, c_long)
     winsock.select.argtypes = (c_int, *(c_void_p,) * 4)
@@ -215,7 +215,7 @@ def windows_symbols(library: Kernel32, winsock: Any, runtime: Any) -> None:
             binding.add_symbol(f"{prefix}{name}", cast(getattr(source, name), c_void_p).value)
 
 
-def windows_prepare(record: Any, library: Kernel32) -> None:
+def windows_prepare(record: np.void, library: Kernel32) -> None:
     """Make the timer and the event of a record; they last as long as the process, as its loop does."""
     record["handles"][0] = library.succeed("CreateWaitableTimerExW", None, None, _HIGH_RESOLUTION, _ALL_ACCESS)
     record["handles"][1] = library.succeed("CreateEventW", None, False, False, None)
@@ -224,7 +224,7 @@ def windows_prepare(record: Any, library: Kernel32) -> None:
 # --- the choice --------------------------------------------------------------------------------------------------
 
 
-def prepare(record: Any) -> None:
+def prepare(record: np.void) -> None:
     """Prepare a record with `FIELDS` for the kernels of this system."""
     if sys.platform == "win32":
         windows_prepare(record, kernel32())
