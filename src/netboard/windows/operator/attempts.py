@@ -96,30 +96,27 @@ class AttemptTable(QTableView):
         for column, texts in enumerate(zip(ATTEMPT_HEADS, WIDEST_CELLS, strict=False)):
             self.setColumnWidth(column, max(map(letters.horizontalAdvance, texts)) + round(CELL_MARGINS * base))
         self.verticalHeader().setDefaultSectionSize(round(ROW_HEIGHT * base))
-        for row in range(self.attempts.rowCount()):
-            self._fit(row)
+        self._fit_rows()
 
     def resizeEvent(self, event: QResizeEvent) -> None:  # noqa: N802  (Qt's name)
         """Fit the rows, whose last cell may need two lines."""
         super().resizeEvent(event)
-        for row in range(self.attempts.rowCount()):
-            self._fit(row)
+        self._fit_rows()
 
-    def _fit(self, row: int) -> None:
-        """Give a row as many lines as its last cell needs."""
+    def _fit_rows(self) -> None:
+        """Give each row as many lines as its last cell needs."""
         last, letters = len(ATTEMPT_HEADS) - 1, self.fontMetrics()
-        words = str(self.attempts.data(self.attempts.index(row, last)))
         room = QRect(0, 0, self.columnWidth(last) - letters.averageCharWidth(), self.height())
-        needed = letters.boundingRect(room, Qt.TextFlag.TextWordWrap, words).height()
         spare = self.verticalHeader().defaultSectionSize() - letters.height()
-        self.setRowHeight(row, needed + spare)
+        for row in range(self.attempts.rowCount()):
+            words = str(self.attempts.data(self.attempts.index(row, last)))
+            needed = letters.boundingRect(room, Qt.TextFlag.TextWordWrap, words).height()
+            self.setRowHeight(row, needed + spare)
 
     def take(self, attempts: Sequence[AttemptOutcome], rule: ExclusionRule) -> None:
         """Show the attempts so far, and what they count by the rule of the analysis."""
-        had = self.attempts.rowCount()
         if self.attempts.take(attempts, rule):
-            for row in range(had if had < self.attempts.rowCount() else 0, self.attempts.rowCount()):
-                self._fit(row)
+            self._fit_rows()
             if self.marked is None:
                 self.scrollToBottom()
 

@@ -50,7 +50,10 @@ class CommandButton(QPushButton):
 
     def keyPressEvent(self, event: QKeyEvent) -> None:  # noqa: N802  (Qt's name)
         """Press the button with Enter; Space is the emergency stop."""
-        press_with_enter(self, event)
+        if event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter) and not event.isAutoRepeat():
+            self.click()
+        else:
+            super().keyPressEvent(event)
 
     def allow(self, reason: str) -> None:
         """Enable the button if there is no reason against its command; else say it in the tooltip."""
@@ -58,14 +61,6 @@ class CommandButton(QPushButton):
         tip = f"{self.command.tip} ({reason})" if reason else self.command.tip
         if tip != self.toolTip():
             self.setToolTip(tip)
-
-
-def press_with_enter(button: QPushButton, event: QKeyEvent) -> None:
-    """Press a button that has the focus with Enter."""
-    if event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter) and not event.isAutoRepeat():
-        button.click()
-    else:
-        QPushButton.keyPressEvent(button, event)
 
 
 class StopPanel(QWidget):
