@@ -14,7 +14,7 @@ from netboard.windows.style import TONES, current_theme
 Index = QModelIndex | QPersistentModelIndex
 NOWHERE = QModelIndex()
 
-CELL_MARGINS, ROW_HEIGHT = 0.8, 1.6
+CELL_MARGINS, ROW_HEIGHT = 0.6, 1.6
 """Width of a cell that is not for its text, and height of a row, in letter heights of the main text [1]."""
 
 

@@ -54,7 +54,7 @@ REPLY_MS = 20_000
 STATIONS_WIDTH, ALARM_HEIGHT = 33.0, 3.2
 """Width of the stations' lamps, and height of the line for alarm and advice, in letter heights of the main text [1]."""
 
-SHARES = 440, 560
+SHARES = 400, 600
 """Widths of strip charts and table, in relation to each other [1]."""
 
 STRIP_TURNS = 2
