@@ -1,13 +1,14 @@
 """The ``netboard`` command, and the table of its subcommands.
 
-A command imports its libraries when it runs, so that ``netboard --help`` is fast and a machine needs only the libraries
-of its own services.
+A command is imported when it is looked up, and its libraries when it runs. So a command starts without the others,
+``netboard --help`` is fast, and a machine needs only the libraries of its own services.
 """
 
 import io
 import sys
+from collections.abc import Iterator, Mapping
 from importlib import import_module
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -34,13 +35,13 @@ COMMANDS = {
         "replay",
         "info",
         "example",
-        "tracing",
+        "trace",
         "check",
         "recover",
         "sessions",
         "whatif",
         "export",
-        "importing",
+        "import",
     ),
     "Analysis and simulation": (
         "analyse",
@@ -48,16 +49,68 @@ COMMANDS = {
         "simulate",
         "cohort",
         "power",
-        "participants.group",
-        "train.group",
-        "bench.group",
+        "participants",
+        "train",
+        "bench",
     ),
-    "Set-up": ("doctor", "configuration", "keys", "devices.group"),
+    "Set-up": ("doctor", "config", "keys", "devices"),
 }
-"""Modules of this package, in the groups and in the order in which ``netboard --help`` lists their commands."""
+"""Commands, in the groups and in the order in which ``netboard --help`` lists them."""
+
+MODULES = {
+    "trace": "tracing",
+    "import": "importing",
+    "participants": "participants.group",
+    "train": "train.group",
+    "bench": "bench.group",
+    "config": "configuration",
+    "devices": "devices.group",
+}
+"""Modules of this package whose name differs from that of their command."""
+
+PANELS = {name: panel for panel, names in COMMANDS.items() for name in names}
+
+
+class CommandTable(Mapping[str, Any]):
+    """All commands by name. Each is imported when it is looked up, so that one starts without the others."""
+
+    def __init__(self) -> None:
+        self._found: dict[str, Any] = {}
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self._found:
+            panel = PANELS[name]
+            holder = typer.Typer(add_completion=False, rich_markup_mode="rich")
+            holder.add_typer(import_module(f"netboard.services.{MODULES.get(name, name)}").app)
+            group: Any = typer.main.get_command(holder)
+            self._found[name] = group.commands[name]
+            self._found[name].rich_help_panel = panel
+        return self._found[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(PANELS)
+
+    def __len__(self) -> int:
+        return len(PANELS)
+
+    def __contains__(self, name: object) -> bool:
+        return name in PANELS
+
+
+class Netboard(Guarded):
+    """The command ``netboard``, with all subcommands."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        self.commands: Any = CommandTable()
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Return the names of all subcommands."""
+        return list(self.commands)
+
 
 app = typer.Typer(
-    cls=Guarded,
+    cls=Netboard,
     name="netboard",
     help="Networked dyadic haptic experiment: two people with haptic devices balance a virtual ball on a board.",
     epilog=examples(
@@ -68,13 +121,6 @@ app = typer.Typer(
     rich_markup_mode="rich",
     context_settings={"help_option_names": ["--help", "-h"]},
 )
-for panel, modules in COMMANDS.items():
-    for module in modules:
-        part: typer.Typer = import_module(f"netboard.services.{module}").app
-        if not part.info.name:  # its commands become commands of netboard, and are listed one by one
-            for command in part.registered_commands:
-                command.rich_help_panel = panel
-        app.add_typer(part, rich_help_panel=panel)
 
 
 def _print_version(wanted: bool) -> None:

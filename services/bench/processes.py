@@ -113,3 +113,11 @@ def recording(options: "Options") -> None:
     from netboard.benchmarks.recording.bench import study
 
     run("recording", study, options)
+
+
+@benchmark(app, "netboard bench startup --quick", "netboard bench startup -o results")
+def startup(options: "Options") -> None:
+    """Time until commands and processes are ready, without and with cached kernels, beside bare imports."""
+    from netboard.benchmarks.loop.startup import main
+
+    main(options)

@@ -7,6 +7,7 @@ import re
 import signal
 import subprocess
 import sys
+from collections.abc import Iterable
 from importlib import resources
 from importlib.machinery import EXTENSION_SUFFIXES
 from importlib.metadata import version
@@ -20,7 +21,7 @@ import rehearsed
 from netboard.base.config import Config, parse, played_sides
 from netboard.base.tables.experiment import MAX_TRIALS
 from netboard.network.protocol import control
-from netboard.services.cli import app
+from netboard.services.cli import MODULES, CommandTable, app
 from netboard.services.control import control as control_command
 from netboard.services.demo import demo_settings
 from netboard.services.options import MOST_SEED, MOST_TRIALS
@@ -225,11 +226,22 @@ def test_deleted_working_folder_is_one_line(tmp_path: Path, monkeypatch: pytest.
     assert (result.exit_code, result.stderr) == (1, "netboard: this folder has been deleted; change to another one\n")
 
 
-def test_importing_the_command_line_loads_no_heavy_module() -> None:
-    heavy = ("zmq", "numba", "numpy", "PySide6", "pyqtgraph", "mcap", "scipy", "netboard.nodes", "netboard.stage.stage")
-    script = f"import sys, netboard.services.cli; print([name for name in {heavy} if name in sys.modules])"
+def loaded_by(statement: str, names: Iterable[str]) -> list[str]:
+    """Return which of these modules a new process has loaded after a statement about the table of commands."""
+    script = f"import sys; from netboard.services.cli import CommandTable; {statement}; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
+    modules = done.stdout.split()
+    return [name for name in names if name in modules]
+
+
+def test_importing_all_commands_loads_no_heavy_module() -> None:
+    heavy = ("zmq", "numba", "numpy", "PySide6", "pyqtgraph", "mcap", "scipy", "netboard.nodes", "netboard.stage.stage")
+    assert loaded_by("dict(CommandTable())", (*heavy, "netboard.services.server")) == ["netboard.services.server"]
+
+
+def test_looking_up_a_command_imports_no_other_one() -> None:
+    modules = [f"netboard.services.{MODULES.get(name, name)}" for name in CommandTable()]
+    assert loaded_by("CommandTable()['agent']", modules) == ["netboard.services.agent"]
 
 
 def test_shell_completion_lists_matching_commands() -> None:
