@@ -56,6 +56,9 @@ EMPTY, FILLED = "empty", "filled"
 
 SERVER = "server"
 
+LONGEST = 900.0
+"""Timeout of a process's start: with an empty cache on a busy machine it takes minutes [s]."""
+
 
 @dataclass(frozen=True, slots=True)
 class Start:
@@ -164,12 +167,12 @@ def _session(folder: Path, environment: Mapping[str, str]) -> dict[str, Start]:
     with Rig(folder, ("block.trials=1",), environment) as rig:
         began = time.perf_counter()
         process = rig.start(SERVER, SERVER, "--no-autostart")
-        rig.until(lambda status: True)
+        rig.until(lambda status: True, LONGEST)
         found = {SERVER: Start(time.perf_counter() - began, _cpu_time(process.pid))}
         for name, words in arguments.items():
             began = time.perf_counter()
             process = rig.start(name, *words)
-            rig.until(lambda status, name=name: _has(status, name))  # type: ignore[misc]
+            rig.until(lambda status, name=name: _has(status, name), LONGEST)  # type: ignore[misc]
             found[name] = Start(time.perf_counter() - began, _cpu_time(process.pid))
         return found
 
