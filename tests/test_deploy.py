@@ -59,7 +59,7 @@ def test_every_command_in_the_examples_header_exists() -> None:
 
 def test_every_process_has_a_unit() -> None:
     commands = {shlex.split(unit(path)["Service"]["ExecStart"])[1] for path in UNITS}
-    assert commands == {"server", "logger", "agent", "display", "station"}
+    assert commands == {"server", "logger", "agent", "display", "station", "trigger"}
 
 
 @pytest.mark.parametrize("path", UNITS, ids=lambda path: path.name)
@@ -89,7 +89,7 @@ def test_units_set_watchdog_restart_and_stop_timeout(path: Path) -> None:
         assert int(service["TimeoutStopSec"]) > STOP_SECONDS + FINISH_NS * 1e-9
 
 
-@pytest.mark.parametrize("name", ["netboard-server.service", "netboard-agent@.service"])
+@pytest.mark.parametrize("name", ["netboard-server.service", "netboard-agent@.service", "netboard-trigger.service"])
 def test_real_time_units_grant_priority_and_locked_memory(name: str) -> None:
     service = unit(DEPLOY / "systemd/system" / name)["Service"]
     assert int(service["LimitRTPRIO"]) >= max(Priority) + IO_PRIORITY_STEP
@@ -150,6 +150,21 @@ OWN = {
             for device in ("/dev/cpu_dma_latency", "char-usb_device", "char-hidraw", "char-ttyACM", "char-ttyUSB")
         ),
     },
+    "netboard-trigger.service": {
+        "RestrictRealtime=no",
+        "SupplementaryGroups=dialout lp",
+        *(
+            f"DeviceAllow={device} rw"
+            for device in (
+                "/dev/cpu_dma_latency",
+                "char-usb_device",
+                "char-ttyACM",
+                "char-ttyUSB",
+                "char-ttyS",
+                "char-ppdev",
+            )
+        ),
+    },
     "netboard-display@.service": {"RestrictRealtime=yes", "UMask=0077"},
     "netboard-station@.service": {"RestrictRealtime=no", "UMask=0077", "KillMode=mixed"},
 }
@@ -180,8 +195,13 @@ def test_units_on_one_machine_share_their_sockets() -> None:
     joins = {path.name: unit(path)["Unit"].get("JoinsNamespaceOf", "").split() for path in UNITS}
     assert joins["netboard-server.service"] == ["netboard-logger.service"]
     assert joins["netboard-logger.service"] == ["netboard-server.service"]
-    assert joins["netboard-agent@.service"] == ["netboard-server.service", "netboard-logger.service"]
-    for name in ("netboard-server.service", "netboard-agent@.service"):  # the unit that starts second joins the first
+    for name in ("netboard-agent@.service", "netboard-trigger.service"):
+        assert joins[name] == ["netboard-server.service", "netboard-logger.service"]
+    for name in (
+        "netboard-server.service",
+        "netboard-agent@.service",
+        "netboard-trigger.service",
+    ):  # the unit that starts second joins the first
         assert "netboard-logger.service" in unit(DEPLOY / "systemd/system" / name)["Unit"]["After"].split()
 
 
